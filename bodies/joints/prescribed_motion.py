@@ -1,0 +1,53 @@
+"""Prescribed motion: chosen coordinates of an attachment follow functions of time."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from sparsemor.bodies.joints.between import constant
+from sparsemor.bodies.joints.part import End, JointPart
+from sparsemor.bodies.loads.amplitude import Quantity
+from sparsemor.bodies.targets import find_target
+from sparsemor.core.errors import InputError
+from sparsemor.core.plugin import Plugin
+from sparsemor.core.protocols import Part, TimeFunction
+from sparsemor.core.separable import Amplitude
+
+
+class PrescribedMotion(Plugin):
+    """Displacement of an attachment from its start, along space axes, and its rotation.
+
+    One multiplier a given coordinate: the force (N) or moment (N m) that drives it.
+    """
+
+    of: str
+    """The driven point or set `body:set`."""
+    x: Quantity | None = None
+    """Displacement along x, m; free when not given."""
+    y: Quantity | None = None
+    """Displacement along y, m; free when not given."""
+    angle: Quantity | None = None
+    """Rotation, rad; free when not given."""
+
+    def build(self, name: str, parts: Mapping[str, Part]) -> JointPart:
+        target = find_target(parts, self.of, "of")
+        body, given = target.body, [self.x, self.y, self.angle]
+        driven = [(i, f) for i, f in enumerate(given) if f is not None]
+        if not driven:
+            raise InputError("nothing is prescribed: give x, y or angle", "of")
+        if not body.moves and body.elasticity is None:
+            raise InputError(f"body {body.name!r} neither moves nor deforms", "of")
+        if self.angle is not None and body.elasticity is not None and len(target.nodes) < 2:
+            raise InputError(f"{self.of!r} is a single point of a flexible body: it has no angle",
+                             "angle")
+        z = body.start_position(target.mean())
+        start = [z.real, z.imag, float(body.pose[2])]
+        C = np.eye(3)[[i for i, _ in driven]]
+        if self.angle is None:
+            C = C[:, :2]
+        return JointPart(name, (End(target, C),),
+                         tuple(_shifted(start[i], f) for i, f in driven))
+
+
+def _shifted(start: float, function: TimeFunction) -> Amplitude:
+    return constant(start) if function is None else lambda t: start + function.value(t)

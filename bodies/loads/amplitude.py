@@ -1,0 +1,32 @@
+"""A load's size: a number, or a number times a function of time."""
+
+from typing import Annotated, Any
+
+from pydantic import BeforeValidator
+
+from sparsemor.core.protocols import TimeFunction
+from sparsemor.core.separable import Amplitude
+from sparsemor.core.slot import Slot
+
+
+def _number_as_function(value: Any) -> Any:
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return {"use": "constant", "level": value}
+    return value
+
+
+Quantity = Annotated[
+    TimeFunction, Slot("function"),
+    BeforeValidator(_number_as_function,
+                    json_schema_input_type=float | Annotated[Any, Slot("function")]),
+]
+"""A number, or a time function: `1e6`, `{use: ramp, end: 0.5, to: 1e6}`."""
+
+
+def unit(t: float) -> float:
+    """The amplitude of a load that does not change."""
+    return 1.0
+
+
+def amplitude(function: TimeFunction | None) -> Amplitude:
+    return unit if function is None else function.value

@@ -1,0 +1,37 @@
+"""Convection: heat exchanged with a fluid of given temperature."""
+
+from collections.abc import Mapping
+from typing import Annotated
+
+from pydantic import Field
+
+from sparsemor.bodies.fe.surface import surface_load, surface_mass
+from sparsemor.bodies.loads.amplitude import Quantity
+from sparsemor.bodies.loads.part import LoadPart
+from sparsemor.bodies.targets import find_target, need_field
+from sparsemor.core.plugin import Plugin
+from sparsemor.core.protocols import Part
+
+
+class Convection(Plugin):
+    """q = h (T_fluid - T) over the boundary facets of each set."""
+
+    on: Annotated[list[str], Field(min_length=1)]
+    """Surfaces `body:set`."""
+    film: float = Field(gt=0)
+    """Film coefficient h, W/(m^2 K)."""
+    temperature: Quantity
+    """Temperature of the fluid, K, a number or a function of time."""
+
+    def build(self, name: str, parts: Mapping[str, Part]) -> LoadPart:
+        loads = []
+        for i, text in enumerate(self.on):
+            target = find_target(parts, text, f"on.{i}")
+            need_field(target, "thermal", f"on.{i}")
+            body, facets = target.body, target.facets(f"on.{i}")
+            assert body.mesh is not None
+            h = self.film * body.thickness
+            loads.append((body, h * surface_load(body.mesh, facets, 1.0),
+                          surface_mass(body.mesh, facets, h)))
+        return LoadPart(name, lambda layout: [
+            b.heat_term(layout, w, self.temperature.value, S) for b, w, S in loads])

@@ -1,0 +1,22 @@
+"""What every built load is: a name and a recipe for its terms."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+from sparsemor.core.layout import Block, Layout
+from sparsemor.core.protocols import Part, Term
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LoadPart:
+    """`make(layout)` gives the terms. localized: its rows are to be kept when rows are sampled."""
+
+    name: str
+    make: Callable[[Layout], Sequence[Term]]
+    localized: bool = True
+
+    def blocks(self) -> Sequence[Block]:
+        return ()
+
+    def terms(self, layout: Layout, parts: Mapping[str, Part]) -> Sequence[Term]:
+        return self.make(layout)

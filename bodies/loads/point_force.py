@@ -1,0 +1,36 @@
+"""A force on one point, or shared evenly by the points of a set."""
+
+from collections.abc import Mapping, Sequence
+from typing import Literal
+
+from sparsemor.bodies.loads.amplitude import Quantity, amplitude
+from sparsemor.bodies.loads.part import LoadPart
+from sparsemor.bodies.targets import find_target, need_field
+from sparsemor.core.layout import Layout
+from sparsemor.core.plugin import Plugin
+from sparsemor.core.protocols import Part, Term
+
+
+class PointForce(Plugin):
+    """A force, turning with the body or fixed in space."""
+
+    on: str
+    """Point or set `body:set`."""
+    force: tuple[float, float]
+    """Force, N."""
+    axes: Literal["body", "space"] = "space"
+    """Axes of the force: `body` turns with the frame, `space` does not."""
+    factor: Quantity | None = None
+    """Function of time that multiplies it; constant 1 when not given."""
+
+    def build(self, name: str, parts: Mapping[str, Part]) -> LoadPart:
+        target = find_target(parts, self.on, "on")
+        need_field(target, "mechanical", "on")
+        body, w, f, F = target.body, target.mean(), amplitude(self.factor), complex(*self.force)
+
+        def make(layout: Layout) -> Sequence[Term]:
+            if self.axes == "space":
+                return [body.space_force(layout, w, F, f)]
+            return [body.body_force(layout, w * F, f)]
+
+        return LoadPart(name, make)

@@ -1,0 +1,34 @@
+"""Pressure on a surface, along the normals of the undeformed body."""
+
+from collections.abc import Mapping
+from typing import Annotated
+
+from pydantic import Field
+
+from sparsemor.bodies.fe.surface import surface_normal_load
+from sparsemor.bodies.loads.amplitude import Quantity
+from sparsemor.bodies.loads.part import LoadPart
+from sparsemor.bodies.targets import find_target, need_field
+from sparsemor.core.plugin import Plugin
+from sparsemor.core.protocols import Part
+
+
+class Pressure(Plugin):
+    """Force per area -p n over the boundary facets of each set; positive pushes inwards."""
+
+    on: Annotated[list[str], Field(min_length=1)]
+    """Surfaces `body:set`."""
+    pressure: Quantity
+    """Pressure, Pa, a number or a function of time."""
+
+    def build(self, name: str, parts: Mapping[str, Part]) -> LoadPart:
+        loads = []
+        for i, text in enumerate(self.on):
+            target = find_target(parts, text, f"on.{i}")
+            need_field(target, "mechanical", f"on.{i}")
+            body, facets = target.body, target.facets(f"on.{i}")
+            assert body.mesh is not None
+            n = surface_normal_load(body.mesh, facets, body.thickness)
+            loads.append((body, -(n[:, 0] + 1j * n[:, 1])))
+        return LoadPart(
+            name, lambda layout: [b.body_force(layout, w, self.pressure.value) for b, w in loads])

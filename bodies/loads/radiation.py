@@ -1,0 +1,144 @@
+"""Radiation to surroundings: the first local term, evaluated facet by facet."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+from scipy.sparse import csr_array
+
+from sparsemor.bodies.body_part import Heat
+from sparsemor.bodies.fe.surface import facet_measures
+from sparsemor.bodies.loads.amplitude import Quantity
+from sparsemor.bodies.loads.part import LoadPart
+from sparsemor.bodies.local import CompressedLocal
+from sparsemor.bodies.targets import find_target, need_field
+from sparsemor.core.arrays import Csr, FloatArray, IntArray
+from sparsemor.core.layout import Layout
+from sparsemor.core.plugin import Plugin
+from sparsemor.core.protocols import Part, Term, Trial
+from sparsemor.core.separable import Amplitude
+
+STEFAN_BOLTZMANN = 5.670374419e-8
+"""W/(m^2 K^4), CODATA 2018 (exact since the SI of 2019)."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RadiationTerm:
+    """Rows += integral eps sigma (T^4 - T_inf^4) phi_i over line facets (exact quadrature).
+
+    facets (F, 2): positions in `values`, the facets' own node list; weights (F,) = measure x
+    thickness x eps sigma; row_of, column_of: position of each listed node in `rows`, `columns`
+    (-1: none); given: (position in list, T(t)) of nodes whose temperature is prescribed.
+    """
+
+    rows: IntArray
+    columns: IntArray
+    facets: IntArray
+    weights: FloatArray
+    row_of: IntArray
+    column_of: IntArray
+    given: tuple[tuple[IntArray, Amplitude], ...]
+    surroundings: Amplitude
+
+    @property
+    def elements(self) -> int:
+        return len(self.facets)
+
+    def _nodal(self, x: FloatArray, t: float) -> FloatArray:
+        T = np.zeros(len(self.column_of))
+        free = self.column_of >= 0
+        T[free] = x[self.column_of[free]]
+        for at, function in self.given:
+            T[at] = function(t)
+        return T
+
+    def residual(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> FloatArray:
+        T = self._nodal(x, t)[self.facets] @ _PHI  # (F, quadrature points)
+        flux = (T**4 - self.surroundings(t) ** 4) * self.weights[:, None]
+        loads = flux @ (_PHI * _W).T
+        target = self.row_of[self.facets]
+        keep = target >= 0
+        return np.bincount(target[keep], loads[keep], minlength=len(self.rows)).astype(np.float64)
+
+    def jacobian(
+        self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: FloatArray, c2: FloatArray
+    ) -> Csr:
+        T = self._nodal(x, t)[self.facets] @ _PHI
+        slope = 4 * T**3 * self.weights[:, None] * _W
+        local = np.einsum("fq,iq,jq->fij", slope, _PHI, _PHI)
+        i = np.repeat(self.row_of[self.facets], 2, axis=1).ravel()
+        j = np.tile(self.column_of[self.facets], 2).ravel()
+        keep = (i >= 0) & (j >= 0)
+        return csr_array((local.ravel()[keep], (i[keep], j[keep])),
+                         shape=(len(self.rows), len(self.columns)))
+
+    def restrict(self, keep: IntArray) -> "RadiationTerm":
+        """Only the facets that touch the kept rows, and only the nodes of those facets."""
+        row_of = np.full(len(self.row_of), -1, dtype=np.int64)
+        for new, old in enumerate(keep):
+            row_of[self.row_of == old] = new
+        touched = (row_of[self.facets] >= 0).any(axis=1)
+        nodes = np.unique(self.facets[touched])
+        renumber = np.full(len(row_of), -1, dtype=np.int64)
+        renumber[nodes] = np.arange(len(nodes))
+        columns = np.unique(self.column_of[nodes][self.column_of[nodes] >= 0])
+        back = np.searchsorted(columns, self.column_of[nodes])
+        return replace(
+            self, rows=self.rows[keep], columns=self.columns[columns],
+            facets=renumber[self.facets[touched]], weights=self.weights[touched],
+            row_of=row_of[nodes],
+            column_of=np.where(self.column_of[nodes] >= 0, back, -1),
+            given=tuple((renumber[at][renumber[at] >= 0], f) for at, f in self.given),
+        )
+
+    def compress(self, trial: Trial, left: FloatArray) -> CompressedLocal:
+        return CompressedLocal.of(self, trial, left)
+
+
+# three Gauss points integrate T^4 phi exactly along a line
+_X, _W = (np.polynomial.legendre.leggauss(3)[0] + 1) / 2, np.polynomial.legendre.leggauss(3)[1] / 2
+_PHI = np.stack([1 - _X, _X])
+
+
+class Radiation(Plugin):
+    """q = eps sigma (T^4 - T_inf^4) out of the boundary facets of each set (T in K)."""
+
+    on: Annotated[list[str], Field(min_length=1)]
+    """Surfaces `body:set`."""
+    emissivity: float = Field(gt=0, le=1)
+    """Emissivity eps."""
+    surroundings: Quantity
+    """Temperature of the surroundings, K, a number or a function of time."""
+
+    def build(self, name: str, parts: Mapping[str, Part]) -> LoadPart:
+        targets = []
+        for i, text in enumerate(self.on):
+            target = find_target(parts, text, f"on.{i}")
+            need_field(target, "thermal", f"on.{i}")
+            targets.append((target.body, target.facets(f"on.{i}")))
+
+        def make(layout: Layout) -> Sequence[Term]:
+            terms: list[Term] = []
+            for body, facets in targets:
+                assert body.mesh is not None and body.heat is not None
+                weights = (STEFAN_BOLTZMANN * self.emissivity * body.thickness
+                           * facet_measures(body.mesh, facets))
+                at = body.position(layout, "thermal")
+                terms.append(_term(facets, weights, body.heat, at, self.surroundings.value))
+            return terms
+
+        return LoadPart(name, make)
+
+
+def _term(
+    facets: IntArray, weights: FloatArray, heat: Heat, at: IntArray, surroundings: Amplitude
+) -> RadiationTerm:
+    nodes = np.unique(facets)
+    is_free = np.isin(nodes, heat.free)
+    place = np.where(is_free, np.cumsum(is_free) - 1, -1)
+    unknown = at[np.searchsorted(heat.free, nodes[is_free])]
+    given = tuple((np.flatnonzero(np.isin(nodes, held)), f.value) for held, f in heat.prescribed)
+    return RadiationTerm(unknown, unknown, np.searchsorted(nodes, facets), weights, place, place,
+                         given, surroundings)

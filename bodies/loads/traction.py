@@ -1,0 +1,44 @@
+"""Given surface force per area, turning with the body or fixed in space."""
+
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from sparsemor.bodies.fe.surface import surface_load
+from sparsemor.bodies.loads.amplitude import Quantity, amplitude
+from sparsemor.bodies.loads.part import LoadPart
+from sparsemor.bodies.targets import find_target, need_field
+from sparsemor.core.layout import Layout
+from sparsemor.core.plugin import Plugin
+from sparsemor.core.protocols import Part, Term
+
+
+class Traction(Plugin):
+    """A force per area over the boundary facets of each set."""
+
+    on: Annotated[list[str], Field(min_length=1)]
+    """Surfaces `body:set`."""
+    traction: tuple[float, float]
+    """Force per area, Pa."""
+    axes: Literal["body", "space"] = "body"
+    """Axes of the traction: `body` turns with the frame, `space` does not."""
+    factor: Quantity | None = None
+    """Function of time that multiplies it; constant 1 when not given."""
+
+    def build(self, name: str, parts: Mapping[str, Part]) -> LoadPart:
+        loads, f, p = [], amplitude(self.factor), complex(*self.traction)
+        for i, text in enumerate(self.on):
+            target = find_target(parts, text, f"on.{i}")
+            need_field(target, "mechanical", f"on.{i}")
+            facets = target.facets(f"on.{i}")
+            assert target.body.mesh is not None
+            w = surface_load(target.body.mesh, facets, target.body.thickness)
+            loads.append((target.body, w))
+
+        def make(layout: Layout) -> Sequence[Term]:
+            if self.axes == "space":
+                return [b.space_force(layout, w, p, f) for b, w in loads]
+            return [b.body_force(layout, w * p, f) for b, w in loads]
+
+        return LoadPart(name, make)

@@ -1,0 +1,46 @@
+"""What a body is made of: linear thermoelastic, isotropic, constant in temperature."""
+
+from collections.abc import Sequence
+
+from pydantic import Field
+
+from sparsemor.core.errors import Fault, InputError
+from sparsemor.core.plugin import Plugin
+
+
+class Material(Plugin):
+    """Constants of one isotropic material. A scene gives only what its fields need.
+
+    Rigid motion needs rho; the elastic field E, nu, rho; the thermal field rho, k, c.
+    """
+
+    rho: float = Field(gt=0)
+    """Density, kg/m3."""
+    E: float | None = Field(default=None, gt=0)
+    """Young's modulus, Pa."""
+    nu: float | None = Field(default=None, gt=-1, lt=0.5)
+    """Poisson's ratio."""
+    alpha: float = 0.0
+    """Coefficient of linear thermal expansion, 1/K."""
+    k: float | None = Field(default=None, gt=0)
+    """Thermal conductivity, W/(m K)."""
+    c: float | None = Field(default=None, gt=0)
+    """Specific heat, J/(kg K)."""
+
+
+_MEANING = {
+    "rho": "density, kg/m3", "E": "Young's modulus, Pa", "nu": "Poisson's ratio",
+    "alpha": "thermal expansion, 1/K", "k": "conductivity, W/(m K)", "c": "specific heat, J/(kg K)",
+}
+
+
+def require(material: Material, names: Sequence[str], field: str) -> tuple[float, ...]:
+    """The values of `names`, in that order; InputError naming every one that was not given."""
+    given = {name: getattr(material, name) for name in names}
+    missing = [name for name, value in given.items() if value is None]
+    if missing:
+        raise InputError(
+            [Fault(name, f"missing: the {field} field needs it ({_MEANING[name]})")
+             for name in missing]
+        )
+    return tuple(float(value) for value in given.values())

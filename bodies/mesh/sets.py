@@ -1,0 +1,97 @@
+"""Named sets of points: declared in a scene, looked up by joints and loads."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from difflib import get_close_matches
+
+import numpy as np
+from pydantic import model_validator
+
+from sparsemor.bodies.expression import ConditionText, evaluate_condition
+from sparsemor.core.arrays import IntArray
+from sparsemor.core.errors import Fault, InputError
+from sparsemor.core.mesh import Mesh
+from sparsemor.core.plugin import Plugin
+
+
+class PointSet(Plugin):
+    """Which points of a mesh have a name: exactly one of `box`, `where` and `nearest`."""
+
+    box: list[tuple[float, float]] | None = None
+    """[[x0, x1], [y0, y1]] and [z0, z1] in 3-D, m: the points inside, borders included."""
+    where: ConditionText | None = None
+    """A condition in x, y, z (m), such as `y > 0.08 and x < 0.5`."""
+    nearest: list[float] | None = None
+    """[x, y] or [x, y, z], m: the one point nearest to it (the lowest number on a tie)."""
+
+    @model_validator(mode="after")
+    def _one(self) -> "PointSet":
+        given = [name for name in ("box", "where", "nearest") if getattr(self, name) is not None]
+        if len(given) != 1:
+            raise InputError(
+                f"{' and '.join(given) or 'nothing'} given; a point set takes exactly one of box, "
+                "where, nearest"
+            )
+        if any(low > high for low, high in self.box or ()):
+            raise InputError(f"box {self.box}: each pair is [lower, upper]", "box")
+        return self
+
+    def members(self, mesh: Mesh) -> IntArray:
+        """Sorted numbers of the points; InputError when none, or for another dimension."""
+        if self.box is not None:
+            found = self._in_box(mesh)
+        elif self.where is not None:
+            found = np.flatnonzero(evaluate_condition(self.where, mesh.points, "where"))
+        else:
+            found = self._nearest(mesh)
+        if not found.size:
+            low, high = mesh.points.min(axis=0), mesh.points.max(axis=0)
+            extent = " x ".join(f"[{a:.6g}, {b:.6g}]" for a, b in zip(low, high, strict=True))
+            raise InputError(f"no point of the mesh is in this set; the mesh fills {extent} m")
+        return found
+
+    def _in_box(self, mesh: Mesh) -> IntArray:
+        _same_dimension(len(self.box or ()), mesh, "box")
+        low, high = np.array(self.box).T
+        # round-off must not decide whether a point on the border is in
+        slack = 1e-9 * float(np.ptp(mesh.points, axis=0).max())
+        inside = (mesh.points >= low - slack) & (mesh.points <= high + slack)
+        return np.flatnonzero(inside.all(axis=1))
+
+    def _nearest(self, mesh: Mesh) -> IntArray:
+        _same_dimension(len(self.nearest or ()), mesh, "nearest")
+        distance = np.linalg.norm(mesh.points - np.array(self.nearest), axis=1)
+        return np.array([np.argmin(distance)])
+
+
+def with_sets(mesh: Mesh, sets: Mapping[str, PointSet]) -> Mesh:
+    """The mesh with the declared sets added; InputError with keys `<name>` or `<name>.box`."""
+    found: dict[str, IntArray] = {}
+    faults: list[Fault] = []
+    for name, declared in sets.items():
+        if name in mesh.point_sets:
+            faults.append(Fault(name, f"the mesh has a set '{name}' already: take another name"))
+            continue
+        try:
+            found[name] = declared.members(mesh)
+        except InputError as error:
+            faults.extend(error.under(name).faults)
+    if faults:
+        raise InputError(faults)
+    return replace(mesh, point_sets={**mesh.point_sets, **found})
+
+
+def find_set(mesh: Mesh, name: str, key: str) -> IntArray:
+    """Point numbers of a named set; InputError under `key` listing the sets there are."""
+    if name in mesh.point_sets:
+        return mesh.point_sets[name]
+    near = get_close_matches(name, mesh.point_sets, n=3)
+    known = [*near, *sorted(set(mesh.point_sets) - set(near))]
+    listing = f"it has {', '.join(known)}" if known else "it has none; declare it under `sets`"
+    hint = f" (did you mean {near[0]}?)" if near else ""
+    raise InputError(f"the mesh has no set '{name}'{hint}: {listing}", key)
+
+
+def _same_dimension(given: int, mesh: Mesh, key: str) -> None:
+    if given != mesh.dimension:
+        raise InputError(f"{given} coordinates given for a {mesh.dimension}-D mesh", key)

@@ -1,0 +1,58 @@
+"""Measures, gradients and boundary facets of linear simplices, alike in 2-D and 3-D."""
+
+from math import factorial
+
+import numpy as np
+
+from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core.mesh import Mesh
+
+FACETS = {
+    2: ((0, 1), (1, 2), (2, 0)),
+    3: ((0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)),
+}
+"""Local corner numbers of a positive simplex's facets, ordered so that their normal is outward."""
+
+
+def edge_vectors(points: FloatArray, cells: IntArray) -> FloatArray:
+    """(E, d, d), m: row i of a cell is the vector from its corner 0 to its corner i + 1."""
+    return np.asarray(points[cells[:, 1:]] - points[cells[:, :1]])
+
+
+def signed_measures(points: FloatArray, cells: IntArray) -> FloatArray:
+    """(E,) area (m2) or volume (m3) of each cell; negative where a cell is inverted."""
+    return np.asarray(np.linalg.det(edge_vectors(points, cells)) / factorial(points.shape[1]))
+
+
+def longest_edges(points: FloatArray, cells: IntArray) -> FloatArray:
+    """(E,) length of each cell's longest edge, m."""
+    first, second = np.triu_indices(cells.shape[1], 1)
+    edges = points[cells[:, first]] - points[cells[:, second]]
+    return np.asarray(np.linalg.norm(edges, axis=2).max(axis=1))
+
+
+def gradients(mesh: Mesh) -> FloatArray:
+    """(E, d + 1, d), 1/m: gradient of each corner's linear shape function, constant in a cell."""
+    inner = np.linalg.inv(edge_vectors(mesh.points, mesh.cells)).transpose(0, 2, 1)
+    return np.concatenate([-inner.sum(axis=1, keepdims=True), inner], axis=1)
+
+
+def all_facets(cells: IntArray) -> IntArray:
+    """(E * (d + 1), d) point numbers of every cell's facets, cell by cell, outward ordered."""
+    d = cells.shape[1] - 1
+    facets: IntArray = cells[:, np.array(FACETS[d])].reshape(-1, d)
+    return facets
+
+
+def facet_numbers(cells: IntArray) -> tuple[IntArray, IntArray]:
+    """For each row of `all_facets` the number of the geometric facet, and each facet's count."""
+    _, number, count = np.unique(
+        np.sort(all_facets(cells), axis=1), axis=0, return_inverse=True, return_counts=True
+    )
+    return number.reshape(-1).astype(np.int64), count.astype(np.int64)
+
+
+def boundary(mesh: Mesh) -> IntArray:
+    """(F, d) point numbers of the facets that one cell alone has, ordered for outward normals."""
+    number, count = facet_numbers(mesh.cells)
+    return np.asarray(all_facets(mesh.cells)[count[number] == 1])

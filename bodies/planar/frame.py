@@ -1,0 +1,74 @@
+"""The planar frame kernel: sums its items' equations of one body (equations.md, section 1)."""
+
+import cmath
+from dataclasses import dataclass
+
+from sparsemor.bodies.planar.items import Inertia, Item, Motion, Views
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.separable import FrameWork
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlanarFrame:
+    """Rigid coordinates (R_x, R_y, theta); `elastic` False when the body has no elastic block."""
+
+    items: tuple[Item, ...]
+    elastic: bool
+
+    @property
+    def rigid_size(self) -> int:
+        return 3
+
+    @property
+    def border(self) -> int:
+        return 3 + sum(i.forces for i in self.items)
+
+    @property
+    def p(self) -> int:
+        return 2 * sum(i.pairs for i in self.items) if self.elastic else 0
+
+    @property
+    def generators(self) -> int:
+        return 2 if self.elastic else 0
+
+    def evaluate(
+        self, y: FloatArray, v: FloatArray, a: FloatArray, c1: float, c2: float,
+        s: FloatArray, s1: FloatArray, s2: FloatArray, quadratic: FloatArray, t: float,
+        work: FrameWork,
+    ) -> None:
+        yl = y.tolist()
+        vl, al = v.tolist(), a.tolist()
+        m = Motion(complex(yl[0], yl[1]), cmath.exp(1j * yl[2]), vl[2], al[2],
+                   complex(al[0], al[1]), c1, c2)
+        sl, s1l, s2l = (z.view("c16").tolist() for z in (s, s1, s2))
+        work.rows.fill(0.0)
+        work.H.fill(0.0)
+        work.sigma.fill(0.0)
+        work.kappa.fill(0.0)
+        work.mu.fill(0.0)
+        out = work.views
+        if not isinstance(out, Views):
+            out = work.views = Views(work)
+        q = quadratic if self.elastic else None
+        j, k = 0, 3
+        for item in self.items:
+            item.evaluate(m, j, k, sl, s1l, s2l, yl, q, t, out)
+            j += item.pairs
+            k += item.forces
+
+    @property
+    def shape_columns(self) -> tuple[tuple[int, int], ...]:
+        """Inertia's second pair is (M X, M J X)."""
+        j, found = 0, []
+        for item in self.items:
+            if isinstance(item, Inertia) and self.elastic:
+                found += [(2 * j + 2, 0), (2 * j + 3, 1)]
+            j += item.pairs
+        return tuple(found)
+
+    def shifted(self, s: FloatArray, quadratic: FloatArray) -> "PlanarFrame":
+        sl, j, items = s.view("c16").tolist(), 0, []
+        for item in self.items:
+            items.append(item.shifted(sl[j : j + item.pairs], quadratic))
+            j += item.pairs
+        return PlanarFrame(tuple(items), self.elastic)

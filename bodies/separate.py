@@ -1,0 +1,127 @@
+"""Takes the terms of planar bodies apart for the fast step solvers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from sparsemor.bodies.frame_term import FrameTerm
+from sparsemor.bodies.linear_term import LinearTerm
+from sparsemor.bodies.planar.frame import PlanarFrame
+from sparsemor.core.arrays import Csr, FloatArray, IntArray
+from sparsemor.core.layout import Layout
+from sparsemor.core.protocols import Term
+from sparsemor.core.separable import Amplitude, ElasticOperators, HeatBody, MovingBody
+
+if TYPE_CHECKING:
+    from sparsemor.bodies.body_part import PlanarBody
+
+
+def moving_body(body: PlanarBody, layout: Layout, terms: Sequence[Term]) -> MovingBody | None:
+    """The mechanical equations of one body as constant matrices and one frame kernel.
+
+    None when the body neither moves nor deforms.
+    """
+    frames = [t for t in terms if isinstance(t, FrameTerm)]
+    if not frames:
+        return None
+    elastic = body.position(layout, "elastic")
+    items = tuple(i for t in frames for i in t.equations.frame.items)  # type: ignore[attr-defined]
+    frame = PlanarFrame(items, len(elastic) > 0)
+    operators = _operators(body, layout, frames, terms, elastic) if len(elastic) else None
+    return MovingBody(
+        body.name, frame, _to_border(body, layout, frames),
+        f"{body.name}.elastic" if len(elastic) else "",
+        f"{body.name}.thermal" if body.heat is not None else "", operators,
+    )
+
+
+def _to_border(body: PlanarBody, layout: Layout, frames: Sequence[FrameTerm]) -> FloatArray:
+    """(b, N): rigid coordinates and attachment forces from rigid blocks and multipliers."""
+    n_rigid = sum(b.size for b in layout if b.field == "rigid")
+    start = layout.algebraic.start
+    width = n_rigid + layout.size - start
+    parts = [np.zeros((3, width))]
+    rigid = body.position(layout, "rigid")
+    parts[0][np.arange(len(rigid)), rigid] = 1.0
+    for t in frames:
+        T = np.zeros((t.equations.frame.border - 3, width))
+        is_lam = t.columns >= start
+        T[:, n_rigid + t.columns[is_lam] - start] = t.equations.Y[3:, is_lam]
+        parts.append(T)
+    return np.concatenate(parts)
+
+
+def _operators(
+    body: PlanarBody, layout: Layout, frames: Sequence[FrameTerm], terms: Sequence[Term],
+    elastic: IntArray,
+) -> ElasticOperators:
+    n, first = len(elastic), int(elastic[0])
+    P = []
+    for t in frames:
+        here = (t.rows >= first) & (t.rows < first + n)
+        D = np.zeros((n, t.equations.frame.p))
+        D[t.rows[here] - first] = np.asarray(t.equations.W)[here]
+        P.append(D)
+    inertia = next(t for t in frames if t.equations.V)
+    at = np.searchsorted(inertia.rows, elastic)
+    generators = tuple(csr_array(V[at][:, at]) for V in inertia.equations.V)
+    linear = [t for t in terms if isinstance(t, LinearTerm) and _within(t.rows, elastic)]
+    thermal = body.position(layout, "thermal")
+    constant, loads, amplitudes = _given(linear, elastic)
+    return ElasticOperators(
+        mass=generators[0], damping=_sum(linear, elastic, elastic, "B"),
+        stiffness=_sum(linear, elastic, elastic, "A"), generators=generators,
+        directions=np.concatenate(P, axis=1),
+        coupling=-_sum(linear, elastic, thermal, "A") if len(thermal) else None,
+        constant=constant, loads=loads, amplitudes=amplitudes,
+    )
+
+
+def heat_body(body: PlanarBody, layout: Layout, terms: Sequence[Term]) -> HeatBody | None:
+    """The thermal equations of one body; local terms are kept as they are."""
+    thermal = body.position(layout, "thermal")
+    if not len(thermal):
+        return None
+    mine = [t for t in terms if len(t.rows) and _within(t.rows, thermal)]
+    linear = [t for t in mine if isinstance(t, LinearTerm)]
+    local = tuple(t for t in mine if not isinstance(t, LinearTerm))
+    constant, loads, amplitudes = _given(linear, thermal)
+    return HeatBody(
+        body.name, f"{body.name}.thermal", _sum(linear, thermal, thermal, "B"),
+        _sum(linear, thermal, thermal, "A"), constant, loads, amplitudes, local,
+    )
+
+
+def _within(rows: IntArray, block: IntArray) -> bool:
+    return bool(len(rows) and rows.min() >= block[0] and rows.max() <= block[-1])
+
+
+def _sum(terms: Sequence[LinearTerm], rows: IntArray, columns: IntArray, which: str) -> Csr:
+    """Sum of the terms' A or B over one block's rows and another's columns."""
+    total = csr_array((len(rows), len(columns)))
+    for t in terms:
+        m = csr_array(getattr(t.equations, which)).tocoo()
+        j = t.columns[m.col] - columns[0]
+        here = (j >= 0) & (j < len(columns))
+        i = t.rows[m.row[here]] - rows[0]
+        total = total + csr_array((m.data[here], (i, j[here])), shape=total.shape)
+    return csr_array(total)
+
+
+def _given(
+    terms: Sequence[LinearTerm], rows: IntArray
+) -> tuple[FloatArray, FloatArray, tuple[Amplitude, ...]]:
+    """Constant right-hand side, load columns and their amplitudes."""
+    constant, columns, amplitudes = np.zeros(len(rows)), [np.zeros((len(rows), 0))], []
+    for t in terms:
+        at = t.rows - rows[0]
+        constant[at] += t.equations.constant
+        wide = np.zeros((len(rows), t.equations.loads.shape[1]))
+        wide[at] = t.equations.loads
+        columns.append(wide)
+        amplitudes += list(t.equations.amplitudes)
+    return constant, np.concatenate(columns, axis=1), tuple(amplitudes)

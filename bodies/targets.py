@@ -1,0 +1,76 @@
+"""`body:set` in a scene: which body, which of its points."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from difflib import get_close_matches
+
+import numpy as np
+
+from sparsemor.bodies.body_part import PlanarBody
+from sparsemor.bodies.fe.surface import boundary_facets
+from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core.errors import InputError
+from sparsemor.core.protocols import Part
+
+GROUND = "ground"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Target:
+    """A named set of one body's points."""
+
+    body: PlanarBody
+    nodes: IntArray
+    text: str
+
+    def mean(self) -> FloatArray:
+        """(N,) weights of the mean of the points."""
+        weights = np.zeros(len(self.body.X))
+        weights[self.nodes] = 1.0 / len(self.nodes)
+        return weights
+
+    def facets(self, key: str) -> IntArray:
+        """(F, 2) boundary facets of the set; InputError for a body without a mesh."""
+        if self.body.mesh is None:
+            raise InputError(f"{self.text!r}: body {self.body.name!r} is rigid and has no surface "
+                             "to integrate over; use point_force", key)
+        try:
+            return boundary_facets(self.body.mesh, self.nodes)
+        except InputError as error:
+            raise error.under(key) from None
+
+
+def find_body(parts: Mapping[str, Part], name: str, key: str) -> PlanarBody:
+    body = parts.get(name)
+    if not isinstance(body, PlanarBody):
+        known = [n for n, p in parts.items() if isinstance(p, PlanarBody)]
+        near = get_close_matches(name, known, n=1)
+        hint = f" (did you mean {near[0]}?)" if near else ""
+        raise InputError(f"there is no body {name!r}{hint}; the bodies are {', '.join(known)}", key)
+    return body
+
+
+def find_target(parts: Mapping[str, Part], text: str, key: str) -> Target:
+    """The target `body:set`; InputError names the bodies or the sets there are."""
+    name, colon, which = text.partition(":")
+    if not colon or not which:
+        raise InputError(f"give it as body:set, such as link1:top (given: {text!r})", key)
+    body = find_body(parts, name, key)
+    if which not in body.points:
+        known = sorted(body.points)
+        near = get_close_matches(which, known, n=1)
+        hint = f" (did you mean {near[0]}?)" if near else ""
+        has = ", ".join(known) if known else "none"
+        raise InputError(f"body {name!r} has no set {which!r}{hint}; it has {has}", key)
+    return Target(body, body.points[which], text)
+
+
+def need_field(target: Target, field: str, key: str) -> None:
+    """InputError when the body does not carry the field that a load acts on."""
+    body = target.body
+    if field == "thermal" and body.heat is None:
+        raise InputError(f"body {body.name!r} has no thermal field: add `thermal` to its fields, "
+                         "or drop this load", key)
+    if field == "mechanical" and not body.moves and body.elasticity is None:
+        raise InputError(f"body {body.name!r} neither moves nor deforms, so a force on it does "
+                         "nothing: add `elastic` to its fields, or drop this load", key)

@@ -1,0 +1,52 @@
+"""sparsemor: sparse, projection-free model order reduction of thermomechanical multibody systems.
+
+    from sparsemor import load, simulate, compare
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from sparsemor.core.compare import compare as compare
+    from sparsemor.core.errors import InputError as InputError
+    from sparsemor.core.registry import Registry as Registry
+    from sparsemor.core.results import open_result as open_result
+    from sparsemor.core.scene import Scene as Scene
+    from sparsemor.core.scene import load as load
+    from sparsemor.core.simulate import simulate as simulate
+    from sparsemor.core.status import SolveFailed as SolveFailed
+    from sparsemor.core.status import Status as Status
+
+    __version__: str
+
+_HOMES = {
+    "InputError": "errors",
+    "Registry": "registry",
+    "Scene": "scene",
+    "SolveFailed": "status",
+    "Status": "status",
+    "compare": "compare",
+    "load": "scene",
+    "open_result": "results",
+    "simulate": "simulate",
+}
+
+__all__ = [
+    "InputError", "Registry", "Scene", "SolveFailed", "Status", "__version__", "compare", "load",
+    "open_result", "simulate",
+]
+
+
+def __getattr__(name: str) -> Any:
+    # names are imported when they are asked for, so that importing the package stays quick
+    if name == "__version__":
+        from importlib.metadata import version
+
+        return version("sparsemor")
+    if name in _HOMES:
+        return getattr(import_module(f"sparsemor.core.{_HOMES[name]}"), name)
+    raise AttributeError(f"module 'sparsemor' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

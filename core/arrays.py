@@ -1,0 +1,12 @@
+"""Names for the arrays that every contract passes around."""
+
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray: TypeAlias = NDArray[np.float64]
+IntArray: TypeAlias = NDArray[np.int64]
+BoolArray: TypeAlias = NDArray[np.bool_]
+Csr: TypeAlias = Any
+"""A `scipy.sparse.csr_array` of float64 (scipy ships no type information)."""

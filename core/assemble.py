@@ -1,0 +1,144 @@
+"""From a validated scene to a model: build the parts, lay out the unknowns, collect the terms."""
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core.errors import Fault, InputError
+from sparsemor.core.layout import Layout
+from sparsemor.core.model import Model, ProbePlace
+from sparsemor.core.protocols import Part, Term
+from sparsemor.core.scene import Scene
+from sparsemor.core.separable import Separated
+
+
+def assemble(scene: Scene) -> Model:
+    """Builds every body, joint and load. Raises InputError with all faults found, as dotted keys
+    of the scene (`joints.A.between.0`)."""
+    bodies, joints, loads = _build(scene)
+    connectors = {**joints, **loads}
+    parts = {**bodies, **connectors}
+    layout = Layout([b for part in parts.values() for b in part.blocks()])
+    if not layout.size:
+        raise InputError("nothing in this scene can change: no body moves, deforms or has heat",
+                         "bodies")
+    terms: list[Term] = []
+    by_part: dict[str, Sequence[Term]] = {}
+    for name, part in parts.items():
+        by_part[name] = part.terms(layout, parts)
+        terms += by_part[name]
+    x0, v0 = _start(layout, bodies)
+    required, loaded = _required(layout, connectors, by_part)
+    return Model(
+        layout=layout, parts=parts, terms=tuple(terms),
+        separated=_separate(layout, bodies, joints, terms), x0=x0, v0=v0, required=required,
+        loaded=loaded, probes=_probes(scene, bodies),
+        geometry={k: g for b in bodies.values() for k, g in b.geometry().items()},
+    )
+
+
+def _build(scene: Scene) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
+    faults: list[Fault] = []
+    base = scene.source.folder or Path()
+
+    def attempt(key: str, make: Callable[[], Any]) -> Any:
+        try:
+            return make()
+        except InputError as error:
+            faults.extend(error.under(key).faults)
+            return None
+
+    bodies = {}
+    for name, plugin in scene.bodies.items():
+        part = attempt(f"bodies.{name}", lambda p=plugin, n=name: p.build(n, base))
+        if part is not None:
+            bodies[name] = part
+    if faults:  # joints and loads would only repeat what is wrong with the bodies
+        raise InputError(faults)
+    joints: dict[str, Any] = {}
+    for name, plugin in scene.joints.items():
+        part = attempt(f"joints.{name}", lambda p=plugin, n=name: p.build(n, bodies))
+        if part is not None:
+            joints[name] = part
+            bodies.update(getattr(part, "adjusted", {}))
+    loads: dict[str, Any] = {}
+    for name, plugin in scene.loads.items():
+        part = attempt(f"loads.{name}", lambda p=plugin, n=name: p.build(n, bodies))
+        if part is not None:
+            loads[name] = part
+    if faults:
+        raise InputError(faults)
+    return bodies, joints, loads
+
+
+def _start(layout: Layout, bodies: Mapping[str, Any]) -> tuple[FloatArray, FloatArray]:
+    x, v = np.zeros(layout.size), np.zeros(layout.size)
+    for body in bodies.values():
+        for name, (value, rate) in body.initial().items():
+            if name in layout:
+                x[layout[name]], v[layout[name]] = value, rate
+    return x, v
+
+
+def _required(
+    layout: Layout, connectors: Mapping[str, Any], by_part: Mapping[str, Sequence[Term]]
+) -> tuple[dict[str, IntArray], dict[str, dict[str, IntArray]]]:
+    """Local rows of each block that a joint or a localized load acts on, and on whose account."""
+    loaded: dict[str, dict[str, IntArray]] = {}
+    for b in layout:
+        if b.field not in ("elastic", "thermal"):
+            continue
+        at, found = layout[b.name], {}
+        for name, part in connectors.items():
+            if not getattr(part, "localized", True):
+                continue
+            rows = [t.rows[(t.rows >= at.start) & (t.rows < at.stop)] for t in by_part[name]]
+            local = np.unique(np.concatenate([*rows, np.zeros(0, np.int64)])) - at.start
+            if len(local):
+                found[name] = local.astype(np.int64)
+        loaded[b.name] = found
+    required = {
+        name: np.unique(np.concatenate([*found.values(), np.zeros(0, np.int64)])).astype(np.int64)
+        for name, found in loaded.items()
+    }
+    return required, loaded
+
+
+def _separate(
+    layout: Layout, bodies: Mapping[str, Any], joints: Mapping[str, Any], terms: Sequence[Term]
+) -> Separated:
+    """Ask each body for its share of the terms; what nobody claims is `other`."""
+    n_rigid = sum(b.size for b in layout if b.field == "rigid")
+    start = layout.algebraic.start
+    moving, heat, targets = [], [], []
+    claimed: set[int] = set()
+    for body in bodies.values():
+        mine = [t for t in terms if body.claims(layout, t)]
+        claimed |= {id(t) for t in mine}
+        mechanics, thermal = body.mechanics(layout, mine), body.heat_equations(layout, mine)
+        moving += [] if mechanics is None else [mechanics]
+        heat += [] if thermal is None else [thermal]
+    for name, joint in joints.items():
+        if f"{name}.multiplier" not in layout:
+            continue
+        first = layout[f"{name}.multiplier"].start - start + n_rigid
+        targets += [(first + i, f) for i, f in enumerate(getattr(joint, "targets", ()))]
+        claimed |= {id(t) for t in terms if getattr(t, "body", "") == name}
+    return Separated(
+        tuple(moving), tuple(heat), n_rigid + layout.size - start, tuple(targets),
+        tuple(t for t in terms if id(t) not in claimed))
+
+
+def _probes(scene: Scene, bodies: Mapping[str, Any]) -> tuple[ProbePlace, ...]:
+    faults, places = [], []
+    for name, probe in scene.probes.items():
+        try:
+            places.append(bodies[probe.body].probe(name, probe.at))
+        except InputError as error:
+            faults += error.under(f"probes.{name}").faults
+    if faults:
+        raise InputError(faults)
+    return tuple(places)

@@ -1,0 +1,151 @@
+"""Offline products kept between runs, found by a digest of everything they depend on."""
+
+import hashlib
+import json
+import logging
+import os
+import shutil
+import uuid
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Arrays = Mapping[str, NDArray[Any]]
+
+_MAPPED_BYTES = 2**24
+_MANIFEST = "manifest.json"
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True)
+class CacheEntry:
+    """One product on disk; size in bytes."""
+
+    kind: str
+    key: str
+    size: int
+
+
+def default_root() -> Path:
+    """`SPARSEMOR_CACHE`, else the user's cache directory."""
+    named = os.environ.get("SPARSEMOR_CACHE")
+    if named:
+        return Path(named)
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "sparsemor"
+
+
+class Cache:
+    """Named arrays by kind and key. Safe for several processes: entries appear by a rename."""
+
+    def __init__(self, root: str | Path | None = None) -> None:
+        self.root = default_root() if root is None else Path(root)
+
+    def get_or_make(
+        self, kind: str, key: str, make: Callable[[], Arrays]
+    ) -> tuple[dict[str, NDArray[Any]], bool]:
+        """(arrays, hit). Large arrays of a hit are read-only maps of their files.
+
+        An entry that cannot be read is remade with a logged warning; a full disk costs the
+        entry, not the run.
+        """
+        place = self.root / kind / key
+        if place.exists():
+            try:
+                return _load(place), True
+            except (OSError, ValueError, KeyError, TypeError) as fault:
+                _log.warning("cache entry %s/%s is unreadable (%s): made again", kind, key, fault)
+                shutil.rmtree(place, ignore_errors=True)
+        arrays = dict(make())
+        try:
+            _save(place, arrays)
+        except OSError as fault:
+            _log.warning("cache entry %s/%s was not kept: %s", kind, key, fault)
+        return arrays, False
+
+    def entries(self) -> list[CacheEntry]:
+        """What is kept, by kind and key."""
+        return [CacheEntry(p.parent.name, p.name, sum(f.stat().st_size for f in p.iterdir()))
+                for p in sorted(self.root.glob("*/*")) if (p / _MANIFEST).exists()]
+
+    def clear(self, kind: str | None = None) -> int:
+        """Remove all entries, or those of one kind; returns the bytes that were freed."""
+        freed = sum(e.size for e in self.entries() if kind in (None, e.kind))
+        for folder in self.root.iterdir() if self.root.exists() else ():
+            if kind in (None, folder.name):
+                shutil.rmtree(folder)
+        return freed
+
+
+def _save(place: Path, arrays: Arrays) -> None:
+    fresh = place.with_name(f".{place.name}.{uuid.uuid4().hex}")
+    fresh.mkdir(parents=True)
+    try:
+        files = {name: f"{i:03d}.npy" for i, name in enumerate(arrays)}
+        for name, file in files.items():
+            np.save(fresh / file, arrays[name], allow_pickle=False)
+        (fresh / _MANIFEST).write_text(json.dumps(files), encoding="utf-8")
+        try:
+            os.rename(fresh, place)
+        except OSError:
+            if not (place / _MANIFEST).exists():  # else another process was quicker
+                raise
+    finally:
+        shutil.rmtree(fresh, ignore_errors=True)
+
+
+def _load(place: Path) -> dict[str, NDArray[Any]]:
+    files: dict[str, str] = json.loads((place / _MANIFEST).read_text(encoding="utf-8"))
+    return {name: _load_one(place / file) for name, file in files.items()}
+
+
+def _load_one(file: Path) -> NDArray[Any]:
+    large = file.stat().st_size >= _MAPPED_BYTES
+    array: NDArray[Any] = np.load(file, mmap_mode="r" if large else None, allow_pickle=False)
+    return array
+
+
+def digest(*parts: Any) -> str:
+    """A key for what a product depends on: plain data, arrays, sparse matrices, plugins.
+
+    Mappings count by content, not order; arrays by type, shape and bytes. Raises TypeError for
+    anything whose content cannot be told.
+    """
+    state = hashlib.sha256()
+    _feed(state, parts)
+    return state.hexdigest()[:32]
+
+
+def _feed(state: Any, part: Any) -> None:
+    # Each piece is announced by its type and length, so that no two inputs run together.
+    if part is None or isinstance(part, bool | int | float | str):
+        text = json.dumps(part)
+        state.update(f"{type(part).__name__}:{len(text)}:{text}".encode())
+    elif isinstance(part, bytes):
+        state.update(b"bytes:%d:" % len(part) + part)
+    elif isinstance(part, Mapping):
+        state.update(b"map:%d:" % len(part))
+        for key in sorted(part, key=str):
+            _feed(state, str(key))
+            _feed(state, part[key])
+    elif isinstance(part, np.ndarray | np.generic):
+        array = np.ascontiguousarray(part)
+        if array.dtype.hasobject:
+            raise TypeError("an array of objects has no bytes to digest")
+        state.update(f"array:{array.dtype.str}:{np.shape(part)}:".encode())
+        state.update(array.view(np.uint8).data if array.size else b"")
+    elif isinstance(part, Sequence):
+        state.update(b"list:%d:" % len(part))
+        for item in part:
+            _feed(state, item)
+    elif hasattr(part, "tocsr"):
+        csr = part.tocsr().sorted_indices()
+        _feed(state, ("csr", csr.shape, csr.indptr, csr.indices, csr.data))
+    elif hasattr(type(part), "model_fields"):
+        options = {name: getattr(part, name) for name in type(part).model_fields}
+        _feed(state, (f"{type(part).__module__}.{type(part).__qualname__}", options))
+    else:
+        raise TypeError(f"cannot digest a {type(part).__name__}: pass its plain data")

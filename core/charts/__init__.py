@@ -1,0 +1,74 @@
+"""Pictures of runs, drawn with matplotlib's objects only: no window, no global state."""
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from sparsemor.core.charts.active_atoms import active_atoms_figure
+from sparsemor.core.charts.angles import angles_figure
+from sparsemor.core.charts.deformation import deformation_figure
+from sparsemor.core.charts.error_over_time import error_over_time_figure
+from sparsemor.core.charts.speed_accuracy import speed_accuracy_figure
+from sparsemor.core.charts.style import save
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from sparsemor.core.compare import Comparison
+    from sparsemor.core.results import RunResult
+
+FORMATS = ("png", "svg")
+
+
+def write_charts(
+    comparison: "Comparison",
+    folder: Path,
+    times: Sequence[float] | None = None,
+    formats: Sequence[str] = FORMATS,
+) -> list[Path]:
+    """The pictures that make sense for these runs; returns their paths.
+
+    `times` (s): when the bodies are drawn.
+    """
+    figures = _of_reference(comparison.reference, times)
+    figures["angles"] = angles_figure(comparison.reference, comparison.runs)
+    figures["error_over_time"] = error_over_time_figure(
+        comparison.measured, {name: run.status for name, run in comparison.runs.items()})
+    figures["speed_accuracy"] = speed_accuracy_figure(comparison.measured, comparison.facts)
+    for name, run in comparison.runs.items():
+        file = re.sub(r"[^\w.-]+", "_", f"active_atoms_{name}")
+        figures[file] = active_atoms_figure(run, name)
+    return _save_all(figures, folder, formats)
+
+
+def write_run_charts(
+    run: "RunResult",
+    folder: Path,
+    times: Sequence[float] | None = None,
+    formats: Sequence[str] = FORMATS,
+) -> list[Path]:
+    """The same for one run alone: angles, bodies, atoms in use."""
+    figures = _of_reference(run, times)
+    figures["angles"] = angles_figure(run, {})
+    figures["active_atoms"] = active_atoms_figure(run, run.reducer)
+    return _save_all(figures, folder, formats)
+
+
+def _of_reference(run: "RunResult", times: Sequence[float] | None) -> "dict[str, Figure | None]":
+    return {"deformation": deformation_figure(run, "elastic", times),
+            "temperature": deformation_figure(run, "thermal", times)}
+
+
+def _save_all(
+    figures: "dict[str, Figure | None]", folder: Path, formats: Sequence[str]
+) -> list[Path]:
+    folder.mkdir(parents=True, exist_ok=True)
+    return [path for name, figure in figures.items() if figure is not None
+            for path in save(figure, folder, name, formats)]
+
+
+__all__ = [
+    "FORMATS", "active_atoms_figure", "angles_figure", "deformation_figure",
+    "error_over_time_figure", "speed_accuracy_figure", "write_charts", "write_run_charts",
+]

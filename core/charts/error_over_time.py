@@ -1,0 +1,55 @@
+"""Errors of the runs over time (as Figs. 7 and 8 of the paper), jointly and per field."""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sparsemor.core.charts.style import COLUMN, label_of, legend_above, new_figure, style_of, tidy
+from sparsemor.core.error_measures import Errors
+from sparsemor.core.status import Status
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+PANELS = {"joint": "all unknowns jointly", "rigid": "rigid motion",
+          "elastic": "elastic displacement", "thermal": "temperature"}
+_LOWEST, _HIGHEST = 1e-16, 1e4  # a diverged run leaves the picture, the others stay legible
+_MOST_POINTS = 2000
+
+
+def error_over_time_figure(
+    measured: Mapping[str, Errors], statuses: Mapping[str, Status]
+) -> "Figure | None":
+    """One panel a measure, logarithmic, over s; None when there is no error above 0."""
+    names = [m for m in PANELS if any(_positive(e, m) for e in measured.values())]
+    end = max((errors.until for errors in measured.values()), default=0.0)
+    if not names or end <= 0.0:
+        return None
+    figure = new_figure(COLUMN, 0.55 + 1.4 * len(names))
+    panels = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
+    for measure, axes in zip(names, panels, strict=True):
+        top, bottom = 0.0, np.inf
+        for number, (run, errors) in enumerate(measured.items()):
+            style = style_of(number)
+            if measure in errors.series:
+                every = max(1, len(errors.times) // _MOST_POINTS)
+                line = errors.series[measure][::every]
+                shown = np.where(line > 0.0, line, np.nan)  # a log axis has no place for 0
+                axes.plot(errors.times[::every], shown, color=style.colour, linestyle=style.dash,
+                          linewidth=1.1, label=label_of(run, statuses[run]))
+                if (line > 0.0).any():
+                    top = max(top, float(line.max()))
+                    bottom = min(bottom, float(np.quantile(line[line > 0.0], 0.02)))
+        axes.set_yscale("log")
+        upper = 3.0 * min(top, _HIGHEST)
+        axes.set_ylim(min(max(bottom / 3.0, _LOWEST), 0.1 * upper), upper)
+        axes.set_xlim(0.0, end)
+        last = axes is panels[-1]
+        tidy(axes, "time (s)" if last else "", "relative error", PANELS[measure])
+    legend_above(figure, panels[0].get_legend_handles_labels()[0], columns=2)
+    return figure
+
+
+def _positive(errors: Errors, measure: str) -> bool:
+    return measure in errors.series and bool((errors.series[measure] > 0.0).any())

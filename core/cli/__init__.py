@@ -1,0 +1,44 @@
+"""The command line, `sparsemor`. Text for people, `--json` for programs.
+
+Exit code 0: done. 1: a run failed. 2: the input is wrong, and nothing was written.
+"""
+
+from typing import Annotated
+
+import typer
+
+from sparsemor.core.cli.comparing import compare
+from sparsemor.core.cli.listing import plugins, schema, validate
+from sparsemor.core.cli.running import run
+from sparsemor.core.cli.skeleton import new_plugin
+
+app = typer.Typer(
+    no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+for command in (run, compare, validate, schema, plugins):
+    app.command()(command)
+app.command("new-plugin")(new_plugin)
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        from importlib.metadata import version
+
+        typer.echo(version("sparsemor"))
+        raise typer.Exit
+
+
+@app.callback()
+def _program(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True,
+                           help="Print the version.")
+    ] = False,
+) -> None:
+    """Sparse model order reduction of thermomechanical flexible multibody systems."""
+
+
+def main() -> None:
+    """Entry point of the `sparsemor` program."""
+    app()

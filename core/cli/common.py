@@ -1,0 +1,131 @@
+"""What the commands share: options, the way out, places for results."""
+
+import json
+import shutil
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from sparsemor.core.errors import InputError
+from sparsemor.core.overrides import parse_settings
+from sparsemor.core.registry import Registry
+from sparsemor.core.scene import Scene, load
+from sparsemor.core.status import SolveFailed
+from sparsemor.core.yaml_source import LocatedError
+
+SceneName = Annotated[
+    str, typer.Argument(metavar="SCENE", help="A packaged scene's name, or a scene file.")]
+Settings = Annotated[
+    list[str] | None, typer.Option(
+        "--set", metavar="KEY=VALUE",
+        help="Change the scene: time.end=0.5, reducer=full, reducer.sampler.use=random.")]
+Out = Annotated[Path | None, typer.Option("--out", help="Directory for the result.")]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
+Resume = Annotated[bool, typer.Option("--resume", help="Go on with an interrupted run.")]
+Force = Annotated[bool, typer.Option("--force", help="Replace an earlier result.")]
+
+FAILED, BAD_INPUT = 1, 2
+
+
+def load_with(scene: str, settings: Sequence[str] | None) -> Scene:
+    """The scene with `--set` applied. Raises `LocatedError`."""
+    try:
+        overrides = parse_settings(settings or ())
+    except InputError as error:
+        lines = [f"--set {f.key}: {f.message}" if f.key else f.message for f in error.faults]
+        raise LocatedError(error.faults, lines) from None
+    return load(scene, overrides)
+
+
+@contextmanager
+def located_in(scene: Scene) -> Iterator[None]:
+    """Faults found after loading get their place in the scene file."""
+    try:
+        yield
+    except LocatedError:
+        raise
+    except InputError as error:
+        raise LocatedError(error.faults, scene.locate(error)) from error
+
+
+@contextmanager
+def exit_codes(as_json: bool = False) -> Iterator[None]:
+    """Turns bad input and failed runs into clear lines and an exit code."""
+    try:
+        yield
+    except InputError as error:
+        lines = error.lines if isinstance(error, LocatedError) else str(error).splitlines()
+        if as_json:
+            print_json({"status": "bad_input", "errors": list(lines)})
+        leave(lines, BAD_INPUT)
+    except SolveFailed as error:
+        result = getattr(error, "result", None)
+        if as_json:
+            summary = result.summary if result is not None else {}
+            print_json({**summary, "status": error.status.value, "message": str(error)})
+        where = [f"what was computed is in {result.path}"] if result is not None else []
+        leave([str(error), *where], FAILED)
+
+
+def leave(lines: Sequence[str], code: int) -> None:
+    for line in lines:
+        typer.echo(line, err=True)
+    raise typer.Exit(code)
+
+
+def print_json(value: Mapping[str, Any]) -> None:
+    typer.echo(json.dumps(value, indent=2, allow_nan=False, default=str))
+
+
+@contextmanager
+def progress(quiet: bool) -> Iterator[Sequence[object]]:
+    """Observers for a run: a progress bar when a person is watching standard error."""
+    if quiet or not sys.stderr.isatty():
+        yield ()
+        return
+    registry = Registry()
+    if "progress" not in {p.name for p in registry.names("observer")}:
+        yield ()
+        return
+    plugin: Any = registry.get("observer", "progress")()
+    observer = plugin.observer()
+    try:
+        yield (observer,)
+    finally:
+        observer.close()
+
+
+@contextmanager
+def place_for_result(out: Path, resume: bool, force: bool) -> Iterator[None]:
+    """Refuse to overwrite; with `force`, put the earlier result back if the new run is refused."""
+    taken = out.exists() and (not out.is_dir() or any(out.iterdir()))
+    if resume or not taken:
+        yield
+        return
+    if not force:
+        raise InputError(f"--out {out}: there is something already: go on with --resume, replace "
+                         "it with --force, or name another directory")
+    if not is_result(out):
+        raise InputError(f"--out {out}: --force replaces results only, and this holds none")
+    aside = out.with_name(f".{out.name}.replaced")
+    shutil.rmtree(aside, ignore_errors=True)
+    out.rename(aside)
+    try:
+        yield
+    except InputError:
+        shutil.rmtree(out, ignore_errors=True)
+        aside.rename(out)
+        raise
+    finally:
+        shutil.rmtree(aside, ignore_errors=True)
+
+
+def is_result(path: Path) -> bool:
+    """Whether a directory is what an earlier `run` or `compare` left."""
+    inside = [path, *(p for p in path.iterdir() if p.is_dir())] if path.is_dir() else []
+    return any((p / "result.zarr").is_dir() or (p / "zarr.json").is_file() for p in inside)

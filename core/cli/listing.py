@@ -1,0 +1,141 @@
+"""`sparsemor validate`, `schema` and `plugins`: what is given, and what there is."""
+
+import json
+from typing import Annotated, Any
+
+import typer
+from pydantic import BaseModel
+
+from sparsemor.core.cli.common import (
+    Json,
+    SceneName,
+    Settings,
+    exit_codes,
+    load_with,
+    located_in,
+    print_json,
+)
+from sparsemor.core.errors import InputError
+from sparsemor.core.registry import PluginName, Registry, near
+from sparsemor.core.slot import Slot
+
+
+def validate(scene: SceneName, settings: Settings = None, as_json: Json = False) -> None:
+    """Check a scene file and build its parts, without running it."""
+    with exit_codes(as_json):
+        loaded = load_with(scene, settings)
+        with located_in(loaded):
+            from sparsemor.core.assemble import assemble
+
+            assemble(loaded)
+        if as_json:
+            print_json({"status": "done", "scene": loaded.dump()})
+        else:
+            typer.echo(f"{loaded.name}: valid ({', '.join(loaded.bodies)})")
+
+
+def schema() -> None:
+    """Print the JSON schema of scene files, with the plugins installed here."""
+    from sparsemor.core.schema import scene_schema
+
+    typer.echo(json.dumps(scene_schema(), indent=2))
+
+
+def plugins(
+    which: Annotated[
+        str | None, typer.Argument(metavar="[KIND or NAME]", help="Show only these.")] = None,
+    as_json: Json = False,
+) -> None:
+    """List the installed plugins; with a name, also its options."""
+    with exit_codes(as_json):
+        shown = [_described(Registry(), p) for p in _chosen(Registry(), which)]
+        with_options = which is not None and which not in Registry().kinds()
+        if as_json:
+            print_json({"plugins": shown})
+        elif with_options:
+            for plugin in shown:
+                _print_options(plugin)
+        else:
+            _print_table(shown)
+
+
+def _chosen(registry: Registry, which: str | None) -> list[PluginName]:
+    kinds = [kind for kind in registry.kinds() if kind != "scene"]
+    every = [p for kind in kinds for p in registry.names(kind)]
+    chosen = [p for p in every if which is None or which in (p.kind, p.name)]
+    if which is not None and not chosen:
+        names = sorted({p.name for p in every} | set(kinds))
+        raise InputError(f"no plugin and no kind is called {which!r}: {near(which, names)}")
+    return chosen
+
+
+def _described(registry: Registry, plugin: PluginName) -> dict[str, Any]:
+    found: dict[str, Any] = {
+        "kind": plugin.kind, "name": plugin.name, "distribution": plugin.distribution,
+        "version": plugin.version, "doc": "", "broken": "", "options": [],
+    }
+    try:
+        cls = registry.get(plugin.kind, plugin.name)
+    except InputError as error:
+        cause = error.__cause__
+        return {**found, "broken": f"{type(cause).__name__}: {cause}" if cause else str(error)}
+    lines = (cls.__doc__ or "").strip().splitlines()
+    return {**found, "doc": lines[0] if lines else "", "options": _options(cls)}
+
+
+def _options(cls: type[BaseModel]) -> list[dict[str, Any]]:
+    properties = cls.model_json_schema()["properties"] if cls.model_fields else {}
+    return [
+        {
+            "name": name, "type": _type_name(field.annotation, properties.get(name, {})),
+            "required": field.is_required(), "default": properties.get(name, {}).get("default"),
+            "doc": field.description or "",
+        }
+        for name, field in cls.model_fields.items()
+    ]
+
+
+def _type_name(annotation: Any, schema: dict[str, Any]) -> str:
+    if Slot.MARK in schema:
+        return f"a {schema[Slot.MARK]}"
+    name = annotation.__name__ if isinstance(annotation, type) else str(annotation)
+    bounds = {"minimum": ">=", "exclusiveMinimum": ">", "maximum": "<=", "exclusiveMaximum": "<"}
+    limits = [f"{sign} {schema[key]:g}" for key, sign in bounds.items() if key in schema]
+    return " ".join([name.replace("typing.", ""), *limits])
+
+
+def _print_table(shown: list[dict[str, Any]]) -> None:
+    from rich.table import Table
+
+    table = Table("kind", "name", "distribution", "")
+    for p in shown:
+        doc = p["broken"] and f"BROKEN: {p['broken']}"
+        table.add_row(p["kind"], p["name"], f"{p['distribution']} {p['version']}",
+                      _plain(doc or p["doc"]))
+    _console().print(table)
+
+
+def _print_options(plugin: dict[str, Any]) -> None:
+    from rich.table import Table
+
+    origin = f"{plugin['distribution']} {plugin['version']}"
+    _console().print(_plain(f"{plugin['kind']} {plugin['name']} ({origin}): "
+                            f"{plugin['broken'] or plugin['doc']}"))
+    if plugin["options"]:
+        table = Table("option", "type", "default", "")
+        for o in plugin["options"]:
+            default = "(required)" if o["required"] else json.dumps(o["default"])
+            table.add_row(o["name"], _plain(o["type"]), _plain(default), _plain(o["doc"]))
+        _console().print(table)
+
+
+def _console() -> Any:
+    from rich.console import Console
+
+    return Console(highlight=False)
+
+
+def _plain(text: str) -> Any:
+    from rich.text import Text
+
+    return Text(text)  # square brackets in types are no markup

@@ -1,0 +1,83 @@
+"""`sparsemor run`."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import typer
+
+from sparsemor.core.cli.common import (
+    Force,
+    Json,
+    Out,
+    Quiet,
+    Resume,
+    SceneName,
+    Settings,
+    exit_codes,
+    load_with,
+    located_in,
+    place_for_result,
+    print_json,
+    progress,
+)
+from sparsemor.core.scene import Scene
+
+
+def run(
+    scene: SceneName, settings: Settings = None, out: Out = None, resume: Resume = False,
+    force: Force = False, as_json: Json = False, quiet: Quiet = False,
+) -> None:
+    """Simulate a scene and store the result."""
+    with exit_codes(as_json):
+        loaded = load_with(scene, settings)
+        directory = out or Path("runs", f"{loaded.name}-{reducer_name(loaded)}")
+        with (place_for_result(directory, resume, force), located_in(loaded),
+              progress(quiet or as_json) as observers):
+            from sparsemor.core.simulate import simulate
+
+            result = simulate(loaded, out=directory, resume=resume, observers=observers)
+        summary = dict(result.summary)
+        if as_json:
+            print_json(summary)
+        elif not quiet:
+            typer.echo(in_words(summary))
+            typer.echo(f"result      {result.path}")
+
+
+def reducer_name(scene: Scene) -> str:
+    return str(scene.dump()["reducer"]["use"])
+
+
+def in_words(summary: Mapping[str, Any]) -> str:
+    """A few aligned lines; whatever the run did not report is left out."""
+    lines = [("status", summary.get("status")), ("reducer", summary.get("reducer"))]
+    if "steps" in summary:
+        lines.append(("steps", f"{summary['steps']} to t = {summary.get('t_end', 0.0):g} s"))
+    if "wall_s" in summary:
+        per_step = summary.get("ms_per_step")
+        rate = f" ({per_step:.3g} ms a step)" if isinstance(per_step, int | float) else ""
+        lines.append(("computing", f"{summary['wall_s']:.3g} s{rate}"))
+    lines.append(("iterations", summary.get("newton_iterations")))
+    lines.append(("factorized", summary.get("factorizations")))
+    for name in ("rows", "atoms", "atoms_active", "elements_touched", "probes"):
+        lines += [(name.replace("_", " "), f"{k}: {_short(v)}")
+                  for k, v in _entries(summary.get(name))]
+    width = max(len(label) for label, _ in lines)
+    return "\n".join(f"{label:<{width}}  {value}" for label, value in lines if value is not None)
+
+
+def _entries(value: object) -> list[tuple[str, object]]:
+    if isinstance(value, Mapping):
+        return list(value.items())
+    return [] if value is None else [("all", value)]
+
+
+def _short(value: object) -> str:
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    if isinstance(value, list | tuple):
+        return ", ".join(map(_short, value))
+    if isinstance(value, Mapping):
+        return ", ".join(f"{k} {_short(v)}" for k, v in value.items())
+    return str(value)

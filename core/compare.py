@@ -1,0 +1,157 @@
+"""Runs set beside a reference: errors, times and pictures."""
+
+import csv
+import io
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.error_measures import Errors, measure_errors
+from sparsemor.core.errors import InputError
+from sparsemor.core.results import RunResult
+from sparsemor.core.run_facts import RunFacts, run_facts
+from sparsemor.core.text_table import text_table
+from sparsemor.core.zarr_files import to_json
+
+REFERENCE = "reference"
+_FIELDS = ("joint", "rigid", "elastic", "thermal", "angle_rad")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Comparison:
+    """Runs by name, measured against `reference`. `str()` gives the table."""
+
+    reference: RunResult
+    runs: Mapping[str, RunResult]
+    measured: Mapping[str, Errors]
+
+    @property
+    def errors(self) -> dict[str, dict[str, float]]:
+        """run -> measure -> largest error over time: joint, fields, `body.field`, angle_rad."""
+        return {run: e.worst for run, e in self.measured.items()}
+
+    @property
+    def late_errors(self) -> dict[str, dict[str, float]]:
+        """The same, from `errors_from` on."""
+        return {run: e.worst_late for run, e in self.measured.items()}
+
+    @property
+    def series(self) -> dict[str, dict[str, FloatArray]]:
+        """run -> measure -> (j,) error at each of `measured[run].times`."""
+        return {run: e.series for run, e in self.measured.items()}
+
+    @property
+    def facts(self) -> dict[str, RunFacts]:
+        """How long each run took and what it used; the reference comes first."""
+        return {name: run_facts(run) for name, run in self._all().items()}
+
+    @property
+    def notes(self) -> dict[str, str]:
+        """run -> how it was compared only in part; absent for runs that reached the end."""
+        end = float(self.reference.times[-1])
+        return {run: f"{run}: {self.runs[run].status.value}, compared up to {e.until:.6g} s of "
+                     f"{end:.6g} s"
+                for run, e in self.measured.items() if e.until < end * (1.0 - 1e-9)}
+
+    def __str__(self) -> str:
+        facts = self.facts
+        base = facts[REFERENCE].ms_per_step
+        fields = [f for f in _FIELDS if any(f in e.worst for e in self.measured.values())]
+        head = ["run", "reducer", "status", "ms/step", "speed-up", "iterations", "atoms", "rows"]
+        table = [[*head, *(f.replace("_", " ") for f in fields)]]
+        for name, f in facts.items():
+            errors = self.errors.get(name, {})
+            table.append([
+                name, f.reducer, f.status.value, _text(f.ms_per_step, ".3g"),
+                _ratio(base, f.ms_per_step), _text(f.iterations, ".2f"), f.atoms_text, str(f.rows),
+                *(_text(errors.get(field), ".2e") for field in fields)])
+        late = next((e.late_from for e in self.measured.values() if e.late_from > 0.0), 0.0)
+        return "\n".join([text_table(table), *self._late_lines(late, fields), *self.notes.values()])
+
+    def to_json(self) -> str:
+        """Errors, times and counts of every run, for programs."""
+        runs = {name: f.as_dict() | {"errors": self.errors.get(name, {}),
+                                     "late_errors": self.late_errors.get(name, {}),
+                                     "note": self.notes.get(name, "")}
+                for name, f in self.facts.items()}
+        return to_json({"reference": REFERENCE, "runs": runs}).decode()
+
+    def write(self, directory: str | Path) -> list[Path]:
+        """errors.csv, error_over_time.csv and the charts (PNG and SVG); returns their paths."""
+        from sparsemor.core.charts import write_charts
+
+        folder = Path(directory)
+        folder.mkdir(parents=True, exist_ok=True)
+        tables = {"errors.csv": self._error_rows(), "error_over_time.csv": self._series_rows()}
+        for name, rows in tables.items():
+            (folder / name).write_text(_csv(rows), encoding="utf-8")
+        return [*(folder / name for name in tables), *write_charts(self, folder)]
+
+    def _all(self) -> dict[str, RunResult]:
+        return {REFERENCE: self.reference, **self.runs}
+
+    def _late_lines(self, late: float, fields: list[str]) -> list[str]:
+        if late <= 0.0:
+            return []
+        table = [[f"from {late:g} s", *(f.replace("_", " ") for f in fields)]]
+        table += [[run, *(_text(e.get(f), ".2e") for f in fields)]
+                  for run, e in self.late_errors.items()]
+        return ["", text_table(table)]
+
+    def _error_rows(self) -> list[list[Any]]:
+        blocks = [b.name for b in self.reference.layout if b.field != "multiplier"]
+        measures = ["joint", *blocks, "angle_rad"]
+        rows: list[list[Any]] = [
+            ["run", "status", "ms_per_step", "offline_s", "online_s", *measures]]
+        for name, f in self.facts.items():
+            errors = self.errors.get(name, {})
+            rows.append([name, f.status.value, f.ms_per_step, f.offline_seconds,
+                         f.online_seconds, *(errors.get(m) for m in measures)])
+        return rows
+
+    def _series_rows(self) -> list[list[Any]]:
+        measures = sorted({m for e in self.measured.values() for m in e.series})
+        rows: list[list[Any]] = [["run", "time_s", *measures]]
+        for run, e in self.measured.items():
+            columns = [e.series[m].tolist() for m in measures]
+            rows += [[run, *values] for values in zip(e.times.tolist(), *columns, strict=True)]
+        return rows
+
+
+def compare(
+    reference: RunResult, *, errors_from: float = 0.0, **runs: RunResult
+) -> Comparison:
+    """Measure each run against the reference; `errors_from` (s) adds errors from there on.
+
+    Raises InputError when a run has no unknowns or times in common with the reference.
+    """
+    if not runs:
+        raise InputError("name at least one run beside the reference")
+    measured = {}
+    for name, run in runs.items():
+        try:
+            measured[name] = measure_errors(reference, run, errors_from)
+        except InputError as fault:
+            raise fault.under(name) from None
+    return Comparison(reference, runs, measured)
+
+
+def _text(value: float | None, form: str) -> str:
+    return "-" if value is None else format(value, form)
+
+
+def _ratio(base: float | None, own: float | None) -> str:
+    return f"{base / own:.3g}" if base and own else "-"
+
+
+def _csv(rows: list[list[Any]]) -> str:
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    for row in rows:
+        writer.writerow(["" if v is None else v for v in row])
+    return text.getvalue()
+
+
+__all__ = ["Comparison", "Errors", "compare"]

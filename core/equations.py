@@ -1,0 +1,47 @@
+"""All terms of a model summed into one residual and one Jacobian, row by row."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.sparse import coo_array, csc_array
+
+from sparsemor.core.arrays import Csr, FloatArray
+from sparsemor.core.layout import Layout
+from sparsemor.core.protocols import Term
+
+
+def residual(
+    layout: Layout, terms: Sequence[Term], x: FloatArray, v: FloatArray, a: FloatArray, t: float
+) -> FloatArray:
+    """(n,) residual of the whole system."""
+    r = np.zeros(layout.size)
+    for term in terms:
+        j = term.columns
+        np.add.at(r, term.rows, term.residual(x[j], v[j], a[j], t))
+    return r
+
+
+def jacobian(
+    layout: Layout, terms: Sequence[Term], x: FloatArray, v: FloatArray, a: FloatArray, t: float,
+    c1: FloatArray, c2: FloatArray,
+) -> Csr:
+    """(n, n) csc; c1, c2 (n,) per unknown."""
+    rows, columns, values = [], [], []
+    for term in terms:
+        j = term.columns
+        J = coo_array(term.jacobian(x[j], v[j], a[j], t, c1[j], c2[j]))
+        rows.append(term.rows[J.row])
+        columns.append(j[J.col])
+        values.append(J.data)
+    n = layout.size
+    return csc_array(
+        (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))), shape=(n, n))
+
+
+def rate_factors(
+    layout: Layout, c1: float, c2: float, c1_first: float
+) -> tuple[FloatArray, FloatArray]:
+    """c1, c2 of each unknown: second-order, first-order and algebraic ones differ."""
+    k1, k2 = np.zeros(layout.size), np.zeros(layout.size)
+    k1[layout.second], k1[layout.first], k2[layout.second] = c1, c1_first, c2
+    return k1, k2

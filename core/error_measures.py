@@ -1,0 +1,137 @@
+"""How far one run is from another: Eq. 34 of the paper, and one error a block beside it.
+
+The joint measure divides by all unknowns together, so temperatures of 300 K and metres of motion
+hide the elastic error. Each block is therefore also measured against its own change.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core.errors import InputError
+from sparsemor.core.layout import Block
+from sparsemor.core.results import RunResult
+
+TIME_MATCH = 1e-9
+_BATCH_ENTRIES = 2**21
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Errors:
+    """Errors of one run against a reference, over their common stored times.
+
+    times (j,) s. series: name -> (j,) error at each time; worst, worst_late: name -> the largest
+    one over all times, and over those from `late_from` (s) on. Names are `joint` (Eq. 34), each
+    `body.field`, each field (its worst block), and `angle_rad`. until: the last common time, s.
+    """
+
+    times: FloatArray
+    series: dict[str, FloatArray]
+    worst: dict[str, float]
+    worst_late: dict[str, float]
+    late_from: float
+    until: float
+
+
+def measure_errors(reference: RunResult, run: RunResult, late_from: float = 0.0) -> Errors:
+    """Compare at the stored times both runs have, few steps in memory at a time.
+
+    joint(t) = |q_ref - q| / |q_ref| over all unknowns but multipliers; times with q_ref = 0 are
+    left out. A block's error is |x_ref - x|(t) / max over t of |x_ref - x_ref(0)|; if the
+    reference never changes it is relative to max |x_ref|, and absolute if that is 0 too.
+    angle_rad is the largest error of any planar rotation, rad.
+    Raises InputError when the runs have no time, or not the same unknowns, in common.
+    """
+    blocks = _common_blocks(reference, run)
+    here, there = common_steps(reference.times, run.times)
+    error = {b.name: np.zeros(len(here)) for b in blocks}
+    size = {b.name: np.zeros(len(here)) for b in blocks}
+    scale = {b.name: 0.0 for b in blocks}
+    angle = np.zeros(len(here))
+    for b in blocks:
+        start = reference.block(b.name, slice(0, 1))
+        for part in _batches(len(here), b.size):
+            x_ref = reference.block(b.name, here[part])
+            difference = x_ref - run.block(b.name, there[part])
+            error[b.name][part], size[b.name][part] = _norms(difference), _norms(x_ref)
+            scale[b.name] = max(scale[b.name], float(_norms(x_ref - start).max()))
+            if b.field == "rigid" and b.size == 3:
+                angle[part] = np.maximum(angle[part], np.abs(difference[:, 2]))
+    for name in scale:
+        scale[name] = scale[name] or float(size[name].max()) or 1.0
+    times = reference.times[here]
+    series = {"joint": _joint(list(error.values()), list(size.values()))}
+    series |= _per_field(blocks, {name: e / scale[name] for name, e in error.items()})
+    if any(b.field == "rigid" and b.size == 3 for b in blocks):
+        series["angle_rad"] = angle
+    late = times >= late_from
+    return Errors(
+        times=times,
+        series=series,
+        worst={name: float(e.max()) for name, e in series.items()},
+        worst_late={name: float(e[late].max()) for name, e in series.items() if late.any()},
+        late_from=late_from,
+        until=float(times[-1]),
+    )
+
+
+def common_steps(reference: FloatArray, run: FloatArray) -> tuple[IntArray, IntArray]:
+    """Numbers of the steps at the same times, equal to 1e-9 of the longer run's end."""
+    if len(reference) and len(run):
+        after = np.clip(np.searchsorted(reference, run), 1, max(1, len(reference) - 1))
+        before = after - 1
+        after = np.minimum(after, len(reference) - 1)
+        left = np.abs(reference[before] - run) <= np.abs(reference[after] - run)
+        nearest = np.where(left, before, after)
+        close = TIME_MATCH * max(abs(float(reference[-1])), abs(float(run[-1])))
+        there = np.flatnonzero(np.abs(reference[nearest] - run) <= close)
+        if there.size:
+            return nearest[there].astype(np.int64), there.astype(np.int64)
+    raise InputError(
+        f"the runs have no stored time in common ({_span(reference)}; {_span(run)}): store both "
+        "with steps that meet, time.step and output.every")
+
+
+def _span(times: FloatArray) -> str:
+    if len(times) < 2:
+        return f"{len(times)} stored steps"
+    return f"{len(times)} steps from {times[0]:g} s, next {times[1]:g} s, to {times[-1]:g} s"
+
+
+def _common_blocks(reference: RunResult, run: RunResult) -> list[Block]:
+    blocks = [b for b in reference.layout if b.field != "multiplier"]
+    others = [b for b in run.layout if b.field != "multiplier"]
+    if blocks != others:
+        odd = sorted({f"{b.name} ({b.size})" for b in set(blocks) ^ set(others)})
+        raise InputError(
+            f"the runs do not have the same unknowns: {', '.join(odd)}; compare runs of one model")
+    return blocks
+
+
+def _batches(count: int, size: int) -> Iterator[slice]:
+    steps = max(1, _BATCH_ENTRIES // size)
+    for start in range(0, count, steps):
+        yield slice(start, min(count, start + steps))
+
+
+def _norms(rows: FloatArray) -> FloatArray:
+    # Scaled, because the last steps of a diverged run may be too large to square.
+    largest = np.abs(rows).max(axis=1)
+    safe = np.where(largest > 0.0, largest, 1.0)
+    return np.asarray(largest * np.linalg.norm(rows / safe[:, None], axis=1), dtype=np.float64)
+
+
+def _joint(errors: list[FloatArray], sizes: list[FloatArray]) -> FloatArray:
+    error, size = _norms(np.stack(errors, axis=1)), _norms(np.stack(sizes, axis=1))
+    return np.divide(error, size, out=np.zeros_like(error), where=size > 0.0)
+
+
+def _per_field(blocks: list[Block], by_block: dict[str, FloatArray]) -> dict[str, FloatArray]:
+    fields: dict[str, FloatArray] = {}
+    for b in blocks:
+        earlier = fields.get(b.field)
+        now = by_block[b.name]
+        fields[b.field] = now if earlier is None else np.maximum(earlier, now)
+    return fields | by_block

@@ -1,0 +1,59 @@
+"""Consistent rates at the start: the equations of motion and the second derivative of the
+constraints hold at t = 0 (second-order integrators lose their order without this)."""
+
+import numpy as np
+from scipy.sparse.linalg import splu
+
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.equations import jacobian, residual
+from sparsemor.core.model import Model
+from sparsemor.core.protocols import State
+from sparsemor.core.status import SolveFailed, Status
+
+
+def consistent_state(model: Model, t: float = 0.0) -> State:
+    """The start with accelerations, temperature rates and multipliers that satisfy the equations.
+
+    Unknown are a (second-order), v (first-order) and the multipliers; all enter linearly. Raises
+    SolveFailed (singular) when they are not determined.
+    """
+    layout, n = model.layout, model.layout.size
+    x, v, a = model.x0.copy(), model.v0.copy(), np.zeros(n)
+    algebraic, first, second = layout.algebraic, layout.first, layout.second
+    zero, one = np.zeros(n), np.ones(n)
+    K = jacobian(layout, model.terms, x, v, a, t, zero, zero)
+    MC = jacobian(layout, model.terms, x, v, a, t, zero, one) - K
+    C = jacobian(layout, model.terms, x, v, a, t, one, zero) - K
+    G = K[algebraic][:, second]
+    A = MC.tolil()
+    A[first, first] = C[first][:, first]
+    A[:, algebraic] = K[:, algebraic]
+    A[algebraic, second] = G
+    r = residual(layout, model.terms, x, v, a, t)
+    r[algebraic] = _curvature(model, x, v, t)
+    try:
+        # rows and columns of very different units: forces, heat, metres
+        A = A.tocsc()
+        size = np.sqrt(np.maximum(abs(A).max(axis=0).toarray().ravel(), 1e-300))
+        S = A.copy()
+        S.data = S.data / (size[S.indices] * np.repeat(size, np.diff(S.indptr)))
+        z = -splu(S).solve(r / size) / size
+    except RuntimeError:
+        raise SolveFailed(Status.SINGULAR, t, "", "accelerations at the start") from None
+    a[second], v[first], x[algebraic] = z[second], z[first], x[algebraic] + z[algebraic]
+    return State(t, x, v, a, np.zeros((n, 0)))
+
+
+def _curvature(model: Model, x: FloatArray, v: FloatArray, t: float) -> FloatArray:
+    """g'' with zero accelerations: second directional derivative of the constraints along v."""
+    layout, zero = model.layout, np.zeros(len(x))
+    speed = float(np.abs(v[layout.second]).max(initial=0.0))
+    eps = 1e-4 / max(speed, 1.0)  # s; g is smooth on this scale
+
+    def g(s: float) -> FloatArray:
+        y = x.copy()
+        y[layout.second] += s * v[layout.second]
+        return residual(layout, model.terms, y, v, zero, t + s)[layout.algebraic]
+
+    # one-sided: a prescribed motion may have a kink at the start
+    return (2 * g(0.0) - 5 * g(eps) + 4 * g(2 * eps) - g(3 * eps)) / eps**2

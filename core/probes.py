@@ -1,0 +1,96 @@
+"""Probes: position, displacement and temperature of material points, from reduced unknowns."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.layout import Layout
+from sparsemor.core.model import ProbePlace
+from sparsemor.core.protocols import Dictionary
+from sparsemor.core.run_header import Probe
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Linear:
+    """value = base + x[at] @ weights; weights (k, j) on the solver's own unknowns."""
+
+    at: slice
+    weights: FloatArray
+    base: FloatArray
+
+    @classmethod
+    def of(
+        cls, name: str, weights: FloatArray, layout: Layout, maps: Mapping[str, Dictionary]
+    ) -> "Linear":
+        if name not in maps:
+            return cls(layout[name], weights, np.zeros(weights.shape[1]))
+        d = maps[name]
+        return cls(layout[name], d.atoms.T @ weights, d.offset @ weights)
+
+    def __call__(self, x: FloatArray) -> FloatArray:
+        return np.asarray(self.base + x[:, self.at] @ self.weights)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ProbeReader:
+    """A planar probe compiled for one layout: its cost does not grow with the mesh."""
+
+    place: ProbePlace
+    rigid: slice | None
+    displacement: Linear | None
+    temperature: Linear | None
+
+    @classmethod
+    def of(
+        cls, place: ProbePlace, layout: Layout, maps: Mapping[str, Dictionary]
+    ) -> "ProbeReader":
+        rigid, elastic, thermal = (f"{place.body}.{f}" for f in ("rigid", "elastic", "thermal"))
+        u, T = place.displacement, place.temperature
+        return cls(
+            place, layout[rigid] if rigid in layout else None,
+            None if u is None or elastic not in layout else Linear.of(elastic, u, layout, maps),
+            None if T is None or thermal not in layout
+            else Linear.of(thermal, T[:, None], layout, maps))
+
+    @property
+    def name(self) -> str:
+        return self.place.name
+
+    def header(self) -> Probe:
+        names, units = ["x", "y"], ["m", "m"]
+        if self.displacement is not None:
+            names, units = names + ["u_x", "u_y"], units + ["m", "m"]
+        if self.temperature is not None:
+            names, units = [*names, "temperature"], [*units, "K"]
+        point = tuple(float(c) for c in self.place.point)
+        return Probe(self.name, self.place.body, point, tuple(names), tuple(units))
+
+    def __call__(self, t: FloatArray, x: FloatArray) -> FloatArray:
+        """(j, components) at times t (j,) for states x (j, n)."""
+        u = np.zeros((len(t), 2)) if self.displacement is None else self.displacement(x)
+        pose = x[:, self.rigid] if self.rigid is not None else np.tile(self.place.pose, (len(t), 1))
+        z = self.place.point + u
+        cos, sin = np.cos(pose[:, 2]), np.sin(pose[:, 2])
+        columns = [pose[:, 0] + cos * z[:, 0] - sin * z[:, 1],
+                   pose[:, 1] + sin * z[:, 0] + cos * z[:, 1]]
+        if self.displacement is not None:
+            columns += [u[:, 0], u[:, 1]]
+        if self.temperature is not None:
+            T = self.temperature(x)[:, 0]
+            for weight, function in self.place.given:
+                T = T + weight * np.array([function.value(s) for s in t])
+            columns.append(T)
+        return np.stack(columns, axis=1)
+
+    def described(self, row: FloatArray) -> dict[str, Any]:
+        """One row by name, for people and programs."""
+        values = [float(v) for v in row]
+        found: dict[str, Any] = {"position": values[:2]}
+        if self.displacement is not None:
+            found["displacement"] = values[2:4]
+        if self.temperature is not None:
+            found["temperature"] = values[-1]
+        return found

@@ -1,0 +1,333 @@
+"""The contracts between parts. All arrays are float64 unless said otherwise; units are SI.
+
+A plugin author reads this file. Configuration is a frozen `Plugin`; numbers live in what its
+methods return. Nothing keeps state between calls: memory is passed in and handed back.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+
+from sparsemor.core.arrays import BoolArray, Csr, FloatArray, IntArray
+from sparsemor.core.layout import Block, Layout
+from sparsemor.core.mesh import Mesh
+from sparsemor.core.status import Status
+
+# --------------------------------------------------------------------------- equations
+
+
+@runtime_checkable
+class Term(Protocol):
+    """A sum of equations' parts: rows it adds to, columns (stencil) it reads.
+
+    `rows` (m,) and `columns` (n,) are positions in the layout's flat vector. `x, v, a` are the
+    unknowns and their rates *at `columns`*, shape (n,); `t` in s. Laws, tested on every term:
+
+    * `restrict(keep).residual(...) == residual(...)[keep]`, likewise the Jacobian, where the
+      restricted term may have a smaller stencil;
+    * `compress(trial, left).residual(xi, ...) == left @ residual(offset + atoms xi, ...)`.
+    """
+
+    @property
+    def rows(self) -> IntArray: ...
+    @property
+    def columns(self) -> IntArray: ...
+    @property
+    def elements(self) -> int:
+        """Number of mesh elements that one evaluation visits (0 for constant matrices)."""
+        ...
+
+    def residual(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> FloatArray: ...
+    def jacobian(
+        self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: FloatArray, c2: FloatArray
+    ) -> Csr:
+        """d residual / dx where dv = c1 dx, da = c2 dx (c1, c2 of shape (n,)); (m, n)."""
+        ...
+
+    def restrict(self, keep: IntArray) -> "Term":
+        """The rows number `keep` (positions in `rows`) of this term."""
+        ...
+
+    def compress(self, trial: "Trial", left: FloatArray) -> "ReducedTerm":
+        """left (l, m): what `left @ residual` is as a function of reduced unknowns."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Trial:
+    """The affine map from reduced unknowns to a term's columns: x = offset + atoms @ xi.
+
+    atoms (n, k), offset (n,) at the term's own columns; v = atoms @ xi', a = atoms @ xi''.
+    """
+
+    atoms: FloatArray
+    offset: FloatArray
+
+
+class ReducedTerm(Protocol):
+    """A compressed term: (k,) reduced unknowns and rates -> (l,) rows, (l, k) Jacobian."""
+
+    def residual(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> FloatArray: ...
+    def jacobian(
+        self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: FloatArray, c2: FloatArray
+    ) -> FloatArray: ...
+
+
+class Part(Protocol):
+    """A built body, joint or load: the numbers behind one entry of the scene."""
+
+    @property
+    def name(self) -> str: ...
+    def blocks(self) -> Sequence[Block]: ...
+    def terms(self, layout: Layout, parts: Mapping[str, "Part"]) -> Sequence[Term]: ...
+
+
+class BodyPlugin(Protocol):
+    """A body of the scene. base: folder of the scene file, for relative paths."""
+
+    def build(self, name: str, base: Path) -> Part: ...
+
+
+class MeshPlugin(Protocol):
+    def build(self, base: Path) -> Mesh: ...
+
+
+class ConnectorPlugin(Protocol):
+    """A joint or a load of the scene, built once the bodies stand.
+
+    InputError keys are relative to its own entry in the scene (`between`, `on`).
+    """
+
+    def build(self, name: str, parts: Mapping[str, Part]) -> Part: ...
+
+
+# --------------------------------------------------------------------------- time
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class State:
+    """Unknowns and rates at time t (s). `memory` is the integrator's own (n, j) array."""
+
+    t: float
+    x: FloatArray
+    v: FloatArray
+    a: FloatArray
+    memory: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StepFormula:
+    """v = c1 x + r1, a = c2 x + r2 at the new time t; first-order unknowns use c1_first.
+
+    r1, r2 have shape (n,) over the whole layout (Eq. 24 of the paper for BDF1).
+    """
+
+    t: float
+    c1: float
+    c2: float
+    c1_first: float
+    r1: FloatArray
+    r2: FloatArray
+
+
+class Integrator(Protocol):
+    """An affine substitution for the rates. `order` is the observed order of accuracy."""
+
+    @property
+    def order(self) -> int: ...
+    def start(self, layout: Layout, state: State) -> State:
+        """The same state with this integrator's memory set."""
+        ...
+
+    def formula(self, layout: Layout, state: State, h: float) -> StepFormula: ...
+    def advance(
+        self, layout: Layout, state: State, formula: StepFormula, x: FloatArray, h: float
+    ) -> State: ...
+
+
+class TimeFunction(Protocol):
+    """A scalar function of time, for loads and prescribed motion."""
+
+    def value(self, t: float) -> float: ...
+    def rate(self, t: float) -> float: ...
+
+
+# --------------------------------------------------------------------------- representation
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BlockData:
+    """What is known of one reducible block (one field of one body) before it is reduced.
+
+    snapshots (n, M) unknowns in columns (empty (n, 0) when the reducer needs none);
+    mass, stiffness: (n, n) csr of the constant operators (capacity, conductivity for heat);
+    coordinates (n, d): reference position of each unknown's node, m; component (n,): 0..d-1 for
+    displacements, 0 for temperature; loads (n, j): constant load vectors, unit amplitude.
+    """
+
+    name: str
+    snapshots: FloatArray
+    mass: Csr
+    stiffness: Csr
+    coordinates: FloatArray
+    component: IntArray
+    loads: FloatArray
+
+    @property
+    def size(self) -> int:
+        return int(self.coordinates.shape[0])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Dictionary:
+    """x = offset + atoms @ c. atoms (n, k) have unit columns; provenance names each of them.
+
+    `info` holds what the basis wants reported (numbers and strings only).
+    """
+
+    atoms: FloatArray
+    offset: FloatArray
+    provenance: tuple[str, ...]
+    info: Mapping[str, float | int | str] = field(default_factory=dict)
+
+
+class Basis(Protocol):
+    """Builds the dictionary of one block."""
+
+    @property
+    def needs_snapshots(self) -> bool: ...
+    def build(self, data: BlockData) -> Dictionary: ...
+
+
+class Sampler(Protocol):
+    """Chooses rows of one block: all of `required` and `m` more, sorted, distinct."""
+
+    def sample(
+        self,
+        block: BlockData,
+        m: int,
+        dictionary: Dictionary,
+        rng: np.random.Generator,
+        required: IntArray,
+    ) -> IntArray: ...
+
+
+class Preconditioner(Protocol):
+    """P (m, m), nonsingular, for sampled rows A (m, k) applied to the atoms."""
+
+    def check(self, rows: int, atoms: int) -> str:
+        """"" when it is defined for this shape, else the reason in words."""
+        ...
+
+    def build(self, A: FloatArray) -> FloatArray: ...
+
+
+# --------------------------------------------------------------------------- sparse recovery
+
+
+@dataclass(frozen=True, slots=True)
+class Group:
+    """Columns `start:stop` of a sparse problem. budget None: always active, not penalised."""
+
+    name: str
+    start: int
+    stop: int
+    budget: int | None
+
+
+class SparseProblem(Protocol):
+    """Find c with few active entries per group so that residual(c) is least in the 2-norm.
+
+    Rows come scaled: they may be compared and summed.
+    """
+
+    @property
+    def groups(self) -> tuple[Group, ...]: ...
+    def residual(self, c: FloatArray) -> FloatArray: ...
+    def jacobian(self, c: FloatArray) -> FloatArray: ...
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SparseStart:
+    """First guess c (k,) and the support (k,) bool that earlier steps left active."""
+
+    c: FloatArray
+    support: BoolArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SparseOutcome:
+    """c (k,) is zero outside `support` in every budgeted group."""
+
+    c: FloatArray
+    support: BoolArray
+    status: Status
+    iterations: int
+    residual_norm: float
+
+
+class SparseSolver(Protocol):
+    def solve(self, problem: SparseProblem, start: SparseStart) -> SparseOutcome: ...
+
+
+# --------------------------------------------------------------------------- reducers
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StepOutcome:
+    """x (n,) in the step solver's own layout. block: where it failed, if it did."""
+
+    x: FloatArray
+    status: Status
+    iterations: int
+    block: str = ""
+    detail: str = ""
+
+
+class StepSolver(Protocol):
+    """Solves one step of one (full or reduced) model. Immutable; memory goes in and out.
+
+    `dictionaries` maps block names to the map back to full unknowns (absent: kept as they are);
+    `rows`, `elements_touched`: per block; `supports(memory)`: active atoms per budgeted block;
+    `notes`: what a user should know before trusting the run, in sentences.
+    """
+
+    @property
+    def notes(self) -> tuple[str, ...]: ...
+
+    @property
+    def layout(self) -> Layout: ...
+    @property
+    def dictionaries(self) -> Mapping[str, Dictionary]: ...
+    @property
+    def rows(self) -> Mapping[str, IntArray]: ...
+    @property
+    def elements_touched(self) -> Mapping[str, int]: ...
+    def start(self, state: State) -> tuple[State, Any]:
+        """From a full-order state to this solver's state (consistent rates) and memory."""
+        ...
+
+    def solve(self, step: StepFormula, memory: Any) -> tuple[StepOutcome, Any]: ...
+    def supports(self, memory: Any) -> Mapping[str, BoolArray]: ...
+    def counters(self, memory: Any) -> Mapping[str, int]:
+        """"factorizations", "support_changes", ... counted since `start`."""
+        ...
+
+
+class Reducer(Protocol):
+    """How one step is solved. model: a `core.model.Model`; offline: a `core.offline.Offline`."""
+
+    def prepare(
+        self, model: Any, integrator: Integrator, h: float, offline: Any, rng: np.random.Generator
+    ) -> StepSolver: ...
+
+
+__all__ = [
+    "Basis", "Block", "BlockData", "Dictionary", "Group", "Integrator", "Layout", "Mesh", "Part",
+    "Preconditioner", "ReducedTerm", "Reducer", "Sampler", "SparseOutcome", "SparseProblem",
+    "SparseSolver", "SparseStart", "State", "StepFormula", "StepOutcome", "StepSolver", "Term",
+    "TimeFunction", "Trial",
+]

@@ -1,0 +1,192 @@
+"""Between the time loop and the store: buffers steps, evaluates probes, sums up a run."""
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sparsemor.core.arrays import BoolArray
+from sparsemor.core.checkpoint import Checkpoint
+from sparsemor.core.errors import InputError
+from sparsemor.core.model import Model
+from sparsemor.core.offline import Offline
+from sparsemor.core.probes import ProbeReader
+from sparsemor.core.protocols import State, StepOutcome, StepSolver
+from sparsemor.core.run_header import RunHeader
+from sparsemor.core.scene import Scene
+from sparsemor.core.status import Status
+from sparsemor.core.store import ChunkOfSteps, ResultWriter
+
+CHUNK, SECONDS = 256, 2.0
+"""Rows, or seconds, after which what was computed is committed to disk."""
+
+
+@dataclass
+class Tally:
+    """Sums over a run that outlive an interruption. Seconds are wall time."""
+
+    offline: float = 0.0
+    online: float = 0.0
+    done: int = 0
+    seconds: list[float] = field(default_factory=list)
+    iterations: list[int] = field(default_factory=list)
+    active: dict[str, int] = field(default_factory=dict)
+
+    @property
+    def last(self) -> float:
+        return self.seconds[-1]
+
+    def add(self, seconds: float, iterations: int) -> None:
+        self.done += 1
+        self.seconds.append(seconds)
+        self.iterations.append(iterations)
+
+    def count_atoms(self, supports: Mapping[str, BoolArray]) -> None:
+        for name, support in supports.items():
+            self.active[name] = self.active.get(name, 0) + int(np.count_nonzero(support))
+
+
+class Recorder:
+    """Owns the store of one run."""
+
+    def __init__(
+        self, scene: Scene, model: Model, solver: StepSolver, offline: Offline, writer: ResultWriter,
+        checkpoint: Checkpoint | None, steps: int,
+    ) -> None:
+        self.scene, self.model, self.solver, self.offline = scene, model, solver, offline
+        self.writer, self.checkpoint, self.steps = writer, checkpoint, steps
+        self.store = writer.path
+        self.reducer = str(scene.dump()["reducer"]["use"])
+        self._probes = [ProbeReader.of(p, solver.layout, solver.dictionaries)
+                        for p in model.probes]
+        self._every, self._saved = scene.output.every, time.perf_counter()
+        self._rows: list[tuple[float, Any, int, float]] = []
+        self._supports: list[Mapping[str, BoolArray]] = []
+        self._end: dict[str, Any] = {}
+
+    @classmethod
+    def open(
+        cls, scene: Scene, model: Model, solver: StepSolver, offline: Offline, out: Path,
+        resume: bool, steps: int,
+    ) -> "Recorder":
+        """A new store, or the stopped one. Raises InputError when there is one already."""
+        store = out / "result.zarr"
+        if resume:
+            writer, checkpoint = ResultWriter.resume(store, scene.digest())
+            return cls(scene, model, solver, offline, writer, checkpoint, steps)
+        if store.exists():
+            raise InputError(f"{out} already holds a result: continue it with --resume, replace "
+                             "it with --force, or name another directory", "out")
+        out.mkdir(parents=True, exist_ok=True)
+        header = _header(scene, model, solver, steps)
+        return cls(scene, model, solver, offline, ResultWriter.create(store, header), None, steps)
+
+    def restored(self, fresh: Tally) -> tuple[State, Any, Tally]:
+        """State, step memory and sums at the last checkpoint."""
+        assert self.checkpoint is not None
+        a = self.checkpoint.arrays
+        memory, tally = self.checkpoint.memory
+        tally.offline += fresh.offline
+        return State(float(a["t"]), a["x"], a["v"], a["a"], a["memory"]), memory, tally
+
+    def start(self, state: State, supports: Mapping[str, BoolArray]) -> None:
+        self._keep(state, 0, 0.0, supports)
+
+    def take(
+        self, step: int, state: State, outcome: StepOutcome, supports: Mapping[str, BoolArray],
+        seconds: float,
+    ) -> bool:
+        """Keep an accepted step when it is one to store; True when it is time to save."""
+        if step % self._every and step != self.steps:
+            return False
+        self._keep(state, outcome.iterations, seconds, supports)
+        return (len(self._rows) >= CHUNK
+                or time.perf_counter() - self._saved > SECONDS)
+
+    def _keep(
+        self, state: State, iterations: int, seconds: float, supports: Mapping[str, BoolArray]
+    ) -> None:
+        self._rows.append((state.t, state.x, iterations, seconds))
+        self._supports.append(dict(supports))
+
+    def save(self, state: State, memory: Any, tally: Tally) -> None:
+        """Commit the buffered steps and a checkpoint."""
+        self.flush()
+        arrays = {"t": np.array(state.t), "x": state.x, "v": state.v, "a": state.a,
+                  "memory": state.memory}
+        self.writer.checkpoint(arrays, (memory, tally))
+        self._saved = time.perf_counter()
+
+    def flush(self) -> None:
+        if not self._rows:
+            return
+        t, x, iterations, seconds = (list(c) for c in zip(*self._rows, strict=True))
+        X = np.stack(x)
+        times = np.array(t)
+        supports = {name: np.stack([s[name] for s in self._supports])
+                    for name in self._supports[0]}
+        self.writer.append(ChunkOfSteps(
+            times, X, np.array(iterations), np.array(seconds), supports,
+            {p.name: p(times, X) for p in self._probes}))
+        self._end = {p.name: p.described(p(times[-1:], X[-1:])[0]) for p in self._probes}
+        self._t_end = float(times[-1])
+        self._rows, self._supports = [], []
+
+    def finish(self, status: Status, summary: Mapping[str, Any]) -> None:
+        self.writer.finish(status, summary)
+
+    def summary(self, status: Status, tally: Tally, memory: Any) -> dict[str, Any]:
+        """The `--json` object of a run."""
+        solver, counters = self.solver, self.solver.counters(memory)
+        atoms = {n: int(d.atoms.shape[1]) for n, d in solver.dictionaries.items()}
+        done = max(tally.done, 1)
+        return {
+            "status": status.value,
+            "scene": self.scene.name,
+            "reducer": self.reducer,
+            "steps": tally.done,
+            "t_end": self._t_end,
+            "wall_s": {"offline": tally.offline, "online": tally.online},
+            "ms_per_step": 1e3 * float(np.median(tally.seconds)) if tally.seconds else 0.0,
+            "newton_iterations": float(np.mean(tally.iterations)) if tally.iterations else 0.0,
+            "factorizations": counters.get("factorizations", 0),
+            "support_changes": counters.get("support_changes", 0),
+            "rows": {n: len(r) for n, r in solver.rows.items()},
+            "atoms": atoms,
+            "atoms_active": {n: tally.active[n] / done if n in tally.active else float(k)
+                             for n, k in atoms.items()},
+            "elements_touched": dict(solver.elements_touched),
+            "probes": self._end,
+            "cache": dict(self.offline.used),
+            "offline_s": dict(self.offline.seconds),
+            "notes": list(solver.notes),
+            "out": str(self.store.parent),
+        }
+
+
+def _header(scene: Scene, model: Model, solver: StepSolver, steps: int) -> RunHeader:
+    from importlib.metadata import entry_points
+
+    names = {"sparsemor", "numpy", "scipy", "scikit-fem", "pydantic"}
+    found = entry_points()
+    for group in (g for g in found.groups if g.startswith("sparsemor.")):
+        names |= {e.dist.name for e in found.select(group=group) if e.dist is not None}
+    import platform
+
+    dump = scene.dump()
+    return RunHeader(
+        scene=dump, scene_digest=scene.digest(), seed=scene.seed,
+        versions={"python": platform.python_version()} | {n: version(n) for n in sorted(names)},
+        reducer=str(dump["reducer"]["use"]), layout=solver.layout, full_layout=model.layout,
+        step=scene.time.step, steps_planned=steps, dictionaries=solver.dictionaries,
+        rows=solver.rows,
+        bodies={n: shape for n, p in model.parts.items()
+                if hasattr(p, "shape") and (shape := p.shape()) is not None},
+        probes=tuple(ProbeReader.of(p, solver.layout, solver.dictionaries).header()
+                     for p in model.probes),
+        budgets=dump["reducer"].get("budgets", {}),
+    )

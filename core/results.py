@@ -1,0 +1,215 @@
+"""Reading a result: labelled data, full fields rebuilt for the steps that are asked for."""
+
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
+from sparsemor.core.errors import InputError
+from sparsemor.core.layout import Layout
+from sparsemor.core.run_header import load_layout
+from sparsemor.core.status import Status
+from sparsemor.core.zarr_files import GROUP_FILE
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+ALL = slice(None)
+
+
+class RunResult:
+    """One run, finished or not, as it stood when first read. Pickles as its path.
+
+    Blocks are named `body.field`. Arrays over time have one row a stored step. Reduced runs
+    hold coefficients; full unknowns are computed on request, for the asked steps only.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(path).absolute()
+        if not (self.path / GROUP_FILE).exists():
+            raise InputError(f"there is no result in {path}", key="path")
+        self._kept: dict[str, FloatArray] = {}
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return RunResult, (self.path,)
+
+    def __repr__(self) -> str:
+        return f"<RunResult {self.reducer}, {self.status.value}, {len(self.times)} stored steps>"
+
+    @cached_property
+    def _data(self) -> "xr.Dataset":
+        import xarray as xr
+
+        data: xr.Dataset = xr.open_zarr(
+            self.path, chunks=None, consolidated=True, decode_cf=False)
+        return data
+
+    @property
+    def attributes(self) -> dict[str, Any]:
+        """Everything the header and the end of the run wrote, as plain data."""
+        return dict(self._data.attrs)
+
+    @property
+    def summary(self) -> dict[str, Any]:
+        """What the run wrote at its end; empty when it was killed."""
+        return dict(self._data.attrs["summary"])
+
+    @property
+    def status(self) -> Status:
+        return Status(self._data.attrs["status"])
+
+    @property
+    def scene(self) -> dict[str, Any]:
+        return dict(self._data.attrs["scene"])
+
+    @property
+    def reducer(self) -> str:
+        return str(self._data.attrs["reducer"])
+
+    @property
+    def bodies(self) -> tuple[str, ...]:
+        """Bodies whose shape is stored."""
+        return tuple(self._data.attrs["bodies"])
+
+    @cached_property
+    def layout(self) -> Layout:
+        """The full-order unknowns."""
+        return load_layout(self._data.attrs["full_layout"])
+
+    @cached_property
+    def solver_layout(self) -> Layout:
+        return load_layout(self._data.attrs["layout"])
+
+    @property
+    def times(self) -> FloatArray:
+        """(j,) s."""
+        return self._whole("time")
+
+    @property
+    def iterations(self) -> IntArray:
+        """(j,) iterations of each stored step."""
+        return self._data["iterations"].to_numpy()
+
+    @property
+    def step_seconds(self) -> FloatArray:
+        """(j,) computing time of each stored step, s."""
+        return self._whole("step_seconds")
+
+    def reduced(self, name: str) -> bool:
+        """Whether a block is held as coefficients of a dictionary."""
+        return f"{name}.atoms" in self._data
+
+    def block(self, name: str, steps: slice | IntArray = ALL) -> FloatArray:
+        """(j, n) full-order unknowns of a block at the stored steps `steps`."""
+        if name not in self.layout:
+            have = ", ".join(b.name for b in self.layout)
+            raise InputError(f"no block {name!r} in this result; it has {have}", key="block")
+        if not self.reduced(name):
+            return self._read(name, steps)
+        c = self.coefficients(name)[steps]
+        return self._whole(f"{name}.offset") + c @ self._whole(f"{name}.atoms").T
+
+    def coefficients(self, name: str) -> FloatArray:
+        """(j, k) coefficients of a reduced block."""
+        return self._whole(self._of_reduced(name, "coefficients"))
+
+    def support(self, name: str) -> BoolArray:
+        """(j, k) which atoms of a reduced block were in use."""
+        return self._data[self._of_reduced(name, "active")].to_numpy()
+
+    def rows(self, name: str) -> IntArray:
+        """The sampled rows of a block; empty when it was not sampled."""
+        key = f"{name}.rows"
+        return self._data[key].to_numpy() if key in self._data else np.zeros(0, dtype=np.int64)
+
+    @property
+    def probes(self) -> tuple[str, ...]:
+        return tuple(str(n)[6:] for n in self._data.data_vars if str(n).startswith("probe."))
+
+    def probe(self, name: str) -> FloatArray:
+        """(j, components) of a probe; their names stand in its attributes in `to_xarray`."""
+        if name not in self.probes:
+            have = ", ".join(self.probes) or "none"
+            raise InputError(f"no probe {name!r} in this result; it has {have}", key="probe")
+        return self._whole(f"probe.{name}")
+
+    def points(self, body: str) -> FloatArray:
+        """(N, d) reference positions in the body frame, m."""
+        return self._whole(self._of_body(body, "points"))
+
+    def cells(self, body: str) -> IntArray:
+        """(E, d + 1) point numbers."""
+        return self._data[self._of_body(body, "cells")].to_numpy()
+
+    def nodal_displacement(self, body: str, step: int) -> FloatArray:
+        """(N, d) displacements in the body frame, m; `step` counts stored steps."""
+        u = self._at_nodes(body, "displacement", self.points(body).shape)
+        self._fill(u, f"{body}.elastic", step)
+        return u
+
+    def nodal_temperature(self, body: str, step: int) -> FloatArray:
+        """(N,) temperatures, K."""
+        temperature = self._at_nodes(body, "temperature", self.points(body).shape[:1])
+        self._fill(temperature, f"{body}.thermal", step)
+        return temperature
+
+    def positions(self, body: str, step: int, magnify: float = 1.0) -> FloatArray:
+        """(N, 2) global positions R + A(theta) (X + magnify u) of a planar body, m."""
+        z = self.points(body) + magnify * self.nodal_displacement(body, step)
+        if f"{body}.rigid" not in self.layout:
+            return z
+        pose = self.block(f"{body}.rigid", self._only(step))[0]
+        if pose.shape != (3,):
+            raise InputError(
+                f"{body} has {pose.size} rigid coordinates: only planar bodies (Rx, Ry, theta) "
+                "can be placed; export the run to look at it in 3-D", key="body")
+        cos, sin = np.cos(pose[2]), np.sin(pose[2])
+        return np.asarray(pose[:2] + z @ np.array([[cos, sin], [-sin, cos]]), dtype=np.float64)
+
+    def to_xarray(self) -> "xr.Dataset":
+        """All that is stored, lazily, with dimension names and units."""
+        return self._data.copy()
+
+    def _at_nodes(self, body: str, what: str, shape: tuple[int, ...]) -> FloatArray:
+        key = f"{body}.eliminated_{what}"
+        return self._whole(key).copy() if key in self._data else np.zeros(shape)
+
+    def _fill(self, values: FloatArray, block: str, step: int) -> None:
+        if block in self.layout:
+            places = self._data[f"{block}.places"].to_numpy()
+            values.reshape(-1)[places] = self.block(block, self._only(step))[0]
+
+    def _only(self, step: int) -> slice:
+        count = self._data.sizes["time"]
+        if not -count <= step < count:
+            raise IndexError(f"step {step} of a result with {count} stored steps")
+        first = step % count
+        return slice(first, first + 1)
+
+    def _of_reduced(self, name: str, what: str) -> str:
+        if not self.reduced(name):
+            raise InputError(f"{name} is not reduced in this run: it has no {what}", key="block")
+        return f"{name}.{what}"
+
+    def _of_body(self, body: str, what: str) -> str:
+        if body not in self.bodies:
+            have = ", ".join(self.bodies) or "none"
+            raise InputError(f"no body {body!r} with a stored shape; there are {have}", key="body")
+        return f"{body}.{what}"
+
+    def _read(self, name: str, steps: slice | IntArray) -> FloatArray:
+        return np.asarray(self._data[name][steps].to_numpy(), dtype=np.float64)
+
+    def _whole(self, name: str) -> FloatArray:
+        # Only small arrays and the maps back come this way; full fields are read by steps.
+        if name not in self._kept:
+            self._kept[name] = self._read(name, ALL)
+        return self._kept[name]
+
+
+def open_result(path: str | Path) -> RunResult:
+    """The run stored at `path`, or in `path/result.zarr`. Raises InputError if there is none."""
+    inside = Path(path) / "result.zarr"
+    return RunResult(inside if (inside / GROUP_FILE).exists() else path)

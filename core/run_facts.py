@@ -1,0 +1,60 @@
+"""What a run cost and used, in a few numbers."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from sparsemor.core.results import RunResult
+from sparsemor.core.status import Status
+
+
+@dataclass(frozen=True, slots=True)
+class RunFacts:
+    """ms_per_step: median computing time of a step. iterations: mean a step. atoms: dictionary columns; active_atoms: mean number
+    in use. rows: sampled rows. None: not known.
+    """
+
+    reducer: str
+    status: Status
+    steps: int
+    ms_per_step: float | None
+    offline_seconds: float | None
+    online_seconds: float | None
+    iterations: float | None
+    atoms: int
+    active_atoms: float
+    rows: int
+
+    @property
+    def atoms_text(self) -> str:
+        return f"{self.active_atoms:.3g}/{self.atoms}" if self.atoms else "-"
+
+    def as_dict(self) -> dict[str, Any]:
+        return {name: getattr(self, name) for name in self.__slots__} | {
+            "status": self.status.value}
+
+
+def run_facts(run: RunResult) -> RunFacts:
+    """From the summary where the run wrote one, else from its stored steps."""
+    summary = run.summary
+    stepped = np.flatnonzero(run.step_seconds > 0.0)
+    steps = int(summary.get("steps", stepped.size))
+    wall = summary.get("wall_s", {})
+    ms: float | None = summary.get("ms_per_step")
+    if ms is None and stepped.size:
+        ms = 1e3 * float(np.median(run.step_seconds[stepped]))
+    reduced = [b.name for b in run.layout if b.name in run.solver_layout and run.reduced(b.name)]
+    return RunFacts(
+        reducer=run.reducer,
+        status=run.status,
+        steps=steps,
+        ms_per_step=ms,
+        offline_seconds=wall.get("offline"),
+        online_seconds=wall.get("online"),
+        iterations=float(run.iterations[stepped].mean()) if stepped.size else None,
+        atoms=sum(run.support(name).shape[1] for name in reduced),
+        active_atoms=float(sum(run.support(name).sum(axis=1).mean() for name in reduced))
+        if len(run.times) else 0.0,
+        rows=sum(run.rows(b.name).size for b in run.layout),
+    )

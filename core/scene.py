@@ -1,0 +1,175 @@
+"""What a run is: bodies, joints, loads, time and how each step is solved. Validated and frozen."""
+
+import hashlib
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import (
+    Field,
+    ModelWrapValidatorHandler,
+    PrivateAttr,
+    ValidationError,
+    ValidationInfo,
+    model_validator,
+)
+from pydantic_core import PydanticSerializationError
+
+from sparsemor.core.errors import Fault, InputError
+from sparsemor.core.faults import custom, with_advice
+from sparsemor.core.overrides import find
+from sparsemor.core.plugin import Plugin
+from sparsemor.core.registry import Registry
+from sparsemor.core.scene_fields import Output, Probe, Time, Training
+from sparsemor.core.scene_names import name_faults
+from sparsemor.core.slot import Slot, name_default_slots, slot_default
+from sparsemor.core.source import Source
+
+
+class Scene(Plugin):
+    """One problem and one way to solve it.
+
+    Made by `load`, or directly. Keys of its faults are dotted paths of the file; cross references
+    (which joint holds which body) are checked when the parts are built.
+    """
+
+    format: Literal[1]
+    """Version of the scene format."""
+    title: str = ""
+    """For people."""
+    seed: int = Field(default=0, ge=0)
+    """Seed of everything random."""
+    bodies: dict[str, Annotated[Any, Slot("body")]] = Field(min_length=1)
+    """The bodies by name."""
+    joints: dict[str, Annotated[Any, Slot("joint")]] = {}
+    """What holds them together, by name."""
+    loads: dict[str, Annotated[Any, Slot("load")]] = {}
+    """What acts on them, by name."""
+    time: Time
+    """The clock."""
+    integrator: Annotated[Any, Slot("integrator")] = slot_default("bdf1")
+    """How rates follow from unknowns."""
+    training: Training = Training()
+    """The run that a reducer learns from."""
+    reducer: Annotated[Any, Slot("reducer")] = slot_default("full")
+    """How one step is solved."""
+    output: Output = Output()
+    """What is stored."""
+    probes: dict[str, Probe] = {}
+    """Points that are recorded, by name."""
+
+    _source: Source | None = PrivateAttr(default=None)
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _all_faults(
+        cls, data: Any, validate: ModelWrapValidatorHandler["Scene"], info: ValidationInfo
+    ) -> "Scene":
+        if not isinstance(data, Mapping):
+            return validate(data)
+        lines = name_faults(data)
+        try:
+            scene = validate(name_default_slots(cls, data))
+        except ValidationError as error:
+            lines = with_advice(cls, error) + lines
+        else:
+            if scene.training_end < scene.time.step:
+                message = f"must be at least time.step (given: {scene.training_end:g})"
+                lines.append(custom("time", message, ("training", "end"), scene.training_end))
+        if lines:
+            raise ValidationError.from_exception_data("Scene", lines)
+        return scene
+
+    @property
+    def source(self) -> Source:
+        """The tree it was made from, and where that was written."""
+        return self._source or Source.of_tree(self.dump())
+
+    @property
+    def name(self) -> str:
+        """The file's name without its ending; "scene" when there is no file."""
+        return self.source.name
+
+    @property
+    def folder(self) -> Path:
+        """The file's folder, from which paths in the scene start; else the working directory."""
+        return self.source.folder or Path.cwd()
+
+    @property
+    def training_end(self) -> float:
+        """When the training run ends, s."""
+        return self.time.end if self.training.end is None else self.training.end
+
+    def using(self, overrides: Mapping[str, Any], *, label: str = "--set") -> "Scene":
+        """The same scene with changes, validated anew: `{"reducer.sampler.use": "random"}`.
+
+        A change acts on the tree as written: a whole subtree is replaced by what is given for it,
+        and a new `use` drops the options of the plugin that was there. `label` is what messages
+        say of a changed key. Raises `InputError`.
+        """
+        return build(self.source.changed(overrides, label))
+
+    def for_training(self) -> "Scene":
+        """The full-order scene that a reduced run is trained on.
+
+        It does not depend on the reducer, so its digest tells whether snapshots can be reused.
+        """
+        changes = {**self.training.overrides, "reducer": "full"}
+        changes.setdefault("time.end", self.training_end)
+        tree = self.using(changes, label="training.overrides")
+        return tree.using({"training": {"every": self.training.every}}, label="training")
+
+    def locate(self, error: InputError) -> list[str]:
+        """One line a fault, `file:line:column: key: message`, in the file's order."""
+        return self.source.lines(error)
+
+    def dump(self) -> dict[str, Any]:
+        """Plain data, fit for JSON, that makes this scene again."""
+        registry = self._source.registry if self._source else Registry()
+        try:
+            return self.model_dump(mode="json", context={"registry": registry})
+        except PydanticSerializationError as error:
+            raise InputError(str(error).partition("InputError: ")[2] or str(error)) from None
+
+    def digest(self, *keys: str) -> str:
+        """sha256 of the canonical JSON of the subtrees at dotted `keys`; of all when none."""
+        tree = self.dump()
+        chosen = {key: _subtree(tree, key) for key in keys} if keys else tree
+        text = json.dumps(chosen, sort_keys=True, separators=(",", ":"), allow_nan=False)
+        return hashlib.sha256(text.encode()).hexdigest()
+
+
+def load(
+    scene: str | Path,
+    overrides: Mapping[str, Any] | None = None,
+    *,
+    registry: Registry | None = None,
+) -> Scene:
+    """A packaged scene by its name, or a scene file by its path, with changes as in `using`.
+
+    Raises `LocatedError`, an `InputError` that holds all faults, each with its line and column.
+    """
+    source = Source.read(scene, registry or Registry())
+    return build(source.changed(overrides, "--set") if overrides else source)
+
+
+def build(source: Source) -> Scene:
+    """Validate a source. Raises `LocatedError` with every fault found."""
+    try:
+        scene = Scene.model_validate(source.tree, context=source.context)
+    except ValidationError as error:
+        raise source.invalid(error) from None
+    scene._source = source
+    return scene
+
+
+def _subtree(tree: object, key: str) -> object:
+    for part in find(tree, key):
+        if isinstance(tree, Mapping) and part in tree:
+            tree = tree[str(part)]
+        elif isinstance(tree, list) and isinstance(part, int) and part < len(tree):
+            tree = tree[part]
+        else:
+            raise InputError([Fault(key, "there is no such key in the scene")])
+    return tree

@@ -1,0 +1,47 @@
+"""Rules for the names that a scene gives to its bodies, joints, loads and probes."""
+
+import re
+from collections.abc import Mapping
+from typing import Any
+
+from pydantic_core import InitErrorDetails
+
+from sparsemor.core.faults import custom
+from sparsemor.core.registry import near
+
+_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
+_NAMED = ("bodies", "joints", "loads", "probes")
+RESERVED = "ground"
+"""The name by which joints call the fixed world."""
+
+
+def name_faults(data: Mapping[str, Any]) -> list[InitErrorDetails]:
+    """Every name that breaks a rule, and probes of bodies that do not exist."""
+    owners: dict[object, str] = {}
+    lines: list[InitErrorDetails] = []
+    groups = {g: data[g] for g in _NAMED if isinstance(data.get(g), Mapping)}
+    for group, entries in groups.items():
+        for name in entries:
+            complaint = _complaint(group, name, owners)
+            if complaint:
+                lines.append(custom("name", complaint, (group, str(name)), name))
+    known = sorted(map(str, groups.get("bodies", {})))
+    for name, probe in groups.get("probes", {}).items():
+        body = probe.get("body") if isinstance(probe, Mapping) else None
+        if isinstance(body, str) and body not in known:
+            message = f"no body is called {body!r}: {near(body, known, 'bodies')}"
+            lines.append(custom("name", message, ("probes", str(name), "body"), body))
+    return lines
+
+
+def _complaint(group: str, name: object, owners: dict[object, str]) -> str:
+    if not (isinstance(name, str) and _NAME.fullmatch(name)):
+        return f"a name is made of letters, digits and _, and starts with no digit (given: {name})"
+    if name == RESERVED:
+        return f"{RESERVED} means the fixed world: choose another name"
+    if group == "probes":
+        return ""
+    if name in owners:
+        return f"this name is taken in {owners[name]}: bodies, joints and loads share their names"
+    owners[name] = group
+    return ""

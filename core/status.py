@@ -1,0 +1,63 @@
+"""How a solve ended: a value that carries its own advice, never an exception in an inner loop."""
+
+from enum import Enum
+
+
+class Status(Enum):
+    """Outcome of one solve or one run; `advice` says what to try when it is not `DONE`."""
+
+    DONE = "done"
+    NOT_CONVERGED = "not_converged"
+    SINGULAR = "singular"
+    RANK_DEFICIENT = "rank_deficient"
+    DIVERGED = "diverged"
+    NOT_FINITE = "not_finite"
+    INTERRUPTED = "interrupted"
+
+    @property
+    def ok(self) -> bool:
+        return self is Status.DONE
+
+    @property
+    def advice(self) -> str:
+        return _ADVICE[self]
+
+
+_ADVICE = {
+    Status.DONE: "",
+    Status.NOT_CONVERGED: (
+        "the iteration did not contract: take a smaller time.step, or check that the loads are "
+        "continuous in time"
+    ),
+    Status.SINGULAR: (
+        "the equations have no unique solution: look for a body that nothing holds, redundant "
+        "joints, or a missing reference condition"
+    ),
+    Status.RANK_DEFICIENT: (
+        "the sampled rows cannot tell the active atoms apart: take more rows, fewer atoms, or "
+        "another sampler"
+    ),
+    Status.DIVERGED: (
+        "the solution grew far beyond the training run: keep the required rows, take more rows, "
+        "try another seed or sampler, or a smaller time.step"
+    ),
+    Status.NOT_FINITE: "a value overflowed: take a smaller time.step or a more damped integrator",
+    Status.INTERRUPTED: "continue it with --resume",
+}
+
+
+class SolveFailed(RuntimeError):
+    """A run stopped before its end.
+
+    Only the time loop raises it. `status` says how, `time` (s) when, `block` where
+    (`body.field`, or "" for the whole system), and `detail` what was seen.
+    """
+
+    result: object = None
+    """The `RunResult` of what was computed, where there is one."""
+
+    def __init__(self, status: Status, time: float, block: str = "", detail: str = "") -> None:
+        self.status, self.time, self.block, self.detail = status, time, block, detail
+        where = f" in {block}" if block else ""
+        what = f" ({detail})" if detail else ""
+        super().__init__(f"{status.value} at t = {time:.6g} s{where}{what}: {status.advice}")

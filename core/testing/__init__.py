@@ -1,0 +1,21 @@
+"""The law kit: what every plugin of a kind must do, checked on seeded random inputs.
+
+A plugin author calls the check of its kind in one test. Each raises AssertionError in words on
+the first law that is broken, and returns nothing. Plain numpy: no test framework is needed.
+"""
+
+from sparsemor.core.testing.basis import check_basis
+from sparsemor.core.testing.integrator import check_integrator
+from sparsemor.core.testing.preconditioner import check_preconditioner
+from sparsemor.core.testing.sampler import check_sampler
+from sparsemor.core.testing.sparse_solver import check_sparse_solver
+from sparsemor.core.testing.term import check_term
+
+__all__ = [
+    "check_basis",
+    "check_integrator",
+    "check_preconditioner",
+    "check_sampler",
+    "check_sparse_solver",
+    "check_term",
+]

@@ -1,0 +1,115 @@
+"""Laws of an integrator, on equations whose solutions are known."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.layout import Block, Layout
+from sparsemor.core.protocols import Integrator, State
+from sparsemor.core.testing.data import copied, law, unchanged
+
+LAYOUT = Layout([Block("b", "elastic", 2), Block("b", "thermal", 2), Block("j", "multiplier", 1)])
+DAMPING, STIFFNESS, DECAY = 0.3, np.array([1.0, 9.0]), np.array([0.5, 2.0])
+"""x'' + DAMPING x' + STIFFNESS x = 0 (1/s, 1/s2) and T' + DECAY T = 0 (1/s), multiplier = x[0]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Run:
+    """Last state and its errors in x of second order, v of second order, x of first order."""
+
+    state: State
+    errors: FloatArray
+
+
+def check_integrator(integrator: Integrator, seed: int = 0) -> None:
+    """The formula and `advance` agree, nothing is written in place, rest stays rest, and the
+    stated order is observed on damped oscillators (x and v) and on decays."""
+    _formula_and_advance_agree(integrator, seed)
+    _rest_stays_rest(integrator)
+    coarse, fine = (integrate(integrator, steps).errors for steps in (320, 640))
+    observed = np.log2(coarse / fine)
+    names = ("x of second order", "v of second order", "x of first order")
+    for name, order in zip(names, observed, strict=True):
+        law(
+            order > integrator.order - 0.2,
+            f"order {integrator.order} is stated, {order:.2f} observed for {name}",
+        )
+
+
+def integrate(integrator: Integrator, steps: int, end: float = 2.0) -> Run:
+    """Solves the equations above from t = 0 to `end` (s)."""
+    h = end / steps
+    x, v, a = exact(0.0)
+    state = integrator.start(LAYOUT, State(0.0, x, v, a, np.zeros((5, 0))))
+    for _ in range(steps):
+        f = integrator.formula(LAYOUT, state, h)
+        new = np.zeros(5)
+        left = f.c2 + DAMPING * f.c1 + STIFFNESS
+        new[:2] = -(f.r2[:2] + DAMPING * f.r1[:2]) / left
+        new[2:4] = -f.r1[2:4] / (f.c1_first + DECAY)
+        new[4] = new[0]
+        state = integrator.advance(LAYOUT, state, f, new, h)
+    x, v, _ = exact(state.t)
+    errors = [state.x[:2] - x[:2], state.v[:2] - v[:2], state.x[2:4] - x[2:4]]
+    return Run(state, np.array([np.linalg.norm(e) for e in errors]))
+
+
+def exact(t: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """x, v, a (5,) at time t (s) of the equations above, from x = 1 at rest and T = 1."""
+    half = DAMPING / 2.0
+    w = np.sqrt(STIFFNESS - half**2)
+    fade = np.exp(-half * t)
+    q = fade * (np.cos(w * t) + half / w * np.sin(w * t))
+    qd = -fade * (STIFFNESS / w) * np.sin(w * t)
+    T = np.exp(-DECAY * t)
+    x, v, a = np.concatenate([q, T, q[:1]]), np.zeros(5), np.zeros(5)
+    v[:2], v[2:4] = qd, -DECAY * T
+    a[:2] = -DAMPING * qd - STIFFNESS * q
+    return x, v, a
+
+
+def _formula_and_advance_agree(integrator: Integrator, seed: int) -> None:
+    rng, h = np.random.default_rng(seed), 0.01
+    state = _random_state(integrator, rng)
+    for trial in range(10):
+        x, where = rng.standard_normal(5), f"(seed {seed}, trial {trial})"
+        before = copied(state)
+        f = integrator.formula(LAYOUT, state, h)
+        law(f.r1.shape == (5,) and f.r2.shape == (5,), f"r1 and r2 must have shape (n,) {where}")
+        law(abs(f.t - state.t - h) < 1e-12, f"the formula is for t = {f.t}, not t + h {where}")
+        law(f.c1 > 0 and f.c2 > 0 and f.c1_first > 0, f"c1, c2, c1_first must be > 0 {where}")
+        new = integrator.advance(LAYOUT, state, f, x, h)
+        law(unchanged(state, before), f"the old state was written to {where}")
+        law(np.array_equal(new.x, x) and new.t == f.t, f"advance changed x or t {where}")
+        law(new.memory.ndim == 2 and new.memory.shape[0] == 5, f"memory must be (n, j) {where}")
+        for name, got, want in (
+            ("v of second order", new.v[:2], f.c1 * x[:2] + f.r1[:2]),
+            ("a of second order", new.a[:2], f.c2 * x[:2] + f.r2[:2]),
+            ("v of first order", new.v[2:4], f.c1_first * x[2:4] + f.r1[2:4]),
+        ):
+            close = np.allclose(got, want, rtol=1e-9, atol=1e-9 * f.c2)
+            law(close, f"advance and formula give a different {name} {where}")
+        state = new
+
+
+def _random_state(integrator: Integrator, rng: np.random.Generator) -> State:
+    x, v, a = rng.standard_normal((3, 5))
+    given = State(0.7, x, v, a, np.zeros((5, 0)))
+    before = copied(given)
+    state = integrator.start(LAYOUT, given)
+    law(unchanged(given, before), "start wrote to the state it was given")
+    same = all(np.array_equal(getattr(state, n), getattr(given, n)) for n in ("x", "v", "a"))
+    law(same and state.t == given.t, "start may set the memory only")
+    law(state.memory.ndim == 2 and state.memory.shape[0] == 5, "memory must have shape (n, j)")
+    return state
+
+
+def _rest_stays_rest(integrator: Integrator) -> None:
+    x, zero = np.arange(1.0, 6.0), np.zeros(5)
+    state = integrator.start(LAYOUT, State(0.0, x, zero, zero, np.zeros((5, 0))))
+    for h in (1e-3, 0.1, 10.0):
+        f = integrator.formula(LAYOUT, state, h)
+        new = integrator.advance(LAYOUT, state, f, x, h)
+        still = np.abs(new.v[:4]).max() * h + np.abs(new.a[:2]).max() * h * h
+        law(still < 1e-12, f"a body at rest that stays where it is gets a speed (h = {h} s)")

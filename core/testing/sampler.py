@@ -1,0 +1,83 @@
+"""Laws of a sampler."""
+
+import numpy as np
+
+from sparsemor.core.arrays import IntArray
+from sparsemor.core.errors import InputError
+from sparsemor.core.protocols import BlockData, Dictionary, Sampler
+from sparsemor.core.testing.data import copied, law, random_block, random_dictionary, unchanged
+
+
+def check_sampler(sampler: Sampler, seed: int = 0, trials: int = 30) -> None:
+    """Sorted distinct rows: the required ones and m more, repeatable from the generator alone.
+
+    A sampler with an option `required = False` is held to m rows, whatever is required. More rows
+    than unknowns are refused with an InputError.
+    """
+    forces = bool(getattr(sampler, "required", True))
+    for trial in range(trials):
+        rng = np.random.default_rng([seed, trial])
+        block = random_block(rng)
+        n = block.size
+        required = np.sort(rng.choice(n, int(rng.integers(0, n // 3)), replace=False))
+        required = required.astype(np.int64)
+        left = n - required.size if forces else n
+        m = left if trial == 0 else int(rng.integers(0 if forces else 1, left + 1))
+        dictionary = random_dictionary(n, max(1, min(m, n)), rng)
+        where = f"(seed {seed}, trial {trial}: {n} unknowns, {required.size} required, m = {m})"
+        rows = _repeatable(sampler, block, m, dictionary, required, [seed, trial], where)
+        _well_formed(rows, n, where)
+        if forces:
+            missing = np.setdiff1d(required, rows)
+            law(missing.size == 0, f"required rows {missing[:5]} are missing {where}")
+        wanted = m + (required.size if forces else 0)
+        law(rows.size == wanted, f"{rows.size} rows instead of {wanted} {where}")
+    _refuses_too_many(sampler, random_block(np.random.default_rng(seed)))
+
+
+def _repeatable(
+    sampler: Sampler,
+    block: BlockData,
+    m: int,
+    dictionary: Dictionary,
+    required: IntArray,
+    seed: list[int],
+    where: str,
+) -> IntArray:
+    before = copied(block) + copied(dictionary) + [required.copy()]
+    first, again = (
+        sampler.sample(block, m, dictionary, np.random.default_rng(seed), required)
+        for _ in range(2)
+    )
+    law(
+        unchanged(block, before[: len(copied(block))])
+        and unchanged(dictionary, before[len(copied(block)) : -1])
+        and np.array_equal(required, before[-1]),
+        f"the sampler wrote to its inputs {where}",
+    )
+    law(
+        np.array_equal(first, again),
+        f"two generators of the same seed give different rows {where}: draw from `rng` only",
+    )
+    return first
+
+
+def _well_formed(rows: IntArray, n: int, where: str) -> None:
+    law(
+        isinstance(rows, np.ndarray) and rows.ndim == 1 and rows.dtype == np.int64,
+        f"rows must be a 1-D int64 array {where}",
+    )
+    law((np.diff(rows) > 0).all(), f"rows must be sorted and distinct {where}")
+    law(rows.size == 0 or (rows[0] >= 0 and rows[-1] < n), f"rows outside 0..{n - 1} {where}")
+
+
+def _refuses_too_many(sampler: Sampler, block: BlockData) -> None:
+    n, rng = block.size, np.random.default_rng(0)
+    dictionary = random_dictionary(n, n, rng)
+    try:
+        sampler.sample(block, n + 1, dictionary, rng, np.zeros(0, dtype=np.int64))
+    except InputError:
+        return
+    except Exception as error:
+        raise AssertionError(f"m = n + 1: expected an InputError, got {error!r}") from error
+    raise AssertionError(f"m = n + 1 = {n + 1} rows of {n} were accepted")

@@ -1,0 +1,93 @@
+"""Laws of a sparse solver."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from sparsemor.core.protocols import SparseOutcome, SparseProblem, SparseSolver, SparseStart
+from sparsemor.core.status import Status
+from sparsemor.core.testing.data import copied, law, unchanged
+from sparsemor.core.testing.problems import Elsewhere, LeastSquares, empty_start, incoherent
+
+
+def check_sparse_solver(solver: SparseSolver, seed: int = 0, trials: int = 20) -> None:
+    """Budgets kept, honest statuses, and the sparse answer found where it is easy to find.
+
+    Easy means: Gaussian columns, 5 active of 70 (and 4 free ones), 60 rows, no noise; from an
+    empty start for a linear problem, from the right support for a mildly nonlinear one.
+    """
+    for trial in range(trials):
+        rng = np.random.default_rng([seed, trial])
+        where = f"(seed {seed}, trial {trial})"
+        linear = incoherent(rng)
+        _finds(solver, linear, empty_start(linear.answer.size), f"linear, empty start {where}")
+        bent = replace(linear, bend=0.02)
+        near = linear.answer * (1.0 + 0.01 * rng.standard_normal(linear.answer.size))
+        _finds(solver, bent, SparseStart(near, bent.support), f"nonlinear, near start {where}")
+        full = SparseStart(rng.standard_normal(near.size), np.ones(near.size, dtype=np.bool_))
+        _well_formed(linear, solver.solve(linear, full), f"start beyond the budget {where}")
+        noisy = _with_noise(linear, rng)
+        outcome = solver.solve(noisy, empty_start(near.size))
+        _well_formed(noisy, outcome, f"noisy {where}")
+    _owns_up(solver, incoherent(np.random.default_rng(seed)))
+
+
+def _finds(solver: SparseSolver, problem: LeastSquares, start: SparseStart, where: str) -> None:
+    before = copied(start)
+    outcome, again = solver.solve(problem, start), solver.solve(problem, start)
+    law(unchanged(start, before), f"the solver wrote to its start: {where}")
+    law(
+        np.array_equal(outcome.c, again.c) and np.array_equal(outcome.support, again.support),
+        f"two solves from the same start differ: {where}",
+    )
+    _well_formed(problem, outcome, where)
+    law(outcome.status is Status.DONE, f"ended with {outcome.status.value}: {where}")
+    error = np.linalg.norm(outcome.c - problem.answer) / np.linalg.norm(problem.answer)
+    law(error < 1e-5, f"c is off by {error:.1e} of its norm: {where}")
+    missed = np.flatnonzero(problem.support & ~outcome.support)
+    law(missed.size == 0, f"atoms {missed} of the answer are not in the support: {where}")
+
+
+def _well_formed(problem: SparseProblem, outcome: SparseOutcome, where: str) -> None:
+    k = max(g.stop for g in problem.groups)
+    law(outcome.c.shape == (k,), f"c has shape {outcome.c.shape}, not ({k},): {where}")
+    law(
+        outcome.support.shape == (k,) and outcome.support.dtype == np.bool_,
+        f"support must be bool of shape ({k},): {where}",
+    )
+    law(np.isfinite(outcome.c).all(), f"c holds values that are not finite: {where}")
+    for g in problem.groups:
+        part = slice(g.start, g.stop)
+        if g.budget is None:
+            continue
+        used = int(outcome.support[part].sum())
+        law(used <= g.budget, f"{used} active atoms in {g.name}, budget {g.budget}: {where}")
+        law(
+            not outcome.c[part][~outcome.support[part]].any(),
+            f"c is not zero outside the support in {g.name}: {where}",
+        )
+    if outcome.status is Status.DONE:
+        norm = float(np.linalg.norm(problem.residual(outcome.c)))
+        scale = float(np.linalg.norm(problem.residual(np.zeros(k))))
+        law(
+            abs(norm - outcome.residual_norm) <= 1e-9 * max(norm, scale),
+            f"residual_norm is {outcome.residual_norm:.3e}, that of c is {norm:.3e}: {where}",
+        )
+
+
+def _with_noise(problem: LeastSquares, rng: np.random.Generator) -> Elsewhere:
+    noise = 0.05 * rng.standard_normal(problem.A.shape[0])
+    return Elsewhere(problem, lambda r: r + noise)
+
+
+def _owns_up(solver: SparseSolver, problem: LeastSquares) -> None:
+    """Failures must be told by the status."""
+    nan = Elsewhere(problem, lambda r: np.full_like(r, np.nan))
+    start = empty_start(problem.answer.size)
+    status = solver.solve(nan, start).status
+    law(status is Status.NOT_FINITE, f"a residual of nan ended with {status.value}")
+    A = problem.A.copy()
+    A[:, 1] = A[:, 0]  # two free columns that no row can tell apart
+    twins = replace(problem, A=A)
+    status = solver.solve(twins, start).status
+    law(not status.ok, "two equal unpenalised columns were reported as solved")

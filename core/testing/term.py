@@ -1,0 +1,149 @@
+"""Laws of a term of the equations."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core.protocols import Term, Trial
+from sparsemor.core.testing.data import law
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Point:
+    """Unknowns and rates at a term's columns (n,), time (s), and the slopes dv/dx, da/dx (n,)."""
+
+    x: FloatArray
+    v: FloatArray
+    a: FloatArray
+    t: float
+    c1: FloatArray
+    c2: FloatArray
+
+    @classmethod
+    def draw(cls, n: int, base: FloatArray, scale: float, rng: np.random.Generator) -> "_Point":
+        x, v, a = (scale * rng.standard_normal(n) for _ in range(3))
+        c1, c2 = rng.uniform(0.5, 2.0, (2, n))
+        return cls(base + x, v, a, float(rng.random()), c1, c2)
+
+    def at(self, columns: IntArray) -> "_Point":
+        c = columns
+        return _Point(self.x[c], self.v[c], self.a[c], self.t, self.c1[c], self.c2[c])
+
+    def moved(self, d: FloatArray) -> "_Point":
+        v, a = self.v + self.c1 * d, self.a + self.c2 * d
+        return _Point(self.x + d, v, a, self.t, self.c1, self.c2)
+
+
+def check_term(
+    term: Term,
+    rng: np.random.Generator,
+    base: FloatArray | None = None,
+    scale: float = 1.0,
+    trials: int = 5,
+    rtol: float = 1e-6,
+) -> None:
+    """The laws of `restrict` and `compress`, and the Jacobian against central differences.
+
+    Unknowns are drawn around `base` (n,) at the term's columns (zeros when left out), they and
+    their rates with standard deviation `scale`: give both where random numbers are not
+    admissible, such as temperatures below 0 K.
+    """
+    n, m = term.columns.size, term.rows.size
+    law(term.columns.ndim == 1 and np.unique(term.columns).size == n, "columns must be distinct")
+    law(term.rows.ndim == 1, "rows must be a 1-D array")
+    law(term.elements >= 0, "elements must not be negative")
+    around = np.zeros(n) if base is None else base
+    for _ in range(trials):
+        p = _Point.draw(n, around, scale, rng)
+        _shapes(term, p, m, n)
+        _differences(term, p, scale, rng, rtol)
+        some = np.sort(rng.choice(m, int(rng.integers(0, m + 1)), replace=False))
+        for keep in (some, some[::2], some[:0], np.arange(m)):
+            _restricted(term, p, keep.astype(np.int64))
+        _compressed(term, p, around, scale, rng)
+
+
+def _residual(term: Term, p: _Point) -> FloatArray:
+    return term.residual(p.x, p.v, p.a, p.t)
+
+
+def _jacobian(term: Term, p: _Point) -> FloatArray:
+    return np.asarray(term.jacobian(p.x, p.v, p.a, p.t, p.c1, p.c2).toarray())
+
+
+def _shapes(term: Term, p: _Point, m: int, n: int) -> None:
+    before = [p.x.copy(), p.v.copy(), p.a.copy()]
+    r, J = _residual(term, p), term.jacobian(p.x, p.v, p.a, p.t, p.c1, p.c2)
+    law(r.shape == (m,), f"the residual has shape {r.shape}, not ({m},)")
+    law(J.shape == (m, n), f"the Jacobian has shape {J.shape}, not ({m}, {n})")
+    law(np.isfinite(r).all() and np.isfinite(J.toarray()).all(), "a value is not finite")
+    same = all(np.array_equal(a, b) for a, b in zip(before, (p.x, p.v, p.a), strict=True))
+    law(same, "the term wrote to its arguments")
+    law(np.array_equal(r, _residual(term, p)), "two evaluations at one point differ")
+
+
+def _differences(
+    term: Term, p: _Point, scale: float, rng: np.random.Generator, rtol: float
+) -> None:
+    """One random direction: a wrong entry shows in it with probability one."""
+    d = rng.standard_normal(p.x.size)
+    step = 1e-5 * scale
+    ahead, behind = _residual(term, p.moved(step * d)), _residual(term, p.moved(-step * d))
+    got, want = _jacobian(term, p) @ d, (ahead - behind) / (2.0 * step)
+    size = np.abs(want).max(initial=0.0)
+    noise = 50.0 * np.finfo(np.float64).eps * np.abs(ahead).max(initial=0.0) / step
+    error = np.abs(got - want).max(initial=0.0)
+    law(
+        error <= rtol * size + noise,
+        f"Jacobian and central difference differ by {error:.2e} of {size:.2e}",
+    )
+
+
+def _restricted(term: Term, p: _Point, keep: IntArray) -> None:
+    small, what = term.restrict(keep), f"restrict to {keep.size} of {term.rows.size} rows"
+    law(np.array_equal(small.rows, term.rows[keep]), f"{what}: rows must be rows[keep]")
+    place = {int(c): i for i, c in enumerate(term.columns)}
+    law(all(int(c) in place for c in small.columns), f"{what}: its stencil has new columns")
+    law(small.elements <= term.elements, f"{what}: more elements are visited than before")
+    columns = np.array([place[int(c)] for c in small.columns], dtype=np.int64)
+    q = p.at(columns)
+    r, J = _residual(term, p), _jacobian(term, p)
+    same = _close(_residual(small, q), r[keep], r)
+    law(same, f"{what}: the residual differs from residual[keep]")
+    wide = np.zeros((keep.size, p.x.size))
+    wide[:, columns] = _jacobian(small, q)
+    law(_close(wide, J[keep], J), f"{what}: the Jacobian differs from jacobian[keep]")
+
+
+def _compressed(
+    term: Term, p: _Point, base: FloatArray, scale: float, rng: np.random.Generator
+) -> None:
+    n, m, k = p.x.size, term.rows.size, 3
+    trial = Trial(rng.standard_normal((n, k)) / np.sqrt(k), base + 0.1 * scale * p.c1)
+    left = rng.standard_normal((2, m))
+    xi, xi1, xi2 = (scale * rng.standard_normal(k) for _ in range(3))
+    c1, c2 = rng.uniform(0.5, 2.0, (2, k))
+    Z, reduced = trial.atoms, term.compress(trial, left)
+    x, v, a, t = trial.offset + Z @ xi, Z @ xi1, Z @ xi2, p.t
+    r = term.residual(x, v, a, t)
+    size = np.abs(left) @ np.abs(r)
+    got = reduced.residual(xi, xi1, xi2, t)
+    law(got.shape == (2,), f"compress: the residual has shape {got.shape}, not (2,)")
+    law(_close(got, left @ r, size), "compress: the residual differs from left @ residual")
+    zero, one = np.zeros(n), np.ones(n)
+    of_x = term.jacobian(x, v, a, t, zero, zero).toarray()
+    of_v = term.jacobian(x, v, a, t, one, zero).toarray() - of_x
+    of_a = term.jacobian(x, v, a, t, zero, one).toarray() - of_x
+    J = of_x @ Z + of_v @ Z * c1 + of_a @ Z * c2
+    slope = reduced.jacobian(xi, xi1, xi2, t, c1, c2)
+    law(slope.shape == (2, k), f"compress: the Jacobian has shape {slope.shape}, not (2, {k})")
+    terms = np.abs(left) @ (np.abs(of_x) + np.abs(of_v) + np.abs(of_a)) @ np.abs(Z)
+    same = _close(slope, left @ J, terms)
+    law(same, "compress: the Jacobian differs from left @ jacobian @ atoms")
+
+
+def _close(a: FloatArray, b: FloatArray, scale: FloatArray) -> bool:
+    """Equal to 1e-9 of the largest number that went into them."""
+    limit = 1e-9 * (np.abs(scale).max(initial=0.0) + np.abs(b).max(initial=0.0))
+    return bool(a.shape == b.shape and np.abs(a - b).max(initial=0.0) <= limit)

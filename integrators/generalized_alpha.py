@@ -1,0 +1,106 @@
+"""The generalized-alpha rule for index-3 systems, with the matching first-order rule."""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from pydantic import Field
+
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.layout import Layout
+from sparsemor.core.plugin import Plugin
+from sparsemor.core.protocols import State, StepFormula
+
+
+class _Second(NamedTuple):
+    """Arnold and Bruels 2007, doi 10.1007/s11044-007-9084-0."""
+
+    am: float
+    af: float
+    gamma: float
+    beta: float
+
+
+class _First(NamedTuple):
+    """Jansen, Whiting and Hulbert 2000, doi 10.1016/S0045-7825(00)00203-6."""
+
+    am: float
+    af: float
+    gamma: float
+
+
+class GeneralizedAlpha(Plugin):
+    """Second-order accurate; the highest frequencies shrink by `rho_inf` in each step.
+
+    With b the algorithmic acceleration (kept in memory), a the true one:
+    q1 = q + h v + h^2 ((1/2 - beta) b + beta b1), v1 = v + h ((1 - gamma) b + gamma b1),
+    (1 - am) b1 + am b = (1 - af) a1 + af a. First-order unknowns have an algorithmic rate s in
+    its place: T1 = T + h ((1 - gamma) s + gamma s1), (1 - am) s1 + am s = (1 - af) T1' + af T'.
+    All equations hold at the new time. Rates of algebraic unknowns are zero.
+    """
+
+    rho_inf: float = Field(default=0.8, ge=0.0, le=1.0)
+    """Spectral radius at infinite frequency: 1 keeps all energy, 0 removes what h cannot
+    resolve within one step."""
+
+    @property
+    def order(self) -> int:
+        return 2
+
+    def start(self, layout: Layout, state: State) -> State:
+        """Memory (n, 1): algorithmic acceleration, or rate, equal to the true one at first."""
+        memory = np.zeros((state.x.size, 1))
+        memory[layout.second, 0] = state.a[layout.second]
+        memory[layout.first, 0] = state.v[layout.first]
+        return replace(state, memory=memory)
+
+    def formula(self, layout: Layout, state: State, h: float) -> StepFormula:
+        """The substitution at state.t + h; h in s."""
+        am, af, gamma, beta = self._second()
+        r1, r2 = np.zeros(state.x.size), np.zeros(state.x.size)
+        part = layout.second
+        v, b = state.v[part], state.memory[part, 0]
+        c1, c2 = gamma / (beta * h), (1.0 - am) / ((1.0 - af) * beta * h * h)
+        q = state.x[part] + h * (v + (h * (0.5 - beta)) * b)
+        r1[part] = v + (h * (1.0 - gamma)) * b - c1 * q
+        r2[part] = (am / (1.0 - af)) * b - (af / (1.0 - af)) * state.a[part] - c2 * q
+
+        am, af, gamma = self._first()
+        part = layout.first
+        s = state.memory[part, 0]
+        c1_first = (1.0 - am) / ((1.0 - af) * gamma * h)
+        q = state.x[part] + (h * (1.0 - gamma)) * s
+        r1[part] = (am / (1.0 - af)) * s - (af / (1.0 - af)) * state.v[part] - c1_first * q
+        return StepFormula(state.t + h, c1, c2, c1_first, r1, r2)
+
+    def advance(
+        self, layout: Layout, state: State, formula: StepFormula, x: FloatArray, h: float
+    ) -> State:
+        v, a, memory = np.zeros(x.size), np.zeros(x.size), np.zeros((x.size, 1))
+        am, af, _, _ = self._second()
+        part = layout.second
+        v[part] = formula.c1 * x[part] + formula.r1[part]
+        a[part] = formula.c2 * x[part] + formula.r2[part]
+        memory[part, 0] = _blended(am, af, a[part], state.a[part], state.memory[part, 0])
+
+        am, af, _ = self._first()
+        part = layout.first
+        v[part] = formula.c1_first * x[part] + formula.r1[part]
+        memory[part, 0] = _blended(am, af, v[part], state.v[part], state.memory[part, 0])
+        return State(formula.t, x, v, a, memory)
+
+    def _second(self) -> _Second:
+        rho = self.rho_inf
+        am, af = (2.0 * rho - 1.0) / (rho + 1.0), rho / (rho + 1.0)
+        gamma = 0.5 + af - am
+        return _Second(am, af, gamma, 0.25 * (gamma + 0.5) ** 2)
+
+    def _first(self) -> _First:
+        rho = self.rho_inf
+        am, af = 1.0 - 0.5 * (3.0 - rho) / (1.0 + rho), 1.0 - 1.0 / (1.0 + rho)
+        return _First(am, af, 0.5 + af - am)
+
+
+def _blended(am: float, af: float, new: FloatArray, old: FloatArray, b: FloatArray) -> FloatArray:
+    """b1 from (1 - am) b1 + am b = (1 - af) new + af old."""
+    return ((1.0 - af) * new + af * old - am * b) / (1.0 - am)

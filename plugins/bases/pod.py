@@ -1,0 +1,122 @@
+"""Proper orthogonal decomposition of one block's snapshots (Eq. 8-12)."""
+
+from typing import Self
+
+import numpy as np
+from pydantic import Field, model_validator
+from scipy import linalg
+
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.errors import InputError
+from sparsemor.core.plugin import Plugin
+from sparsemor.core.protocols import BlockData, Dictionary
+from sparsemor.plugins.bases.svd import left_singular, round_off_level
+
+
+class Pod(Plugin):
+    """The left singular vectors of the snapshots, largest first, cut at the numerical rank.
+
+    Where `energy` and `count` are both given, the one that keeps fewer columns decides. The
+    entry of largest size of each atom is positive, so that equal snapshots give equal atoms.
+    """
+
+    energy: float | None = Field(default=None, gt=0.0, le=1.0)
+    """Share of the summed squared singular values that the kept columns reach at least."""
+    count: int | None = Field(default=None, ge=1)
+    """Largest number of columns kept."""
+    centred: bool = False
+    """Take the snapshot mean away first (Eq. 8) and keep it as the dictionary's offset."""
+    complete: bool = False
+    """Add orthonormal columns beyond the numerical rank until there are n (or `count`) of them,
+    as the paper's n x n basis has them. They carry no information; n x n numbers are stored."""
+    rank_rtol: float | None = Field(default=None, gt=0.0, lt=1.0)
+    """Singular value, relative to the largest, below which a column is round-off. Left out:
+    4 (sqrt n + sqrt M) eps for n unknowns and M snapshots, about 1e-13."""
+
+    @model_validator(mode="after")
+    def _one_purpose(self) -> Self:
+        if self.complete and self.energy is not None:
+            raise ValueError("energy drops columns and complete puts them back: give one of them")
+        return self
+
+    @property
+    def needs_snapshots(self) -> bool:
+        return True
+
+    def build(self, data: BlockData) -> Dictionary:
+        """Atoms (n, k). Raises InputError for snapshots that are absent, not finite or all 0."""
+        A = _checked(data)
+        n, M = A.shape
+        offset = A.mean(axis=1) if self.centred else np.zeros(n)
+        varying = A - offset[:, None] if self.centred else A
+        level = self.rank_rtol or round_off_level(n, M)
+        U, s = left_singular(varying, level)
+        # A A^T = varying varying^T + M mean mean^T: rounding is relative to what was stored
+        largest = max(float(s[0]), float(np.sqrt(M) * np.linalg.norm(offset)))
+        rank = int(np.count_nonzero(s > level * largest))
+        if rank == 0:
+            raise InputError(
+                f"the {M} snapshots of {data.name} do not differ from their mean by more than "
+                "round-off: nothing is left to decompose; set centred: false or train with a load"
+            )
+        total = float(np.linalg.norm(varying)) ** 2
+        kept, cut = self._cut(s, rank, total)
+        atoms = self._completed(U[:, :kept]) if self.complete else U[:, :kept]
+        atoms = atoms * _signs(atoms)
+        names = [f"pod {i}" for i in range(kept)]
+        names += [f"completion {i}" for i in range(atoms.shape[1] - kept)]
+        return Dictionary(np.ascontiguousarray(atoms), offset, tuple(names), {
+            "numerical_rank": rank,
+            "kept": kept,
+            "completed": atoms.shape[1] - kept,
+            "energy": min(1.0, float(s[:kept] @ s[:kept]) / total),
+            "last_singular_value": float(s[kept - 1] / s[0]),
+            "snapshots": M,
+            "rank_rtol": level,
+            "cut": cut,
+        })
+
+    def _cut(self, s: FloatArray, rank: int, total: float) -> tuple[int, str]:
+        """How many columns stay, and which option or limit decided it."""
+        kept, cut = rank, f"the other columns are round-off: below {s[0]:.3g} x rank_rtol"
+        if rank == s.size:
+            cut = "none: every column is above round-off"
+        if self.energy is not None:
+            rest = np.append(np.cumsum((s * s)[::-1])[::-1][1:], 0.0)  # energy after column i
+            enough = np.flatnonzero(rest <= (1.0 - self.energy) * total)
+            if enough.size and enough[0] + 1 < kept:
+                kept, cut = int(enough[0]) + 1, "energy"
+        if self.count is not None and self.count < kept:
+            kept, cut = self.count, "count"
+        return kept, cut
+
+    def _completed(self, U: FloatArray) -> FloatArray:
+        wanted = min(U.shape[0], self.count or U.shape[0])
+        full = linalg.qr(U, mode="full", check_finite=False)[0]
+        return np.hstack([U, full[:, U.shape[1] : wanted]])
+
+
+def _checked(data: BlockData) -> FloatArray:
+    A = data.snapshots
+    if A.size == 0:
+        raise InputError(
+            f"pod has no snapshots of {data.name} (shape {A.shape}): give the scene a training "
+            "run, or use a basis that needs none"
+        )
+    if not np.isfinite(A).all():
+        bad = int(np.flatnonzero(~np.isfinite(A).all(axis=0))[0])
+        raise InputError(
+            f"snapshot {bad} of {data.name} holds values that are not finite: the training run "
+            "failed there; repeat it with a smaller time.step"
+        )
+    if not A.any():
+        raise InputError(
+            f"all {A.shape[1]} snapshots of {data.name} are zero: nothing moved or heated it in "
+            "the training run; add a load there, or leave this block out of the budgets"
+        )
+    return A
+
+
+def _signs(U: FloatArray) -> FloatArray:
+    peak = U[np.abs(U).argmax(axis=0), np.arange(U.shape[1])]
+    return np.where(peak < 0.0, -1.0, 1.0)

@@ -1,0 +1,76 @@
+"""A bar on the terminal: simulated time, steps a second, time left."""
+
+from typing import TYPE_CHECKING, Any
+
+from pydantic import Field
+
+from sparsemor.core.hooks import RunStart, hookimpl
+from sparsemor.core.plugin import Plugin
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.progress import Progress, TaskID
+
+
+class ProgressBar(Plugin):
+    """Shows how far a run is, on standard error."""
+
+    refresh: float = Field(default=4.0, gt=0)
+    """How often the bar is redrawn, 1/s."""
+
+    def observer(self, console: "Console | None" = None) -> "RunningBar":
+        """A new observer for one run (and its training run)."""
+        return RunningBar(self.refresh, console)
+
+
+class RunningBar:
+    """The observer. It owns the terminal's last line from `on_start` to `on_finish`."""
+
+    def __init__(self, refresh: float, console: "Console | None") -> None:
+        self._refresh, self._console = refresh, console
+        self._bar: Progress | None = None
+        self._task: TaskID | None = None
+        self._steps = 0
+
+    @hookimpl
+    def on_start(self, run: RunStart) -> None:
+        self.close()
+        self._bar = _bar(self._refresh, self._console)
+        label = f"{run.title} {run.reducer}".strip()
+        label += " (training)" if run.phase == "training" else ""
+        self._steps = 0
+        self._task = self._bar.add_task(label, total=run.steps, t=run.t_start, end=run.t_end)
+        self._bar.start()
+
+    @hookimpl
+    def on_step(self, t: float) -> None:
+        if self._bar is not None and self._task is not None:
+            self._steps += 1
+            self._bar.update(self._task, completed=self._steps, t=t)
+
+    @hookimpl
+    def on_finish(self) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Give the terminal back; harmless when nothing is shown."""
+        if self._bar is not None:
+            self._bar.stop()
+        self._bar = None
+
+
+def _bar(refresh: float, console: "Console | None") -> "Progress":
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, ProgressColumn, TextColumn, TimeRemainingColumn
+    from rich.text import Text
+
+    class Rate(ProgressColumn):
+        def render(self, task: Any) -> Text:
+            return Text(f"{task.speed:.0f} steps/s" if task.speed else "")
+
+    return Progress(
+        TextColumn("{task.description}"), BarColumn(),
+        TextColumn("t = {task.fields[t]:.4g} of {task.fields[end]:g} s"),
+        Rate(), TimeRemainingColumn(),
+        console=console or Console(stderr=True), refresh_per_second=refresh, transient=True,
+    )

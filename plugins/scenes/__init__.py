@@ -1,0 +1,8 @@
+"""Packaged scenes: names that `load` knows."""
+
+from pathlib import Path
+
+_HERE = Path(__file__).parent
+
+double_pendulum = _HERE / "double_pendulum.yaml"
+double_pendulum_published = _HERE / "double_pendulum_published.yaml"

@@ -1,0 +1,146 @@
+"""Greedy Gauss-Newton for the sparse step problem (Eq. 25)."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from pydantic import Field
+
+from sparsemor.core.arrays import BoolArray, FloatArray
+from sparsemor.core.plugin import Plugin
+from sparsemor.core.protocols import Group, SparseOutcome, SparseProblem, SparseStart
+from sparsemor.core.status import Status
+from sparsemor.plugins.sparse_solvers.active_set import (
+    EPS,
+    Fit,
+    Linearised,
+    fit,
+    independent,
+    pruned,
+    widened,
+)
+from sparsemor.plugins.sparse_solvers.visits import Visits
+
+
+class GreedyGaussNewton(Plugin):
+    """Gauss-Newton whose every step may exchange atoms, as subspace pursuit does.
+
+    1 linearise; 2 least squares on the active columns; 3 join them with the columns of each
+    group that correlate most with what is left, and solve again; 4 keep the `budget` largest of
+    each group and solve on those; 5 take the exchange if it lowers the linearised residual.
+    It ends when neither the support nor c changes: with fewer atoms than rows the residual
+    itself does not vanish. Steps 3-4 after Dai and Milenkovic 2009, doi 10.1109/TIT.2009.2016006.
+    """
+
+    rtol: float = Field(default=1e-8, gt=0.0, lt=1.0)
+    """Largest step of each group, relative to the group (both scaled by column norms), that
+    ends the iteration."""
+    max_iterations: int = Field(default=30, ge=1)
+    """Linearisations before the solve is given up as not converged."""
+    growth: int | None = Field(default=None, ge=1)
+    """Most atoms that may enter a group in one iteration; left out: as many as its budget."""
+    gain: float = Field(default=1e-8, ge=0.0, lt=1.0)
+    """Fraction by which an exchange must lower the linearised residual norm: keeps atoms that
+    fit round-off from changing places for ever."""
+    rank_rtol: float = Field(default=1e-12, gt=0.0, lt=1.0)
+    """Reciprocal condition number at which active columns count as dependent."""
+
+    def solve(self, problem: SparseProblem, start: SparseStart) -> SparseOutcome:
+        """c (k,) and its support. A failure returns the last iterate that was finite."""
+        with np.errstate(all="ignore"):  # overflow is a status here, not a warning
+            c, support = _within_budget(problem, start)
+            return self._iterate(problem, c, support)
+
+    def _iterate(self, problem: SparseProblem, c: FloatArray, support: BoolArray) -> SparseOutcome:
+        groups, visits, explore = problem.groups, Visits(), True
+        good = SparseOutcome(c, support, Status.NOT_FINITE, 0, float("inf"))
+        for iteration in range(1, self.max_iterations + 1):
+            r = problem.residual(c)
+            linear = Linearised.at(c, r, problem.jacobian(c))
+            if not linear.finite:
+                return replace(good, status=Status.NOT_FINITE, iterations=iteration)
+            good = SparseOutcome(c, support, Status.DONE, iteration, float(np.linalg.norm(r)))
+            if explore and visits.note(good):
+                # a cycle: from here on plain Gauss-Newton on the best support in it
+                explore, good = False, visits.best()
+                c, support = good.c, good.support
+                continue
+            found = self._step(linear, support & _visible(linear, groups), groups, explore)
+            if found is None:
+                return replace(good, status=Status.RANK_DEFICIENT, iterations=iteration)
+            settled = np.array_equal(found.active, support) and self._small(linear, found, groups)
+            c, support = linear.unscaled(found.z), found.active
+            if settled:
+                return _ended(problem, c, good, Status.DONE, iteration)
+        last = replace(good, support=support)
+        last = _ended(problem, c, last, Status.NOT_CONVERGED, self.max_iterations)
+        if last.status is Status.NOT_FINITE:
+            return last
+        visits.note(last)
+        return replace(visits.best(), status=last.status, iterations=last.iterations)
+
+    def _step(
+        self, linear: Linearised, support: BoolArray, groups: Sequence[Group], explore: bool
+    ) -> Fit | None:
+        """Steps 2 to 5 on one linearisation; None when the active columns are dependent."""
+        base = fit(linear, support, self.rank_rtol)
+        if base is None or not explore or base.norm <= base.round_off:
+            return base
+        union = widened(linear, base, groups, self.growth)
+        if np.array_equal(union, support):
+            return base
+        wide = fit(linear, union, self.rank_rtol)
+        if wide is None:
+            union = independent(linear, support, union, self.rank_rtol)
+            wide = fit(linear, union, self.rank_rtol)
+        if wide is None:
+            return base
+        kept = pruned(wide.z, union, groups)
+        new = fit(linear, kept, self.rank_rtol)
+        least = base.norm - max(self.gain * base.norm, base.round_off)
+        return base if new is None or new.norm >= least else new
+
+    def _small(self, linear: Linearised, found: Fit, groups: Sequence[Group]) -> bool:
+        """Is the step of every group within rtol, or within what rounding allows?"""
+        step = found.z - linear.z
+        floor = min(4.0 * EPS / found.rcond, self.rtol) * float(np.linalg.norm(found.z))
+        return all(
+            float(np.linalg.norm(step[g.start : g.stop]))
+            <= max(self.rtol * float(np.linalg.norm(found.z[g.start : g.stop])), floor)
+            for g in groups
+        )
+
+
+def _ended(
+    problem: SparseProblem, c: FloatArray, good: SparseOutcome, status: Status, iterations: int
+) -> SparseOutcome:
+    """c with its own residual norm, unless that overflowed: then `good`, and it says so."""
+    norm = float(np.linalg.norm(problem.residual(c)))
+    if not np.isfinite(norm):
+        return replace(good, status=Status.NOT_FINITE, iterations=iterations)
+    return SparseOutcome(c, good.support, status, iterations, norm)
+
+
+def _visible(linear: Linearised, groups: Sequence[Group]) -> BoolArray:
+    """False for penalised columns of zeros: no row sees them, so they cannot be active."""
+    return (linear.norms > 0.0) | _always(groups, linear.norms.size)
+
+
+def _always(groups: Sequence[Group], size: int) -> BoolArray:
+    always = np.zeros(size, dtype=np.bool_)
+    for g in groups:
+        if g.budget is None:
+            always[g.start : g.stop] = True
+    return always
+
+
+def _within_budget(problem: SparseProblem, start: SparseStart) -> tuple[FloatArray, BoolArray]:
+    """The start with zeros outside its support and no more active columns than allowed."""
+    groups = problem.groups
+    support = start.support | _always(groups, start.c.size)
+    c = np.where(support, start.c, 0.0)
+    if any(g.budget is not None and support[g.start : g.stop].sum() > g.budget for g in groups):
+        norms = np.linalg.norm(problem.jacobian(c), axis=0)
+        support = pruned(norms * c, support, groups)
+        c = np.where(support, c, 0.0)
+    return c, support

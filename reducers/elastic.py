@@ -1,0 +1,185 @@
+"""One body's elastic block inside a step: what the bordered Newton asks of it.
+
+With D = K + c1 D_m + c2 M constant, the elastic rows times D^-1 read
+
+    u + z + E sigma = 0,   z = D^-1 (h + sum_g kappa_g M_g u + mu_g M_g r1),   E = D^-1 P,
+
+h the history of the step and P the directions. Full order solves with a factor of D; a reduced
+block has D^-1 applied to everything beforehand. The Newton loop sees no difference.
+"""
+
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core.separable import ElasticOperators, evaluate_amplitudes
+from sparsemor.reducers.test_map import TestedElastic
+
+
+class History:
+    """One step's constants: h, M_g r1, M_g r2 and s1 = P^T r1, s2 = P^T r2."""
+
+    __slots__ = ("h", "quad", "s1", "s2", "stack")
+
+    h: FloatArray
+    stack: FloatArray
+    quad: FloatArray
+    s1: FloatArray
+    s2: FloatArray
+
+
+class ElasticBlock(Protocol):
+    """G (p, p) = P^T D^-1 P. `active`: numbers of the unknowns it solves for, None for all."""
+
+    G: FloatArray
+    active: IntArray | None
+
+    def begin(self, r1: FloatArray, r2: FloatArray, xT: FloatArray, t: float) -> History: ...
+    def look(self, c: FloatArray, history: History) -> tuple[FloatArray, FloatArray, Any]:
+        """s (p,) = P^T u, forms (3, g) = u.M_g (u, r1, r2), and what `combine` needs."""
+        ...
+
+    def combine(
+        self, seen: Any, history: History, kappa: FloatArray, mu: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """z and P^T z."""
+        ...
+
+    def update(self, z: FloatArray, sigma: FloatArray) -> FloatArray:
+        """-(z + E sigma): the block's unknowns."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FullElastic:
+    """Full order: one factor of D, one right-hand side an iteration. K is never multiplied."""
+
+    ops: ElasticOperators
+    factor: Any
+    E: FloatArray
+    G: FloatArray
+    active: IntArray | None = None
+
+    @classmethod
+    def of(cls, ops: ElasticOperators, factor: Any) -> "FullElastic":
+        E = factor.solve(ops.directions)
+        return cls(ops, factor, E, ops.directions.T @ E)
+
+    def begin(self, r1: FloatArray, r2: FloatArray, xT: FloatArray, t: float) -> History:
+        o, s = self.ops, History()
+        Mr1 = np.stack([M @ r1 for M in o.generators])
+        Mr2 = np.stack([M @ r2 for M in o.generators])
+        h = Mr2[0] - o.constant
+        if o.damping.nnz:
+            h = h + o.damping @ r1
+        if o.coupling is not None:
+            h = h - o.coupling @ xT
+        if o.amplitudes:
+            h = h - o.loads @ evaluate_amplitudes(o.amplitudes, t)
+        s.h, s.stack, s.quad = h, Mr1, np.concatenate([Mr1, Mr2])
+        s.s1, s.s2 = o.directions.T @ r1, o.directions.T @ r2
+        return s
+
+    def look(self, c: FloatArray, history: History) -> tuple[FloatArray, FloatArray, Any]:
+        seen = np.stack([M @ c for M in self.ops.generators])
+        forms = np.concatenate([seen @ c, history.quad @ c]).reshape(3, -1)
+        return self.ops.directions.T @ c, forms, seen
+
+    def combine(
+        self, seen: Any, history: History, kappa: FloatArray, mu: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        z = self.factor.solve(history.h + kappa @ seen + mu @ history.stack)
+        return z, self.ops.directions.T @ z
+
+    def update(self, z: FloatArray, sigma: FloatArray) -> FloatArray:
+        return -(z + self.E @ sigma)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CompressedElastic:
+    """s active atoms: every operator is dense, small and prepared (sizes s + p, not n).
+
+    Vectors come as [z; P^T z], so that both follow from one product.
+    H: history, (rows, k + k + kt + j) and `base`; S: what depends on u, (rows, s).
+    """
+
+    H: FloatArray
+    base: FloatArray
+    S: FloatArray
+    E: FloatArray
+    G: FloatArray
+    active: IntArray | None
+    amplitudes: tuple[Any, ...]
+    sizes: tuple[int, int, int]
+
+    @classmethod
+    def of(
+        cls, b: TestedElastic, left: FloatArray, support: IntArray | None
+    ) -> "CompressedElastic":
+        """left (s, m): what turns tested rows into D^-1 times the rows, left @ D_S = 1."""
+        k, p, g = b.mass.shape[1], b.functional.shape[0], len(b.generators)
+        use = np.arange(k) if support is None else support
+        s = len(use)
+        F = b.functional[:, use]
+        both = np.concatenate([left, F @ left])  # [D^-1; P^T D^-1] of tested rows
+        gen = np.concatenate([both @ A for A in b.generators])  # (g (s + p), k)
+        quad = b.quadratic[:, use, :].reshape(g * s, k)
+        kt, j = b.coupling.shape[1], b.loads.shape[1]
+        zero = np.zeros
+        H = np.concatenate([
+            np.hstack([gen, zero((len(gen), k + kt + j))]),
+            np.hstack([both @ b.damping, both @ b.mass, -both @ b.coupling, -both @ b.loads]),
+            np.hstack([quad, zero((g * s, k + kt + j))]),
+            np.hstack([zero((g * s, k)), quad, zero((g * s, kt + j))]),
+            np.hstack([b.functional, zero((p, k + kt + j))]),
+            np.hstack([zero((p, k)), b.functional, zero((p, kt + j))]),
+        ])
+        base = zero(len(H))
+        base[len(gen) : len(gen) + s + p] = both @ b.constant
+        S = np.concatenate([gen[:, use], F, quad[:, use]])
+        E = both @ b.directions
+        return cls(np.ascontiguousarray(H), base, np.ascontiguousarray(S),
+                   np.ascontiguousarray(E[:s]), np.ascontiguousarray(E[s:]), support,
+                   b.amplitudes, (s, p, g))
+
+    def begin(self, r1: FloatArray, r2: FloatArray, xT: FloatArray, t: float) -> History:
+        parts = [r1, r2, xT]
+        if self.amplitudes:
+            parts.append(evaluate_amplitudes(self.amplitudes, t))
+        out = self.H.dot(np.concatenate(parts))
+        out += self.base
+        s, p, g = self.sizes
+        w, h = s + p, History()
+        # rows kappa_g | mu_g | 1 of the combination; the first g are filled at each look
+        h.stack = np.empty((2 * g + 1, w))
+        h.stack[g:] = out[: (g + 1) * w].reshape(g + 1, w)
+        a = (g + 1) * w
+        h.quad = out[a : a + 2 * g * s].reshape(2 * g, s)
+        a += 2 * g * s
+        h.s1, h.s2 = out[a : a + p], out[a + p :]
+        return h
+
+    def look(self, c: FloatArray, history: History) -> tuple[FloatArray, FloatArray, Any]:
+        s, p, g = self.sizes
+        out = self.S.dot(c)
+        n = g * (s + p)
+        history.stack[:g] = out[:n].reshape(g, s + p)
+        forms = np.empty((3, g))
+        forms[0] = out[n + p :].reshape(g, s).dot(c)
+        forms[1:] = history.quad.dot(c).reshape(2, g)
+        return out[n : n + p], forms, None
+
+    def combine(
+        self, seen: Any, history: History, kappa: FloatArray, mu: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        z = np.concatenate((kappa, mu, _ONE)).dot(history.stack)
+        s = self.sizes[0]
+        return z[:s], z[s:]
+
+    def update(self, z: FloatArray, sigma: FloatArray) -> FloatArray:
+        return -(z + self.E.dot(sigma))
+
+
+_ONE = np.ones(1)

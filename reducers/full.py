@@ -1,0 +1,55 @@
+"""Full order: constant blocks factorized once, rigid coordinates and multipliers as a border."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from pydantic import Field
+
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.model import Model
+from sparsemor.core.offline import Offline
+from sparsemor.core.plugin import Plugin
+from sparsemor.core.protocols import Integrator, StepSolver
+from sparsemor.reducers.bordered import Tolerances
+from sparsemor.reducers.elastic import FullElastic
+from sparsemor.reducers.factor import factorize
+from sparsemor.reducers.general import GeneralStepper
+from sparsemor.reducers.heat import FullHeat, LocalAt
+from sparsemor.reducers.prepare import constants, stepper
+
+
+class Full(Plugin):
+    """All unknowns, all equations: the reference, made as fast as its structure allows."""
+
+    predictor: int = Field(6, ge=1, le=8)
+    """Number of past states that the first guess of a step extrapolates."""
+    remaining: float = Field(1e-13, gt=0, lt=1e-3)
+    """Relative error of the unknowns that may remain in a step."""
+    max_iterations: int = Field(30, ge=1)
+    """Newton iterations before a step is given up."""
+    method: str = Field("bordered", pattern="^(bordered|newton)$")
+    """`bordered`: constant blocks factorized once. `newton`: the whole Jacobian factorized anew
+    in each iteration, the textbook method, kept as a check."""
+
+    def prepare(
+        self, model: Model, integrator: Integrator, h: float,
+        offline: Offline, rng: np.random.Generator,
+    ) -> StepSolver:
+        tol = Tolerances(self.remaining, self.max_iterations)
+        if self.method == "newton" or model.separated.other:
+            return GeneralStepper(model, tol, self.predictor)
+        c1, c2, c1_first = constants(model.layout, integrator, h)
+        heat, elastic, done = {}, {}, 0
+        for b in model.separated.heat:
+            at = model.layout[b.thermal]
+            local = tuple(LocalAt(t, t.rows - at.start, t.columns - at.start) for t in b.local)
+            factor = factorize(c1_first * b.capacity + b.conductivity)
+            heat[b.thermal] = FullHeat(b, c1_first, factor, local)
+            done += 1
+        for m in model.separated.moving:
+            if m.operators is not None:
+                o = m.operators
+                factor = factorize(o.stiffness + c1 * o.damping + c2 * o.mass)
+                elastic[m.elastic] = FullElastic.of(o, factor)
+                done += 1
+        return stepper(model, model.layout, {}, {}, heat, elastic, {}, tol, self.predictor, done)

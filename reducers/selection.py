@@ -1,0 +1,154 @@
+"""The sparse problems of one step (Eq. 25), as a sparse solver sees them.
+
+Heat: P (B c - b) = 0, linear, one block at a time. Mechanics: the sampled rows of all elastic
+blocks with the border rows, in one problem; rigid coordinates and multipliers are a group without
+a budget. Rows are scaled to compare: elastic ones by their block's size, border rows by their own
+and by BORDER, because they are equations that have to hold and not a sample of many.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.protocols import Group, StepFormula
+from sparsemor.core.separable import FrameWork, evaluate_amplitudes
+from sparsemor.reducers.bordered import BodyStep, Mechanics
+from sparsemor.reducers.sampled import SampledElastic, SampledHeat
+
+BORDER = 10.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HeatProblem:
+    """J c - b with J (m, k), b (m,) already times the preconditioner and scaled to |J| = 1."""
+
+    groups: tuple[Group, ...]
+    J: FloatArray
+    b: FloatArray
+
+    @classmethod
+    def at(cls, s: SampledHeat, r1: FloatArray, t: float) -> "HeatProblem":
+        T = s.tested
+        b = T.constant - T.capacity @ r1
+        if T.amplitudes:
+            b = b + T.loads @ evaluate_amplitudes(T.amplitudes, t)
+        J, W = s.block.B, s.block.weight
+        if W is not None:
+            J, b = W @ J, W @ b
+        size = float(np.linalg.norm(J, axis=0).max())
+        group = Group(s.block.name, 0, J.shape[1], s.block.budget)
+        return cls((group,), J / size, b / size)
+
+    def residual(self, c: FloatArray) -> FloatArray:
+        return self.J @ c - self.b
+
+    def jacobian(self, c: FloatArray) -> FloatArray:
+        return self.J
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Place:
+    """A body in the problem: its sampled block (None: rigid), columns, rows and row scale."""
+
+    body: BodyStep
+    sampled: SampledElastic | None
+    columns: slice
+    rows: slice
+    scale: float
+    fixed: FloatArray
+
+
+class MechanicsProblem:
+    """Unknowns [c of each elastic block | border]; residual and Jacobian dense."""
+
+    def __init__(
+        self, mechanics: Mechanics, sampled: Sequence[SampledElastic | None], step: StepFormula,
+        x: FloatArray,
+    ) -> None:
+        self.mechanics, self.step, self.x = mechanics, step, x
+        self.places: list[Place] = []
+        groups, k, m = [], 0, 0
+        for body, s in zip(mechanics.bodies, sampled, strict=True):
+            if s is None:
+                self.places.append(Place(body, None, slice(0, 0), slice(0, 0), 1.0, np.zeros(0)))
+                continue
+            rows, atoms = s.block.B.shape
+            size = float(np.linalg.norm(s.block.B, axis=0).max())
+            self.places.append(Place(body, s, slice(k, k + atoms), slice(m, m + rows), 1 / size,
+                                     _history(s, body, step, x)))
+            groups.append(Group(s.block.name, k, k + atoms, s.block.budget))
+            k, m = k + atoms, m + rows
+        self.k, self.m, self.border = k, m, mechanics.size
+        self.groups = (*groups, Group("border", k, k + self.border, None))
+        self._row_scale = np.ones(m + self.border)
+        start = self.start()
+        size = np.linalg.norm(self._raw(start)[1][m:], axis=1)
+        self._row_scale[m:] = BORDER / np.where(size > 0, size, 1.0)
+
+    def start(self) -> FloatArray:
+        """The predicted state as a first guess."""
+        nr = self.mechanics.n_rigid
+        parts = [self.x[p.body.elastic] for p in self.places if p.sampled is not None]
+        return np.concatenate([*parts, self.x[:nr], self.x[self.mechanics.algebraic]])
+
+    def residual(self, c: FloatArray) -> FloatArray:
+        return self._raw(c)[0] * self._row_scale
+
+    def jacobian(self, c: FloatArray) -> FloatArray:
+        return self._raw(c)[1] * self._row_scale[:, None]
+
+    def _raw(self, c: FloatArray) -> tuple[FloatArray, FloatArray]:
+        step, me, y = self.step, self.mechanics, c[self.k :]
+        r, J = np.zeros(self.m + self.border), np.zeros((self.m + self.border, len(c)))
+        for i, f in me.targets:
+            r[self.m + i] -= f(step.t)
+        rates = np.zeros((2, me.size))
+        rates[:, : me.n_rigid] = step.r1[: me.n_rigid], step.r2[: me.n_rigid]
+        for p in self.places:
+            w = self._evaluate(p, c[p.columns], y, rates)
+            T = p.body.to_border
+            r[self.m :] += w.rows @ T
+            J[self.m :, self.k :] += T.T @ w.H @ T
+            if p.sampled is None:
+                continue
+            t = p.sampled.tested
+            kappa = w.kappa + step.c1 * w.mu
+            D = p.sampled.block.B + np.tensordot(kappa, t.generators, 1)
+            past = np.tensordot(w.mu, t.generators, 1) @ step.r1[p.body.elastic]
+            r[p.rows] = p.scale * (D @ c[p.columns] + p.fixed + past + t.directions @ w.sigma)
+            J[p.rows, p.columns] = p.scale * D
+            J[p.rows, self.k :] = p.scale * (t.directions @ (w.sigma_y.T @ T))
+            J[self.m :, p.columns] = T.T @ (w.tau @ t.functional)
+        return r, J
+
+    def _evaluate(
+        self, p: Place, c: FloatArray, y: FloatArray, rates: FloatArray
+    ) -> FrameWork:
+        step, f, T = self.step, p.body.frame, p.body.to_border
+        w = FrameWork(f.p, f.border, f.generators)
+        yb, c1, c2 = T @ y, step.c1, step.c2
+        v, a = c1 * yb + T @ rates[0], c2 * yb + T @ rates[1]
+        if p.sampled is None:
+            none = np.zeros(0)
+            f.evaluate(yb, v, a, c1, c2, none, none, none, none, step.t, w)
+            return w
+        at, F, Q = p.body.elastic, p.sampled.tested.functional, p.sampled.tested.quadratic
+        cv, ca = c1 * c + step.r1[at], c2 * c + step.r2[at]
+        forms = np.stack([Q @ z @ c for z in (c, cv, ca)])
+        f.evaluate(yb, v, a, c1, c2, F @ c, F @ cv, F @ ca, forms, step.t, w)
+        return w
+
+
+def _history(
+    s: SampledElastic, body: BodyStep, step: StepFormula, x: FloatArray
+) -> FloatArray:
+    """Rows that do not change in the step: inertia and damping history, heat, given loads."""
+    t, at = s.tested, body.elastic
+    h = t.mass @ step.r2[at] + t.damping @ step.r1[at] + t.constant
+    if t.coupling.size:
+        h = h - t.coupling @ x[body.thermal]
+    if t.amplitudes:
+        h = h - t.loads @ evaluate_amplitudes(t.amplitudes, step.t)
+    return np.asarray(h)

@@ -1,0 +1,157 @@
+"""The paper's reducer: sampled rows of the full-order equations, sparse coefficients, no
+projection."""
+
+from collections.abc import Mapping
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core.errors import InputError
+from sparsemor.core.model import Model
+from sparsemor.core.offline import Offline
+from sparsemor.core.plugin import Plugin
+from sparsemor.core.protocols import (
+    Basis,
+    Dictionary,
+    Integrator,
+    Preconditioner,
+    Sampler,
+    SparseSolver,
+    StepSolver,
+)
+from sparsemor.core.slot import Slot, slot_default
+from sparsemor.core.status import SolveFailed, Status
+from sparsemor.reducers.bordered import Tolerances
+from sparsemor.reducers.choose import chosen
+from sparsemor.reducers.prepare import constants, stepper
+from sparsemor.reducers.represent import refuse_other, represent
+from sparsemor.reducers.sampled import (
+    RankDeficient,
+    Sampled,
+    SampledElastic,
+    SampledHeat,
+    choose_rows,
+    weigh,
+)
+from sparsemor.reducers.sparse_stepper import SparseStepper
+from sparsemor.reducers.test_map import TestedElastic, TestedHeat, TestMap
+
+
+class Budget(Plugin):
+    """How much of one block a step may use."""
+
+    rows: int = Field(ge=0)
+    """Sampled rows, on top of the required ones."""
+    atoms: int | None = Field(None, ge=1)
+    """Most atoms active at once; all of the dictionary when not given."""
+
+
+class Sparse(Plugin):
+    """Rows of each block are sampled once; each step recovers few coefficients from them (Eq. 25).
+
+    Where a budget covers the whole dictionary nothing is selected and the support is all of it.
+    """
+
+    budgets: dict[str, Budget] = Field(min_length=1)
+    """Rows and atoms by block pattern, such as `*.elastic`."""
+    basis: Annotated[Basis, Slot("basis")] = slot_default("pod")
+    """Basis of every elastic and thermal block."""
+    bases: dict[str, Annotated[Basis, Slot("basis")]] = {}
+    """Other bases by block pattern, such as `*.thermal`."""
+    sampler: Annotated[Sampler, Slot("sampler")] = slot_default("lhs")
+    """Chooses the rows."""
+    preconditioner: Annotated[Preconditioner, Slot("preconditioner")] = slot_default("none")
+    """Of the sampled thermal rows (Sec. 3.2)."""
+    solver: Annotated[SparseSolver, Slot("sparse_solver")] = slot_default("greedy_gauss_newton")
+    """Selects atoms where a budget is smaller than the dictionary."""
+    every: int = Field(1, ge=1)
+    """Steps between selections."""
+    carried: bool = True
+    """Whether a selection starts from the support of the step before, or from none."""
+    predictor: int = Field(6, ge=1, le=8)
+    """Number of past states that the first guess of a step extrapolates."""
+    remaining: float = Field(1e-13, gt=0, lt=1e-3)
+    """Relative error of the unknowns that may remain in a step."""
+    max_iterations: int = Field(30, ge=1)
+    """Newton iterations before a step is given up."""
+
+    def prepare(
+        self, model: Model, integrator: Integrator, h: float,
+        offline: Offline, rng: np.random.Generator,
+    ) -> StepSolver:
+        refuse_other(model, "sparse")
+        budgets = self._budgets(model)
+        c1, c2, c1_first = constants(model.layout, integrator, h)
+        dictionaries, limits = represent(
+            offline, {n: chosen(n, self.bases, self.basis) for n in model.reducible()})
+        rows = {n: choose_rows(model, n, b.rows, b.atoms or 10**9, self.sampler, dictionaries[n],
+                               rng) for n, b in budgets.items()}
+        heat, elastic = {}, {}
+        for b in model.separated.heat:
+            name = b.thermal
+            tested = TestedHeat.of(b, dictionaries[name], TestMap(rows=rows[name]))
+            B = tested.block(c1_first)
+            block = Sampled(name, dictionaries[name], rows[name], budgets[name].atoms or B.shape[1],
+                            B, weigh(self.preconditioner, name, B))
+            heat[name] = SampledHeat(block, tested, model, b, c1_first)
+        for m in model.separated.moving:
+            if m.operators is None:
+                continue
+            name = m.elastic
+            te = TestedElastic.of(m.operators, m.frame, dictionaries[name],
+                                  dictionaries.get(m.thermal), TestMap(rows=rows[name]))
+            B = te.block(c1, c2)
+            elastic[name] = SampledElastic(
+                Sampled(name, dictionaries[name], rows[name], budgets[name].atoms or B.shape[1],
+                        B, None), te)
+        return self._stepper(model, dictionaries, rows, heat, elastic, limits)
+
+    def _stepper(
+        self, model: Model, dictionaries: Mapping[str, Dictionary], rows: Mapping[str, IntArray],
+        heat: Mapping[str, SampledHeat], elastic: Mapping[str, SampledElastic],
+        limits: Mapping[str, float],
+    ) -> StepSolver:
+        """Blocks without a choice to make are prepared here, once."""
+        fixed = {n: s for n, s in {**heat, **elastic}.items() if not s.block.selects}
+        try:
+            ready = {n: s.prepared(None) for n, s in fixed.items()}
+        except RankDeficient as error:
+            raise SolveFailed(Status.RANK_DEFICIENT, 0.0, error.block, error.detail) from None
+        frames = {m.name: elastic[m.elastic].tested.frame for m in model.separated.moving
+                  if m.elastic in elastic}
+        layout = model.layout.resized({n: d.atoms.shape[1] for n, d in dictionaries.items()})
+        base = stepper(
+            model, layout, dictionaries, rows, {n: ready[n] for n in heat if n in ready},
+            {n: ready[n] for n in elastic if n in ready}, frames,
+            Tolerances(self.remaining, self.max_iterations), self.predictor, len(fixed),
+            limits, missed_loads(model, rows))
+        choosing = [s for s in (*heat.values(), *elastic.values()) if s.block.selects]
+        if not choosing:
+            return base
+        if any(s.block.selects for s in elastic.values()):
+            chosen_elastic = dict(elastic)  # one joint problem: every elastic block is in it
+        else:
+            chosen_elastic = {}
+        return SparseStepper(base, {n: s for n, s in heat.items() if s.block.selects},
+                             chosen_elastic, self.solver, self.every, self.carried)
+
+    def _budgets(self, model: Model) -> dict[str, Budget]:
+        none = Budget(rows=0, atoms=1)
+        found = {n: chosen(n, self.budgets, none) for n in model.reducible()}
+        missing = [n for n, b in found.items() if b is none]
+        if missing:
+            raise InputError(f"no budget fits {', '.join(missing)}: give rows and atoms, for "
+                             "instance under \"*.elastic\"", "reducer.budgets")
+        return found
+
+
+def missed_loads(model: Model, rows: Mapping[str, IntArray]) -> tuple[str, ...]:
+    """A sentence for each load or joint none of whose rows is in the sample of a block."""
+    return tuple(
+        f"the sampled rows of {block} miss {name}: the model does not feel it there; "
+        "keep the required rows (sampler.required: true) or take more rows"
+        for block, chosen_rows in rows.items()
+        for name, touched in model.loaded[block].items()
+        if not np.isin(touched, chosen_rows).any())

@@ -1,0 +1,144 @@
+"""One step of a separated model: heat first, then mechanics. Shared by every reducer."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
+from sparsemor.core.layout import Layout
+from sparsemor.core.protocols import Dictionary, State, StepFormula, StepOutcome
+from sparsemor.core.separable import Separated
+from sparsemor.core.status import Status
+from sparsemor.reducers.bordered import BodyStep, Contraction, Mechanics, Tolerances
+from sparsemor.reducers.elastic import ElasticBlock
+from sparsemor.reducers.heat import HeatBlock
+from sparsemor.reducers.predictor import Ring
+
+
+class Memory:
+    """What a run carries from step to step (picklable)."""
+
+    def __init__(self, x: FloatArray, points: int, bodies: int) -> None:
+        self.ring, self.contraction = Ring(points, x), Contraction(bodies)
+        self.factorizations = 0
+        self.support_changes = 0
+        self.supports: dict[str, BoolArray] = {}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stepper:
+    """StepSolver over prepared blocks. limits: largest |coefficient| of each block that is sane.
+
+    heat, elastic: block name -> prepared operators.
+    """
+
+    layout: Layout
+    dictionaries: Mapping[str, Dictionary]
+    rows: Mapping[str, IntArray]
+    elements_touched: Mapping[str, int]
+    separated: Separated
+    heat: Mapping[str, HeatBlock]
+    elastic: Mapping[str, ElasticBlock]
+    frames: Mapping[str, object]
+    tolerances: Tolerances
+    points: int
+    factorizations: int
+    limits: Mapping[str, float] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    mechanics: Mechanics | None = None
+
+    def with_mechanics(self) -> Mechanics:
+        n_rigid = sum(b.size for b in self.layout if b.field == "rigid")
+        return Mechanics(
+            _bodies(self), n_rigid, self.layout.algebraic, self.separated.border_targets,
+            self.tolerances)
+
+    def start(self, state: State) -> tuple[State, Memory]:
+        reduced = reduce_state(state, self.layout, self.dictionaries)
+        memory = Memory(reduced.x, self.points, len(self.separated.moving))
+        memory.factorizations = self.factorizations
+        return reduced, memory
+
+    def solve(self, step: StepFormula, memory: Memory) -> tuple[StepOutcome, Memory]:
+        x = memory.ring.predict()
+        iterations = 0
+        for body in self.separated.heat:
+            at, block = self.layout[body.thermal], self.heat[body.thermal]
+            active = block.active
+            guess = x[at] if active is None else x[at][active]
+            T, status, n = block.solve(step.r1[at], step.t, guess)
+            if not status.ok:
+                return StepOutcome(x, status, n, body.thermal), memory
+            if active is None:
+                x[at] = T
+            else:
+                x[at] = 0.0
+                x[at.start + active] = T
+            iterations = max(iterations, n)
+        if self.mechanics is not None and self.mechanics.bodies:
+            status, n, block_name, detail = self.mechanics.solve(step, x, memory.contraction)
+            iterations = n
+            if not status.ok:
+                return StepOutcome(x, status, n, block_name, detail), memory
+        bad = self._insane(x)
+        if bad is not None:
+            return bad, memory
+        memory.ring.push(x)
+        return StepOutcome(x, Status.DONE, iterations), memory
+
+    def _insane(self, x: FloatArray) -> StepOutcome | None:
+        """A block with a value that is not finite or far beyond the training run."""
+        total = float(x.dot(x))
+        if total == total and total != np.inf and not self.limits:
+            return None
+        for name, limit in self.limits.items():
+            top = float(np.abs(x[self.layout[name]]).max())
+            if not top <= limit:
+                finite = top == top and top != np.inf
+                status = Status.DIVERGED if finite else Status.NOT_FINITE
+                detail = f"largest coefficient {top:.3g}, {limit:.3g} allowed" if finite else ""
+                return StepOutcome(x, status, 1, name, detail)
+        if total == total and total != np.inf:
+            return None
+        name = next((b.name for b in self.layout
+                     if not np.isfinite(x[self.layout[b.name]]).all()), "")
+        return StepOutcome(x, Status.NOT_FINITE, 1, name)
+
+    def supports(self, memory: Memory) -> Mapping[str, BoolArray]:
+        return memory.supports
+
+    def counters(self, memory: Memory) -> Mapping[str, int]:
+        return {"factorizations": memory.factorizations,
+                "support_changes": memory.support_changes}
+
+
+def _bodies(s: Stepper) -> Sequence[BodyStep]:
+    none = slice(0, 0)
+    return [BodyStep(
+        m.name, s.frames.get(m.name, m.frame), m.to_border,  # type: ignore[arg-type]
+        s.elastic.get(m.elastic), s.layout[m.elastic] if m.elastic else none,
+        s.layout[m.thermal] if m.thermal in s.layout else none, m.elastic)
+        for m in s.separated.moving]
+
+
+def reduce_state(
+    state: State, layout: Layout, dictionaries: Mapping[str, Dictionary]
+) -> State:
+    """Least-squares coefficients of a full-order state and its rates."""
+    if not dictionaries:
+        return state
+    from numpy.linalg import lstsq
+
+    full = Layout([type(b)(b.owner, b.field, len(dictionaries[b.name].offset))
+                   if b.name in dictionaries else b for b in layout])
+    x, v, a = (np.zeros(layout.size) for _ in range(3))
+    for b in layout:
+        here, there = layout[b.name], full[b.name]
+        if b.name not in dictionaries:
+            x[here], v[here], a[here] = state.x[there], state.v[there], state.a[there]
+            continue
+        d = dictionaries[b.name]
+        given = np.stack([state.x[there] - d.offset, state.v[there], state.a[there]], axis=1)
+        x[here], v[here], a[here] = lstsq(d.atoms, given, rcond=None)[0].T
+    return State(state.t, x, v, a, state.memory)

@@ -1,0 +1,108 @@
+"""Constant operators of one block under a trial map (atoms) and a test map (rows or left matrix).
+
+The test map is the only difference between the projected and the sampled reducers: Galerkin takes
+atoms^T, the sparse method the rows Omega. Both give m rows and k columns here.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core.protocols import Dictionary
+from sparsemor.core.separable import Amplitude, ElasticOperators, Frame, HeatBody
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TestMap:
+    """Either `rows` (m,) of the block, or a dense `left` (m, n)."""
+
+    rows: IntArray | None = None
+    left: FloatArray | None = None
+
+    def __call__(self, matrix: Any) -> Any:
+        """The map applied to a matrix (n, j) or vector (n,)."""
+        return matrix[self.rows] if self.left is None else self.left @ matrix
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TestedElastic:
+    """m tested rows, k atoms, p directions, g generators, kt thermal columns, j given loads.
+
+    rows: mass r2 + damping r1 + (stiffness + c1 damping + c2 mass) c + directions sigma
+          + sum_g kappa_g generators_g c + ... - coupling cT - loads amplitudes(t) + constant.
+    quadratic (g, k, k) = atoms^T M_g atoms; functional (p, k) = directions^T atoms.
+    """
+
+    frame: Frame
+    mass: FloatArray
+    damping: FloatArray
+    stiffness: FloatArray
+    generators: FloatArray
+    directions: FloatArray
+    coupling: FloatArray
+    loads: FloatArray
+    constant: FloatArray
+    quadratic: FloatArray
+    functional: FloatArray
+    amplitudes: tuple[Amplitude, ...]
+
+    @classmethod
+    def of(
+        cls, ops: ElasticOperators, frame: Frame, atoms: Dictionary, heat: Dictionary | None,
+        test: TestMap,
+    ) -> "TestedElastic":
+        """heat: the dictionary of the body's thermal block, None when it has no such block."""
+        T, o = atoms.atoms, atoms.offset
+        P = ops.directions.copy()
+        Mo = [M @ o for M in ops.generators]
+        if np.any(o):
+            # z = X + offset + atoms c: the shape moves, and with it every direction M_g X
+            frame = frame.shifted(P.T @ o, np.array([o @ q for q in Mo]))
+            for column, g in frame.shape_columns:
+                P[:, column] += Mo[g]
+        constant = test(ops.stiffness) @ o - test(ops.constant)
+        coupling = np.zeros((len(constant), 0))
+        if ops.coupling is not None and heat is not None:
+            Kt = test(ops.coupling)
+            constant = constant - Kt @ heat.offset
+            coupling = np.asarray(Kt @ heat.atoms)
+        MT = [np.asarray(M @ T) for M in ops.generators]
+        return cls(
+            frame=frame, mass=np.asarray(test(MT[0])),
+            damping=np.asarray(test(ops.damping) @ T),
+            stiffness=np.asarray(test(ops.stiffness) @ T),
+            generators=np.stack([np.asarray(test(A)) for A in MT]),
+            directions=np.asarray(test(P)), coupling=coupling, loads=np.asarray(test(ops.loads)),
+            constant=np.asarray(constant), quadratic=np.stack([T.T @ A for A in MT]),
+            functional=P.T @ T, amplitudes=ops.amplitudes,
+        )
+
+    def block(self, c1: float, c2: float) -> FloatArray:
+        """D = K + c1 D + c2 M under both maps, (m, k)."""
+        return np.asarray(self.stiffness + c1 * self.damping + c2 * self.mass)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TestedHeat:
+    """m tested rows of capacity T' + conductivity T - constant - loads amplitudes(t)."""
+
+    capacity: FloatArray
+    conductivity: FloatArray
+    constant: FloatArray
+    loads: FloatArray
+    amplitudes: tuple[Amplitude, ...]
+
+    @classmethod
+    def of(cls, heat: HeatBody, atoms: Dictionary, test: TestMap) -> "TestedHeat":
+        T, o = atoms.atoms, atoms.offset
+        K = test(heat.conductivity)
+        return cls(
+            np.asarray(test(heat.capacity) @ T), np.asarray(K @ T),
+            np.asarray(test(heat.constant) - K @ o), np.asarray(test(heat.loads)),
+            heat.amplitudes)
+
+    def block(self, c1: float) -> FloatArray:
+        """B = c1 C + K under both maps, (m, k)."""
+        return np.asarray(self.conductivity + c1 * self.capacity)

@@ -1,0 +1,137 @@
+"""Distributions for tests: tiny ones made on the spot, and the third-party samples."""
+
+import subprocess
+import sys
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import pytest
+
+THIRD_PARTY = Path(__file__).parent / "third_party"
+Distribute = Callable[..., None]
+
+TOY_PLUGINS = '''
+"""Plugins without physics, to fill the slots of scenes in tests."""
+
+from typing import Annotated, Any
+
+from pydantic import Field
+
+from sparsemor.core.plugin import Plugin
+from sparsemor.core.slot import Slot, slot_default
+
+
+class Ball(Plugin):
+    """A body."""
+
+    mass: float = Field(gt=0)
+    """How heavy, kg."""
+
+
+class Push(Plugin):
+    """A load."""
+
+    force: float = 1.0
+    """How strong, N."""
+
+
+class Still(Plugin):
+    """An integrator."""
+
+    rho: float = Field(default=0.8, ge=0, le=1)
+    """Damping (-)."""
+
+
+class Direct(Plugin):
+    """A reducer without options."""
+
+
+class Grid(Plugin):
+    """A sampler."""
+
+    mix: float = Field(default=0.5, le=1)
+    """How mixed (-)."""
+
+
+class Dice(Plugin):
+    """Another sampler."""
+
+    sides: int = 6
+    """How many."""
+
+
+class Tuned(Plugin):
+    """A reducer with slots."""
+
+    sampler: Annotated[Any, Slot("toy_sampler")] = slot_default("grid")
+    """Chooses rows."""
+    spare: dict[str, Annotated[Any, Slot("toy_sampler")]] = {}
+    """By block."""
+    queue: list[Annotated[Any, Slot("toy_sampler")]] = []
+    """In order."""
+    either: float | Annotated[Any, Slot("toy_sampler")] = 1.0
+    """A number or a sampler."""
+    budgets: dict[str, int] = {}
+    """Rows by block."""
+
+
+class Second(Plugin):
+    """A reducer that shares an option with the first."""
+
+    budgets: dict[str, int] = {}
+    """Rows by block."""
+'''
+
+TOY_NAMES = {
+    "body": {"ball": "toy_plugins:Ball"},
+    "load": {"push": "toy_plugins:Push"},
+    "integrator": {"still": "toy_plugins:Still"},
+    "reducer": {"direct": "toy_plugins:Direct", "tuned": "toy_plugins:Tuned",
+                "second": "toy_plugins:Second"},
+    "toy_sampler": {"grid": "toy_plugins:Grid", "dice": "toy_plugins:Dice"},
+}
+
+
+@pytest.fixture
+def distribute(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Distribute:
+    """distribute(name, {kind: {plugin: target}}, module=text): install it for this test."""
+
+    def install(
+        name: str, plugins: Mapping[str, Mapping[str, str]], version: str = "1.0", **modules: str
+    ) -> None:
+        site = tmp_path / f"site-{name}"
+        info = site / f"{name.replace('-', '_')}-{version}.dist-info"
+        info.mkdir(parents=True)
+        metadata = f"Metadata-Version: 2.1\nName: {name}\nVersion: {version}\n"
+        (info / "METADATA").write_text(metadata)
+        (info / "entry_points.txt").write_text("\n".join(
+            f"[sparsemor.{kind}]\n" + "\n".join(f"{k} = {v}" for k, v in named.items())
+            for kind, named in plugins.items()))
+        for module, text in modules.items():
+            (site / f"{module}.py").write_text(text)
+            monkeypatch.delitem(sys.modules, module, raising=False)
+        monkeypatch.syspath_prepend(site)
+
+    return install
+
+
+@pytest.fixture
+def toys(distribute: Distribute, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The toy plugins, installed."""
+    distribute("toys", TOY_NAMES, toy_plugins=TOY_PLUGINS)
+    # forgets, after the test, the module that the test will import
+    monkeypatch.setitem(sys.modules, "toy_plugins", None)
+    monkeypatch.delitem(sys.modules, "toy_plugins")
+
+
+@pytest.fixture(scope="session")
+def third_party(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder for PYTHONPATH where both sample distributions are installed by pip."""
+    target = tmp_path_factory.mktemp("third_party")
+    sources = [str(THIRD_PARTY / name) for name in ("sparsemor-sample", "sparsemor-broken")]
+    subprocess.run(
+        [sys.executable, "-m", "pip", "install", "--quiet", "--disable-pip-version-check",
+         "--no-index", "--no-deps", "--no-build-isolation", "--target", str(target), *sources],
+        check=True,
+    )
+    return target

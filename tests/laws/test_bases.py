@@ -1,0 +1,214 @@
+"""Every installed basis keeps the laws; POD finds known subspaces down to round-off."""
+
+from dataclasses import replace
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.errors import InputError
+from sparsemor.core.protocols import BlockData, Dictionary
+from sparsemor.core.testing import check_basis
+from sparsemor.core.testing.data import random_block, with_snapshots
+from sparsemor.plugins.bases.pod import Pod
+from sparsemor.plugins.bases.svd import left_singular, round_off_level
+
+
+@pytest.mark.parametrize("entry", entry_points(group="sparsemor.basis"), ids=lambda e: e.name)
+def test_every_installed_basis_keeps_the_laws(entry: EntryPoint) -> None:
+    check_basis(entry.load()())
+
+
+@pytest.mark.parametrize(
+    "pod",
+    [
+        Pod(centred=True),
+        Pod(complete=True),
+        Pod(energy=0.99),
+        Pod(count=3),
+        Pod(rank_rtol=1e-4),
+        Pod(energy=1.0, centred=True),
+    ],
+    ids=repr,
+)
+def test_pod_keeps_the_laws_with_every_option(pod: Pod) -> None:
+    check_basis(pod, seed=1)
+
+
+def block_of(snapshots: FloatArray) -> BlockData:
+    n = snapshots.shape[0]
+    block = random_block(np.random.default_rng(0))
+    return replace(
+        block, snapshots=snapshots, coordinates=np.arange(float(n))[:, None], name="link.thermal"
+    )
+
+
+def decaying(n: int, M: int, s: FloatArray, seed: int = 0) -> tuple[FloatArray, FloatArray]:
+    """Left singular vectors and the (n, M) matrix with singular values s."""
+    rng = np.random.default_rng(seed)
+    U = np.linalg.qr(rng.standard_normal((n, s.size)))[0]
+    V = np.linalg.qr(rng.standard_normal((M, s.size)))[0]
+    return U, (U * s) @ V.T
+
+
+@pytest.mark.parametrize(("n", "M"), [(900, 700), (300, 1200), (2000, 300), (60, 50)])
+def test_directions_are_found_down_to_the_round_off_level(n: int, M: int) -> None:
+    s = 10.0 ** -np.linspace(0.0, 16.0, 40)
+    U, A = decaying(n, M, s)
+    dictionary = Pod().build(block_of(A))
+    kept = int((s > round_off_level(n, M)).sum())
+    assert dictionary.info["numerical_rank"] == kept
+    Q = dictionary.atoms
+    assert np.abs(Q.T @ Q - np.eye(kept)).max() < 1e-13
+    missed = np.linalg.norm(U[:, :kept] - Q @ (Q.T @ U[:, :kept]), axis=0)
+    # a direction of singular value s is known to round-off / s, whatever the method
+    assert (missed < 50.0 * np.finfo(float).eps / s[:kept] + 1e-13).all()
+    assert np.linalg.norm(A - Q @ (Q.T @ A), 2) < 1.1 * round_off_level(n, M)
+
+
+def test_singular_values_of_a_slow_tail_are_those_of_a_dense_svd() -> None:
+    _, A = decaying(400, 500, 10.0 ** -np.linspace(0.0, 3.0, 400))
+    s = left_singular(A, round_off_level(400, 500))[1]
+    np.testing.assert_allclose(s, np.linalg.svd(A, compute_uv=False), rtol=0, atol=1e-14)
+
+
+def test_the_sketch_keeps_what_a_dense_svd_keeps() -> None:
+    """n and M large enough for the sketch; noise as of one rounding of each entry."""
+    rng, level = np.random.default_rng(3), round_off_level(800, 800)
+    _, A = decaying(800, 800, 10.0 ** -np.linspace(0.0, 12.0, 50))
+    A = A * (1.0 + 1e-16 * rng.standard_normal(A.shape))
+    s = left_singular(A, level)[1]
+    dense = np.linalg.svd(A, compute_uv=False)
+    kept = int((dense > level * dense[0]).sum())
+    assert s.size < 800  # it was the sketch
+    np.testing.assert_allclose(s[:kept], dense[:kept], rtol=0, atol=1e-14)
+
+
+def test_columns_below_round_off_are_cut_and_reported() -> None:
+    _, A = decaying(200, 150, np.array([1.0, 1e-3, 1e-6, 1e-20]))
+    dictionary = Pod().build(block_of(A))
+    assert dictionary.atoms.shape == (200, 3)
+    assert dictionary.info["kept"] == dictionary.info["numerical_rank"] == 3
+    assert "round-off" in str(dictionary.info["cut"])
+    assert dictionary.info["snapshots"] == 150
+
+
+def test_energy_and_count_keep_as_few_columns_as_they_allow() -> None:
+    s = np.array([1.0, 0.1, 0.01, 0.001])
+    _, A = decaying(50, 40, s)
+
+    def build(**options: Any) -> Dictionary:
+        return Pod(**options).build(block_of(A))
+
+    assert build(energy=0.99).atoms.shape[1] == 1
+    assert build(energy=0.9999).atoms.shape[1] == 2
+    assert build(energy=1.0).atoms.shape[1] == 4
+    assert build(energy=0.9999, count=1).info["cut"] == "count"
+    assert build(energy=0.99, count=3).info["cut"] == "energy"
+    assert build(count=9).info["kept"] == 4
+    assert build(count=2).info["energy"] == pytest.approx(1.01 / (s @ s), rel=1e-12)
+
+
+def test_the_mean_of_centred_snapshots_is_the_offset() -> None:
+    _, A = decaying(80, 60, np.array([1.0, 0.1]))
+    A = A + 293.0
+    centred, plain = Pod(centred=True).build(block_of(A)), Pod().build(block_of(A))
+    np.testing.assert_allclose(centred.offset, A.mean(axis=1))
+    assert not plain.offset.any()
+    assert (centred.atoms.shape[1], plain.atoms.shape[1]) == (2, 3)
+
+
+def test_round_off_of_a_large_mean_is_not_taken_for_motion() -> None:
+    A = np.full((60, 50), 293.0) + 5.6e-14 * np.random.default_rng(0).integers(-1, 2, (60, 50))
+    A = A.astype(np.float64)
+    with pytest.raises(InputError, match="do not differ from their mean"):
+        Pod(centred=True).build(block_of(A))
+
+
+def test_completion_is_orthonormal_and_named() -> None:
+    _, A = decaying(30, 20, np.array([1.0, 0.1, 0.01]))
+    dictionary = Pod(complete=True).build(block_of(A))
+    assert dictionary.atoms.shape == (30, 30)
+    assert np.abs(dictionary.atoms.T @ dictionary.atoms - np.eye(30)).max() < 1e-13
+    assert dictionary.provenance[:4] == ("pod 0", "pod 1", "pod 2", "completion 0")
+    assert dictionary.info["completed"] == 27
+    assert Pod(complete=True, count=7).build(block_of(A)).atoms.shape == (30, 7)
+
+
+def test_the_largest_entry_of_each_atom_is_positive() -> None:
+    _, A = decaying(40, 30, np.array([1.0, 0.5, 0.1]))
+    for snapshots in (A, -A):
+        atoms = Pod(complete=True).build(block_of(snapshots)).atoms
+        assert (atoms[np.abs(atoms).argmax(axis=0), np.arange(40)] > 0).all()
+
+
+def test_a_failed_snapshot_is_named() -> None:
+    A = np.ones((5, 4))
+    A[2, 3] = np.inf
+    with pytest.raises(InputError, match="snapshot 3 of link.thermal"):
+        Pod().build(block_of(A))
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{"energy": 0.0}, {"energy": 1.5}, {"count": 0}, {"energy": 0.9, "complete": True}],
+    ids=str,
+)
+def test_options_out_of_range_are_refused(options: dict[str, float]) -> None:
+    with pytest.raises(ValidationError):
+        Pod.model_validate(options)
+
+
+class Broken(Pod):
+    """Each fault, one law."""
+
+    fault: str
+
+    def build(self, data: BlockData) -> Dictionary:
+        if self.fault == "accepts anything" and not (
+            np.isfinite(data.snapshots).all() and data.snapshots.any()
+        ):
+            n = data.snapshots.shape[0]
+            return Dictionary(np.eye(n), np.zeros(n), tuple("x" * n))
+        good = super().build(data)
+        if self.fault == "not unit":
+            return replace(good, atoms=2.0 * good.atoms)
+        if self.fault == "provenance":
+            return replace(good, provenance=good.provenance[1:])
+        if self.fault == "claims too much":
+            return replace(good, atoms=good.atoms[:, :1], provenance=good.provenance[:1])
+        if self.fault == "writes":
+            data.snapshots[0, 0] += 1.0
+        if self.fault == "forgets the mean":
+            return replace(good, offset=good.offset + 1.0)
+        if self.fault == "not repeatable":
+            rng = np.random.default_rng()
+            flip = np.where(rng.random(good.atoms.shape[1]) < 0.5, -1.0, 1.0)
+            return replace(good, atoms=good.atoms * flip * rng.choice([-1.0, 1.0]))
+        return good
+
+
+@pytest.mark.parametrize(
+    ("fault", "words"),
+    [
+        ("not unit", "unit columns"),
+        ("provenance", "provenances"),
+        ("claims too much", "reported energy"),
+        ("writes", "wrote to the data"),
+        ("forgets the mean", "reported energy"),
+        ("not repeatable", "differ"),
+        ("accepts anything", "expected an InputError"),
+    ],
+)
+def test_a_broken_basis_fails_its_law(fault: str, words: str) -> None:
+    with pytest.raises(AssertionError, match=words):
+        check_basis(Broken(fault=fault))
+
+
+def test_equal_snapshots_give_equal_atoms() -> None:
+    block = random_block(np.random.default_rng(5))
+    twin = with_snapshots(block, block.snapshots.copy())
+    assert np.array_equal(Pod().build(block).atoms, Pod().build(twin).atoms)

@@ -1,0 +1,206 @@
+"""Error measures with known answers, the table, and pictures that show something."""
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sparsemor.core.charts import FORMATS, write_run_charts
+from sparsemor.core.charts.deformation import magnification
+from sparsemor.core.compare import Comparison, compare
+from sparsemor.core.error_measures import common_steps, measure_errors
+from sparsemor.core.errors import InputError
+from sparsemor.core.layout import Block, Layout
+from sparsemor.core.protocols import Dictionary
+from sparsemor.core.results import RunResult, open_result
+from sparsemor.core.run_header import BodyShape, RunHeader
+from sparsemor.core.status import Status
+from sparsemor.core.store import ChunkOfSteps, ResultWriter
+
+RIGID, ELASTIC = Block("arm", "rigid", 3), Block("arm", "elastic", 8)
+THERMAL, PIN = Block("arm", "thermal", 4), Block("pin", "multiplier", 2)
+ALL = (RIGID, ELASTIC, THERMAL, PIN)
+TIMES = np.linspace(0.0, 1.0, 41)
+POINTS = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 0.2], [0.0, 0.2]])
+
+
+def motion(blocks: tuple[Block, ...], times: np.ndarray) -> np.ndarray:
+    layout = Layout(blocks)
+    x = np.zeros((len(times), layout.size))
+    shapes: dict[str, list[float]] = {
+        "rigid": [0.5, -0.5, -2.0], "elastic": [1e-3] * 8, "thermal": [80.0] * 4,
+        "multiplier": [10.0, 20.0]}
+    for b in layout:
+        x[:, layout[b.name]] = np.outer(times, shapes[b.field])
+        if b.field == "thermal":
+            x[:, layout[b.name]] += 293.15
+    return x
+
+
+def write_run(
+    path: Path, blocks: tuple[Block, ...] = ALL, x: np.ndarray | None = None,
+    times: np.ndarray = TIMES, status: Status = Status.DONE, seconds: float = 4e-3,
+    dictionary: Dictionary | None = None,
+) -> RunResult:
+    full = Layout(blocks)
+    x = motion(blocks, times) if x is None else x
+    shape = BodyShape(
+        POINTS, np.array([[0, 1, 2], [0, 2, 3]]), np.arange(8) if ELASTIC in blocks else None,
+        np.arange(4) if THERMAL in blocks else None)
+    dictionaries = {"arm.elastic": dictionary} if dictionary else {}
+    supports = {}
+    layout = full
+    if dictionary:
+        k = dictionary.atoms.shape[1]
+        layout = full.resized({"arm.elastic": k})
+        place = full["arm.elastic"]
+        c = (x[:, place] - dictionary.offset) @ dictionary.atoms
+        x = np.concatenate([x[:, :place.start], c, x[:, place.stop:]], axis=1)
+        supports["arm.elastic"] = np.arange(k) <= np.arange(len(times))[:, None] % k
+    writer = ResultWriter.create(path / "result.zarr", RunHeader(
+        {}, "d", 1, {}, "sparse" if dictionary else "full", layout, full, 0.025, 40, dictionaries,
+        {"arm.elastic": np.arange(5)} if dictionary else {}, {"arm": shape}))
+    writer.append(ChunkOfSteps(times, x, np.full(len(times), 3), np.full(len(times), seconds),
+                               supports))
+    writer.finish(status, {"offline_seconds": 2.5})
+    return open_result(path)
+
+
+def test_known_errors(tmp_path: Path) -> None:
+    reference = write_run(tmp_path / "a")
+    x = motion(ALL, TIMES)
+    layout = Layout(ALL)
+    x[20, layout["arm.elastic"].start] += 3e-5
+    x[4, layout["arm.elastic"].start] += 5e-5
+    x[30, layout["arm.rigid"].start + 2] -= 0.01
+    x[10, layout["arm.thermal"]] += 2.0
+    x[:, layout["pin.multiplier"]] += 1e6  # forces of constraint are in no error
+    run = write_run(tmp_path / "b", x=x)
+    e = measure_errors(reference, run, late_from=0.3)
+    moved = np.linalg.norm([0.5, -0.5, -2.0])
+    assert e.worst["elastic"] == pytest.approx(5e-5 / (1e-3 * np.sqrt(8)), rel=1e-10)
+    assert e.worst_late["elastic"] == pytest.approx(3e-5 / (1e-3 * np.sqrt(8)), rel=1e-10)
+    assert e.worst["arm.rigid"] == pytest.approx(0.01 / moved, rel=1e-10)
+    assert e.worst["angle_rad"] == pytest.approx(0.01, rel=1e-10)
+    assert e.worst["thermal"] == pytest.approx(4.0 / 160.0, rel=1e-10)
+    assert e.worst_late["thermal"] == 0.0
+    q = np.delete(motion(ALL, TIMES)[10], np.r_[layout["pin.multiplier"]])
+    assert e.worst["joint"] == pytest.approx(4.0 / np.linalg.norm(q), rel=1e-10)
+    assert np.flatnonzero(e.series["joint"]).tolist() == [4, 10, 20, 30]
+    assert e.until == 1.0
+
+
+def test_vanishing_references_give_numbers(tmp_path: Path) -> None:
+    blocks = (RIGID,)
+    still = np.zeros((3, 3))
+    moved = still.copy()
+    moved[2, 0] = 0.5
+    t = np.array([0.0, 1.0, 2.0])
+    zero = write_run(tmp_path / "a", blocks, still, t)
+    run = write_run(tmp_path / "b", blocks, moved, t)
+    assert measure_errors(zero, zero).worst["rigid"] == 0.0
+    assert measure_errors(zero, run).worst["rigid"] == 0.5  # absolute: nothing to divide by
+    assert measure_errors(zero, run).worst["joint"] == 0.0  # every time is left out
+    resting = write_run(tmp_path / "c", blocks, still + [3.0, 4.0, 0.0], t)
+    assert measure_errors(resting, write_run(
+        tmp_path / "d", blocks, moved + [3.0, 4.0, 0.0], t)).worst["rigid"] == pytest.approx(0.1)
+
+
+def test_huge_values_of_a_diverged_run_stay_finite(tmp_path: Path) -> None:
+    x = motion(ALL, TIMES[:11])
+    x[10] = 1e250
+    run = write_run(tmp_path / "b", x=x, times=TIMES[:11], status=Status.DIVERGED)
+    e = measure_errors(write_run(tmp_path / "a"), run)
+    assert all(np.isfinite(v) for v in e.worst.values())
+    assert e.worst["joint"] > 1e240 and e.until == 0.25
+
+
+def test_common_times() -> None:
+    a = np.linspace(0.0, 1.0, 11)
+    here, there = common_steps(a, np.array([0.0, 0.2 + 1e-13, 0.25, 0.4, 1.0, 1.2]))
+    assert here.tolist() == [0, 2, 4, 10] and there.tolist() == [0, 1, 3, 4]
+    assert common_steps(np.array([0.5]), np.array([0.1, 0.5]))[1].tolist() == [1]
+    with pytest.raises(InputError, match="no stored time in common"):
+        common_steps(a, a + 0.05)
+    with pytest.raises(InputError, match="no stored time in common"):
+        common_steps(a, np.zeros(0))
+
+
+def test_runs_of_other_models_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"cold: .*arm.thermal \(4\)"):
+        compare(reference=write_run(tmp_path / "a"),
+                cold=write_run(tmp_path / "b", (RIGID, ELASTIC)))
+    with pytest.raises(InputError, match="at least one run"):
+        compare(reference=write_run(tmp_path / "c"))
+
+
+@pytest.fixture(scope="module")
+def comparison(tmp_path_factory: pytest.TempPathFactory) -> Comparison:
+    folder = tmp_path_factory.mktemp("runs")
+    atoms = np.linalg.qr(np.column_stack([np.ones(8), np.arange(8.0), np.arange(8.0) ** 2]))[0]
+    dictionary = Dictionary(atoms, np.full(8, 5e-4), ("a", "b", "c"))
+    x = motion(ALL, TIMES)
+    return compare(
+        reference=write_run(folder / "full"), errors_from=0.1,
+        untf=write_run(folder / "untf", x=x * (1 + 1e-6), seconds=1e-3, dictionary=dictionary),
+        deim=write_run(folder / "deim", x=(x * 1.01)[:21], times=TIMES[:21], seconds=2e-3,
+                       status=Status.DIVERGED))
+
+
+def test_table_and_json(comparison: Comparison) -> None:
+    lines = str(comparison).splitlines()
+    assert lines[0].split()[:4] == ["run", "reducer", "status", "ms/step"]
+    row = next(line.split() for line in lines if line.startswith("untf"))
+    assert row[1:9] == ["sparse", "done", "1", "4", "3.00", "1.98/3", "5", "1.00e-06"]
+    assert lines[-1] == "deim: diverged, compared up to 0.5 s of 1 s"
+    data = json.loads(comparison.to_json())
+    assert data["runs"]["deim"]["status"] == "diverged" and data["runs"]["untf"]["rows"] == 5
+    assert data["runs"]["untf"]["errors"] == comparison.errors["untf"]
+
+
+def test_written_tables_and_pictures(comparison: Comparison, tmp_path: Path) -> None:
+    files = comparison.write(tmp_path)
+    names = {"deformation", "temperature", "angles", "error_over_time", "speed_accuracy",
+             "active_atoms_untf"}
+    assert {f.name for f in files} == {f"{n}.{k}" for n in names for k in FORMATS} | {
+        "errors.csv", "error_over_time.csv"}
+    with (tmp_path / "errors.csv").open(encoding="utf-8") as text:
+        rows = {r["run"]: r for r in csv.DictReader(text)}
+    assert float(rows["untf"]["joint"]) == comparison.errors["untf"]["joint"]
+    assert (rows["reference"]["joint"], rows["deim"]["status"]) == ("", "diverged")
+    assert float(rows["untf"]["offline_s"]) == 2.5
+    with (tmp_path / "error_over_time.csv").open(encoding="utf-8") as text:
+        assert sum(1 for _ in csv.DictReader(text)) == 41 + 21
+    for name in names:
+        assert_not_blank(tmp_path / f"{name}.png")
+        assert "<svg" in (tmp_path / f"{name}.svg").read_text(encoding="utf-8")
+
+
+def assert_not_blank(picture: Path) -> None:
+    from matplotlib.image import imread
+
+    pixels = imread(picture)[::2, ::2, :3]
+    inked = (pixels < 0.9).any(axis=2)
+    assert 0.005 < inked.mean() < 0.6 and len(np.unique(pixels @ [1.0, 300.0, 9e4])) > 20
+
+
+@pytest.mark.parametrize(("blocks", "expected"), [
+    ((RIGID, PIN), {"angles"}),
+    ((RIGID, ELASTIC), {"angles", "deformation"}),
+    ((THERMAL,), {"temperature"}),
+])
+def test_only_pictures_that_make_sense(
+    tmp_path: Path, blocks: tuple[Block, ...], expected: set[str]
+) -> None:
+    files = write_run_charts(write_run(tmp_path / "a", blocks), tmp_path / "p", formats=["png"])
+    assert {f.stem for f in files} == expected
+    same = compare(reference=open_result(tmp_path / "a"), twin=open_result(tmp_path / "a"))
+    assert "error_over_time.png" not in {f.name for f in same.write(tmp_path / "q")}
+
+
+def test_magnification_is_round(tmp_path: Path) -> None:
+    run = write_run(tmp_path / "a")
+    assert magnification(run, ["arm"], [40]) == 20.0  # |u| = 1.41 mm on 1 m, wanted 60 mm
+    assert magnification(run, ["arm"], [0]) == 1.0

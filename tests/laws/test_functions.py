@@ -1,0 +1,86 @@
+"""Functions of time: values, rates against differences, and refusals."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pydantic import ValidationError
+
+from sparsemor.bodies.loads.functions import Constant, Pulse, Ramp, Sine, Table, parse
+from sparsemor.core.protocols import TimeFunction
+
+ALL: list[TimeFunction] = [
+    Constant(level=3.0),
+    Table(times=(0.0, 1.0, 3.0), values=(2.0, 4.0, -2.0)),
+    Table(times=(0.0, 1.0, 3.0), values=(2.0, 4.0, -2.0), outside="zero"),
+    Ramp(start=0.5, end=2.5, initial=1.0, final=-3.0),
+    Pulse(start=0.5, duration=1.0, level=7.0),
+    Sine(amplitude=2.0, frequency=0.7, phase=0.3, offset=1.0),
+]
+
+
+@pytest.mark.parametrize("function", ALL, ids=repr)
+def test_the_rate_is_the_slope_between_kinks(function: TimeFunction) -> None:
+    for t in np.arange(-0.75, 4.0, 0.16):
+        slope = (function.value(t + 1e-6) - function.value(t - 1e-6)) / 2e-6
+        assert function.rate(t) == pytest.approx(slope, abs=1e-7)
+
+
+@pytest.mark.parametrize("function", ALL[1:5], ids=repr)
+def test_at_a_kink_the_rate_is_the_one_to_the_right(function: TimeFunction) -> None:
+    for t in (0.0, 0.5, 1.0, 1.5, 2.5, 3.0):
+        if function.value(t + 1e-6) == pytest.approx(function.value(t), abs=1e-4):
+            slope = (function.value(t + 1e-6) - function.value(t)) / 1e-6
+            assert function.rate(t) == pytest.approx(slope, abs=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("function", "points"),
+    [
+        (ALL[1], {-1.0: 2.0, 0.0: 2.0, 0.5: 3.0, 1.0: 4.0, 2.0: 1.0, 3.0: -2.0, 9.0: -2.0}),
+        (ALL[2], {-1.0: 0.0, 0.0: 2.0, 3.0: -2.0, 3.1: 0.0}),
+        (ALL[3], {0.0: 1.0, 0.5: 1.0, 1.5: -1.0, 2.5: -3.0, 9.0: -3.0}),
+        (ALL[4], {0.4: 0.0, 0.5: 7.0, 1.4: 7.0, 1.5: 0.0}),
+        (ALL[5], {0.0: 1.0 + 2.0 * np.sin(0.3)}),
+    ],
+    ids=str,
+)
+def test_values(function: TimeFunction, points: dict[float, float]) -> None:
+    for t, value in points.items():
+        assert function.value(t) == pytest.approx(value)
+
+
+@given(st.floats(-1e3, 1e3), st.lists(st.floats(-1e6, 1e6), min_size=2, max_size=8))
+def test_a_table_agrees_with_linear_interpolation(t: float, values: list[float]) -> None:
+    times = tuple(float(i * i) for i in range(len(values)))
+    table = Table(times=times, values=tuple(values))
+    expected = float(np.interp(t, times, values))
+    assert table.value(t) == pytest.approx(expected, rel=1e-9, abs=1e-6)
+
+
+def test_a_number_is_a_constant_function() -> None:
+    assert parse(2.5) == Constant(level=2.5)
+    assert parse(3).value(1.0) == 3.0
+    assert parse(ALL[5]) is ALL[5]
+
+
+@pytest.mark.parametrize(
+    ("kind", "options", "words"),
+    [
+        (Table, {"times": [0, 1], "values": [1, float("nan")]}, "finite number"),
+        (Table, {"times": [0, float("inf")], "values": [1, 2]}, "finite number"),
+        (Table, {"times": [0, 1, 1], "values": [1, 2, 3]}, r"times\[2\] = 1 does not come after"),
+        (Table, {"times": [0, 1, 2], "values": [1, 2]}, "3 times but 2 values"),
+        (Table, {"times": [0], "values": [1]}, "at least 2"),
+        (Ramp, {"start": 2.0, "end": 1.0, "final": 1.0}, "must come after start = 2 s"),
+        (Pulse, {"duration": 0.0, "level": 1.0}, "greater than 0"),
+        (Constant, {"level": float("inf")}, "finite number"),
+        (Sine, {"amplitude": 1.0, "frequency": 1.0, "fase": 0.0}, "fase"),
+    ],
+    ids=str,
+)
+def test_bad_options_are_refused_in_words(kind: Any, options: dict[str, Any], words: str) -> None:
+    with pytest.raises(ValidationError, match=words):
+        kind.model_validate(options)

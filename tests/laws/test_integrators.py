@@ -1,0 +1,202 @@
+"""Every installed integrator keeps the laws; orders, damping and an index-3 pendulum."""
+
+from dataclasses import replace
+from importlib.metadata import EntryPoint, entry_points
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.layout import Block, Layout
+from sparsemor.core.plugin import Plugin
+from sparsemor.core.protocols import Integrator, State, StepFormula
+from sparsemor.core.testing import check_integrator
+from sparsemor.core.testing.integrator import integrate
+from sparsemor.integrators.bdf1 import Bdf1
+from sparsemor.integrators.generalized_alpha import GeneralizedAlpha
+
+RADII = (0.0, 0.5, 0.8, 1.0)
+OSCILLATOR = Layout([Block("b", "elastic", 1)])
+PENDULUM = Layout([Block("b", "rigid", 2), Block("j", "multiplier", 1)])
+
+
+@pytest.mark.parametrize("entry", entry_points(group="sparsemor.integrator"), ids=lambda e: e.name)
+def test_every_installed_integrator_keeps_the_laws(entry: EntryPoint) -> None:
+    check_integrator(entry.load()())
+
+
+@pytest.mark.parametrize(
+    ("integrator", "order"),
+    [(Bdf1(), 1.0)] + [(GeneralizedAlpha(rho_inf=rho), 2.0) for rho in RADII],
+    ids=repr,
+)
+def test_observed_orders(integrator: Integrator, order: float) -> None:
+    check_integrator(integrator, seed=1)
+    errors = [integrate(integrator, steps).errors for steps in (400, 800)]
+    np.testing.assert_allclose(np.log2(errors[0] / errors[1]), order, atol=0.15)
+
+
+def oscillate(integrator: Integrator, w: float, h: float, state: State) -> State:
+    """One step of x'' + w^2 x = 0."""
+    f = integrator.formula(OSCILLATOR, state, h)
+    return integrator.advance(OSCILLATOR, state, f, -f.r2 / (f.c2 + w * w), h)
+
+
+def one(x: float, v: float, a: float, memory: FloatArray) -> State:
+    return State(0.0, np.array([x]), np.array([v]), np.array([a]), memory)
+
+
+def amplification(integrator: Integrator, w: float, h: float) -> FloatArray:
+    """One-step matrix of (w x, v, memory) with a = -w^2 x, as every computed state has."""
+    size = 2 + integrator.start(OSCILLATOR, one(1.0, 0.0, 0.0, np.zeros((1, 0)))).memory.shape[1]
+    columns = []
+    for unit in np.eye(size):
+        x = unit[0] / w
+        start = one(x, unit[1], -w * w * x, unit[None, 2:] * w)
+        end = oscillate(integrator, w, h, start)
+        columns.append(np.concatenate([w * end.x, end.v, end.memory[0] / w]))
+    return np.array(columns).T
+
+
+@pytest.mark.parametrize("wh", [0.1, 1.0, 30.0])
+def test_bdf1_damps_as_the_closed_form_says(wh: float) -> None:
+    radius = np.abs(np.linalg.eigvals(amplification(Bdf1(), wh / 0.01, 0.01))).max()
+    assert radius == pytest.approx(1.0 / np.sqrt(1.0 + wh * wh), rel=1e-12)
+
+
+@pytest.mark.parametrize("rho", RADII)
+def test_spectral_radius_at_high_frequency_is_rho_inf(rho: float) -> None:
+    G = amplification(GeneralizedAlpha(rho_inf=rho), 1e7, 1.0)
+    # at rho_inf two or three eigenvalues meet, so that each is known to a root of round-off
+    assert np.abs(np.linalg.eigvals(G)).max() == pytest.approx(rho, abs=2e-3)
+
+
+@pytest.mark.parametrize("rho", RADII)
+@pytest.mark.parametrize("wh", [1e-2, 0.3, 1.0, 3.0, 100.0])
+def test_no_frequency_grows(rho: float, wh: float) -> None:
+    G = amplification(GeneralizedAlpha(rho_inf=rho), wh, 1.0)
+    assert np.abs(np.linalg.eigvals(G)).max() < 1.0 + 1e-7
+
+
+def test_the_undamped_rule_keeps_the_energy() -> None:
+    integrator, w = GeneralizedAlpha(rho_inf=1.0), 3.0
+    state = integrator.start(OSCILLATOR, one(1.0, 0.5, -w * w, np.zeros((1, 0))))
+
+    def energy(s: State) -> float:
+        return float(s.v[0] ** 2 + w * w * s.x[0] ** 2)
+
+    before = energy(state)
+    for _ in range(2000):
+        state = oscillate(integrator, w, 0.2, state)
+    assert energy(state) == pytest.approx(before, rel=1e-10)
+
+
+@pytest.mark.parametrize("rho", RADII)
+def test_fast_decays_shrink_by_rho_inf(rho: float) -> None:
+    layout, integrator = Layout([Block("b", "thermal", 1)]), GeneralizedAlpha(rho_inf=rho)
+    rate, columns = 1e7, []
+    for T, s in np.eye(2):
+        state = one(T, -rate * T, 0.0, np.array([[s * rate]]))
+        f = integrator.formula(layout, state, 1.0)
+        end = integrator.advance(layout, state, f, -f.r1 / (f.c1_first + rate), 1.0)
+        columns.append([end.x[0], end.memory[0, 0] / rate])
+    assert np.abs(np.linalg.eigvals(np.array(columns).T)).max() == pytest.approx(rho, abs=2e-3)
+
+
+def pendulum_equations(u: FloatArray, a: FloatArray) -> FloatArray:
+    """u = (x, y, multiplier) of a unit mass on a unit rod under gravity 9.81 m/s2."""
+    x, y, lam = u
+    return np.array([a[0] + x * lam, a[1] + y * lam + 9.81, 0.5 * (x * x + y * y - 1.0)])
+
+
+def swing(integrator: Integrator, h: float, end: float) -> State:
+    """Index-3 equations, Newton to round-off in every step, from 1 rad at rest."""
+    x = np.array([np.sin(1.0), -np.cos(1.0), 9.81 * np.cos(1.0)])
+    pull = -9.81 * np.sin(1.0)
+    a = np.array([pull * np.cos(1.0), pull * np.sin(1.0), 0.0])
+    state = integrator.start(PENDULUM, State(0.0, x, np.zeros(3), a, np.zeros((3, 0))))
+    for _ in range(round(end / h)):
+        f = integrator.formula(PENDULUM, state, h)
+        u = state.x.copy()
+        for _ in range(8):
+            J = np.array([[f.c2 + u[2], 0, u[0]], [0, f.c2 + u[2], u[1]], [u[0], u[1], 0]])
+            u = u - np.linalg.solve(J, pendulum_equations(u, f.c2 * u + f.r2))
+        state = integrator.advance(PENDULUM, state, f, u, h)
+    return state
+
+
+@pytest.mark.parametrize(
+    ("integrator", "order"),
+    [(Bdf1(), 1.0), *((GeneralizedAlpha(rho_inf=rho), 2.0) for rho in (0.0, 0.5, 0.8))],
+    ids=repr,
+)
+def test_orders_on_an_index_3_pendulum(integrator: Integrator, order: float) -> None:
+    end = 1.0
+    angle, rate = solve_ivp(
+        lambda t, y: [y[1], -9.81 * np.sin(y[0])], (0.0, end), [1.0, 0.0], "DOP853",
+        rtol=1e-12, atol=1e-13,
+    ).y[:, -1]
+    x = np.array([np.sin(angle), -np.cos(angle)])
+    v = rate * np.array([np.cos(angle), np.sin(angle)])
+    ends = [swing(integrator, h, end) for h in (1 / 200, 1 / 400)]
+    errors = [[np.linalg.norm(s.x[:2] - x), np.linalg.norm(s.v[:2] - v)] for s in ends]
+    np.testing.assert_allclose(np.log2(np.array(errors[0]) / np.array(errors[1])), order, atol=0.15)
+    assert abs(np.linalg.norm(ends[1].x[:2]) - 1.0) < 1e-12
+    if order == 2.0:
+        assert not ends[1].v[2:].any() and not ends[1].a[2:].any()
+
+
+def test_a_radius_outside_0_1_is_refused() -> None:
+    for rho in (-0.1, 1.1, float("nan")):
+        with pytest.raises(ValueError, match="rho_inf"):
+            GeneralizedAlpha(rho_inf=rho)
+
+
+class Broken(Plugin):
+    fault: str
+
+    @property
+    def order(self) -> int:
+        return 2 if self.fault == "boasts" else 1
+
+    def start(self, layout: Layout, state: State) -> State:
+        if self.fault == "moves at start":
+            return Bdf1().start(layout, replace(state, x=state.x + 1.0))
+        return Bdf1().start(layout, state)
+
+    def formula(self, layout: Layout, state: State, h: float) -> StepFormula:
+        good = Bdf1().formula(layout, state, h)
+        if self.fault == "old time":
+            return replace(good, t=state.t)
+        if self.fault == "half rate":
+            return replace(good, c1_first=0.5 * good.c1_first)
+        if self.fault == "drifts":
+            return replace(good, r1=good.r1 + 1.0)
+        return good
+
+    def advance(
+        self, layout: Layout, state: State, formula: StepFormula, x: FloatArray, h: float
+    ) -> State:
+        if self.fault == "drifts":
+            good = Bdf1().advance(layout, state, formula, x, h)
+            return replace(good, v=good.v + 1.0)
+        if self.fault == "writes":
+            state.v[:] = (x - state.x) / h
+        return Bdf1().advance(layout, state, formula, x, h)
+
+
+@pytest.mark.parametrize(
+    ("fault", "words"),
+    [
+        ("boasts", "order 2 is stated"),
+        ("moves at start", "memory only"),
+        ("old time", "not t"),
+        ("half rate", "v of first order"),
+        ("drifts", "gets a speed"),
+        ("writes", "written to"),
+    ],
+)
+def test_a_broken_integrator_fails_its_law(fault: str, words: str) -> None:
+    with pytest.raises(AssertionError, match=words):
+        check_integrator(Broken(fault=fault))

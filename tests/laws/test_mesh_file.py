@@ -1,0 +1,170 @@
+"""Mesh files: groups become sets, and a file that cannot be used says why."""
+
+from pathlib import Path
+from typing import Any
+
+import meshio
+import numpy as np
+import pytest
+
+from sparsemor.bodies.mesh.check import check_mesh
+from sparsemor.bodies.mesh.file import MeshFile
+from sparsemor.bodies.mesh.rectangle import Rectangle
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.errors import InputError
+from sparsemor.core.mesh import Mesh
+
+SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+HALVES = np.array([[0, 1, 2], [0, 2, 3]])
+
+
+def plate() -> Mesh:
+    return Rectangle(size=(1.0, 0.1), divisions=(10, 2)).build(Path())
+
+
+def written(folder: Path, name: str, points: Any, cells: list[Any], **more: Any) -> MeshFile:
+    known = {"file_format": "gmsh22"} if name.endswith(".msh") else {}
+    meshio.Mesh(np.asarray(points, dtype=float), cells, **more).write(folder / name, **known)
+    return MeshFile(path=name)
+
+
+def flat(points: Any) -> FloatArray:
+    plane = np.asarray(points, dtype=np.float64)
+    return np.column_stack([plane, np.zeros(len(plane))])
+
+
+def test_gmsh_groups_become_sets(tmp_path: Path) -> None:
+    source = plate()
+    top = source.point_sets["top"]
+    lines = np.stack([top[:-1], top[1:]], axis=1)
+    tags = [np.full(len(lines), 3), np.array([4]), np.full(len(source.cells), 1)]
+    plugin = written(
+        tmp_path, "plate.msh",
+        np.vstack([flat(source.points), [[9.0, 9.0, 0.0]]]),  # a point in no cell
+        [("line", lines), ("vertex", source.point_sets["top_left"][:, None]),
+         ("triangle", source.cells)],
+        cell_data={"gmsh:physical": tags, "gmsh:geometrical": tags},
+        field_data={"upper edge": np.array([3, 1])},
+    )
+    built = plugin.build(tmp_path)
+    assert built.dimension == 2
+    np.testing.assert_allclose(built.points, source.points)
+    np.testing.assert_array_equal(built.cells, source.cells)
+    np.testing.assert_array_equal(built.point_sets["upper edge"], top)
+    np.testing.assert_array_equal(built.point_sets["point_4"], source.point_sets["top_left"])
+    assert len(built.point_sets["surface_1"]) == len(source.points)
+
+
+GMSH = """$MeshFormat
+4.1 0 8
+$EndMeshFormat
+$PhysicalNames
+2
+1 7 "lower edge"
+2 8 "sheet"
+$EndPhysicalNames
+$Entities
+0 1 1 0
+1 0 0 0 1 0 0 1 7 0
+1 0 0 0 1 1 0 1 8 1 1
+$EndEntities
+$Nodes
+1 4 1 4
+2 1 0 4
+1
+2
+3
+4
+0 0 0
+1 0 0
+1 1 0
+0 1 0
+$EndNodes
+$Elements
+2 3 1 3
+1 1 1 1
+1 1 2
+2 1 2 2
+2 1 2 3
+3 1 3 4
+$EndElements
+"""
+
+
+def test_gmsh_as_it_writes_today(tmp_path: Path) -> None:
+    (tmp_path / "sheet.msh").write_text(GMSH)
+    built = MeshFile(path="sheet.msh").build(tmp_path)
+    np.testing.assert_array_equal(built.cells, HALVES)
+    sets = {name: points.tolist() for name, points in built.point_sets.items()}
+    assert sets == {"lower edge": [0, 1], "sheet": [0, 1, 2, 3]}
+
+
+def test_sets_of_cells_and_points(tmp_path: Path) -> None:
+    plugin = written(
+        tmp_path, "square.inp", flat(SQUARE), [("triangle", HALVES)],
+        point_sets={"diagonal": np.array([2, 0])}, cell_sets={"lower": [np.array([0])]},
+    )
+    sets = plugin.build(tmp_path).point_sets
+    np.testing.assert_array_equal(sets["diagonal"], [0, 2])
+    np.testing.assert_array_equal(sets["lower"], [0, 1, 2])
+
+
+def test_tetrahedra_and_scale(tmp_path: Path) -> None:
+    corners = [[0, 0, 0], [1000, 0, 0], [0, 1000, 0], [0, 0, 1000]]
+    plugin = written(tmp_path, "tet.vtk", corners, [("triangle", [[0, 1, 2]]),
+                                                    ("tetra", [[0, 1, 2, 3]])])
+    built = plugin.model_copy(update={"scale": 1e-3}).build(tmp_path)
+    assert (built.dimension, built.cells.tolist()) == (3, [[0, 1, 2, 3]])
+    np.testing.assert_allclose(built.points[1], [1.0, 0.0, 0.0])
+
+
+def test_mesh_inverted_throughout_is_turned(tmp_path: Path) -> None:
+    plugin = written(tmp_path, "turned.vtk", flat(SQUARE), [("triangle", HALVES[:, ::-1])])
+    check_mesh(plugin.build(tmp_path))
+
+
+FILES: dict[str, tuple[Any, list[Any], str]] = {
+    "mixed": (flat(SQUARE), [("triangle", [[0, 1, 2], [0, 3, 2]])], "1 of 2 cells are inverted"),
+    "quads": (flat(SQUARE), [("quad", [[0, 1, 2, 3]])], "highest cells are quad"),
+    "quads beside triangles": (
+        flat([*SQUARE, [2, 0]]), [("quad", [[0, 1, 2, 3]]), ("triangle", [[1, 4, 2]])],
+        "highest cells are quad, triangle",
+    ),
+    "lines": (flat(SQUARE), [("line", [[0, 1]])], "highest cells are line"),
+    "shell": (
+        [[0, 0, 0], [1, 0, 0], [1, 1, 0.5], [0, 1, 0]], [("triangle", HALVES)], "z = constant"
+    ),
+    "outside": (flat(SQUARE), [("triangle", [[0, 1, 9]])], "name points that do not exist"),
+    "pieces": (
+        flat([*SQUARE, *(SQUARE + 3)]), [("triangle", [*HALVES, *(HALVES + 4)])], "2 pieces"
+    ),
+}
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_unusable_files(tmp_path: Path, name: str) -> None:
+    points, cells, words = FILES[name]
+    plugin = written(tmp_path, "bad.vtk", points, cells)
+    with pytest.raises(InputError, match=f"bad.vtk: .*{words}") as caught:
+        plugin.build(tmp_path)
+    assert caught.value.faults[0].key == "path"
+    assert str(tmp_path) not in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["bad.msh", "bad.vtk", "bad.inp", "bad.xyz", "bad"])
+def test_unreadable_files_neither_print_nor_leave(
+    tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / name).write_text("this is not a mesh\n")
+    with pytest.raises(InputError, match=name) as caught:
+        MeshFile(path=name).build(tmp_path)
+    assert caught.value.faults[0].key == "path"
+    assert str(tmp_path) not in str(caught.value)
+    assert capsys.readouterr() == ("", "")
+
+
+def test_missing_file_is_named_as_given(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no file 'meshes/link.msh'") as caught:
+        MeshFile(path="meshes/link.msh").build(tmp_path)
+    assert caught.value.faults[0].key == "path"
+    assert str(tmp_path) not in str(caught.value)

@@ -1,0 +1,141 @@
+"""Every installed preconditioner keeps the laws; what UNTF does to coherence and condition."""
+
+from importlib.metadata import EntryPoint, entry_points
+
+import numpy as np
+import pytest
+
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.errors import InputError
+from sparsemor.core.plugin import Plugin
+from sparsemor.core.testing import check_preconditioner
+from sparsemor.plugins.preconditioners.frames import coherence, condition_number, unit_columns
+from sparsemor.plugins.preconditioners.none import NoPreconditioner
+from sparsemor.plugins.preconditioners.untf import UnitNormTightFrame
+
+
+@pytest.mark.parametrize(
+    "entry", entry_points(group="sparsemor.preconditioner"), ids=lambda e: e.name
+)
+def test_every_installed_preconditioner_keeps_the_laws(entry: EntryPoint) -> None:
+    check_preconditioner(entry.load()())
+
+
+def test_none_is_the_identity() -> None:
+    assert np.array_equal(NoPreconditioner().build(np.ones((3, 5))), np.eye(3))
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(("m", "k"), [(20, 80), (80, 82), (30, 30)])
+def test_untf_tightens_the_frame_and_lowers_the_coherence(m: int, k: int, seed: int) -> None:
+    B = np.random.default_rng(seed).standard_normal((m, k))
+    PB = UnitNormTightFrame().build(B) @ B
+    assert coherence(PB) < coherence(B)
+    assert condition_number(unit_columns(PB)) < 1.5 < condition_number(unit_columns(B))
+
+
+def test_untf_as_published_may_leave_the_row_space() -> None:
+    """Pulling cosines back can lift a direction that no sampled row has above a weak one that a
+    row has: then P nearly loses that row. The paper's steps are kept as they are."""
+    B = np.random.default_rng(1).standard_normal((100, 120))
+    P = UnitNormTightFrame().build(B)
+    assert condition_number(unit_columns(P @ B)) > condition_number(unit_columns(B))
+    assert condition_number(P) < 1e4
+
+
+def test_untf_does_not_change_the_solutions() -> None:
+    rng = np.random.default_rng(0)
+    B = rng.standard_normal((12, 30))
+    c = rng.standard_normal(30)
+    P = UnitNormTightFrame().build(B)
+    back = np.linalg.solve(P, P @ (B @ c))
+    np.testing.assert_allclose(back, B @ c, rtol=1e-10)
+
+
+def test_untf_keeps_a_tight_frame_of_low_coherence() -> None:
+    """Three unit vectors at 120 degrees are one: P may only rotate it."""
+    angles = 2.0 * np.pi / 3.0 * np.arange(3)
+    B = np.array([np.cos(angles), np.sin(angles)])
+    P = UnitNormTightFrame().build(B)
+    np.testing.assert_allclose(P.T @ P, np.eye(2), atol=1e-12)
+
+
+def cosines(A: FloatArray) -> FloatArray:
+    F = unit_columns(A)
+    return np.asarray(F.T @ F, dtype=np.float64)
+
+
+def test_untf_is_independent_of_earlier_row_mixing() -> None:
+    """S B^+ undoes any nonsingular mixing of the rows, up to a rotation of the result."""
+    rng = np.random.default_rng(1)
+    B, once = rng.standard_normal((10, 25)), UnitNormTightFrame(iterations=20)
+    P = once.build(B)
+    again = UnitNormTightFrame(iterations=1).build(P @ B)
+    direct = UnitNormTightFrame(iterations=21).build(B)
+    np.testing.assert_allclose(cosines(again @ P @ B), cosines(direct @ B), atol=1e-9)
+
+
+def test_untf_stops_early_when_asked() -> None:
+    B = np.random.default_rng(2).standard_normal((10, 15))
+    first = UnitNormTightFrame(iterations=1).build(B)
+    assert np.array_equal(UnitNormTightFrame(iterations=50, tolerance=0.999).build(B), first)
+
+
+def test_fewer_atoms_than_rows_are_refused_in_words() -> None:
+    reason = UnitNormTightFrame().check(80, 20)
+    assert reason.startswith("UNTF needs at least as many atoms as rows: 20 atoms < 80 rows")
+    assert UnitNormTightFrame().check(80, 80) == ""
+    with pytest.raises(InputError, match="20 atoms < 80 rows"):
+        UnitNormTightFrame().build(np.ones((80, 20)))
+
+
+def test_dependent_rows_are_refused_in_words() -> None:
+    B = np.random.default_rng(0).standard_normal((5, 9))
+    B[4] = B[0] + B[1]
+    with pytest.raises(InputError, match="rank 4"):
+        UnitNormTightFrame().build(B)
+
+
+def test_measures_on_known_matrices() -> None:
+    A = np.array([[1.0, 1.0, 0.0], [0.0, 1.0, 3.0]])
+    assert coherence(A) == pytest.approx(np.sqrt(0.5))
+    assert coherence(A[:, :1]) == 0.0
+    assert condition_number(np.diag([4.0, 2.0])) == pytest.approx(2.0)
+    assert condition_number(np.ones((2, 2))) == np.inf
+
+
+class Broken(Plugin):
+    fault: str
+
+    def check(self, rows: int, atoms: int) -> str:
+        return "no" if self.fault == "refuses all" else ""
+
+    def build(self, A: FloatArray) -> FloatArray:
+        m = A.shape[0]
+        if self.fault == "singular":
+            return np.ones((m, m)) if m > 1 else np.eye(1)
+        if self.fault == "shape":
+            return np.eye(m + 1)
+        if self.fault == "nan":
+            return np.full((m, m), np.nan)
+        if self.fault == "writes":
+            A *= 2.0
+        if self.fault == "not repeatable":
+            return np.eye(m) + np.diag(np.random.default_rng().random(m))
+        return np.eye(m)
+
+
+@pytest.mark.parametrize(
+    ("fault", "words"),
+    [
+        ("refuses all", "every shape"),
+        ("singular", "singular"),
+        ("shape", "shape"),
+        ("nan", "not finite"),
+        ("writes", "wrote to A"),
+        ("not repeatable", "two builds"),
+    ],
+)
+def test_a_broken_preconditioner_fails_its_law(fault: str, words: str) -> None:
+    with pytest.raises(AssertionError, match=words):
+        check_preconditioner(Broken(fault=fault))

@@ -1,0 +1,246 @@
+"""Every installed sparse solver keeps the laws; recovery, statuses and cycles of the greedy one."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from importlib.metadata import EntryPoint, entry_points
+
+import numpy as np
+import pytest
+
+from sparsemor.core.arrays import BoolArray, FloatArray
+from sparsemor.core.protocols import Group, SparseOutcome, SparseProblem, SparseStart
+from sparsemor.core.status import Status
+from sparsemor.core.testing import check_sparse_solver
+from sparsemor.core.testing.problems import (
+    Elsewhere,
+    LeastSquares,
+    coherent,
+    empty_start,
+    incoherent,
+)
+from sparsemor.plugins.sparse_solvers.greedy_gauss_newton import GreedyGaussNewton
+from sparsemor.plugins.sparse_solvers.visits import Visits
+
+
+@pytest.mark.parametrize(
+    "entry", entry_points(group="sparsemor.sparse_solver"), ids=lambda e: e.name
+)
+def test_every_installed_sparse_solver_keeps_the_laws(entry: EntryPoint) -> None:
+    check_sparse_solver(entry.load()())
+
+
+@pytest.mark.parametrize("seed", range(40))
+@pytest.mark.parametrize("growth", [None, 1])
+def test_incoherent_supports_are_recovered(seed: int, growth: int | None) -> None:
+    problem = incoherent(np.random.default_rng(seed))
+    outcome = GreedyGaussNewton(growth=growth).solve(problem, empty_start(74))
+    assert outcome.status is Status.DONE
+    assert np.array_equal(outcome.support, problem.support)
+    np.testing.assert_allclose(outcome.c, problem.answer, atol=1e-10)
+
+
+def test_coherent_problems_end_honestly(record_property: Callable[[str, object], None]) -> None:
+    """Recovery is reported, not asserted: no greedy method finds every coherent support."""
+    found = 0
+    for seed in range(20):
+        problem = coherent(np.random.default_rng(seed))
+        outcome = GreedyGaussNewton().solve(problem, empty_start(60))
+        found += np.array_equal(outcome.support, problem.support)
+        assert outcome.support.sum() <= 4
+        norm = float(np.linalg.norm(problem.residual(outcome.c)))
+        assert outcome.residual_norm == pytest.approx(norm, abs=1e-12)
+    record_property("coherent supports found of 20", found)
+
+
+def test_the_answer_is_least_squares_on_its_support() -> None:
+    rng = np.random.default_rng(0)
+    problem = incoherent(rng)
+    noise = 0.1 * rng.standard_normal(60)
+    noisy = Elsewhere(problem, lambda r: r + noise)
+    outcome = GreedyGaussNewton().solve(noisy, empty_start(74))
+    assert outcome.status is Status.DONE
+    A = problem.A[:, outcome.support]
+    slope = A.T @ noisy.residual(outcome.c) / np.linalg.norm(A, axis=0)
+    assert outcome.residual_norm > 0.1  # more rows than atoms: it does not vanish
+    assert np.abs(slope).max() < 1e-12
+
+
+def test_a_warm_start_on_the_right_support_takes_two_linearisations() -> None:
+    problem = incoherent(np.random.default_rng(1))
+    outcome = GreedyGaussNewton().solve(
+        problem, SparseStart(np.zeros(74), problem.support)
+    )
+    assert outcome.iterations == 2
+    assert np.array_equal(outcome.support, problem.support)
+
+
+def test_a_wrong_warm_start_is_left() -> None:
+    problem = incoherent(np.random.default_rng(2))
+    wrong = np.zeros(74, dtype=np.bool_)
+    wrong[4:7] = wrong[44:46] = True
+    outcome = GreedyGaussNewton().solve(problem, SparseStart(wrong.astype(float), wrong))
+    np.testing.assert_allclose(outcome.c, problem.answer, atol=1e-10)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_newton_converges_quadratically_on_a_consistent_nonlinear_problem(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    problem = replace(incoherent(rng), bend=0.05)
+    near = problem.answer * (1.0 + 0.02 * rng.standard_normal(74))
+    outcome = GreedyGaussNewton().solve(problem, SparseStart(near, problem.support))
+    assert outcome.status is Status.DONE and outcome.iterations <= 6
+    np.testing.assert_allclose(outcome.c, problem.answer, atol=1e-9)
+
+
+def test_atoms_at_round_off_do_not_keep_the_iteration_alive() -> None:
+    """A dictionary with far more atoms than the answer has, as a completed POD basis is."""
+    rng = np.random.default_rng(0)
+    A = np.linalg.qr(rng.standard_normal((300, 300)))[0][:160]
+    answer = np.zeros(300)
+    answer[:30] = 10.0 ** -np.linspace(0.0, 10.0, 30)
+    problem = LeastSquares((Group("g", 0, 300, 50),), A, np.zeros((160, 300)), 0.0, answer)
+    outcome = GreedyGaussNewton().solve(problem, empty_start(300))
+    assert outcome.status is Status.DONE
+    again = GreedyGaussNewton().solve(problem, SparseStart(outcome.c, outcome.support))
+    assert again.status is Status.DONE and again.iterations == 1
+    assert np.array_equal(again.support, outcome.support)
+
+
+def test_equal_active_atoms_are_reported_as_rank_deficient() -> None:
+    problem = incoherent(np.random.default_rng(0))
+    A = problem.A.copy()
+    A[:, 5] = 2.0 * A[:, 6]
+    twins = replace(problem, A=A)
+    start = empty_start(74).support
+    start[5:7] = True
+    outcome = GreedyGaussNewton().solve(twins, SparseStart(np.zeros(74), start))
+    assert outcome.status is Status.RANK_DEFICIENT
+    assert not outcome.c.any()  # the start: nothing was solved blindly
+
+
+def test_an_atom_equal_to_an_active_one_is_not_taken() -> None:
+    problem = incoherent(np.random.default_rng(3))
+    active = np.flatnonzero(problem.answer[4:44])[0] + 4
+    A = problem.A.copy()
+    twin = 4 + (active - 4 + 1) % 40
+    if problem.answer[twin]:
+        twin = 4 + (active - 4 + 2) % 40
+    A[:, twin] = A[:, active]
+    outcome = GreedyGaussNewton().solve(replace(problem, A=A), empty_start(74))
+    assert outcome.status is Status.DONE
+    assert outcome.residual_norm < 1e-10
+    assert not (outcome.support[active] and outcome.support[twin])
+
+
+def test_fewer_rows_than_unpenalised_columns_are_rank_deficient() -> None:
+    A = np.random.default_rng(0).standard_normal((3, 5))
+    problem = LeastSquares((Group("free", 0, 5, None),), A, np.zeros((3, 5)), 0.0, np.ones(5))
+    outcome = GreedyGaussNewton().solve(problem, empty_start(5))
+    assert outcome.status is Status.RANK_DEFICIENT
+
+
+def test_atoms_no_row_sees_are_left_out() -> None:
+    problem = incoherent(np.random.default_rng(4))
+    dark = np.flatnonzero(problem.answer[4:44] == 0.0)[:2] + 4
+    A = problem.A.copy()
+    A[:, dark] = 0.0
+    start = np.zeros(74, dtype=np.bool_)
+    start[dark] = True
+    outcome = GreedyGaussNewton().solve(replace(problem, A=A), SparseStart(np.zeros(74), start))
+    assert outcome.status is Status.DONE and not outcome.support[dark].any()
+    np.testing.assert_allclose(outcome.c, problem.answer, atol=1e-10)
+
+
+def test_overflow_is_a_status() -> None:
+    problem = incoherent(np.random.default_rng(0))
+    huge = Elsewhere(problem, lambda r: r * 1e308 * 1e10)
+    assert GreedyGaussNewton().solve(huge, empty_start(74)).status is Status.NOT_FINITE
+
+
+def test_too_few_iterations_are_not_called_converged() -> None:
+    problem = incoherent(np.random.default_rng(0))
+    outcome = GreedyGaussNewton(max_iterations=1).solve(problem, empty_start(74))
+    assert outcome.status is Status.NOT_CONVERGED
+    assert outcome.residual_norm == pytest.approx(
+        float(np.linalg.norm(problem.residual(outcome.c))), abs=1e-12
+    )
+
+
+@dataclass(frozen=True)
+class Tempting:
+    """residual = (1, 1.2, 1) - (c0, c1, 0), one atom allowed; its Jacobian always promises that
+    the other atom would remove all that is left, so that the supports alternate for ever."""
+
+    groups: tuple[Group, ...] = (Group("g", 0, 2, 1),)
+
+    def residual(self, c: FloatArray) -> FloatArray:
+        return np.array([1.0 - c[0], 1.2 - c[1], 1.0])
+
+    def jacobian(self, c: FloatArray) -> FloatArray:
+        J = -np.eye(3)[:, :2]
+        if c.any():
+            J[:, c == 0.0] = -self.residual(c)[:, None]
+        return J
+
+
+def test_a_cycle_of_supports_ends_on_the_better_one() -> None:
+    outcome = GreedyGaussNewton().solve(Tempting(), empty_start(2))
+    assert outcome.status is Status.DONE and outcome.iterations < 10
+    np.testing.assert_allclose(outcome.c, [0.0, 1.2])
+    assert outcome.residual_norm == pytest.approx(np.sqrt(2.0))
+
+
+def test_a_cycle_cut_short_gives_the_best_iterate_met() -> None:
+    outcome = GreedyGaussNewton(max_iterations=3).solve(Tempting(), empty_start(2))
+    assert outcome.status is Status.NOT_CONVERGED
+    norm = float(np.linalg.norm(Tempting().residual(outcome.c)))
+    assert outcome.residual_norm == pytest.approx(norm)
+    assert norm < np.linalg.norm([1.0, 1.2, 1.0])
+
+
+def test_visits_tell_a_return_from_a_stay() -> None:
+    one, two = np.array([True, False]), np.array([False, True])
+    visits = Visits()
+
+    def back(support: BoolArray, norm: float) -> bool:
+        return visits.note(SparseOutcome(np.zeros(2), support, Status.DONE, 1, norm))
+
+    assert not (back(one, 3.0) or back(one, 2.0) or back(two, 1.5))
+    assert back(one, 1.0)
+    assert visits.best().residual_norm == 1.0
+
+
+class Broken(GreedyGaussNewton):
+    fault: str
+
+    def solve(self, problem: SparseProblem, start: SparseStart) -> SparseOutcome:
+        good = super().solve(problem, start)
+        if self.fault == "over budget":
+            return replace(good, support=np.ones_like(good.support))
+        if self.fault == "outside support":
+            return replace(good, c=np.where(good.support, good.c, 1e-9))
+        if self.fault == "false norm":
+            return replace(good, residual_norm=good.residual_norm + 1.0)
+        if self.fault == "hides failure":
+            return replace(good, status=Status.DONE)
+        if self.fault == "writes":
+            start.c[0] += 1.0
+        if self.fault == "gives up":
+            return replace(good, c=np.zeros_like(good.c))
+        return good
+
+
+@pytest.mark.parametrize(
+    ("fault", "words"),
+    [
+        ("over budget", "active atoms"),
+        ("outside support", "not zero outside"),
+        ("false norm", "residual_norm"),
+        ("hides failure", "residual of nan"),
+        ("writes", "wrote to its start"),
+        ("gives up", "residual_norm|off by"),
+    ],
+)
+def test_a_broken_sparse_solver_fails_its_law(fault: str, words: str) -> None:
+    with pytest.raises(AssertionError, match=words):
+        check_sparse_solver(Broken(fault=fault), trials=2)
