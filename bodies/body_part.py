@@ -1,16 +1,18 @@
 """A built planar body: its numbers, and what joints and loads may ask of it."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.sparse import csr_array, kron
+from scipy.sparse import csr_array
 
+from sparsemor.bodies.body_terms import elastic_term, inertia_term, thermal_term
+from sparsemor.bodies.fields import Elasticity, Heat
 from sparsemor.bodies.frame_term import FrameEquations, FrameTerm
 from sparsemor.bodies.linear_term import LinearEquations, LinearTerm
 from sparsemor.bodies.planar.frame import PlanarFrame
-from sparsemor.bodies.planar.items import Attachment, BodyForce, Inertia, Item, SpaceForce
+from sparsemor.bodies.planar.items import Attachment, BodyForce, Item, SpaceForce
 from sparsemor.bodies.separate import heat_body, moving_body
 from sparsemor.core.arrays import Csr, FloatArray, IntArray
 from sparsemor.core.errors import InputError
@@ -20,34 +22,6 @@ from sparsemor.core.model import ProbePlace
 from sparsemor.core.protocols import Part, Term, TimeFunction
 from sparsemor.core.run_header import BodyShape
 from sparsemor.core.separable import Amplitude, HeatBody, MovingBody
-
-J2 = np.array([[0.0, -1.0], [1.0, 0.0]])
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Elasticity:
-    """Constant matrices over all 2N displacements; `free` (n,) are the unknown ones.
-
-    coupling (2N, N) K_fT; damping is Rayleigh's: a mass + b stiffness.
-    """
-
-    free: IntArray
-    stiffness: Csr
-    damping: Csr
-    coupling: Csr
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Heat:
-    """Capacity and conductivity over all N temperatures; `free` (m,) are the unknown ones.
-
-    prescribed: (nodes, function) pairs of temperatures that the scene gives.
-    """
-
-    free: IntArray
-    capacity: Csr
-    conductivity: Csr
-    prescribed: tuple[tuple[IntArray, TimeFunction], ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -102,62 +76,12 @@ class PlanarBody:
     def terms(self, layout: Layout, parts: Mapping[str, Part]) -> Sequence[Term]:
         terms: list[Term] = []
         if self.moves or self.elasticity is not None:
-            terms.append(self._inertia(layout))
+            terms.append(inertia_term(self, layout))
         if self.elasticity is not None:
-            terms.append(self._elastic(layout, self.elasticity))
+            terms.append(elastic_term(self, layout, self.elasticity))
         if self.heat is not None:
-            terms.append(self._thermal(layout, self.heat))
+            terms.append(thermal_term(self, layout, self.heat))
         return terms
-
-    def _inertia(self, layout: Layout) -> FrameTerm:
-        item = Inertia(self.mass, self.moment, self.inertia)
-        if self.elasticity is None or self.mass_matrix is None:
-            return self.frame_term(layout, item, ())
-        m = self.mass_matrix
-        vectors = (np.asarray(m.sum(axis=1), dtype=complex), m @ self.X)
-        term = self.frame_term(layout, item, vectors, every=True)
-        F = self.elasticity.free
-        M, G = (csr_array(kron(m, B, format="csr")[F][:, F]) for B in (np.eye(2), J2))
-        local = np.searchsorted(term.columns, self.position(layout, "elastic"))
-        embed = _embedding(local, len(term.columns))
-        Q = tuple(csr_array(embed.T @ A @ embed) for A in (M, G))
-        return replace(term, equations=replace(term.equations, Q=Q, V=Q))
-
-    def _elastic(self, layout: Layout, e: Elasticity) -> LinearTerm:
-        F, Kt = e.free, e.coupling[e.free]
-        rows = self.position(layout, "elastic")
-        columns, A = rows, [e.stiffness[F][:, F]]
-        B = [e.damping[F][:, F]]
-        assert self.T0 is not None and self.T_ref is not None
-        loads: list[FloatArray] = []
-        amplitudes: list[Amplitude] = []
-        if self.heat is None:
-            constant = Kt @ (self.T0 - self.T_ref)
-        else:
-            constant = -(Kt @ self.T_ref)
-            free = self.heat.free
-            columns = np.concatenate([columns, self.position(layout, "thermal")])
-            A.append(-Kt[:, free])
-            B.append(csr_array((len(F), len(free))))
-            for nodes, function in self.heat.prescribed:
-                loads.append(np.asarray(Kt[:, nodes].sum(axis=1)).ravel())
-                amplitudes.append(function.value)
-        return LinearTerm(self.name, rows, columns, LinearEquations(
-            _side_by_side(A), _side_by_side(B), np.asarray(constant),
-            np.stack(loads, axis=1) if loads else np.zeros((len(F), 0)), tuple(amplitudes)))
-
-    def _thermal(self, layout: Layout, h: Heat) -> LinearTerm:
-        rows, free = self.position(layout, "thermal"), h.free
-        loads: list[FloatArray] = []
-        amplitudes: list[Amplitude] = []
-        for nodes, function in h.prescribed:
-            for matrix, f in ((h.conductivity, function.value), (h.capacity, function.rate)):
-                loads.append(-np.asarray(matrix[free][:, nodes].sum(axis=1)).ravel())
-                amplitudes.append(f)
-        return LinearTerm(self.name, rows, rows, LinearEquations(
-            csr_array(h.conductivity[free][:, free]), csr_array(h.capacity[free][:, free]),
-            np.zeros(len(free)), np.stack(loads, axis=1) if loads else np.zeros((len(free), 0)),
-            tuple(amplitudes)))
 
     # ------------------------------------------------------------------ for joints and loads
 
@@ -322,15 +246,3 @@ class PlanarBody:
         """Global position of the weighted mean point at the start, m."""
         turn = np.exp(1j * self.pose[2])
         return complex(self.pose[0] + 1j * self.pose[1] + turn * (weights @ self.X))
-
-
-def _embedding(local: IntArray, size: int) -> Csr:
-    """(len(local), size) selection matrix."""
-    n = len(local)
-    return csr_array((np.ones(n), (np.arange(n), local)), shape=(n, size))
-
-
-def _side_by_side(matrices: list[Csr]) -> Csr:
-    from scipy.sparse import hstack
-
-    return csr_array(hstack(matrices, format="csr"))

@@ -7,16 +7,17 @@ import numpy as np
 from pydantic import Field, model_validator
 from scipy.sparse import csr_array
 
-from sparsemor.bodies.body_part import Elasticity, Heat, PlanarBody
+from sparsemor.bodies.body_part import PlanarBody
 from sparsemor.bodies.expression import FormulaText, evaluate_formula
 from sparsemor.bodies.fe.elasticity import elastic_stiffness, thermoelastic_coupling
 from sparsemor.bodies.fe.volume import capacity, conductivity, scalar_mass
+from sparsemor.bodies.fields import Elasticity, Heat
 from sparsemor.bodies.material import Material, require
 from sparsemor.bodies.mesh.check import check_mesh
 from sparsemor.bodies.mesh.sets import PointSet, find_set, with_sets
 from sparsemor.bodies.pose import Pose
 from sparsemor.core.arrays import FloatArray, IntArray
-from sparsemor.core.errors import InputError
+from sparsemor.core.errors import Fault, Gather, InputError
 from sparsemor.core.mesh import Mesh
 from sparsemor.core.plugin import Plugin
 from sparsemor.core.protocols import MeshPlugin
@@ -26,9 +27,9 @@ from sparsemor.core.slot import Slot
 class Damping(Plugin):
     """Rayleigh damping: mass * M + stiffness * K."""
 
-    mass: float = Field(0.0, ge=0)
+    mass: float = Field(default=0.0, ge=0)
     """Factor of the mass matrix, 1/s."""
-    stiffness: float = Field(0.0, ge=0)
+    stiffness: float = Field(default=0.0, ge=0)
     """Factor of the stiffness matrix, s."""
 
 
@@ -91,13 +92,20 @@ class Flexible(Plugin):
     """`fixed`: the frame stays at its pose and costs no unknowns."""
     pose: Pose = Pose()
     """Frame origin, angle and their rates at the start."""
-    reference_temperature: float = Field(293.15)
+    reference_temperature: float = 293.15
     """Stress-free temperature, K."""
     initial_temperature: float | FormulaText | None = None
     """K, a number or a formula in x and y; the reference temperature when not given."""
 
     def build(self, name: str, base: Path) -> PlanarBody:
-        mesh = self._mesh(base)
+        gather = Gather()
+        self._check_options(gather)
+        mesh = gather("", self._mesh, base)
+        gather.check()
+        assert mesh is not None
+        held = gather("", self._held, mesh)
+        T0 = gather("", self._initial_temperature, mesh)
+        gather.check()
         m = scalar_mass(mesh, self.material.rho * self.thickness)
         X = mesh.points[:, 0] + 1j * mesh.points[:, 1]
         weights = np.asarray(m.sum(axis=1)).ravel()
@@ -106,17 +114,17 @@ class Flexible(Plugin):
             inertia=float(np.vdot(X, m @ X).real), pose=self.pose.coordinates(),
             velocity=self.pose.rates(), moves=self.frame == "floating",
             points=mesh.point_sets, mesh=mesh, thickness=self.thickness, mass_matrix=m,
-            elasticity=self._elasticity(mesh, m), heat=self._heat(mesh),
-            T0=self._initial_temperature(mesh),
+            elasticity=None if held is None else self._elasticity(mesh, m, held),
+            heat=self._heat(mesh) if "thermal" in self.fields else None, T0=T0,
             T_ref=np.full(len(X), self.reference_temperature),
         )
 
     def _mesh(self, base: Path) -> Mesh:
         try:
             mesh = self.mesh.build(base)
-            check_mesh(mesh)
         except InputError as error:
             raise error.under("mesh") from None
+        check_mesh(mesh)  # its faults have the key "mesh"
         if mesh.dimension != 2:
             raise InputError(f"the mesh is {mesh.dimension}-D; this body is plane", "mesh")
         try:
@@ -124,32 +132,33 @@ class Flexible(Plugin):
         except InputError as error:
             raise error.under("sets") from None
 
-    def _elasticity(self, mesh: Mesh, m: Any) -> Elasticity | None:
-        if "elastic" not in self.fields:
+    def _check_options(self, gather: Gather) -> None:
+        """What can be said without a mesh."""
+        if "elastic" in self.fields:
+            if self.reference is None:
+                gather.faults.append(Fault(
+                    "reference", "missing: the elastic field needs a reference condition, such as "
+                    "{clamp: left} or {chord: [a, b]}, or its displacements hold rigid motion"))
+            gather("material", require, self.material, ("E", "nu"), "elastic")
+        if "thermal" in self.fields:
+            gather("material", require, self.material, ("k", "c"), "thermal")
+
+    def _held(self, mesh: Mesh) -> IntArray | None:
+        """Numbers of the displacements that are zero, None without an elastic field."""
+        if "elastic" not in self.fields or self.reference is None:
             return None
-        if self.reference is None:
-            raise InputError(
-                "missing: the elastic field needs a reference condition, such as {clamp: left} or "
-                "{chord: [a, b]}, or its displacements hold rigid motion", "reference")
-        try:
-            require(self.material, ("E", "nu"), "elastic")
-        except InputError as error:
-            raise error.under("material") from None
+        return self.reference.held(mesh)
+
+    def _elasticity(self, mesh: Mesh, m: Any, held: IntArray) -> Elasticity:
         K = elastic_stiffness(mesh, self.material, self.thickness, self.model)
         M = csr_array(_blockwise(m))
-        free = np.setdiff1d(np.arange(2 * len(mesh.points)), self.reference.held(mesh))
         return Elasticity(
-            free=free, stiffness=K,
+            free=np.setdiff1d(np.arange(2 * len(mesh.points)), held), stiffness=K,
             damping=csr_array(self.damping.mass * M + self.damping.stiffness * K),
             coupling=thermoelastic_coupling(mesh, self.material, self.thickness, self.model))
 
-    def _heat(self, mesh: Mesh) -> Heat | None:
-        if "thermal" not in self.fields:
-            return None
-        try:
-            k, c = require(self.material, ("k", "c"), "thermal")
-        except InputError as error:
-            raise error.under("material") from None
+    def _heat(self, mesh: Mesh) -> Heat:
+        k, c = require(self.material, ("k", "c"), "thermal")
         return Heat(
             free=np.arange(len(mesh.points)),
             capacity=capacity(mesh, self.material.rho, c, self.thickness),

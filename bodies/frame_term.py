@@ -41,23 +41,28 @@ class FrameEquations:
     W: Any
     V: tuple[Any, ...]
 
+    @property
+    def elements(self) -> int:
+        return 0
+
     def _evaluate(
         self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: float, c2: float
     ) -> FrameWork:
         f = self.frame
         work = FrameWork(f.p, f.border, f.generators)
-        quad = np.zeros((3, f.generators))
+        r1, r2 = v - c1 * x, a - c2 * x
+        form, forms = np.zeros(f.generators), np.zeros((2, f.generators))
         for g, Q in enumerate(self.Q):
-            quad[:, g] = x @ (Q @ x), x @ (Q @ v), x @ (Q @ a)
+            form[g], forms[:, g] = x @ (Q @ x), (x @ (Q @ r1), x @ (Q @ r2))
         f.evaluate(self.y0 + self.Y @ x, self.Y @ v, self.Y @ a, c1, c2,
-                   self.D @ x, self.D @ v, self.D @ a, quad, t, work)
+                   self.D @ x, self.D @ r1, self.D @ r2, form, forms.ravel(), t, work)
         return work
 
     def residual(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> FloatArray:
-        w = self._evaluate(x, v, a, t, 0.0, 0.0)
-        r = self.L @ w.rows + self.W @ w.sigma
-        for g, V in enumerate(self.V):
-            r = r + V @ (w.kappa[g] * x + w.mu[g] * v)
+        w, g = self._evaluate(x, v, a, t, 0.0, 0.0), self.frame.generators
+        r = self.L @ w.border[:, -1] + self.W @ w.sigma[-1]
+        for i, V in enumerate(self.V):
+            r = r + V @ (w.coefficients[i] * x + w.coefficients[g + i] * v)
         if self.V:
             r = r + self.V[0] @ a
         return np.asarray(r, dtype=np.float64)
@@ -68,7 +73,8 @@ class FrameEquations:
         """Exact; c1, c2 must be the same for all second-order columns."""
         k1, k2 = float(np.max(c1, initial=0.0)), float(np.max(c2, initial=0.0))
         w = self._evaluate(x, v, a, t, k1, k2)
-        column, row = self.W @ w.sigma_y.T, w.tau @ self.D
+        self.frame.exact(self.Y @ v, self.Y @ a, k1, k2, w)
+        column, row = self.W @ w.sigma[:-1].T, w.tau @ self.D
         for g, V in enumerate(self.V):
             column = column + np.outer(V @ x, w.kappa_y[:, g]) + np.outer(V @ v, w.mu_y[:, g])
         for g, Q in enumerate(self.Q):
@@ -76,13 +82,13 @@ class FrameEquations:
             row = row + np.outer(w.quad[:, 0, g], Q @ x + tx)
             row = row + np.outer(w.quad[:, 1, g], Q @ v + k1 * tx)
             row = row + np.outer(w.quad[:, 2, g], Q @ a + k2 * tx)
-        factors = [w.kappa[g] + k1 * w.mu[g] for g in range(len(self.V))]
+        factors = w.coefficients[: len(self.V)].tolist()
         if self.V:
             factors[0] += k2
-        Y, L = self.Y, self.L
+        Y, L, H = self.Y, self.L, w.border[:, :-1]
         if not self.V or issparse(self.V[0]):  # few columns of Y and few rows of L are not zero
-            Y, L, column, row = (csr_array(m) for m in (Y, L, column, row))
-        J = column @ Y + L @ (row + csr_array(w.H) @ Y if issparse(Y) else row + w.H @ Y)
+            Y, L, column, row, H = (csr_array(m) for m in (Y, L, column, row, H))
+        J = column @ Y + L @ (row + H @ Y)
         for factor, V in zip(factors, self.V, strict=True):
             J = J + factor * V
         return J

@@ -21,6 +21,10 @@ class LinearEquations:
     loads: FloatArray
     amplitudes: tuple[Amplitude, ...] = ()
 
+    @property
+    def elements(self) -> int:
+        return 0
+
     def residual(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> FloatArray:
         r = self.A @ x + self.B @ v - self.constant
         if self.amplitudes:

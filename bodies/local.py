@@ -38,4 +38,4 @@ class CompressedLocal:
         T, n = self.atoms, len(self.offset)
         k1, k2 = (np.full(n, float(np.max(c, initial=0.0))) for c in (c1, c2))
         J = self.term.jacobian(self.offset + T @ x, T @ v, T @ a, t, k1, k2)
-        return self.left @ np.asarray(J @ T)
+        return np.asarray(self.left @ np.asarray(J @ T))

@@ -1,7 +1,6 @@
 """Where a planar body is at the start, and how fast it moves."""
 
 import numpy as np
-from pydantic import Field
 
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.plugin import Plugin
@@ -16,7 +15,7 @@ class Pose(Plugin):
     """Rotation of the frame, rad."""
     velocity: tuple[float, float] = (0.0, 0.0)
     """Velocity of the frame origin, m/s (space axes)."""
-    spin: float = Field(0.0)
+    spin: float = 0.0
     """Angular velocity, rad/s."""
 
     def coordinates(self) -> FloatArray:

@@ -1,6 +1,6 @@
 """`body:set` in a scene: which body, which of its points."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 
@@ -9,7 +9,8 @@ import numpy as np
 from sparsemor.bodies.body_part import PlanarBody
 from sparsemor.bodies.fe.surface import boundary_facets
 from sparsemor.core.arrays import FloatArray, IntArray
-from sparsemor.core.errors import InputError
+from sparsemor.core.errors import Gather, InputError
+from sparsemor.core.mesh import Mesh
 from sparsemor.core.protocols import Part
 
 GROUND = "ground"
@@ -65,9 +66,32 @@ def find_target(parts: Mapping[str, Part], text: str, key: str) -> Target:
     return Target(body, body.points[which], text)
 
 
+def find_surfaces(
+    parts: Mapping[str, Part], texts: Sequence[str], field: str
+) -> list[tuple[PlanarBody, Mesh, IntArray]]:
+    """Body, mesh and boundary facets (F, 2) of each of a load's `on`, which acts on `field`.
+
+    InputError with every fault, under `on.0`, `on.1`, ...
+    """
+    def find(text: str, key: str) -> tuple[PlanarBody, Mesh, IntArray]:
+        target = find_target(parts, text, key)
+        need_field(target, field, key)
+        facets = target.facets(key)
+        assert target.body.mesh is not None
+        return target.body, target.body.mesh, facets
+
+    gather = Gather()
+    found = [gather("", find, text, f"on.{i}") for i, text in enumerate(texts)]
+    gather.check()
+    return [f for f in found if f is not None]
+
+
 def need_field(target: Target, field: str, key: str) -> None:
     """InputError when the body does not carry the field that a load acts on."""
     body = target.body
+    if field == "thermal" and body.mesh is None:
+        raise InputError(f"body {body.name!r} is rigid and has no temperature: make it flexible "
+                         "with `fields: [thermal]`, or drop this load", key)
     if field == "thermal" and body.heat is None:
         raise InputError(f"body {body.name!r} has no thermal field: add `thermal` to its fields, "
                          "or drop this load", key)

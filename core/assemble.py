@@ -1,16 +1,16 @@
 """From a validated scene to a model: build the parts, lay out the unknowns, collect the terms."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from sparsemor.core.arrays import FloatArray, IntArray
-from sparsemor.core.errors import Fault, InputError
+from sparsemor.core.errors import Gather, InputError
 from sparsemor.core.layout import Layout
 from sparsemor.core.model import Model, ProbePlace
-from sparsemor.core.protocols import Part, Term
+from sparsemor.core.protocols import Term
 from sparsemor.core.scene import Scene
 from sparsemor.core.separable import Separated
 
@@ -18,7 +18,7 @@ from sparsemor.core.separable import Separated
 def assemble(scene: Scene) -> Model:
     """Builds every body, joint and load. Raises InputError with all faults found, as dotted keys
     of the scene (`joints.A.between.0`)."""
-    bodies, joints, loads = _build(scene)
+    bodies, joints, loads, probes = _build(scene)
     connectors = {**joints, **loads}
     parts = {**bodies, **connectors}
     layout = Layout([b for part in parts.values() for b in part.blocks()])
@@ -35,43 +35,51 @@ def assemble(scene: Scene) -> Model:
     return Model(
         layout=layout, parts=parts, terms=tuple(terms),
         separated=_separate(layout, bodies, joints, terms), x0=x0, v0=v0, required=required,
-        loaded=loaded, probes=_probes(scene, bodies),
+        loaded=loaded, probes=probes,
         geometry={k: g for b in bodies.values() for k, g in b.geometry().items()},
     )
 
 
-def _build(scene: Scene) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
-    faults: list[Fault] = []
+def _build(
+    scene: Scene,
+) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any], tuple[ProbePlace, ...]]:
+    """Bodies, joints, loads and probes. What mentions a body that failed is not tried: its own
+    faults would only repeat those of the body."""
+    gather = Gather()
     base = scene.source.folder or Path()
-
-    def attempt(key: str, make: Callable[[], Any]) -> Any:
-        try:
-            return make()
-        except InputError as error:
-            faults.extend(error.under(key).faults)
-            return None
-
-    bodies = {}
+    bodies: dict[str, Any] = {}
     for name, plugin in scene.bodies.items():
-        part = attempt(f"bodies.{name}", lambda p=plugin, n=name: p.build(n, base))
-        if part is not None:
-            bodies[name] = part
-    if faults:  # joints and loads would only repeat what is wrong with the bodies
-        raise InputError(faults)
-    joints: dict[str, Any] = {}
-    for name, plugin in scene.joints.items():
-        part = attempt(f"joints.{name}", lambda p=plugin, n=name: p.build(n, bodies))
-        if part is not None:
-            joints[name] = part
-            bodies.update(getattr(part, "adjusted", {}))
-    loads: dict[str, Any] = {}
-    for name, plugin in scene.loads.items():
-        part = attempt(f"loads.{name}", lambda p=plugin, n=name: p.build(n, bodies))
-        if part is not None:
-            loads[name] = part
-    if faults:
-        raise InputError(faults)
-    return bodies, joints, loads
+        body = gather(f"bodies.{name}", plugin.build, name, base)
+        if body is not None:
+            bodies[name] = body
+    failed = set(scene.bodies) - set(bodies)
+    connectors: dict[str, dict[str, Any]] = {"joints": {}, "loads": {}}
+    for group, built in connectors.items():  # loads see what joints made of the bodies
+        for name, plugin in getattr(scene, group).items():
+            if _mentioned(plugin, failed):
+                continue
+            part = gather(f"{group}.{name}", plugin.build, name, bodies)
+            if part is not None:
+                built[name] = part
+                bodies.update(getattr(part, "adjusted", {}))
+    probes = [gather(f"probes.{name}", bodies[probe.body].probe, name, probe.at)
+              for name, probe in scene.probes.items() if probe.body in bodies]
+    gather.check()
+    return bodies, connectors["joints"], connectors["loads"], tuple(p for p in probes if p)
+
+
+def _mentioned(plugin: Any, names: set[str]) -> bool:
+    """Whether an option of a joint or load is one of these bodies, or `body:set` of one."""
+    pending = list(plugin.model_dump().values()) if names else []
+    while pending:
+        value = pending.pop()
+        if isinstance(value, str) and value.partition(":")[0] in names:
+            return True
+        if isinstance(value, Mapping):
+            pending += value.values()
+        elif isinstance(value, list | tuple):
+            pending += value
+    return False
 
 
 def _start(layout: Layout, bodies: Mapping[str, Any]) -> tuple[FloatArray, FloatArray]:
@@ -130,15 +138,3 @@ def _separate(
     return Separated(
         tuple(moving), tuple(heat), n_rigid + layout.size - start, tuple(targets),
         tuple(t for t in terms if id(t) not in claimed))
-
-
-def _probes(scene: Scene, bodies: Mapping[str, Any]) -> tuple[ProbePlace, ...]:
-    faults, places = [], []
-    for name, probe in scene.probes.items():
-        try:
-            places.append(bodies[probe.body].probe(name, probe.at))
-        except InputError as error:
-            faults += error.under(f"probes.{name}").faults
-    if faults:
-        raise InputError(faults)
-    return tuple(places)

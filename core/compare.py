@@ -21,11 +21,15 @@ _FIELDS = ("joint", "rigid", "elastic", "thermal", "angle_rad")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Comparison:
-    """Runs by name, measured against `reference`. `str()` gives the table."""
+    """Runs by name, measured against `reference`. `str()` gives the table.
+
+    name: what the reference is called: its reducer, or "reference" if a run has that name.
+    """
 
     reference: RunResult
     runs: Mapping[str, RunResult]
     measured: Mapping[str, Errors]
+    name: str = REFERENCE
 
     @property
     def errors(self) -> dict[str, dict[str, float]]:
@@ -57,16 +61,19 @@ class Comparison:
 
     def __str__(self) -> str:
         facts = self.facts
-        base = facts[REFERENCE].ms_per_step
+        base = facts[self.name].ms_per_step
         fields = [f for f in _FIELDS if any(f in e.worst for e in self.measured.values())]
         head = ["run", "reducer", "status", "ms/step", "speed-up", "iterations", "atoms", "rows"]
         table = [[*head, *(f.replace("_", " ") for f in fields)]]
         for name, f in facts.items():
             errors = self.errors.get(name, {})
+            label = f"{name} (reference)" if name == self.name != REFERENCE else name
             table.append([
-                name, f.reducer, f.status.value, _text(f.ms_per_step, ".3g"),
+                label, f.reducer, f.status.value, _text(f.ms_per_step, ".3g"),
                 _ratio(base, f.ms_per_step), _text(f.iterations, ".2f"), f.atoms_text, str(f.rows),
                 *(_text(errors.get(field), ".2e") for field in fields)])
+        if all(name == f.reducer for name, f in facts.items()):
+            table = [[row[0], *row[2:]] for row in table]  # the second column repeats the first
         late = next((e.late_from for e in self.measured.values() if e.late_from > 0.0), 0.0)
         return "\n".join([text_table(table), *self._late_lines(late, fields), *self.notes.values()])
 
@@ -76,7 +83,7 @@ class Comparison:
                                      "late_errors": self.late_errors.get(name, {}),
                                      "note": self.notes.get(name, "")}
                 for name, f in self.facts.items()}
-        return to_json({"reference": REFERENCE, "runs": runs}).decode()
+        return to_json({"reference": self.name, "runs": runs}).decode()
 
     def write(self, directory: str | Path) -> list[Path]:
         """errors.csv, error_over_time.csv and the charts (PNG and SVG); returns their paths."""
@@ -90,7 +97,7 @@ class Comparison:
         return [*(folder / name for name in tables), *write_charts(self, folder)]
 
     def _all(self) -> dict[str, RunResult]:
-        return {REFERENCE: self.reference, **self.runs}
+        return {self.name: self.reference, **self.runs}
 
     def _late_lines(self, late: float, fields: list[str]) -> list[str]:
         if late <= 0.0:
@@ -135,7 +142,8 @@ def compare(
             measured[name] = measure_errors(reference, run, errors_from)
         except InputError as fault:
             raise fault.under(name) from None
-    return Comparison(reference, runs, measured)
+    name = REFERENCE if reference.reducer in runs else reference.reducer
+    return Comparison(reference, runs, measured, name)
 
 
 def _text(value: float | None, form: str) -> str:

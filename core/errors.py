@@ -1,7 +1,11 @@
 """Bad input: one or more faults, each with its place, and no traceback for the user."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import ParamSpec, TypeVar
+
+P = ParamSpec("P")
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,3 +32,31 @@ class InputError(ValueError):
         """The same faults with `prefix.` put before each key."""
         return InputError([Fault(f"{prefix}.{f.key}" if f.key else prefix, f.message)
                            for f in self.faults])
+
+
+class Gather:
+    """Tries several things and keeps the faults of those that fail, to raise them together.
+
+        gather = Gather()
+        a = gather("a", first, 1.0)
+        b = gather("b", second)
+        gather.check()
+    """
+
+    def __init__(self) -> None:
+        self.faults: list[Fault] = []
+
+    def __call__(
+        self, key: str, make: Callable[P, T], *args: P.args, **kwargs: P.kwargs
+    ) -> T | None:
+        """What `make` returns, or None when it raised InputError (kept under `key`, if any)."""
+        try:
+            return make(*args, **kwargs)
+        except InputError as error:
+            self.faults += (error.under(key) if key else error).faults
+            return None
+
+    def check(self) -> None:
+        """Raise InputError with all that was kept, if anything was."""
+        if self.faults:
+            raise InputError(self.faults)

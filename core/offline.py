@@ -68,8 +68,9 @@ class Offline:
             if snapshots is not None and snapshots.size:
                 # orthonormal atoms: the projection; others: an upper estimate is all we need
                 top = float(np.abs(d.atoms.T @ (snapshots - d.offset[:, None])).max())
+            info = np.array(json.dumps(dict(d.info)))
             return {"atoms": d.atoms, "offset": d.offset, "top": np.array(top),
-                    "provenance": np.array(d.provenance), "info": np.array(json.dumps(dict(d.info)))}
+                    "provenance": np.array(d.provenance), "info": info}
 
         a = self.remember("basis", (name, basis), make)
         provenance = tuple(str(p) for p in a["provenance"])
@@ -109,6 +110,9 @@ def train(scene: Scene, manager: Manager) -> dict[str, FloatArray]:
         outcome, memory = solver.solve(formula, memory)
         if not outcome.status.ok:
             where = f"training run: {outcome.detail}" if outcome.detail else "training run"
+            manager.hook.on_failure(
+                status=outcome.status, t=formula.t, block=outcome.block, detail=where)
+            manager.hook.on_finish(summary={"phase": "training", "steps": n - 1})
             raise SolveFailed(outcome.status, formula.t, outcome.block, where)
         state = scene.integrator.advance(solver.layout, state, formula, outcome.x, h)
         if n % every == 0:

@@ -68,8 +68,13 @@ class Trial:
 
 
 class ReducedTerm(Protocol):
-    """A compressed term: (k,) reduced unknowns and rates -> (l,) rows, (l, k) Jacobian."""
+    """A compressed term: (k,) reduced unknowns and rates -> (l,) rows, (l, k) Jacobian.
 
+    c1, c2 (k,). `elements`: number of mesh elements that one evaluation visits.
+    """
+
+    @property
+    def elements(self) -> int: ...
     def residual(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> FloatArray: ...
     def jacobian(
         self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: FloatArray, c2: FloatArray

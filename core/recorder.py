@@ -1,5 +1,6 @@
 """Between the time loop and the store: buffers steps, evaluates probes, sums up a run."""
 
+import os
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -15,12 +16,13 @@ from sparsemor.core.errors import InputError
 from sparsemor.core.model import Model
 from sparsemor.core.offline import Offline
 from sparsemor.core.probes import ProbeReader
-from sparsemor.core.protocols import State, StepOutcome, StepSolver
+from sparsemor.core.protocols import State, StepSolver
 from sparsemor.core.run_header import RunHeader
 from sparsemor.core.scene import Scene
 from sparsemor.core.status import Status
 from sparsemor.core.store import ChunkOfSteps, ResultWriter
 
+STORE = "result.zarr"
 CHUNK, SECONDS = 256, 2.0
 """Rows, or seconds, after which what was computed is committed to disk."""
 
@@ -54,8 +56,8 @@ class Recorder:
     """Owns the store of one run."""
 
     def __init__(
-        self, scene: Scene, model: Model, solver: StepSolver, offline: Offline, writer: ResultWriter,
-        checkpoint: Checkpoint | None, steps: int,
+        self, scene: Scene, model: Model, solver: StepSolver, offline: Offline,
+        writer: ResultWriter, checkpoint: Checkpoint | None, steps: int,
     ) -> None:
         self.scene, self.model, self.solver, self.offline = scene, model, solver, offline
         self.writer, self.checkpoint, self.steps = writer, checkpoint, steps
@@ -66,7 +68,6 @@ class Recorder:
         self._every, self._saved = scene.output.every, time.perf_counter()
         self._rows: list[tuple[float, Any, int, float]] = []
         self._supports: list[Mapping[str, BoolArray]] = []
-        self._end: dict[str, Any] = {}
 
     @classmethod
     def open(
@@ -74,13 +75,11 @@ class Recorder:
         resume: bool, steps: int,
     ) -> "Recorder":
         """A new store, or the stopped one. Raises InputError when there is one already."""
-        store = out / "result.zarr"
+        store = out / STORE
         if resume:
             writer, checkpoint = ResultWriter.resume(store, scene.digest())
             return cls(scene, model, solver, offline, writer, checkpoint, steps)
-        if store.exists():
-            raise InputError(f"{out} already holds a result: continue it with --resume, replace "
-                             "it with --force, or name another directory", "out")
+        admit(scene, out, resume)
         out.mkdir(parents=True, exist_ok=True)
         header = _header(scene, model, solver, steps)
         return cls(scene, model, solver, offline, ResultWriter.create(store, header), None, steps)
@@ -96,16 +95,21 @@ class Recorder:
     def start(self, state: State, supports: Mapping[str, BoolArray]) -> None:
         self._keep(state, 0, 0.0, supports)
 
-    def take(
-        self, step: int, state: State, outcome: StepOutcome, supports: Mapping[str, BoolArray],
-        seconds: float,
-    ) -> bool:
+    def take(self, state: State, tally: Tally, supports: Mapping[str, BoolArray]) -> bool:
         """Keep an accepted step when it is one to store; True when it is time to save."""
-        if step % self._every and step != self.steps:
+        if tally.done % self._every and tally.done != self.steps:
             return False
-        self._keep(state, outcome.iterations, seconds, supports)
+        self._keep(state, tally.iterations[-1], tally.last, supports)
         return (len(self._rows) >= CHUNK
                 or time.perf_counter() - self._saved > SECONDS)
+
+    def keep_last(
+        self, state: State, tally: Tally, supports: Mapping[str, BoolArray]
+    ) -> None:
+        """Commit everything up to the last accepted step, also where it is none to store."""
+        if tally.done % self._every:
+            self._keep(state, tally.iterations[-1], tally.last, supports)
+        self.flush()
 
     def _keep(
         self, state: State, iterations: int, seconds: float, supports: Mapping[str, BoolArray]
@@ -132,15 +136,16 @@ class Recorder:
         self.writer.append(ChunkOfSteps(
             times, X, np.array(iterations), np.array(seconds), supports,
             {p.name: p(times, X) for p in self._probes}))
-        self._end = {p.name: p.described(p(times[-1:], X[-1:])[0]) for p in self._probes}
-        self._t_end = float(times[-1])
         self._rows, self._supports = [], []
 
     def finish(self, status: Status, summary: Mapping[str, Any]) -> None:
         self.writer.finish(status, summary)
 
-    def summary(self, status: Status, tally: Tally, memory: Any) -> dict[str, Any]:
-        """The `--json` object of a run."""
+    def summary(
+        self, status: Status, tally: Tally, state: State, memory: Any
+    ) -> dict[str, Any]:
+        """The `--json` object of a run that came to `state`."""
+        end, x = np.array([state.t]), state.x[None]
         solver, counters = self.solver, self.solver.counters(memory)
         atoms = {n: int(d.atoms.shape[1]) for n, d in solver.dictionaries.items()}
         done = max(tally.done, 1)
@@ -149,7 +154,7 @@ class Recorder:
             "scene": self.scene.name,
             "reducer": self.reducer,
             "steps": tally.done,
-            "t_end": self._t_end,
+            "t_end": state.t,
             "wall_s": {"offline": tally.offline, "online": tally.online},
             "ms_per_step": 1e3 * float(np.median(tally.seconds)) if tally.seconds else 0.0,
             "newton_iterations": float(np.mean(tally.iterations)) if tally.iterations else 0.0,
@@ -160,12 +165,28 @@ class Recorder:
             "atoms_active": {n: tally.active[n] / done if n in tally.active else float(k)
                              for n, k in atoms.items()},
             "elements_touched": dict(solver.elements_touched),
-            "probes": self._end,
+            "probes": {p.name: p.described(p(end, x)[0]) for p in self._probes},
             "cache": dict(self.offline.used),
             "offline_s": dict(self.offline.seconds),
             "notes": list(solver.notes),
             "out": str(self.store.parent),
         }
+
+
+def admit(scene: Scene, out: Path, resume: bool) -> None:
+    """Raises InputError when a run may not write to `out`: asked before anything is computed."""
+    store = out / STORE
+    if resume:
+        ResultWriter.resumable(store, scene.digest())
+        return
+    if store.exists():
+        raise InputError(f"{out} already holds a result: continue it with --resume, replace "
+                         "it with --force, or name another directory", "out")
+    place = out
+    while not place.exists():
+        place = place.parent
+    if not place.is_dir() or not os.access(place, os.W_OK):
+        raise InputError(f"{out}: nothing can be written to {place}: name another directory", "out")
 
 
 def _header(scene: Scene, model: Model, solver: StepSolver, steps: int) -> RunHeader:

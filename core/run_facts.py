@@ -11,8 +11,10 @@ from sparsemor.core.status import Status
 
 @dataclass(frozen=True, slots=True)
 class RunFacts:
-    """ms_per_step: median computing time of a step. iterations: mean a step. atoms: dictionary columns; active_atoms: mean number
-    in use. rows: sampled rows. None: not known.
+    """ms_per_step: median computing time of a step. iterations: mean a step.
+
+    atoms: dictionary columns; active_atoms: mean number in use. rows: sampled rows. None: not
+    known.
     """
 
     reducer: str

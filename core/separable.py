@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
+from numpy import zeros
 
 from sparsemor.core.arrays import Csr, FloatArray, IntArray
 from sparsemor.core.protocols import Term
@@ -21,23 +22,23 @@ Amplitude = Callable[[float], float]
 class FrameWork:
     """Arrays that `Frame.evaluate` fills: p directions, b border unknowns, g generators.
 
-    sigma (p,) multiplies the directions in the elastic rows; rows (b,) are the border equations;
-    sigma_y (b, p), tau (b, p), H (b, b) their derivatives: d sigma = sigma_y^T dy,
-    d rows = H dy + tau ds, with s = directions^T u. kappa (g,), mu (g,) multiply the generators
-    on u and on u'; kappa_y, mu_y (b, g) are their derivatives. quad (b, 3, g): d rows / d of the
-    quadratic forms (u.M_g u, u.M_g u', u.M_g u'').
+    sigma (b + 1, p): its last row multiplies the directions in the elastic rows, row i is the
+    derivative of that by border unknown i. border (b, b + 1): H = d rows / dy and, as last
+    column, the border equations' rows. tau (b, p): d rows = H dy + tau ds with s = directions^T u.
+    coefficients (2 g + 1,) = kappa, mu, 1: the generators act on u as sum kappa_g M_g u and on
+    the history as sum mu_g M_g r1. For the exact Jacobian only: kappa_y, mu_y (b, g) are the
+    derivatives of the factors on u and u' by the border unknowns, quad (b, 3, g) = d rows / d of
+    the forms (u.M_g u, u.M_g u', u.M_g u'').
     """
 
-    __slots__ = ("H", "kappa", "kappa_y", "mu", "mu_y", "quad", "rows", "sigma", "sigma_y", "tau",
-                 "views")
+    __slots__ = ("border", "coefficients", "kappa_y", "mu_y", "quad", "sigma", "tau", "views")
 
     def __init__(self, p: int, b: int, g: int) -> None:
         self.views: object = None  # a kernel's own views of these arrays, made once
-        self.sigma, self.rows = np.zeros(p), np.zeros(b)
-        self.sigma_y, self.tau, self.H = np.zeros((b, p)), np.zeros((b, p)), np.zeros((b, b))
-        self.kappa, self.mu = np.zeros(g), np.zeros(g)
-        self.kappa_y, self.mu_y = np.zeros((b, g)), np.zeros((b, g))
-        self.quad = np.zeros((b, 3, g))
+        self.sigma, self.border, self.tau = zeros((b + 1, p)), zeros((b, b + 1)), zeros((b, p))
+        self.coefficients = zeros(2 * g + 1)
+        self.coefficients[-1] = 1.0
+        self.kappa_y, self.mu_y, self.quad = zeros((b, g)), zeros((b, g)), zeros((b, 3, g))
 
 
 class Frame(Protocol):
@@ -57,10 +58,20 @@ class Frame(Protocol):
     def generators(self) -> int: ...
     def evaluate(
         self, y: FloatArray, v: FloatArray, a: FloatArray, c1: float, c2: float,
-        s: FloatArray, s1: FloatArray, s2: FloatArray, quadratic: FloatArray, t: float,
-        work: FrameWork,
+        s: FloatArray, s1: FloatArray, s2: FloatArray, form: FloatArray, forms: FloatArray,
+        t: float, work: FrameWork,
     ) -> None:
-        """y, v, a (b,); s, s1, s2 (p,) = directions^T (u, u', u''); quadratic (3, g)."""
+        """Fill `work` at border unknowns y and rates v, a (b,), t in s.
+
+        u' = c1 u + r1, u'' = c2 u + r2 enter as functionals: s, s1, s2 (p,) = directions^T
+        (u, r1, r2), form (g,) = u.M_g u, forms (2 g,) = u.M_g r1 and u.M_g r2.
+        """
+        ...
+
+    def exact(
+        self, v: FloatArray, a: FloatArray, c1: float, c2: float, work: FrameWork
+    ) -> None:
+        """After `evaluate`: kappa_y, mu_y and quad, which only the exact Jacobian needs."""
         ...
 
     @property

@@ -8,15 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from sparsemor.core.assemble import assemble
 from sparsemor.core.cache import Cache
+from sparsemor.core.checks import checked_model
 from sparsemor.core.errors import InputError
 from sparsemor.core.hooks import Manager, RunStart, new_manager
 from sparsemor.core.initial import consistent_state
-from sparsemor.core.model import Model
-from sparsemor.core.offline import Offline, offline_of, step_count
-from sparsemor.core.protocols import State, StepOutcome, StepSolver
-from sparsemor.core.recorder import Recorder, Tally
+from sparsemor.core.interrupt import Interrupt
+from sparsemor.core.offline import offline_of, step_count
+from sparsemor.core.protocols import State, StepSolver
+from sparsemor.core.recorder import Recorder, Tally, admit
 from sparsemor.core.results import RunResult
 from sparsemor.core.scene import Scene
 from sparsemor.core.status import SolveFailed, Status
@@ -33,94 +33,98 @@ def simulate(
     """
     begun = time.perf_counter()
     manager = new_manager(observers)
-    steps = _checked_steps(scene)
-    model = assemble(scene)
-    offline = offline_of(scene, model, cache or Cache(), manager)
-    solver: StepSolver = scene.reducer.prepare(
-        model, scene.integrator, scene.time.step, offline, np.random.default_rng(scene.seed))
-    state, memory = solver.start(consistent_state(model))
-    state = scene.integrator.start(solver.layout, state)
-    tally = Tally(offline=time.perf_counter() - begun)
-    path = Path(out) if out is not None else Path(mkdtemp(prefix="sparsemor-"))
-    recorder = Recorder.open(scene, model, solver, offline, path, resume, steps)
-    if recorder.checkpoint is not None:
-        state, memory, tally = recorder.restored(tally)
-    for block, rows in solver.rows.items():
-        manager.hook.on_resample(block=block, rows=rows)
-    run = _Run(scene, model, solver, recorder, manager, steps, offline)
-    return run.go(state, memory, tally)
-
-
-def _checked_steps(scene: Scene) -> int:
-    steps, h, end = step_count(scene), scene.time.step, scene.time.end
-    if abs(steps * h - end) > 1e-6 * h:
-        raise InputError(f"time.end = {end:g} s is not a whole number of steps of {h:g} s "
-                         f"({end / h:.6g} steps)", "time.end")
-    return steps
+    if out is not None:
+        admit(scene, Path(out), resume)
+    elif resume:
+        raise InputError("say which result to go on with: give its directory", "out")
+    model = checked_model(scene)
+    with np.errstate(all="ignore"):  # overflow ends in a status, not in a warning
+        offline = offline_of(scene, model, cache or Cache(), manager)
+        solver: StepSolver = scene.reducer.prepare(
+            model, scene.integrator, scene.time.step, offline, np.random.default_rng(scene.seed))
+        state, memory = solver.start(consistent_state(model))
+        state = scene.integrator.start(solver.layout, state)
+        tally = Tally(offline=time.perf_counter() - begun)
+        path = Path(out) if out is not None else Path(mkdtemp(prefix="sparsemor-"))
+        recorder = Recorder.open(
+            scene, model, solver, offline, path, resume, step_count(scene))
+        if recorder.checkpoint is not None:
+            state, memory, tally = recorder.restored(tally)
+        for block, rows in solver.rows.items():
+            manager.hook.on_resample(block=block, rows=rows)
+        return _Run(scene, solver, recorder, manager, state, memory, tally).go()
 
 
 class _Run:
-    """One pass through the loop, with what does not change in it."""
+    """One pass through the loop: what does not change in it, and how far it has come."""
 
     def __init__(
-        self, scene: Scene, model: Model, solver: StepSolver, recorder: Recorder,
-        manager: Manager, steps: int, offline: Offline,
+        self, scene: Scene, solver: StepSolver, recorder: Recorder, manager: Manager,
+        state: State, memory: Any, tally: Tally,
     ) -> None:
-        self.scene, self.model, self.solver, self.recorder = scene, model, solver, recorder
-        self.manager, self.steps, self.offline = manager, steps, offline
+        self.scene, self.solver, self.recorder, self.manager = scene, solver, recorder, manager
+        self.state, self.memory, self.tally = state, memory, tally
+        self.steps = step_count(scene)
 
-    def go(self, state: State, memory: Any, tally: "Tally") -> RunResult:
-        title = RunStart(self.scene.title, self.recorder.reducer, state.t,
-                         self.scene.time.end, self.steps - tally.done)
-        self.manager.hook.on_start(run=title)
-        if tally.done == 0:
-            self.recorder.start(state, self.solver.supports(memory))
-        begun, before = time.perf_counter(), tally.online
-        try:
-            failed = self._steps(state, memory, tally, begun - before)
-        except KeyboardInterrupt:
-            failed = (Status.INTERRUPTED, StepOutcome(state.x, Status.INTERRUPTED, 0), state.t)
-        tally.online = before + time.perf_counter() - begun
-        self.recorder.flush()
-        status = Status.DONE if failed is None else failed[0]
-        summary = self.recorder.summary(status, tally, memory)
-        if failed is not None:
-            error = SolveFailed(status, failed[2], failed[1].block, failed[1].detail)
-            summary["message"] = str(error)
-            self.manager.hook.on_failure(
-                status=status, t=failed[2], block=failed[1].block, detail=failed[1].detail)
+    def go(self) -> RunResult:
+        tally, recorder, hook = self.tally, self.recorder, self.manager.hook
+        hook.on_start(run=RunStart(
+            self.scene.title, recorder.reducer, self.state.t, self.scene.time.end,
+            self.steps - tally.done))
+        if tally.done == 0:  # from here on a killed run can be resumed
+            recorder.start(self.state, self.solver.supports(self.memory))
+            recorder.save(self.state, self.memory, tally)
+        self._begun = time.perf_counter() - tally.online
+        with Interrupt() as interrupt:
+            failure = self._steps(interrupt)
+        tally.online = time.perf_counter() - self._begun
+        if failure is None:
+            recorder.flush()
+        elif failure.status is Status.INTERRUPTED:
+            recorder.save(self.state, self.memory, tally)
+        else:
+            recorder.keep_last(self.state, tally, self.solver.supports(self.memory))
+            hook.on_failure(status=failure.status, t=failure.time, block=failure.block,
+                            detail=failure.detail)
+        return self._finish(failure)
+
+    def _finish(self, failure: SolveFailed | None) -> RunResult:
+        status = Status.DONE if failure is None else failure.status
+        summary = self.recorder.summary(status, self.tally, self.state, self.memory)
+        if failure is not None:
+            summary["message"] = str(failure)
         self.recorder.finish(status, summary)
         self.manager.hook.on_finish(summary=summary)
         result = RunResult(self.recorder.store)
-        if failed is not None:
-            error.result = result
-            raise error
+        if failure is not None:
+            failure.result = result
+            raise failure
         return result
 
-    def _steps(
-        self, state: State, memory: Any, tally: "Tally", begun: float
-    ) -> tuple[Status, StepOutcome, float] | None:
-        """None when all steps were taken; else why not, and when (s)."""
+    def _steps(self, interrupt: Interrupt) -> SolveFailed | None:
+        """None when all steps were taken; else why not, and when."""
         integrator, solver, h = self.scene.integrator, self.solver, self.scene.time.step
-        layout, watched = solver.layout, self.manager.has_observers
+        layout, watched, tally = solver.layout, self.manager.has_observers, self.tally
         changes = -1
         while tally.done < self.steps:
+            if interrupt.wanted:
+                return SolveFailed(Status.INTERRUPTED, self.state.t)
             start = time.perf_counter()
-            formula = integrator.formula(layout, state, h)
-            outcome, memory = solver.solve(formula, memory)
+            formula = integrator.formula(layout, self.state, h)
+            outcome, self.memory = solver.solve(formula, self.memory)
             if not outcome.status.ok:
-                return outcome.status, outcome, formula.t
-            state = integrator.advance(layout, state, formula, outcome.x, h)
+                return SolveFailed(outcome.status, formula.t, outcome.block, outcome.detail)
+            self.state = integrator.advance(layout, self.state, formula, outcome.x, h)
             tally.add(time.perf_counter() - start, outcome.iterations)
-            supports = solver.supports(memory)
+            supports = solver.supports(self.memory)
             tally.count_atoms(supports)
-            if self.recorder.take(tally.done, state, outcome, supports, tally.last):
-                tally.online = time.perf_counter() - begun
-                self.recorder.save(state, memory, tally)
+            if self.recorder.take(self.state, tally, supports):
+                tally.online = time.perf_counter() - self._begun
+                self.recorder.save(self.state, self.memory, tally)
             if watched:
                 self.manager.hook.on_step(
-                    step=tally.done, t=state.t, x=state.x, outcome=outcome)
-                changes = self._tell_changes(changes, memory, state.t)
+                    step=tally.done, t=self.state.t, x=self.state.x, outcome=outcome)
+                changes = self._tell_changes(changes, self.memory, self.state.t)
         return None
 
     def _tell_changes(self, before: int, memory: Any, t: float) -> int:

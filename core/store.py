@@ -106,6 +106,11 @@ class ResultWriter:
         zf.write_group(target, document)
         return cls(target), checkpoint
 
+    @staticmethod
+    def resumable(path: str | Path, scene_digest: str | None = None) -> None:
+        """Raises InputError when `resume` would; changes nothing."""
+        _resumable(Path(path).absolute(), scene_digest)
+
     @property
     def stored(self) -> int:
         return int(self._arrays[TIME]["shape"][0])
@@ -228,7 +233,8 @@ def _resumable(target: Path, scene_digest: str | None) -> tuple[dict[str, Any], 
         raise refuse("it was made from another scene; run into a new directory")
     checkpoint = load_checkpoint(target)
     if checkpoint is None or checkpoint.run != attributes["run"]:
-        raise refuse("it was stopped before its first checkpoint; start again without --resume")
+        raise refuse("it was stopped before its first checkpoint; start anew, with --force or into "
+                     "another directory")
     return document, checkpoint
 
 

@@ -8,16 +8,16 @@ error that is estimated to remain, not on the size of the last change.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from math import inf, sqrt
 
 import numpy as np
 from scipy.linalg.lapack import dgesv
 
-from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core.arrays import FloatArray
 from sparsemor.core.protocols import StepFormula
 from sparsemor.core.separable import Amplitude, Frame, FrameWork
 from sparsemor.core.status import Status
-from sparsemor.reducers.elastic import ElasticBlock
+from sparsemor.reducers.elastic import ElasticBlock, History
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,17 +42,33 @@ class Tolerances:
 
 
 class Contraction:
-    """Observed ratio of successive changes; lives in the step memory."""
+    """Observed ratio of successive changes, and the largest |u|^2 so far; lives in the memory."""
 
     __slots__ = ("age", "ratio", "scale")
 
-    def __init__(self, bodies: int) -> None:
-        self.ratio, self.age = 1.0, 0
-        self.scale = [0.0] * bodies
+    def __init__(self) -> None:
+        self.ratio, self.age, self.scale = 1.0, 0, 0.0
+
+
+class _Loop:
+    """What one step keeps between its iterations. x_e: elastic unknowns before and after."""
+
+    __slots__ = ("acceleration", "c", "given", "history", "velocity", "y", "z")
+
+    history: list[History | None]
+    given: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+    y: FloatArray
+    c: list[FloatArray]
+    z: list[FloatArray]
 
 
 class Mechanics:
-    """The mechanical equations of one step under fixed (c1, c2): immutable but for scratch."""
+    """The mechanical equations of one step under fixed (c1, c2): immutable but for scratch.
+
+    The bodies' borders are stacked: `map` (sum b, N) takes the global border to all of them.
+    """
 
     def __init__(
         self, bodies: Sequence[BodyStep], n_rigid: int, algebraic: slice,
@@ -62,109 +78,130 @@ class Mechanics:
         self.size = n_rigid + algebraic.stop - algebraic.start
         self.targets, self.tol = tuple(targets), tolerances
         self.work = [FrameWork(b.frame.p, b.frame.border, b.frame.generators) for b in bodies]
+        self.map = np.concatenate([np.zeros((0, self.size)), *(b.to_border for b in bodies)])
+        edges = np.cumsum([0, *(b.frame.border for b in bodies)]).tolist()
+        self.at = [slice(i, j) for i, j in zip(edges, edges[1:], strict=False)]
+        self._H, self._rows = np.zeros((edges[-1], edges[-1])), np.zeros(edges[-1])
 
     def solve(
         self, step: StepFormula, x: FloatArray, memory: Contraction
     ) -> tuple[Status, int, str, str]:
         """Improves x in place from its guess; status, iterations, block, what was seen."""
-        r1, r2, nr = step.r1, step.r2, self.n_rigid
-        history = [None if b.block is None else
-                   b.block.begin(r1[b.elastic], r2[b.elastic], x[b.thermal], step.t)
-                   for b in self.bodies]
-        rates = np.zeros((2, self.size))
-        rates[0, :nr], rates[1, :nr] = r1[:nr], r2[:nr]
-        rates_of = [T @ rates.T for T in (b.to_border for b in self.bodies)]
-        given = np.zeros(self.size)
-        for i, f in self.targets:
-            given[i] = f(step.t)
-        y = np.concatenate((x[:nr], x[self.algebraic]))
-        last, where = np.inf, 0
+        loop, nr = self._begin(step, x), self.n_rigid
+        last = inf
         for iteration in range(1, self.tol.max_iterations + 1):
-            change, where = self._iterate(step, x, y, history, rates_of, given, memory)
-            if change != change or change == np.inf:
-                return Status.NOT_FINITE, iteration, self._name(where), ""
+            change = self._iterate(step, x, loop, memory)
+            if not change < inf:
+                return Status.NOT_FINITE, iteration, self._worst(x, loop), ""
             if change < 0:
                 return Status.SINGULAR, iteration, "", "the border matrix is singular"
-            if last < np.inf and last > 0:
+            if 0 < last < inf:
                 memory.ratio, memory.age = min(max(change / last, 1e-12), 1.0), 0
             memory.age += 1
             # an unmeasured or old ratio is not trusted: iterate once more
-            known = memory.ratio if memory.age <= 200 and memory.ratio < 0.5 else 1.0
-            left = change * known / (1.0 - known) if known < 0.5 else change
-            if left <= self.tol.remaining or (change >= 0.25 * last and change <= 1e-10):
-                x[:nr], x[self.algebraic] = y[:nr], y[nr:]
+            trusted = memory.age <= 200 and memory.ratio < 0.5
+            left = change * memory.ratio / (1.0 - memory.ratio) if trusted else change
+            if left <= self.tol.remaining or (change >= 0.25 * last and change <= ROUND_OFF):
+                x[:nr], x[self.algebraic] = loop.y[:nr], loop.y[nr:]
                 return Status.DONE, iteration, "", ""
             last = change
         detail = f"last relative change {change:.1e} after {self.tol.max_iterations} iterations"
-        return Status.NOT_CONVERGED, self.tol.max_iterations, self._name(where), detail
+        return Status.NOT_CONVERGED, self.tol.max_iterations, self._worst(x, loop), detail
 
-    def _name(self, where: int) -> str:
-        if where < 0:
-            return "rigid"
-        return self.bodies[where].elastic_name or f"{self.bodies[where].name}.rigid"
+    def _begin(self, step: StepFormula, x: FloatArray) -> _Loop:
+        loop, r1, r2, nr = _Loop(), step.r1, step.r2, self.n_rigid
+        loop.history = [
+            None if b.block is None else
+            b.block.begin(r1[b.elastic], r2[b.elastic], x[b.thermal], step.t) for b in self.bodies]
+        loop.given = np.zeros(self.size)
+        for i, f in self.targets:
+            loop.given[i] = f(step.t)
+        rigid = self.map[:, :nr]
+        loop.velocity, loop.acceleration = rigid.dot(r1[:nr]), rigid.dot(r2[:nr])
+        loop.y = np.concatenate((x[:nr], x[self.algebraic]))
+        return loop
 
     def _iterate(
-        self, step: StepFormula, x: FloatArray, y: FloatArray, history: list[Any],
-        rates_of: list[FloatArray], given: FloatArray, memory: Contraction,
-    ) -> tuple[float, int]:
-        """One Newton step; the largest relative change and the body it is in (-1: rigid)."""
-        c1, c2 = step.c1, step.c2
-        B, r, kept = np.zeros((self.size, self.size)), -given, []
-        for b, w, past, rates in zip(self.bodies, self.work, history, rates_of, strict=True):
-            T = b.to_border
-            yb = T.dot(y)
-            v, a = c1 * yb + rates[:, 0], c2 * yb + rates[:, 1]
-            if b.block is None:
-                b.frame.evaluate(yb, v, a, c1, c2, _NONE, _NONE, _NONE, _NONE, step.t, w)
-                r += w.rows.dot(T)
-                B += T.T.dot(w.H.dot(T))
+        self, step: StepFormula, x: FloatArray, loop: _Loop, memory: Contraction
+    ) -> float:
+        """One Newton step; the largest relative change (-1: singular)."""
+        c1, c2, H, rows = step.c1, step.c2, self._H, self._rows
+        y = self.map.dot(loop.y)
+        v, a = c1 * y + loop.velocity, c2 * y + loop.acceleration
+        loop.c, loop.z = [], []
+        for b, w, past, at in zip(self.bodies, self.work, loop.history, self.at, strict=True):
+            if b.block is None or past is None:
+                b.frame.evaluate(y[at], v[at], a[at], c1, c2, _NONE, _NONE, _NONE, _NONE, _NONE,
+                                 step.t, w)
+                H[at, at], rows[at] = w.border[:, :-1], w.border[:, -1]
                 continue
             c = x[b.elastic] if b.block.active is None else x[b.elastic][b.block.active]
-            s, forms, seen = b.block.look(c, past)
-            forms[1] += c1 * forms[0]
-            forms[2] += c2 * forms[0]
-            b.frame.evaluate(yb, v, a, c1, c2, s, c1 * s + past.s1, c2 * s + past.s2, forms,
-                             step.t, w)
-            z, Pz = b.block.combine(seen, past, w.kappa + c1 * w.mu, w.mu)
-            G = b.block.G
-            r += (w.rows - w.tau.dot(s + Pz + G.dot(w.sigma))).dot(T)
-            B += T.T.dot((w.H - w.tau.dot(G.dot(w.sigma_y.T))).dot(T))
-            kept.append((b, w, z, c))
-        return self._advance(x, y, B, r, kept, memory)
+            look = b.block.look(c, past)
+            b.frame.evaluate(y[at], v[at], a[at], c1, c2, look.s, past.s1, past.s2, look.form,
+                             look.forms, step.t, w)
+            z, Pz = b.block.combine(look, past, w.coefficients)
+            # border minus tau D^-1 (elastic columns and residual): the Schur complement
+            Gs = b.block.G.dot(w.sigma.T)
+            Gs[:, -1] += look.s + Pz
+            reduced = w.border - w.tau.dot(Gs)
+            H[at, at], rows[at] = reduced[:, :-1], reduced[:, -1]
+            loop.c.append(c)
+            loop.z.append(z)
+        return self._advance(x, loop, memory)
 
-    def _advance(
-        self, x: FloatArray, y: FloatArray, B: FloatArray, r: FloatArray, kept: list[Any],
-        memory: Contraction,
-    ) -> tuple[float, int]:
-        change, where = 0.0, -1
+    def _advance(self, x: FloatArray, loop: _Loop, memory: Contraction) -> float:
+        change, nr = 0.0, self.n_rigid
         if self.size:
-            _, _, dy, info = dgesv(B, r, 1, 1)
+            B = self.map.T.dot(self._H.dot(self.map))
+            dy, info = dgesv(B, self._rows.dot(self.map) - loop.given, 1, 1)[2:]
             if info > 0:
-                return -1.0, -1
-            y -= dy
-            if self.n_rigid:
-                change = float(np.abs(dy[: self.n_rigid]).max())
-                change /= max(1.0, float(np.abs(y[: self.n_rigid]).max()))
+                return -1.0
+            loop.y = loop.y - dy
+            if nr:
+                d, q = dy[:nr], loop.y[:nr]
+                change = sqrt(float(d.dot(d)) / max(1.0, float(q.dot(q))))
         else:
-            dy = r
-        for i, (b, w, z, c) in enumerate(kept):
-            new = b.block.update(z, w.sigma - (b.to_border.dot(dy)).dot(w.sigma_y))
-            d = float(np.abs(new - c).max())
-            scale = memory.scale[i] = max(memory.scale[i], float(np.abs(new).max()))
+            dy = loop.y
+        moved, elastic, size, number = self.map.dot(dy), 0.0, 0.0, 0
+        for b, w, at in zip(self.bodies, self.work, self.at, strict=True):
+            if b.block is None:
+                continue
+            c = loop.c[number]
+            new = b.block.update(
+                loop.z[number], w.sigma[-1] - moved[at].dot(w.sigma[:-1]))
+            number += 1
+            moved_c = new - c
+            elastic += float(moved_c.dot(moved_c))
+            size += float(new.dot(new))
             if b.block.active is None:
                 x[b.elastic] = new
             else:
-                whole = np.zeros(b.elastic.stop - b.elastic.start)
-                whole[b.block.active] = new
-                x[b.elastic] = whole
-            if scale > 0 and not d <= change * scale:
-                change, where = d / scale, i
-        return change, where
+                x[b.elastic] = 0.0
+                x[b.elastic.start + b.block.active] = new
+        memory.scale = max(memory.scale, size)
+        if memory.scale > 0:
+            elastic = sqrt(elastic / memory.scale)
+        # not (a <= b) is true for a change that is not a number
+        return elastic if not elastic <= change else change
+
+    def _worst(self, x: FloatArray, loop: _Loop) -> str:
+        """The block whose last change was largest, or is not finite."""
+        sizes, number = {}, 0
+        for b in self.bodies:
+            if b.block is None:
+                sizes[f"{b.name}.rigid"] = _largest(loop.y[: self.n_rigid])
+                continue
+            now = x[b.elastic] if b.block.active is None else x[b.elastic][b.block.active]
+            sizes[b.elastic_name] = _largest(now - loop.c[number])
+            number += 1
+        broken = [n for n, size in sizes.items() if not size < inf]
+        return broken[0] if broken else max(sizes, key=lambda n: sizes[n])
 
 
 _NONE = np.zeros(0)
+ROUND_OFF = 1e-10
+"""A relative change that no longer shrinks is round-off when it is below this."""
 
 
-def border_numbers(n_rigid: int, algebraic: slice) -> IntArray:
-    """Positions of the border unknowns in the flat vector."""
-    return np.concatenate([np.arange(n_rigid), np.arange(algebraic.start, algebraic.stop)])
+def _largest(x: FloatArray) -> float:
+    return float(np.abs(x).max(initial=0.0))

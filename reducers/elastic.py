@@ -9,7 +9,7 @@ block has D^-1 applied to everything beforehand. The Newton loop sees no differe
 """
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -19,7 +19,8 @@ from sparsemor.reducers.test_map import TestedElastic
 
 
 class History:
-    """One step's constants: h, M_g r1, M_g r2 and s1 = P^T r1, s2 = P^T r2."""
+    """One step's constants: `h`; `stack` for the combination; `quad` rows M_g r1, M_g r2;
+    s1 = P^T r1, s2 = P^T r2."""
 
     __slots__ = ("h", "quad", "s1", "s2", "stack")
 
@@ -30,21 +31,28 @@ class History:
     s2: FloatArray
 
 
+class Look(NamedTuple):
+    """s (p,) = P^T u, form (g,) = u.M_g u, forms (2 g,) = u.M_g (r1, r2), and M_g u if needed."""
+
+    s: FloatArray
+    form: FloatArray
+    forms: FloatArray
+    seen: FloatArray | None
+
+
 class ElasticBlock(Protocol):
     """G (p, p) = P^T D^-1 P. `active`: numbers of the unknowns it solves for, None for all."""
 
-    G: FloatArray
-    active: IntArray | None
-
+    @property
+    def G(self) -> FloatArray: ...
+    @property
+    def active(self) -> IntArray | None: ...
     def begin(self, r1: FloatArray, r2: FloatArray, xT: FloatArray, t: float) -> History: ...
-    def look(self, c: FloatArray, history: History) -> tuple[FloatArray, FloatArray, Any]:
-        """s (p,) = P^T u, forms (3, g) = u.M_g (u, r1, r2), and what `combine` needs."""
-        ...
-
+    def look(self, c: FloatArray, history: History) -> Look: ...
     def combine(
-        self, seen: Any, history: History, kappa: FloatArray, mu: FloatArray
+        self, look: Look, history: History, factors: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """z and P^T z."""
+        """z and P^T z; factors (2 g + 1,) = kappa, mu, 1."""
         ...
 
     def update(self, z: FloatArray, sigma: FloatArray) -> FloatArray:
@@ -82,15 +90,17 @@ class FullElastic:
         s.s1, s.s2 = o.directions.T @ r1, o.directions.T @ r2
         return s
 
-    def look(self, c: FloatArray, history: History) -> tuple[FloatArray, FloatArray, Any]:
+    def look(self, c: FloatArray, history: History) -> Look:
         seen = np.stack([M @ c for M in self.ops.generators])
-        forms = np.concatenate([seen @ c, history.quad @ c]).reshape(3, -1)
-        return self.ops.directions.T @ c, forms, seen
+        return Look(self.ops.directions.T @ c, seen @ c, history.quad @ c, seen)
 
     def combine(
-        self, seen: Any, history: History, kappa: FloatArray, mu: FloatArray
+        self, look: Look, history: History, factors: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        z = self.factor.solve(history.h + kappa @ seen + mu @ history.stack)
+        g = len(self.ops.generators)
+        assert look.seen is not None
+        right = history.h + factors[:g] @ look.seen + factors[g:-1] @ history.stack
+        z = self.factor.solve(right)
         return z, self.ops.directions.T @ z
 
     def update(self, z: FloatArray, sigma: FloatArray) -> FloatArray:
@@ -161,25 +171,21 @@ class CompressedElastic:
         h.s1, h.s2 = out[a : a + p], out[a + p :]
         return h
 
-    def look(self, c: FloatArray, history: History) -> tuple[FloatArray, FloatArray, Any]:
+    def look(self, c: FloatArray, history: History) -> Look:
         s, p, g = self.sizes
         out = self.S.dot(c)
         n = g * (s + p)
         history.stack[:g] = out[:n].reshape(g, s + p)
-        forms = np.empty((3, g))
-        forms[0] = out[n + p :].reshape(g, s).dot(c)
-        forms[1:] = history.quad.dot(c).reshape(2, g)
-        return out[n : n + p], forms, None
+        form = out[n + p :].reshape(g, s).dot(c)
+        return Look(out[n : n + p], form, history.quad.dot(c), None)
 
     def combine(
-        self, seen: Any, history: History, kappa: FloatArray, mu: FloatArray
+        self, look: Look, history: History, factors: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        z = np.concatenate((kappa, mu, _ONE)).dot(history.stack)
+        z: FloatArray = factors.dot(history.stack)
         s = self.sizes[0]
         return z[:s], z[s:]
 
     def update(self, z: FloatArray, sigma: FloatArray) -> FloatArray:
-        return -(z + self.E.dot(sigma))
-
-
-_ONE = np.ones(1)
+        new: FloatArray = -(z + self.E.dot(sigma))
+        return new

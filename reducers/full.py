@@ -1,33 +1,32 @@
 """Full order: constant blocks factorized once, rigid coordinates and multipliers as a border."""
 
-from collections.abc import Mapping
+from typing import Literal
 
 import numpy as np
 from pydantic import Field
 
-from sparsemor.core.arrays import FloatArray
 from sparsemor.core.model import Model
 from sparsemor.core.offline import Offline
 from sparsemor.core.plugin import Plugin
 from sparsemor.core.protocols import Integrator, StepSolver
 from sparsemor.reducers.bordered import Tolerances
-from sparsemor.reducers.elastic import FullElastic
+from sparsemor.reducers.elastic import ElasticBlock, FullElastic
 from sparsemor.reducers.factor import factorize
 from sparsemor.reducers.general import GeneralStepper
-from sparsemor.reducers.heat import FullHeat, LocalAt
+from sparsemor.reducers.heat import FullHeat, HeatBlock, LocalAt
 from sparsemor.reducers.prepare import constants, stepper
 
 
 class Full(Plugin):
     """All unknowns, all equations: the reference, made as fast as its structure allows."""
 
-    predictor: int = Field(6, ge=1, le=8)
+    predictor: int = Field(default=6, ge=1, le=8)
     """Number of past states that the first guess of a step extrapolates."""
-    remaining: float = Field(1e-13, gt=0, lt=1e-3)
+    remaining: float = Field(default=1e-13, gt=0, lt=1e-3)
     """Relative error of the unknowns that may remain in a step."""
-    max_iterations: int = Field(30, ge=1)
+    max_iterations: int = Field(default=30, ge=1)
     """Newton iterations before a step is given up."""
-    method: str = Field("bordered", pattern="^(bordered|newton)$")
+    method: Literal["bordered", "newton"] = "bordered"
     """`bordered`: constant blocks factorized once. `newton`: the whole Jacobian factorized anew
     in each iteration, the textbook method, kept as a check."""
 
@@ -39,7 +38,9 @@ class Full(Plugin):
         if self.method == "newton" or model.separated.other:
             return GeneralStepper(model, tol, self.predictor)
         c1, c2, c1_first = constants(model.layout, integrator, h)
-        heat, elastic, done = {}, {}, 0
+        heat: dict[str, HeatBlock] = {}
+        elastic: dict[str, ElasticBlock] = {}
+        done = 0
         for b in model.separated.heat:
             at = model.layout[b.thermal]
             local = tuple(LocalAt(t, t.rows - at.start, t.columns - at.start) for t in b.local)

@@ -1,12 +1,10 @@
 """POD-Galerkin (or any basis): trial and test map are the same atoms, compressed offline."""
 
-from collections.abc import Mapping
 from typing import Annotated
 
 import numpy as np
 from pydantic import Field
 
-from sparsemor.core.arrays import FloatArray
 from sparsemor.core.model import Model
 from sparsemor.core.offline import Offline
 from sparsemor.core.plugin import Plugin
@@ -14,9 +12,9 @@ from sparsemor.core.protocols import Basis, Integrator, StepSolver
 from sparsemor.core.slot import Slot, slot_default
 from sparsemor.reducers.bordered import Tolerances
 from sparsemor.reducers.choose import chosen
-from sparsemor.reducers.elastic import CompressedElastic
-from sparsemor.reducers.heat import CompressedHeat
-from sparsemor.reducers.prepare import constants, stepper
+from sparsemor.reducers.elastic import CompressedElastic, ElasticBlock
+from sparsemor.reducers.heat import CompressedHeat, HeatBlock
+from sparsemor.reducers.prepare import constants, inverse, stepper
 from sparsemor.reducers.represent import local_terms, refuse_other, represent
 from sparsemor.reducers.test_map import TestedElastic, TestedHeat, TestMap
 
@@ -28,11 +26,11 @@ class Galerkin(Plugin):
     """Basis of every elastic and thermal block."""
     bases: dict[str, Annotated[Basis, Slot("basis")]] = {}
     """Other bases by block pattern, such as `*.thermal`."""
-    predictor: int = Field(6, ge=1, le=8)
+    predictor: int = Field(default=6, ge=1, le=8)
     """Number of past states that the first guess of a step extrapolates."""
-    remaining: float = Field(1e-13, gt=0, lt=1e-3)
+    remaining: float = Field(default=1e-13, gt=0, lt=1e-3)
     """Relative error of the unknowns that may remain in a step."""
-    max_iterations: int = Field(30, ge=1)
+    max_iterations: int = Field(default=30, ge=1)
     """Newton iterations before a step is given up."""
 
     def prepare(
@@ -43,11 +41,13 @@ class Galerkin(Plugin):
         c1, c2, c1_first = constants(model.layout, integrator, h)
         dictionaries, limits = represent(
             offline, {n: chosen(n, self.bases, self.basis) for n in model.reducible()})
-        heat, elastic, frames, done = {}, {}, {}, 0
+        heat: dict[str, HeatBlock] = {}
+        elastic: dict[str, ElasticBlock] = {}
+        frames, done = {}, 0
         for b in model.separated.heat:
             d = dictionaries[b.thermal]
             tested = TestedHeat.of(b, d, TestMap(left=d.atoms.T))
-            left = np.linalg.inv(tested.block(c1_first))
+            left = inverse(tested.block(c1_first))
             local = local_terms(model, b, d, left @ d.atoms.T)
             heat[b.thermal] = CompressedHeat.of(tested, left, None, c1_first, local)
             done += 1
@@ -57,7 +57,7 @@ class Galerkin(Plugin):
             d = dictionaries[m.elastic]
             tested_e = TestedElastic.of(
                 m.operators, m.frame, d, dictionaries.get(m.thermal), TestMap(left=d.atoms.T))
-            left = np.linalg.inv(tested_e.block(c1, c2))
+            left = inverse(tested_e.block(c1, c2))
             elastic[m.elastic] = CompressedElastic.of(tested_e, left, None)
             frames[m.name] = tested_e.frame
             done += 1

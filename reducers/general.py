@@ -47,7 +47,7 @@ class GeneralStepper:
         return touched
 
     def start(self, state: State) -> tuple[State, Memory]:
-        return state, Memory(state.x, self.points, 0)
+        return state, Memory(state.x, self.points)
 
     def solve(self, step: StepFormula, memory: Memory) -> tuple[StepOutcome, Memory]:
         x = memory.ring.predict()

@@ -24,7 +24,12 @@ class HeatOutcome(NamedTuple):
 
 
 class HeatBlock(Protocol):
-    active: IntArray | None
+    @property
+    def active(self) -> IntArray | None: ...
+    @property
+    def elements(self) -> int:
+        """Elements that one evaluation of its local terms visits."""
+        ...
 
     def solve(self, r1: FloatArray, t: float, guess: FloatArray) -> HeatOutcome: ...
 
@@ -49,6 +54,10 @@ class FullHeat:
     active: IntArray | None = None
     rtol: float = 1e-13
     max_iterations: int = 50
+
+    @property
+    def elements(self) -> int:
+        return sum(at.term.elements for at in self.local)
 
     def _right(self, r1: FloatArray, t: float) -> FloatArray:
         b = self.heat.constant - self.heat.capacity @ r1
@@ -91,6 +100,10 @@ class CompressedHeat:
     c1: float
     rtol: float = 1e-13
     max_iterations: int = 50
+
+    @property
+    def elements(self) -> int:
+        return sum(term.elements for term in self.local)
 
     @classmethod
     def of(

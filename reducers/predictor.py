@@ -32,7 +32,8 @@ class Ring:
         self.filled = min(self.filled + 1, points)
 
     def predict(self) -> FloatArray:
-        return _weights(len(self.rows), self.filled, self.newest).dot(self.rows)
+        weights = _weights(len(self.rows), self.filled, self.newest)
+        return np.asarray(weights.dot(self.rows))
 
     def restart(self) -> None:
         """Forget all but the newest state: after a jump in a load or a change of support."""

@@ -24,6 +24,11 @@ def constants(layout: Layout, integrator: Integrator, h: float) -> tuple[float, 
     return f.c1, f.c2, f.c1_first
 
 
+def inverse(matrix: FloatArray) -> FloatArray:
+    """Of a small projected block."""
+    return np.asarray(np.linalg.inv(matrix), dtype=np.float64)
+
+
 def stepper(
     model: Model, layout: Layout, dictionaries: Mapping[str, Dictionary],
     rows: Mapping[str, IntArray], heat: Mapping[str, HeatBlock],
@@ -32,12 +37,13 @@ def stepper(
     notes: tuple[str, ...] = (),
 ) -> Stepper:
     """A Stepper with its mechanics set up, and the elements that one step visits."""
-    elements = {b.thermal: sum(t.elements for t in b.local) for b in model.separated.heat}
-    for b in model.separated.heat:
-        local = getattr(heat.get(b.thermal), "local", ())
-        elements[b.thermal] = sum(getattr(t, "elements", None) or getattr(
-            getattr(t, "term", None), "elements", 0) for t in local)
-    elements |= {m.elastic: 0 for m in model.separated.moving if m.elastic}
+    # constant matrices were assembled once: only local terms visit elements in a step
+    elements = {name: 0 for name in model.reducible()}
+    elements |= {name: block.elements for name, block in heat.items()}
+    # unknowns over their limits; those without one are scaled to be caught when not finite only
+    sanity = np.full(layout.size, 1e-150)
+    for name, limit in (limits or {}).items():
+        sanity[layout[name]] = 1.0 / limit
     s = Stepper(layout, dictionaries, rows, elements, model.separated, heat, elastic, frames, tol,
-                points, factorizations, limits or {}, notes)
+                points, factorizations, limits or {}, sanity, notes)
     return replace(s, mechanics=s.with_mechanics())

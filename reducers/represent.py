@@ -12,7 +12,6 @@ from sparsemor.core.offline import Offline
 from sparsemor.core.protocols import Basis, Dictionary, ReducedTerm, Trial
 from sparsemor.core.separable import HeatBody
 
-
 GROWTH = 1e3
 """Coefficients this many times beyond the largest of the training run are called divergence."""
 

@@ -109,17 +109,17 @@ class MechanicsProblem:
         for p in self.places:
             w = self._evaluate(p, c[p.columns], y, rates)
             T = p.body.to_border
-            r[self.m :] += w.rows @ T
-            J[self.m :, self.k :] += T.T @ w.H @ T
+            r[self.m :] += w.border[:, -1] @ T
+            J[self.m :, self.k :] += T.T @ w.border[:, :-1] @ T
             if p.sampled is None:
                 continue
             t = p.sampled.tested
-            kappa = w.kappa + step.c1 * w.mu
+            kappa, mu = w.coefficients[:-1].reshape(2, -1)
             D = p.sampled.block.B + np.tensordot(kappa, t.generators, 1)
-            past = np.tensordot(w.mu, t.generators, 1) @ step.r1[p.body.elastic]
-            r[p.rows] = p.scale * (D @ c[p.columns] + p.fixed + past + t.directions @ w.sigma)
+            past = np.tensordot(mu, t.generators, 1) @ step.r1[p.body.elastic]
+            r[p.rows] = p.scale * (D @ c[p.columns] + p.fixed + past + t.directions @ w.sigma[-1])
             J[p.rows, p.columns] = p.scale * D
-            J[p.rows, self.k :] = p.scale * (t.directions @ (w.sigma_y.T @ T))
+            J[p.rows, self.k :] = p.scale * (t.directions @ (w.sigma[:-1].T @ T))
             J[self.m :, p.columns] = T.T @ (w.tau @ t.functional)
         return r, J
 
@@ -132,12 +132,12 @@ class MechanicsProblem:
         v, a = c1 * yb + T @ rates[0], c2 * yb + T @ rates[1]
         if p.sampled is None:
             none = np.zeros(0)
-            f.evaluate(yb, v, a, c1, c2, none, none, none, none, step.t, w)
+            f.evaluate(yb, v, a, c1, c2, none, none, none, none, none, step.t, w)
             return w
         at, F, Q = p.body.elastic, p.sampled.tested.functional, p.sampled.tested.quadratic
-        cv, ca = c1 * c + step.r1[at], c2 * c + step.r2[at]
-        forms = np.stack([Q @ z @ c for z in (c, cv, ca)])
-        f.evaluate(yb, v, a, c1, c2, F @ c, F @ cv, F @ ca, forms, step.t, w)
+        r1, r2 = step.r1[at], step.r2[at]
+        form, forms = Q @ c @ c, np.concatenate([Q @ r1 @ c, Q @ r2 @ c])
+        f.evaluate(yb, v, a, c1, c2, F @ c, F @ r1, F @ r2, form, forms, step.t, w)
         return w
 
 

@@ -7,7 +7,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core.arrays import IntArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.model import Model
 from sparsemor.core.offline import Offline
@@ -44,7 +44,7 @@ class Budget(Plugin):
 
     rows: int = Field(ge=0)
     """Sampled rows, on top of the required ones."""
-    atoms: int | None = Field(None, ge=1)
+    atoms: int | None = Field(default=None, ge=1)
     """Most atoms active at once; all of the dictionary when not given."""
 
 
@@ -66,15 +66,15 @@ class Sparse(Plugin):
     """Of the sampled thermal rows (Sec. 3.2)."""
     solver: Annotated[SparseSolver, Slot("sparse_solver")] = slot_default("greedy_gauss_newton")
     """Selects atoms where a budget is smaller than the dictionary."""
-    every: int = Field(1, ge=1)
+    every: int = Field(default=1, ge=1)
     """Steps between selections."""
     carried: bool = True
     """Whether a selection starts from the support of the step before, or from none."""
-    predictor: int = Field(6, ge=1, le=8)
+    predictor: int = Field(default=6, ge=1, le=8)
     """Number of past states that the first guess of a step extrapolates."""
-    remaining: float = Field(1e-13, gt=0, lt=1e-3)
+    remaining: float = Field(default=1e-13, gt=0, lt=1e-3)
     """Relative error of the unknowns that may remain in a step."""
-    max_iterations: int = Field(30, ge=1)
+    max_iterations: int = Field(default=30, ge=1)
     """Newton iterations before a step is given up."""
 
     def prepare(
@@ -88,7 +88,8 @@ class Sparse(Plugin):
             offline, {n: chosen(n, self.bases, self.basis) for n in model.reducible()})
         rows = {n: choose_rows(model, n, b.rows, b.atoms or 10**9, self.sampler, dictionaries[n],
                                rng) for n, b in budgets.items()}
-        heat, elastic = {}, {}
+        heat: dict[str, SampledHeat] = {}
+        elastic: dict[str, SampledElastic] = {}
         for b in model.separated.heat:
             name = b.thermal
             tested = TestedHeat.of(b, dictionaries[name], TestMap(rows=rows[name]))
@@ -114,28 +115,25 @@ class Sparse(Plugin):
         limits: Mapping[str, float],
     ) -> StepSolver:
         """Blocks without a choice to make are prepared here, once."""
-        fixed = {n: s for n, s in {**heat, **elastic}.items() if not s.block.selects}
         try:
-            ready = {n: s.prepared(None) for n, s in fixed.items()}
+            hot = {n: h.prepared(None) for n, h in heat.items() if not h.block.selects}
+            bent = {n: e.prepared(None) for n, e in elastic.items() if not e.block.selects}
         except RankDeficient as error:
             raise SolveFailed(Status.RANK_DEFICIENT, 0.0, error.block, error.detail) from None
         frames = {m.name: elastic[m.elastic].tested.frame for m in model.separated.moving
                   if m.elastic in elastic}
         layout = model.layout.resized({n: d.atoms.shape[1] for n, d in dictionaries.items()})
         base = stepper(
-            model, layout, dictionaries, rows, {n: ready[n] for n in heat if n in ready},
-            {n: ready[n] for n in elastic if n in ready}, frames,
-            Tolerances(self.remaining, self.max_iterations), self.predictor, len(fixed),
+            model, layout, dictionaries, rows, hot, bent, frames,
+            Tolerances(self.remaining, self.max_iterations), self.predictor,
+            len(hot) + len(bent),
             limits, missed_loads(model, rows))
-        choosing = [s for s in (*heat.values(), *elastic.values()) if s.block.selects]
-        if not choosing:
+        if len(hot) == len(heat) and len(bent) == len(elastic):
             return base
-        if any(s.block.selects for s in elastic.values()):
-            chosen_elastic = dict(elastic)  # one joint problem: every elastic block is in it
-        else:
-            chosen_elastic = {}
-        return SparseStepper(base, {n: s for n, s in heat.items() if s.block.selects},
-                             chosen_elastic, self.solver, self.every, self.carried)
+        # elastic blocks are selected in one joint problem: all of them take part in it
+        choosing = {} if len(bent) == len(elastic) else elastic
+        return SparseStepper(base, {n: h for n, h in heat.items() if n not in hot}, choosing,
+                             self.solver, self.every, self.carried)
 
     def _budgets(self, model: Model) -> dict[str, Budget]:
         none = Budget(rows=0, atoms=1)

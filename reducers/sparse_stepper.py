@@ -76,8 +76,9 @@ class SparseStepper:
     def start(self, state: State) -> tuple[State, SparseMemory]:
         reduced, base = self.base.start(state)
         memory = SparseMemory(base)
-        for name, s in {**self.heat, **self.elastic}.items():
-            memory.supports[name] = np.zeros(s.block.atoms, dtype=bool)
+        blocks = [h.block for h in self.heat.values()] + [e.block for e in self.elastic.values()]
+        for block in blocks:
+            memory.supports[block.name] = np.zeros(block.atoms, dtype=np.bool_)
         return reduced, memory
 
     def solve(self, step: StepFormula, memory: SparseMemory) -> tuple[StepOutcome, SparseMemory]:

@@ -19,8 +19,8 @@ from sparsemor.reducers.predictor import Ring
 class Memory:
     """What a run carries from step to step (picklable)."""
 
-    def __init__(self, x: FloatArray, points: int, bodies: int) -> None:
-        self.ring, self.contraction = Ring(points, x), Contraction(bodies)
+    def __init__(self, x: FloatArray, points: int) -> None:
+        self.ring, self.contraction = Ring(points, x), Contraction()
         self.factorizations = 0
         self.support_changes = 0
         self.supports: dict[str, BoolArray] = {}
@@ -45,6 +45,7 @@ class Stepper:
     points: int
     factorizations: int
     limits: Mapping[str, float] = field(default_factory=dict)
+    sanity: FloatArray = field(default_factory=lambda: np.zeros(0))
     notes: tuple[str, ...] = ()
     mechanics: Mechanics | None = None
 
@@ -56,7 +57,7 @@ class Stepper:
 
     def start(self, state: State) -> tuple[State, Memory]:
         reduced = reduce_state(state, self.layout, self.dictionaries)
-        memory = Memory(reduced.x, self.points, len(self.separated.moving))
+        memory = Memory(reduced.x, self.points)
         memory.factorizations = self.factorizations
         return reduced, memory
 
@@ -89,21 +90,18 @@ class Stepper:
 
     def _insane(self, x: FloatArray) -> StepOutcome | None:
         """A block with a value that is not finite or far beyond the training run."""
-        total = float(x.dot(x))
-        if total == total and total != np.inf and not self.limits:
+        y = x * self.sanity
+        if y.dot(y) <= 1.0:
             return None
-        for name, limit in self.limits.items():
-            top = float(np.abs(x[self.layout[name]]).max())
-            if not top <= limit:
-                finite = top == top and top != np.inf
-                status = Status.DIVERGED if finite else Status.NOT_FINITE
-                detail = f"largest coefficient {top:.3g}, {limit:.3g} allowed" if finite else ""
-                return StepOutcome(x, status, 1, name, detail)
-        if total == total and total != np.inf:
-            return None
-        name = next((b.name for b in self.layout
-                     if not np.isfinite(x[self.layout[b.name]]).all()), "")
-        return StepOutcome(x, Status.NOT_FINITE, 1, name)
+        for b in self.layout:
+            top = float(np.abs(x[self.layout[b.name]]).max())
+            if not top < np.inf:
+                return StepOutcome(x, Status.NOT_FINITE, 1, b.name)
+            limit = self.limits.get(b.name, np.inf)
+            if top > limit:
+                detail = f"largest coefficient {top:.3g}, {limit:.3g} allowed"
+                return StepOutcome(x, Status.DIVERGED, 1, b.name, detail)
+        return None
 
     def supports(self, memory: Memory) -> Mapping[str, BoolArray]:
         return memory.supports

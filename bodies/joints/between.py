@@ -6,7 +6,8 @@ import numpy as np
 
 from sparsemor.bodies.joints.part import End, JointPart
 from sparsemor.bodies.targets import GROUND, Target, find_target
-from sparsemor.core.errors import InputError
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.errors import Gather, InputError
 from sparsemor.core.protocols import Part
 from sparsemor.core.separable import Amplitude
 
@@ -18,8 +19,10 @@ def connect(
 
     InputError when both sides are the ground, are the same body, or do not meet at the start.
     """
-    sides = [None if s == GROUND else find_target(parts, s, f"between.{i}")
-             for i, s in enumerate(between)]
+    gather = Gather()
+    sides = [gather("", find_target, parts, s, f"between.{i}")
+             for i, s in enumerate(between) if s != GROUND]
+    gather.check()
     targets = [s for s in sides if s is not None]
     if not targets:
         raise InputError("a joint needs at least one body: both sides are the ground", "between")
@@ -31,9 +34,11 @@ def connect(
         _check_meet(targets[0], targets[1])
     n = 3 if angle else 2
     signs = [1.0, -1.0][: len(targets)]
-    start = sum(s * _start(t, n) for s, t in zip(signs, targets, strict=True))
+    start = np.zeros(n)
+    for sign, target in zip(signs, targets, strict=True):
+        start += sign * _start(target, n)
     ends = tuple(End(t, s * np.eye(n)) for s, t in zip(signs, targets, strict=True))
-    values = np.asarray(start).tolist()
+    values = start.tolist()
     if len(targets) == 2:
         values[:2] = [0.0, 0.0]
     return JointPart(name, ends, tuple(constant(float(c)) for c in values))
@@ -43,7 +48,7 @@ def constant(value: float) -> Amplitude:
     return lambda t: value
 
 
-def _start(target: Target, n: int) -> np.ndarray:
+def _start(target: Target, n: int) -> FloatArray:
     z = target.body.start_position(target.mean())
     return np.array([z.real, z.imag, target.body.pose[2]])[:n]
 

@@ -8,7 +8,7 @@ from pydantic import Field
 from sparsemor.bodies.fe.surface import surface_load, surface_mass
 from sparsemor.bodies.loads.amplitude import Quantity
 from sparsemor.bodies.loads.part import LoadPart
-from sparsemor.bodies.targets import find_target, need_field
+from sparsemor.bodies.targets import find_surfaces
 from sparsemor.core.plugin import Plugin
 from sparsemor.core.protocols import Part
 
@@ -25,13 +25,9 @@ class Convection(Plugin):
 
     def build(self, name: str, parts: Mapping[str, Part]) -> LoadPart:
         loads = []
-        for i, text in enumerate(self.on):
-            target = find_target(parts, text, f"on.{i}")
-            need_field(target, "thermal", f"on.{i}")
-            body, facets = target.body, target.facets(f"on.{i}")
-            assert body.mesh is not None
+        for body, mesh, facets in find_surfaces(parts, self.on, "thermal"):
             h = self.film * body.thickness
-            loads.append((body, h * surface_load(body.mesh, facets, 1.0),
-                          surface_mass(body.mesh, facets, h)))
+            loads.append((body, h * surface_load(mesh, facets, 1.0),
+                          surface_mass(mesh, facets, h)))
         return LoadPart(name, lambda layout: [
             b.heat_term(layout, w, self.temperature.value, S) for b, w, S in loads])

@@ -8,7 +8,7 @@ from pydantic import Field
 from sparsemor.bodies.fe.surface import surface_load
 from sparsemor.bodies.loads.amplitude import Quantity
 from sparsemor.bodies.loads.part import LoadPart
-from sparsemor.bodies.targets import find_target, need_field
+from sparsemor.bodies.targets import find_surfaces
 from sparsemor.core.plugin import Plugin
 from sparsemor.core.protocols import Part
 
@@ -22,12 +22,7 @@ class HeatFlux(Plugin):
     """Heat flux, W/m^2, a number or a function of time; positive heats the body."""
 
     def build(self, name: str, parts: Mapping[str, Part]) -> LoadPart:
-        loads = []
-        for i, text in enumerate(self.on):
-            target = find_target(parts, text, f"on.{i}")
-            need_field(target, "thermal", f"on.{i}")
-            body, facets = target.body, target.facets(f"on.{i}")
-            assert body.mesh is not None
-            loads.append((body, surface_load(body.mesh, facets, body.thickness)))
+        loads = [(body, surface_load(mesh, facets, body.thickness))
+                 for body, mesh, facets in find_surfaces(parts, self.on, "thermal")]
         return LoadPart(
             name, lambda layout: [b.heat_term(layout, w, self.flux.value) for b, w in loads])

@@ -8,7 +8,7 @@ from pydantic import Field
 from sparsemor.bodies.fe.surface import surface_normal_load
 from sparsemor.bodies.loads.amplitude import Quantity
 from sparsemor.bodies.loads.part import LoadPart
-from sparsemor.bodies.targets import find_target, need_field
+from sparsemor.bodies.targets import find_surfaces
 from sparsemor.core.plugin import Plugin
 from sparsemor.core.protocols import Part
 
@@ -23,12 +23,8 @@ class Pressure(Plugin):
 
     def build(self, name: str, parts: Mapping[str, Part]) -> LoadPart:
         loads = []
-        for i, text in enumerate(self.on):
-            target = find_target(parts, text, f"on.{i}")
-            need_field(target, "mechanical", f"on.{i}")
-            body, facets = target.body, target.facets(f"on.{i}")
-            assert body.mesh is not None
-            n = surface_normal_load(body.mesh, facets, body.thickness)
+        for body, mesh, facets in find_surfaces(parts, self.on, "mechanical"):
+            n = surface_normal_load(mesh, facets, body.thickness)
             loads.append((body, -(n[:, 0] + 1j * n[:, 1])))
         return LoadPart(
             name, lambda layout: [b.body_force(layout, w, self.pressure.value) for b, w in loads])

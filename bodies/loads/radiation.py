@@ -8,12 +8,12 @@ import numpy as np
 from pydantic import Field
 from scipy.sparse import csr_array
 
-from sparsemor.bodies.body_part import Heat
 from sparsemor.bodies.fe.surface import facet_measures
+from sparsemor.bodies.fields import Heat
 from sparsemor.bodies.loads.amplitude import Quantity
 from sparsemor.bodies.loads.part import LoadPart
 from sparsemor.bodies.local import CompressedLocal
-from sparsemor.bodies.targets import find_target, need_field
+from sparsemor.bodies.targets import find_surfaces
 from sparsemor.core.arrays import Csr, FloatArray, IntArray
 from sparsemor.core.layout import Layout
 from sparsemor.core.plugin import Plugin
@@ -113,18 +113,14 @@ class Radiation(Plugin):
     """Temperature of the surroundings, K, a number or a function of time."""
 
     def build(self, name: str, parts: Mapping[str, Part]) -> LoadPart:
-        targets = []
-        for i, text in enumerate(self.on):
-            target = find_target(parts, text, f"on.{i}")
-            need_field(target, "thermal", f"on.{i}")
-            targets.append((target.body, target.facets(f"on.{i}")))
+        surfaces = find_surfaces(parts, self.on, "thermal")
 
         def make(layout: Layout) -> Sequence[Term]:
             terms: list[Term] = []
-            for body, facets in targets:
-                assert body.mesh is not None and body.heat is not None
+            for body, mesh, facets in surfaces:
+                assert body.heat is not None
                 weights = (STEFAN_BOLTZMANN * self.emissivity * body.thickness
-                           * facet_measures(body.mesh, facets))
+                           * facet_measures(mesh, facets))
                 at = body.position(layout, "thermal")
                 terms.append(_term(facets, weights, body.heat, at, self.surroundings.value))
             return terms

@@ -8,7 +8,7 @@ from pydantic import Field
 from sparsemor.bodies.fe.surface import surface_load
 from sparsemor.bodies.loads.amplitude import Quantity, amplitude
 from sparsemor.bodies.loads.part import LoadPart
-from sparsemor.bodies.targets import find_target, need_field
+from sparsemor.bodies.targets import find_surfaces
 from sparsemor.core.layout import Layout
 from sparsemor.core.plugin import Plugin
 from sparsemor.core.protocols import Part, Term
@@ -27,14 +27,9 @@ class Traction(Plugin):
     """Function of time that multiplies it; constant 1 when not given."""
 
     def build(self, name: str, parts: Mapping[str, Part]) -> LoadPart:
-        loads, f, p = [], amplitude(self.factor), complex(*self.traction)
-        for i, text in enumerate(self.on):
-            target = find_target(parts, text, f"on.{i}")
-            need_field(target, "mechanical", f"on.{i}")
-            facets = target.facets(f"on.{i}")
-            assert target.body.mesh is not None
-            w = surface_load(target.body.mesh, facets, target.body.thickness)
-            loads.append((target.body, w))
+        f, p = amplitude(self.factor), complex(*self.traction)
+        loads = [(body, surface_load(mesh, facets, body.thickness))
+                 for body, mesh, facets in find_surfaces(parts, self.on, "mechanical")]
 
         def make(layout: Layout) -> Sequence[Term]:
             if self.axes == "space":

@@ -1,9 +1,9 @@
 """The planar frame kernel: sums its items' equations of one body (equations.md, section 1)."""
 
-import cmath
 from dataclasses import dataclass
 
-from sparsemor.bodies.planar.items import Inertia, Item, Motion, Views
+from sparsemor.bodies.planar.items import Inertia, Item
+from sparsemor.bodies.planar.motion import Motion, Views
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.separable import FrameWork
 
@@ -33,28 +33,35 @@ class PlanarFrame:
 
     def evaluate(
         self, y: FloatArray, v: FloatArray, a: FloatArray, c1: float, c2: float,
-        s: FloatArray, s1: FloatArray, s2: FloatArray, quadratic: FloatArray, t: float,
-        work: FrameWork,
+        s: FloatArray, s1: FloatArray, s2: FloatArray, form: FloatArray, forms: FloatArray,
+        t: float, work: FrameWork,
     ) -> None:
-        yl = y.tolist()
-        vl, al = v.tolist(), a.tolist()
-        m = Motion(complex(yl[0], yl[1]), cmath.exp(1j * yl[2]), vl[2], al[2],
-                   complex(al[0], al[1]), c1, c2)
-        sl, s1l, s2l = (z.view("c16").tolist() for z in (s, s1, s2))
-        work.rows.fill(0.0)
-        work.H.fill(0.0)
-        work.sigma.fill(0.0)
-        work.kappa.fill(0.0)
-        work.mu.fill(0.0)
         out = work.views
         if not isinstance(out, Views):
             out = work.views = Views(work)
-        q = quadratic if self.elastic else None
+        yl, vl, al = y.tolist(), v.tolist(), a.tolist()
+        m = Motion(yl, vl[2], complex(al[0], al[1]), al[2], c1, c2, t)
+        if self.elastic:
+            m.s = s.view("c16").tolist()
+            m.s1, m.s2 = s1.view("c16").tolist(), s2.view("c16").tolist()
+            m.form, m.forms = form.tolist(), forms.tolist()
+        total = [0.0] * 9
         j, k = 0, 3
         for item in self.items:
-            item.evaluate(m, j, k, sl, s1l, s2l, yl, q, t, out)
+            item.evaluate(m, j, k, total, out)
             j += item.pairs
             k += item.forces
+        out.write(total)
+
+    def exact(
+        self, v: FloatArray, a: FloatArray, c1: float, c2: float, work: FrameWork
+    ) -> None:
+        out = work.views
+        if isinstance(out, Views) and self.elastic:
+            m = Motion([0.0] * 3, float(v[2]), 0j, float(a[2]), c1, c2, 0.0)
+            for item in self.items:
+                if isinstance(item, Inertia):
+                    item.exact(m, out)
 
     @property
     def shape_columns(self) -> tuple[tuple[int, int], ...]:

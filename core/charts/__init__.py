@@ -32,10 +32,11 @@ def write_charts(
     `times` (s): when the bodies are drawn.
     """
     figures = _of_reference(comparison.reference, times)
-    figures["angles"] = angles_figure(comparison.reference, comparison.runs)
+    figures["angles"] = angles_figure(comparison.reference, comparison.runs, comparison.name)
     figures["error_over_time"] = error_over_time_figure(
         comparison.measured, {name: run.status for name, run in comparison.runs.items()})
-    figures["speed_accuracy"] = speed_accuracy_figure(comparison.measured, comparison.facts)
+    figures["speed_accuracy"] = speed_accuracy_figure(
+        comparison.measured, comparison.facts, comparison.name)
     for name, run in comparison.runs.items():
         file = re.sub(r"[^\w.-]+", "_", f"active_atoms_{name}")
         figures[file] = active_atoms_figure(run, name)
@@ -50,7 +51,7 @@ def write_run_charts(
 ) -> list[Path]:
     """The same for one run alone: angles, bodies, atoms in use."""
     figures = _of_reference(run, times)
-    figures["angles"] = angles_figure(run, {})
+    figures["angles"] = angles_figure(run, {}, run.reducer)
     figures["active_atoms"] = active_atoms_figure(run, run.reducer)
     return _save_all(figures, folder, formats)
 

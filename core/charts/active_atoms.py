@@ -37,6 +37,7 @@ def active_atoms_figure(run: RunResult, name: str) -> "Figure | None":
         low = number + columns >= len(blocks)
         tidy(axes, "time (s)" if low else "", "atom", _title(run, b.name))
         axes.tick_params(labelbottom=True)
+        axes.set_xlim(run.times[0], run.times[-1])
         highest = int(np.flatnonzero(active.any(axis=0)).max(initial=0)) + 1
         axes.set_ylim(0, 1.04 * highest + 1)
         axes.yaxis.get_major_locator().set_params(integer=True)

@@ -26,10 +26,12 @@ def turning_bodies(run: RunResult) -> list[str]:
     return [b.owner for b in run.layout if b.field == "rigid" and b.size == 3]
 
 
-def angles_figure(reference: RunResult, runs: Mapping[str, RunResult]) -> "Figure | None":
+def angles_figure(
+    reference: RunResult, runs: Mapping[str, RunResult], name: str
+) -> "Figure | None":
     """One panel a planar body, degrees over s; None when nothing turns.
 
-    A cross marks where a run stopped early.
+    name: what the reference is called, if there are runs beside it. A cross marks where a run stopped early.
     """
     bodies = turning_bodies(reference)
     if not bodies or len(reference.times) < 2:
@@ -40,7 +42,7 @@ def angles_figure(reference: RunResult, runs: Mapping[str, RunResult]) -> "Figur
         last = axes is panels[-1]
         tidy(axes, "time (s)" if last else "", "angle (°)", body)
         axes.plot(reference.times, _degrees(reference, body), color=REFERENCE_COLOUR,
-                  linewidth=3.2, label=f"reference ({reference.reducer})")
+                  linewidth=3.2, label=f"{name} (reference)" if runs else name)
         low, high = axes.get_ylim()
         for number, (name, run) in enumerate(runs.items()):
             style = style_of(number)
@@ -52,7 +54,7 @@ def angles_figure(reference: RunResult, runs: Mapping[str, RunResult]) -> "Figur
         reach = 0.15 * (high - low)  # a run that left the reference must not squash the others
         axes.set_ylim(max(axes.get_ylim()[0], low - reach), min(axes.get_ylim()[1], high + reach))
         axes.set_xlim(reference.times[0], reference.times[-1])
-    legend_above(figure, panels[0].get_legend_handles_labels()[0], columns=2)
+    legend_above(figure, panels[0].get_legend_handles_labels()[0])
     return figure
 
 

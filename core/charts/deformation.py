@@ -13,7 +13,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Quantity = Literal["elastic", "thermal"]
-_MAPS = {"elastic": "viridis", "thermal": "inferno"}
+_MAPS = {"elastic": "viridis", "thermal": "YlOrRd"}
+"""The cold inside of a heated body stays light, so that a thin hot layer is seen."""
 
 
 def drawable_bodies(run: RunResult) -> list[str]:
@@ -60,7 +61,7 @@ def deformation_figure(
                 drawn = axes.tripcolor(x, y, cells, values * scale, shading="gouraud",
                                        rasterized=True, **shades)
             edges = _outline(cells)
-            axes.plot(x[edges].T, y[edges].T, color="#606060", linewidth=0.5)
+            axes.plot(x[edges].T, y[edges].T, color="#606060", linewidth=0.3)
         axes.set_aspect("equal")
         axes.set(xlim=box[:2], ylim=box[2:])
     bar = figure.colorbar(drawn, ax=panels, shrink=0.9, pad=0.015, aspect=30)

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 def speed_accuracy_figure(
-    measured: Mapping[str, Errors], facts: Mapping[str, RunFacts], reference: str = "reference"
+    measured: Mapping[str, Errors], facts: Mapping[str, RunFacts], reference: str
 ) -> "Figure | None":
     """One panel a measure: largest error against ms a step, both logarithmic.
 
@@ -52,7 +52,7 @@ def speed_accuracy_figure(
             axes.axvline(base, color=REFERENCE_COLOUR, linewidth=1.2, zorder=0)
         _frame(axes, [facts[r].ms_per_step or 1.0 for r in timed], base)
         if base:
-            axes.text(base, 0.02, "reference ", rotation=90, ha="right", va="bottom",
+            axes.text(base, 0.02, f"{reference} ", rotation=90, ha="right", va="bottom",
                       color="#606060", fontsize=SMALL, transform=axes.get_xaxis_transform())
         jobs.append((axes, texts))
     figure.draw_without_rendering()  # the layout must stand before labels are placed
@@ -81,7 +81,8 @@ def _points(
                   clip_on=False)
         texts.append((ms, y, label_of(run, facts[run].status), style.colour))
     stopped = any(not facts[r].status.ok for r in timed)
-    axes.set_ylim(low / 5.0, edge if stopped else high * 5.0)
+    bottom, top = np.floor(np.log10(low / 2.0)), np.ceil(np.log10(high * 2.0))
+    axes.set_ylim(10.0**bottom, edge if stopped else 10.0**top)  # decades: two ticks at least
     return texts
 
 
@@ -92,8 +93,9 @@ def _frame(axes: Any, times: list[float], base: float | None) -> None:
     low, high = np.log10(min(all_times)), np.log10(max(all_times))
     margin = 0.18 * max(high - low, 0.5)
     axes.set_xlim(10.0 ** (low - margin), 10.0 ** (high + margin))
-    few = high - low < 2.5
-    axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if few else (1.0,)))
+    span = high - low
+    subs = (1.0, 2.0, 3.0, 5.0, 7.0) if span < 0.9 else (1.0, 2.0, 5.0) if span < 2.5 else (1.0,)
+    axes.xaxis.set_major_locator(LogLocator(subs=subs, numticks=12))
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axes.xaxis.set_minor_locator(NullLocator())
     axes.yaxis.set_major_locator(LogLocator(numticks=7))

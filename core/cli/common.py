@@ -30,6 +30,7 @@ Resume = Annotated[bool, typer.Option("--resume", help="Go on with an interrupte
 Force = Annotated[bool, typer.Option("--force", help="Replace an earlier result.")]
 
 FAILED, BAD_INPUT = 1, 2
+_OPTIONS = ("out", "resume")
 
 
 def load_with(scene: str, settings: Sequence[str] | None) -> Scene:
@@ -50,7 +51,12 @@ def located_in(scene: Scene) -> Iterator[None]:
     except LocatedError:
         raise
     except InputError as error:
-        raise LocatedError(error.faults, scene.locate(error)) from error
+        # what is wrong with an option of the command is nowhere in the file
+        own = [f for f in error.faults if f.key in _OPTIONS]
+        rest = [f for f in error.faults if f.key not in _OPTIONS]
+        lines = [f"--{f.key}: {f.message}" for f in own]
+        raise LocatedError(
+            error.faults, lines + (scene.locate(InputError(rest)) if rest else [])) from error
 
 
 @contextmanager
@@ -70,6 +76,17 @@ def exit_codes(as_json: bool = False) -> Iterator[None]:
             print_json({**summary, "status": error.status.value, "message": str(error)})
         where = [f"what was computed is in {result.path}"] if result is not None else []
         leave([str(error), *where], FAILED)
+    except OSError as error:  # such as a full disk; what was committed is readable
+        lines = [f"{error.filename or 'input or output'}: {error.strerror or error}"]
+        if as_json:
+            print_json({"status": "failed", "message": lines[0]})
+        leave(lines, FAILED)
+
+
+def warn(notes: Sequence[str]) -> None:
+    """What a user should know before trusting a run, on standard error."""
+    for note in notes:
+        typer.echo(f"warning: {note}", err=True)
 
 
 def leave(lines: Sequence[str], code: int) -> None:
@@ -102,10 +119,21 @@ def progress(quiet: bool) -> Iterator[Sequence[object]]:
 
 @contextmanager
 def place_for_result(out: Path, resume: bool, force: bool) -> Iterator[None]:
-    """Refuse to overwrite; with `force`, put the earlier result back if the new run is refused."""
-    taken = out.exists() and (not out.is_dir() or any(out.iterdir()))
-    if resume or not taken:
+    """Refuse to overwrite; with `force`, put the earlier result back if no new one came about.
+
+    Bad input that is found late leaves nothing of what was written until then.
+    """
+    if resume:
         yield
+        return
+    if not (out.exists() and (not out.is_dir() or any(out.iterdir()))):
+        there = [p for p in (out, *out.parents) if not p.exists()]
+        try:
+            yield
+        except InputError:
+            if there:
+                shutil.rmtree(there[-1], ignore_errors=True)
+            raise
         return
     if not force:
         raise InputError(f"--out {out}: there is something already: go on with --resume, replace "
@@ -117,9 +145,11 @@ def place_for_result(out: Path, resume: bool, force: bool) -> Iterator[None]:
     out.rename(aside)
     try:
         yield
-    except InputError:
-        shutil.rmtree(out, ignore_errors=True)
-        aside.rename(out)
+    except BaseException as error:
+        if isinstance(error, InputError):
+            shutil.rmtree(out, ignore_errors=True)
+        if not out.exists():
+            aside.rename(out)
         raise
     finally:
         shutil.rmtree(aside, ignore_errors=True)

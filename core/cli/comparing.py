@@ -1,5 +1,6 @@
 """`sparsemor compare`: the same scene solved by several reducers, the first is the reference."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -22,11 +23,12 @@ from sparsemor.core.cli.common import (
     place_for_result,
     print_json,
     progress,
+    warn,
 )
 from sparsemor.core.errors import InputError
 from sparsemor.core.registry import Registry
 from sparsemor.core.scene import Scene
-from sparsemor.core.status import SolveFailed
+from sparsemor.core.status import SolveFailed, Status
 
 
 def compare(
@@ -42,6 +44,7 @@ def compare(
         loaded = load_with(scene, settings)
         scenes = variants(loaded, [n.strip() for n in reducers.split(",") if n.strip()])
         directory = out or Path("runs", f"{loaded.name}-compare")
+        _refuse_early(scenes)
         with place_for_result(directory, resume, force):
             results, failures = _run_all(scenes, directory, resume, quiet or as_json)
         _report(results, failures, directory, as_json, quiet)
@@ -74,29 +77,44 @@ def variants(scene: Scene, reducers: list[str], registry: Registry | None = None
     return chosen
 
 
+def _refuse_early(scenes: dict[str, Scene]) -> None:
+    """Bad input of any of the runs is told before the first one starts."""
+    from sparsemor.core.checks import checked_model
+
+    for scene in scenes.values():
+        with located_in(scene):
+            checked_model(scene)
+
+
 def _run_all(
     scenes: dict[str, Scene], directory: Path, resume: bool, quiet: bool
 ) -> tuple[dict[str, Any], dict[str, SolveFailed]]:
-    from sparsemor.core.results import open_result
-    from sparsemor.core.simulate import simulate
-
+    """Results by name, also of runs that stopped early, and what stopped them."""
     results: dict[str, Any] = {}
     failures: dict[str, SolveFailed] = {}
     for name, scene in scenes.items():
         with located_in(scene), progress(quiet) as observers:
-            here = directory / name
-            go_on = resume and is_result(here)
             try:
-                if go_on and open_result(here).status.ok:
-                    results[name] = open_result(here)
-                else:
-                    results[name] = simulate(
-                        scene, out=here, resume=go_on, observers=observers)
+                results[name] = _run_one(scene, directory / name, resume, observers)
             except SolveFailed as error:
-                if not results:  # nothing to compare with
-                    raise
+                if not results or error.status is Status.INTERRUPTED:
+                    raise  # nothing to compare with, or no wish to
                 failures[name] = error
+                if error.result is not None:
+                    results[name] = error.result
     return results, failures
+
+
+def _run_one(scene: Scene, here: Path, resume: bool, observers: Sequence[object]) -> Any:
+    from sparsemor.core.results import open_result
+    from sparsemor.core.simulate import simulate
+
+    if resume and is_result(here):
+        earlier = open_result(here)
+        if earlier.status.ok and earlier.attributes["scene_digest"] == scene.digest():
+            return earlier
+        return simulate(scene, out=here, resume=True, observers=observers)
+    return simulate(scene, out=here, observers=observers)
 
 
 def _report(
@@ -113,13 +131,15 @@ def _report(
         leave(failed, FAILED)
     comparison = compared(results[reference], **{name: results[name] for name in others})
     comparison.write(directory)
+    summaries = {name: dict(result.summary) for name, result in results.items()}
     if as_json:
-        runs = {name: dict(result.summary) for name, result in results.items()}
         print_json({"status": "failed" if failed else "done", "reference": reference,
-                    "errors": comparison.errors, "runs": runs, "failures": failed,
-                    "out": str(directory)})
+                    "runs": [{"run": name, **summary} for name, summary in summaries.items()],
+                    "errors": comparison.errors, "failures": failed, "out": str(directory)})
     elif not quiet:
         typer.echo(str(comparison))
         typer.echo(f"table and charts: {directory}")
+    if not quiet:
+        warn([f"{name}: {note}" for name, s in summaries.items() for note in s.get("notes", ())])
     if failed:
         leave(failed, FAILED)

@@ -25,9 +25,9 @@ def validate(scene: SceneName, settings: Settings = None, as_json: Json = False)
     with exit_codes(as_json):
         loaded = load_with(scene, settings)
         with located_in(loaded):
-            from sparsemor.core.assemble import assemble
+            from sparsemor.core.checks import checked_model
 
-            assemble(loaded)
+            checked_model(loaded)
         if as_json:
             print_json({"status": "done", "scene": loaded.dump()})
         else:

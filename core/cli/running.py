@@ -20,6 +20,7 @@ from sparsemor.core.cli.common import (
     place_for_result,
     print_json,
     progress,
+    warn,
 )
 from sparsemor.core.scene import Scene
 
@@ -42,7 +43,9 @@ def run(
             print_json(summary)
         elif not quiet:
             typer.echo(in_words(summary))
-            typer.echo(f"result      {result.path}")
+            typer.echo(f"result: {directory}")
+        if not quiet:
+            warn(summary.get("notes", ()))
 
 
 def reducer_name(scene: Scene) -> str:
@@ -54,17 +57,26 @@ def in_words(summary: Mapping[str, Any]) -> str:
     lines = [("status", summary.get("status")), ("reducer", summary.get("reducer"))]
     if "steps" in summary:
         lines.append(("steps", f"{summary['steps']} to t = {summary.get('t_end', 0.0):g} s"))
-    if "wall_s" in summary:
+    wall = summary.get("wall_s")
+    if isinstance(wall, Mapping):
         per_step = summary.get("ms_per_step")
         rate = f" ({per_step:.3g} ms a step)" if isinstance(per_step, int | float) else ""
-        lines.append(("computing", f"{summary['wall_s']:.3g} s{rate}"))
-    lines.append(("iterations", summary.get("newton_iterations")))
+        lines += [("offline", f"{wall['offline']:.3g} s{_cached(summary)}"),
+                  ("online", f"{wall['online']:.3g} s{rate}")]
+    iterations = summary.get("newton_iterations")
+    lines.append(("iterations", None if iterations is None else f"{_short(iterations)} a step"))
     lines.append(("factorized", summary.get("factorizations")))
     for name in ("rows", "atoms", "atoms_active", "elements_touched", "probes"):
         lines += [(name.replace("_", " "), f"{k}: {_short(v)}")
                   for k, v in _entries(summary.get(name))]
     width = max(len(label) for label, _ in lines)
     return "\n".join(f"{label:<{width}}  {value}" for label, value in lines if value is not None)
+
+
+def _cached(summary: Mapping[str, Any]) -> str:
+    """Which offline products came from the cache."""
+    used = ", ".join(f"{k} {v}" for k, v in summary.get("cache", {}).items())
+    return f" (cache: {used})" if used else ""
 
 
 def _entries(value: object) -> list[tuple[str, object]]:

@@ -21,9 +21,11 @@ class _Point:
     c2: FloatArray
 
     @classmethod
-    def draw(cls, n: int, base: FloatArray, scale: float, rng: np.random.Generator) -> "_Point":
+    def draw(
+        cls, n: int, base: FloatArray, scale: float, same_rates: bool, rng: np.random.Generator
+    ) -> "_Point":
         x, v, a = (scale * rng.standard_normal(n) for _ in range(3))
-        c1, c2 = rng.uniform(0.5, 2.0, (2, n))
+        c1, c2 = _factors(n, same_rates, rng)
         return cls(base + x, v, a, float(rng.random()), c1, c2)
 
     def at(self, columns: IntArray) -> "_Point":
@@ -42,12 +44,14 @@ def check_term(
     scale: float = 1.0,
     trials: int = 5,
     rtol: float = 1e-6,
+    same_rates: bool = False,
 ) -> None:
     """The laws of `restrict` and `compress`, and the Jacobian against central differences.
 
     Unknowns are drawn around `base` (n,) at the term's columns (zeros when left out), they and
     their rates with standard deviation `scale`: give both where random numbers are not
-    admissible, such as temperatures below 0 K.
+    admissible, such as temperatures below 0 K. same_rates: one c1 and one c2 for all columns, as
+    an integrator gives to unknowns of one order; for terms whose columns are all of one order.
     """
     n, m = term.columns.size, term.rows.size
     law(term.columns.ndim == 1 and np.unique(term.columns).size == n, "columns must be distinct")
@@ -55,13 +59,17 @@ def check_term(
     law(term.elements >= 0, "elements must not be negative")
     around = np.zeros(n) if base is None else base
     for _ in range(trials):
-        p = _Point.draw(n, around, scale, rng)
+        p = _Point.draw(n, around, scale, same_rates, rng)
         _shapes(term, p, m, n)
         _differences(term, p, scale, rng, rtol)
         some = np.sort(rng.choice(m, int(rng.integers(0, m + 1)), replace=False))
         for keep in (some, some[::2], some[:0], np.arange(m)):
             _restricted(term, p, keep.astype(np.int64))
-        _compressed(term, p, around, scale, rng)
+        _compressed(term, p, around, scale, same_rates, rng)
+
+
+def _factors(n: int, same: bool, rng: np.random.Generator) -> FloatArray:
+    return rng.uniform(0.5, 2.0, (2, 1 if same else n)).repeat(n if same else 1, axis=1)
 
 
 def _residual(term: Term, p: _Point) -> FloatArray:
@@ -117,13 +125,14 @@ def _restricted(term: Term, p: _Point, keep: IntArray) -> None:
 
 
 def _compressed(
-    term: Term, p: _Point, base: FloatArray, scale: float, rng: np.random.Generator
+    term: Term, p: _Point, base: FloatArray, scale: float, same_rates: bool,
+    rng: np.random.Generator,
 ) -> None:
     n, m, k = p.x.size, term.rows.size, 3
-    trial = Trial(rng.standard_normal((n, k)) / np.sqrt(k), base + 0.1 * scale * p.c1)
+    trial = Trial(rng.standard_normal((n, k)) / np.sqrt(k), base + 0.1 * p.a)
     left = rng.standard_normal((2, m))
     xi, xi1, xi2 = (scale * rng.standard_normal(k) for _ in range(3))
-    c1, c2 = rng.uniform(0.5, 2.0, (2, k))
+    c1, c2 = _factors(k, same_rates, rng)
     Z, reduced = trial.atoms, term.compress(trial, left)
     x, v, a, t = trial.offset + Z @ xi, Z @ xi1, Z @ xi2, p.t
     r = term.residual(x, v, a, t)

@@ -64,7 +64,7 @@ def write_run(
         {"arm.elastic": np.arange(5)} if dictionary else {}, {"arm": shape}))
     writer.append(ChunkOfSteps(times, x, np.full(len(times), 3), np.full(len(times), seconds),
                                supports))
-    writer.finish(status, {"offline_seconds": 2.5})
+    writer.finish(status, {"wall_s": {"offline": 2.5, "online": 1.0}})
     return open_result(path)
 
 
@@ -169,7 +169,8 @@ def test_written_tables_and_pictures(comparison: Comparison, tmp_path: Path) -> 
     with (tmp_path / "errors.csv").open(encoding="utf-8") as text:
         rows = {r["run"]: r for r in csv.DictReader(text)}
     assert float(rows["untf"]["joint"]) == comparison.errors["untf"]["joint"]
-    assert (rows["reference"]["joint"], rows["deim"]["status"]) == ("", "diverged")
+    assert comparison.name == "full"
+    assert (rows["full"]["joint"], rows["deim"]["status"]) == ("", "diverged")
     assert float(rows["untf"]["offline_s"]) == 2.5
     with (tmp_path / "error_over_time.csv").open(encoding="utf-8") as text:
         assert sum(1 for _ in csv.DictReader(text)) == 41 + 21

@@ -1,0 +1,56 @@
+"""What can be refused before the first step of any run, the training run included."""
+
+import math
+
+from sparsemor.core.assemble import assemble
+from sparsemor.core.errors import Fault, Gather, InputError
+from sparsemor.core.model import Model
+from sparsemor.core.offline import step_count
+from sparsemor.core.scene import Scene
+
+
+def checked_model(scene: Scene) -> Model:
+    """The assembled scene. Raises InputError with every fault that is known without a step.
+
+    A reducer may add its own with a method `check(model) -> Sequence[Fault]`, keys relative to
+    itself (`budgets.*.elastic.rows`).
+    """
+    gather = Gather()
+    gather.faults += time_faults(scene)
+    model = gather("", assemble, scene)
+    check = getattr(scene.reducer, "check", None)
+    if model is not None and check is not None:
+        gather.faults += InputError(list(check(model))).under("reducer").faults
+    gather.check()
+    assert model is not None
+    return model
+
+
+def time_faults(scene: Scene) -> list[Fault]:
+    """Ends that are no whole number of steps, and a training run that keeps only its start."""
+    faults = [] if _whole(scene.time.end, scene.time.step) else [
+        _not_whole("time.end", scene.time.end, scene.time.step)]
+    if "training" not in scene.model_fields_set:
+        return faults
+    try:
+        training = scene.for_training()
+    except InputError as error:
+        return [*faults, *error.faults]
+    end, step = training.time.end, training.time.step
+    if scene.training.end is not None and not _whole(end, step):
+        faults.append(_not_whole("training.end", end, step))
+    steps, every = step_count(training), scene.training.every
+    if every > steps:
+        faults.append(Fault("training.every", f"the training run has {steps} steps, so only its "
+                            f"start would be kept: take at most {steps} (given: {every})"))
+    return faults
+
+
+def _whole(end: float, step: float) -> bool:
+    return abs(round(end / step) * step - end) <= 1e-6 * step
+
+
+def _not_whole(key: str, end: float, step: float) -> Fault:
+    below = max(math.floor(end / step), 1) * step
+    return Fault(key, f"{end:g} s is not a whole number of steps of {step:g} s ({end / step:.6g} "
+                 f"steps): take {below:.6g} or {below + step:.6g}")

@@ -1,0 +1,257 @@
+"""Runs of the double pendulum in memory, and their errors: what all benchmarks share.
+
+Import it before NumPy: it limits linear algebra to one thread, which NumPy reads when it loads.
+"""
+
+import os
+import sys
+
+if "numpy" in sys.modules:
+    raise ImportError("import common before numpy: the number of threads is set here")
+os.environ.update(OPENBLAS_NUM_THREADS="1", OMP_NUM_THREADS="1", MKL_NUM_THREADS="1")
+
+import gc
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.assemble import assemble
+from sparsemor.core.cache import Cache
+from sparsemor.core.hooks import new_manager
+from sparsemor.core.initial import consistent_state
+from sparsemor.core.model import Model
+from sparsemor.core.offline import Offline, offline_of
+from sparsemor.core.protocols import State, StepSolver
+from sparsemor.core.scene import Scene, load
+from sparsemor.core.status import SolveFailed
+
+LATE = 0.1
+"""Elastic errors count from here on, s: before, the links still settle under their weight."""
+
+
+def scene_at(elements: int, end: float, name: str = "double_pendulum", **changes: Any) -> Scene:
+    """A packaged scene with this many triangles a link, trained over what is run, `end` s."""
+    return load(name, {
+        "bodies.link1.mesh.elements": elements, "bodies.link2.mesh.elements": elements,
+        "time.end": end, "training.end": end, **changes})
+
+
+def galerkin(elastic: int | None = 30, thermal: int | None = 20) -> dict[str, Any]:
+    """Reducer options: POD with at most so many atoms (None: down to the numerical rank)."""
+    return {"use": "galerkin", **_bases(elastic, thermal)}
+
+
+def sparse(
+    rows: tuple[int, int], atoms: tuple[int | None, int | None] = (30, 20), *,
+    active: tuple[int, int] | None = None, required: bool = True, **options: Any,
+) -> dict[str, Any]:
+    """Reducer options; each pair is (elastic, thermal). active None: nothing is selected."""
+    budgets = {f"*.{name}": {"rows": m} | ({} if active is None else {"atoms": active[i]})
+               for i, (name, m) in enumerate(zip(("elastic", "thermal"), rows, strict=True))}
+    return {"use": "sparse", **_bases(*atoms), "sampler": {"use": "lhs", "required": required},
+            "preconditioner": "none", "budgets": budgets, **options}
+
+
+def _bases(elastic: int | None, thermal: int | None) -> dict[str, Any]:
+    def pod(count: int | None) -> dict[str, Any]:
+        return {"use": "pod"} if count is None else {"use": "pod", "count": count}
+
+    return {"basis": pod(elastic), "bases": {"*.thermal": pod(thermal)}}
+
+
+@dataclass
+class Stepping:
+    """A solver on its way: it can be timed over a window of steps, and go on from there."""
+
+    scene: Scene
+    solver: StepSolver
+    state: State
+    memory: Any
+
+    @classmethod
+    def begin(cls, scene: Scene, model: Model, solver: StepSolver) -> "Stepping":
+        state, memory = solver.start(consistent_state(model))
+        return cls(scene, solver, scene.integrator.start(solver.layout, state), memory)
+
+    def step(self) -> tuple[float, int]:
+        """Seconds and iterations of one step, as `simulate` counts it: formula, solution, rates.
+
+        Raises SolveFailed.
+        """
+        integrator, solver, h = self.scene.integrator, self.solver, self.scene.time.step
+        start = time.perf_counter()
+        formula = integrator.formula(solver.layout, self.state, h)
+        outcome, self.memory = solver.solve(formula, self.memory)
+        if not outcome.status.ok:
+            raise SolveFailed(outcome.status, formula.t, outcome.block, outcome.detail)
+        self.state = integrator.advance(solver.layout, self.state, formula, outcome.x, h)
+        return time.perf_counter() - start, outcome.iterations
+
+    def advance(self, steps: int) -> tuple[float, float]:
+        """Median ms and mean iterations of the next steps."""
+        with no_collector():
+            taken = [self.step() for _ in range(steps)]
+        seconds, iterations = zip(*taken, strict=True)
+        return 1e3 * float(np.median(seconds)), float(np.mean(iterations))
+
+
+@contextmanager
+def no_collector() -> Iterator[None]:
+    """Timed loops are not interrupted by the garbage collector."""
+    gc.collect()
+    gc.disable()
+    try:
+        yield
+    finally:
+        gc.enable()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Trajectory:
+    """Unknowns x (j, n) of `solver` from the start on, as far as it came.
+
+    failure: why it stopped before its end, None if it did not. ms: median over steps. active:
+    mean number of active atoms a block, where atoms are selected.
+    """
+
+    solver: StepSolver
+    x: FloatArray
+    ms: float
+    iterations: float
+    support_changes: int
+    active: Mapping[str, float]
+    failure: SolveFailed | None
+
+    @property
+    def rows(self) -> dict[str, int]:
+        return {name: len(rows) for name, rows in self.solver.rows.items()}
+
+    @property
+    def atoms(self) -> dict[str, int]:
+        return {name: d.atoms.shape[1] for name, d in self.solver.dictionaries.items()}
+
+
+def follow(scene: Scene, model: Model, solver: StepSolver, steps: int) -> Trajectory:
+    """Run and keep every step; a failure is part of the answer."""
+    way = Stepping.begin(scene, model, solver)
+    x, taken = np.empty((steps + 1, solver.layout.size)), []
+    x[0], failure = way.state.x, None
+    active: dict[str, int] = {}
+    with no_collector():
+        for n in range(1, steps + 1):
+            try:
+                taken.append(way.step())
+            except SolveFailed as error:
+                failure = error
+                break
+            x[n] = way.state.x
+            for name, support in solver.supports(way.memory).items():
+                active[name] = active.get(name, 0) + int(support.sum())
+    done, seconds = len(taken), [s for s, _ in taken] or [0.0]
+    return Trajectory(
+        solver, x[: done + 1], 1e3 * float(np.median(seconds)),
+        sum(i for _, i in taken) / max(done, 1),
+        solver.counters(way.memory).get("support_changes", 0),
+        {name: total / max(done, 1) for name, total in active.items()}, failure)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Case:
+    """A scene at one mesh with its full-order run: what all seeds are measured against.
+
+    reference: block -> (steps + 1, n) unknowns of full order.
+    """
+
+    scene: Scene
+    model: Model
+    offline: Offline
+    reference: Mapping[str, FloatArray]
+    steps: int
+
+    @classmethod
+    def of(cls, scene: Scene, steps: int | None = None) -> "Case":
+        """Training run through the cache; one training run and one basis serve every seed."""
+        model = assemble(scene)
+        offline = offline_of(scene, model, Cache(), new_manager())
+        count = steps or round(scene.time.end / scene.time.step)
+        full = scene.using({"reducer": "full"})
+
+        def moving() -> dict[str, FloatArray]:
+            solver = full.reducer.prepare(
+                model, full.integrator, full.time.step, offline, np.random.default_rng(0))
+            way = Stepping.begin(full, model, solver)
+            names = [b.name for b in model.layout if b.field == "rigid"]
+            kept = {n: [way.state.x[model.layout[n]]] for n in names}
+            for _ in range(count):
+                way.step()
+                for n in names:
+                    kept[n].append(way.state.x[model.layout[n]])
+            return {n: np.array(rows) for n, rows in kept.items()}
+
+        reference = dict(offline.remember("rigid motion", (count,), moving))
+        reference |= {n: offline.snapshots(n).T[: count + 1] for n in model.reducible()}
+        return cls(scene, model, offline, reference, count)
+
+    def prepared(self, reducer: Mapping[str, Any] | str, seed: int = 1) -> StepSolver:
+        """Raises SolveFailed where the sampled rows cannot tell the atoms apart."""
+        scene = self.scene.using({"reducer": reducer})
+        solver: StepSolver = scene.reducer.prepare(
+            self.model, scene.integrator, scene.time.step, self.offline,
+            np.random.default_rng(seed))
+        return solver
+
+    def run(self, reducer: Mapping[str, Any] | str, seed: int = 1) -> Trajectory | SolveFailed:
+        """A run with another choice of rows; SolveFailed where it could not even start."""
+        try:
+            solver = self.prepared(reducer, seed)
+        except SolveFailed as error:
+            return error
+        return follow(self.scene, self.model, solver, self.steps)
+
+    def errors(self, run: Trajectory) -> dict[str, float]:
+        """Largest errors: angle (rad), elastic from LATE on, thermal, as `measure_errors` has them.
+
+        A block's error is |x_ref - x|(t) over the largest |x_ref - x_ref(0)|; the worse link
+        counts.
+        """
+        h = self.scene.time.step
+        late = round(min(LATE, 0.5 * self.steps * h) / h)
+        found = {"angle": 0.0, "elastic": 0.0, "thermal": 0.0}
+        for b in self.model.layout:
+            if b.field == "multiplier":
+                continue
+            truth = self.reference[b.name][: len(run.x)]
+            if b.field == "rigid":
+                angle = run.x[:, run.solver.layout[b.name]][:, 2] - truth[:, 2]
+                found["angle"] = max(found["angle"], float(np.abs(angle).max()))
+                continue
+            series = self._series(b.name, run)
+            series = series[late:] if b.field == "elastic" else series
+            found[b.field] = max(found[b.field], float(series.max(initial=0.0)))
+        return found
+
+    def _series(self, name: str, run: Trajectory) -> FloatArray:
+        """Error of a block at each time that the run reached."""
+        whole, c = self.reference[name], run.x[:, run.solver.layout[name]]
+        d = run.solver.dictionaries.get(name)
+        error, size = np.zeros(len(c)), 0.0
+        for first in range(0, len(whole), 64):
+            truth = np.asarray(whole[first : first + 64])
+            size = max(size, float(np.linalg.norm(truth - whole[0], axis=1).max()))
+            part = c[first : first + 64]
+            if len(part):
+                x = part if d is None else d.offset + part @ d.atoms.T
+                error[first : first + len(part)] = np.linalg.norm(x - truth[: len(part)], axis=1)
+        return error / size
+
+
+def in_words(failure: SolveFailed) -> str:
+    """How a run stopped, in one phrase."""
+    where = f" in {failure.block}" if failure.block else ""
+    detail = f" ({failure.detail})" if failure.detail else ""
+    return f"{failure.status.value}{where} at {failure.time:.3g} s{detail}"

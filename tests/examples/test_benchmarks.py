@@ -1,0 +1,125 @@
+"""Each benchmark script runs on tiny sizes, and what it prints and writes holds together."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from sparsemor import compare, load, simulate
+from sparsemor.core.cache import Cache
+
+SCRIPTS = Path(__file__).parents[1] / "benchmarks"
+Rows = list[dict[str, Any]]
+Run = Callable[[str], dict[str, Any]]
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
+    """run(name): the JSON of one script under --quick; its table must be on standard output."""
+    folder = tmp_path_factory.mktemp("benchmarks")
+
+    def script(name: str) -> dict[str, Any]:
+        out = folder / "results" / f"{name}.json"
+        done = subprocess.run(
+            [sys.executable, SCRIPTS / f"{name}.py", "--quick", "--out", out],
+            env=os.environ | {"SPARSEMOR_CACHE": str(folder / "cache")},
+            capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+        found: dict[str, Any] = json.loads(out.read_text())
+        assert done.stdout.startswith(f"{name}: done")
+        assert all(table["title"] in done.stdout for table in found["tables"])
+        assert found["settings"]["threads"].startswith("1 ")
+        return found
+
+    return script
+
+
+def rows_of(found: dict[str, Any], title: str) -> Rows:
+    (table,) = (t for t in found["tables"] if t["title"] == title)
+    rows: Rows = table["rows"]
+    return rows
+
+
+def test_cost_times_every_method_over_several_windows(run: Run) -> None:
+    found = run("cost")
+    times = {row["method"]: row for row in rows_of(found, "Milliseconds a step")}
+    assert set(times) == {"full", "galerkin", "sparse", "sparse, 15/10 of all", "full, newton"}
+    for row in times.values():
+        assert 0 < row["least"] <= row["ms"] <= row["most"]
+        assert row["iterations"] >= 1
+    for row in rows_of(found, "Ratios of the medians (and of single windows)"):
+        slow, fast = (times[name]["ms"] for name in row["ratio"].split(" : "))
+        assert row["value"] == pytest.approx(slow / fast)
+
+
+def test_accuracy_meets_its_targets_on_a_short_run(run: Run) -> None:
+    found = run("accuracy")
+    assert {t["verdict"] for t in found["targets"]} == {"met"}
+    each = rows_of(found, "Every run")
+    assert [row["seed"] for row in each if row["method"] == "sparse"] == [1, 2]
+    for row in rows_of(found, "Errors over the seeds"):
+        own = [e[row["field"]] for e in each if e["method"] == row["method"]]
+        assert row["worst"] == max(own) > 0
+
+
+def test_selection_keeps_to_its_budget_and_changes_supports(run: Run) -> None:
+    rows = {row["variant"]: row for row in rows_of(run("selection"), "Selection")}
+    for name in ("carried, each step", "from none, each step", "carried, every 10"):
+        elastic, thermal = (float(n) for n in rows[name]["active"].split("/"))
+        whole = [float(n) for n in rows[name]["atoms"].split("/")]
+        assert elastic <= 6 < whole[0] and thermal <= 4 < whole[1]
+        assert rows[name]["changes"] >= 4, "two fields of two links start from no atoms"
+    assert rows["all atoms, sampled"]["changes"] == 0
+    assert rows["all atoms, sampled"]["elastic"] < rows["leading atoms, sampled"]["elastic"]
+
+
+def test_selection_errors_are_those_of_compare(run: Run, tmp_path: Path) -> None:
+    """The benchmarks keep runs in memory; `simulate` and `compare` say the same of them."""
+    (row,) = (r for r in rows_of(run("selection"), "Selection")
+              if r["variant"] == "leading atoms, galerkin")
+    bases = {"basis": {"use": "pod", "count": 6},
+             "bases": {"*.thermal": {"use": "pod", "count": 4}}}
+    scene = load("double_pendulum", {"time.end": 0.06, "training.end": 0.06,
+                                     "reducer": {"use": "galerkin", **bases}})
+    cache = Cache(tmp_path / "cache")
+    full = simulate(scene.using({"reducer": "full"}), out=tmp_path / "full", cache=cache)
+    reduced = simulate(scene, out=tmp_path / "galerkin", cache=cache)
+    measured = compare(full, errors_from=0.03, reduced=reduced)
+    assert row["angle"] == pytest.approx(measured.errors["reduced"]["angle_rad"], rel=1e-3)
+    assert row["thermal"] == pytest.approx(measured.errors["reduced"]["thermal"], rel=1e-3)
+    assert row["elastic"] == pytest.approx(measured.late_errors["reduced"]["elastic"], rel=1e-3)
+
+
+def test_published_counts_and_names_every_failure(run: Run) -> None:
+    found = run("published")
+    counts = rows_of(found, "Failures on a fixed support")
+    assert {(r["rows"], r["required"]) for r in counts} == {
+        (rows, kept) for rows in ("240/80", "36/24") for kept in ("as published", "kept")}
+    for row in counts:
+        assert row["failed"] == row["stopped"] + row["never_heated"] + row["inaccurate"]
+        named = [r for r in rows_of(found, "Every failure")
+                 if (r["rows"], r["required"]) == (row["rows"], row["required"])]
+        assert len(named) == row["failed"] <= row["seeds"]
+    assert all(row["status"] for row in rows_of(found, "The packaged published scene"))
+
+
+def test_an_interrupted_benchmark_prints_what_it_has(tmp_path: Path) -> None:
+    out = tmp_path / "accuracy.json"
+    with subprocess.Popen(
+        [sys.executable, SCRIPTS / "accuracy.py", "--seeds", "1", "0", "--out", out],
+        env=os.environ | {"SPARSEMOR_CACHE": str(tmp_path / "cache")},
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    ) as process:
+        assert process.stderr is not None
+        assert "full order" in process.stderr.readline()
+        process.send_signal(signal.SIGINT)
+        printed, _ = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert printed.startswith("accuracy: INTERRUPTED")
+    assert json.loads(out.read_text())["interrupted"] is True

@@ -1,0 +1,63 @@
+"""The bordered step with constant factors gives what a plain Newton gives that knows only terms."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sparsemor.core.scene import Scene, load
+from sparsemor.core.testing.run import March, march
+from sparsemor.integrators.bdf1 import Bdf1
+from sparsemor.integrators.generalized_alpha import GeneralizedAlpha
+
+EVERYTHING = load(Path(__file__).parents[1] / "scenes" / "everything.yaml")
+INTEGRATORS = {"bdf1": Bdf1(), "generalized_alpha": GeneralizedAlpha(rho_inf=0.6)}
+
+
+def both(scene: Scene) -> tuple[March, March]:
+    plain = march(scene.using({"reducer": {"use": "full", "method": "newton"}}))
+    return march(scene.using({"reducer": "full"})), plain
+
+
+def differences(fast: March, plain: March) -> dict[str, float]:
+    """Largest difference over the run relative to the largest value, block by block."""
+    found = {}
+    for b in fast.model.layout:
+        one, other = fast.block(b.name), plain.block(b.name)
+        found[b.name] = float(np.abs(one - other).max() / np.abs(other).max())
+    return found
+
+
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+def test_a_scene_with_everything(integrator: str) -> None:
+    use = {"use": integrator, **INTEGRATORS[integrator].model_dump()}
+    fast, plain = both(EVERYTHING.using({"integrator": use}))
+    assert len(fast.t) == 41
+    found = differences(fast, plain)
+    assert set(found) == {b.name for b in plain.model.layout}
+    assert max(found.values()) < 1e-9, found
+
+
+def test_rates_and_accelerations_agree_too() -> None:
+    fast, plain = both(EVERYTHING.using({"time.end": 0.005}))
+    for one, other, size in ((fast.v, plain.v, 1e-9), (fast.a, plain.a, 1e-7)):
+        at = fast.model.layout.second
+        assert np.abs(one - other)[:, at].max() < size * np.abs(other[:, at]).max()
+
+
+def test_the_plain_newton_factorizes_in_each_iteration_and_the_fast_one_once_a_block() -> None:
+    scene = EVERYTHING.using({"time.end": 0.002})
+    fast, plain = both(scene)
+    blocks = fast.model.reducible()
+    memory = fast.solver.start(fast.end)[1]
+    assert fast.solver.counters(memory)["factorizations"] == len(blocks)
+    assert min(plain.iterations) >= 2
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+def test_the_double_pendulum_at_its_size(integrator: str) -> None:
+    use = {"use": integrator, **INTEGRATORS[integrator].model_dump()}
+    scene = load("double_pendulum", {"time.end": 0.03, "integrator": use})
+    found = differences(*both(scene))
+    assert max(found.values()) < 1e-9, found

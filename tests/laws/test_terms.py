@@ -1,0 +1,78 @@
+"""Every term of every body, joint and load of an assembled scene keeps the laws of a term."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sparsemor.bodies.frame_term import FrameTerm
+from sparsemor.bodies.linear_term import LinearTerm
+from sparsemor.bodies.loads.radiation import RadiationTerm
+from sparsemor.bodies.planar.frame import PlanarFrame
+from sparsemor.core.assemble import assemble
+from sparsemor.core.equations import jacobian, residual
+from sparsemor.core.model import Model
+from sparsemor.core.protocols import Term
+from sparsemor.core.scene import load
+from sparsemor.core.testing import check_term
+
+EVERYTHING = load(Path(__file__).parents[1] / "scenes" / "everything.yaml")
+PARTS = [*EVERYTHING.bodies, *EVERYTHING.joints, *EVERYTHING.loads]
+
+
+@pytest.fixture(scope="module")
+def model() -> Model:
+    return assemble(EVERYTHING)
+
+
+def scales(model: Model, term: Term) -> tuple[float, ...]:
+    """Temperatures stay above 0 K; displacements are small, then as large as the body."""
+    first = model.layout.first
+    thermal = len(term.rows) > 0 and bool(np.all((term.rows >= first.start)
+                                                 & (term.rows < first.stop)))
+    return (10.0,) if thermal else (1e-3, 1.0)
+
+
+@pytest.mark.parametrize("part", PARTS)
+def test_every_term_of(model: Model, part: str) -> None:
+    terms = model.parts[part].terms(model.layout, model.parts)
+    held_temperature = part in ("cooled", "held")  # eliminated: in the terms of their bodies
+    assert bool(terms) is not held_temperature
+    for i, term in enumerate(terms):
+        for scale in scales(model, term):
+            check_term(term, np.random.default_rng(i), base=model.x0[term.columns], scale=scale,
+                       same_rates=isinstance(term, FrameTerm))
+
+
+def test_the_scene_has_terms_of_every_kind(model: Model) -> None:
+    assert {type(t) for t in model.terms} == {FrameTerm, LinearTerm, RadiationTerm}
+    items = {type(i).__name__ for t in model.terms if isinstance(t, FrameTerm)
+             and isinstance(t.equations.frame, PlanarFrame) for i in t.equations.frame.items}
+    assert items == {"Inertia", "BodyForce", "SpaceForce", "Attachment"}
+    partly_given = [t for t in model.terms if isinstance(t, RadiationTerm) and t.given]
+    assert any(0 < len(at) < len(t.column_of) for t in partly_given for at, _ in t.given)
+
+
+def test_every_term_has_one_owner_in_the_fast_step(model: Model) -> None:
+    assert model.separated.other == ()
+
+
+def test_the_whole_jacobian_is_the_derivative_of_the_whole_residual(model: Model) -> None:
+    """Central differences block by block, because the units differ by many orders."""
+    rng, layout = np.random.default_rng(3), model.layout
+    n = layout.size
+    c1, c2 = np.zeros(n), np.zeros(n)
+    c1[layout.second], c1[layout.first], c2[layout.second] = 40.0, 50.0, 1600.0
+    x, v, a = model.x0.copy(), rng.standard_normal(n), rng.standard_normal(n)
+    x[layout.second] += 1e-3 * rng.standard_normal(layout.second.stop)
+    x[layout.algebraic] = 100.0 * rng.standard_normal(n - layout.algebraic.start)
+    J = jacobian(layout, model.terms, x, v, a, 0.013, c1, c2)
+    for b in layout:
+        d = np.zeros(n)
+        d[layout[b.name]] = rng.standard_normal(b.size)
+        e = {"rigid": 1e-6, "elastic": 1e-7, "thermal": 1e-2, "multiplier": 1.0}[b.field]
+        r = [residual(layout, model.terms, x + s * d, v + s * c1 * d, a + s * c2 * d, 0.013)
+             for s in (e, -e)]
+        want = (r[0] - r[1]) / (2 * e)
+        noise = 1e-12 * np.abs(r[0]).max() / e
+        assert np.abs(J @ d - want).max() < 1e-6 * np.abs(want).max() + noise, b.name

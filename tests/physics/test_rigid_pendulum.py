@@ -1,0 +1,166 @@
+"""Rigid double pendulum: published angles, orders of accuracy, energy (scenes.md, 1.2 and V7)."""
+
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from sparsemor.bodies import fe
+from sparsemor.bodies.mesh.link import Link
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.testing.run import March, march, scene_of
+
+G, LENGTH, START = 9.81, 1.0, (0.0, np.radians(5.0))
+RADII = (0.0, 0.5, 0.8, 1.0)
+
+
+@cache
+def link() -> tuple[float, float, float]:
+    """Mass (kg), distance of the centre of mass from bore A (m), inertia about it (kg m^2)."""
+    mesh = Link().build(Path())
+    m = fe.scalar_mass(mesh, 1000.0 * 0.03)
+    mass, moment = float(m.sum()), float((m @ mesh.points[:, 0]).sum())
+    polar = float(sum(p @ (m @ p) for p in mesh.points.T))
+    return mass, moment / mass, polar - moment**2 / mass
+
+
+def pendulum(
+    integrator: dict[str, Any], h: float, end: float, kind: str = "rigid"
+) -> March:
+    """Two links hanging from each other, frame origins at bore A."""
+    mass, center, inertia = link()
+    body = {"use": "rigid", "mass": mass, "inertia": inertia, "center": [center, 0.0],
+            "points": {"a": [0.0, 0.0], "b": [LENGTH, 0.0]}}
+    scene = scene_of({
+        "bodies": {"link1": {**body, "pose": {"angle": START[0]}},
+                   "link2": {**body, "pose": {"position": [LENGTH, 0.0], "angle": START[1]}}},
+        "joints": {"A": {"use": "revolute", "between": ["ground", "link1:a"]},
+                   "B": {"use": "revolute", "between": ["link1:b", "link2:a"]}},
+        "loads": {"gravity": {"use": "gravity", "g": [0.0, -G]}},
+        "time": {"end": end, "step": h}, "integrator": integrator})
+    return march(scene)
+
+
+def angles(run: March, times: list[float]) -> FloatArray:
+    """(len(times), 2) degrees."""
+    at = np.searchsorted(run.t, np.array(times) - 1e-9)
+    columns = [run.block(f"{b}.rigid")[at, 2] for b in ("link1", "link2")]
+    return np.degrees(np.stack(columns, axis=1))
+
+
+def accelerations(q: FloatArray, w: FloatArray) -> FloatArray:
+    """Lagrange's equations of the two angles, written independently of the package."""
+    m, c, inertia = link()
+    cross = m * LENGTH * c * np.cos(q[0] - q[1])
+    M = np.array([[inertia + m * c**2 + m * LENGTH**2, cross], [cross, inertia + m * c**2]])
+    swing = m * LENGTH * c * np.sin(q[0] - q[1])
+    f = [-swing * w[1] ** 2 - (m * c + m * LENGTH) * G * np.cos(q[0]),
+         swing * w[0] ** 2 - m * c * G * np.cos(q[1])]
+    return np.asarray(np.linalg.solve(M, f))
+
+
+@cache
+def reference(end: float) -> tuple[Any, ...]:
+    """Angles, their rates and the joint forces at `end` by DOP853 in minimal coordinates."""
+    found = solve_ivp(
+        lambda t, z: np.concatenate([z[2:], accelerations(z[:2], z[2:])]), (0.0, end),
+        [*START, 0.0, 0.0], method="DOP853", rtol=1e-12, atol=1e-13)
+    q, w = found.y[:2, -1], found.y[2:, -1]
+    return q, w, joint_forces(q, w)
+
+
+def joint_forces(q: FloatArray, w: FloatArray) -> FloatArray:
+    """Multipliers of A, then B: minus the forces that the joints exert on links 1 and 2's hosts.
+
+    Rows are lambda_A on link 1 and (lambda_B on link 1, -lambda_B on link 2), with residual
+    mass * acceleration - weight + lambda = 0.
+    """
+    m, c, _ = link()
+    al = accelerations(q, w)
+    e, spin = np.exp(1j * q), 1j * al - w**2
+    host = LENGTH * e[0] * spin[0]
+    on_b = m * (host + c * e[1] * spin[1]) + 1j * m * G
+    on_a = -m * c * e[0] * spin[0] - 1j * m * G - on_b
+    return np.array([on_a.real, on_a.imag, on_b.real, on_b.imag])
+
+
+def test_numbers_of_the_link() -> None:
+    assert link() == pytest.approx((5.6287, 0.5, 0.610181), rel=1e-5)
+
+
+def test_bdf1_gives_the_published_table() -> None:
+    run = pendulum({"use": "bdf1"}, 1e-3, 4.0)
+    table = [(-63.1867, -26.0900), (-153.0982, -146.0232), (-94.3623, -96.4472),
+             (-13.0616, -61.3457), (-157.5209, -253.7291)]
+    np.testing.assert_allclose(angles(run, [0.5, 1, 2, 3, 4]), table, rtol=0, atol=2e-3)
+
+
+def test_reference_gives_the_published_table() -> None:
+    table = {0.5: (-63.2251, -25.9023), 1.0: (-153.4535, -146.1370), 4.0: (-158.1150, -265.7840)}
+    for t, row in table.items():
+        np.testing.assert_allclose(np.degrees(reference(t)[0]), row, rtol=0, atol=1e-4)
+
+
+def test_generalized_alpha_comes_near_the_reference() -> None:
+    run = pendulum({"use": "generalized_alpha", "rho_inf": 0.8}, 1e-3, 4.0)
+    table = [(-153.4535, -146.1370), (-94.2294, -99.3705), (-8.9981, -63.8328),
+             (-158.1150, -265.7840)]
+    np.testing.assert_allclose(angles(run, [1, 2, 3, 4]), table, rtol=0, atol=2e-2)
+
+
+def errors(integrator: dict[str, Any], h: float, end: float) -> FloatArray:
+    """Largest errors of angles, rates and multipliers at the end."""
+    run, (q, w, lam) = pendulum(integrator, h, end), reference(end)
+    layout = run.model.layout
+    at = [layout[f"{b}.rigid"].start + 2 for b in ("link1", "link2")]
+    got = [run.end.x[at], run.end.v[at], run.end.x[layout.algebraic]]
+    return np.array([np.abs(a - b).max() for a, b in zip(got, (q, w, lam), strict=True)])
+
+
+def test_bdf1_is_of_first_order_in_everything() -> None:
+    coarse, fine = (errors({"use": "bdf1"}, h, 0.5) for h in (5e-4, 2.5e-4))
+    np.testing.assert_allclose(np.log2(coarse / fine), 1.0, atol=0.05)
+
+
+@pytest.mark.parametrize("rho", RADII)
+def test_generalized_alpha_is_of_second_order_in_everything(rho: float) -> None:
+    coarse, fine = (
+        errors({"use": "generalized_alpha", "rho_inf": rho}, h, 0.5) for h in (4e-3, 2e-3))
+    np.testing.assert_allclose(np.log2(coarse / fine), 2.0, atol=0.1)
+
+
+def energy(run: March) -> FloatArray:
+    """Kinetic and potential energy, J."""
+    m, c, inertia = link()
+    total = np.zeros(len(run.t))
+    for b in ("link1", "link2"):
+        at = run.model.layout[f"{b}.rigid"]
+        x, v = run.x[:, at], run.v[:, at]
+        arm = c * np.exp(1j * x[:, 2])
+        speed = v[:, 0] + 1j * v[:, 1] + 1j * v[:, 2] * arm
+        total += m * abs(speed) ** 2 / 2 + inertia * v[:, 2] ** 2 / 2
+        total += m * G * (x[:, 1] + arm.imag)
+    return total
+
+
+def test_bdf1_loses_energy_and_generalized_alpha_keeps_it() -> None:
+    swing = 30.0  # J, of the order of what is exchanged
+    lossy = energy(pendulum({"use": "bdf1"}, 1e-3, 1.0))
+    assert lossy[-1] - lossy[0] < -1e-3 * swing
+    drifts = []
+    for h in (2e-3, 1e-3):
+        kept = energy(pendulum({"use": "generalized_alpha", "rho_inf": 1.0}, h, 1.0))
+        drifts.append(np.abs(kept - kept[0]).max())
+    assert drifts[1] < 1e-4 * swing
+    assert np.log2(drifts[0] / drifts[1]) > 1.8
+
+
+def test_constraints_hold_at_every_step() -> None:
+    run = pendulum({"use": "generalized_alpha", "rho_inf": 0.8}, 1e-3, 1.0)
+    one, two = (run.block(f"{b}.rigid") for b in ("link1", "link2"))
+    assert np.abs(one[:, :2]).max() < 1e-12
+    elbow = np.exp(1j * one[:, 2]) - (two[:, 0] + 1j * two[:, 1])
+    assert np.abs(elbow).max() < 1e-12
