@@ -32,8 +32,11 @@ def moving_body(body: PlanarBody, layout: Layout, terms: Sequence[Term]) -> Movi
     items = tuple(i for t in frames for i in t.equations.frame.items)  # type: ignore[attr-defined]
     frame = PlanarFrame(items, len(elastic) > 0)
     operators = _operators(body, layout, frames, terms, elastic) if len(elastic) else None
+    origin = np.zeros(frame.border)
+    if not body.moves:
+        origin[: frame.rigid_size] = body.pose
     return MovingBody(
-        body.name, frame, _to_border(body, layout, frames),
+        body.name, frame, _to_border(body, layout, frames), origin,
         f"{body.name}.elastic" if len(elastic) else "",
         f"{body.name}.thermal" if body.heat is not None else "", operators,
     )

@@ -31,7 +31,10 @@ class Linear:
         return cls(layout[name], d.atoms.T @ weights, d.offset @ weights)
 
     def __call__(self, x: FloatArray) -> FloatArray:
-        return np.asarray(self.base + x[:, self.at] @ self.weights)
+        # row by row: one product for all rows rounds differently for other numbers of rows, and a
+        # resumed run commits its rows in other batches
+        W = self.weights.T
+        return np.stack([self.base + W @ row for row in x[:, self.at]])
 
 
 @dataclass(frozen=True, slots=True, eq=False)

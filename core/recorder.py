@@ -154,7 +154,7 @@ class Recorder:
             "scene": self.scene.name,
             "reducer": self.reducer,
             "steps": tally.done,
-            "t_end": state.t,
+            "t_end": tally.done * self.scene.time.step,  # state.t is a long sum
             "wall_s": {"offline": tally.offline, "online": tally.online},
             "ms_per_step": 1e3 * float(np.median(tally.seconds)) if tally.seconds else 0.0,
             "newton_iterations": float(np.mean(tally.iterations)) if tally.iterations else 0.0,

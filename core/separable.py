@@ -110,13 +110,15 @@ class MovingBody:
     """One body as the mechanical step sees it. `to_border` (b, N) maps the global border.
 
     The global border is all rigid blocks followed by all multipliers; `to_border` picks the
-    body's rigid coordinates and turns multipliers into forces on its attachments.
+    body's rigid coordinates and turns multipliers into forces on its attachments; origin (b,) is
+    added to that: the pose of a frame that does not move, else zero.
     elastic, thermal: name of its blocks, "" when the scene gives it none.
     """
 
     name: str
     frame: Frame
     to_border: FloatArray
+    origin: FloatArray
     elastic: str
     thermal: str
     operators: ElasticOperators | None

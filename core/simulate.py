@@ -71,7 +71,7 @@ class _Run:
         hook.on_start(run=RunStart(
             self.scene.title, recorder.reducer, self.state.t, self.scene.time.end,
             self.steps - tally.done))
-        if tally.done == 0:  # from here on a killed run can be resumed
+        if recorder.checkpoint is None:  # from here on a killed run can be resumed
             recorder.start(self.state, self.solver.supports(self.memory))
             recorder.save(self.state, self.memory, tally)
         self._begun = time.perf_counter() - tally.online
@@ -101,6 +101,7 @@ class _Run:
             raise failure
         return result
 
+    @np.errstate(all="ignore")  # overflow is a status of the step, not a warning
     def _steps(self, interrupt: Interrupt) -> SolveFailed | None:
         """None when all steps were taken; else why not, and when."""
         integrator, solver, h = self.scene.integrator, self.solver, self.scene.time.step

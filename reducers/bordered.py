@@ -27,6 +27,7 @@ class BodyStep:
     name: str
     frame: Frame
     to_border: FloatArray
+    origin: FloatArray
     block: ElasticBlock | None
     elastic: slice
     thermal: slice
@@ -42,12 +43,13 @@ class Tolerances:
 
 
 class Contraction:
-    """Observed ratio of successive changes, and the largest |u|^2 so far; lives in the memory."""
+    """Observed ratio of successive changes, the largest |u|^2 so far, and |du|^2 that round-off
+    alone makes; lives in the step memory."""
 
-    __slots__ = ("age", "ratio", "scale")
+    __slots__ = ("age", "floor", "ratio", "scale")
 
     def __init__(self) -> None:
-        self.ratio, self.age, self.scale = 1.0, 0, 0.0
+        self.ratio, self.age, self.scale, self.floor = 1.0, 0, 0.0, -1.0
 
 
 class _Loop:
@@ -79,6 +81,7 @@ class Mechanics:
         self.targets, self.tol = tuple(targets), tolerances
         self.work = [FrameWork(b.frame.p, b.frame.border, b.frame.generators) for b in bodies]
         self.map = np.concatenate([np.zeros((0, self.size)), *(b.to_border for b in bodies)])
+        self.origin = np.concatenate([np.zeros(0), *(b.origin for b in bodies)])
         edges = np.cumsum([0, *(b.frame.border for b in bodies)]).tolist()
         self.at = [slice(i, j) for i, j in zip(edges, edges[1:], strict=False)]
         self._H, self._rows = np.zeros((edges[-1], edges[-1])), np.zeros(edges[-1])
@@ -126,7 +129,7 @@ class Mechanics:
     ) -> float:
         """One Newton step; the largest relative change (-1: singular)."""
         c1, c2, H, rows = step.c1, step.c2, self._H, self._rows
-        y = self.map.dot(loop.y)
+        y = self.map.dot(loop.y) + self.origin
         v, a = c1 * y + loop.velocity, c2 * y + loop.acceleration
         loop.c, loop.z = [], []
         for b, w, past, at in zip(self.bodies, self.work, loop.history, self.at, strict=True):
@@ -179,10 +182,25 @@ class Mechanics:
                 x[b.elastic] = 0.0
                 x[b.elastic.start + b.block.active] = new
         memory.scale = max(memory.scale, size)
+        if memory.floor < 0:
+            memory.floor = self._floor(loop.y)
+        if elastic <= memory.floor:
+            elastic = 0.0
         if memory.scale > 0:
             elastic = sqrt(elastic / memory.scale)
         # not (a <= b) is true for a change that is not a number
         return elastic if not elastic <= change else change
+
+    def _floor(self, y: FloatArray) -> float:
+        """|du|^2 that follows from rounding the rigid coordinates: a position is known to eps |q|,
+        so its acceleration to c2 eps |q|, which bends the bodies."""
+        q = y[: self.n_rigid]
+        total = 0.0
+        for b, w in zip(self.bodies, self.work, strict=True):
+            if b.block is not None:
+                rows = w.sigma[: b.frame.rigid_size]
+                total += sum(float(u.dot(u)) for u in (b.block.update(_ZERO, r) for r in rows))
+        return total * (4 * EPS) ** 2 * max(1.0, float(q.dot(q)))
 
     def _worst(self, x: FloatArray, loop: _Loop) -> str:
         """The block whose last change was largest, or is not finite."""
@@ -198,7 +216,8 @@ class Mechanics:
         return broken[0] if broken else max(sizes, key=lambda n: sizes[n])
 
 
-_NONE = np.zeros(0)
+_NONE, _ZERO = np.zeros(0), np.zeros(1)
+EPS = float(np.finfo(np.float64).eps)
 ROUND_OFF = 1e-10
 """A relative change that no longer shrinks is round-off when it is below this."""
 

@@ -34,10 +34,13 @@ def pattern_faults(model: Model, key: str, patterns: Iterable[str]) -> list[Faul
 def budget_faults(
     model: Model, budgets: Mapping[str, RowsAndAtoms], sampler: Sampler
 ) -> list[Fault]:
-    """Blocks without a budget, and more rows than a block has to draw from."""
-    faults = []
+    """Misspelt patterns, blocks without a budget, more rows than a block has to draw from."""
+    faults = pattern_faults(model, "budgets", budgets)
+    misspelt = bool(faults)
     for name in model.reducible():
         pattern = pattern_of(name, budgets)
+        if pattern is None and misspelt:
+            continue  # most likely the one that was misspelt
         if pattern is None:
             field = name.rpartition(".")[2]
             faults.append(Fault("budgets", f"no budget fits {name}: give rows and atoms, for "

@@ -53,4 +53,4 @@ class Full(Plugin):
                 factor = factorize(o.stiffness + c1 * o.damping + c2 * o.mass)
                 elastic[m.elastic] = FullElastic.of(o, factor)
                 done += 1
-        return stepper(model, model.layout, {}, {}, heat, elastic, {}, tol, self.predictor, done)
+        return stepper(model, model.layout, {}, {}, heat, elastic, tol, self.predictor, done)

@@ -43,13 +43,14 @@ class Galerkin(Plugin):
             offline, {n: chosen(n, self.bases, self.basis) for n in model.reducible()})
         heat: dict[str, HeatBlock] = {}
         elastic: dict[str, ElasticBlock] = {}
-        frames, done = {}, 0
+        tested: dict[str, TestedElastic] = {}
+        done = 0
         for b in model.separated.heat:
             d = dictionaries[b.thermal]
-            tested = TestedHeat.of(b, d, TestMap(left=d.atoms.T))
-            left = inverse(tested.block(c1_first))
+            tested_h = TestedHeat.of(b, d, TestMap(left=d.atoms.T))
+            left = inverse(tested_h.block(c1_first))
             local = local_terms(model, b, d, left @ d.atoms.T)
-            heat[b.thermal] = CompressedHeat.of(tested, left, None, c1_first, local)
+            heat[b.thermal] = CompressedHeat.of(tested_h, left, None, c1_first, local)
             done += 1
         for m in model.separated.moving:
             if m.operators is None:
@@ -59,10 +60,10 @@ class Galerkin(Plugin):
                 m.operators, m.frame, d, dictionaries.get(m.thermal), TestMap(left=d.atoms.T))
             left = inverse(tested_e.block(c1, c2))
             elastic[m.elastic] = CompressedElastic.of(tested_e, left, None)
-            frames[m.name] = tested_e.frame
+            tested[m.elastic] = tested_e
             done += 1
         layout = model.layout.resized({n: d.atoms.shape[1] for n, d in dictionaries.items()})
         return stepper(
-            model, layout, dictionaries, {}, heat, elastic, frames,
+            model, layout, dictionaries, {}, heat, elastic,
             Tolerances(self.remaining, self.max_iterations), self.predictor, done,
-            limits)
+            limits, tested=tested)

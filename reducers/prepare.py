@@ -9,11 +9,11 @@ from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.layout import Layout
 from sparsemor.core.model import Model
 from sparsemor.core.protocols import Dictionary, Integrator, State
-from sparsemor.core.separable import Frame
 from sparsemor.reducers.bordered import Tolerances
 from sparsemor.reducers.elastic import ElasticBlock
 from sparsemor.reducers.heat import HeatBlock
 from sparsemor.reducers.stepper import Stepper
+from sparsemor.reducers.test_map import TestedElastic
 
 
 def constants(layout: Layout, integrator: Integrator, h: float) -> tuple[float, float, float]:
@@ -32,11 +32,14 @@ def inverse(matrix: FloatArray) -> FloatArray:
 def stepper(
     model: Model, layout: Layout, dictionaries: Mapping[str, Dictionary],
     rows: Mapping[str, IntArray], heat: Mapping[str, HeatBlock],
-    elastic: Mapping[str, ElasticBlock], frames: Mapping[str, Frame], tol: Tolerances,
+    elastic: Mapping[str, ElasticBlock], tol: Tolerances,
     points: int, factorizations: int, limits: Mapping[str, float] | None = None,
-    notes: tuple[str, ...] = (),
+    notes: tuple[str, ...] = (), tested: Mapping[str, TestedElastic] | None = None,
 ) -> Stepper:
-    """A Stepper with its mechanics set up, and the elements that one step visits."""
+    """A Stepper with its mechanics set up, and the elements that one step visits.
+
+    tested: the elastic blocks under their maps, for consistent rates at the start.
+    """
     # constant matrices were assembled once: only local terms visit elements in a step
     elements = {name: 0 for name in model.reducible()}
     elements |= {name: block.elements for name, block in heat.items()}
@@ -44,6 +47,8 @@ def stepper(
     sanity = np.full(layout.size, 1e-150)
     for name, limit in (limits or {}).items():
         sanity[layout[name]] = 1.0 / limit
+    frames = {m.name: tested[m.elastic].frame for m in model.separated.moving
+              if tested and m.elastic in tested}
     s = Stepper(layout, dictionaries, rows, elements, model.separated, heat, elastic, frames, tol,
-                points, factorizations, limits or {}, sanity, notes)
+                points, factorizations, limits or {}, sanity, notes, tested or {})
     return replace(s, mechanics=s.with_mechanics())

@@ -8,6 +8,7 @@ from scipy.linalg import lapack, solve_triangular
 from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.model import Model
+from sparsemor.core.offline import Offline
 from sparsemor.core.protocols import Dictionary, Preconditioner, Sampler
 from sparsemor.core.separable import HeatBody
 from sparsemor.reducers.elastic import CompressedElastic
@@ -94,12 +95,19 @@ class SampledHeat:
 
 
 def choose_rows(
-    model: Model, name: str, rows: int, budget: int, sampler: Sampler, dictionary: Dictionary,
-    rng: np.random.Generator,
+    model: Model, offline: Offline, name: str, rows: int, budget: int, sampler: Sampler,
+    dictionary: Dictionary, rng: np.random.Generator,
 ) -> IntArray:
-    """The sampler's rows, with its errors put under the block's name."""
+    """The sampler's rows (cached); rng is the block's own, so that a hit changes no other block."""
     required = model.required[name]
-    chosen = sampler.sample(model.block_data(name), rows, dictionary, rng, required)
+
+    def make() -> dict[str, IntArray]:
+        data = model.block_data(name)
+        return {"rows": sampler.sample(data, rows, dictionary, rng, required)}
+
+    drawn = repr(rng.bit_generator.state)
+    depends = (name, rows, sampler, dictionary.atoms, required, drawn)
+    chosen: IntArray = np.asarray(offline.remember("rows", depends, make)["rows"])
     active = min(budget, dictionary.atoms.shape[1])
     if len(chosen) < active:
         raise InputError(
@@ -108,12 +116,19 @@ def choose_rows(
     return chosen
 
 
-def weigh(preconditioner: Preconditioner, name: str, B: FloatArray) -> FloatArray | None:
-    """The preconditioner's matrix, None for the identity. InputError when it is undefined."""
+def weigh(
+    offline: Offline, preconditioner: Preconditioner, name: str, B: FloatArray
+) -> FloatArray | None:
+    """The preconditioner's matrix (cached), None for the identity.
+
+    InputError when it is undefined for this shape.
+    """
     reason = preconditioner.check(*B.shape)
     if reason:
         raise InputError(f"{name}: {reason}", "reducer.preconditioner")
-    P = preconditioner.build(B)
+    made = offline.remember(
+        "preconditioner", (preconditioner, B), lambda: {"P": preconditioner.build(B)})
+    P: FloatArray = np.asarray(made["P"])
     return None if np.array_equal(P, np.eye(len(P))) else P
 
 

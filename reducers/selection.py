@@ -128,7 +128,7 @@ class MechanicsProblem:
     ) -> FrameWork:
         step, f, T = self.step, p.body.frame, p.body.to_border
         w = FrameWork(f.p, f.border, f.generators)
-        yb, c1, c2 = T @ y, step.c1, step.c2
+        yb, c1, c2 = T @ y + p.body.origin, step.c1, step.c2
         v, a = c1 * yb + T @ rates[0], c2 * yb + T @ rates[1]
         if p.sampled is None:
             none = np.zeros(0)

@@ -70,6 +70,10 @@ class Sparse(Plugin):
     """Steps between selections."""
     carried: bool = True
     """Whether a selection starts from the support of the step before, or from none."""
+    polish: bool = True
+    """Whether a step is solved again on the selected support, with the rigid and multiplier rows
+    as exact equations. False, as published: the sparse solver's own solution is taken, in which
+    those rows are part of the least squares; needs a selection in every step."""
     predictor: int = Field(default=6, ge=1, le=8)
     """Number of past states that the first guess of a step extrapolates."""
     remaining: float = Field(default=1e-13, gt=0, lt=1e-3)
@@ -82,12 +86,16 @@ class Sparse(Plugin):
         offline: Offline, rng: np.random.Generator,
     ) -> StepSolver:
         refuse_other(model, "sparse")
+        if not self.polish and self.every > 1:
+            raise InputError("without polish each step needs its own selection: take every: 1",
+                             "reducer.every")
         budgets = self._budgets(model)
         c1, c2, c1_first = constants(model.layout, integrator, h)
         dictionaries, limits = represent(
             offline, {n: chosen(n, self.bases, self.basis) for n in model.reducible()})
-        rows = {n: choose_rows(model, n, b.rows, b.atoms or 10**9, self.sampler, dictionaries[n],
-                               rng) for n, b in budgets.items()}
+        rows = {n: choose_rows(model, offline, n, b.rows, b.atoms or 10**9, self.sampler,
+                               dictionaries[n], own)
+                for (n, b), own in zip(budgets.items(), rng.spawn(len(budgets)), strict=True)}
         heat: dict[str, SampledHeat] = {}
         elastic: dict[str, SampledElastic] = {}
         for b in model.separated.heat:
@@ -95,7 +103,7 @@ class Sparse(Plugin):
             tested = TestedHeat.of(b, dictionaries[name], TestMap(rows=rows[name]))
             B = tested.block(c1_first)
             block = Sampled(name, dictionaries[name], rows[name], budgets[name].atoms or B.shape[1],
-                            B, weigh(self.preconditioner, name, B))
+                            B, weigh(offline, self.preconditioner, name, B))
             heat[name] = SampledHeat(block, tested, model, b, c1_first)
         for m in model.separated.moving:
             if m.operators is None:
@@ -120,20 +128,18 @@ class Sparse(Plugin):
             bent = {n: e.prepared(None) for n, e in elastic.items() if not e.block.selects}
         except RankDeficient as error:
             raise SolveFailed(Status.RANK_DEFICIENT, 0.0, error.block, error.detail) from None
-        frames = {m.name: elastic[m.elastic].tested.frame for m in model.separated.moving
-                  if m.elastic in elastic}
         layout = model.layout.resized({n: d.atoms.shape[1] for n, d in dictionaries.items()})
         base = stepper(
-            model, layout, dictionaries, rows, hot, bent, frames,
+            model, layout, dictionaries, rows, hot, bent,
             Tolerances(self.remaining, self.max_iterations), self.predictor,
             len(hot) + len(bent),
-            limits, missed_loads(model, rows))
+            limits, missed_loads(model, rows), {n: e.tested for n, e in elastic.items()})
         if len(hot) == len(heat) and len(bent) == len(elastic):
             return base
         # elastic blocks are selected in one joint problem: all of them take part in it
         choosing = {} if len(bent) == len(elastic) else elastic
         return SparseStepper(base, {n: h for n, h in heat.items() if n not in hot}, choosing,
-                             self.solver, self.every, self.carried)
+                             self.solver, self.every, self.carried, self.polish)
 
     def _budgets(self, model: Model) -> dict[str, Budget]:
         none = Budget(rows=0, atoms=1)

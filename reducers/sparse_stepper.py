@@ -43,7 +43,8 @@ class SparseStepper:
     """StepSolver that carries a support. base: a Stepper whose blocks without selection are
     prepared; heat, elastic: the blocks where a budget is smaller than the dictionary.
 
-    every: steps between selections; carried: whether one starts from the last support.
+    every: steps between selections; carried: whether one starts from the last support; polish:
+    whether the step is solved again on the selected support, with exact border rows.
     """
 
     base: Stepper
@@ -52,6 +53,7 @@ class SparseStepper:
     solver: SparseSolver
     every: int
     carried: bool
+    polish: bool
 
     @property
     def layout(self) -> Layout:
@@ -86,9 +88,11 @@ class SparseStepper:
         memory.step += 1
         try:
             if due:
-                failed = self._select(step, memory)
-                if failed is not None:
-                    return failed, memory
+                found = self._select(step, memory)
+                if not found.status.ok:
+                    return found, memory
+                if not self.polish:
+                    return self.base.accepted(found, memory), memory
             if memory.current is None:
                 memory.current = self._prepared(memory)
         except RankDeficient as error:
@@ -97,9 +101,10 @@ class SparseStepper:
         outcome, _ = memory.current.solve(step, memory)
         return outcome, memory
 
-    def _select(self, step: StepFormula, memory: SparseMemory) -> StepOutcome | None:
-        """New supports for this step; heat first, because its temperatures load the bodies."""
-        x = memory.ring.predict()
+    def _select(self, step: StepFormula, memory: SparseMemory) -> StepOutcome:
+        """New supports for this step, and the solvers' own solution; heat first, because its
+        temperatures load the bodies."""
+        x, iterations = memory.ring.predict(), 0
         found: dict[str, BoolArray] = {}
         for body in self.base.separated.heat:
             name, at = body.thermal, self.layout[body.thermal]
@@ -111,10 +116,12 @@ class SparseStepper:
             if not out.status.ok:
                 return StepOutcome(x, out.status, out.iterations, name, "selection of atoms")
             found[name], x[at] = out.support, out.c
+            iterations = max(iterations, out.iterations)
         if self.elastic:
             failed = self._select_elastic(step, x, memory, found)
-            if failed is not None:
+            if not failed.status.ok:
                 return failed
+            iterations = failed.iterations
         changed = False
         for name, support in found.items():
             if not np.array_equal(support, memory.supports[name]):
@@ -124,11 +131,12 @@ class SparseStepper:
         if changed:
             memory.current = None
             memory.ring.restart()
-        return None
+        return StepOutcome(x, Status.DONE, iterations)
 
     def _select_elastic(
         self, step: StepFormula, x: Any, memory: SparseMemory, found: dict[str, BoolArray]
-    ) -> StepOutcome | None:
+    ) -> StepOutcome:
+        """One joint problem of all elastic blocks; x gets its solution."""
         mechanics = self.base.mechanics
         assert mechanics is not None
         sampled = [self.elastic.get(b.elastic_name) for b in mechanics.bodies]
@@ -143,7 +151,10 @@ class SparseStepper:
             return StepOutcome(x, out.status, out.iterations, problem.groups[0].name, detail)
         for g in problem.groups[:-1]:
             found[g.name] = out.support[g.start : g.stop]
-        return None
+            x[self.layout[g.name]] = out.c[g.start : g.stop]
+        y, nr = out.c[problem.k :], mechanics.n_rigid
+        x[:nr], x[mechanics.algebraic] = y[:nr], y[nr:]
+        return StepOutcome(x, Status.DONE, out.iterations)
 
     def _start(self, c: Any, support: BoolArray) -> SparseStart:
         chosen = support if self.carried else np.zeros_like(support)

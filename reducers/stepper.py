@@ -11,9 +11,11 @@ from sparsemor.core.protocols import Dictionary, State, StepFormula, StepOutcome
 from sparsemor.core.separable import Separated
 from sparsemor.core.status import Status
 from sparsemor.reducers.bordered import BodyStep, Contraction, Mechanics, Tolerances
+from sparsemor.reducers.consistent import consistent_start
 from sparsemor.reducers.elastic import ElasticBlock
 from sparsemor.reducers.heat import HeatBlock
 from sparsemor.reducers.predictor import Ring
+from sparsemor.reducers.test_map import TestedElastic
 
 
 class Memory:
@@ -47,6 +49,7 @@ class Stepper:
     limits: Mapping[str, float] = field(default_factory=dict)
     sanity: FloatArray = field(default_factory=lambda: np.zeros(0))
     notes: tuple[str, ...] = ()
+    tested: Mapping[str, TestedElastic] = field(default_factory=dict)
     mechanics: Mechanics | None = None
 
     def with_mechanics(self) -> Mechanics:
@@ -57,6 +60,9 @@ class Stepper:
 
     def start(self, state: State) -> tuple[State, Memory]:
         reduced = reduce_state(state, self.layout, self.dictionaries)
+        if self.dictionaries and self.mechanics is not None:
+            tested = [self.tested.get(b.elastic_name) for b in self.mechanics.bodies]
+            reduced = consistent_start(self.mechanics, tested, reduced)
         memory = Memory(reduced.x, self.points)
         memory.factorizations = self.factorizations
         return reduced, memory
@@ -82,11 +88,14 @@ class Stepper:
             iterations = n
             if not status.ok:
                 return StepOutcome(x, status, n, block_name, detail), memory
-        bad = self._insane(x)
-        if bad is not None:
-            return bad, memory
-        memory.ring.push(x)
-        return StepOutcome(x, Status.DONE, iterations), memory
+        return self.accepted(StepOutcome(x, Status.DONE, iterations), memory), memory
+
+    def accepted(self, outcome: StepOutcome, memory: Memory) -> StepOutcome:
+        """The outcome, remembered; or what is insane in it."""
+        bad = self._insane(outcome.x)
+        if bad is None:
+            memory.ring.push(outcome.x)
+        return bad or outcome
 
     def _insane(self, x: FloatArray) -> StepOutcome | None:
         """A block with a value that is not finite or far beyond the training run."""
@@ -114,7 +123,7 @@ class Stepper:
 def _bodies(s: Stepper) -> Sequence[BodyStep]:
     none = slice(0, 0)
     return [BodyStep(
-        m.name, s.frames.get(m.name, m.frame), m.to_border,  # type: ignore[arg-type]
+        m.name, s.frames.get(m.name, m.frame), m.to_border, m.origin,  # type: ignore[arg-type]
         s.elastic.get(m.elastic), s.layout[m.elastic] if m.elastic else none,
         s.layout[m.thermal] if m.thermal in s.layout else none, m.elastic)
         for m in s.separated.moving]

@@ -1,0 +1,147 @@
+"""Consistent accelerations and multipliers of a reduced model at its start.
+
+The full-order accelerations are not in the span of atoms that were learnt from displacements; their
+projection would start a second-order integrator with the wrong velocity. So the reduced equations
+are solved for their own accelerations: elastic rows, rigid rows, and the second derivative of the
+constraints. All unknowns enter linearly; a kernel evaluated with c2 = 0 and c2 = 1 gives the parts.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.protocols import State
+from sparsemor.core.separable import FrameWork, evaluate_amplitudes
+from sparsemor.core.status import SolveFailed, Status
+from sparsemor.reducers.bordered import BodyStep, Mechanics
+from sparsemor.reducers.test_map import TestedElastic
+
+NONE = np.zeros(0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Body:
+    """Border unknowns z, accelerations c = -(base + S z); rows (b,) + H z + tau_a c = 0."""
+
+    base: FloatArray
+    S: FloatArray
+    rows: FloatArray
+    H: FloatArray
+    tau: FloatArray
+
+
+def consistent_start(
+    mechanics: Mechanics, tested: Sequence[TestedElastic | None], state: State
+) -> State:
+    """The state with a (elastic, rigid) and multipliers that satisfy the reduced equations.
+
+    Raises SolveFailed (singular) when they are not determined.
+    """
+    n, nr = mechanics.size, mechanics.n_rigid
+    if not mechanics.bodies:
+        return state
+    A, r = np.zeros((n, n)), -_target_accelerations(mechanics, state.t)
+    parts = []
+    for body, t in zip(mechanics.bodies, tested, strict=True):
+        p, T = _linear(mechanics, body, t, state), body.to_border
+        parts.append(p)
+        r += (p.rows - p.tau @ p.base) @ T
+        A += T.T @ (p.H - p.tau @ p.S) @ T
+    try:
+        z = -np.linalg.solve(A, r) if n else np.zeros(0)
+    except np.linalg.LinAlgError:
+        raise SolveFailed(Status.SINGULAR, state.t, "", "accelerations at the start") from None
+    x, a = state.x.copy(), state.a.copy()
+    a[:nr], x[mechanics.algebraic] = z[:nr], z[nr:]
+    for body, p in zip(mechanics.bodies, parts, strict=True):
+        if body.block is not None or len(p.base):
+            a[body.elastic] = -(p.base + p.S @ (body.to_border @ z))
+    return replace(state, x=x, a=a)
+
+
+def _linear(
+    mechanics: Mechanics, body: BodyStep, t: TestedElastic | None, state: State
+) -> _Body:
+    """The body's equations at a = 0, multipliers 0, and their derivatives by a and multipliers."""
+    y, v = _border(mechanics, body, state.x, True), _border(mechanics, body, state.v, False)
+    w0, w1 = (_evaluate(body, t, y, v, c2, state) for c2 in (0.0, 1.0))
+    d = body.frame.rigid_size
+    H = np.zeros_like(w0.border[:, :-1])
+    H[:d, :d], H[:d, d:] = (w1.border - w0.border)[:d, :d], w0.border[:d, d:-1]
+    H[d:, :d] = w0.border[d:, :d]
+    rows = w0.border[:, -1].copy()
+    rows[d:] = _curvature(body, t, y, v, state)
+    if t is None:
+        return _Body(NONE, np.zeros((0, len(rows))), rows, H, np.zeros((len(rows), 0)))
+    sigma = np.concatenate([w1.sigma[:d] - w0.sigma[:d], w0.sigma[d:-1]])
+    tau = np.concatenate([w1.tau[:d] - w0.tau[:d], w0.tau[d:]])
+    given = np.concatenate(
+        [_elastic_rows(body, t, w0, state)[:, None], t.directions @ sigma.T], axis=1)
+    solved = np.linalg.lstsq(t.mass, given, rcond=None)[0]
+    return _Body(solved[:, 0], solved[:, 1:], rows, H, tau @ t.functional)
+
+
+def _border(mechanics: Mechanics, body: BodyStep, x: FloatArray, fixed: bool) -> FloatArray:
+    """Border unknowns of one body with all multipliers zero."""
+    whole = np.zeros(mechanics.size)
+    whole[: mechanics.n_rigid] = x[: mechanics.n_rigid]
+    return body.to_border @ whole + (body.origin if fixed else 0.0)
+
+
+def _evaluate(
+    body: BodyStep, t: TestedElastic | None, y: FloatArray, v: FloatArray, c2: float, state: State
+) -> FrameWork:
+    """The kernel at zero accelerations: u'' = c2 u + r2 with r2 = -c2 u."""
+    f = body.frame
+    w, zero = FrameWork(f.p, f.border, f.generators), np.zeros(len(y))
+    if t is None:
+        f.evaluate(y, v, zero, 0.0, c2, NONE, NONE, NONE, NONE, NONE, state.t, w)
+        return w
+    c, cv = state.x[body.elastic], state.v[body.elastic]
+    F, Q = t.functional, t.quadratic
+    form = Q @ c @ c
+    forms = np.concatenate([Q @ cv @ c, -c2 * form])
+    f.evaluate(y, v, zero, 0.0, c2, F @ c, F @ cv, -c2 * (F @ c), form, forms, state.t, w)
+    return w
+
+
+def _elastic_rows(
+    body: BodyStep, t: TestedElastic, w: FrameWork, state: State
+) -> FloatArray:
+    """Tested elastic rows without their accelerations."""
+    c, cv = state.x[body.elastic], state.v[body.elastic]
+    kappa, mu = w.coefficients[:-1].reshape(2, -1)
+    r = t.stiffness @ c + t.damping @ cv + t.constant + t.directions @ w.sigma[-1]
+    r = r + np.tensordot(kappa, t.generators, 1) @ c + np.tensordot(mu, t.generators, 1) @ cv
+    if t.coupling.size:
+        r = r - t.coupling @ state.x[body.thermal]
+    if t.amplitudes:
+        r = r - t.loads @ evaluate_amplitudes(t.amplitudes, state.t)
+    return np.asarray(r)
+
+
+def _curvature(
+    body: BodyStep, t: TestedElastic | None, y: FloatArray, v: FloatArray, state: State
+) -> FloatArray:
+    """Second derivative of the attachments' rows along the velocities, accelerations zero."""
+    d = body.frame.rigid_size
+    if not np.any(v) and not np.any(state.v[body.elastic]):
+        return np.zeros(len(y) - d)
+    h = 1e-4 / max(1.0, float(np.abs(v).max()))
+
+    def at(s: float) -> FloatArray:
+        moved = replace(state, x=state.x + s * state.v)
+        w = _evaluate(body, t, y + s * v, v, 0.0, moved)
+        return w.border[d:, -1].copy()
+
+    return np.asarray((at(h) - 2 * at(0.0) + at(-h)) / h**2)
+
+
+def _target_accelerations(mechanics: Mechanics, t: float) -> FloatArray:
+    """Second derivative of what the constraints follow; one-sided, for a kink at the start."""
+    found, h = np.zeros(mechanics.size), 1e-4
+    for i, f in mechanics.targets:
+        found[i] = (2 * f(t) - 5 * f(t + h) + 4 * f(t + 2 * h) - f(t + 3 * h)) / h**2
+    return found

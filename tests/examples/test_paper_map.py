@@ -1,0 +1,56 @@
+"""Each target of docs/paper_map.md, and of other pages, exists: `file.py:Name` or `file.yaml`."""
+
+import ast
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+TARGET = re.compile(r"`((?:core|plugins|bodies|integrators|reducers|tests)/[\w./]+\.(?:py|yaml))"
+                    r"(?::([A-Za-z_][\w.]*))?`")
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+
+
+def targets(page: Path) -> list[tuple[str, str]]:
+    return TARGET.findall(page.read_text(encoding="utf-8"))
+
+
+def names(body: list[ast.stmt], prefix: str = "") -> set[str]:
+    """Classes, functions, methods and assigned names, dotted."""
+    found: set[str] = set()
+    for node in body:
+        if isinstance(node, ast.ClassDef | ast.FunctionDef):
+            found.add(prefix + node.name)
+        if isinstance(node, ast.ClassDef):
+            found |= names(node.body, f"{prefix}{node.name}.")
+        if isinstance(node, ast.Assign | ast.AnnAssign):
+            spots = node.targets if isinstance(node, ast.Assign) else [node.target]
+            found |= {prefix + n.id for s in spots for n in ast.walk(s) if isinstance(n, ast.Name)}
+    return found
+
+
+@pytest.mark.parametrize("page", [p for p in PAGES if targets(p)],
+                         ids=lambda p: str(p.relative_to(ROOT)))
+def test_targets_exist(page: Path) -> None:
+    for file, name in targets(page):
+        path = ROOT / file
+        assert path.is_file(), f"{page.name}: there is no {file}"
+        if name:
+            known = names(ast.parse(path.read_text(encoding="utf-8")).body)
+            assert name in known, f"{page.name}: {file} has no {name}"
+
+
+def test_the_map_is_not_empty_and_a_wrong_target_is_seen() -> None:
+    found = targets(ROOT / "docs" / "paper_map.md")
+    assert len(found) > 40 and sum(bool(name) for _, name in found) > 38
+    known = names(ast.parse("A, B = 1, 2\nclass C:\n    x: int\n    def f(self): ...\n").body)
+    assert known == {"A", "B", "C", "C.x", "C.f"}
+    text = "`core/no_such.py:thing`, `core/status.py`"
+    assert TARGET.findall(text) == [("core/no_such.py", "thing"), ("core/status.py", "")]
+
+
+@pytest.mark.parametrize("equation", ["Eq. 8-12", "Eq. 24", "Eq. 25", "Eq. 29", "Eq. 30", "Eq. 31",
+                                      "Eq. 34", "Fig. 4", "Fig. 5", "Fig. 6", "Fig. 7", "Table 2"])
+def test_the_map_covers_the_paper(equation: str) -> None:
+    assert equation in (ROOT / "docs" / "paper_map.md").read_text(encoding="utf-8")
