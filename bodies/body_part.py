@@ -104,7 +104,7 @@ class PlanarBody:
         free = self.elasticity.free if self.elasticity is not None else np.zeros(0, np.int64)
         pairs = [np.stack([f, 1j * f], axis=1) for f in vectors] if elastic else []
         P = np.concatenate(pairs, axis=1) if pairs else np.zeros((len(self.X), 0), complex)
-        P = np.stack([P.real, P.imag], axis=1).reshape(-1, P.shape[1])[free]
+        P = np.stack([P.real, P.imag], axis=1).reshape(2 * len(self.X), P.shape[1])[free]
         used = np.arange(len(free)) if every else np.flatnonzero(np.any(P != 0, axis=1))
         rigid, el = self.position(layout, "rigid"), self.position(layout, "elastic")[used]
         lam = np.zeros(0, np.int64) if multipliers is None else multipliers

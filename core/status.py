@@ -26,12 +26,12 @@ class Status(Enum):
 _ADVICE = {
     Status.DONE: "",
     Status.NOT_CONVERGED: (
-        "the iteration did not contract: take a smaller time.step, or check that the loads are "
-        "continuous in time"
+        "the iteration did not contract: take a smaller time.step, check that the loads are "
+        "continuous in time, and if rows are sampled keep the required ones or take more"
     ),
     Status.SINGULAR: (
         "the equations have no unique solution: look for a body that nothing holds, redundant "
-        "joints, or a missing reference condition"
+        "joints, a missing reference condition, or too few sampled rows"
     ),
     Status.RANK_DEFICIENT: (
         "the sampled rows cannot tell the active atoms apart: take more rows, fewer atoms, or "
@@ -41,7 +41,10 @@ _ADVICE = {
         "the solution grew far beyond the training run: keep the required rows, take more rows, "
         "try another seed or sampler, or a smaller time.step"
     ),
-    Status.NOT_FINITE: "a value overflowed: take a smaller time.step or a more damped integrator",
+    Status.NOT_FINITE: (
+        "a value overflowed: take a smaller time.step or a more damped integrator, and if rows are "
+        "sampled keep the required ones or take more"
+    ),
     Status.INTERRUPTED: "continue it with --resume",
 }
 

@@ -129,8 +129,9 @@ class Mechanics:
     ) -> float:
         """One Newton step; the largest relative change (-1: singular)."""
         c1, c2, H, rows = step.c1, step.c2, self._H, self._rows
-        y = self.map.dot(loop.y) + self.origin
-        v, a = c1 * y + loop.velocity, c2 * y + loop.acceleration
+        moving = self.map.dot(loop.y)
+        v, a = c1 * moving + loop.velocity, c2 * moving + loop.acceleration
+        y = moving + self.origin
         loop.c, loop.z = [], []
         for b, w, past, at in zip(self.bodies, self.work, loop.history, self.at, strict=True):
             if b.block is None or past is None:

@@ -128,8 +128,9 @@ class MechanicsProblem:
     ) -> FrameWork:
         step, f, T = self.step, p.body.frame, p.body.to_border
         w = FrameWork(f.p, f.border, f.generators)
-        yb, c1, c2 = T @ y + p.body.origin, step.c1, step.c2
-        v, a = c1 * yb + T @ rates[0], c2 * yb + T @ rates[1]
+        c1, c2 = step.c1, step.c2
+        yb = T @ y + p.body.origin
+        v, a = T @ (c1 * y + rates[0]), T @ (c2 * y + rates[1])
         if p.sampled is None:
             none = np.zeros(0)
             f.evaluate(yb, v, a, c1, c2, none, none, none, none, none, step.t, w)

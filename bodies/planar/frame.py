@@ -74,6 +74,8 @@ class PlanarFrame:
         return tuple(found)
 
     def shifted(self, s: FloatArray, quadratic: FloatArray) -> "PlanarFrame":
+        if not self.elastic:
+            return self
         sl, j, items = s.view("c16").tolist(), 0, []
         for item in self.items:
             items.append(item.shifted(sl[j : j + item.pairs], quadratic))

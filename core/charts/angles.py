@@ -31,7 +31,8 @@ def angles_figure(
 ) -> "Figure | None":
     """One panel a planar body, degrees over s; None when nothing turns.
 
-    name: what the reference is called, if there are runs beside it. A cross marks where a run stopped early.
+    name: what the reference is called, if there are runs beside it. A cross marks where a run
+    stopped early.
     """
     bodies = turning_bodies(reference)
     if not bodies or len(reference.times) < 2:

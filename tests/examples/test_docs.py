@@ -49,12 +49,20 @@ def runnable(path: Path) -> list[Block]:
     return [b for b in found if b.words[1:2] in (("run",), ("file",))]
 
 
+@pytest.fixture(scope="module")
+def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Offline products that all pages share: they train on the same short runs."""
+    return tmp_path_factory.mktemp("cache")
+
+
 @pytest.mark.parametrize("path", [p for p in PAGES if runnable(p)],
                          ids=lambda p: str(p.relative_to(ROOT)))
-def test_page(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_page(
+    path: Path, cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.setenv("SPARSEMOR_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setenv("SPARSEMOR_CACHE", str(cache))
     names: dict[str, Any] = {"__name__": "__page__"}
     before = set(sys.modules)
     try:

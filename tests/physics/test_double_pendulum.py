@@ -61,6 +61,7 @@ def test_heat_that_came_in_is_heat_that_is_there(heated: March) -> None:
         assert stored == pytest.approx(1e6 * 1.17 * 0.03 * 4.0, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_unheated_links_with_generalized_alpha() -> None:
     link = {"fields": ["elastic"]}
     changes = {f"bodies.{b}.{k}": v for b in LINKS for k, v in link.items()}

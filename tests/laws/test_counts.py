@@ -1,0 +1,168 @@
+"""The counting law: nothing that a reduced step can touch has the size of the mesh."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from functools import cache
+from pathlib import PurePath
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.sparse import issparse
+
+from sparsemor.core.assemble import assemble
+from sparsemor.core.initial import consistent_state
+from sparsemor.core.model import Model
+from sparsemor.core.offline import Offline
+from sparsemor.core.scene import Scene, load
+from sparsemor.core.testing.run import march
+from sparsemor.reducers.sparse_stepper import SparseStepper
+from sparsemor.reducers.stepper import Stepper
+
+OFFLINE = {"dictionaries", "rows", "separated", "model", "body", "dictionary"}
+"""What a solver keeps for decoding, and for preparing supports where there are local terms."""
+COARSE, FINE = 1280, 5120
+BASES = {"basis": {"use": "pod", "count": 8}, "bases": {"*.thermal": {"use": "pod", "count": 5}}}
+FREE = {"sampler": {"use": "lhs", "required": False}, "preconditioner": "none"}
+REDUCERS: dict[str, dict[str, Any]] = {
+    "galerkin": {"use": "galerkin", **BASES},
+    "sparse": {"use": "sparse", **BASES, **FREE, "budgets": {
+        "*.elastic": {"rows": 60, "atoms": 8}, "*.thermal": {"rows": 30, "atoms": 5}}},
+    "selecting": {"use": "sparse", **BASES, **FREE, "budgets": {
+        "*.elastic": {"rows": 60, "atoms": 5}, "*.thermal": {"rows": 30, "atoms": 3}}},
+}
+
+
+@cache
+def trained(elements: int) -> tuple[Scene, Model, Mapping[str, Any]]:
+    """The double pendulum, its model and snapshots of 20 steps."""
+    scene = load("double_pendulum", {
+        "bodies.link1.mesh.elements": elements, "bodies.link2.mesh.elements": elements,
+        "time.end": 0.02, "training.end": 0.02, "reducer": "full"})
+    model = assemble(scene)
+    full = march(scene, model=model)
+    return scene, model, {name: full.block(name).T for name in model.reducible()}
+
+
+class Run:
+    """A prepared step solver and its state after a few steps."""
+
+    def __init__(self, elements: int, reducer: str) -> None:
+        scene, self.model, snapshots = trained(elements)
+        self.scene = scene.using({"reducer": REDUCERS[reducer]})
+        self.solver = self.scene.reducer.prepare(
+            self.model, self.scene.integrator, self.scene.time.step,
+            Offline.of(self.model, snapshots), np.random.default_rng(0))
+        state, self.memory = self.solver.start(consistent_state(self.model))
+        self.state = self.scene.integrator.start(self.solver.layout, state)
+
+    def step(self, count: int, solver: Any = None) -> Any:
+        """x after so many steps of `solver` (its own when not given)."""
+        solver = self.solver if solver is None else solver
+        h, integrator = self.scene.time.step, self.scene.integrator
+        for _ in range(count):
+            formula = integrator.formula(solver.layout, self.state, h)
+            outcome, self.memory = solver.solve(formula, self.memory)
+            assert outcome.status.ok, outcome
+            self.state = integrator.advance(solver.layout, self.state, formula, outcome.x, h)
+        return self.state.x
+
+
+def arrays(thing: Any, path: str = "", seen: set[int] | None = None) -> Iterator[tuple[str, Any]]:
+    """(where, array) of every array that can be reached from an object, closures included."""
+    seen = set() if seen is None else seen
+    if id(thing) in seen or isinstance(thing, str | bytes | int | float | complex | PurePath | type):
+        return
+    seen.add(id(thing))
+    if isinstance(thing, np.ndarray) or issparse(thing):
+        yield path, thing
+        if isinstance(thing, np.ndarray) and thing.base is not None:
+            yield from arrays(thing.base, f"{path}.base", seen)
+        return
+    for name, part in parts(thing):
+        if name not in OFFLINE:
+            yield from arrays(part, f"{path}.{name}", seen)
+
+
+def parts(thing: Any) -> Iterator[tuple[str, Any]]:
+    if isinstance(thing, Mapping):
+        yield from ((str(k), v) for k, v in thing.items())
+    elif isinstance(thing, list | tuple | set | frozenset):
+        yield from ((str(i), v) for i, v in enumerate(thing))
+    else:
+        slots = [s for c in type(thing).__mro__ for s in getattr(c, "__slots__", ())]
+        yield from ((s, getattr(thing, s)) for s in slots if hasattr(thing, s))
+        yield from getattr(thing, "__dict__", {}).items()
+        for cell in getattr(thing, "__closure__", None) or ():
+            yield "closure", cell.cell_contents
+        if hasattr(thing, "__self__"):
+            yield "self", thing.__self__
+
+
+def shapes(run: Run) -> list[tuple[str, tuple[int, ...]]]:
+    """Of everything a step reads and everything it carries; keys of a support cache as one."""
+    reached = {"solver": run.solver, "memory": run.memory, "state": run.state}
+    return sorted((where if "prepared" not in where else "prepared", a.shape)
+                  for where, a in arrays(reached))
+
+
+@pytest.mark.parametrize("reducer", ["galerkin", "sparse"])
+def test_arrays_of_a_step_do_not_grow_with_the_mesh(reducer: str) -> None:
+    found = []
+    for elements in (COARSE, FINE):
+        run = Run(elements, reducer)
+        run.step(3)
+        found.append(shapes(run))
+    assert found[0] == found[1]
+    assert len(found[0]) > 40
+    assert max(max(shape, default=0) for _, shape in found[0]) < 200
+
+
+def test_arrays_of_a_step_that_selects_do_not_grow_with_the_mesh() -> None:
+    """Which atoms are chosen may differ between meshes, how large an array can be may not."""
+    largest = []
+    for elements in (COARSE, FINE):
+        run = Run(elements, "selecting")
+        assert isinstance(run.solver, SparseStepper)
+        run.step(3)
+        found = shapes(run)
+        assert len(found) > 40
+        largest.append(max(max(shape, default=0) for _, shape in found))
+        nodes = len(trained(elements)[1].geometry["link1.thermal"][0])
+        assert largest[-1] < nodes / 2
+    assert max(largest) < 300
+
+
+def test_the_walk_sees_the_arrays_of_a_full_order_step() -> None:
+    """The check of the check: the factors' right-hand sides are of the mesh's size."""
+    scene, model, _ = trained(COARSE)
+    solver = scene.reducer.prepare(
+        model, scene.integrator, scene.time.step, Offline.of(model, {}), np.random.default_rng(0))
+    assert max(max(a.shape) for _, a in arrays(solver) if a.ndim) >= 1467
+
+
+@pytest.mark.parametrize("reducer", REDUCERS)
+def test_a_step_never_reads_the_full_operators(reducer: str) -> None:
+    """They are taken away after `prepare`: the run goes on with the same numbers."""
+    want = Run(COARSE, reducer).step(8)
+    run = Run(COARSE, reducer)
+    np.testing.assert_array_equal(run.step(8, bare(run.solver)), want)
+
+
+def bare(solver: Any) -> Any:
+    """The same solver without matrices, dictionaries and rows."""
+    if isinstance(solver, SparseStepper):
+        heat = {n: replace(h, model=None, body=bare_heat(h.body), block=replace(  # type: ignore
+            h.block, dictionary=None)) for n, h in solver.heat.items()}
+        elastic = {n: replace(e, block=replace(e.block, dictionary=None))  # type: ignore
+                   for n, e in solver.elastic.items()}
+        return replace(solver, base=bare(solver.base), heat=heat, elastic=elastic)
+    assert isinstance(solver, Stepper)
+    s = solver.separated
+    return replace(solver, dictionaries={}, rows={}, separated=replace(
+        s, moving=tuple(replace(m, operators=None) for m in s.moving),
+        heat=tuple(bare_heat(h) for h in s.heat), other=()))
+
+
+def bare_heat(body: Any) -> Any:
+    return replace(body, capacity=None, conductivity=None, constant=None, loads=None)
