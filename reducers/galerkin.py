@@ -1,16 +1,19 @@
 """POD-Galerkin (or any basis): trial and test map are the same atoms, compressed offline."""
 
+from collections.abc import Sequence
 from typing import Annotated
 
 import numpy as np
 from pydantic import Field
 
+from sparsemor.core.errors import Fault
 from sparsemor.core.model import Model
 from sparsemor.core.offline import Offline
 from sparsemor.core.plugin import Plugin
 from sparsemor.core.protocols import Basis, Integrator, StepSolver
 from sparsemor.core.slot import Slot, slot_default
 from sparsemor.reducers.bordered import Tolerances
+from sparsemor.reducers.checks import pattern_faults
 from sparsemor.reducers.choose import chosen
 from sparsemor.reducers.elastic import CompressedElastic, ElasticBlock
 from sparsemor.reducers.heat import CompressedHeat, HeatBlock
@@ -32,6 +35,10 @@ class Galerkin(Plugin):
     """Relative error of the unknowns that may remain in a step."""
     max_iterations: int = Field(default=30, ge=1)
     """Newton iterations before a step is given up."""
+
+    def check(self, model: Model) -> Sequence[Fault]:
+        """What can be refused by counting, before any training; keys relative to the reducer."""
+        return pattern_faults(model, "bases", self.bases)
 
     def prepare(
         self, model: Model, integrator: Integrator, h: float,

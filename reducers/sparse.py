@@ -1,14 +1,14 @@
 """The paper's reducer: sampled rows of the full-order equations, sparse coefficients, no
 projection."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Annotated
 
 import numpy as np
 from pydantic import Field
 
 from sparsemor.core.arrays import IntArray
-from sparsemor.core.errors import InputError
+from sparsemor.core.errors import Fault, InputError
 from sparsemor.core.model import Model
 from sparsemor.core.offline import Offline
 from sparsemor.core.plugin import Plugin
@@ -24,6 +24,7 @@ from sparsemor.core.protocols import (
 from sparsemor.core.slot import Slot, slot_default
 from sparsemor.core.status import SolveFailed, Status
 from sparsemor.reducers.bordered import Tolerances
+from sparsemor.reducers.checks import budget_faults, pattern_faults, preconditioner_faults
 from sparsemor.reducers.choose import chosen
 from sparsemor.reducers.prepare import constants, stepper
 from sparsemor.reducers.represent import refuse_other, represent
@@ -86,10 +87,11 @@ class Sparse(Plugin):
         offline: Offline, rng: np.random.Generator,
     ) -> StepSolver:
         refuse_other(model, "sparse")
-        if not self.polish and self.every > 1:
-            raise InputError("without polish each step needs its own selection: take every: 1",
-                             "reducer.every")
-        budgets = self._budgets(model)
+        faults = self.check(model)
+        if faults:
+            raise InputError(faults).under("reducer")
+        none = Budget(rows=0)
+        budgets = {n: chosen(n, self.budgets, none) for n in model.reducible()}
         c1, c2, c1_first = constants(model.layout, integrator, h)
         dictionaries, limits = represent(
             offline, {n: chosen(n, self.bases, self.basis) for n in model.reducible()})
@@ -141,14 +143,16 @@ class Sparse(Plugin):
         return SparseStepper(base, {n: h for n, h in heat.items() if n not in hot}, choosing,
                              self.solver, self.every, self.carried, self.polish)
 
-    def _budgets(self, model: Model) -> dict[str, Budget]:
-        none = Budget(rows=0, atoms=1)
-        found = {n: chosen(n, self.budgets, none) for n in model.reducible()}
-        missing = [n for n, b in found.items() if b is none]
-        if missing:
-            raise InputError(f"no budget fits {', '.join(missing)}: give rows and atoms, for "
-                             "instance under \"*.elastic\"", "reducer.budgets")
-        return found
+    def check(self, model: Model) -> Sequence[Fault]:
+        """What can be refused by counting, before any training; keys relative to the reducer."""
+        faults = budget_faults(model, self.budgets, self.sampler)
+        faults += pattern_faults(model, "bases", self.bases)
+        faults += preconditioner_faults(
+            model, self.budgets, self.sampler, self.preconditioner, self.basis, self.bases)
+        if not self.polish and self.every > 1:
+            faults.append(Fault("every", "without polish each step needs its own selection: "
+                                "take every: 1"))
+        return faults
 
 
 def missed_loads(model: Model, rows: Mapping[str, IntArray]) -> tuple[str, ...]:

@@ -71,7 +71,7 @@ class Run:
 def arrays(thing: Any, path: str = "", seen: set[int] | None = None) -> Iterator[tuple[str, Any]]:
     """(where, array) of every array that can be reached from an object, closures included."""
     seen = set() if seen is None else seen
-    if id(thing) in seen or isinstance(thing, str | bytes | int | float | complex | PurePath | type):
+    if id(thing) in seen or isinstance(thing, str | bytes | int | float | PurePath | type):
         return
     seen.add(id(thing))
     if isinstance(thing, np.ndarray) or issparse(thing):
@@ -152,9 +152,11 @@ def test_a_step_never_reads_the_full_operators(reducer: str) -> None:
 def bare(solver: Any) -> Any:
     """The same solver without matrices, dictionaries and rows."""
     if isinstance(solver, SparseStepper):
-        heat = {n: replace(h, model=None, body=bare_heat(h.body), block=replace(  # type: ignore
-            h.block, dictionary=None)) for n, h in solver.heat.items()}
-        elastic = {n: replace(e, block=replace(e.block, dictionary=None))  # type: ignore
+        heat = {n: replace(h, model=None,  # type: ignore[arg-type]
+                           body=bare_heat(h.body),
+                           block=replace(h.block, dictionary=None))  # type: ignore[arg-type]
+                for n, h in solver.heat.items()}
+        elastic = {n: replace(e, block=replace(e.block, dictionary=None))  # type: ignore[arg-type]
                    for n, e in solver.elastic.items()}
         return replace(solver, base=bare(solver.base), heat=heat, elastic=elastic)
     assert isinstance(solver, Stepper)

@@ -25,7 +25,7 @@ def at(run: March, times: list[float]) -> list[int]:
 
 def angles(run: March, times: list[float]) -> FloatArray:
     columns = [run.block(f"{link}.rigid")[at(run, times), 2] for link in LINKS]
-    return np.degrees(np.stack(columns, axis=1))
+    return np.asarray(np.degrees(np.stack(columns, axis=1)))
 
 
 def test_angles(heated: March) -> None:

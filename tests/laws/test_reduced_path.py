@@ -1,0 +1,49 @@
+"""Reduced steps, trained on the run that they repeat, give it back on a scene with everything."""
+
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.scene import load
+from sparsemor.core.testing.run import March, march
+
+EVERYTHING = load(Path(__file__).parents[1] / "scenes" / "everything.yaml")
+# every row that a joint or load touches is kept; a few more of the elastic ones
+ROWS = {"*.elastic": {"rows": 8}, "*.thermal": {"rows": 0}}
+
+
+@cache
+def full() -> March:
+    return march(EVERYTHING)
+
+
+def decoded(run: March, name: str) -> FloatArray:
+    """(M, n) full unknowns of one block."""
+    x, maps = run.block(name), run.solver.dictionaries
+    if name not in maps:
+        return x
+    return np.asarray(maps[name].offset + x @ maps[name].atoms.T)
+
+
+@pytest.mark.parametrize("centred", [False, True], ids=["plain", "centred"])
+@pytest.mark.parametrize("options", [{"use": "galerkin"}, {"use": "sparse", "budgets": ROWS}],
+                         ids=["galerkin", "sparse"])
+def test_every_block_is_given_back(options: dict[str, Any], centred: bool) -> None:
+    """Joints, loads, radiation, fixed frames and given temperatures survive trial and test maps,
+    with displacements counted from the mean of the training run as well."""
+    reference = full()
+    snapshots = {name: reference.block(name).T for name in reference.model.reducible()}
+    reducer = {**options, "basis": {"use": "pod", "centred": centred}}
+    run = march(EVERYTHING.using({"reducer": reducer}), snapshots=snapshots)
+    bounds = {"rigid": 1e-11, "elastic": 1e-8, "thermal": 1e-11, "multiplier": 1e-7}
+    for b in reference.model.layout:
+        want = reference.block(b.name)
+        error = np.abs(decoded(run, b.name) - want)[1:].max() / np.abs(want).max()
+        assert error < bounds[b.field], b.name
+    sizes = {n: d.atoms.shape for n, d in run.solver.dictionaries.items()}
+    assert set(sizes) == set(snapshots)
+    assert any(k < n for n, k in sizes.values())
