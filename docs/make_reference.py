@@ -22,8 +22,8 @@ KINDS = {
 }
 """Kinds of plugin that a scene can name, and where."""
 UNITS = (
-    "W/(m^2 K)", "W/(m K)", "J/(kg K)", "kg/m^3", "kg/m3", "kg m^2", "W/m^2", "m/s^2", "rad/s", "m/s",
-    "1/K", "1/s", "N m", "Pa", "Hz", "rad", "kg", "K", "N", "m", "s",
+    "W/(m^2 K)", "W/(m K)", "J/(kg K)", "kg/m^3", "kg/m3", "kg m^2", "W/m^2", "m/s^2", "rad/s",
+    "m/s", "1/K", "1/s", "N m", "Pa", "Hz", "rad", "kg", "K", "N", "m", "s",
 )
 _UNIT = re.compile(r"(?:^|, | )(" + "|".join(map(re.escape, UNITS)) + r")(?=[.,;:)]|$| \(|, )")
 _BOUNDS = {"minimum": ">= {}", "exclusiveMinimum": "> {}", "maximum": "<= {}",

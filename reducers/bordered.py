@@ -53,7 +53,8 @@ class Contraction:
 
 
 class _Loop:
-    """What one step keeps between its iterations. x_e: elastic unknowns before and after."""
+    """What one step keeps between its iterations: `given` targets of the constraints, rates of
+    the stacked borders at y = 0, the border unknowns y, and per body its unknowns c and z."""
 
     __slots__ = ("acceleration", "c", "given", "history", "velocity", "y", "z")
 

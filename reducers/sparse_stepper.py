@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from sparsemor.core.arrays import BoolArray, IntArray
+from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
 from sparsemor.core.layout import Layout
 from sparsemor.core.protocols import (
     Dictionary,
@@ -28,8 +28,8 @@ KEPT = 32
 class SparseMemory(Memory):
     """Adds the stepper of the current supports; prepared arrays are rebuilt after unpickling."""
 
-    def __init__(self, base: Memory) -> None:
-        self.__dict__.update(base.__dict__)
+    def __init__(self, x: FloatArray, points: int) -> None:
+        super().__init__(x, points)
         self.step = 0
         self.prepared: dict[tuple[str, bytes], Any] = {}
         self.current: Stepper | None = None
@@ -76,8 +76,9 @@ class SparseStepper:
         return self.base.notes
 
     def start(self, state: State) -> tuple[State, SparseMemory]:
-        reduced, base = self.base.start(state)
-        memory = SparseMemory(base)
+        reduced = self.base.reduced(state)
+        memory = SparseMemory(reduced.x, self.base.points)
+        memory.factorizations = self.base.factorizations
         blocks = [h.block for h in self.heat.values()] + [e.block for e in self.elastic.values()]
         for block in blocks:
             memory.supports[block.name] = np.zeros(block.atoms, dtype=np.bool_)
@@ -112,7 +113,8 @@ class SparseStepper:
                 x[at] = self.base.heat[name].solve(step.r1[at], step.t, x[at]).T
                 continue
             problem = HeatProblem.at(self.heat[name], step.r1[at], step.t)
-            out = self.solver.solve(problem, self._start(x[at], memory.supports[name]))
+            first = self._first(memory.supports[name])
+            out = self.solver.solve(problem, SparseStart(np.where(first, x[at], 0.0), first))
             if not out.status.ok:
                 return StepOutcome(x, out.status, out.iterations, name, "selection of atoms")
             found[name], x[at] = out.support, out.c
@@ -134,7 +136,7 @@ class SparseStepper:
         return StepOutcome(x, Status.DONE, iterations)
 
     def _select_elastic(
-        self, step: StepFormula, x: Any, memory: SparseMemory, found: dict[str, BoolArray]
+        self, step: StepFormula, x: FloatArray, memory: SparseMemory, found: dict[str, BoolArray]
     ) -> StepOutcome:
         """One joint problem of all elastic blocks; x gets its solution."""
         mechanics = self.base.mechanics
@@ -144,7 +146,7 @@ class SparseStepper:
         c = problem.start()
         support = np.ones(len(c), dtype=bool)
         for g in problem.groups[:-1]:
-            support[g.start : g.stop] = self._start(c, memory.supports[g.name]).support
+            support[g.start : g.stop] = self._first(memory.supports[g.name])
         out = self.solver.solve(problem, SparseStart(c, support))
         if not out.status.ok:
             detail = f"selection of atoms, residual {out.residual_norm:.1e}"
@@ -156,9 +158,9 @@ class SparseStepper:
         x[:nr], x[mechanics.algebraic] = y[:nr], y[nr:]
         return StepOutcome(x, Status.DONE, out.iterations)
 
-    def _start(self, c: Any, support: BoolArray) -> SparseStart:
-        chosen = support if self.carried else np.zeros_like(support)
-        return SparseStart(np.where(chosen, c, 0.0) if len(c) == len(chosen) else c, chosen)
+    def _first(self, support: BoolArray) -> BoolArray:
+        """The support that a selection starts from."""
+        return support if self.carried else np.zeros_like(support)
 
     def _prepared(self, memory: SparseMemory) -> Stepper:
         heat, elastic = dict(self.base.heat), dict(self.base.elastic)

@@ -59,13 +59,18 @@ class Stepper:
             self.tolerances)
 
     def start(self, state: State) -> tuple[State, Memory]:
+        reduced = self.reduced(state)
+        memory = Memory(reduced.x, self.points)
+        memory.factorizations = self.factorizations
+        return reduced, memory
+
+    def reduced(self, state: State) -> State:
+        """A full-order state in this model's unknowns, with consistent rates."""
         reduced = reduce_state(state, self.layout, self.dictionaries)
         if self.dictionaries and self.mechanics is not None:
             tested = [self.tested.get(b.elastic_name) for b in self.mechanics.bodies]
             reduced = consistent_start(self.mechanics, tested, reduced)
-        memory = Memory(reduced.x, self.points)
-        memory.factorizations = self.factorizations
-        return reduced, memory
+        return reduced
 
     def solve(self, step: StepFormula, memory: Memory) -> tuple[StepOutcome, Memory]:
         x = memory.ring.predict()

@@ -83,7 +83,7 @@ def started(*arguments: str) -> subprocess.Popen[str]:
     return process
 
 
-LONG = ["--set", "reducer=full", "--set", "time.end=8", "--out", "out"]
+LONG = ["--set", "reducer=full", "--set", "time.end=5", "--out", "out"]
 
 
 def test_ctrl_c_leaves_a_run_that_can_be_continued(tmp_path: Path) -> None:
@@ -97,12 +97,12 @@ def test_ctrl_c_leaves_a_run_that_can_be_continued(tmp_path: Path) -> None:
     assert second == f"what was computed is in {tmp_path / 'out' / 'result.zarr'}"
     stopped = open_result("out")
     assert stopped.status is Status.INTERRUPTED
-    assert 0 < stopped.summary["steps"] < 8000
+    assert 0 < stopped.summary["steps"] < 5000
     assert stopped.times[-1] == pytest.approx(stopped.summary["t_end"], rel=1e-9)
     done = subprocess.run([PROGRAM, "run", SWING, *LONG, "--resume", "--json"],
                           capture_output=True, text=True, check=True)
-    assert json.loads(done.stdout)["steps"] == 8000
-    whole = simulate(load(SWING, {"reducer": "full", "time.end": 8}), out="whole")
+    assert json.loads(done.stdout)["steps"] == 5000
+    whole = simulate(load(SWING, {"reducer": "full", "time.end": 5}), out="whole")
     assert_same_bits(open_result("out"), whole)
 
 
