@@ -44,6 +44,27 @@ def consistent_state(model: Model, t: float = 0.0) -> State:
     return State(t, x, v, a, np.zeros((n, 0)))
 
 
+def start_notes(model: Model, t: float = 0.0) -> tuple[str, ...]:
+    """A sentence for each joint whose constraint the velocities at the start break."""
+    layout, eps = model.layout, 1e-7
+    moved = model.x0.copy()
+    moved[layout.second] += eps * model.v0[layout.second]
+    zero = np.zeros(layout.size)
+    g0, g1 = (residual(layout, model.terms, x, model.v0, zero, s)
+              for x, s in ((model.x0, t), (moved, t + eps)))
+    speed = max(float(np.abs(model.v0[layout.second]).max(initial=0.0)), 1e-3)
+    notes = []
+    for b in layout:
+        if b.field == "multiplier":
+            rate = float(np.abs((g1 - g0)[layout[b.name]]).max()) / eps
+            if rate > 1e-4 * speed + 1e-6:
+                notes.append(
+                    f"the velocities at the start break joint {b.owner} by {rate:.3g} m/s or "
+                    "rad/s: the first steps jump, and a second-order integrator loses its order; "
+                    "give the bodies fitting velocities, or let the motion begin smoothly")
+    return tuple(notes)
+
+
 def _curvature(model: Model, x: FloatArray, v: FloatArray, t: float) -> FloatArray:
     """g'' with zero accelerations: second directional derivative of the constraints along v."""
     layout, zero = model.layout, np.zeros(len(x))

@@ -13,6 +13,7 @@ import numpy as np
 from sparsemor.core.arrays import BoolArray
 from sparsemor.core.checkpoint import Checkpoint
 from sparsemor.core.errors import InputError
+from sparsemor.core.initial import start_notes
 from sparsemor.core.model import Model
 from sparsemor.core.offline import Offline
 from sparsemor.core.probes import ProbeReader
@@ -168,7 +169,7 @@ class Recorder:
             "probes": {p.name: p.described(p(end, x)[0]) for p in self._probes},
             "cache": dict(self.offline.used),
             "offline_s": dict(self.offline.seconds),
-            "notes": list(solver.notes),
+            "notes": [*start_notes(self.model), *solver.notes],
             "out": str(self.store.parent),
         }
 

@@ -17,6 +17,7 @@ from sparsemor.core.arrays import FloatArray
 from sparsemor.core.protocols import StepFormula
 from sparsemor.core.separable import Amplitude, Frame, FrameWork
 from sparsemor.core.status import Status
+from sparsemor.reducers.acceleration import Anderson
 from sparsemor.reducers.elastic import ElasticBlock, History
 
 
@@ -43,26 +44,31 @@ class Tolerances:
 
 
 class Contraction:
-    """Observed ratio of successive changes, the largest |u|^2 so far, and |du|^2 that round-off
-    alone makes; lives in the step memory."""
+    """Observed ratio of successive changes; per body the largest |u|^2 so far, and |du|^2 that
+    round-off alone makes. Lives in the step memory."""
 
     __slots__ = ("age", "floor", "ratio", "scale")
 
     def __init__(self) -> None:
-        self.ratio, self.age, self.scale, self.floor = 1.0, 0, 0.0, -1.0
+        self.ratio, self.age = 1.0, 0
+        self.scale: list[float] = []
+        self.floor: list[float] = []
 
 
 class _Loop:
     """What one step keeps between its iterations: `given` targets of the constraints, rates of
-    the stacked borders at y = 0, the border unknowns y, and per body its unknowns c and z."""
+    the stacked borders at y = 0, the border unknowns y and their last change dy, and per body its
+    unknowns c, z and |du|^2 relative to the largest |u|^2."""
 
-    __slots__ = ("acceleration", "c", "given", "history", "velocity", "y", "z")
+    __slots__ = ("acceleration", "c", "dy", "given", "history", "moved", "velocity", "y", "z")
 
     history: list[History | None]
     given: FloatArray
     velocity: FloatArray
     acceleration: FloatArray
     y: FloatArray
+    dy: FloatArray
+    moved: list[float]
     c: list[FloatArray]
     z: list[FloatArray]
 
@@ -83,6 +89,8 @@ class Mechanics:
         self.work = [FrameWork(b.frame.p, b.frame.border, b.frame.generators) for b in bodies]
         self.map = np.concatenate([np.zeros((0, self.size)), *(b.to_border for b in bodies)])
         self.origin = np.concatenate([np.zeros(0), *(b.origin for b in bodies)])
+        elastic = [b.elastic for b in bodies if b.block is not None]
+        self.elastic = slice(elastic[0].start, elastic[-1].stop) if elastic else slice(0, 0)
         edges = np.cumsum([0, *(b.frame.border for b in bodies)]).tolist()
         self.at = [slice(i, j) for i, j in zip(edges, edges[1:], strict=False)]
         self._H, self._rows = np.zeros((edges[-1], edges[-1])), np.zeros(edges[-1])
@@ -92,11 +100,12 @@ class Mechanics:
     ) -> tuple[Status, int, str, str]:
         """Improves x in place from its guess; status, iterations, block, what was seen."""
         loop, nr = self._begin(step, x), self.n_rigid
-        last = inf
+        last, slow = inf, None
         for iteration in range(1, self.tol.max_iterations + 1):
+            before = None if slow is None else self._gather(x, loop)
             change = self._iterate(step, x, loop, memory)
             if not change < inf:
-                return Status.NOT_FINITE, iteration, self._worst(x, loop), ""
+                return Status.NOT_FINITE, iteration, self._worst(loop), ""
             if change < 0:
                 return Status.SINGULAR, iteration, "", "the border matrix is singular"
             if 0 < last < inf:
@@ -108,15 +117,39 @@ class Mechanics:
             if left <= self.tol.remaining or (change >= 0.25 * last and change <= ROUND_OFF):
                 x[:nr], x[self.algebraic] = loop.y[:nr], loop.y[nr:]
                 return Status.DONE, iteration, "", ""
+            if slow is None and iteration > 1 and change > SLOW * last:
+                slow = Anderson()
+            if slow is not None and before is not None:
+                self._scatter(slow.mix(before, self._gather(x, loop), self._weights(memory)),
+                              x, loop)
             last = change
         detail = f"last relative change {change:.1e} after {self.tol.max_iterations} iterations"
-        return Status.NOT_CONVERGED, self.tol.max_iterations, self._worst(x, loop), detail
+        return Status.NOT_CONVERGED, self.tol.max_iterations, self._worst(loop), detail
+
+    def _gather(self, x: FloatArray, loop: _Loop) -> FloatArray:
+        """Border and elastic unknowns in one vector (all elastic blocks are contiguous)."""
+        return np.concatenate((loop.y, x[self.elastic]))
+
+    def _scatter(self, u: FloatArray, x: FloatArray, loop: _Loop) -> None:
+        loop.y, x[self.elastic] = u[: self.size], u[self.size :]
+
+    def _weights(self, memory: Contraction) -> FloatArray:
+        """Rigid coordinates and displacements in comparable size; multipliers follow from them."""
+        weights = np.zeros(self.size + self.elastic.stop - self.elastic.start)
+        weights[: self.n_rigid] = 1.0
+        for b, scale in zip(self.bodies, memory.scale, strict=True):
+            if b.block is not None and scale > 0:
+                first = self.size + b.elastic.start - self.elastic.start
+                weights[first : first + b.elastic.stop - b.elastic.start] = scale**-0.5
+        return weights
 
     def _begin(self, step: StepFormula, x: FloatArray) -> _Loop:
         loop, r1, r2, nr = _Loop(), step.r1, step.r2, self.n_rigid
         loop.history = [
             None if b.block is None else
             b.block.begin(r1[b.elastic], r2[b.elastic], x[b.thermal], step.t) for b in self.bodies]
+        loop.c, loop.z = [_NONE] * len(self.bodies), [_NONE] * len(self.bodies)
+        loop.moved, loop.dy = [0.0] * len(self.bodies), _NONE
         loop.given = np.zeros(self.size)
         for i, f in self.targets:
             loop.given[i] = f(step.t)
@@ -133,8 +166,8 @@ class Mechanics:
         moving = self.map.dot(loop.y)
         v, a = c1 * moving + loop.velocity, c2 * moving + loop.acceleration
         y = moving + self.origin
-        loop.c, loop.z = [], []
-        for b, w, past, at in zip(self.bodies, self.work, loop.history, self.at, strict=True):
+        for i, (b, w, past, at) in enumerate(
+                zip(self.bodies, self.work, loop.history, self.at, strict=True)):
             if b.block is None or past is None:
                 b.frame.evaluate(y[at], v[at], a[at], c1, c2, _NONE, _NONE, _NONE, _NONE, _NONE,
                                  step.t, w)
@@ -150,8 +183,7 @@ class Mechanics:
             Gs[:, -1] += look.s + Pz
             reduced = w.border - w.tau.dot(Gs)
             H[at, at], rows[at] = reduced[:, :-1], reduced[:, -1]
-            loop.c.append(c)
-            loop.z.append(z)
+            loop.c[i], loop.z[i] = c, z
         return self._advance(x, loop, memory)
 
     def _advance(self, x: FloatArray, loop: _Loop, memory: Contraction) -> float:
@@ -164,60 +196,57 @@ class Mechanics:
             loop.y = loop.y - dy
             if nr:
                 d, q = dy[:nr], loop.y[:nr]
-                change = sqrt(float(d.dot(d)) / max(1.0, float(q.dot(q))))
+                change = float(d.dot(d)) / max(1.0, float(q.dot(q)))
         else:
             dy = loop.y
-        moved, elastic, size, number = self.map.dot(dy), 0.0, 0.0, 0
-        for b, w, at in zip(self.bodies, self.work, self.at, strict=True):
+        moved, loop.dy = self.map.dot(dy), dy
+        if not memory.floor:
+            memory.scale, memory.floor = [0.0] * len(self.bodies), self._floors(loop.y)
+        for i, (b, w, at) in enumerate(zip(self.bodies, self.work, self.at, strict=True)):
             if b.block is None:
                 continue
-            c = loop.c[number]
-            new = b.block.update(
-                loop.z[number], w.sigma[-1] - moved[at].dot(w.sigma[:-1]))
-            number += 1
-            moved_c = new - c
-            elastic += float(moved_c.dot(moved_c))
-            size += float(new.dot(new))
+            new = b.block.update(loop.z[i], w.sigma[-1] - moved[at].dot(w.sigma[:-1]))
+            d = new - loop.c[i]
+            bent, size = float(d.dot(d)), float(new.dot(new))
+            scale = memory.scale[i]
+            if size > scale:
+                scale = memory.scale[i] = size
+            # a body that hardly bends is known to its own round-off, not to its own size
+            loop.moved[i] = bent = 0.0 if bent <= memory.floor[i] else bent / scale
+            if not bent <= change:  # true for what is not a number, too
+                change = bent
             if b.block.active is None:
                 x[b.elastic] = new
             else:
                 x[b.elastic] = 0.0
                 x[b.elastic.start + b.block.active] = new
-        memory.scale = max(memory.scale, size)
-        if memory.floor < 0:
-            memory.floor = self._floor(loop.y)
-        if elastic <= memory.floor:
-            elastic = 0.0
-        if memory.scale > 0:
-            elastic = sqrt(elastic / memory.scale)
-        # not (a <= b) is true for a change that is not a number
-        return elastic if not elastic <= change else change
+        return sqrt(change) if change < inf else inf
 
-    def _floor(self, y: FloatArray) -> float:
-        """|du|^2 that follows from rounding the rigid coordinates: a position is known to eps |q|,
-        so its acceleration to c2 eps |q|, which bends the bodies."""
+    def _floors(self, y: FloatArray) -> list[float]:
+        """|du|^2 of each body that follows from rounding the rigid coordinates: a position is
+        known to eps |q|, so its acceleration to c2 eps |q|, which bends the bodies."""
         q = y[: self.n_rigid]
-        total = 0.0
-        for b, w in zip(self.bodies, self.work, strict=True):
-            if b.block is not None:
-                rows = w.sigma[: b.frame.rigid_size]
-                total += sum(float(u.dot(u)) for u in (b.block.update(_ZERO, r) for r in rows))
-        return total * (4 * EPS) ** 2 * max(1.0, float(q.dot(q)))
+        noise = (4 * EPS) ** 2 * max(1.0, float(q.dot(q)))
+        return [0.0 if b.block is None else noise * sum(
+            float(u.dot(u)) for u in (b.block.update(_ZERO, r) for r in
+                                      w.sigma[: b.frame.rigid_size]))
+                for b, w in zip(self.bodies, self.work, strict=True)]
 
-    def _worst(self, x: FloatArray, loop: _Loop) -> str:
+    def _worst(self, loop: _Loop) -> str:
         """The block whose last change was largest, or is not finite."""
-        sizes, number = {}, 0
-        for b in self.bodies:
-            if b.block is None:
-                sizes[f"{b.name}.rigid"] = _largest(loop.y[: self.n_rigid])
-                continue
-            now = x[b.elastic] if b.block.active is None else x[b.elastic][b.block.active]
-            sizes[b.elastic_name] = _largest(now - loop.c[number])
-            number += 1
+        q = np.concatenate([loop.y[: self.n_rigid], [1.0]])
+        sizes = {}
+        for b, moved in zip(self.bodies, loop.moved, strict=True):
+            d = b.to_border[: b.frame.rigid_size] @ loop.dy if len(loop.dy) else _ZERO
+            sizes[f"{b.name}.rigid"] = sqrt(float(d.dot(d))) / _largest(q)
+            if b.block is not None:
+                sizes[b.elastic_name] = sqrt(moved) if moved < inf else inf
         broken = [n for n, size in sizes.items() if not size < inf]
         return broken[0] if broken else max(sizes, key=lambda n: sizes[n])
 
 
+SLOW = 0.2
+"""A change that shrinks by less than this factor an iteration is accelerated."""
 _NONE, _ZERO = np.zeros(0), np.zeros(1)
 EPS = float(np.finfo(np.float64).eps)
 ROUND_OFF = 1e-10

@@ -14,7 +14,6 @@ import numpy as np
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.protocols import State
 from sparsemor.core.separable import FrameWork, evaluate_amplitudes
-from sparsemor.core.status import SolveFailed, Status
 from sparsemor.reducers.bordered import BodyStep, Mechanics
 from sparsemor.reducers.test_map import TestedElastic
 
@@ -37,7 +36,8 @@ def consistent_start(
 ) -> State:
     """The state with a (elastic, rigid) and multipliers that satisfy the reduced equations.
 
-    Raises SolveFailed (singular) when they are not determined.
+    A multiplier that the atoms do not resist (all of them satisfy its constraint already) is not
+    determined: the least one is taken.
     """
     n, nr = mechanics.size, mechanics.n_rigid
     if not mechanics.bodies:
@@ -49,16 +49,21 @@ def consistent_start(
         parts.append(p)
         r += (p.rows - p.tau @ p.base) @ T
         A += T.T @ (p.H - p.tau @ p.S) @ T
-    try:
-        z = -np.linalg.solve(A, r) if n else np.zeros(0)
-    except np.linalg.LinAlgError:
-        raise SolveFailed(Status.SINGULAR, state.t, "", "accelerations at the start") from None
+    z = -_least(A, r)
     x, a = state.x.copy(), state.a.copy()
     a[:nr], x[mechanics.algebraic] = z[:nr], z[nr:]
     for body, p in zip(mechanics.bodies, parts, strict=True):
         if body.block is not None or len(p.base):
             a[body.elastic] = -(p.base + p.S @ (body.to_border @ z))
     return replace(state, x=x, a=a)
+
+
+def _least(A: FloatArray, r: FloatArray) -> FloatArray:
+    """Least-squares solution of least size of A z = r, rows and columns scaled to compare."""
+    if not len(r):
+        return r
+    size = np.sqrt(np.maximum(np.abs(A).max(axis=0), 1e-300))
+    return np.asarray(np.linalg.lstsq(A / np.outer(size, size), r / size, rcond=1e-10)[0] / size)
 
 
 def _linear(

@@ -21,7 +21,7 @@ MESHES = (1280, 5120, 20480)
 WARM = 100
 """Steps before the first window: no figure contains the start."""
 TRAINED = 4.0
-"""Training run, s, of all but the finest mesh: less shows fewer than 30/20 modes above round-off."""
+"""Training run, s, of all but the finest mesh: a shorter one has fewer than 30/20 modes."""
 
 
 @dataclass

@@ -204,5 +204,6 @@ def test_a_progress_bar_on_a_terminal() -> None:
 def test_the_packaged_scene_with_its_defaults() -> None:
     out, err = sparsemor("run", "double_pendulum")
     assert err == ""
-    assert "4000 to t = 4 s" in out and out.splitlines()[-1] == "result: runs/double_pendulum-sparse"
+    assert "4000 to t = 4 s" in out
+    assert out.splitlines()[-1] == "result: runs/double_pendulum-sparse"
     assert open_result("runs/double_pendulum-sparse").summary["status"] == "done"

@@ -1,4 +1,4 @@
-"""A run that cannot go on stops with a status, a time, a block and advice, and keeps what it has."""
+"""A run that cannot go on stops with status, time, block and advice, and keeps what it has."""
 
 import json
 import shutil
