@@ -95,7 +95,10 @@ def offline_of(scene: Scene, model: Model, cache: Cache, manager: Manager) -> Of
 @np.errstate(all="ignore")  # overflow is a status of the step, not a warning
 def train(scene: Scene, manager: Manager) -> dict[str, FloatArray]:
     """Full-order run of the training scene; block -> (M, n) unknowns at the start and after
-    every `training.every` steps. Raises SolveFailed when it stops before its end."""
+    every `training.every` steps, and for second-order integrators x + h^2 a of the start.
+
+    Raises SolveFailed when it stops before its end.
+    """
     model = assemble(scene)
     h, steps = scene.time.step, step_count(scene)
     every = scene.training.every
@@ -103,10 +106,13 @@ def train(scene: Scene, manager: Manager) -> dict[str, FloatArray]:
         model, scene.integrator, h, Offline.of(model, {}), np.random.default_rng(scene.seed))
     state, memory = solver.start(consistent_state(model))
     state = scene.integrator.start(solver.layout, state)
-    kept = {n: np.empty((steps // every + 1, model.layout[n].stop - model.layout[n].start))
+    # a second-order rule carries the first accelerations on: its snapshots must span them too
+    extra = int(scene.integrator.order > 1)
+    kept = {n: np.empty((steps // every + 1 + extra, model.layout[n].stop - model.layout[n].start))
             for n in model.reducible()}
     for name, rows in kept.items():
         rows[0] = state.x[model.layout[name]]
+        rows[-1] = (state.x + h * h * state.a)[model.layout[name]]
     manager.hook.on_start(run=RunStart(scene.title, "full", 0.0, steps * h, steps, "training"))
     for n in range(1, steps + 1):
         formula = scene.integrator.formula(solver.layout, state, h)

@@ -135,6 +135,12 @@ class Trajectory:
     def atoms(self) -> dict[str, int]:
         return {name: d.atoms.shape[1] for name, d in self.solver.dictionaries.items()}
 
+    @property
+    def atoms_text(self) -> str:
+        """Elastic/thermal, of the link that has more."""
+        return "/".join(str(max(k for n, k in self.atoms.items() if n.endswith(field)))
+                        for field in ("elastic", "thermal"))
+
 
 def follow(scene: Scene, model: Model, solver: StepSolver, steps: int) -> Trajectory:
     """Run and keep every step; a failure is part of the answer."""
