@@ -25,7 +25,8 @@ from sparsemor.core.slot import Slot
 
 
 class Damping(Plugin):
-    """Rayleigh damping: mass * M + stiffness * K."""
+    """Rayleigh damping, mass * M + stiffness * K, of the displacements' rates in the body frame:
+    rigid motion is not damped, so a split body damps a little differently from a whole one."""
 
     mass: float = Field(default=0.0, ge=0)
     """Factor of the mass matrix, 1/s."""

@@ -14,12 +14,13 @@ _MOST_COLUMNS = 120
 
 
 def active_atoms_figure(run: RunResult, name: str) -> "Figure | None":
-    """One panel a block: a dot where an atom is in use. None when the choice never varies.
+    """One panel a block: a dot where an atom is in use. None for runs that neither sample
+    rows nor choose atoms.
 
     Long runs are thinned to every m-th stored step, which the axis says.
     """
     blocks = [b for b in run.layout if b.name in run.solver_layout and run.reduced(b.name)]
-    blocks = [b for b in blocks if not run.support(b.name).all()]
+    blocks = [b for b in blocks if run.rows(b.name).size or not run.support(b.name).all()]
     if not blocks or len(run.times) == 0:
         return None
     every = max(1, -(-len(run.times) // _MOST_COLUMNS))
