@@ -19,7 +19,6 @@ from sparsemor.core.status import Status
 from sparsemor.reducers.factor import factorize
 from sparsemor.reducers.test_map import TestedHeat
 
-
 STUCK = 1e-7
 """Newton steps that no longer shrink below this share of the temperatures are round-off: in a
 nearly isothermal body K T cancels to a small part of its terms."""

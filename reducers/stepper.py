@@ -8,7 +8,7 @@ import numpy as np
 from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
 from sparsemor.core.layout import Layout
 from sparsemor.core.protocols import Dictionary, State, StepFormula, StepOutcome
-from sparsemor.core.separable import Separated
+from sparsemor.core.separable import Frame, Separated
 from sparsemor.core.status import Status
 from sparsemor.reducers.bordered import BodyStep, Contraction, Mechanics, Tolerances
 from sparsemor.reducers.consistent import consistent_start
@@ -42,7 +42,7 @@ class Stepper:
     separated: Separated
     heat: Mapping[str, HeatBlock]
     elastic: Mapping[str, ElasticBlock]
-    frames: Mapping[str, object]
+    frames: Mapping[str, Frame]
     tolerances: Tolerances
     points: int
     factorizations: int
@@ -128,7 +128,7 @@ class Stepper:
 def _bodies(s: Stepper) -> Sequence[BodyStep]:
     none = slice(0, 0)
     return [BodyStep(
-        m.name, s.frames.get(m.name, m.frame), m.to_border, m.origin,  # type: ignore[arg-type]
+        m.name, s.frames.get(m.name, m.frame), m.to_border, m.origin,
         s.elastic.get(m.elastic), s.layout[m.elastic] if m.elastic else none,
         s.layout[m.thermal] if m.thermal in s.layout else none, m.elastic)
         for m in s.separated.moving]
