@@ -241,6 +241,22 @@ class Case:
             found[b.field] = max(found[b.field], float(series.max(initial=0.0)))
         return found
 
+    def first_off(self, run: Trajectory, limit: float) -> str:
+        """Where and when an error first exceeds `limit` (elastic: from LATE on)."""
+        h = self.scene.time.step
+        late = round(min(LATE, 0.5 * self.steps * h) / h)
+        times = {}
+        for name in run.solver.dictionaries:
+            over = ~(self._series(name, run) <= limit)
+            if name.endswith(".elastic"):
+                over[:late] = False
+            if over.any():
+                times[name] = float(over.argmax()) * h
+        if not times:
+            return ""
+        name = min(times, key=lambda n: times[n])
+        return f"{name} at {times[name]:.3g} s"
+
     def _series(self, name: str, run: Trajectory) -> FloatArray:
         """Error of a block at each time that the run reached."""
         whole, c = self.reference[name], run.x[:, run.solver.layout[name]]

@@ -54,6 +54,7 @@ def runs(monkeypatch) -> list[SimpleNamespace]:
     module = ModuleType("sparsemor.core.simulate")
     module.simulate = simulate
     monkeypatch.setitem(sys.modules, "sparsemor.core.simulate", module)
+    monkeypatch.setattr("sparsemor.core.checks.checked_model", lambda scene: None)
     return asked
 
 
@@ -142,13 +143,11 @@ def test_unknown_options_and_missing_arguments_have_code_2():
 
 
 def test_validate_also_builds_the_parts(monkeypatch):
-    def assemble(scene):
+    def checked(scene):
         if scene.bodies["a"].mass > 100:
             raise InputError("too heavy to hold", "bodies.a.mass")
 
-    module = ModuleType("sparsemor.core.assemble")
-    module.assemble = assemble
-    monkeypatch.setitem(sys.modules, "sparsemor.core.assemble", module)
+    monkeypatch.setattr("sparsemor.core.checks.checked_model", checked)
     done = sparsemor("validate", "scene.yaml")
     assert (done.code, done.err) == (0, "")
     done = sparsemor("validate", "scene.yaml", "--set", "bodies.a.mass=1000")
