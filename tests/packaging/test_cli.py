@@ -2,6 +2,7 @@
 
 import json
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 
@@ -10,7 +11,7 @@ from typer.testing import CliRunner
 
 from sparsemor.core.cli import app
 from sparsemor.core.errors import InputError
-from sparsemor.core.scene import load
+from sparsemor.core.scene import Scene, load
 from sparsemor.core.status import SolveFailed, Status
 
 TEXT = """\
@@ -142,12 +143,19 @@ def test_unknown_options_and_missing_arguments_have_code_2():
     assert sparsemor("run", "scene.yaml", "--colour").code == 2
 
 
+def checked_by(monkeypatch: pytest.MonkeyPatch, check: Callable[[Scene], None]) -> None:
+    """Toy bodies cannot be built: this stands in for what builds and counts."""
+    module = ModuleType("sparsemor.core.checks")
+    monkeypatch.setattr(module, "checked_model", check, raising=False)
+    monkeypatch.setitem(sys.modules, "sparsemor.core.checks", module)
+
+
 def test_validate_also_builds_the_parts(monkeypatch):
-    def checked(scene):
+    def check(scene):
         if scene.bodies["a"].mass > 100:
             raise InputError("too heavy to hold", "bodies.a.mass")
 
-    monkeypatch.setattr("sparsemor.core.checks.checked_model", checked)
+    checked_by(monkeypatch, check)
     done = sparsemor("validate", "scene.yaml")
     assert (done.code, done.err) == (0, "")
     done = sparsemor("validate", "scene.yaml", "--set", "bodies.a.mass=1000")
@@ -215,10 +223,12 @@ def test_compare_runs_each_reducer(runs, monkeypatch):
     module = ModuleType("sparsemor.core.compare")
     module.compare = compare
     monkeypatch.setitem(sys.modules, "sparsemor.core.compare", module)
+    checked_by(monkeypatch, lambda scene: None)
     done = sparsemor("compare", "scene.yaml", "--reducers", "direct,second,tuned", "--json")
     assert done.code == 0
     shown = json.loads(done.out)
     assert shown["reference"] == "direct"
+    assert [r["run"] for r in shown["runs"]] == ["direct", "second", "tuned"]
     assert shown["errors"] == {"second": {"a": 0.5}, "tuned": {"a": 0.5}}
     assert [r.out for r in runs] == [
         Path("runs/scene-compare", n) for n in ("direct", "second", "tuned")]
