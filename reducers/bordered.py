@@ -212,7 +212,11 @@ class Mechanics:
             if size > scale:
                 scale = memory.scale[i] = size
             # a body that hardly bends is known to its own round-off, not to its own size
-            loop.moved[i] = bent = 0.0 if bent <= memory.floor[i] else bent / scale
+            if bent <= memory.floor[i]:
+                bent = 0.0
+            else:
+                bent = bent / scale if scale > 0.0 else inf  # first step, not a number
+            loop.moved[i] = bent
             if not bent <= change:  # true for what is not a number, too
                 change = bent
             if b.block.active is None:

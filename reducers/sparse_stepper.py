@@ -92,7 +92,7 @@ class SparseStepper:
                 found = self._select(step, memory)
                 if not found.status.ok:
                     return found, memory
-                if not self.polish:
+                if not self.polish and self.elastic:  # else the mechanics are not solved yet
                     return self.base.accepted(found, memory), memory
             if memory.current is None:
                 memory.current = self._prepared(memory)
@@ -119,6 +119,10 @@ class SparseStepper:
                 return StepOutcome(x, out.status, out.iterations, name, "selection of atoms")
             found[name], x[at] = out.support, out.c
             iterations = max(iterations, out.iterations)
+            # temperatures out of bounds would only show in the bodies that they load
+            insane = self.base.insane(x, name)
+            if insane is not None:
+                return insane
         if self.elastic:
             failed = self._select_elastic(step, x, memory, found)
             if not failed.status.ok:

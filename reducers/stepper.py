@@ -107,14 +107,18 @@ class Stepper:
         y = x * self.sanity
         if y.dot(y) <= 1.0:
             return None
-        for b in self.layout:
-            top = float(np.abs(x[self.layout[b.name]]).max())
-            if not top < np.inf:
-                return StepOutcome(x, Status.NOT_FINITE, 1, b.name)
-            limit = self.limits.get(b.name, np.inf)
-            if top > limit:
-                detail = f"largest coefficient {top:.3g}, {limit:.3g} allowed"
-                return StepOutcome(x, Status.DIVERGED, 1, b.name, detail)
+        found = (self.insane(x, b.name) for b in self.layout)
+        return next((bad for bad in found if bad is not None), None)
+
+    def insane(self, x: FloatArray, block: str) -> StepOutcome | None:
+        """The same for one block."""
+        top = float(np.abs(x[self.layout[block]]).max())
+        if not top < np.inf:
+            return StepOutcome(x, Status.NOT_FINITE, 1, block)
+        limit = self.limits.get(block, np.inf)
+        if top > limit:
+            detail = f"largest coefficient {top:.3g}, {limit:.3g} allowed"
+            return StepOutcome(x, Status.DIVERGED, 1, block, detail)
         return None
 
     def supports(self, memory: Memory) -> Mapping[str, BoolArray]:

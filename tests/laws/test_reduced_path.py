@@ -47,3 +47,16 @@ def test_every_block_is_given_back(options: dict[str, Any], centred: bool) -> No
     sizes = {n: d.atoms.shape for n, d in run.solver.dictionaries.items()}
     assert set(sizes) == set(snapshots)
     assert any(k < n for n, k in sizes.values())
+
+
+def test_mechanics_are_solved_when_only_heat_selects() -> None:
+    """Without polish the sparse solver's own solution is taken, but only where it solved."""
+    scene = load("double_pendulum", {"time.end": 0.03})
+    full = march(scene.using({"reducer": "full"}))
+    snapshots = {n: full.block(n).T for n in full.model.reducible()}
+    budgets = {"*.elastic": {"rows": 240}, "*.thermal": {"rows": 80, "atoms": 4}}
+    run = march(scene.using({"reducer": {
+        "use": "sparse", "basis": "pod", "polish": False, "budgets": budgets}}),
+        model=full.model, snapshots=snapshots)
+    angles = np.abs(full.x[:, [2, 5]] - run.x[:, [2, 5]]).max()
+    assert angles < 1e-6 * np.abs(np.diff(full.x[[0, -1]][:, [2, 5]], axis=0)).max()
