@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 from pydantic import Field
@@ -39,6 +40,10 @@ class GreedyGaussNewton(Plugin):
     """Linearisations before the solve is given up as not converged."""
     growth: int | None = Field(default=None, ge=1)
     """Most atoms that may enter a group in one iteration; left out: as many as its budget."""
+    candidates: Literal["correlated", "all"] = "correlated"
+    """Which atoms may enter: those that correlate most with what is left (Eq. 25), or all of them
+    while there are rows for all. Where active columns are so alike that together they imitate a
+    missing one, nothing is left that correlates with it, and only `all` finds it."""
     gain: float = Field(default=1e-8, ge=0.0, lt=1.0)
     """Fraction by which an exchange must lower the linearised residual norm: keeps atoms that
     fit round-off from changing places for ever."""
@@ -86,7 +91,10 @@ class GreedyGaussNewton(Plugin):
         base = fit(linear, support, self.rank_rtol)
         if base is None or not explore or base.norm <= base.round_off:
             return base
-        union = widened(linear, base, groups, self.growth)
+        if self.candidates == "all" and linear.J.shape[1] <= linear.J.shape[0]:
+            union = linear.norms > 0.0
+        else:
+            union = widened(linear, base, groups, self.growth)
         if np.array_equal(union, support):
             return base
         wide = fit(linear, union, self.rank_rtol)

@@ -19,10 +19,14 @@ ROWS = (240, 80)
 def variants(active: tuple[int, int]) -> dict[str, dict[str, Any]]:
     """Reducer options by name; active: elastic and thermal atoms at once."""
     whole = (None, None)
+    all_enter = {"use": "greedy_gauss_newton", "candidates": "all"}
     return {
         "carried, each step": common.sparse(ROWS, whole, active=active),
         "from none, each step": common.sparse(ROWS, whole, active=active, carried=False),
         "carried, every 10": common.sparse(ROWS, whole, active=active, every=10),
+        "candidates all, each step": common.sparse(ROWS, whole, active=active, solver=all_enter),
+        "candidates all, every 10": common.sparse(
+            ROWS, whole, active=active, solver=all_enter, every=10),
         "leading atoms, sampled": common.sparse(ROWS, active),
         "leading atoms, galerkin": common.galerkin(*active),
         "all atoms, sampled": common.sparse(ROWS, whole),
@@ -35,7 +39,7 @@ def fill(out: report.Report, given: argparse.Namespace) -> None:
         "active": f"{given.active[0]}/{given.active[1]} elastic/thermal atoms of the whole POD "
                   "basis, first support empty",
         "rows": f"{ROWS[0]}/{ROWS[1]} by lhs, and the required ones",
-        "solver": "greedy_gauss_newton, its defaults; preconditioner none",
+        "solver": "greedy_gauss_newton, its defaults where not said; preconditioner none",
         "seeds": given.seeds,
         "errors": "largest over time: angle in rad; elastic (from 0.1 s on) and thermal relative "
                   "to the block's largest change, worse link"}

@@ -65,6 +65,25 @@ def test_the_answer_is_least_squares_on_its_support() -> None:
     assert np.abs(slope).max() < 1e-12
 
 
+def imitated() -> LeastSquares:
+    """The answer is column 0 alone, and columns 1 to 5 together look almost like it."""
+    A = np.random.default_rng(5).standard_normal((40, 12))
+    A[:, 0] = A[:, 1:6].sum(axis=1) + 1e-3 * A[:, 0]
+    answer = np.zeros(12)
+    answer[0] = 1.0
+    return LeastSquares((Group("u", 0, 12, 5),), A, np.zeros_like(A), 0.0, answer)
+
+
+def test_an_imitated_atom_is_found_when_all_may_enter() -> None:
+    problem = imitated()
+    start = np.zeros(12, dtype=np.bool_)
+    start[1:6] = True
+    outcome = GreedyGaussNewton(candidates="all").solve(problem, SparseStart(np.zeros(12), start))
+    assert outcome.status is Status.DONE
+    np.testing.assert_allclose(outcome.c, problem.answer, atol=1e-9)
+    check_sparse_solver(GreedyGaussNewton(candidates="all"))
+
+
 def test_a_warm_start_on_the_right_support_takes_two_linearisations() -> None:
     problem = incoherent(np.random.default_rng(1))
     outcome = GreedyGaussNewton().solve(
