@@ -1,7 +1,8 @@
 """The sparse problems of one step (Eq. 25), as a sparse solver sees them.
 
-Heat: P (B c - b) = 0, linear, one block at a time. Mechanics: the sampled rows of all elastic
-blocks with the border rows, in one problem; rigid coordinates and multipliers are a group without
+Heat: P (B c - b) = 0, linear, one block at a time; local terms (radiation) are left to the solve on
+the support that follows. Mechanics: the sampled rows of all elastic blocks with the border rows, in
+one problem; rigid coordinates and multipliers are a group without
 a budget. Rows are scaled to compare: elastic ones by their block's size, border rows by their own
 and by BORDER, because they are equations that have to hold and not a sample of many.
 """

@@ -74,7 +74,7 @@ class Sparse(Plugin):
     polish: bool = True
     """Whether a step is solved again on the selected support, with the rigid and multiplier rows
     as exact equations. False, as published: the sparse solver's own solution is taken, in which
-    those rows are part of the least squares; needs a selection in every step."""
+    those rows are part of the least squares; needs a selection in every step, and no radiation."""
     predictor: int = Field(default=6, ge=1, le=8)
     """Number of past states that the first guess of a step extrapolates."""
     remaining: float = Field(default=1e-13, gt=0, lt=1e-3)
@@ -152,6 +152,10 @@ class Sparse(Plugin):
         if not self.polish and self.every > 1:
             faults.append(Fault("every", "without polish each step needs its own selection: "
                                 "take every: 1"))
+        local = [b.thermal for b in model.separated.heat if b.local]
+        if not self.polish and local:
+            faults.append(Fault("polish", f"the selection in {', '.join(local)} is linear and "
+                                "leaves radiation to the polish: take polish: true"))
         return faults
 
 

@@ -124,10 +124,10 @@ class SparseStepper:
             if insane is not None:
                 return insane
         if self.elastic:
-            failed = self._select_elastic(step, x, memory, found)
-            if not failed.status.ok:
-                return failed
-            iterations = failed.iterations
+            mechanics = self._select_elastic(step, x, memory, found)
+            if not mechanics.status.ok:
+                return mechanics
+            iterations = mechanics.iterations
         changed = False
         for name, support in found.items():
             if not np.array_equal(support, memory.supports[name]):

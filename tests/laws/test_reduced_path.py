@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 from sparsemor.core.arrays import FloatArray
+from sparsemor.core.assemble import assemble
 from sparsemor.core.scene import load
 from sparsemor.core.testing.run import March, march
+from sparsemor.reducers.sparse import Sparse
 
 EVERYTHING = load(Path(__file__).parents[1] / "scenes" / "everything.yaml")
 # every row that a joint or load touches is kept; a few more of the elastic ones
@@ -60,3 +62,12 @@ def test_mechanics_are_solved_when_only_heat_selects() -> None:
         model=full.model, snapshots=snapshots)
     angles = np.abs(full.x[:, [2, 5]] - run.x[:, [2, 5]]).max()
     assert angles < 1e-6 * np.abs(np.diff(full.x[[0, -1]][:, [2, 5]], axis=0)).max()
+
+
+def test_local_heat_needs_the_solve_on_the_support() -> None:
+    """The selection is linear: without polish radiation would be dropped in silence."""
+    model = assemble(EVERYTHING)
+    options = {"budgets": {"*.elastic": {"rows": 8}, "*.thermal": {"rows": 0, "atoms": 2}}}
+    assert not Sparse.model_validate(options).check(model)
+    faults = Sparse.model_validate({**options, "polish": False}).check(model)
+    assert [f.key for f in faults] == ["polish"] and "radiation" in faults[0].message
