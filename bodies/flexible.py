@@ -9,7 +9,7 @@ from scipy.sparse import csr_array
 
 from sparsemor.bodies.body_part import PlanarBody
 from sparsemor.bodies.expression import FormulaText, evaluate_formula
-from sparsemor.bodies.fe.elasticity import elastic_stiffness, thermoelastic_coupling
+from sparsemor.bodies.fe.elasticity import elastic_stiffness, law, thermoelastic_coupling
 from sparsemor.bodies.fe.volume import capacity, conductivity, scalar_mass
 from sparsemor.bodies.fields import Elasticity, Heat
 from sparsemor.bodies.material import Material, require
@@ -156,14 +156,16 @@ class Flexible(Plugin):
         return Elasticity(
             free=np.setdiff1d(np.arange(2 * len(mesh.points)), held), stiffness=K,
             damping=csr_array(self.damping.mass * M + self.damping.stiffness * K),
-            coupling=thermoelastic_coupling(mesh, self.material, self.thickness, self.model))
+            coupling=thermoelastic_coupling(mesh, self.material, self.thickness, self.model),
+            law=law(self.material, self.model))
 
     def _heat(self, mesh: Mesh) -> Heat:
         k, c = require(self.material, ("k", "c"), "thermal")
         return Heat(
             free=np.arange(len(mesh.points)),
             capacity=capacity(mesh, self.material.rho, c, self.thickness),
-            conductivity=conductivity(mesh, k, self.thickness))
+            conductivity=conductivity(mesh, k, self.thickness),
+            constants=(self.material.rho * c * self.thickness, k * self.thickness))
 
     def _initial_temperature(self, mesh: Mesh) -> FloatArray:
         given = self.initial_temperature

@@ -118,7 +118,8 @@ class FrameEquations:
 class FrameTerm:
     """Equations of one frame at global `rows` (m,) and `columns` (n,); no element is visited.
 
-    `body` names its owner, which recognises its own terms and takes them apart for fast steps.
+    `body` names its owner, which recognises its own terms and takes them apart for fast steps;
+    `source` the part of the scene that it comes from, set in assembly.
     """
 
     body: str
@@ -126,6 +127,7 @@ class FrameTerm:
     columns: IntArray
     equations: FrameEquations
     elements: int = 0
+    source: str = ""
 
     def residual(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> FloatArray:
         return self.equations.residual(x, v, a, t)

@@ -39,13 +39,17 @@ class LinearEquations:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LinearTerm:
-    """Linear equations at global `rows` and `columns`; assembled once, so no element is visited."""
+    """Linear equations at global `rows` and `columns`; assembled once, so no element is visited.
+
+    `source`: the part of the scene that it comes from, set in assembly.
+    """
 
     body: str
     rows: IntArray
     columns: IntArray
     equations: LinearEquations
     elements: int = 0
+    source: str = ""
 
     def residual(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> FloatArray:
         return self.equations.residual(x, v, a, t)

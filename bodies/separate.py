@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.sparse import csr_array
 
 from sparsemor.bodies.frame_term import FrameTerm
+from sparsemor.bodies.integrals import elastic_integrals, heat_integrals
 from sparsemor.bodies.linear_term import LinearTerm
 from sparsemor.bodies.planar.frame import PlanarFrame
 from sparsemor.core.arrays import Csr, FloatArray, IntArray
@@ -63,8 +65,10 @@ def _operators(
     elastic: IntArray,
 ) -> ElasticOperators:
     n, first = len(elastic), int(elastic[0])
-    P = []
+    P, directions = [], []
     for t in frames:
+        for item in t.equations.frame.items:  # type: ignore[attr-defined]
+            directions += item.names(t.source)
         here = (t.rows >= first) & (t.rows < first + n)
         D = np.zeros((n, t.equations.frame.p))
         D[t.rows[here] - first] = np.asarray(t.equations.W)[here]
@@ -74,13 +78,15 @@ def _operators(
     generators = tuple(csr_array(V[at][:, at]) for V in inertia.equations.V)
     linear = [t for t in terms if isinstance(t, LinearTerm) and _within(t.rows, elastic)]
     thermal = body.position(layout, "thermal")
-    constant, loads, amplitudes = _given(linear, elastic)
+    constant, loads, amplitudes, names = _given(linear, elastic)
     return ElasticOperators(
         mass=generators[0], damping=_sum(linear, elastic, elastic, "B"),
         stiffness=_sum(linear, elastic, elastic, "A"), generators=generators,
         directions=np.concatenate(P, axis=1),
         coupling=-_sum(linear, elastic, thermal, "A") if len(thermal) else None,
         constant=constant, loads=loads, amplitudes=amplitudes,
+        direction_names=tuple(directions), load_names=names,
+        integrals=None if body.mesh is None else partial(elastic_integrals, body),
     )
 
 
@@ -92,10 +98,11 @@ def heat_body(body: PlanarBody, layout: Layout, terms: Sequence[Term]) -> HeatBo
     mine = [t for t in terms if len(t.rows) and _within(t.rows, thermal)]
     linear = [t for t in mine if isinstance(t, LinearTerm)]
     local = tuple(t for t in mine if not isinstance(t, LinearTerm))
-    constant, loads, amplitudes = _given(linear, thermal)
+    constant, loads, amplitudes, names = _given(linear, thermal)
     return HeatBody(
         body.name, f"{body.name}.thermal", _sum(linear, thermal, thermal, "B"),
-        _sum(linear, thermal, thermal, "A"), constant, loads, amplitudes, local,
+        _sum(linear, thermal, thermal, "A"), constant, loads, amplitudes, local, names,
+        None if body.mesh is None else partial(heat_integrals, body),
     )
 
 
@@ -117,9 +124,10 @@ def _sum(terms: Sequence[LinearTerm], rows: IntArray, columns: IntArray, which: 
 
 def _given(
     terms: Sequence[LinearTerm], rows: IntArray
-) -> tuple[FloatArray, FloatArray, tuple[Amplitude, ...]]:
-    """Constant right-hand side, load columns and their amplitudes."""
+) -> tuple[FloatArray, FloatArray, tuple[Amplitude, ...], tuple[str, ...]]:
+    """Constant right-hand side, load columns, their amplitudes and names."""
     constant, columns, amplitudes = np.zeros(len(rows)), [np.zeros((len(rows), 0))], []
+    names: list[str] = []
     for t in terms:
         at = t.rows - rows[0]
         constant[at] += t.equations.constant
@@ -127,4 +135,9 @@ def _given(
         wide[at] = t.equations.loads
         columns.append(wide)
         amplitudes += list(t.equations.amplitudes)
-    return constant, np.concatenate(columns, axis=1), tuple(amplitudes)
+        # a body's own columns, and those of a film after its first, are of given temperatures
+        own = "given temperature" if t.source == t.body else t.source
+        extra = f"{own}, given temperature"
+        names += [own if i == 0 or own == "given temperature" else extra
+                  for i in range(wide.shape[1])]
+    return constant, np.concatenate(columns, axis=1), tuple(amplitudes), tuple(names)

@@ -1,6 +1,6 @@
 """sparsemor: sparse, projection-free model order reduction of thermomechanical multibody systems.
 
-    from sparsemor import load, simulate, compare
+    from sparsemor import load, simulate, compare, study
 """
 
 from importlib import import_module
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from sparsemor.core.simulate import simulate as simulate
     from sparsemor.core.status import SolveFailed as SolveFailed
     from sparsemor.core.status import Status as Status
+    from sparsemor.core.study import study as study
 
     __version__: str
 
@@ -29,11 +30,12 @@ _HOMES = {
     "load": "scene",
     "open_result": "results",
     "simulate": "simulate",
+    "study": "study",
 }
 
 __all__ = [
     "InputError", "Registry", "Scene", "SolveFailed", "Status", "__version__", "compare", "load",
-    "open_result", "simulate",
+    "open_result", "simulate", "study",
 ]
 
 

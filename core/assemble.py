@@ -1,6 +1,7 @@
 """From a validated scene to a model: build the parts, lay out the unknowns, collect the terms."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +29,7 @@ def assemble(scene: Scene) -> Model:
     terms: list[Term] = []
     by_part: dict[str, Sequence[Term]] = {}
     for name, part in parts.items():
-        by_part[name] = part.terms(layout, parts)
+        by_part[name] = [_signed(t, name) for t in part.terms(layout, parts)]
         terms += by_part[name]
     x0, v0 = _start(layout, bodies)
     required, loaded = _required(layout, connectors, by_part)
@@ -66,6 +67,12 @@ def _build(
               for name, probe in scene.probes.items() if probe.body in bodies]
     gather.check()
     return bodies, connectors["joints"], connectors["loads"], tuple(p for p in probes if p)
+
+
+def _signed(term: Any, part: str) -> Any:
+    """A term with a field `source` learns which part of the scene it comes from: loads keep
+    their names that way."""
+    return replace(term, source=part) if hasattr(term, "source") else term
 
 
 def _mentioned(plugin: Any, names: set[str]) -> bool:

@@ -52,7 +52,7 @@ class Cache:
         An entry that cannot be read is remade with a logged warning; a full disk costs the
         entry, not the run.
         """
-        place = self.root / kind / key
+        place = self.place(kind, key)
         if place.exists():
             try:
                 return _load(place), True
@@ -64,7 +64,15 @@ class Cache:
             _save(place, arrays)
         except OSError as fault:
             _log.warning("cache entry %s/%s was not kept: %s", kind, key, fault)
-        return arrays, False
+            return arrays, False
+        try:  # as a hit gets them: other strides in memory may round products differently
+            return _load(place), False
+        except (OSError, ValueError):  # somebody clears the cache at this moment
+            return arrays, False
+
+    def place(self, kind: str, key: str) -> Path:
+        """The folder of an entry, kept or not."""
+        return self.root / kind / key
 
     def entries(self) -> list[CacheEntry]:
         """What is kept, by kind and key."""

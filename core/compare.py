@@ -5,15 +5,18 @@ import io
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.error_measures import Errors, measure_errors
 from sparsemor.core.errors import InputError
 from sparsemor.core.results import RunResult
-from sparsemor.core.run_facts import RunFacts, run_facts
+from sparsemor.core.run_facts import RunFacts, pays_after, run_facts
 from sparsemor.core.text_table import text_table
 from sparsemor.core.zarr_files import to_json
+
+if TYPE_CHECKING:
+    from sparsemor.core.charts.work_precision import WorkPoint
 
 REFERENCE = "reference"
 _FIELDS = ("joint", "rigid", "elastic", "thermal", "angle_rad")
@@ -52,6 +55,28 @@ class Comparison:
         return {name: run_facts(run) for name, run in self._all().items()}
 
     @property
+    def pays_after(self) -> dict[str, int | None]:
+        """run -> number of online runs after which offline and online together beat as many of
+        the reference; None when never, or when one of the two did not reach its end."""
+        facts = self.facts
+        return {run: pays_after(facts[self.name], facts[run]) for run in self.runs}
+
+    def work_points(self) -> "tuple[list[WorkPoint], WorkPoint]":
+        """Each run, and the reference, as points of the work-precision chart."""
+        from sparsemor.core.charts.work_precision import WorkPoint
+
+        facts = self.facts
+        base = facts[self.name].ms_per_step
+
+        def point(name: str, f: RunFacts) -> WorkPoint:
+            gain = base / f.ms_per_step if base and f.ms_per_step else None
+            return WorkPoint(name, "", f.ms_per_step, gain, self.errors.get(name, {}), f.status,
+                             f.offline_whole_seconds)
+
+        found = {name: point(name, f) for name, f in facts.items()}
+        return [found[run] for run in self.runs], found[self.name]
+
+    @property
     def notes(self) -> dict[str, str]:
         """run -> how it was compared only in part; absent for runs that reached the end."""
         end = float(self.reference.times[-1])
@@ -60,10 +85,11 @@ class Comparison:
                 for run, e in self.measured.items() if e.until < end * (1.0 - 1e-9)}
 
     def __str__(self) -> str:
-        facts = self.facts
+        facts, pays = self.facts, self.pays_after
         base = facts[self.name].ms_per_step
         fields = [f for f in _FIELDS if any(f in e.worst for e in self.measured.values())]
-        head = ["run", "reducer", "status", "ms/step", "speed-up", "iterations", "atoms", "rows"]
+        head = ["run", "reducer", "status", "ms/step", "speed-up", "iterations", "atoms", "rows",
+                "offline s", "pays after"]
         table = [[*head, *(f.replace("_", " ") for f in fields)]]
         for name, f in facts.items():
             errors = self.errors.get(name, {})
@@ -71,6 +97,7 @@ class Comparison:
             table.append([
                 label, f.reducer, f.status.value, _text(f.ms_per_step, ".3g"),
                 _ratio(base, f.ms_per_step), _text(f.iterations, ".2f"), f.atoms_text, str(f.rows),
+                _text(f.offline_whole_seconds, ".3g"), _text(pays.get(name), "d"),
                 *(_text(errors.get(field), ".2e") for field in fields)])
         if all(name == f.reducer for name, f in facts.items()):
             table = [[row[0], *row[2:]] for row in table]  # the second column repeats the first
@@ -79,7 +106,9 @@ class Comparison:
 
     def to_json(self) -> str:
         """Errors, times and counts of every run, for programs."""
-        runs = {name: f.as_dict() | {"errors": self.errors.get(name, {}),
+        pays = self.pays_after
+        runs = {name: f.as_dict() | {"pays_after": pays.get(name),
+                                     "errors": self.errors.get(name, {}),
                                      "late_errors": self.late_errors.get(name, {}),
                                      "note": self.notes.get(name, "")}
                 for name, f in self.facts.items()}
@@ -111,11 +140,14 @@ class Comparison:
         blocks = [b.name for b in self.reference.layout if b.field != "multiplier"]
         measures = ["joint", *blocks, "angle_rad"]
         rows: list[list[Any]] = [
-            ["run", "status", "ms_per_step", "offline_s", "online_s", *measures]]
+            ["run", "status", "ms_per_step", "offline_s", "offline_whole_s", "online_s",
+             "pays_after", *measures]]
+        pays = self.pays_after
         for name, f in self.facts.items():
             errors = self.errors.get(name, {})
             rows.append([name, f.status.value, f.ms_per_step, f.offline_seconds,
-                         f.online_seconds, *(errors.get(m) for m in measures)])
+                         f.offline_whole_seconds, f.online_seconds, pays.get(name),
+                         *(errors.get(m) for m in measures)])
         return rows
 
     def _series_rows(self) -> list[list[Any]]:

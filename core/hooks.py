@@ -52,7 +52,7 @@ class Events:
 
     @hookspec
     def on_resample(self, block: str, rows: IntArray) -> None:
-        """A block's sampled rows (m,) were chosen."""
+        """A block's sampled rows (m,) were chosen: before the first step, and anew on the way."""
 
     @hookspec
     def on_support_change(self, t: float, block: str, support: BoolArray) -> None:

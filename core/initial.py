@@ -2,6 +2,7 @@
 constraints hold at t = 0 (second-order integrators lose their order without this)."""
 
 import numpy as np
+from scipy.sparse import block_array
 from scipy.sparse.linalg import splu
 
 from sparsemor.core.arrays import FloatArray
@@ -24,16 +25,16 @@ def consistent_state(model: Model, t: float = 0.0) -> State:
     K = jacobian(layout, model.terms, x, v, a, t, zero, zero)
     MC = jacobian(layout, model.terms, x, v, a, t, zero, one) - K
     C = jacobian(layout, model.terms, x, v, a, t, one, zero) - K
-    G = K[algebraic][:, second]
-    A = MC.tolil()
-    A[first, first] = C[first][:, first]
-    A[:, algebraic] = K[:, algebraic]
-    A[algebraic, second] = G
+    held = K[:, algebraic]
+    A = block_array([
+        [MC[second][:, second], None, held[second]],
+        [None, C[first][:, first], held[first]],
+        [K[algebraic][:, second], None, held[algebraic]],
+    ], format="csc")
     r = residual(layout, model.terms, x, v, a, t)
     r[algebraic] = _curvature(model, x, v, t)
     try:
         # rows and columns of very different units: forces, heat, metres
-        A = A.tocsc()
         size = np.sqrt(np.maximum(abs(A).max(axis=0).toarray().ravel(), 1e-300))
         S = A.copy()
         S.data = S.data / (size[S.indices] * np.repeat(size, np.diff(S.indptr)))

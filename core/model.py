@@ -53,17 +53,63 @@ class Model:
         return tuple(b.name for b in self.layout if b.field in ("elastic", "thermal"))
 
     def block_data(self, name: str, snapshots: FloatArray | None = None) -> BlockData:
-        """Constant operators and, if given, snapshots (n, M) of one reducible block."""
+        """What a basis or a sampler may ask of one reducible block; snapshots (n, M) if given.
+
+        Nothing is computed here: constant matrices are handed on, load columns put side by side.
+        """
         n = self.layout[name].stop - self.layout[name].start
-        snaps = np.zeros((n, 0)) if snapshots is None else snapshots
         coordinates, component = self.geometry[name]
+        common = {
+            "name": name, "snapshots": np.zeros((n, 0)) if snapshots is None else snapshots,
+            "coordinates": coordinates, "component": component, "start": self.x0[self.layout[name]],
+        }
         for h in self.separated.heat:
             if h.thermal == name:
-                return BlockData(name, snaps, h.capacity, h.conductivity, coordinates, component,
-                                 h.loads)
+                loads, names = _loads([(h.loads, h.load_names), _constant(h.constant)])
+                return BlockData(mass=h.capacity, stiffness=h.conductivity, loads=loads,
+                                 load_names=names, **common)
         for m in self.separated.moving:
             if m.elastic == name and m.operators is not None:
                 ops = m.operators
-                return BlockData(name, snaps, ops.mass, ops.stiffness, coordinates, component,
-                                 ops.directions)
+                loads, names = _loads([(ops.directions, ops.direction_names),
+                                       (ops.loads, ops.load_names), _constant(ops.constant)])
+                joints = np.flatnonzero([text.startswith("joint ") for text in names])
+                coupled = ops.coupling is not None and m.thermal in self.layout
+                return BlockData(
+                    mass=ops.mass, stiffness=ops.stiffness, loads=loads, load_names=names,
+                    joints=joints, interface=self._interface(name),
+                    coupling=ops.coupling if coupled else None,
+                    heat=self.block_data(m.thermal) if coupled else None, **common)
         raise KeyError(name)
+
+    def _interface(self, name: str) -> IntArray:
+        """Local rows of a block that joints act on, sorted."""
+        rows = [r for part, r in self.loaded[name].items() if f"{part}.multiplier" in self.layout]
+        return np.unique(np.concatenate([*rows, np.zeros(0, np.int64)])).astype(np.int64)
+
+
+def _constant(vector: FloatArray) -> tuple[FloatArray, tuple[str, ...]]:
+    return vector[:, None], ("constant part",)
+
+
+def _loads(
+    groups: list[tuple[FloatArray, tuple[str, ...]]]
+) -> tuple[FloatArray, tuple[str, ...]]:
+    """All load columns (n, j) that are not zero, with names that differ."""
+    columns, names = [], []
+    for matrix, given in groups:
+        known = given or tuple(f"load {i}" for i in range(matrix.shape[1]))
+        kept = [i for i, text in enumerate(known) if text and matrix[:, i].any()]
+        columns.append(matrix[:, kept])
+        names += [known[i] for i in kept]
+    return np.concatenate(columns, axis=1), distinct(names)
+
+
+def distinct(names: list[str]) -> tuple[str, ...]:
+    """The same names, those that come again with a number: "push", "push (2)"."""
+    seen: dict[str, int] = {}
+    found = []
+    for name in names:
+        seen[name] = seen.get(name, 0) + 1
+        found.append(name if seen[name] == 1 else f"{name} ({seen[name]})")
+    return tuple(found)

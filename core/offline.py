@@ -3,6 +3,7 @@
 import json
 import time
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -13,26 +14,45 @@ from sparsemor.core.cache import Cache, digest
 from sparsemor.core.hooks import Manager, RunStart, new_manager
 from sparsemor.core.initial import consistent_state
 from sparsemor.core.model import Model
-from sparsemor.core.protocols import Basis, Dictionary, StepSolver
+from sparsemor.core.protocols import Basis, BlockData, Dictionary, Integrator, StepSolver
 from sparsemor.core.scene import Scene
+from sparsemor.core.spent import Spent
 from sparsemor.core.status import SolveFailed
+from sparsemor.core.step_control import controlled, step_of
+
+TRAINING = "training run"
+"""How the detail of a failure begins that happened in the training run."""
+
+
+@dataclass(frozen=True, slots=True)
+class Recording:
+    """How training snapshots came about: `every` that many steps of `step` s, by `integrator`.
+
+    Where its order is above 1, the last snapshot is x + h^2 a of the start (see `train`).
+    """
+
+    integrator: Integrator
+    step: float
+    every: int
 
 
 class Offline:
     """What reducers are prepared from. `used`: product -> "hit" or "miss" of the cache.
 
-    snapshots(name) (n, M): unknowns of a block over the training run, in columns.
+    snapshots(name) (n, M): unknowns of a block over the training run, in columns; recording: how
+    they were taken, None when they were given.
     """
 
     def __init__(
         self, model: Model, train: Callable[[], Mapping[str, FloatArray]], key: str,
-        cache: Cache | None, manager: Manager | None = None,
+        cache: Cache | None, manager: Manager | None = None, recording: Recording | None = None,
     ) -> None:
         self._model, self._train, self._key, self._cache = model, train, key, cache
         self._snapshots: Mapping[str, FloatArray] | None = None
-        self.manager = manager or new_manager()
+        self.manager, self.recording = manager or new_manager(), recording
         self.used: dict[str, str] = {}
         self.seconds: dict[str, float] = {}
+        self.spent = Spent()
 
     @classmethod
     def of(cls, model: Model, snapshots: Mapping[str, FloatArray]) -> "Offline":
@@ -53,7 +73,10 @@ class Offline:
         if self._cache is None:
             arrays, hit = make(), False
         else:
-            arrays, hit = self._cache.get_or_make(kind, digest(self._key, *depends), make)
+            key = digest(self._key, *depends)
+            with self.spent.product(f"{kind}/{key}", self._cache.place(kind, key)) as product:
+                arrays, hit = self._cache.get_or_make(kind, key, make)
+                product.hit = hit
         label = "hit" if hit else "miss"
         self.used[kind] = label if self.used.get(kind, label) == label else "mixed"
         self.seconds[kind] = self.seconds.get(kind, 0.0) + time.perf_counter() - start
@@ -61,22 +84,45 @@ class Offline:
 
     def dictionary(self, name: str, basis: Basis) -> tuple[Dictionary, float]:
         """A block's dictionary and the largest coefficient that its snapshots have (0: none)."""
+        known = self._model.block_data(name)
+
         def make() -> Mapping[str, Any]:
             snapshots = self.snapshots(name) if basis.needs_snapshots else None
-            d = basis.build(self._model.block_data(name, snapshots))
-            top = 0.0
-            if snapshots is not None and snapshots.size:
-                # orthonormal atoms: the projection; others: an upper estimate is all we need
-                top = float(np.abs(d.atoms.T @ (snapshots - d.offset[:, None])).max())
+            d = basis.build(known if snapshots is None else replace(known, snapshots=snapshots))
+            top = 0.0 if snapshots is None else largest_coefficient(d, snapshots)
             info = np.array(json.dumps(dict(d.info)))
             return {"atoms": d.atoms, "offset": d.offset, "top": np.array(top),
                     "provenance": np.array(d.provenance), "info": info}
 
-        a = self.remember("basis", (name, basis), make)
+        # the key tells the training scene; loads and operators are those of the scene that is run
+        a = self.remember("basis", (name, basis, *_content(known)), make)
         provenance = tuple(str(p) for p in a["provenance"])
         d = Dictionary(np.asarray(a["atoms"]), np.asarray(a["offset"]), provenance,
                        json.loads(str(a["info"])))
         return d, float(a["top"])
+
+
+def _content(data: BlockData) -> list[Any]:
+    """What a block is made of, to be digested."""
+    values = [getattr(data, f.name) for f in fields(data) if f.name != "heat"]
+    return values if data.heat is None else [*values, *_content(data.heat)]
+
+
+def largest_coefficient(d: Dictionary, snapshots: FloatArray) -> float:
+    """Largest |coefficient| that snapshots (n, M) have in a dictionary; 0 without snapshots.
+
+    Of orthonormal atoms the projection, of others the least-squares solution of least norm:
+    correlations with coherent atoms would be off by any factor.
+    """
+    A, k = d.atoms, d.atoms.shape[1]
+    if not snapshots.size or not k:
+        return 0.0
+    S = snapshots - d.offset[:, None]
+    if k <= len(A) and np.abs(A.T @ A - np.eye(k)).max() < 1e-8:
+        return float(np.abs(A.T @ S).max())
+    from numpy.linalg import lstsq
+
+    return float(np.abs(lstsq(A, S, rcond=None)[0]).max())
 
 
 def offline_of(scene: Scene, model: Model, cache: Cache, manager: Manager) -> Offline:
@@ -89,7 +135,8 @@ def offline_of(scene: Scene, model: Model, cache: Cache, manager: Manager) -> Of
     physics = training.using({"title": "", "seed": 0, "output": {}, "probes": {}}, label="training")
     key = digest(physics.digest(), training.training.every, version("sparsemor"),
                  [[m.points, m.cells] for m in meshes])
-    return Offline(model, lambda: train(training, manager), key, cache, manager)
+    recording = Recording(training.integrator, training.time.step, training.training.every)
+    return Offline(model, lambda: train(training, manager), key, cache, manager, recording)
 
 
 @np.errstate(all="ignore")  # overflow is a status of the step, not a warning
@@ -104,6 +151,8 @@ def train(scene: Scene, manager: Manager) -> dict[str, FloatArray]:
     every = scene.training.every
     solver: StepSolver = scene.reducer.prepare(
         model, scene.integrator, h, Offline.of(model, {}), np.random.default_rng(scene.seed))
+    solver = controlled(scene, model, Offline.of(model, {}), solver)
+    step = step_of(solver, scene.integrator, h)
     state, memory = solver.start(consistent_state(model))
     state = scene.integrator.start(solver.layout, state)
     # a second-order rule carries the first accelerations on: its snapshots must span them too
@@ -115,15 +164,13 @@ def train(scene: Scene, manager: Manager) -> dict[str, FloatArray]:
         rows[-1] = (state.x + h * h * state.a)[model.layout[name]]
     manager.hook.on_start(run=RunStart(scene.title, "full", 0.0, steps * h, steps, "training"))
     for n in range(1, steps + 1):
-        formula = scene.integrator.formula(solver.layout, state, h)
-        outcome, memory = solver.solve(formula, memory)
+        outcome, state, memory = step(state, memory)
         if not outcome.status.ok:
-            where = f"training run: {outcome.detail}" if outcome.detail else "training run"
+            where = f"{TRAINING}: {outcome.detail}" if outcome.detail else TRAINING
             manager.hook.on_failure(
-                status=outcome.status, t=formula.t, block=outcome.block, detail=where)
+                status=outcome.status, t=state.t + h, block=outcome.block, detail=where)
             manager.hook.on_finish(summary={"phase": "training", "steps": n - 1})
-            raise SolveFailed(outcome.status, formula.t, outcome.block, where)
-        state = scene.integrator.advance(solver.layout, state, formula, outcome.x, h)
+            raise SolveFailed(outcome.status, state.t + h, outcome.block, where)
         if n % every == 0:
             for name, rows in kept.items():
                 rows[n // every] = state.x[model.layout[name]]

@@ -170,7 +170,13 @@ class BlockData:
     snapshots (n, M) unknowns in columns (empty (n, 0) when the reducer needs none);
     mass, stiffness: (n, n) csr of the constant operators (capacity, conductivity for heat);
     coordinates (n, d): reference position of each unknown's node, m; component (n,): 0..d-1 for
-    displacements, 0 for temperature; loads (n, j): constant load vectors, unit amplitude.
+    displacements, 0 for temperature; loads (n, j): constant load vectors, unit amplitude: given
+    forces or heat, inertia, weight, joint forces, and the constant part; load_names (j,): what
+    each is ("gravity y", "joint B x"), all different.
+    joints: numbers of the columns of `loads` that are joint forces: P with s = P^T u the
+    displacements that the joints see; interface: rows that they act on. start (n,): unknowns at
+    the start. Thermoelastic bodies: coupling (n, nT), loads = coupling @ temperatures, and
+    `heat`, the data of the thermal block (without snapshots); None elsewhere.
     """
 
     name: str
@@ -180,6 +186,12 @@ class BlockData:
     coordinates: FloatArray
     component: IntArray
     loads: FloatArray
+    load_names: tuple[str, ...] = ()
+    joints: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
+    interface: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
+    start: FloatArray = field(default_factory=lambda: np.zeros(0))
+    coupling: Csr | None = None
+    heat: "BlockData | None" = None
 
     @property
     def size(self) -> int:
@@ -246,9 +258,11 @@ class Group:
 class SparseProblem(Protocol):
     """Find c with few active entries per group so that residual(c) is least in the 2-norm.
 
-    Rows come scaled: they may be compared and summed.
+    Rows come scaled: they may be compared and summed. `needs`: names of `core.capabilities`.
     """
 
+    @property
+    def needs(self) -> frozenset[str]: ...
     @property
     def groups(self) -> tuple[Group, ...]: ...
     def residual(self, c: FloatArray) -> FloatArray: ...
@@ -275,6 +289,8 @@ class SparseOutcome:
 
 
 class SparseSolver(Protocol):
+    """`capabilities` (optional): names of `core.capabilities` it has; left out, it has them all."""
+
     def solve(self, problem: SparseProblem, start: SparseStart) -> SparseOutcome: ...
 
 
@@ -297,9 +313,17 @@ class StepSolver(Protocol):
 
     `dictionaries` maps block names to the map back to full unknowns (absent: kept as they are);
     `rows`, `elements_touched`: per block; `supports(memory)`: active atoms per budgeted block;
-    `notes`: what a user should know before trusting the run, in sentences.
+    `notes`: what a user should know before trusting the run, in sentences; `facts`: block name ->
+    numbers worth reporting (condition of its rows, interpolation points, elements kept).
+
+    Optional, for the linearised one-step map (core/stability): `frozen(memory)` -> a step solver on
+    the supports and rows that `memory` is at, and its memory; `alone()` -> elastic block ->
+    (s, 2 s) how its active unknowns answer to their own r1 and r2, everything else held. Optional,
+    for error-controlled steps: `memory.moved(x)`, told that the next step starts at x.
     """
 
+    @property
+    def facts(self) -> Mapping[str, Mapping[str, float | int | str]]: ...
     @property
     def notes(self) -> tuple[str, ...]: ...
 
@@ -322,6 +346,16 @@ class StepSolver(Protocol):
         ...
 
 
+@runtime_checkable
+class Resampling(Protocol):
+    """What a step solver may have besides: rows that change during the run. `rows` are those of the
+    start; `counters` then hold "resamplings"."""
+
+    def rows_at(self, memory: Any) -> Mapping[str, IntArray]:
+        """The rows in use, per block."""
+        ...
+
+
 class Reducer(Protocol):
     """How one step is solved. model: a `core.model.Model`; offline: a `core.offline.Offline`."""
 
@@ -332,7 +366,7 @@ class Reducer(Protocol):
 
 __all__ = [
     "Basis", "Block", "BlockData", "Dictionary", "Group", "Integrator", "Layout", "Mesh", "Part",
-    "Preconditioner", "ReducedTerm", "Reducer", "Sampler", "SparseOutcome", "SparseProblem",
-    "SparseSolver", "SparseStart", "State", "StepFormula", "StepOutcome", "StepSolver", "Term",
-    "TimeFunction", "Trial",
+    "Preconditioner", "ReducedTerm", "Reducer", "Resampling", "Sampler", "SparseOutcome",
+    "SparseProblem", "SparseSolver", "SparseStart", "State", "StepFormula", "StepOutcome",
+    "StepSolver", "Term", "TimeFunction", "Trial",
 ]

@@ -16,6 +16,7 @@ from sparsemor.core.errors import InputError
 from sparsemor.core.initial import start_notes
 from sparsemor.core.model import Model
 from sparsemor.core.offline import Offline
+from sparsemor.core.plain import finite
 from sparsemor.core.probes import ProbeReader
 from sparsemor.core.protocols import State, StepSolver
 from sparsemor.core.run_header import RunHeader
@@ -66,6 +67,8 @@ class Recorder:
         self.reducer = str(scene.dump()["reducer"]["use"])
         self._probes = [ProbeReader.of(p, solver.layout, solver.dictionaries)
                         for p in model.probes]
+        self.warnings: tuple[str, ...] = ()  # what was found before the first step
+        self.stability: Mapping[str, Any] = {}
         self._every, self._saved = scene.output.every, time.perf_counter()
         self._rows: list[tuple[float, Any, int, float]] = []
         self._supports: list[Mapping[str, BoolArray]] = []
@@ -169,7 +172,10 @@ class Recorder:
             "probes": {p.name: p.described(p(end, x)[0]) for p in self._probes},
             "cache": dict(self.offline.used),
             "offline_s": dict(self.offline.seconds),
-            "notes": [*start_notes(self.model), *solver.notes],
+            "offline_whole_s": self.offline.spent.whole(tally.offline),
+            "notes": [*start_notes(self.model), *solver.notes, *self.warnings],
+            "stability": dict(self.stability),
+            "facts": finite(dict(solver.facts)),  # dependent columns: no finite condition
             "out": str(self.store.parent),
         }
 

@@ -1,5 +1,6 @@
 """What a run cost and used, in a few numbers."""
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,8 +14,9 @@ from sparsemor.core.status import Status
 class RunFacts:
     """ms_per_step: median computing time of a step. iterations: mean a step.
 
+    offline_seconds: of this run; offline_whole_seconds: had nothing been in the cache.
     atoms: dictionary columns; active_atoms: mean number in use. rows: sampled rows. None: not
-    known.
+    known. end: last stored time, s.
     """
 
     reducer: str
@@ -22,11 +24,13 @@ class RunFacts:
     steps: int
     ms_per_step: float | None
     offline_seconds: float | None
+    offline_whole_seconds: float | None
     online_seconds: float | None
     iterations: float | None
     atoms: int
     active_atoms: float
     rows: int
+    end: float = 0.0
 
     @property
     def atoms_text(self) -> str:
@@ -53,10 +57,27 @@ def run_facts(run: RunResult) -> RunFacts:
         steps=steps,
         ms_per_step=ms,
         offline_seconds=wall.get("offline"),
+        offline_whole_seconds=summary.get("offline_whole_s", wall.get("offline")),
         online_seconds=wall.get("online"),
         iterations=float(run.iterations[stepped].mean()) if stepped.size else None,
         atoms=sum(run.support(name).shape[1] for name in reduced),
         active_atoms=float(sum(run.support(name).sum(axis=1).mean() for name in reduced))
         if len(run.times) else 0.0,
         rows=sum(run.rows(b.name).size for b in run.layout),
+        end=float(run.times[-1]) if len(run.times) else 0.0,
     )
+
+
+def pays_after(full: RunFacts, own: RunFacts) -> int | None:
+    """offline / (online of full order - own online), rounded up; None when it never pays.
+
+    Online runs of the same time span after which the offline stage is made good. Offline as if
+    nothing had been in the cache: else the second run would seem to be free.
+    """
+    offline, online, base = own.offline_whole_seconds, own.online_seconds, full.online_seconds
+    if offline is None or online is None or base is None or online >= base:
+        return None
+    same_span = abs(full.end - own.end) <= 1e-9 * max(full.end, own.end)
+    if not (full.status.ok and own.status.ok and same_span):
+        return None
+    return max(1, math.ceil(offline / (base - online)))

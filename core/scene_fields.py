@@ -8,6 +8,23 @@ from sparsemor.core.errors import InputError
 from sparsemor.core.plugin import Plugin
 
 
+class Control(Plugin):
+    """Steps whose error is estimated: each step of the clock is halved until it is small enough."""
+
+    tolerance: float = Field(gt=0, lt=1)
+    """Error of the unknowns that the steps may add up to over the run: each step of the clock may
+    contribute the share that it has in the run. Relative to how far a block has moved from its
+    start, in the mean over its unknowns, or to the sizes below where those are larger."""
+    max_halvings: int = Field(default=8, ge=1, le=24)
+    """How often a step may be halved before the run is given up."""
+    rigid: float = Field(default=1.0, gt=0)
+    """A motion of rigid coordinates that counts as large, m and rad."""
+    elastic: float = Field(default=1e-3, gt=0)
+    """A displacement that counts as large, m."""
+    thermal: float = Field(default=100.0, gt=0)
+    """A change of temperature that counts as large, K."""
+
+
 class Time(Plugin):
     """The clock of a run, which starts at 0 s."""
 
@@ -15,6 +32,8 @@ class Time(Plugin):
     """When the run ends, s."""
     step: float = Field(gt=0)
     """Length of a time step, s."""
+    control: Control | None = None
+    """Error-controlled substeps; `step` stays the grid of what is stored. Fixed steps without."""
 
     @model_validator(mode="after")
     def _one_step_fits(self) -> "Time":

@@ -13,6 +13,7 @@ import numpy as np
 from numpy import zeros
 
 from sparsemor.core.arrays import Csr, FloatArray, IntArray
+from sparsemor.core.integrals import ElasticIntegrals, HeatIntegrals
 from sparsemor.core.protocols import Term
 
 Amplitude = Callable[[float], float]
@@ -91,7 +92,10 @@ class ElasticOperators:
     mass, damping, stiffness (n, n); generators g matrices (n, n), the first is the mass;
     directions (n, p); coupling (n, nT) with the thermal block, or None: the elastic rows are
     mass u'' + damping u' + stiffness u - coupling T - internal(t) + frame terms, where
-    internal(t) = constant + loads @ amplitudes(t), loads (n, j).
+    internal(t) = constant + loads @ amplitudes(t), loads (n, j). direction_names (p,) and
+    load_names (j,) say what each column is a load of, for bases and reports; "" for a direction
+    that is no load; a joint's begin with "joint ". integrals: the internal force by elements,
+    where the body can give it (core/integrals.py).
     """
 
     mass: Csr
@@ -103,6 +107,9 @@ class ElasticOperators:
     constant: FloatArray
     loads: FloatArray
     amplitudes: tuple[Amplitude, ...]
+    direction_names: tuple[str, ...] = ()
+    load_names: tuple[str, ...] = ()
+    integrals: Callable[[], ElasticIntegrals] | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -126,7 +133,11 @@ class MovingBody:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HeatBody:
-    """capacity T' + conductivity T - constant - loads @ amplitudes(t) + local terms = 0."""
+    """capacity T' + conductivity T - constant - loads @ amplitudes(t) + local terms = 0.
+
+    load_names (j,): what each column of `loads` (n, j) is. integrals: capacity and conduction by
+    elements, where the body can give them (core/integrals.py).
+    """
 
     name: str
     thermal: str
@@ -136,6 +147,8 @@ class HeatBody:
     loads: FloatArray
     amplitudes: tuple[Amplitude, ...]
     local: tuple[Term, ...]
+    load_names: tuple[str, ...] = ()
+    integrals: Callable[[], HeatIntegrals] | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

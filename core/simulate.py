@@ -15,11 +15,13 @@ from sparsemor.core.hooks import Manager, RunStart, new_manager
 from sparsemor.core.initial import consistent_state
 from sparsemor.core.interrupt import Interrupt
 from sparsemor.core.offline import offline_of, step_count
-from sparsemor.core.protocols import State, StepSolver
+from sparsemor.core.protocols import Resampling, State, StepSolver
 from sparsemor.core.recorder import Recorder, Tally, admit
 from sparsemor.core.results import RunResult
 from sparsemor.core.scene import Scene
+from sparsemor.core.stability import check_start
 from sparsemor.core.status import SolveFailed, Status
+from sparsemor.core.step_control import ControlledSteps, controlled, step_of
 
 
 def simulate(
@@ -42,15 +44,20 @@ def simulate(
         offline = offline_of(scene, model, cache or Cache(), manager)
         solver: StepSolver = scene.reducer.prepare(
             model, scene.integrator, scene.time.step, offline, np.random.default_rng(scene.seed))
-        state, memory = solver.start(consistent_state(model))
+        full = consistent_state(model)
+        warnings, stability = check_start(scene, model, solver, full)
+        solver = controlled(scene, model, offline, solver)
+        state, memory = solver.start(full)
         state = scene.integrator.start(solver.layout, state)
         tally = Tally(offline=time.perf_counter() - begun)
         path = Path(out) if out is not None else Path(mkdtemp(prefix="sparsemor-"))
         recorder = Recorder.open(
             scene, model, solver, offline, path, resume, step_count(scene))
+        recorder.warnings, recorder.stability = warnings, stability
         if recorder.checkpoint is not None:
             state, memory, tally = recorder.restored(tally)
-        for block, rows in solver.rows.items():
+        told = solver.rows_at(memory) if isinstance(solver, Resampling) else solver.rows
+        for block, rows in told.items():
             manager.hook.on_resample(block=block, rows=rows)
         return _Run(scene, solver, recorder, manager, state, memory, tally).go()
 
@@ -91,6 +98,8 @@ class _Run:
     def _finish(self, failure: SolveFailed | None) -> RunResult:
         status = Status.DONE if failure is None else failure.status
         summary = self.recorder.summary(status, self.tally, self.state, self.memory)
+        if isinstance(self.solver, ControlledSteps):
+            summary["control"] = self.solver.summary(self.memory)
         if failure is not None:
             summary["message"] = str(failure)
         self.recorder.finish(status, summary)
@@ -104,18 +113,18 @@ class _Run:
     @np.errstate(all="ignore")  # overflow is a status of the step, not a warning
     def _steps(self, interrupt: Interrupt) -> SolveFailed | None:
         """None when all steps were taken; else why not, and when."""
-        integrator, solver, h = self.scene.integrator, self.solver, self.scene.time.step
-        layout, watched, tally = solver.layout, self.manager.has_observers, self.tally
-        changes = -1
+        solver, h = self.solver, self.scene.time.step
+        step = step_of(solver, self.scene.integrator, h)
+        watched, tally = self.manager.has_observers, self.tally
+        changes, resamplings = -1, self._resamplings()
         while tally.done < self.steps:
             if interrupt.wanted:
                 return SolveFailed(Status.INTERRUPTED, self.state.t)
             start = time.perf_counter()
-            formula = integrator.formula(layout, self.state, h)
-            outcome, self.memory = solver.solve(formula, self.memory)
+            outcome, self.state, self.memory = step(self.state, self.memory)
             if not outcome.status.ok:
-                return SolveFailed(outcome.status, formula.t, outcome.block, outcome.detail)
-            self.state = integrator.advance(layout, self.state, formula, outcome.x, h)
+                return SolveFailed(
+                    outcome.status, self.state.t + h, outcome.block, outcome.detail)
             tally.add(time.perf_counter() - start, outcome.iterations)
             supports = solver.supports(self.memory)
             tally.count_atoms(supports)
@@ -123,10 +132,21 @@ class _Run:
                 tally.online = time.perf_counter() - self._begun
                 self.recorder.save(self.state, self.memory, tally)
             if watched:
+                resamplings = self._tell_rows(resamplings)
                 self.manager.hook.on_step(
                     step=tally.done, t=self.state.t, x=self.state.x, outcome=outcome)
                 changes = self._tell_changes(changes, self.memory, self.state.t)
         return None
+
+    def _resamplings(self) -> int:
+        return self.solver.counters(self.memory).get("resamplings", 0)
+
+    def _tell_rows(self, before: int) -> int:
+        count = self._resamplings()
+        if count != before and isinstance(self.solver, Resampling):
+            for block, rows in self.solver.rows_at(self.memory).items():
+                self.manager.hook.on_resample(block=block, rows=rows)
+        return count
 
     def _tell_changes(self, before: int, memory: Any, t: float) -> int:
         count = self.solver.counters(memory).get("support_changes", 0)

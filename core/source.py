@@ -31,22 +31,23 @@ class Source:
     origins: Mapping[KeyPath, tuple[str, str]] = field(default_factory=dict)
 
     @classmethod
-    def read(cls, scene: str | Path, registry: Registry) -> "Source":
-        """Read a packaged scene or a file."""
-        path = _path(scene, registry)
+    def read(cls, scene: str | Path, registry: Registry, kind: str = "scene") -> "Source":
+        """Read a packaged scene (or study, with that `kind`) or a file."""
+        path = _path(scene, registry, kind)
         try:
             text = path.read_text(encoding="utf-8")
         except OSError as error:
             raise _unreadable(path, f"cannot be read: {error.strerror}") from None
         except UnicodeDecodeError:
             raise _unreadable(path, "is not UTF-8 text") from None
-        return cls.of_text(text, str(path), registry, path.parent.absolute())
+        return cls.of_text(text, str(path), registry, path.parent.absolute(), kind)
 
     @classmethod
     def of_text(
-        cls, text: str, name: str, registry: Registry, folder: Path | None = None
+        cls, text: str, name: str, registry: Registry, folder: Path | None = None,
+        kind: str = "scene",
     ) -> "Source":
-        document = parse(text, name)
+        document = parse(text, name, kind)
         return cls(document, document.tree, registry, folder)
 
     @classmethod
@@ -87,6 +88,10 @@ class Source:
             return list(error.lines)
         return list(self.locate(error.faults).lines)
 
+    def origin(self, key: str) -> tuple[str, str] | None:
+        """(label, given key) of the change that a dotted key comes from; None: it was written."""
+        return self._origin(find(self.tree, key))
+
     def _origin(self, path: KeyPath) -> tuple[str, str] | None:
         inside = (path[:n] for n in range(len(path), 0, -1))
         about = [*inside, (*path, "use")]  # an unknown name is a fault of the slot around it
@@ -122,22 +127,22 @@ def _inside(path: KeyPath, changed: Iterable[KeyPath]) -> bool:
     return any(path[:len(c)] == c for c in changed)
 
 
-def _path(scene: str | Path, registry: Registry) -> Path:
+def _path(scene: str | Path, registry: Registry, kind: str) -> Path:
     looks_like_a_file = isinstance(scene, Path) or any(c in scene for c in "/\\.")
     if looks_like_a_file:
         path = Path(scene)
         if path.is_file():
             return path
-        what = "is a directory, not a scene file" if path.is_dir() else "there is no such file"
+        what = f"is a directory, not a {kind} file" if path.is_dir() else "there is no such file"
         raise _unreadable(path, what)
-    packaged = {p.name for p in registry.names("scene")}
+    packaged = {p.name for p in registry.names(kind)}
     if scene not in packaged:
         if Path(scene).is_file():
             return Path(scene)
         raise LocatedError(
-            [Fault("", message := f"no packaged scene, and no file, is called {scene!r}: "
+            [Fault("", message := f"no packaged {kind}, and no file, is called {scene!r}: "
                    + near(str(scene), sorted(packaged), "packaged"))], [message])
-    return Path(registry.load("scene", str(scene)))
+    return Path(registry.load(kind, str(scene)))
 
 
 def _unreadable(path: Path, what: str) -> LocatedError:

@@ -10,8 +10,10 @@ class Status(Enum):
     NOT_CONVERGED = "not_converged"
     SINGULAR = "singular"
     RANK_DEFICIENT = "rank_deficient"
+    INFEASIBLE = "infeasible"
     DIVERGED = "diverged"
     NOT_FINITE = "not_finite"
+    STEP_TOO_LONG = "step_too_long"
     INTERRUPTED = "interrupted"
 
     @property
@@ -37,6 +39,10 @@ _ADVICE = {
         "the sampled rows cannot tell the active atoms apart: take more rows, fewer atoms, or "
         "another sampler"
     ),
+    Status.INFEASIBLE: (
+        "no coefficients satisfy the rows within the tolerance of the sparse solver: raise "
+        "reducer.solver.tolerance, take more atoms, or a solver that fits by least squares"
+    ),
     Status.DIVERGED: (
         "the solution grew far beyond the training run: keep the required rows, take more rows, "
         "try another seed or sampler, or a smaller time.step"
@@ -44,6 +50,11 @@ _ADVICE = {
     Status.NOT_FINITE: (
         "a value overflowed: take a smaller time.step or a more damped integrator, and if rows are "
         "sampled keep the required ones or take more"
+    ),
+    Status.STEP_TOO_LONG: (
+        "the shortest substep is still too long: raise time.control.tolerance or max_halvings, "
+        "let loads begin smoothly, or raise time.control.elastic above vibrations that do not "
+        "matter"
     ),
     Status.INTERRUPTED: "continue it with --resume",
 }

@@ -49,8 +49,8 @@ class Document:
         return self.places.get(path, (1, 1))
 
 
-def parse(text: str, name: str) -> Document:
-    """Read a file's text, whose root must be a mapping.
+def parse(text: str, name: str, kind: str = "scene") -> Document:
+    """Read a file's text, whose root must be a mapping; `kind` is what messages call it.
 
     Raises `LocatedError` with every fault of form: syntax, duplicate keys, tags, keys that are not
     text, numbers that are not finite.
@@ -61,11 +61,11 @@ def parse(text: str, name: str) -> Document:
     except YAMLError as error:
         raise _syntax(error, name) from None
     if root is None:
-        raise _at(name, [((1, 1), "", "the file is empty: a scene is a mapping of `key: value`")])
+        raise _at(name, [((1, 1), "", f"the file is empty: a {kind} is a mapping of `key: value`")])
     builder = _Builder(reader)
     tree = builder.build(root, ())
     if not isinstance(tree, dict):
-        builder.faults.append((_place(root), "", "a scene is a mapping of `key: value`"))
+        builder.faults.append((_place(root), "", f"a {kind} is a mapping of `key: value`"))
     if builder.faults:
         raise _at(name, builder.faults)
     return Document(name, cast(dict[str, Any], tree), builder.places)

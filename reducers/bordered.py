@@ -54,6 +54,13 @@ class Contraction:
         self.scale: list[float] = []
         self.floor: list[float] = []
 
+    def copy(self) -> "Contraction":
+        """Its own lists, the same numbers."""
+        twin = Contraction.__new__(Contraction)
+        twin.ratio, twin.age = self.ratio, self.age
+        twin.scale, twin.floor = self.scale[:], self.floor[:]
+        return twin
+
 
 class _Loop:
     """What one step keeps between its iterations: `given` targets of the constraints, rates of
@@ -93,6 +100,8 @@ class Mechanics:
         self.elastic = slice(elastic[0].start, elastic[-1].stop) if elastic else slice(0, 0)
         edges = np.cumsum([0, *(b.frame.border for b in bodies)]).tolist()
         self.at = [slice(i, j) for i, j in zip(edges, edges[1:], strict=False)]
+        self.last: _Loop | None = None
+        """What the last `solve` ended with (scratch, as `work` is)."""
         self._H, self._rows = np.zeros((edges[-1], edges[-1])), np.zeros(edges[-1])
 
     def solve(
@@ -100,6 +109,7 @@ class Mechanics:
     ) -> tuple[Status, int, str, str]:
         """Improves x in place from its guess; status, iterations, block, what was seen."""
         loop, nr = self._begin(step, x), self.n_rigid
+        self.last = loop
         last, slow = inf, None
         for iteration in range(1, self.tol.max_iterations + 1):
             before = None if slow is None else self._gather(x, loop)

@@ -1,11 +1,12 @@
 """What a reducer can refuse before the training run: pure counting on an assembled model."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Protocol
 
+from sparsemor.core.capabilities import refusal
 from sparsemor.core.errors import Fault
 from sparsemor.core.model import Model
-from sparsemor.core.protocols import Basis, Preconditioner, Sampler
+from sparsemor.core.protocols import Basis, Preconditioner, Sampler, SparseSolver
 from sparsemor.core.registry import near
 from sparsemor.reducers.choose import chosen
 
@@ -58,11 +59,15 @@ def budget_faults(
 
 def preconditioner_faults(
     model: Model, budgets: Mapping[str, RowsAndAtoms], sampler: Sampler,
-    preconditioner: Preconditioner, basis: Basis, bases: Mapping[str, Basis],
+    preconditioner: Preconditioner, preconditioned: Sequence[str],
+    basis: Basis, bases: Mapping[str, Basis],
 ) -> list[Fault]:
-    """Thermal blocks whose preconditioner is not defined for any dictionary they can get."""
-    faults = []
-    for name in (n for n in model.reducible() if n.endswith(".thermal")):
+    """Blocks whose preconditioner is not defined for any dictionary they can get.
+
+    preconditioned: patterns of the blocks that have one.
+    """
+    faults, wanted = [], dict.fromkeys(preconditioned, True)
+    for name in (n for n in model.reducible() if chosen(n, wanted, False)):
         pattern = pattern_of(name, budgets)
         if pattern is None:
             continue
@@ -72,6 +77,53 @@ def preconditioner_faults(
         if reason:
             faults.append(Fault("preconditioner", f"{name}: {reason}"))
     return faults
+
+
+def capability_faults(
+    model: Model, budgets: Mapping[str, RowsAndAtoms], sampler: Sampler, solver: SparseSolver,
+    basis: Basis, bases: Mapping[str, Basis],
+) -> list[Fault]:
+    """A solver that lacks what the problems of this scene are known to need before any training.
+
+    Fewer rows than atoms cannot be foreseen here unless the dictionary's size is known: the
+    rest is refused when the solver is prepared.
+    """
+    faults, joint, choosing = [], False, []
+    for name in model.reducible():
+        pattern = pattern_of(name, budgets)
+        budget = None if pattern is None else budgets[pattern]
+        if budget is None or budget.atoms is None:
+            continue
+        most = most_atoms(chosen(name, bases, basis), block_size(model, name))
+        if name.endswith(".elastic"):
+            choosing.append(name)
+            joint = joint or budget.atoms < most
+            continue
+        rows = budget.rows + required_rows(model, name, sampler)
+        needs = frozenset({"overdetermined"} if rows > most > budget.atoms else ())
+        why = refusal(name, solver, needs)
+        if why:
+            faults.append(Fault("solver", why))
+    if joint:
+        why = refusal(", ".join(choosing), solver, frozenset({"nonlinear", "unpenalised"}))
+        if why:
+            faults.append(Fault("solver", why))
+    return faults
+
+
+def resampling_faults(
+    model: Model, resample: int | None, row_sets: int | None
+) -> list[Fault]:
+    """Sets of rows that are never drawn; new rows of local terms, which only a mesh can give."""
+    if resample is None:
+        return [Fault("row_sets", "rows are drawn once: say after how many steps they are drawn "
+                      "anew (resample)")] if row_sets is not None else []
+    local = [b.thermal for b in model.separated.heat if b.local]
+    if row_sets is None and local:
+        return [Fault("row_sets", f"rows of {', '.join(local)} have radiation, whose elements are "
+                      "found on the mesh: give a number of row sets, which are prepared "
+                      "beforehand")]
+    return []
 
 
 def pattern_of(name: str, table: Mapping[str, Any]) -> str | None:
@@ -90,6 +142,10 @@ def required_rows(model: Model, name: str, sampler: Sampler) -> int:
 
 
 def most_atoms(basis: Basis, size: int) -> int:
-    """An upper bound of the dictionary's size: `count` where a basis has it, else all unknowns."""
+    """An upper bound of the dictionary's size: what the basis says in `most_atoms(size)`, or
+    `count` where it has one, else all unknowns."""
+    bound = getattr(basis, "most_atoms", None)
+    if bound is not None:
+        return int(bound(size))
     count = getattr(basis, "count", None)
     return min(count, size) if isinstance(count, int) else size

@@ -154,6 +154,12 @@ class CompressedElastic:
                    np.ascontiguousarray(E[:s]), np.ascontiguousarray(E[s:]), support,
                    b.amplitudes, (s, p, g))
 
+    def rates(self, k: int) -> tuple[FloatArray, FloatArray]:
+        """(s, k) each, k atoms: D^-1 D_m and D^-1 M, the block's own answer to -r1 and -r2."""
+        s, p, g = self.sizes
+        rows = self.H[g * (s + p) : g * (s + p) + s]
+        return rows[:, :k], rows[:, k : 2 * k]
+
     def begin(self, r1: FloatArray, r2: FloatArray, xT: FloatArray, t: float) -> History:
         parts = [r1, r2, xT]
         if self.amplitudes:

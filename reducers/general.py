@@ -18,7 +18,7 @@ from sparsemor.core.model import Model
 from sparsemor.core.protocols import Dictionary, State, StepFormula, StepOutcome
 from sparsemor.core.status import Status
 from sparsemor.reducers.bordered import Tolerances
-from sparsemor.reducers.stepper import Memory
+from sparsemor.reducers.stepper import Facts, Memory
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -31,6 +31,7 @@ class GeneralStepper:
     dictionaries: Mapping[str, Dictionary] = field(default_factory=dict)
     rows: Mapping[str, IntArray] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    facts: Facts = field(default_factory=dict)
 
     @property
     def layout(self) -> Layout:

@@ -5,14 +5,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core.arrays import IntArray
 from sparsemor.core.layout import Layout
 from sparsemor.core.model import Model
 from sparsemor.core.protocols import Dictionary, Integrator, State
 from sparsemor.reducers.bordered import Tolerances
 from sparsemor.reducers.elastic import ElasticBlock
 from sparsemor.reducers.heat import HeatBlock
-from sparsemor.reducers.stepper import Stepper
+from sparsemor.reducers.stepper import Facts, Stepper
 from sparsemor.reducers.test_map import TestedElastic
 
 
@@ -24,17 +24,13 @@ def constants(layout: Layout, integrator: Integrator, h: float) -> tuple[float, 
     return f.c1, f.c2, f.c1_first
 
 
-def inverse(matrix: FloatArray) -> FloatArray:
-    """Of a small projected block."""
-    return np.asarray(np.linalg.inv(matrix), dtype=np.float64)
-
-
 def stepper(
     model: Model, layout: Layout, dictionaries: Mapping[str, Dictionary],
     rows: Mapping[str, IntArray], heat: Mapping[str, HeatBlock],
     elastic: Mapping[str, ElasticBlock], tol: Tolerances,
     points: int, factorizations: int, limits: Mapping[str, float] | None = None,
     notes: tuple[str, ...] = (), tested: Mapping[str, TestedElastic] | None = None,
+    facts: Facts | None = None,
 ) -> Stepper:
     """A Stepper with its mechanics set up, and the elements that one step visits.
 
@@ -50,5 +46,6 @@ def stepper(
     frames = {m.name: tested[m.elastic].frame for m in model.separated.moving
               if tested and m.elastic in tested}
     s = Stepper(layout, dictionaries, rows, elements, model.separated, heat, elastic, frames, tol,
-                points, factorizations, limits or {}, sanity, notes, tested or {})
+                points, factorizations, limits or {}, sanity, notes, facts or {},
+                tested or {})
     return replace(s, mechanics=s.with_mechanics())

@@ -1,5 +1,6 @@
 """One block of the sparse method: its sampled rows, weights and budget, prepared by support."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -7,10 +8,12 @@ from scipy.linalg import lapack, solve_triangular
 
 from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
 from sparsemor.core.errors import InputError
+from sparsemor.core.frames import coherence, condition_number, unit_columns
 from sparsemor.core.model import Model
 from sparsemor.core.offline import Offline
 from sparsemor.core.protocols import Dictionary, Preconditioner, Sampler
 from sparsemor.core.separable import HeatBody
+from sparsemor.reducers.compact import compact_elastic, compact_heat
 from sparsemor.reducers.elastic import CompressedElastic
 from sparsemor.reducers.heat import CompressedHeat
 from sparsemor.reducers.represent import local_terms
@@ -30,7 +33,7 @@ class RankDeficient(RuntimeError):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sampled:
-    """A block under sampled rows. B (m, k) = rows of D or c1 C + K times the atoms.
+    """A block under sampled rows. B (m, k) = P times the rows of D or c1 C + K times the atoms.
 
     weight (m, m) or None: the preconditioner P; budget: most atoms active at once.
     """
@@ -52,8 +55,7 @@ class Sampled:
 
     def left(self, support: IntArray | None) -> FloatArray:
         """(s, m): least squares on the support, left @ B_S = 1. Raises RankDeficient."""
-        A = self.B if self.weight is None else self.weight @ self.B
-        A = A if support is None else A[:, support]
+        A = self.B if support is None else self.B[:, support]
         if A.shape[1] > A.shape[0]:
             raise RankDeficient(self.name, f"{A.shape[1]} active atoms, {A.shape[0]} rows")
         norms = np.linalg.norm(A, axis=0)
@@ -63,14 +65,26 @@ class Sampled:
         rcond = float(lapack.dtrcon(R)[0])
         if not rcond > RANK_RTOL:
             raise RankDeficient(self.name, f"reciprocal condition {rcond:.1e}")
-        left = solve_triangular(R, Q.T) / norms[:, None]
-        return np.asarray(left if self.weight is None else left @ self.weight)
+        return np.asarray(solve_triangular(R, Q.T) / norms[:, None])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SampledElastic:
+    """tested: the sampled rows, already times the preconditioner. few: the same and B in few
+    turned rows, where something is selected; first: how many of these B and the directions need
+    (compact.py)."""
+
     block: Sampled
     tested: TestedElastic
+    few: tuple[TestedElastic, FloatArray]
+    first: int
+
+    @classmethod
+    def of(cls, block: Sampled, tested: TestedElastic) -> "SampledElastic":
+        if not block.selects:
+            return cls(block, tested, (tested, block.B), len(block.B))
+        t, B, first = compact_elastic(tested, block.B)
+        return cls(block, tested, (t, B), first)
 
     def prepared(self, support: IntArray | None) -> CompressedElastic:
         return CompressedElastic.of(self.tested, self.block.left(support), support)
@@ -78,27 +92,44 @@ class SampledElastic:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SampledHeat:
+    """tested: the sampled rows, already times the preconditioner. few, first: as above."""
+
     block: Sampled
     tested: TestedHeat
+    few: tuple[TestedHeat, FloatArray]
+    first: int
     model: Model
     body: HeatBody
     c1: float
+
+    @classmethod
+    def of(
+        cls, block: Sampled, tested: TestedHeat, model: Model, body: HeatBody, c1: float
+    ) -> "SampledHeat":
+        if not block.selects:
+            return cls(block, tested, (tested, block.B), len(block.B), model, body, c1)
+        t, B, first = compact_heat(tested, block.B)
+        return cls(block, tested, (t, B), first, model, body, c1)
 
     def prepared(self, support: IntArray | None) -> CompressedHeat:
         left = self.block.left(support)
         local = []
         if self.body.local:
             wide = np.zeros((len(left), self.block.dictionary.atoms.shape[0]))
-            wide[:, self.block.rows] = left
+            P = self.block.weight
+            wide[:, self.block.rows] = left if P is None else left @ P
             local = local_terms(self.model, self.body, self.block.dictionary, wide)
         return CompressedHeat.of(self.tested, left, support, self.c1, local)
 
 
 def choose_rows(
-    model: Model, offline: Offline, name: str, rows: int, budget: int, sampler: Sampler,
+    model: Model, offline: Offline | None, name: str, rows: int, budget: int, sampler: Sampler,
     dictionary: Dictionary, rng: np.random.Generator,
 ) -> IntArray:
-    """The sampler's rows (cached); rng is the block's own, so that a hit changes no other block."""
+    """The sampler's rows; from the cache, if there is an `offline`.
+
+    rng is for this draw alone: a hit leaves it where it was.
+    """
     required = model.required[name]
 
     def make() -> dict[str, IntArray]:
@@ -107,7 +138,8 @@ def choose_rows(
 
     drawn = repr(rng.bit_generator.state)
     depends = (name, rows, sampler, dictionary.atoms, required, drawn)
-    chosen: IntArray = np.asarray(offline.remember("rows", depends, make)["rows"])
+    made = make() if offline is None else offline.remember("rows", depends, make)
+    chosen: IntArray = np.asarray(made["rows"])
     active = min(budget, dictionary.atoms.shape[1])
     if len(chosen) < active:
         raise InputError(
@@ -117,19 +149,37 @@ def choose_rows(
 
 
 def weigh(
-    offline: Offline, preconditioner: Preconditioner, name: str, B: FloatArray
+    offline: Offline | None, preconditioner: Preconditioner, name: str, B: FloatArray
 ) -> FloatArray | None:
-    """The preconditioner's matrix (cached), None for the identity.
+    """The preconditioner's matrix, None for the identity; cached, if there is an `offline`.
 
     InputError when it is undefined for this shape.
     """
     reason = preconditioner.check(*B.shape)
     if reason:
         raise InputError(f"{name}: {reason}", "reducer.preconditioner")
-    made = offline.remember(
-        "preconditioner", (preconditioner, B), lambda: {"P": preconditioner.build(B)})
+    def make() -> dict[str, FloatArray]:
+        return {"P": preconditioner.build(B)}
+
+    made = make() if offline is None else offline.remember(
+        "preconditioner", (preconditioner, B), make)
     P: FloatArray = np.asarray(made["P"])
     return None if np.array_equal(P, np.eye(len(P))) else P
+
+
+def told(B: FloatArray, weight: FloatArray | None) -> Mapping[str, float | int | str]:
+    """What the sampled rows B (m, k) can tell apart, before and after the preconditioner.
+
+    `condition` is that of the unit columns: their lengths are scaled away in every solve.
+    """
+    facts: dict[str, float | int | str] = {
+        "rows": len(B), "atoms": B.shape[1], "coherence": coherence(B),
+        "condition": condition_number(unit_columns(B))}
+    if weight is not None:
+        F = weight @ B
+        facts |= {"coherence_after": coherence(F),
+                  "condition_after": condition_number(unit_columns(F))}
+    return facts
 
 
 def numbers(support: BoolArray) -> IntArray | None:

@@ -10,32 +10,19 @@ from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
 from sparsemor.core.layout import Layout
 from sparsemor.core.protocols import (
     Dictionary,
+    SparseOutcome,
     SparseSolver,
     SparseStart,
     State,
     StepFormula,
     StepOutcome,
 )
-from sparsemor.core.status import Status
+from sparsemor.core.status import SolveFailed, Status
 from sparsemor.reducers.sampled import RankDeficient, SampledElastic, SampledHeat, numbers
+from sparsemor.reducers.screens import Screens
 from sparsemor.reducers.selection import HeatProblem, MechanicsProblem
-from sparsemor.reducers.stepper import Memory, Stepper
-
-KEPT = 32
-"""Prepared supports kept per run: a support often comes back."""
-
-
-class SparseMemory(Memory):
-    """Adds the stepper of the current supports; prepared arrays are rebuilt after unpickling."""
-
-    def __init__(self, x: FloatArray, points: int) -> None:
-        super().__init__(x, points)
-        self.step = 0
-        self.prepared: dict[tuple[str, bytes], Any] = {}
-        self.current: Stepper | None = None
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "prepared": {}, "current": None}
+from sparsemor.reducers.sparse_memory import SparseMemory
+from sparsemor.reducers.stepper import Facts, Stepper
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,7 +31,9 @@ class SparseStepper:
     prepared; heat, elastic: the blocks where a budget is smaller than the dictionary.
 
     every: steps between selections; carried: whether one starts from the last support; polish:
-    whether the step is solved again on the selected support, with exact border rows.
+    whether the step is solved again on the selected support, with exact border rows; screen:
+    whether the solver is asked first if an exchange could pay (screens.py); row_set: number of
+    its rows among others of the run.
     """
 
     base: Stepper
@@ -54,6 +43,8 @@ class SparseStepper:
     every: int
     carried: bool
     polish: bool
+    screen: bool = False
+    row_set: int = 0
 
     @property
     def layout(self) -> Layout:
@@ -70,6 +61,10 @@ class SparseStepper:
     @property
     def elements_touched(self) -> Mapping[str, int]:
         return self.base.elements_touched
+
+    @property
+    def facts(self) -> Facts:
+        return self.base.facts
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -89,18 +84,117 @@ class SparseStepper:
         memory.step += 1
         try:
             if due:
+                carried = self._carried(step, memory)
+                if carried is not None:
+                    return carried, memory
                 found = self._select(step, memory)
                 if not found.status.ok:
                     return found, memory
                 if not self.polish and self.elastic:  # else the mechanics are not solved yet
                     return self.base.accepted(found, memory), memory
             if memory.current is None:
-                memory.current = self._prepared(memory)
+                memory.current = self._prepared(memory, memory.supports)
         except RankDeficient as error:
             x = memory.ring.predict()
             return StepOutcome(x, Status.RANK_DEFICIENT, 0, error.block, error.detail), memory
         outcome, _ = memory.current.solve(step, memory)
         return outcome, memory
+
+    def _carried(self, step: StepFormula, memory: SparseMemory) -> StepOutcome | None:
+        """The step with a selection that starts from its solution on the carried support; None
+        where there is no such solution."""
+        if not (self.polish and self.carried):
+            return None
+        if memory.current is None:
+            if not all(s.any() for s in memory.supports.values()):
+                return None
+            memory.current = self._prepared(memory, memory.supports)
+        contraction, now = memory.contraction.copy(), memory.current
+        tried = now.tried(step, memory)
+        found = self._heat_supports(step, tried, memory)
+        if found:  # other temperatures load the bodies differently
+            now = self._prepared(memory, {**memory.supports, **found})
+            tried = now.tried(step, memory, tried.x)
+        if found is not None:
+            bent = self._elastic_supports(step, tried, now, memory)
+            found = None if bent is None else {**found, **bent}
+        if found is not None and not found:
+            return self._named(self.base.accepted(tried, memory))
+        memory.contraction = contraction  # as if the carried support had not been tried
+        if found is None:
+            return None
+        self._take(found, memory)  # changes at the threshold: the past remains a guide
+        memory.current = self._prepared(memory, memory.supports)
+        outcome = memory.current.tried(step, memory, tried.x)
+        return self._named(self.base.accepted(outcome, memory)) if outcome.status.ok else outcome
+
+    def _heat_supports(
+        self, step: StepFormula, tried: StepOutcome, memory: SparseMemory
+    ) -> dict[str, BoolArray] | None:
+        """Thermal supports that change; None when the step or its selection failed."""
+        if not tried.status.ok:
+            return None
+        screens = self._screens(memory)
+        screen = None if screens is None else screens.heat
+        if screen is not None and screen.stay(step, tried.x, memory.supports):
+            return {}
+        changed = {}
+        for name in self.heat:
+            before = memory.supports[name]
+            found = None if screen is None else screen.supports(name, step, tried.x, before)
+            if found is None:
+                out = self._heat_solved(name, step, tried.x, before)
+                if not out.status.ok:
+                    return None
+                found = out.support
+            if not np.array_equal(found, before):
+                changed[name] = found
+        return changed
+
+    def _elastic_supports(
+        self, step: StepFormula, tried: StepOutcome, now: Stepper, memory: SparseMemory
+    ) -> dict[str, BoolArray] | None:
+        """The same for displacements; `now` has just found `tried`."""
+        if not tried.status.ok:
+            return None
+        if not self.elastic:
+            return {}
+        screens, found = self._screens(memory), None
+        if screens is not None and screens.elastic is not None and now.mechanics is not None:
+            found = screens.elastic.supports(step, tried.x, now.mechanics, memory.supports)
+        if found is None:
+            found = {}
+            out = self._select_elastic(step, tried.x.copy(), memory, found)
+            if not out.status.ok:
+                return None
+        return {n: s for n, s in found.items() if not np.array_equal(s, memory.supports[n])}
+
+    def _heat_solved(
+        self, name: str, step: StepFormula, x: FloatArray, first: BoolArray
+    ) -> SparseOutcome:
+        """The sparse solver's answer for one thermal block."""
+        at = self.layout[name]
+        problem = HeatProblem.at(self.heat[name], step.r1[at], step.t)
+        return self.solver.solve(problem, SparseStart(np.where(first, x[at], 0.0), first))
+
+    def _named(self, outcome: StepOutcome) -> StepOutcome:
+        """Temperatures out of bounds are told before the displacements that they cause."""
+        if outcome.status.ok:
+            return outcome
+        found = (self.base.insane(outcome.x, n) for n in self.heat)
+        return next((bad for bad in found if bad is not None), outcome)
+
+    def _screens(self, memory: SparseMemory) -> Screens | None:
+        """Those of the rows in use; None where the solver is to be run in every step."""
+        if not self.screen:
+            return None
+        if self.row_set not in memory.screens:
+            made = Screens.of(self.base, self.heat, self.elastic, self.solver)
+            memory.screens[self.row_set] = made
+            state = memory.screened.pop(self.row_set, None)
+            if state is not None and made is not None and made.elastic is not None:
+                made.elastic.restore(state)
+        return memory.screens[self.row_set]
 
     def _select(self, step: StepFormula, memory: SparseMemory) -> StepOutcome:
         """New supports for this step, and the solvers' own solution; heat first, because its
@@ -112,9 +206,7 @@ class SparseStepper:
             if name not in self.heat:
                 x[at] = self.base.heat[name].solve(step.r1[at], step.t, x[at]).T
                 continue
-            problem = HeatProblem.at(self.heat[name], step.r1[at], step.t)
-            first = self._first(memory.supports[name])
-            out = self.solver.solve(problem, SparseStart(np.where(first, x[at], 0.0), first))
+            out = self._heat_solved(name, step, x, self._first(memory.supports[name]))
             if not out.status.ok:
                 return StepOutcome(x, out.status, out.iterations, name, "selection of atoms")
             found[name], x[at] = out.support, out.c
@@ -128,6 +220,12 @@ class SparseStepper:
             if not mechanics.status.ok:
                 return mechanics
             iterations = mechanics.iterations
+        if self._take(found, memory):
+            memory.ring.restart()  # coefficients may have jumped: the past is no guide
+        return StepOutcome(x, Status.DONE, iterations)
+
+    def _take(self, found: Mapping[str, BoolArray], memory: SparseMemory) -> bool:
+        """The supports from this step on; does one of them differ?"""
         changed = False
         for name, support in found.items():
             if not np.array_equal(support, memory.supports[name]):
@@ -136,8 +234,7 @@ class SparseStepper:
                 changed = True
         if changed:
             memory.current = None
-            memory.ring.restart()
-        return StepOutcome(x, Status.DONE, iterations)
+        return changed
 
     def _select_elastic(
         self, step: StepFormula, x: FloatArray, memory: SparseMemory, found: dict[str, BoolArray]
@@ -166,27 +263,36 @@ class SparseStepper:
         """The support that a selection starts from."""
         return support if self.carried else np.zeros_like(support)
 
-    def _prepared(self, memory: SparseMemory) -> Stepper:
+    def _prepared(self, memory: SparseMemory, supports: Mapping[str, BoolArray]) -> Stepper:
+        key = self.row_set, b"".join(supports[n].tobytes() for n in (*self.heat, *self.elastic))
+        return memory.stepper(key, lambda: self._made(memory, supports))
+
+    def _made(self, memory: SparseMemory, supports: Mapping[str, BoolArray]) -> Stepper:
         heat, elastic = dict(self.base.heat), dict(self.base.elastic)
         for name, h in self.heat.items():
-            heat[name] = self._block(name, h, memory)
+            heat[name] = self._block(name, h, memory, supports[name])
         for name, e in self.elastic.items():
-            elastic[name] = self._block(name, e, memory)
+            elastic[name] = self._block(name, e, memory, supports[name])
         s = replace(self.base, heat=heat, elastic=elastic)
         return replace(s, mechanics=s.with_mechanics())
 
-    def _block(self, name: str, source: Any, memory: SparseMemory) -> Any:
-        support = memory.supports[name]
-        key = (name, support.tobytes())
-        if key not in memory.prepared:
-            if len(memory.prepared) >= KEPT:
-                memory.prepared.pop(next(iter(memory.prepared)))
-            memory.prepared[key] = source.prepared(numbers(support))
-            memory.factorizations += 1
-        return memory.prepared[key]
+    def _block(
+        self, name: str, source: Any, memory: SparseMemory, support: BoolArray
+    ) -> Any:
+        key = (self.row_set, name, support.tobytes())
+        return memory.kept(key, lambda: source.prepared(numbers(support)))
 
     def supports(self, memory: SparseMemory) -> Mapping[str, BoolArray]:
         return memory.supports
+
+    def frozen(self, memory: SparseMemory) -> tuple[Stepper, SparseMemory]:
+        """The step on the supports that `memory` carries, without selection, and its memory: what
+        a linearised one-step map is made of. Raises SolveFailed where rows cannot tell them apart.
+        """
+        try:
+            return self._prepared(memory, memory.supports), memory
+        except RankDeficient as error:
+            raise SolveFailed(Status.RANK_DEFICIENT, 0.0, error.block, error.detail) from None
 
     def counters(self, memory: SparseMemory) -> Mapping[str, int]:
         return self.base.counters(memory)

@@ -12,10 +12,13 @@ from sparsemor.core.separable import Frame, Separated
 from sparsemor.core.status import Status
 from sparsemor.reducers.bordered import BodyStep, Contraction, Mechanics, Tolerances
 from sparsemor.reducers.consistent import consistent_start
-from sparsemor.reducers.elastic import ElasticBlock
+from sparsemor.reducers.elastic import CompressedElastic, ElasticBlock
 from sparsemor.reducers.heat import HeatBlock
 from sparsemor.reducers.predictor import Ring
 from sparsemor.reducers.test_map import TestedElastic
+
+Facts = Mapping[str, Mapping[str, float | int | str]]
+"""Block name -> numbers worth reporting."""
 
 
 class Memory:
@@ -26,6 +29,11 @@ class Memory:
         self.factorizations = 0
         self.support_changes = 0
         self.supports: dict[str, BoolArray] = {}
+
+    def moved(self, x: FloatArray) -> None:
+        """The next step starts at x, after steps of another size that another solver took."""
+        self.ring.push(x)
+        self.ring.restart()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,6 +57,7 @@ class Stepper:
     limits: Mapping[str, float] = field(default_factory=dict)
     sanity: FloatArray = field(default_factory=lambda: np.zeros(0))
     notes: tuple[str, ...] = ()
+    facts: Facts = field(default_factory=dict)
     tested: Mapping[str, TestedElastic] = field(default_factory=dict)
     mechanics: Mechanics | None = None
 
@@ -73,7 +82,17 @@ class Stepper:
         return reduced
 
     def solve(self, step: StepFormula, memory: Memory) -> tuple[StepOutcome, Memory]:
-        x = memory.ring.predict()
+        outcome = self.tried(step, memory)
+        return (self.accepted(outcome, memory) if outcome.status.ok else outcome), memory
+
+    def tried(
+        self, step: StepFormula, memory: Memory, guess: FloatArray | None = None
+    ) -> StepOutcome:
+        """The step's solution, not yet remembered as a state of the run.
+
+        guess (n,): where the iteration starts; the past states' extrapolation when not given.
+        """
+        x = memory.ring.predict() if guess is None else guess.copy()
         iterations = 0
         for body in self.separated.heat:
             at, block = self.layout[body.thermal], self.heat[body.thermal]
@@ -81,7 +100,7 @@ class Stepper:
             guess = x[at] if active is None else x[at][active]
             T, status, n = block.solve(step.r1[at], step.t, guess)
             if not status.ok:
-                return StepOutcome(x, status, n, body.thermal), memory
+                return StepOutcome(x, status, n, body.thermal)
             if active is None:
                 x[at] = T
             else:
@@ -92,8 +111,8 @@ class Stepper:
             status, n, block_name, detail = self.mechanics.solve(step, x, memory.contraction)
             iterations = n
             if not status.ok:
-                return StepOutcome(x, status, n, block_name, detail), memory
-        return self.accepted(StepOutcome(x, Status.DONE, iterations), memory), memory
+                return StepOutcome(x, status, n, block_name, detail)
+        return StepOutcome(x, Status.DONE, iterations)
 
     def accepted(self, outcome: StepOutcome, memory: Memory) -> StepOutcome:
         """The outcome, remembered; or what is insane in it."""
@@ -120,6 +139,17 @@ class Stepper:
             detail = f"largest coefficient {top:.3g}, {limit:.3g} allowed"
             return StepOutcome(x, Status.DIVERGED, 1, block, detail)
         return None
+
+    def alone(self) -> Mapping[str, FloatArray]:
+        """Reduced elastic block -> (s, 2 s): its active coefficients' own answer to changes of
+        their r1 and r2 with everything else held: [-D^-1 D_m, -D^-1 M] under its maps."""
+        found = {}
+        for name, block in self.elastic.items():
+            if isinstance(block, CompressedElastic):
+                at = self.layout[name]
+                use = slice(None) if block.active is None else block.active
+                found[name] = -np.hstack([w[:, use] for w in block.rates(at.stop - at.start)])
+        return found
 
     def supports(self, memory: Memory) -> Mapping[str, BoolArray]:
         return memory.supports

@@ -1,7 +1,8 @@
 """Constant operators of one block under a trial map (atoms) and a test map (rows or left matrix).
 
 The test map is the only difference between the projected and the sampled reducers: Galerkin takes
-atoms^T, the sparse method the rows Omega. Both give m rows and k columns here.
+atoms^T, the sparse method the rows Omega, DEIM atoms^T for the linear operators of the block and
+an interpolation from a few rows for its forces. All give m rows and k columns here.
 """
 
 from dataclasses import dataclass
@@ -16,22 +17,34 @@ from sparsemor.core.separable import Amplitude, ElasticOperators, Frame, HeatBod
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TestMap:
-    """Either `rows` (m,) of the block, or a dense `left` (m, n)."""
+    """`rows` (m,) of the block, or a dense `left` (l, n), or `left` (l, m) of those rows."""
 
     rows: IntArray | None = None
     left: FloatArray | None = None
 
     def __call__(self, matrix: Any) -> Any:
         """The map applied to a matrix (n, j) or vector (n,)."""
-        return matrix[self.rows] if self.left is None else self.left @ matrix
+        seen = matrix if self.rows is None else matrix[self.rows]
+        return seen if self.left is None else self.left @ seen
+
+    def times(self, left: FloatArray, n: int) -> FloatArray:
+        """left (s, l) times this map, as one matrix (s, n) on the whole block of n rows."""
+        both = left if self.left is None else left @ self.left
+        if self.rows is None:
+            return both
+        wide = np.zeros((len(left), n))
+        wide[:, self.rows] = both
+        return wide
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TestedElastic:
     """m tested rows, k atoms, p directions, g generators, kt thermal columns, j given loads.
 
-    rows: mass r2 + damping r1 + (stiffness + c1 damping + c2 mass) c + directions sigma
-          + sum_g kappa_g generators_g c + ... - coupling cT - loads amplitudes(t) + constant.
+    rows: mass r2 + damping r1 + (stiffness + c1 damping + c2 mass) c
+          + directions sigma + sum_g kappa_g generators_g c + mu_g generators_g r1
+          - coupling cT - loads amplitudes(t) + constant.
+    The first line is under the map `test`; all else, the forces, under `force` where it is given.
     quadratic (g, k, k) = atoms^T M_g atoms; functional (p, k) = directions^T atoms.
     """
 
@@ -51,9 +64,13 @@ class TestedElastic:
     @classmethod
     def of(
         cls, ops: ElasticOperators, frame: Frame, atoms: Dictionary, heat: Dictionary | None,
-        test: TestMap,
+        test: TestMap, force: TestMap | None = None,
     ) -> "TestedElastic":
-        """heat: the dictionary of the body's thermal block, None when it has no such block."""
+        """heat: the dictionary of the body's thermal block, None when it has no such block.
+
+        force: the map of everything but mass, damping and stiffness; `test` when not given.
+        """
+        push = test if force is None else force
         T, o = atoms.atoms, atoms.offset
         P = ops.directions.copy()
         Mo = [M @ o for M in ops.generators]
@@ -62,10 +79,10 @@ class TestedElastic:
             frame = frame.shifted(P.T @ o, np.array([o @ q for q in Mo]))
             for column, g in frame.shape_columns:
                 P[:, column] += Mo[g]
-        constant = test(ops.stiffness) @ o - test(ops.constant)
+        constant = test(ops.stiffness) @ o - push(ops.constant)
         coupling = np.zeros((len(constant), 0))
         if ops.coupling is not None and heat is not None:
-            Kt = test(ops.coupling)
+            Kt = push(ops.coupling)
             constant = constant - Kt @ heat.offset
             coupling = np.asarray(Kt @ heat.atoms)
         MT = [np.asarray(M @ T) for M in ops.generators]
@@ -73,8 +90,8 @@ class TestedElastic:
             frame=frame, mass=np.asarray(test(MT[0])),
             damping=np.asarray(test(ops.damping) @ T),
             stiffness=np.asarray(test(ops.stiffness) @ T),
-            generators=np.stack([np.asarray(test(A)) for A in MT]),
-            directions=np.asarray(test(P)), coupling=coupling, loads=np.asarray(test(ops.loads)),
+            generators=np.stack([np.asarray(push(A)) for A in MT]),
+            directions=np.asarray(push(P)), coupling=coupling, loads=np.asarray(push(ops.loads)),
             constant=np.asarray(constant), quadratic=np.stack([T.T @ A for A in MT]),
             functional=P.T @ T, amplitudes=ops.amplitudes,
         )
@@ -86,7 +103,10 @@ class TestedElastic:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TestedHeat:
-    """m tested rows of capacity T' + conductivity T - constant - loads amplitudes(t)."""
+    """m tested rows of capacity T' + conductivity T - constant - loads amplitudes(t).
+
+    The last two are forces, under `force` where that is given.
+    """
 
     capacity: FloatArray
     conductivity: FloatArray
@@ -95,12 +115,14 @@ class TestedHeat:
     amplitudes: tuple[Amplitude, ...]
 
     @classmethod
-    def of(cls, heat: HeatBody, atoms: Dictionary, test: TestMap) -> "TestedHeat":
-        T, o = atoms.atoms, atoms.offset
+    def of(
+        cls, heat: HeatBody, atoms: Dictionary, test: TestMap, force: TestMap | None = None
+    ) -> "TestedHeat":
+        T, o, push = atoms.atoms, atoms.offset, test if force is None else force
         K = test(heat.conductivity)
         return cls(
             np.asarray(test(heat.capacity) @ T), np.asarray(K @ T),
-            np.asarray(test(heat.constant) - K @ o), np.asarray(test(heat.loads)),
+            np.asarray(push(heat.constant) - K @ o), np.asarray(push(heat.loads)),
             heat.amplitudes)
 
     def block(self, c1: float) -> FloatArray:

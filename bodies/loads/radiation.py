@@ -74,6 +74,24 @@ class RadiationTerm:
         return csr_array((local.ravel()[keep], (i[keep], j[keep])),
                          shape=(len(self.rows), len(self.columns)))
 
+    def contributions(self, left: FloatArray, x: FloatArray, t: FloatArray) -> FloatArray:
+        """(F, l, M): left (l, m) times what each facet adds at states x (n, M), t (M,) s."""
+        place = self.row_of[self.facets]
+        seen = np.where(place >= 0, left[:, place], 0.0)  # (l, F, 2)
+        found = np.zeros((len(self.facets), len(left), len(t)))
+        for i, time in enumerate(t):
+            T = self._nodal(x[:, i], float(time))[self.facets] @ _PHI
+            flux = (T**4 - self.surroundings(float(time)) ** 4) * self.weights[:, None]
+            found[:, :, i] = np.einsum("lfi,fi->fl", seen, flux @ (_PHI * _W).T)
+        return found
+
+    def weighted(self, weights: FloatArray) -> "RadiationTerm":
+        """Facets with weights (F,) >= 0; those of weight 0, and rows that only they have, go."""
+        kept = np.flatnonzero(weights)
+        rows = np.unique(self.row_of[self.facets[kept]])
+        some = replace(self, facets=self.facets[kept], weights=(self.weights * weights)[kept])
+        return some.restrict(rows[rows >= 0])
+
     def restrict(self, keep: IntArray) -> "RadiationTerm":
         """Only the facets that touch the kept rows, and only the nodes of those facets."""
         row_of = np.full(len(self.row_of), -1, dtype=np.int64)

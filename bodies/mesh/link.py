@@ -12,9 +12,12 @@ from sparsemor.core.errors import InputError
 from sparsemor.core.mesh import Mesh
 from sparsemor.core.plugin import Plugin
 
-COARSEST = 1280
+REGULAR = 1280
 AROUND, RADIAL, ALONG = 8, 5, 40
-"""Quads of the coarsest mesh: per quarter of a bore's edge, across its ring, along the middle."""
+"""Quads of the regular mesh: per quarter of a bore's edge, across its ring, along the middle."""
+COARSE = 320
+COARSE_QUADS = 4, 3, 16
+"""The same of a mesh for trials: a quarter of the triangles, 16 nodes on a bore's edge."""
 
 
 class Link(Plugin):
@@ -32,20 +35,20 @@ class Link(Plugin):
     """Height of the bar, m."""
     bore: float = Field(default=0.085, gt=0)
     """Diameter of the bores, m; less than the height."""
-    elements: int = Field(default=COARSEST, ge=1)
-    """Number of triangles: 1280 r^2 with a whole number r."""
+    elements: int = Field(default=REGULAR, ge=1)
+    """Number of triangles: 1280 r^2 with a whole number r, or 320 for trials."""
 
     @field_validator("elements")
     @classmethod
     def _square_multiple(cls, elements: int) -> int:
-        r = isqrt(elements // COARSEST)
-        if COARSEST * r * r == elements:
+        r = isqrt(elements // REGULAR)
+        if elements in (COARSE, REGULAR * r * r):
             return elements
-        possible = (COARSEST * k * k for k in (max(r, 1), r + 1))
+        possible = (COARSE, *(REGULAR * k * k for k in (max(r, 1), r + 1)))
         nearest = min(possible, key=lambda n: abs(n - elements))
         raise InputError(
-            f"{elements} triangles cannot be made; the link has 1280 r^2 of them "
-            f"(1280, 5120, 11520, 20480, ...): take {nearest}"
+            f"{elements} triangles cannot be made; the link has 320 or 1280 r^2 of "
+            f"them (1280, 5120, 11520, 20480, ...): take {nearest}"
         )
 
     @model_validator(mode="after")
@@ -59,15 +62,15 @@ class Link(Plugin):
 
     def build(self, base: Path) -> Mesh:
         """The mesh; `base` is not used."""
-        r = isqrt(self.elements // COARSEST)
-        ring = _ring(self.bore / 2, self.height / 2, AROUND * r, RADIAL * r)
-        x = np.linspace(self.height / 2, self.length - self.height / 2, ALONG * r + 1)[1:-1]
-        y = ring[-1, : AROUND * r + 1, 1]
+        around, radial, along = self._quads()
+        ring = _ring(self.bore / 2, self.height / 2, around, radial)
+        x = np.linspace(self.height / 2, self.length - self.height / 2, along + 1)[1:-1]
+        y = ring[-1, : around + 1, 1]
         middle = np.stack(np.meshgrid(x, y, indexing="ij"), axis=2)
         points = np.concatenate([
             ring.reshape(-1, 2), ring.reshape(-1, 2) + [self.length, 0.0], middle.reshape(-1, 2)
         ])
-        a, b, block = _numbers(r)
+        a, b, block = _numbers(around, radial, along)
         quads = np.concatenate([grid_quads(n) for n in (_closed(a), _closed(b), block)])
         # The middle block's quads are rectangles, so ties decide there. Every second row leans the
         # other way: one lean everywhere would bend the bar to one side, and a checkerboard gives
@@ -76,6 +79,13 @@ class Link(Plugin):
         leaning = np.arange(quads.shape[0]) % 2 == 0
         cells = split_quads(quads, shorter_diagonal(points, quads, leaning))
         return Mesh(points, cells, self._sets(points, a, b))
+
+    def _quads(self) -> tuple[int, int, int]:
+        """Quads per quarter of a bore's edge, across its ring, along the middle."""
+        if self.elements == COARSE:
+            return COARSE_QUADS
+        r = isqrt(self.elements // REGULAR)
+        return AROUND * r, RADIAL * r, ALONG * r
 
     def _sets(self, points: FloatArray, a: IntArray, b: IntArray) -> dict[str, IntArray]:
         x, y = points.T
@@ -106,9 +116,8 @@ def _ring(radius: float, half: float, around: int, radial: int) -> FloatArray:
     return np.concatenate(turned, axis=1)
 
 
-def _numbers(r: int) -> tuple[IntArray, IntArray, IntArray]:
+def _numbers(around: int, radial: int, along: int) -> tuple[IntArray, IntArray, IntArray]:
     """Point numbers of ring A, ring B and the middle block, whose end columns the rings own."""
-    around, radial, along = AROUND * r, RADIAL * r, ALONG * r
     a = np.arange((radial + 1) * 4 * around).reshape(radial + 1, -1)
     b = a + a.size
     inner = 2 * a.size + np.arange((along - 1) * (around + 1)).reshape(along - 1, -1)

@@ -1,7 +1,8 @@
 """Parts of the planar frame equations: inertia, forces, attachments (notation: motion.py).
 
 Each item adds its force and torque to `total` (rows 0-2, then H02, H12, H20, H21, H22, H00) and
-writes its own columns: pairs from j on, border unknowns from k on.
+writes its own columns: pairs from j on, border unknowns from k on. `names` says what each of its
+directions is a load of, two a pair; "" where it only serves the rows of the frame.
 """
 
 from dataclasses import dataclass, replace
@@ -23,6 +24,9 @@ class Inertia:
     inertia: float
     pairs = 2
     forces = 0
+
+    def names(self, source: str) -> tuple[str, ...]:
+        return ("inertia x", "inertia y", "inertia outward", "inertia around")
 
     def shifted(self, s: list[complex], quadratic: FloatArray) -> "Inertia":
         return Inertia(self.mass, self.moment + s[0],
@@ -96,6 +100,9 @@ class BodyForce:
     pairs = 1
     forces = 0
 
+    def names(self, source: str) -> tuple[str, ...]:
+        return (source, "")
+
     def shifted(self, s: list[complex], quadratic: FloatArray) -> "BodyForce":
         return replace(self, arm=self.arm + s[0])
 
@@ -126,6 +133,9 @@ class SpaceForce:
     amplitude: Amplitude
     pairs = 1
     forces = 0
+
+    def names(self, source: str) -> tuple[str, ...]:
+        return (f"{source} x", f"{source} y")
 
     def shifted(self, s: list[complex], quadratic: FloatArray) -> "SpaceForce":
         return replace(self, arm=self.arm + s[0])
@@ -164,6 +174,10 @@ class Attachment:
     @property
     def forces(self) -> int:
         return 3 if self.turns else 2
+
+    def names(self, source: str) -> tuple[str, ...]:
+        turn = (f"joint {source} turn", "") if self.turns else ()
+        return (f"joint {source} x", f"joint {source} y", *turn)
 
     def shifted(self, s: list[complex], quadratic: FloatArray) -> "Attachment":
         angle = self.angle + s[1].real if self.turns else 0.0

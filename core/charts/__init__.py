@@ -9,8 +9,8 @@ from sparsemor.core.charts.active_atoms import active_atoms_figure
 from sparsemor.core.charts.angles import angles_figure
 from sparsemor.core.charts.deformation import deformation_figure
 from sparsemor.core.charts.error_over_time import error_over_time_figure
-from sparsemor.core.charts.speed_accuracy import speed_accuracy_figure
 from sparsemor.core.charts.style import save
+from sparsemor.core.charts.work_precision import WorkPoint, work_precision_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -35,8 +35,7 @@ def write_charts(
     figures["angles"] = angles_figure(comparison.reference, comparison.runs, comparison.name)
     figures["error_over_time"] = error_over_time_figure(
         comparison.measured, {name: run.status for name, run in comparison.runs.items()})
-    figures["speed_accuracy"] = speed_accuracy_figure(
-        comparison.measured, comparison.facts, comparison.name)
+    figures["work_precision"] = work_precision_figure(*comparison.work_points())
     for name, run in comparison.runs.items():
         file = re.sub(r"[^\w.-]+", "_", f"active_atoms_{name}")
         figures[file] = active_atoms_figure(run, name)
@@ -70,6 +69,6 @@ def _save_all(
 
 
 __all__ = [
-    "FORMATS", "active_atoms_figure", "angles_figure", "deformation_figure",
-    "error_over_time_figure", "speed_accuracy_figure", "write_charts", "write_run_charts",
+    "FORMATS", "WorkPoint", "active_atoms_figure", "angles_figure", "deformation_figure",
+    "error_over_time_figure", "work_precision_figure", "write_charts", "write_run_charts",
 ]

@@ -11,12 +11,14 @@ from sparsemor.core.cli.comparing import compare
 from sparsemor.core.cli.listing import plugins, schema, validate
 from sparsemor.core.cli.running import run
 from sparsemor.core.cli.skeleton import new_plugin
+from sparsemor.core.cli.stability import stability
+from sparsemor.core.cli.studying import study
 
 app = typer.Typer(
     no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for command in (run, compare, validate, schema, plugins):
+for command in (run, compare, study, stability, validate, schema, plugins):
     app.command()(command)
 app.command("new-plugin")(new_plugin)
 

@@ -18,6 +18,10 @@ from sparsemor.core.cli.common import (
 from sparsemor.core.errors import InputError
 from sparsemor.core.registry import PluginName, Registry, near
 from sparsemor.core.slot import Slot
+from sparsemor.core.source import Source
+
+FILES = ("scene", "study")
+"""Kinds whose plugins are files, without options."""
 
 
 def validate(scene: SceneName, settings: Settings = None, as_json: Json = False) -> None:
@@ -60,7 +64,7 @@ def plugins(
 
 
 def _chosen(registry: Registry, which: str | None) -> list[PluginName]:
-    kinds = [kind for kind in registry.kinds() if kind != "scene"]
+    kinds = registry.kinds()
     every = [p for kind in kinds for p in registry.names(kind)]
     chosen = [p for p in every if which is None or which in (p.kind, p.name)]
     if which is not None and not chosen:
@@ -75,12 +79,19 @@ def _described(registry: Registry, plugin: PluginName) -> dict[str, Any]:
         "version": plugin.version, "doc": "", "broken": "", "options": [],
     }
     try:
+        if plugin.kind in FILES:
+            return {**found, "doc": _title(registry, plugin)}
         cls = registry.get(plugin.kind, plugin.name)
     except InputError as error:
         cause = error.__cause__
         return {**found, "broken": f"{type(cause).__name__}: {cause}" if cause else str(error)}
     lines = (cls.__doc__ or "").strip().splitlines()
     return {**found, "doc": lines[0] if lines else "", "options": _options(cls)}
+
+
+def _title(registry: Registry, plugin: PluginName) -> str:
+    """What a packaged scene or study says of itself."""
+    return str(Source.read(plugin.name, registry, plugin.kind).tree.get("title", ""))
 
 
 def _options(cls: type[BaseModel]) -> list[dict[str, Any]]:

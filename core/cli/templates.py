@@ -107,7 +107,7 @@ from sparsemor.core.plugin import Plugin
 class $cls(Plugin):
     """Scales every row to unit norm."""
 
-    floor: float = Field(default=1e-12, gt=0)
+    floor: float = Field(default=1e-8, gt=0)
     """Rows below floor times the longest are left at that length (-)."""
 
     def check(self, rows: int, atoms: int) -> str:

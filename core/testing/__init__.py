@@ -5,17 +5,29 @@ the first law that is broken, and returns nothing. Plain numpy: no test framewor
 """
 
 from sparsemor.core.testing.basis import check_basis
+from sparsemor.core.testing.function import check_function
+from sparsemor.core.testing.installed import installed
 from sparsemor.core.testing.integrator import check_integrator
+from sparsemor.core.testing.mesh import check_mesh_plugin
+from sparsemor.core.testing.observer import check_observer
+from sparsemor.core.testing.parts import check_parts
 from sparsemor.core.testing.preconditioner import check_preconditioner
+from sparsemor.core.testing.reducer import check_reducer
 from sparsemor.core.testing.sampler import check_sampler
 from sparsemor.core.testing.sparse_solver import check_sparse_solver
 from sparsemor.core.testing.term import check_term
 
 __all__ = [
     "check_basis",
+    "check_function",
     "check_integrator",
+    "check_mesh_plugin",
+    "check_observer",
+    "check_parts",
     "check_preconditioner",
+    "check_reducer",
     "check_sampler",
     "check_sparse_solver",
     "check_term",
+    "installed",
 ]

@@ -5,21 +5,31 @@ import numpy as np
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.protocols import Basis, BlockData, Dictionary
-from sparsemor.core.testing.data import copied, law, random_block, unchanged, with_snapshots
+from sparsemor.core.testing.data import (
+    copied,
+    law,
+    random_block,
+    random_heat,
+    unchanged,
+    with_snapshots,
+)
 
 
 def check_basis(basis: Basis, seed: int = 0, trials: int = 20) -> None:
     """Well-formed dictionaries, the same for the same data, that hold what they report to hold.
 
-    A basis that needs snapshots refuses none, zero and non-finite ones with an InputError.
+    Displacements with temperatures behind them, temperatures (insulated ones too) and a block of
+    neither kind are tried in turn. A basis that needs snapshots refuses none, zero and non-finite
+    ones with an InputError.
     Where `info` gives an "energy", that share of the snapshots must be recovered by the atoms.
     """
     for trial in range(trials):
         rng = np.random.default_rng([seed, trial])
-        block = random_block(rng)
+        name = ("body.field", "body.elastic", "body.thermal")[trial % 3]
+        block = random_heat(rng, name) if name == "body.thermal" else random_block(rng, name)
         before = copied(block)
         dictionary = basis.build(block)
-        where = f"(seed {seed}, trial {trial})"
+        where = f"({name}, seed {seed}, trial {trial})"
         law(unchanged(block, before), f"the basis wrote to the data it was given {where}")
         _well_formed(dictionary, block.size, where)
         again = basis.build(block)
@@ -54,6 +64,10 @@ def _well_formed(dictionary: Dictionary, n: int, where: str) -> None:
     law(
         len(dictionary.provenance) == atoms.shape[1],
         f"{len(dictionary.provenance)} provenances for {atoms.shape[1]} atoms {where}",
+    )
+    law(
+        len(set(dictionary.provenance)) == len(dictionary.provenance),
+        f"two atoms have the same provenance {where}",
     )
     law(
         all(isinstance(v, int | float | str) for v in dictionary.info.values()),

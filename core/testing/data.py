@@ -17,13 +17,17 @@ def law(holds: object, message: str) -> None:
 
 
 def random_block(rng: np.random.Generator, name: str = "body.field") -> BlockData:
-    """A block of 24 to 60 unknowns on distinct nodes, with snapshots of rank 4 to 8."""
+    """A block of 24 to 60 unknowns on distinct nodes, with snapshots of rank 4 to 8.
+
+    Two loads and a joint act on it; it starts away from zero. With a name that ends in
+    ".elastic" it is coupled to a block of temperatures, insulated in about half the draws.
+    """
     d = int(rng.integers(1, 4))
     nodes = int(rng.integers(24, 61)) // d
     n, M, rank = nodes * d, int(rng.integers(12, 80)), int(rng.integers(4, 9))
     size = 10.0 ** -np.linspace(0.0, 6.0, rank)
     snapshots = (rng.standard_normal((n, rank)) * size) @ rng.standard_normal((rank, M))
-    return BlockData(
+    block = BlockData(
         name=name,
         snapshots=snapshots,
         mass=_definite(n, 0.1, rng),
@@ -32,6 +36,31 @@ def random_block(rng: np.random.Generator, name: str = "body.field") -> BlockDat
         component=np.tile(np.arange(d), nodes).astype(np.int64),
         loads=rng.standard_normal((n, 2)),
     )
+    return _loaded(block, rng.spawn(1)[0])  # what callers draw next stays the same
+
+
+def random_heat(rng: np.random.Generator, name: str = "body.thermal") -> BlockData:
+    """A block of temperatures as `random_block` makes it, insulated (K 1 = 0) in about half
+    the draws."""
+    block = random_block(rng, name)
+    if rng.random() < 0.5:
+        K = block.stiffness - sparse.diags_array(np.asarray(block.stiffness.sum(axis=1)))
+        return replace(block, stiffness=sparse.csr_array(K))
+    return block
+
+
+def _loaded(block: BlockData, rng: np.random.Generator) -> BlockData:
+    """Joint forces on a few rows, names, a start, and temperatures where they belong."""
+    n = block.size
+    interface = np.sort(rng.choice(n, 3, replace=False)).astype(np.int64)
+    joint = np.zeros((n, 1))
+    joint[interface] = rng.random((3, 1)) + 0.1
+    heat = random_heat(rng) if block.name.endswith(".elastic") else None
+    return replace(
+        block, loads=np.hstack([block.loads, joint]), joints=np.array([2]), interface=interface,
+        load_names=("push", "pull", "joint pin x"), start=rng.standard_normal(n), heat=heat,
+        coupling=None if heat is None else sparse.random_array(
+            (n, heat.size), density=0.3, format="csr", rng=rng))
 
 
 def random_dictionary(n: int, k: int, rng: np.random.Generator) -> Dictionary:

@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.errors import InputError
 from sparsemor.core.protocols import Preconditioner
 from sparsemor.core.testing.data import law
 
@@ -11,23 +13,46 @@ SHAPES = ((1, 1), (1, 4), (5, 5), (6, 9), (10, 40), (20, 30), (12, 5))
 def check_preconditioner(preconditioner: Preconditioner, seed: int = 0, trials: int = 3) -> None:
     """P is square, finite and nonsingular, so that P A c = P b has the solutions of A c = b.
 
-    Shapes for which `check` gives a reason are left out; at least one must pass.
+    Where `check` gives a reason, `build` raises an InputError; at least one shape must pass. Rows
+    that depend on each other, or are zero, are refused with an InputError or keep these laws.
     """
     tried = 0
     for m, k in SHAPES:
         reason = preconditioner.check(m, k)
         law(isinstance(reason, str), "check must return a string, empty when the shape is fine")
         if reason:
+            A = np.random.default_rng([seed, m, k]).standard_normal((m, k))
+            law(_refused(preconditioner, A), f"check refuses {m} x {k}, build accepts it: {reason}")
             continue
         for trial in range(trials):
             tried += 1
             rng = np.random.default_rng([seed, trial, m, k])
             A = rng.standard_normal((m, k)) * 10.0 ** rng.uniform(-2.0, 2.0, k)
-            _check_one(preconditioner, A, f"(seed {seed}, trial {trial}, A is {m} x {k})")
+            where = f"(seed {seed}, trial {trial}, A is {m} x {k}"
+            _check_one(preconditioner, A, where + ")")
+            for fault, B in _deficient(A).items():
+                if not _refused(preconditioner, B):
+                    _check_one(preconditioner, B, f"{where}, {fault})")
     law(tried, f"check refuses every shape in {SHAPES}")
 
 
-def _check_one(preconditioner: Preconditioner, A: np.ndarray, where: str) -> None:
+def _deficient(A: FloatArray) -> dict[str, FloatArray]:
+    """A with its last row zero, and a repetition of the first."""
+    zero, twice = A.copy(), A.copy()
+    zero[-1], twice[-1] = 0.0, A[0]
+    return {"last row zero": zero} | ({"last row the first": twice} if len(A) > 1 else {})
+
+
+def _refused(preconditioner: Preconditioner, A: FloatArray) -> bool:
+    try:
+        preconditioner.build(A)
+    except InputError as error:
+        law(str(error), "a refusal needs a reason in words")
+        return True
+    return False
+
+
+def _check_one(preconditioner: Preconditioner, A: FloatArray, where: str) -> None:
     m, before = A.shape[0], A.copy()
     P = preconditioner.build(A)
     law(np.array_equal(A, before), f"the preconditioner wrote to A {where}")

@@ -1,6 +1,6 @@
 """Sparse problems with known answers."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,6 +21,18 @@ class LeastSquares:
     B: FloatArray
     bend: float
     answer: FloatArray
+
+    @property
+    def needs(self) -> frozenset[str]:
+        """Counted from the shapes; names of `core.capabilities`."""
+        m, k = self.A.shape
+        asked = {
+            "nonlinear": self.bend != 0.0,
+            "unpenalised": any(g.budget is None for g in self.groups),
+            "overdetermined": m > k,
+            "underdetermined": m < k,
+        }
+        return frozenset(name for name, needed in asked.items() if needed)
 
     def residual(self, c: FloatArray) -> FloatArray:
         return np.asarray(self._left(c) - self._left(self.answer))
@@ -49,6 +61,10 @@ class Elsewhere:
     change: Callable[[FloatArray], FloatArray]
 
     @property
+    def needs(self) -> frozenset[str]:
+        return self.inner.needs
+
+    @property
     def groups(self) -> tuple[Group, ...]:
         return self.inner.groups
 
@@ -64,22 +80,58 @@ def incoherent(rng: np.random.Generator, bend: float = 0.0) -> LeastSquares:
 
     Columns differ in length by up to 100, as those of rows in N and in W do.
     """
-    free, first, second, m = 4, 40, 30, 60
-    k = free + first + second
-    groups = (
-        Group("free", 0, free, None),
-        Group("first", free, free + first, 3),
-        Group("second", free + first, k, 2),
-    )
-    lengths = 10.0 ** rng.uniform(-1.0, 1.0, k)
-    A = rng.standard_normal((m, k)) / np.sqrt(m) * lengths
-    answer = np.zeros(k)
+    return _gaussian(rng, 60, 4, ((40, 3), (30, 2)), bend)
+
+
+def tall(rng: np.random.Generator, bend: float = 0.0) -> LeastSquares:
+    """As `incoherent`, with more rows than columns: 3 of 20 and 2 of 12 active, 4 free, 60 rows."""
+    return _gaussian(rng, 60, 4, ((20, 3), (12, 2)), bend)
+
+
+def all_penalised(rng: np.random.Generator, bend: float = 0.0) -> LeastSquares:
+    """As `incoherent`, without free columns."""
+    return _gaussian(rng, 60, 0, ((40, 3), (30, 2)), bend)
+
+
+def _gaussian(
+    rng: np.random.Generator, m: int, free: int, sizes: Sequence[tuple[int, int]], bend: float
+) -> LeastSquares:
+    """sizes: columns and active columns of each budgeted group."""
+    groups, stop = [Group("free", 0, free, None)] if free else [], free
+    for name, (width, active) in zip(("first", "second"), sizes, strict=True):
+        groups.append(Group(name, stop, stop + width, active))
+        stop += width
+    lengths = 10.0 ** rng.uniform(-1.0, 1.0, stop)
+    A = rng.standard_normal((m, stop)) / np.sqrt(m) * lengths
+    answer = np.zeros(stop)
     answer[:free] = rng.standard_normal(free)
-    for g in groups[1:]:
-        chosen = rng.choice(np.arange(g.start, g.stop), g.budget, replace=False)
-        answer[chosen] = rng.choice([-1.0, 1.0], g.budget or 0) * rng.uniform(1.0, 2.0, g.budget)
+    for g in groups:
+        if g.budget is not None:
+            chosen = rng.choice(np.arange(g.start, g.stop), g.budget, replace=False)
+            answer[chosen] = rng.choice([-1.0, 1.0], g.budget) * rng.uniform(1.0, 2.0, g.budget)
     answer /= lengths
-    return LeastSquares(groups, A, rng.standard_normal((m, k)) * lengths / np.sqrt(m), bend, answer)
+    B = rng.standard_normal((m, stop)) * lengths / np.sqrt(m)
+    return LeastSquares(tuple(groups), A, B, bend, answer)
+
+
+def chained(
+    rng: np.random.Generator, m: int = 200, k: int = 800, active: int = 40, coherence: float = 0.97
+) -> LeastSquares:
+    """One group of unit columns, each at the cosine `coherence` to the one before; 0: Gaussian.
+
+    Columns further apart are less alike, so that from about 0.9 on this is the mutual coherence.
+    Active entries are of size 1 to 2, of either sign.
+    """
+    A = rng.standard_normal((m, k))
+    A[:, 0] /= np.linalg.norm(A[:, 0])
+    for j in range(1, k):
+        last = A[:, j - 1]
+        new = A[:, j] - (last @ A[:, j] if coherence else 0.0) * last
+        A[:, j] = coherence * last + np.sqrt(1.0 - coherence**2) * new / np.linalg.norm(new)
+    answer = np.zeros(k)
+    chosen = rng.choice(k, active, replace=False)
+    answer[chosen] = rng.choice([-1.0, 1.0], active) * rng.uniform(1.0, 2.0, active)
+    return LeastSquares((Group("only", 0, k, active),), A, np.zeros((m, k)), 0.0, answer)
 
 
 def coherent(rng: np.random.Generator, k: int = 60, m: int = 40, active: int = 4) -> LeastSquares:

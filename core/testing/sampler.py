@@ -11,8 +11,9 @@ from sparsemor.core.testing.data import copied, law, random_block, random_dictio
 def check_sampler(sampler: Sampler, seed: int = 0, trials: int = 30) -> None:
     """Sorted distinct rows: the required ones and m more, repeatable from the generator alone.
 
-    A sampler with an option `required = False` is held to m rows, whatever is required. More rows
-    than unknowns are refused with an InputError.
+    A sampler with an option `required = False` is held to m rows, whatever is required; one with
+    `unit = "node"` to whole nodes, but for the last one. More rows than unknowns are refused with
+    an InputError.
     """
     forces = bool(getattr(sampler, "required", True))
     for trial in range(trials):
@@ -32,6 +33,8 @@ def check_sampler(sampler: Sampler, seed: int = 0, trials: int = 30) -> None:
             law(missing.size == 0, f"required rows {missing[:5]} are missing {where}")
         wanted = m + (required.size if forces else 0)
         law(rows.size == wanted, f"{rows.size} rows instead of {wanted} {where}")
+        if getattr(sampler, "unit", "dof") == "node":
+            _whole_nodes(block, rows, required if forces else required[:0], where)
     _refuses_too_many(sampler, random_block(np.random.default_rng(seed)))
 
 
@@ -69,6 +72,15 @@ def _well_formed(rows: IntArray, n: int, where: str) -> None:
     )
     law((np.diff(rows) > 0).all(), f"rows must be sorted and distinct {where}")
     law(rows.size == 0 or (rows[0] >= 0 and rows[-1] < n), f"rows outside 0..{n - 1} {where}")
+
+
+def _whole_nodes(block: BlockData, rows: IntArray, required: IntArray, where: str) -> None:
+    """Beyond the required rows, at most one node is touched and yet not complete."""
+    node = np.unique(block.coordinates, axis=0, return_inverse=True)[1].reshape(-1)
+    drawn = np.unique(node[np.setdiff1d(rows, required)])
+    open_rows = np.setdiff1d(np.arange(block.size), rows)
+    partly = np.intersect1d(drawn, node[open_rows])
+    law(partly.size <= 1, f"{partly.size} nodes were drawn in part, with unit: node {where}")
 
 
 def _refuses_too_many(sampler: Sampler, block: BlockData) -> None:

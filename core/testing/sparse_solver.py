@@ -4,32 +4,81 @@ from dataclasses import replace
 
 import numpy as np
 
+from sparsemor.core.capabilities import CAPABILITIES, missing, refusal
+from sparsemor.core.errors import InputError
 from sparsemor.core.protocols import SparseOutcome, SparseProblem, SparseSolver, SparseStart
 from sparsemor.core.status import Status
 from sparsemor.core.testing.data import copied, law, unchanged
-from sparsemor.core.testing.problems import Elsewhere, LeastSquares, empty_start, incoherent
+from sparsemor.core.testing.problems import (
+    Elsewhere,
+    LeastSquares,
+    all_penalised,
+    empty_start,
+    incoherent,
+    tall,
+)
 
 
 def check_sparse_solver(solver: SparseSolver, seed: int = 0, trials: int = 20) -> None:
     """Budgets kept, honest statuses, and the sparse answer found where it is easy to find.
 
-    Easy means: Gaussian columns, 5 active of 70 (and 4 free ones), 60 rows, no noise; from an
-    empty start for a linear problem, from the right support for a mildly nonlinear one.
+    Easy means: Gaussian columns, 5 active of 32 or 70 (and 4 free ones or none), 60 rows, no
+    noise; from an empty start for a linear problem, from the right support for a mildly
+    nonlinear one. A problem that needs a capability which the solver does not declare must be
+    refused by name, and refused by the solver too if it is given one all the same.
     """
+    _declares(solver)
     for trial in range(trials):
-        rng = np.random.default_rng([seed, trial])
-        where = f"(seed {seed}, trial {trial})"
-        linear = incoherent(rng)
-        _finds(solver, linear, empty_start(linear.answer.size), f"linear, empty start {where}")
-        bent = replace(linear, bend=0.02)
-        near = linear.answer * (1.0 + 0.01 * rng.standard_normal(linear.answer.size))
-        _finds(solver, bent, SparseStart(near, bent.support), f"nonlinear, near start {where}")
-        full = SparseStart(rng.standard_normal(near.size), np.ones(near.size, dtype=np.bool_))
-        _well_formed(linear, solver.solve(linear, full), f"start beyond the budget {where}")
-        noisy = _with_noise(linear, rng)
-        outcome = solver.solve(noisy, empty_start(near.size))
-        _well_formed(noisy, outcome, f"noisy {where}")
+        for make in (incoherent, tall, all_penalised):
+            rng = np.random.default_rng([seed, trial])
+            where = f"({make.__name__}, seed {seed}, trial {trial})"
+            _solves(solver, make(rng), rng, where)
     _owns_up(solver, incoherent(np.random.default_rng(seed)))
+
+
+def _solves(
+    solver: SparseSolver, linear: LeastSquares, rng: np.random.Generator, where: str
+) -> None:
+    """The laws on one problem: as it is, bent, from a start beyond the budget, with noise."""
+    bent = replace(linear, bend=0.02)
+    near = linear.answer * (1.0 + 0.01 * rng.standard_normal(linear.answer.size))
+    full = SparseStart(rng.standard_normal(near.size), np.ones(near.size, dtype=np.bool_))
+    empty = empty_start(near.size)
+    if refusal("it", solver, linear.needs):
+        _refused(solver, linear, empty, where)
+        return
+    _finds(solver, linear, empty, f"linear, empty start {where}")
+    _well_formed(linear, solver.solve(linear, full), f"start beyond the budget {where}")
+    noisy = _with_noise(linear, rng)
+    _well_formed(noisy, solver.solve(noisy, empty), f"noisy {where}")
+    if refusal("it", solver, bent.needs):
+        _refused(solver, bent, empty, where)
+    else:
+        _finds(solver, bent, SparseStart(near, bent.support), f"nonlinear, near start {where}")
+
+
+def _declares(solver: SparseSolver) -> None:
+    """Known capabilities only, and a refusal in words for each one that is not declared."""
+    has = getattr(solver, "capabilities", frozenset(CAPABILITIES))
+    unknown = sorted(set(has) - set(CAPABILITIES))
+    law(not unknown, f"unknown capabilities {unknown}; there are {sorted(CAPABILITIES)}")
+    for name in CAPABILITIES:
+        words = refusal("the problem", solver, frozenset({name}))
+        law((name in words) != (name in has), f"capability {name}: refusal says {words!r}")
+
+
+def _refused(
+    solver: SparseSolver, problem: LeastSquares, start: SparseStart, where: str
+) -> None:
+    """Solving a refused problem all the same must not look like success."""
+    lacking = missing(solver, problem.needs)
+    try:
+        status = solver.solve(problem, start).status
+    except InputError as error:
+        unnamed = [name for name in lacking if name not in str(error)]
+        law(not unnamed, f"the refusal does not name {unnamed}: {error} {where}")
+        return
+    law(False, f"lacks {', '.join(lacking)}, yet took the problem: {status.value} {where}")
 
 
 def _finds(solver: SparseSolver, problem: LeastSquares, start: SparseStart, where: str) -> None:
@@ -82,8 +131,10 @@ def _with_noise(problem: LeastSquares, rng: np.random.Generator) -> Elsewhere:
 
 def _owns_up(solver: SparseSolver, problem: LeastSquares) -> None:
     """Failures must be told by the status."""
-    nan = Elsewhere(problem, lambda r: np.full_like(r, np.nan))
+    if refusal("it", solver, problem.needs):
+        return
     start = empty_start(problem.answer.size)
+    nan = Elsewhere(problem, lambda r: np.full_like(r, np.nan))
     status = solver.solve(nan, start).status
     law(status is Status.NOT_FINITE, f"a residual of nan ended with {status.value}")
     A = problem.A.copy()

@@ -4,7 +4,6 @@ from typing import Self
 
 import numpy as np
 from pydantic import Field, model_validator
-from scipy import linalg
 
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
@@ -92,8 +91,13 @@ class Pod(Plugin):
 
     def _completed(self, U: FloatArray) -> FloatArray:
         wanted = min(U.shape[0], self.count or U.shape[0])
-        full = linalg.qr(U, mode="full", check_finite=False)[0]
-        return np.hstack([U, full[:, U.shape[1] : wanted]])
+        # like the singular vectors of round-off that they stand for, without any order: a QR of U
+        # alone would complete it by near unit vectors, of which sampled rows see nothing
+        rng = np.random.default_rng([U.shape[0], wanted])
+        rest = rng.standard_normal((U.shape[0], wanted - U.shape[1]))
+        for _ in range(2):  # once leaves what cancellation brings back
+            rest -= U @ (U.T @ rest)
+        return np.hstack([U, np.linalg.qr(rest)[0]])
 
 
 def _checked(data: BlockData) -> FloatArray:

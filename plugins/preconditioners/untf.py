@@ -6,8 +6,8 @@ from scipy import linalg
 
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
+from sparsemor.core.frames import condition_number, unit_columns
 from sparsemor.core.plugin import Plugin
-from sparsemor.plugins.preconditioners.frames import condition_number, unit_columns
 
 
 class UnitNormTightFrame(Plugin):

@@ -1,16 +1,31 @@
-"""What both samplers share: which rows may be drawn, in whole rows or in whole nodes."""
+"""What all samplers share: which rows may be drawn, in whole rows or in whole nodes."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
-from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
 from sparsemor.core.errors import InputError
 
 Unit = Literal["dof", "node"]
 Draw = Callable[[int, int, np.random.Generator], IntArray]
 """(N, m, rng) -> m distinct integers below N."""
+
+
+def free_rows(n: int, m: int, required: IntArray, name: str) -> BoolArray:
+    """(n,): True for the rows that are not required. InputError when m exceeds their number."""
+    free = ~np.isin(np.arange(n), required)
+    left = int(free.sum())
+    if not 0 <= m <= left:
+        besides = f" besides the {n - left} required ones" if left < n else ""
+        raise InputError(
+            f"{m} rows were asked of {name}, which has {left} unknowns to draw from"
+            f"{besides}: take between 0 and {left}",
+            "rows",
+        )
+    return free
 
 
 def sample_rows(
@@ -23,37 +38,76 @@ def sample_rows(
     name: str,
 ) -> IntArray:
     """`required` and m rows more, sorted. coordinates (n, d): node of each row, m."""
-    n = coordinates.shape[0]
-    forced = np.unique(np.asarray(required, dtype=np.int64))
-    candidates = np.setdiff1d(np.arange(n, dtype=np.int64), forced)
-    if not 0 <= m <= candidates.size:
-        besides = f" besides the {forced.size} required ones" if forced.size else ""
-        raise InputError(
-            f"{m} rows were asked of {name}, which has {candidates.size} unknowns to draw from"
-            f"{besides}: take between 0 and {candidates.size}",
-            "rows",
-        )
+    free = free_rows(coordinates.shape[0], m, required, name)
+    candidates = np.flatnonzero(free)
     if unit == "dof":
         chosen = candidates[draw(candidates.size, m, rng)]
     else:
-        chosen = _whole_nodes(draw, coordinates[candidates], m, rng, candidates)
-    return np.union1d(forced, chosen)
+        chosen = candidates[_whole_nodes(draw, coordinates[candidates], m, rng)]
+    return np.union1d(np.flatnonzero(~free), chosen)
 
 
 def _whole_nodes(
-    draw: Draw, places: FloatArray, m: int, rng: np.random.Generator, candidates: IntArray
+    draw: Draw, places: FloatArray, m: int, rng: np.random.Generator
 ) -> IntArray:
     """m rows on as few nodes as that takes: fewer elements are touched than by single rows.
 
     Only the last node drawn may give fewer rows than it has.
     """
-    _, first, node = np.unique(places, axis=0, return_index=True, return_inverse=True)
-    by_row = np.argsort(np.argsort(first))  # number nodes as the rows do, so that strata follow
-    node = by_row[node.reshape(-1)]
+    node = node_numbers(places)
     sizes = np.bincount(node)
     nodes = draw(sizes.size, -(-m // int(sizes.max(initial=1))), rng)
     order = np.concatenate([nodes, rng.permutation(np.setdiff1d(np.arange(sizes.size), nodes))])
-    enough = int(np.searchsorted(np.cumsum(sizes[order]), m)) + 1
-    rank = np.full(sizes.size, sizes.size)
-    rank[order[:enough]] = np.arange(min(enough, sizes.size))
-    return candidates[np.argsort(rank[node], kind="stable")[:m]]
+    return in_order(node, order, m)
+
+
+def node_numbers(places: FloatArray) -> IntArray:
+    """Number of each row's node, counted as the rows meet them, so that strata follow the rows."""
+    _, first, node = np.unique(places, axis=0, return_index=True, return_inverse=True)
+    return np.argsort(np.argsort(first))[node.reshape(-1)]
+
+
+def in_order(node: IntArray, order: IntArray, m: int) -> IntArray:
+    """m positions in `node`: whole nodes in the given order, the last one perhaps in part."""
+    rank = np.empty(order.size, dtype=np.int64)
+    rank[order] = np.arange(order.size)
+    return np.argsort(rank[node], kind="stable")[:m]
+
+
+@dataclass(slots=True, eq=False)
+class Rows:
+    """Rows of one block while they are chosen, by the best of scores that may change.
+
+    taken (n,): chosen so far, the required ones from the start; node (n,): rows of one number are
+    taken together; left: how many are still to be taken.
+    """
+
+    taken: BoolArray
+    node: IntArray
+    left: int
+
+    @classmethod
+    def of(cls, coordinates: FloatArray, free: BoolArray, m: int, unit: Unit) -> "Rows":
+        node = np.arange(free.size) if unit == "dof" else node_numbers(coordinates)
+        return cls(~free, node, m)
+
+    def take(self, score: FloatArray) -> IntArray:
+        """The best free row of scores (n,), with the others of its node while rows are left."""
+        open_score = np.where(self.taken, -np.inf, score)
+        node = self.node[open_score.argmax()]
+        mates = np.flatnonzero((self.node == node) & ~self.taken)
+        best = mates[np.argsort(-open_score[mates], kind="stable")][: self.left]
+        self.taken[best] = True
+        self.left -= best.size
+        return best
+
+    def take_in_order(self, key: FloatArray) -> None:
+        """All rows that are left, whole nodes by increasing key (number of nodes,)."""
+        free = np.flatnonzero(~self.taken)
+        order = np.argsort(key, kind="stable")
+        self.taken[free[in_order(self.node[free], order, self.left)]] = True
+        self.left = 0
+
+    def numbers(self) -> IntArray:
+        """Rows taken so far, sorted."""
+        return np.flatnonzero(self.taken)

@@ -20,6 +20,7 @@ from sparsemor.plugins.sparse_solvers.active_set import (
     pruned,
     widened,
 )
+from sparsemor.plugins.sparse_solvers.screen import LinearScreen, Rule
 from sparsemor.plugins.sparse_solvers.visits import Visits
 
 
@@ -55,6 +56,14 @@ class GreedyGaussNewton(Plugin):
         with np.errstate(all="ignore"):  # overflow is a status here, not a warning
             c, support = _within_budget(problem, start)
             return self._iterate(problem, c, support)
+
+    def screen(
+        self, J: FloatArray, norms: FloatArray, groups: Sequence[Group], rows: int
+    ) -> LinearScreen:
+        """Steps 2 to 5 on a Jacobian that stays (`core.screening`)."""
+        everyone = self.candidates == "all" and J.shape[1] <= rows
+        rule = Rule(everyone, self.growth, self.gain, self.rank_rtol, self.max_iterations)
+        return LinearScreen(rule, J, norms, groups, rows)
 
     def _iterate(self, problem: SparseProblem, c: FloatArray, support: BoolArray) -> SparseOutcome:
         groups, visits, explore = problem.groups, Visits(), True

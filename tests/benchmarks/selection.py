@@ -3,14 +3,17 @@
     python tests/benchmarks/selection.py [--quick] [--out selection.json]
 
 The dictionary is the whole POD basis (cut at its numerical rank). Beside it stand the same number
-of atoms without a choice: the leading POD columns, sampled and projected.
+of atoms without a choice: the leading POD columns, sampled and projected. The second table sets a
+selection in each step beside a support that is carried through the run.
 """
 
 import argparse
 import sys
+import time
 from typing import Any
 
 import common
+import numpy as np
 import report
 
 ROWS = (240, 80)
@@ -43,6 +46,9 @@ def fill(out: report.Report, given: argparse.Namespace) -> None:
         "seeds": given.seeds,
         "errors": "largest over time: angle in rad; elastic (from 0.1 s on) and thermal relative "
                   "to the block's largest change, worse link"}
+    cost(out, given)
+    if given.pair:
+        return
     table = out.table("Selection", iterations=".2f")
     case = common.Case.of(common.scene_at(1280, given.end))
     for name, options in variants(given.active).items():
@@ -53,6 +59,61 @@ def fill(out: report.Report, given: argparse.Namespace) -> None:
             else:
                 table.add(variant=name, seed=seed, status=common.in_words(run))
             report.progress(f"{name}, seed {seed}: {table.rows[-1]}")
+
+
+CARRIED = 10**9
+"""Steps between selections: one, in the first step."""
+
+
+def cost(out: report.Report, given: argparse.Namespace) -> None:
+    """CPU time of the thread, which waits for nobody; windows of all ways in turn.
+
+    Others on the machine still take its caches away: the tenth part of the steps that went best
+    tells what is left of that.
+    """
+    table = out.table("A selection in each step beside a carried support", changes="d")
+    case = common.Case.of(common.scene_at(1280, given.end))
+    for who in ("correlated", "all"):
+        ways = {"each step": {}, "each step, screen off": {"screen": False},
+                "carried": {"every": CARRIED}}
+        if given.pair:
+            del ways["each step, screen off"]
+        going = {name: _going(case, given, who, options) for name, options in ways.items()}
+        times = {name: np.empty(case.steps - 1) for name in ways}
+        for way in going.values():
+            way.step()  # the first support, which all of them choose
+        with common.no_collector():
+            for first in range(0, case.steps - 1, given.window):
+                for name, way in going.items():
+                    for n in range(first, min(first + given.window, case.steps - 1)):
+                        start = time.thread_time()
+                        way.step()
+                        times[name][n] = 1e3 * (time.thread_time() - start)
+        alone = times["carried"]
+        for name, way in going.items():
+            t, same = times[name], bool(np.array_equal(way.state.x, going["each step"].state.x))
+            table.add(
+                candidates=who, way=name, median_ms=float(np.median(t)), mean_ms=float(t.mean()),
+                tenth_ratio=float(np.quantile(t, 0.1) / np.quantile(alone, 0.1)),
+                median_ratio=float(np.median(t) / np.median(alone)),
+                mean_ratio=float(t.mean() / alone.mean()),
+                changes=way.solver.counters(way.memory)["support_changes"],
+                same_end_as_each_step="yes" if same else "no")
+        ratio = times["each step"].mean() / alone.mean()
+        median = np.median(times["each step"]) / np.median(alone)
+        out.at_most(f"{who}: each step to carried, median", float(median), 2.0)
+        out.at_most(f"{who}: each step to carried, mean", float(ratio), 2.0)
+        report.progress(f"{who}: {median:.2f} in the median, {ratio:.2f} in the mean")
+
+
+def _going(
+    case: common.Case, given: argparse.Namespace, who: str, options: dict[str, Any]
+) -> common.Stepping:
+    reducer = common.sparse(
+        ROWS, (None, None), active=given.active,
+        solver={"use": "greedy_gauss_newton", "candidates": who}, **options)
+    scene = case.scene.using({"reducer": reducer})
+    return common.Stepping.begin(scene, case.model, case.prepared(reducer, given.seeds[0]))
 
 
 def _add(
@@ -78,6 +139,10 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--seeds", type=int, nargs="+", default=[1, 2, 3])
     parser.add_argument("--active", type=int, nargs=2, default=(15, 10), metavar="N",
                         help="elastic and thermal atoms")
+    parser.add_argument("--pair", action="store_true",
+                        help="only a selection in each step and a carried support, in turn")
+    parser.add_argument("--window", type=int, default=100, metavar="N",
+                        help="steps of one way before the next one's turn")
     parser.add_argument("--end", type=float, default=4.0, help="s")
     given = parser.parse_args()
     if given.quick:

@@ -109,6 +109,63 @@ def test_published_counts_and_names_every_failure(run: Run) -> None:
     assert all(row["status"] for row in rows_of(found, "The packaged published scene"))
 
 
+def test_recovery_scores_every_solver_on_columns_and_in_a_scene(run: Run) -> None:
+    found = run("recovery")
+    columns = [t["rows"] for t in found["tables"] if "coherence" in t["title"]]
+    for rows in columns:
+        for row in rows:
+            assert 0 <= row["found"] <= row["of"] == 2 and row["atoms_found"] <= 1.0
+            assert (row["found"] == row["of"]) == (row["atoms_found"] == 1.0)
+    gaussian, parallel = ({row["solver"]: row["found"] for row in rows} for rows in columns)
+    assert set(gaussian.values()) == {2}, "incoherent columns are easy"
+    assert parallel["basis_pursuit_lp"] == 2 > parallel["omp"]
+    (scene,) = (t["rows"] for t in found["tables"] if "double_pendulum" in t["title"])
+    assert {row["status"] for row in scene} == {"done"}
+    assert all(row["active_elastic"] <= 8 and row["active_thermal"] <= 5 for row in scene)
+
+
+def test_samplers_that_see_the_atoms_need_no_luck(run: Run) -> None:
+    found = run("samplers")
+    for row in rows_of(found, "Errors over rows"):
+        if row["sampler"].partition(",")[0] in ("deim", "s_opt"):
+            assert row["failed"] == 0
+            # Galerkin with these atoms: 1.1e-6 elastic, 1.5e-6 thermal
+            assert row["elastic"] < 1e-4 and row["thermal"] < 1e-5
+        if row["required"] == "kept":
+            assert row["failed"] == 0 and row["elastic_worst"] < 1e-3
+    seen = rows_of(found, "What is sampled")
+    assert {"operator, h", "stiffness alone", "mass alone", "atoms"} < {row["of"] for row in seen}
+
+
+def test_hyper_reduction_reaches_full_order(run: Run) -> None:
+    found = run("hyper_reduction")
+    assert {t["verdict"] for t in found["targets"]} == {"met"}
+    rows = {row["method"]: row for row in rows_of(found, "Errors and time of a step")}
+    assert {"full", "galerkin", "lspg", "deim", "gnat", "gnat, energy"} <= set(rows)
+    assert rows["deim"]["force_modes"] == rows["gnat"]["force_modes"]
+    for row in rows.values():
+        assert row["full_to_this"] == pytest.approx(rows["full"]["ms"] / row["ms"])
+    for row in rows_of(found, "Drawn points"):
+        assert row["stopped"] + row["inaccurate"] <= row["seeds"]
+        if row["required"] == "kept":
+            assert row["stopped"] == row["inaccurate"] == 0
+        assert (row["stopped"] > 0) == bool(row["first_stop"])
+
+
+def test_stability_sets_every_prediction_beside_a_run(run: Run) -> None:
+    found = run("stability")
+    assert {t["verdict"] for t in found["targets"]} == {"met"}
+    counts = rows_of(found, "Predicted and observed")
+    assert {row["integrator"] for row in counts} == {"bdf1", "ga 1"}
+    for row in counts:
+        predicted = [row[k] for k in ("stable", "marginal", "unstable", "no_step",
+                                           "no_model")]
+        observed = [row[k] for k in ("good", "cold", "errs", "stopped")]
+        assert sum(predicted) == sum(observed) == row["seeds"] == 2
+    confused = rows_of(found, "Confusion")
+    assert sum(row[k] for row in confused for k in ("good", "cold", "errs", "stopped")) == 8
+
+
 def test_an_interrupted_benchmark_prints_what_it_has(tmp_path: Path) -> None:
     out = tmp_path / "accuracy.json"
     with subprocess.Popen(

@@ -112,7 +112,7 @@ def test_compare(tmp_path: Path) -> None:
         rows = {row["run"]: row for row in csv.DictReader(text)}
     assert set(rows) == {"full", "galerkin", "sparse"}
     assert float(rows["sparse"]["arm.elastic"]) == shown["errors"]["sparse"]["arm.elastic"]
-    pictures = {"angles", "deformation", "temperature", "error_over_time", "speed_accuracy"}
+    pictures = {"angles", "deformation", "temperature", "error_over_time", "work_precision"}
     assert {f"{p}.{kind}" for p in pictures for kind in FORMATS} <= {
         p.name for p in Path("out").iterdir()}
 

@@ -38,6 +38,7 @@ def assert_same_bits(a: RunResult, b: RunResult) -> None:
     for key in ("steps", "t_end", "newton_iterations", "support_changes", "atoms_active", "probes",
                 "rows"):
         assert a.summary[key] == b.summary[key], key
+    assert a.summary.get("control") == b.summary.get("control")
 
 
 CASES = {
@@ -45,6 +46,8 @@ CASES = {
     "bdf1 galerkin": ({"reducer": {"use": "galerkin", "basis": {"use": "pod", "count": 6}}},
                       ["training:57", "step:57", "replace:9", "step:333"]),
     "bdf1 sparse, selecting": ({"reducer.budgets": SELECTS}, ["step:121", "step:390"]),
+    "sparse, selecting, rows always new": (
+        {"reducer.budgets": SELECTS, "reducer.resample": 7}, ["step:121", "replace:40"]),
     "alpha full": ({"reducer": "full", "integrator": "generalized_alpha"},
                    ["replace:4", "replace:50", "replace:51", "step:255"]),
     "alpha galerkin": ({"reducer": {"use": "galerkin"}, "integrator": "generalized_alpha"},
@@ -52,6 +55,15 @@ CASES = {
     "alpha sparse, selecting": (
         {"reducer.budgets": SELECTS, "reducer.every": 3, "integrator": "generalized_alpha"},
         ["step:100", "replace:30"]),
+    "bdf2 galerkin": ({"reducer": {"use": "galerkin"}, "integrator": "bdf2"},
+                      ["step:2", "step:83", "replace:12"]),
+    "controlled bdf2 full": (
+        {"reducer": "full", "integrator": "bdf2", "time.step": 0.004, "training.every": 1,
+         "time.control": {"tolerance": 1e-4, "elastic": 1.0}}, ["step:7", "replace:5", "step:77"]),
+    "controlled bdf1 sparse, selecting": (
+        {"reducer.budgets": SELECTS, "time.step": 0.004,
+         "training.every": 1,
+         "time.control": {"tolerance": 0.1, "elastic": 1.0}}, ["training:9", "step:3", "step:60"]),
     "every 7th step stored": ({"reducer": "full", "output.every": 7}, ["step:333", "step:350"]),
 }
 

@@ -3,6 +3,7 @@
 import csv
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -42,7 +43,7 @@ def motion(blocks: tuple[Block, ...], times: np.ndarray) -> np.ndarray:
 def write_run(
     path: Path, blocks: tuple[Block, ...] = ALL, x: np.ndarray | None = None,
     times: np.ndarray = TIMES, status: Status = Status.DONE, seconds: float = 4e-3,
-    dictionary: Dictionary | None = None,
+    dictionary: Dictionary | None = None, cost: dict[str, Any] | None = None,
 ) -> RunResult:
     full = Layout(blocks)
     x = motion(blocks, times) if x is None else x
@@ -64,7 +65,7 @@ def write_run(
         {"arm.elastic": np.arange(5)} if dictionary else {}, {"arm": shape}))
     writer.append(ChunkOfSteps(times, x, np.full(len(times), 3), np.full(len(times), seconds),
                                supports))
-    writer.finish(status, {"wall_s": {"offline": 2.5, "online": 1.0}})
+    writer.finish(status, cost or {"wall_s": {"offline": 2.5, "online": 1.0}})
     return open_result(path)
 
 
@@ -153,7 +154,8 @@ def test_table_and_json(comparison: Comparison) -> None:
     lines = str(comparison).splitlines()
     assert lines[0].split()[:4] == ["run", "reducer", "status", "ms/step"]
     row = next(line.split() for line in lines if line.startswith("untf"))
-    assert row[1:9] == ["sparse", "done", "1", "4", "3.00", "1.98/3", "5", "1.00e-06"]
+    assert row[1:9] == ["sparse", "done", "1", "4", "3.00", "1.98/3", "5", "2.5"]
+    assert row[10] == "1.00e-06"
     assert lines[-1] == "deim: diverged, compared up to 0.5 s of 1 s"
     data = json.loads(comparison.to_json())
     assert data["runs"]["deim"]["status"] == "diverged" and data["runs"]["untf"]["rows"] == 5
@@ -162,7 +164,7 @@ def test_table_and_json(comparison: Comparison) -> None:
 
 def test_written_tables_and_pictures(comparison: Comparison, tmp_path: Path) -> None:
     files = comparison.write(tmp_path)
-    names = {"deformation", "temperature", "angles", "error_over_time", "speed_accuracy",
+    names = {"deformation", "temperature", "angles", "error_over_time", "work_precision",
              "active_atoms_untf"}
     assert {f.name for f in files} == {f"{n}.{k}" for n in names for k in FORMATS} | {
         "errors.csv", "error_over_time.csv"}
@@ -177,6 +179,38 @@ def test_written_tables_and_pictures(comparison: Comparison, tmp_path: Path) -> 
     for name in names:
         assert_not_blank(tmp_path / f"{name}.png")
         assert "<svg" in (tmp_path / f"{name}.svg").read_text(encoding="utf-8")
+
+
+def test_offline_cost_pays_after_so_many_runs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """offline / (online of the reference - own online), rounded up; never when not faster."""
+    def run(name: str, status: Status = Status.DONE, **cost: Any) -> RunResult:
+        return write_run(tmp_path / name, status=status, cost=cost)
+
+    reference = run("full", wall_s={"offline": 0.1, "online": 1.0})
+    made = compare(
+        reference=reference,
+        quick=run("quick", wall_s={"offline": 2.5, "online": 0.2}),
+        cached=run("cached", wall_s={"offline": 0.1, "online": 0.2}, offline_whole_s=1.7),
+        slow=run("slow", wall_s={"offline": 0.1, "online": 1.2}),
+        blown=run("blown", Status.DIVERGED, wall_s={"offline": 0.1, "online": 0.2}))
+    assert made.pays_after == {"quick": 4, "cached": 3, "slow": None, "blown": None}
+    head, _, _, *lines = str(made).splitlines()
+    # two blanks between columns: "pays after" is one of them
+    at = [c.strip() for c in head.split("  ") if c].index("pays after")
+    cells = {c[0]: c for c in ([c.strip() for c in line.split("  ") if c] for line in lines)}
+    assert [cells[r][at] for r in ("quick", "cached", "slow")] == ["4", "3", "-"]
+    assert [cells[r][at - 1] for r in ("quick", "cached")] == ["2.5", "1.7"]
+    runs = json.loads(made.to_json())["runs"]
+    assert runs["cached"]["pays_after"] == 3 and runs["full"]["pays_after"] is None
+    assert (runs["cached"]["offline_seconds"], runs["cached"]["offline_whole_seconds"]) == (.1, 1.7)
+    monkeypatch.setattr("sparsemor.core.charts.write_charts", lambda *_: [])
+    made.write(tmp_path / "out")
+    with (tmp_path / "out" / "errors.csv").open(encoding="utf-8") as text:
+        rows = {r["run"]: r for r in csv.DictReader(text)}
+    assert (rows["quick"]["pays_after"], rows["slow"]["pays_after"]) == ("4", "")
+    assert rows["cached"]["offline_whole_s"] == "1.7"
 
 
 def assert_not_blank(picture: Path) -> None:

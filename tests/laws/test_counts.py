@@ -26,6 +26,9 @@ BASES = {"basis": {"use": "pod", "count": 8}, "bases": {"*.thermal": {"use": "po
 FREE = {"sampler": {"use": "lhs", "required": False}, "preconditioner": "none"}
 REDUCERS: dict[str, dict[str, Any]] = {
     "galerkin": {"use": "galerkin", **BASES},
+    "deim": {"use": "deim", **BASES},
+    "lspg": {"use": "lspg", **BASES},
+    "gnat": {"use": "gnat", **BASES},
     "sparse": {"use": "sparse", **BASES, **FREE, "budgets": {
         "*.elastic": {"rows": 60, "atoms": 8}, "*.thermal": {"rows": 30, "atoms": 5}}},
     "selecting": {"use": "sparse", **BASES, **FREE, "budgets": {
@@ -106,7 +109,7 @@ def shapes(run: Run) -> list[tuple[str, tuple[int, ...]]]:
                   for where, a in arrays(reached))
 
 
-@pytest.mark.parametrize("reducer", ["galerkin", "sparse"])
+@pytest.mark.parametrize("reducer", ["galerkin", "deim", "lspg", "gnat", "sparse"])
 def test_arrays_of_a_step_do_not_grow_with_the_mesh(reducer: str) -> None:
     found = []
     for elements in (COARSE, FINE):

@@ -8,10 +8,11 @@ import pytest
 from sparsemor.core.scene import Scene, load
 from sparsemor.core.testing.run import March, march
 from sparsemor.integrators.bdf1 import Bdf1
+from sparsemor.integrators.bdf2 import Bdf2
 from sparsemor.integrators.generalized_alpha import GeneralizedAlpha
 
 EVERYTHING = load(Path(__file__).parents[1] / "scenes" / "everything.yaml")
-INTEGRATORS = {"bdf1": Bdf1(), "generalized_alpha": GeneralizedAlpha(rho_inf=0.6)}
+INTEGRATORS = {"bdf1": Bdf1(), "bdf2": Bdf2(), "generalized_alpha": GeneralizedAlpha(rho_inf=0.6)}
 
 
 def both(scene: Scene) -> tuple[March, March]:

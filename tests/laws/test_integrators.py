@@ -14,6 +14,7 @@ from sparsemor.core.protocols import Integrator, State, StepFormula
 from sparsemor.core.testing import check_integrator
 from sparsemor.core.testing.integrator import integrate
 from sparsemor.integrators.bdf1 import Bdf1
+from sparsemor.integrators.bdf2 import Bdf2
 from sparsemor.integrators.generalized_alpha import GeneralizedAlpha
 
 RADII = (0.0, 0.5, 0.8, 1.0)
@@ -28,7 +29,7 @@ def test_every_installed_integrator_keeps_the_laws(entry: EntryPoint) -> None:
 
 @pytest.mark.parametrize(
     ("integrator", "order"),
-    [(Bdf1(), 1.0)] + [(GeneralizedAlpha(rho_inf=rho), 2.0) for rho in RADII],
+    [(Bdf1(), 1.0), (Bdf2(), 2.0)] + [(GeneralizedAlpha(rho_inf=rho), 2.0) for rho in RADII],
     ids=repr,
 )
 def test_observed_orders(integrator: Integrator, order: float) -> None:
@@ -63,6 +64,30 @@ def amplification(integrator: Integrator, w: float, h: float) -> FloatArray:
 def test_bdf1_damps_as_the_closed_form_says(wh: float) -> None:
     radius = np.abs(np.linalg.eigvals(amplification(Bdf1(), wh / 0.01, 0.01))).max()
     assert radius == pytest.approx(1.0 / np.sqrt(1.0 + wh * wh), rel=1e-12)
+
+
+@pytest.mark.parametrize("wh", [1e-3, 0.1, 1.0, 2.0, 30.0, 1e4])
+def test_bdf2_damps_every_frequency_and_forgets_the_high_ones(wh: float) -> None:
+    """The roots of (3/2 - 2 z + z^2/2)^2 + (wh)^2 = 0, z the inverse of the factor per step."""
+    radius = np.abs(np.linalg.eigvals(amplification(Bdf2(), wh / 0.01, 0.01))).max()
+    roots = np.roots(np.polyadd(np.polymul([0.5, -2.0, 1.5], [0.5, -2.0, 1.5]), [wh * wh]))
+    assert radius == pytest.approx(1.0 / np.abs(roots).min(), rel=1e-6)
+    assert radius < 1.0
+    if wh > 1e3:
+        assert radius < 0.01
+
+
+def test_bdf2_remakes_its_history_at_another_step_to_second_order() -> None:
+    """x'' + w^2 x = 0 over 2 s, the step halved and doubled again on the way."""
+    w, errors = 3.0, []
+    for n in (100, 200, 400):
+        integrator, state = Bdf2(), one(1.0, 0.0, -w * w, np.zeros((1, 0)))
+        for part, steps in ((0.5, n), (0.5, 2 * n), (1.0, 2 * n)):
+            state = integrator.start(OSCILLATOR, state)
+            for _ in range(steps):
+                state = oscillate(integrator, w, part / steps, state)
+        errors.append(abs(state.x[0] - np.cos(w * state.t)))
+    np.testing.assert_allclose(np.log2(np.divide(errors[:-1], errors[1:])), 2.0, atol=0.1)
 
 
 @pytest.mark.parametrize("rho", RADII)
@@ -128,7 +153,8 @@ def swing(integrator: Integrator, h: float, end: float) -> State:
 
 @pytest.mark.parametrize(
     ("integrator", "order"),
-    [(Bdf1(), 1.0), *((GeneralizedAlpha(rho_inf=rho), 2.0) for rho in (0.0, 0.5, 0.8))],
+    [(Bdf1(), 1.0), (Bdf2(), 2.0),
+     *((GeneralizedAlpha(rho_inf=rho), 2.0) for rho in (0.0, 0.5, 0.8))],
     ids=repr,
 )
 def test_orders_on_an_index_3_pendulum(integrator: Integrator, order: float) -> None:

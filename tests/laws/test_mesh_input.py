@@ -136,7 +136,8 @@ def test_sound_mesh_passes_and_several_faults_come_at_once() -> None:
 
 
 @pytest.mark.parametrize(
-    "elements,nearest", [(1, 1280), (1281, 1280), (5000, 5120), (20000, 20480)]
+    "elements,nearest",
+    [(1, 320), (700, 320), (900, 1280), (1281, 1280), (5000, 5120), (20000, 20480)]
 )
 def test_link_elements(elements: int, nearest: int) -> None:
     with pytest.raises(ValidationError, match=f"take {nearest}"):

@@ -7,10 +7,12 @@ import pytest
 
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
+from sparsemor.core.frames import coherence, condition_number, unit_columns
 from sparsemor.core.plugin import Plugin
 from sparsemor.core.testing import check_preconditioner
-from sparsemor.plugins.preconditioners.frames import coherence, condition_number, unit_columns
 from sparsemor.plugins.preconditioners.none import NoPreconditioner
+from sparsemor.plugins.preconditioners.parseval import Parseval
+from sparsemor.plugins.preconditioners.row_scaling import RowScaling
 from sparsemor.plugins.preconditioners.untf import UnitNormTightFrame
 
 
@@ -96,6 +98,55 @@ def test_dependent_rows_are_refused_in_words() -> None:
         UnitNormTightFrame().build(B)
 
 
+@pytest.mark.parametrize(("m", "k"), [(1, 1), (12, 30), (25, 25)])
+def test_parseval_rows_are_orthonormal(m: int, k: int) -> None:
+    A = np.random.default_rng(k).standard_normal((m, k)) * np.logspace(0.0, 5.0, k)
+    P = Parseval().build(A)
+    np.testing.assert_allclose(P @ A @ (P @ A).T, np.eye(m), atol=1e-9)
+    np.testing.assert_allclose(P, P.T, atol=1e-12 * np.abs(P).max())
+    assert np.linalg.eigvalsh(P).min() > 0.0  # the root, not a rotation of it
+
+
+def test_parseval_is_the_nearest_frame_with_orthonormal_rows() -> None:
+    rng = np.random.default_rng(0)
+    A = rng.standard_normal((6, 10))
+    nearest = np.linalg.norm(Parseval().build(A) @ A - A)
+    for _ in range(50):
+        other = np.linalg.qr(rng.standard_normal((10, 6)))[0].T
+        assert np.linalg.norm(other - A) > nearest
+
+
+def test_parseval_refuses_what_has_no_inverse_root() -> None:
+    reason = Parseval().check(80, 20)
+    assert "20 atoms < 80 rows" in reason and "row_scaling" in reason
+    with pytest.raises(InputError, match="20 atoms < 80 rows"):
+        Parseval().build(np.ones((80, 20)))
+    B = np.random.default_rng(0).standard_normal((5, 9))
+    B[4] = B[0] + B[1]
+    with pytest.raises(InputError, match="rank 4"):
+        Parseval().build(B)
+
+
+def test_row_scaling_makes_rows_equal_and_leaves_round_off_alone() -> None:
+    A = np.random.default_rng(0).standard_normal((8, 3)) * np.logspace(0.0, 9.0, 8)[:, None]
+    P = RowScaling().build(A)
+    np.testing.assert_allclose(np.linalg.norm(P @ A, axis=1), 1.0, rtol=1e-12)
+    A[2] = 1e-12  # round-off of rows of 1e9
+    assert np.linalg.norm((RowScaling().build(A) @ A)[2]) < 1e-15
+    assert np.array_equal(RowScaling().build(np.zeros((2, 3))), np.eye(2))
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_row_scaling_is_near_the_best_diagonal(seed: int) -> None:
+    """Within sqrt(m) of every other one (van der Sluis 1969)."""
+    rng = np.random.default_rng(seed)
+    A = rng.standard_normal((6, 14)) * 10.0 ** rng.uniform(-4.0, 4.0, (6, 1))
+    own = condition_number(RowScaling().build(A) @ A)
+    others = [condition_number(10.0 ** rng.uniform(-4.0, 4.0, (6, 1)) * A) for _ in range(200)]
+    assert own <= np.sqrt(6) * min(others)
+    assert own < condition_number(A)
+
+
 def test_measures_on_known_matrices() -> None:
     A = np.array([[1.0, 1.0, 0.0], [0.0, 1.0, 3.0]])
     assert coherence(A) == pytest.approx(np.sqrt(0.5))
@@ -108,10 +159,14 @@ class Broken(Plugin):
     fault: str
 
     def check(self, rows: int, atoms: int) -> str:
-        return "no" if self.fault == "refuses all" else ""
+        return "no" if self.fault in ("refuses all", "refuses and builds") else ""
 
     def build(self, A: FloatArray) -> FloatArray:
         m = A.shape[0]
+        if self.fault == "refuses all" or (self.fault == "in silence" and not A[-1].any()):
+            raise InputError("no" if self.fault == "refuses all" else "")
+        if self.fault == "lets zero rows through" and not A[-1].any():
+            return np.diag(np.linalg.norm(A, axis=1))
         if self.fault == "singular":
             return np.ones((m, m)) if m > 1 else np.eye(1)
         if self.fault == "shape":
@@ -129,6 +184,9 @@ class Broken(Plugin):
     ("fault", "words"),
     [
         ("refuses all", "every shape"),
+        ("refuses and builds", "build accepts it"),
+        ("lets zero rows through", "singular.*last row zero"),
+        ("in silence", "needs a reason"),
         ("singular", "singular"),
         ("shape", "shape"),
         ("nan", "not finite"),

@@ -1,6 +1,5 @@
 """Every installed sampler keeps the laws; strata, nodes and refusals of the two first ones."""
 
-from contextlib import suppress
 from dataclasses import replace
 from typing import cast
 
@@ -12,31 +11,27 @@ from hypothesis import strategies as st
 from sparsemor.core.arrays import IntArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.protocols import BlockData, Dictionary, Sampler
-from sparsemor.core.registry import Registry
-from sparsemor.core.testing import check_sampler
+from sparsemor.core.testing import check_sampler, installed
 from sparsemor.core.testing.data import random_block, random_dictionary
+from sparsemor.plugins.samplers.deim import Deim
+from sparsemor.plugins.samplers.leverage import Leverage
 from sparsemor.plugins.samplers.lhs import LatinHypercube, one_per_stratum
 from sparsemor.plugins.samplers.random import Uniform
+from sparsemor.plugins.samplers.s_opt import SOpt
 
 NONE = np.zeros(0, dtype=np.int64)
 
 
-def installed() -> dict[str, type[Sampler]]:
-    """The samplers of all distributions but those that cannot be imported, which harm nobody."""
-    registry, found = Registry(), {}
-    for plugin in registry.names("sampler"):
-        with suppress(InputError):
-            found[plugin.name] = cast(type[Sampler], registry.get("sampler", plugin.name))
-    return found
+OURS = {"lhs": LatinHypercube, "random": Uniform, "deim": Deim, "leverage": Leverage, "s_opt": SOpt}
 
 
 def test_our_own_samplers_are_installed() -> None:
-    assert {"lhs": LatinHypercube, "random": Uniform}.items() <= installed().items()
+    assert OURS.items() <= installed("sampler").items()
 
 
-@pytest.mark.parametrize("name", installed())
+@pytest.mark.parametrize("name", installed("sampler"))
 def test_every_installed_sampler_keeps_the_laws(name: str) -> None:
-    check_sampler(installed()[name]())
+    check_sampler(cast(Sampler, installed("sampler")[name]()))
 
 
 @pytest.mark.parametrize("kind", [LatinHypercube, Uniform])
@@ -127,6 +122,8 @@ class Broken(Uniform):
             m = min(m, block.size)
         if self.fault == "forgets the required":
             return super().sample(block, m + required.size, dictionary, rng, required[:0])
+        if self.fault == "splits nodes":
+            return Uniform().sample(block, m, dictionary, rng, required)
         rows = super().sample(block, m, dictionary, rng, required)
         if self.fault == "unsorted":
             return rows[::-1]
@@ -135,7 +132,7 @@ class Broken(Uniform):
         if self.fault == "one too few":
             return np.union1d(required, rows[~np.isin(rows, required)][1:])
         if self.fault == "writes":
-            required += 0 * required + 1
+            required *= 0
         return rows
 
 
@@ -149,8 +146,9 @@ class Broken(Uniform):
         ("repeats", "sorted and distinct"),
         ("one too few", "rows instead of"),
         ("writes", "wrote to its inputs"),
+        ("splits nodes", "drawn in part"),
     ],
 )
 def test_a_broken_sampler_fails_its_law(fault: str, words: str) -> None:
     with pytest.raises(AssertionError, match=words):
-        check_sampler(Broken(fault=fault))
+        check_sampler(Broken(fault=fault, unit="node" if fault == "splits nodes" else "dof"))

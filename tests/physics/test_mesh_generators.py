@@ -58,6 +58,14 @@ def test_link_counts(r: int, points: int, top: int) -> None:
     assert quality(mesh).min() > 0.6
 
 
+def test_coarse_link() -> None:
+    mesh = Link(elements=320).build(Path())
+    check_mesh(mesh)
+    sizes = {name: len(members) for name, members in mesh.point_sets.items()}
+    assert (len(mesh.points), len(mesh.cells), sizes["bore_a"], sizes["top"]) == (203, 320, 16, 25)
+    assert quality(mesh).min() > 0.6
+
+
 def test_link_places() -> None:
     mesh = Link().build(Path())
     sets = mesh.point_sets

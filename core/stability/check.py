@@ -1,0 +1,163 @@
+"""Whether a reduced run will blow up: its coupled one-step map, gated before the first step.
+
+Gate: (growth a step beyond that of the Galerkin model of the same atoms) x steps <= LIMIT. An error
+multiplies by e^LIMIT = 150 at most over the run; sampled blocks of good models do reach 1 + 1e-5
+(an insulated body has an eigenvalue exactly 1), so a gate on the radius itself would refuse them.
+"""
+
+from dataclasses import dataclass
+from math import inf, isfinite
+from typing import Any
+
+from sparsemor.core.cache import digest
+from sparsemor.core.errors import InputError
+from sparsemor.core.model import Model
+from sparsemor.core.offline import step_count
+from sparsemor.core.protocols import Integrator, State, StepSolver
+from sparsemor.core.registry import Registry
+from sparsemor.core.scene import Scene
+from sparsemor.core.stability.differences import StepMap, step_map
+from sparsemor.core.stability.reference import PROJECTION, projected, started
+from sparsemor.core.stability.spectrum import ComplexArray, block_of, eigenvalues, excess
+from sparsemor.core.status import SolveFailed, Status
+
+LIMIT = 5.0
+"""Largest (excess radius) x steps of a model that is called stable."""
+ADVICE = ("keep the required rows, take more rows, another seed or sampler, or a more damped "
+          "integrator (`sparsemor stability` tabulates them)")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Judgement:
+    """One linearisation at time t (s), about to be repeated `steps` times.
+
+    radius: spectral radius of the coupled map; reference: that of the Galerkin model of the same
+    atoms, None where it was not needed or could not be made; excess: growth a step beyond it;
+    block: where the mode that grows most is largest, "" if stable; status: how the step failed, if
+    it did (radius and excess are then infinite).
+    """
+
+    t: float
+    steps: int
+    radius: float
+    reference: float | None
+    excess: float
+    block: str
+    status: Status = Status.DONE
+
+    @property
+    def growth(self) -> float:
+        """(radius - 1) x steps: exponent of the growth over the run, physical or not."""
+        return (self.radius - 1.0) * self.steps
+
+    @property
+    def gate(self) -> float:
+        """excess x steps."""
+        return self.excess * self.steps
+
+    @property
+    def stable(self) -> bool:
+        return self.gate <= LIMIT
+
+    def facts(self) -> dict[str, Any]:
+        """For results."""
+        numbers = {"radius": self.radius, "growth": self.growth, "gate": self.gate}
+        known = {name: v if isfinite(v) else None for name, v in numbers.items()}
+        return {"t": self.t, **known, "stable": self.stable} | (
+            {} if self.stable else {"block": self.block})
+
+    def in_words(self) -> str:
+        """A sentence for whoever is about to trust the run."""
+        if not self.status.ok:
+            return (f"the reduced model is unstable in {self.block}: its step from t = "
+                    f"{self.t:g} s, or one a little beside it, ends {self.status.value}; {ADVICE}")
+        return (
+            f"the reduced model is unstable in {self.block}: its coupled one-step map has spectral "
+            f"radius {self.radius:.6g}, and grows by e^{self.gate:.3g} over {self.steps} steps "
+            f"beyond the motion itself (limit e^{LIMIT:g}); {ADVICE}")
+
+
+class Reference:
+    """The Galerkin models of solvers' active atoms: each is made when it is first asked for."""
+
+    def __init__(self, model: Model, registry: Registry | None = None) -> None:
+        self.model, self.registry = model, registry
+        self._known: dict[str, StepMap | None] = {}
+
+    def step(
+        self, of: StepMap, integrator: Integrator, h: float, full: State
+    ) -> StepMap | None:
+        """Its map at a full-order state; None where it has none."""
+        solver, supports = of.solver, of.supports
+        key = digest(h, full.t, full.x, full.v, integrator, {
+            n: [d.atoms, d.offset, supports.get(n)] for n, d in solver.dictionaries.items()})
+        if key not in self._known:
+            try:
+                twin = projected(self.model, integrator, h, solver, supports, self.registry)
+                self._known[key] = step_map(twin, integrator, h, *started(twin, integrator, full))
+            except (SolveFailed, InputError):  # or terms that cannot be projected
+                self._known[key] = None
+        return self._known[key]
+
+
+def judge(
+    solver: StepSolver, integrator: Integrator, h: float, steps: int, full: State,
+    reference: Reference,
+) -> Judgement:
+    """Linearise about a full-order state. The reference is made only where the radius asks for it.
+
+    A step that fails, there or a little beside it, counts as infinite growth: in all runs that
+    were tried such a model stopped (docs/stability.md).
+    """
+    try:
+        step = step_map(solver, integrator, h, *started(solver, integrator, full))
+    except SolveFailed as failure:
+        return failed(full.t, steps, failure)
+    values = eigenvalues(step.matrix)
+    theirs = None
+    if (abs(values[0]) - 1.0) * steps > LIMIT:
+        theirs = reference.step(step, integrator, h, full)
+    return _judged(step, values, theirs, full.t, steps)
+
+
+def failed(t: float, steps: int, failure: SolveFailed) -> Judgement:
+    """Of a model whose step has no linearisation."""
+    return Judgement(t, steps, inf, None, inf, failure.block or "the whole system",
+                     failure.status)
+
+
+def judged(step: StepMap, reference: StepMap | None, t: float, steps: int) -> Judgement:
+    """From the maps themselves."""
+    return _judged(step, eigenvalues(step.matrix), reference, t, steps)
+
+
+def _judged(
+    step: StepMap, values: ComplexArray, reference: StepMap | None, t: float, steps: int
+) -> Judgement:
+    theirs = None if reference is None else eigenvalues(reference.matrix)
+    beyond, value = excess(values, theirs)
+    stable = beyond * steps <= LIMIT
+    return Judgement(
+        t, steps, float(abs(values[0])), None if theirs is None else float(abs(theirs[0])),
+        beyond, "" if stable else block_of(step, value))
+
+
+def check_start(
+    scene: Scene, model: Model, solver: StepSolver, full: State
+) -> tuple[tuple[str, ...], dict[str, Any]]:
+    """What `run` asks before its first step from the full-order state `full`: sentences to warn
+    with, and numbers to store.
+
+    Full order and the projected model are what others are judged by, and are not asked. Raises
+    InputError (key `check_stability`) where the scene says `refuse`.
+    """
+    reducer = scene.dump()["reducer"]["use"]
+    if scene.check_stability == "off" or not solver.dictionaries or reducer == PROJECTION:
+        return (), {}
+    found = judge(solver, scene.integrator, scene.time.step, step_count(scene), full,
+                  Reference(model, scene.source.registry))
+    if found.stable:
+        return (), found.facts()
+    if scene.check_stability == "refuse":
+        raise InputError(found.in_words(), "check_stability")
+    return (found.in_words(),), found.facts()

@@ -1,0 +1,107 @@
+"""What a reduced model's map is judged by: the Galerkin model of the same active atoms.
+
+Projection keeps the operators symmetric, so that it adds no growth of its own; what grows there is
+the motion itself. Full order would be the same reference at the cost of its mesh.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from sparsemor.core.arrays import BoolArray
+from sparsemor.core.errors import InputError
+from sparsemor.core.model import Model
+from sparsemor.core.offline import Offline
+from sparsemor.core.protocols import Basis, Dictionary, Integrator, State, StepSolver
+from sparsemor.core.registry import Registry
+from sparsemor.core.status import SolveFailed, Status
+
+PROJECTION = "galerkin"
+"""Name of the reducer that projects."""
+
+
+class _Given(Offline):
+    """Offline products that are there already: these dictionaries."""
+
+    def __init__(self, model: Model, dictionaries: Mapping[str, Dictionary]) -> None:
+        super().__init__(model, dict, "", None)
+        self._given = dictionaries
+
+    def dictionary(self, name: str, basis: Basis) -> tuple[Dictionary, float]:
+        return self._given[name], 0.0
+
+
+def projected(
+    model: Model, integrator: Integrator, h: float, solver: StepSolver,
+    supports: Mapping[str, BoolArray], registry: Registry | None = None,
+) -> StepSolver:
+    """The Galerkin model on the active atoms, made orthonormal: only their span matters.
+
+    Raises SolveFailed where the projected blocks are singular.
+    """
+    spans = {name: _orthonormal(d, supports.get(name)) for name, d in solver.dictionaries.items()}
+    reducer: Any = (registry or Registry()).get("reducer", PROJECTION)()
+    try:
+        made: StepSolver = reducer.prepare(
+            model, integrator, h, _Given(model, spans), np.random.default_rng(0))
+    except np.linalg.LinAlgError as error:
+        raise SolveFailed(Status.SINGULAR, 0.0, "", f"the projected model: {error}") from None
+    return made
+
+
+def along(
+    solver: StepSolver, integrator: Integrator, h: float, start: State, times: Sequence[float],
+) -> list[State]:
+    """Full-order states of the solver's own run at `times` (s, multiples of h, 0 is the start).
+
+    Raises SolveFailed when the run does not get there.
+    """
+    state, memory = solver.start(start)
+    state = integrator.start(solver.layout, state)
+    due = {round(t / h): t for t in times}
+    found = {0: start}
+    for n in range(1, max(due) + 1):
+        formula = integrator.formula(solver.layout, state, h)
+        outcome, memory = solver.solve(formula, memory)
+        if not outcome.status.ok:
+            raise SolveFailed(outcome.status, formula.t, outcome.block, outcome.detail)
+        state = integrator.advance(solver.layout, state, formula, outcome.x, h)
+        if n in due:
+            found[n] = full_state(solver, state)
+    return [found[round(t / h)] for t in times]
+
+
+def full_state(solver: StepSolver, state: State) -> State:
+    """The state in full-order unknowns, without the integrator's memory."""
+    x, v, a = [], [], []
+    for b in solver.layout:
+        at, d = solver.layout[b.name], solver.dictionaries.get(b.name)
+        x.append(state.x[at] if d is None else d.offset + d.atoms @ state.x[at])
+        v.append(state.v[at] if d is None else d.atoms @ state.v[at])
+        a.append(state.a[at] if d is None else d.atoms @ state.a[at])
+    whole = np.concatenate(x)
+    return State(state.t, whole, np.concatenate(v), np.concatenate(a), np.zeros((len(whole), 0)))
+
+
+def started(
+    solver: StepSolver, integrator: Integrator, full: State
+) -> tuple[State, Any]:
+    """A full-order state in the solver's unknowns, the integrator's memory set, and its memory."""
+    state, memory = solver.start(full)
+    return integrator.start(solver.layout, state), memory
+
+
+def times_checked(times: Sequence[float], h: float, end: float) -> tuple[float, ...]:
+    """Raises InputError (key `at`) for times that are no step of the run."""
+    for t in times:
+        if not 0.0 <= t <= end * (1 + 1e-9) or abs(round(t / h) * h - t) > 1e-6 * h:
+            raise InputError(f"{t:g} s is no time of the run: take multiples of {h:g} s from 0 to "
+                             f"{end:g}", "at")
+    return tuple(times)
+
+
+def _orthonormal(d: Dictionary, support: BoolArray | None) -> Dictionary:
+    use = slice(0, 1) if support is not None and not support.any() else support
+    q = np.linalg.qr(d.atoms if use is None else d.atoms[:, use])[0]
+    return Dictionary(q, d.offset, tuple(f"span {i}" for i in range(q.shape[1])))

@@ -1,0 +1,67 @@
+"""One run in numbers: errors, cost and counts, as the columns of a study's table."""
+
+from typing import Any
+
+from sparsemor.core.error_measures import measure_errors
+from sparsemor.core.errors import InputError
+from sparsemor.core.results import RunResult
+from sparsemor.core.run_facts import RunFacts, pays_after, run_facts
+from sparsemor.core.study.columns import MEASURES
+
+
+def measured(
+    run: RunResult, reference: RunResult, errors_from: float, failure: str
+) -> dict[str, Any]:
+    """Columns of `run` against `reference`; failure: why it stopped, "" if it did not."""
+    facts, base, summary = run_facts(run), run_facts(reference), run.summary
+    errors, note = _errors(reference, run, errors_from)
+    return {
+        "status": facts.status.value,
+        "message": "; ".join(text for text in (failure, note) if text),
+        "reference_status": base.status.value,
+        **errors,
+        "steps": facts.steps,
+        "t_end": summary.get("t_end"),
+        "iterations": facts.iterations,
+        "atoms_all": facts.atoms,
+        "atoms_active": facts.active_atoms,
+        "rows_sampled": facts.rows,
+        "factorizations": summary.get("factorizations"),
+        "support_changes": summary.get("support_changes"),
+        "elements_touched": sum(summary.get("elements_touched", {}).values()),
+        "notes": "; ".join(summary.get("notes", ())),
+        "facts": summary.get("facts", {}),
+        **_cost(run, facts, base),
+    }
+
+
+def _errors(
+    reference: RunResult, run: RunResult, errors_from: float
+) -> tuple[dict[str, float | None], str]:
+    try:
+        errors = measure_errors(reference, run, errors_from)
+    except InputError as error:
+        return {}, f"not measured: {error}"
+    if errors.until <= float(reference.times[0]):
+        return {}, ""  # it stopped in its first step: at the start all runs are right
+    found = {f"error_{m}": errors.worst.get(m) for m in MEASURES}
+    if errors_from > 0.0:
+        found |= {f"late_{m}": errors.worst_late.get(m) for m in MEASURES}
+    return found, ""
+
+
+def _cost(run: RunResult, facts: RunFacts, base: RunFacts) -> dict[str, Any]:
+    """Times. offline_s: of this run; offline_total_s: had nothing been in the
+    cache; pays_after: online runs after which that is made good."""
+    ms, base_ms, used = facts.ms_per_step, base.ms_per_step, run.summary.get("cache", {})
+    return {
+        "ms_per_step": ms,
+        "reference_ms_per_step": base_ms,
+        "speed_up": base_ms / ms if ms and base_ms else None,
+        "offline_s": facts.offline_seconds,
+        "offline_total_s": facts.offline_whole_seconds,
+        "offline_cache": ", ".join(f"{k} {how}" for k, how in used.items()),
+        "online_s": facts.online_seconds,
+        "pays_after": pays_after(base, facts),
+    }
+

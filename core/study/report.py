@@ -1,0 +1,113 @@
+"""A study's table for people: text on the screen, the work-precision chart."""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from statistics import median
+from typing import TYPE_CHECKING, Any
+
+from sparsemor.core.status import Status
+from sparsemor.core.study.columns import ERRORS, cell
+from sparsemor.core.study.conduct import Conducted
+from sparsemor.core.study.plan import Plan
+from sparsemor.core.text_table import text_table
+
+if TYPE_CHECKING:
+    from sparsemor.core.charts.work_precision import WorkPoint
+
+SHOWN = 60
+"""Most rows on a screen; the files have all."""
+CHART = "work_precision"
+_DECIMAL = {"ms_per_step": ".3g", "speed_up": ".3g", **dict.fromkeys(ERRORS, ".2e")}
+
+
+def in_words(plan: Plan, rows: Sequence[Mapping[str, Any]]) -> str:
+    """The table with the columns that people look at first, and how the runs ended."""
+    settings = [n for n in plan.settings if not n.startswith("set.")]
+    names = ["run", *settings, "status", "ms_per_step", "speed_up",
+             *(n for n in ERRORS[1:] if any(row.get(n) is not None for row in rows))]
+    head = [n.removeprefix("error_").replace("_", " ") for n in names]
+    shown = [[_text(n, row.get(n)) for n in names] for row in rows[:SHOWN]]
+    more = [f"and {len(rows) - SHOWN} more"] if len(rows) > SHOWN else []
+    return "\n".join([*([text_table([head, *shown])] if shown else []), *more, "",
+                      counted(plan, rows), *_reasons(rows)])
+
+
+def counted(plan: Plan, rows: Sequence[Mapping[str, Any]]) -> str:
+    """`24 runs: 20 done, 3 diverged, 1 refused`."""
+    by_status = Counter(str(row["status"]) for row in rows)
+    words = [f"{n} {status}" for status, n in by_status.most_common()]
+    missing = len(plan.runs) - len(rows)
+    return f"{len(plan.runs)} runs: " + ", ".join(
+        words + ([f"{missing} not run yet"] if missing else []))
+
+
+def work_points(plan: Plan, rows: Sequence[Mapping[str, Any]]) -> "list[WorkPoint]":
+    """Points of the work-precision chart; a line is named by the study's `method` columns.
+
+    Runs that differ in the seed only are one point: median times, largest errors. Those of them
+    that stopped are another, with the status of the first.
+    """
+    known = {s.value for s in Status}
+    groups: dict[tuple[str, str, bool], list[Mapping[str, Any]]] = {}
+    for row in rows:
+        if row["ms_per_step"] is not None and row["status"] in known:
+            method = ", ".join(cell(row[n]) for n in plan.lines if row.get(n) is not None)
+            budget = cell(row.get(plan.study.file.budget))
+            key = method or plan.study.name, budget, Status(row["status"]).ok
+            groups.setdefault(key, []).append(row)
+    return [_point(method, budget, group) for (method, budget, _), group in groups.items()]
+
+
+def _point(method: str, budget: str, rows: Sequence[Mapping[str, Any]]) -> "WorkPoint":
+    from sparsemor.core.charts.work_precision import WorkPoint
+
+    def middle(name: str) -> float | None:
+        values = [row[name] for row in rows if row[name] is not None]
+        return median(values) if values else None
+
+    errors = {n.removeprefix("error_"): max(row[n] for row in rows if row[n] is not None)
+              for n in ERRORS if any(row[n] is not None for row in rows)}
+    return WorkPoint(method, budget, middle("ms_per_step"), middle("speed_up"), errors,
+                     Status(rows[0]["status"]), middle("offline_total_s"))
+
+
+def draw(done: Conducted) -> list[Path]:
+    """work_precision.png and .svg in the study's folder; [] when there is nothing to draw."""
+    from sparsemor.core.charts import FORMATS
+    from sparsemor.core.charts.style import save
+    from sparsemor.core.charts.work_precision import work_precision_figure
+
+    figure = work_precision_figure(work_points(done.plan, done.rows), _reference(done.rows))
+    return save(figure, done.folder, CHART, FORMATS) if figure is not None else []
+
+
+def _reference(rows: Sequence[Mapping[str, Any]]) -> "WorkPoint | None":
+    """The one reference of all rows; several have no one line in the chart."""
+    from sparsemor.core.charts.work_precision import WorkPoint
+
+    found = {(row["reference_ms_per_step"], row["reference_status"]) for row in rows
+             if row["reference_ms_per_step"]}
+    if len(found) != 1:
+        return None
+    ms, status = found.pop()
+    return WorkPoint("reference", "", ms, 1.0, {}, Status(status))
+
+
+def _reasons(rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Each message once, with the first run that gave it."""
+    first: dict[str, Any] = {}
+    for row in rows:
+        if row["message"]:
+            first.setdefault(str(row["message"]), row)
+    lines = [f"run {row['run']}: {row['status']}: {text}" if row["status"] not in text
+             else f"run {row['run']}: {text}" for text, row in first.items()]
+    return lines[:8] + ([f"and {len(lines) - 8} other messages"] if len(lines) > 8 else [])
+
+
+def _text(name: str, value: Any) -> str:
+    if value is None:
+        return "-"
+    form = _DECIMAL.get(name)
+    return format(value, form) if form is not None else cell(value)
+

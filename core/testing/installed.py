@@ -1,0 +1,16 @@
+"""Which plugins of a kind are installed here, third-party ones included."""
+
+from sparsemor.core.errors import InputError
+from sparsemor.core.plugin import Plugin
+from sparsemor.core.registry import Registry
+
+
+def installed(kind: str) -> dict[str, type[Plugin]]:
+    """name -> class; those that cannot be imported are left out, as they harm nobody else."""
+    registry, found = Registry(), {}
+    for plugin in registry.names(kind):
+        try:
+            found[plugin.name] = registry.get(kind, plugin.name)
+        except InputError:
+            continue
+    return found

@@ -1,0 +1,39 @@
+"""Laws of a mesh."""
+
+from pathlib import Path
+
+import numpy as np
+
+from sparsemor.core.mesh import Mesh
+from sparsemor.core.protocols import MeshPlugin
+from sparsemor.core.testing.data import law
+
+
+def check_mesh_plugin(plugin: MeshPlugin, base: Path | None = None) -> None:
+    """Well-formed, positively oriented simplices that use every point, sorted point sets, and the
+    same mesh from a second build. base: folder of the scene file (the working one if left out)."""
+    folder = Path.cwd() if base is None else base
+    mesh, again = plugin.build(folder), plugin.build(folder)
+    _points_and_cells(mesh)
+    for name, members in mesh.point_sets.items():
+        law(members.size > 0, f"point set {name} is empty")
+        law(bool(np.all(np.diff(members) > 0)), f"point set {name} is not sorted or not distinct")
+        law(0 <= members[0] and members[-1] < len(mesh.points), f"point set {name} leaves the mesh")
+    law(np.array_equal(mesh.points, again.points) and np.array_equal(mesh.cells, again.cells),
+        "two builds give different meshes")
+    law({n: m.tolist() for n, m in mesh.point_sets.items()}
+        == {n: m.tolist() for n, m in again.point_sets.items()},
+        "two builds give different point sets")
+
+
+def _points_and_cells(mesh: Mesh) -> None:
+    n, d = mesh.points.shape
+    law(d in (2, 3), f"points have {d} coordinates, not 2 or 3")
+    law(bool(np.isfinite(mesh.points).all()), "a point is not finite")
+    law(mesh.cells.ndim == 2 and mesh.cells.shape[1] == d + 1 and len(mesh.cells) > 0,
+        f"cells of shape {mesh.cells.shape} are no simplices of {d} dimensions")
+    law(np.array_equal(np.unique(mesh.cells), np.arange(n)),
+        "a cell names a point that does not exist, or a point is in no cell")
+    edges = mesh.points[mesh.cells[:, 1:]] - mesh.points[mesh.cells[:, :1]]
+    measure = np.linalg.det(edges)
+    law(bool((measure > 0).all()), f"{int((measure <= 0).sum())} cells are inverted or flat")

@@ -1,0 +1,43 @@
+"""Laws of an observer."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from sparsemor.core.hooks import RunStart, new_manager
+from sparsemor.core.layout import Block, Layout
+from sparsemor.core.protocols import StepOutcome
+from sparsemor.core.status import Status
+from sparsemor.core.testing.data import law
+
+
+def check_observer(make: Callable[[], Any], seed: int = 0) -> None:
+    """It listens to known events, takes every order in which a run can send them (twice, so that
+    one observer serves a training run and the run), a failure included, and writes to nothing.
+
+    make: gives a new observer, such as `plugin.observer`.
+    """
+    rng = np.random.default_rng(seed)
+    layout = Layout([Block("body", "thermal", 5)])
+    for fails in (False, True):
+        observer = make()
+        hook = new_manager([observer]).hook
+        for phase in ("training", "run"):
+            hook.on_start(run=RunStart("scene", "full", 0.0, 1.0, 3, phase))
+            hook.on_resample(block="body.thermal", rows=np.array([0, 3]))
+            for step in range(1, 3):
+                x = rng.standard_normal(layout.size)
+                before = x.copy()
+                hook.on_step(step=step, t=0.1 * step, x=x,
+                             outcome=StepOutcome(x, Status.DONE, 1))
+                law(np.array_equal(x, before), "the observer wrote to the state")
+                support = np.ones(5, dtype=np.bool_)
+                hook.on_support_change(t=0.1 * step, block="body.thermal", support=support)
+                law(bool(support.all()), "the observer wrote to the support")
+            if fails:
+                hook.on_failure(status=Status.DIVERGED, t=0.3, block="body.thermal", detail="")
+            hook.on_finish(summary={"phase": phase, "steps": 2})
+        close = getattr(observer, "close", None)
+        if close is not None:
+            close()

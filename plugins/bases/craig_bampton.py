@@ -1,0 +1,44 @@
+"""Fixed-interface modes and constraint modes (Craig and Bampton 1968, doi 10.2514/3.4741)."""
+
+import numpy as np
+from pydantic import Field
+
+from sparsemor.core.plugin import Plugin
+from sparsemor.core.protocols import BlockData, Dictionary
+from sparsemor.plugins.bases.columns import independent, oriented
+from sparsemor.plugins.bases.eigenmodes import lowest_modes
+from sparsemor.plugins.bases.modal import joint_columns, load_names, mode_info
+from sparsemor.plugins.bases.static_solve import StaticSolver
+
+
+class CraigBampton(Plugin):
+    """Modes with the joints' points at rest, and the static shapes that displace these points.
+
+    A joint here holds the mean s = P^T u of a set of points, such as a rim, not each of them. The
+    constraint modes of that interface minimise u.K u for s = 1 of one of its components, so they
+    are K^-1 P (P^T K^-1 P)^-1: the span of the responses K^-1 P to the joint forces, which are the
+    atoms here. The fixed modes keep s = 0 and are K-orthogonal to them: with all modes the
+    dictionary spans the block, with none it is the static condensation to s. Needs no training.
+    """
+
+    count: int = Field(default=20, ge=0)
+    """Number of fixed-interface modes, the lowest ones."""
+
+    @property
+    def needs_snapshots(self) -> bool:
+        return False
+
+    def most_atoms(self, size: int) -> int:
+        """The largest dictionary of a block of this size."""
+        return size
+
+    def build(self, data: BlockData) -> Dictionary:
+        """Atoms (n, k). Raises InputError for a block on which no joint acts."""
+        modes = lowest_modes(data, self.count, joint_columns(data, "craig_bampton"))
+        names = [f"fixed mode {i}" for i in range(len(modes.values))]
+        pulled = oriented(StaticSolver.of(data)(data.loads[:, data.joints]))
+        own, _ = independent(pulled, 1e-10)
+        names += [f"constraint {load_names(data)[data.joints[i]]}" for i in own]
+        atoms = np.concatenate([modes.shapes, pulled[:, own]], axis=1)
+        return Dictionary(oriented(atoms), np.zeros(data.size), tuple(names), {
+            "modes": len(modes.values), "constraint_modes": len(own), **mode_info(data, modes)})

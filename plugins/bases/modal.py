@@ -1,0 +1,121 @@
+"""Eigenmodes of one block: vibrations of displacements, decaying shapes of temperatures."""
+
+from typing import Literal
+
+import numpy as np
+from pydantic import Field
+
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.errors import InputError
+from sparsemor.core.plugin import Plugin
+from sparsemor.core.protocols import BlockData, Dictionary
+from sparsemor.plugins.bases.columns import independent, oriented
+from sparsemor.plugins.bases.eigenmodes import Modes, lowest_modes
+from sparsemor.plugins.bases.static_solve import StaticSolver, is_thermal
+
+REST = 1e-7
+"""Part of a static response, relative to it in the norm of M, that modes count as holding."""
+
+
+class Modal(Plugin):
+    """The lowest modes of (K, M), or of (K_T, C): M-orthogonal, then of unit length.
+
+    Needs no training run. Heat from a surface and forces at joints are held slowly by modes
+    alone: `correction` adds what they miss of the static responses.
+    """
+
+    count: int = Field(default=20, ge=1)
+    """Number of modes, the lowest ones; all when the block has fewer."""
+    interface: Literal["free", "fixed"] = "free"
+    """Whether the points that joints hold (the mean of a rim, where a joint acts on one) move
+    freely in the modes, or stay at rest."""
+    correction: bool = False
+    """Add the static response to every load, less what the modes hold of it (residual attachment
+    modes): then constant loads are answered exactly. An insulated body gets the shape that
+    constant heat tends to."""
+    start: bool = True
+    """Add the values at the start, where the modes do not hold them."""
+
+    @property
+    def needs_snapshots(self) -> bool:
+        return False
+
+    def most_atoms(self, size: int) -> int:
+        """The largest dictionary of a block of this size."""
+        return size if self.correction or self.start else min(self.count, size)
+
+    def build(self, data: BlockData) -> Dictionary:
+        """Atoms (n, k). Raises InputError for a fixed interface where no joint acts."""
+        held = joint_columns(data, "modal with interface: fixed") if (
+            self.interface == "fixed") else None
+        modes = lowest_modes(data, self.count, held)
+        kind = "fixed mode" if self.interface == "fixed" else "mode"
+        atoms = [modes.shapes]
+        names = [f"{kind} {i}" for i in range(len(modes.values))]
+        info: dict[str, float | int | str] = {"modes": len(names), **mode_info(data, modes)}
+        extra, extra_names = self._extra(data)
+        if extra_names:
+            rest, kept = _beyond(extra, modes.shapes, data)
+            atoms.append(rest)
+            names += [extra_names[i] for i in kept]
+            info["corrections"] = len(kept)
+        return Dictionary(
+            oriented(np.concatenate(atoms, axis=1)), np.zeros(data.size), tuple(names), info)
+
+    def _extra(self, data: BlockData) -> tuple[FloatArray, list[str]]:
+        columns, names = [np.zeros((data.size, 0))], []
+        if self.start and data.start.any():
+            columns.append(data.start[:, None])
+            names.append("start")
+        if self.correction and data.loads.shape[1]:
+            columns.append(StaticSolver.of(data)(data.loads))
+            names += [f"residual {load}" for load in load_names(data)]
+        return np.concatenate(columns, axis=1), names
+
+
+def mode_info(data: BlockData, modes: Modes) -> dict[str, float | int | str]:
+    """Frequencies in Hz of displacements, rates of decay in 1/s of temperatures."""
+    if not len(modes.values):
+        return {}
+    positive = np.maximum(modes.values, 0.0)
+    name, shown = ("decay_per_s", positive) if is_thermal(data) else (
+        "frequencies_hz", np.sqrt(positive) / (2.0 * np.pi))
+    return {name: ", ".join(f"{v:.6g}" for v in shown), f"lowest_{name}": float(shown[0]),
+            f"highest_{name}": float(shown[-1])}
+
+
+def joint_columns(data: BlockData, who: str) -> FloatArray:
+    """P (n, p), independent unit columns: P^T u is how far the joints' points are displaced.
+
+    Raises InputError when no joint acts on the block.
+    """
+    P = data.loads[:, data.joints]
+    if not P.shape[1]:
+        raise InputError(
+            f"{who}: no joint acts on the unknowns of {data.name}, so it has no interface; give "
+            "this block another basis under reducer.bases, such as modal")
+    P = P / np.linalg.norm(P, axis=0)
+    return np.asarray(P[:, independent(P, 1e-10)[0]])
+
+
+def load_names(data: BlockData) -> tuple[str, ...]:
+    return data.load_names or tuple(f"load {i}" for i in range(data.loads.shape[1]))
+
+
+def _beyond(
+    X: FloatArray, shapes: FloatArray, data: BlockData
+) -> tuple[FloatArray, list[int]]:
+    """What M-orthonormal shapes (n, k) leave of each column of X, M-orthogonal to them and to
+    the ones before; and the numbers of the columns of which enough is left."""
+    basis, kept, rest = shapes, [], []
+    for i, x in enumerate(X.T):
+        size = float(np.sqrt(x @ (data.mass @ x)))
+        r = x
+        for _ in range(2):  # once leaves what cancellation brings back
+            r = r - basis @ (basis.T @ (data.mass @ r))
+        left = float(np.sqrt(r @ (data.mass @ r)))
+        if left > REST * size and basis.shape[1] < data.size:
+            basis = np.column_stack([basis, r / left])
+            kept.append(i)
+            rest.append(r / left)
+    return np.stack(rest, axis=1) if rest else np.zeros((data.size, 0)), kept

@@ -1,0 +1,98 @@
+"""Static responses: what the scene's own loads make of a block, without a training run."""
+
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.errors import InputError
+from sparsemor.core.plugin import Plugin
+from sparsemor.core.protocols import Basis, BlockData, Dictionary
+from sparsemor.core.slot import Slot
+from sparsemor.plugins.bases.columns import independent, oriented
+from sparsemor.plugins.bases.modal import load_names
+from sparsemor.plugins.bases.static_solve import StaticSolver, factorize, is_thermal
+
+
+class Static(Plugin):
+    """K^-1 f of every load, weight, inertia and joint force; K^-1 K_fT T of temperatures.
+
+    Quasi-static displacements are combinations of these. Temperatures are answered at `rates`;
+    an insulated body also gets the uniform temperature, and every body its values at the start.
+    """
+
+    thermoelastic: bool = True
+    """Add the displacements K^-1 K_fT T to each atom T of a basis of the body's temperatures."""
+    thermal: Annotated[Basis, Slot("basis")] | None = None
+    """That basis; give the one of the thermal block. Left out: `static` with the same rates."""
+    rates: tuple[Annotated[float, Field(ge=0.0)], ...] = Field(default=(0.0,), min_length=1)
+    """Rates s of the responses (K_T + s C)^-1 f to heat, 1/s: 0 the steady shape, 1/h what
+    the first step of implicit Euler gives. Displacements are answered at 0 only."""
+    rank_rtol: float = Field(default=1e-10, gt=0.0, lt=1.0)
+    """A response is left out when earlier ones hold all but this part of it (2-norm)."""
+    orthonormal: bool = False
+    """Take from each response what the earlier ones hold of it: the same span, well conditioned.
+    For `galerkin` with many rates; as they are, the coefficients are the loads themselves."""
+
+    @property
+    def needs_snapshots(self) -> bool:
+        return False
+
+    def build(self, data: BlockData) -> Dictionary:
+        """Atoms (n, k). Raises InputError when nothing loads the block."""
+        columns, names = self._of_heat(data) if is_thermal(data) else self._of_forces(data)
+        found = np.concatenate(columns, axis=1) if columns else np.zeros((data.size, 0))
+        seen = np.flatnonzero(np.linalg.norm(found, axis=0) > 0.0)
+        if not len(seen):
+            raise InputError(
+                f"no load, joint or temperature acts on {data.name}, so there is no static "
+                "response: give this block another basis under reducer.bases, such as modal")
+        atoms = oriented(found[:, seen])
+        kept, added = independent(atoms, self.rank_rtol)
+        left_out = [names[seen[i]] for i in np.setdiff1d(np.arange(len(seen)), kept)]
+        return Dictionary(
+            oriented(added if self.orthonormal else atoms[:, kept]), np.zeros(data.size),
+            tuple(names[seen[i]] for i in kept),
+            {"responses": len(kept), "dependent": ", ".join(left_out) or "none"})
+
+    def _of_forces(self, data: BlockData) -> tuple[list[FloatArray], list[str]]:
+        solve = StaticSolver.of(data)
+        columns = [np.zeros((data.size, 0)) if solve.uniform is None else solve.uniform[:, None],
+                   solve(data.loads)]
+        names = [] if solve.uniform is None else ["static uniform"]
+        names += [f"static {load}" for load in load_names(data)]
+        if data.start.any():
+            columns.append(data.start[:, None])
+            names.append("start")
+        if self.thermoelastic and data.heat is not None and data.coupling is not None:
+            basis = self.thermal or Static(rates=self.rates)
+            if basis.needs_snapshots:
+                raise InputError(
+                    f"the thermoelastic responses of {data.name} are made without training, and "
+                    "`thermal` names a basis that needs snapshots: use modal or static there")
+            heat = basis.build(data.heat)
+            temperatures = np.column_stack([heat.offset, heat.atoms])
+            columns.append(solve(np.asarray(data.coupling @ temperatures)))
+            names += [f"thermoelastic {p}" for p in ("offset", *heat.provenance)]
+        return columns, names
+
+    def _of_heat(self, data: BlockData) -> tuple[list[FloatArray], list[str]]:
+        steady = StaticSolver.of(data)
+        columns: list[FloatArray] = []
+        names: list[str] = []
+        if steady.uniform is not None:
+            columns.append(steady.uniform[:, None])
+            names.append("static uniform")
+        if data.start.any():
+            columns.append(data.start[:, None])
+            names.append("start")
+        for rate in self.rates:
+            if rate == 0.0:
+                columns.append(steady(data.loads))
+            else:
+                factor = factorize(data.stiffness + rate * data.mass, data.name)
+                columns.append(np.asarray(factor.solve(np.ascontiguousarray(data.loads))))
+            at = "" if rate == 0.0 else f" at {rate:g}/s"
+            names += [f"static {load}{at}" for load in load_names(data)]
+        return columns, names

@@ -1,0 +1,66 @@
+"""Displacements under constant forces, temperatures under constant heat."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.sparse import csc_array
+from scipy.sparse.linalg import splu
+
+from sparsemor.core.arrays import Csr, FloatArray
+from sparsemor.core.errors import InputError
+from sparsemor.core.protocols import BlockData
+
+NULL_RTOL = 1e-10
+"""|K 1|, relative to the largest entry of K, below which uniform temperature conducts nothing."""
+
+
+def factorize(matrix: Csr, block: str) -> Any:
+    """SuperLU for symmetric patterns. InputError when the matrix is singular."""
+    try:
+        return splu(csc_array(matrix), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0,
+                    options={"SymmetricMode": True})
+    except RuntimeError:
+        raise InputError(
+            f"the stiffness of {block} is singular: something in it can move without force; hold "
+            "it by a reference condition, or use a basis of snapshots") from None
+
+
+def is_thermal(data: BlockData) -> bool:
+    """Temperatures, or anything else of first order in time."""
+    return data.name.endswith(".thermal")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StaticSolver:
+    """x = K^-1 f. An insulated block has K 1 = 0: then x grows uniformly and bends as
+
+        K x = f - C 1 (1.f) / (1.C 1),    1.C x = 0,
+
+    the shape that constant heat tends to, and `uniform` (n,) is 1; None where K is regular.
+    """
+
+    factor: Any
+    uniform: FloatArray | None
+    growth: FloatArray
+    """C 1 / (1.C 1), (n,); empty where K is regular."""
+
+    @classmethod
+    def of(cls, data: BlockData) -> "StaticSolver":
+        one, K = np.ones(data.size), data.stiffness
+        if np.abs(K @ one).max() > NULL_RTOL * np.abs(K.data).max(initial=0.0):
+            return cls(factorize(K, data.name), None, np.zeros(0))
+        growth = np.asarray(data.mass @ one)
+        growth = growth / growth.sum()
+        # K + t (e1 e1^T) pins one temperature: as sparse as K, and exact for balanced heat
+        pinned = csc_array(K).copy()
+        pinned[0, 0] += float(K.diagonal().max())
+        return cls(factorize(pinned, data.name), one, growth)
+
+    def __call__(self, F: FloatArray) -> FloatArray:
+        """Responses (n, j) to the columns of F (n, j)."""
+        if self.uniform is None:
+            return np.asarray(self.factor.solve(np.ascontiguousarray(F)))
+        balanced = F - np.outer(self.growth, F.sum(axis=0))
+        X = np.asarray(self.factor.solve(np.ascontiguousarray(balanced)))
+        return np.asarray(X - self.growth @ X)

@@ -1,0 +1,26 @@
+"""Rows of unit length."""
+
+import numpy as np
+
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.plugin import Plugin
+
+
+class RowScaling(Plugin):
+    """P = diag(1 / |row|): every sampled equation weighs the same.
+
+    Among all diagonal P the condition number of P A is then at most sqrt(m) times the least
+    (van der Sluis 1969, doi 10.1007/BF02165096, applied to rows). Defined for every shape.
+    """
+
+    def check(self, rows: int, atoms: int) -> str:
+        return ""
+
+    def build(self, A: FloatArray) -> FloatArray:
+        """P (m, m) for A (m, k). Rows that are round-off of the largest one are not lifted."""
+        norms = np.linalg.norm(A, axis=1)
+        largest = norms.max(initial=0.0)
+        if largest == 0.0:
+            return np.eye(A.shape[0])
+        empty = norms <= A.shape[1] * np.finfo(np.float64).eps * largest
+        return np.diag(1.0 / np.where(empty, largest, norms))

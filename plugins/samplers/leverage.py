@@ -1,0 +1,43 @@
+"""Rows by their leverage: how much each one says about the space of the atoms."""
+
+from typing import Literal
+
+import numpy as np
+from scipy import linalg
+
+from sparsemor.core.arrays import FloatArray
+from sparsemor.plugins.samplers.candidates import Rows
+from sparsemor.plugins.samplers.span import SpanSampler
+
+
+class Leverage(SpanSampler):
+    """Rows drawn with probabilities in proportion to their leverage scores, or the m largest.
+
+    Mahoney 2011, doi 10.1561/2200000035; the largest: Papailiopoulos, Kyrillidis and Boutsidis
+    2014, doi 10.1145/2623330.2623698. Given required rows R the score of row u is
+    u (U_R^T U_R + m/n)^-1 u^T: what it adds to them and to m average rows; without them, |u|^2.
+    """
+
+    method: Literal["random", "top"] = "random"
+    """`random` draws without replacement; `top` takes the m largest scores, which may all sit in
+    one place and miss others."""
+
+    def choose(self, U: FloatArray, rows: Rows, rng: np.random.Generator) -> None:
+        if rows.left == 0:
+            return
+        scores = leverage(U, U[rows.taken], rows.left)
+        weight = np.bincount(rows.node, np.where(rows.taken, 0.0, scores))
+        if self.method == "top":
+            # a node by its mean: a node of which some rows are required is not worth less
+            rows.take_in_order(-weight / np.maximum(np.bincount(rows.node, ~rows.taken), 1))
+            return
+        # Efraimidis and Spirakis 2006, doi 10.1016/j.ipl.2005.11.003: one key a unit, the least
+        # keys are a weighted draw without replacement
+        rows.take_in_order(rng.exponential(size=weight.size) / np.maximum(weight, 1e-200))
+
+
+def leverage(U: FloatArray, kept: FloatArray, m: int) -> FloatArray:
+    """(n,) scores of the rows of U (n, k), orthonormal columns, given rows `kept` (p, k)."""
+    G = kept.T @ kept + m / U.shape[0] * np.eye(U.shape[1])
+    W = linalg.solve_triangular(linalg.cholesky(G, lower=True), U.T, lower=True)
+    return np.asarray(np.einsum("ij,ij->j", W, W))

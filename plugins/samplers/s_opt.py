@@ -1,0 +1,90 @@
+"""S-optimal rows: nearly orthogonal sampled columns and a large determinant at once."""
+
+import numpy as np
+
+from sparsemor.core.arrays import FloatArray
+from sparsemor.plugins.samplers.candidates import Rows
+from sparsemor.plugins.samplers.factor import RowFactor
+from sparsemor.plugins.samplers.span import SpanSampler
+
+TINY = 1e-300
+"""Below every square that is not zero: logarithms of zero become very small, not infinite."""
+LOST = 1e4
+"""Shrinking a score by this factor costs four digits of it: compute it afresh."""
+
+
+class SOpt(SpanSampler):
+    """Greedy rows of largest S = (sqrt det A^T A / prod |a_j|)^(1/k), A = the sampled rows.
+
+    S is 1 for orthogonal columns and 0 for dependent ones. Shin and Xiu 2016, SIAM J. Sci. Comput.
+    38, A385; for reduced models: Lauzon et al. 2024, doi 10.1137/22M1484018 (S-OPT).
+    Nothing is drawn: the seed has no effect.
+    """
+
+    def choose(self, U: FloatArray, rows: Rows, rng: np.random.Generator) -> None:
+        one_column_a_row(U, rows)
+        all_columns(U, rows)
+
+
+def s_quantity(A: FloatArray) -> float:
+    """S of A (m, k): 0 when m < k, when the columns depend on each other, or one is zero."""
+    norms = np.linalg.norm(A, axis=0)
+    if A.shape[0] < A.shape[1] or not norms.all():
+        return 0.0
+    s = np.linalg.svd(A / norms, compute_uv=False)
+    return float(np.exp(np.log(np.maximum(s, TINY)).mean()))
+
+
+def one_column_a_row(U: FloatArray, rows: Rows) -> None:
+    """While there are fewer rows than columns: p rows are judged by the first p columns.
+
+    With one row missing, det A^T A of the widened matrix is a constant times (u N)^2, N the
+    direction that the rows do not see; with more missing the part of u in all of them counts.
+    """
+    k = U.shape[1]
+    factor = RowFactor(U[rows.taken])
+    while rows.left:
+        count = int(rows.taken.sum())
+        j = min(count + 1, k)
+        _, V, rank = factor.singular(j)
+        if rank == j:
+            return
+        C = U[:, :j]
+        hidden = C @ V[:, rank:]
+        gain = np.einsum("ij,ij->i", hidden, hidden)
+        # the first row always makes S = 1: there the largest entry is taken
+        cost = _log_norms(C, C[rows.taken]) if count else 0.0
+        factor.add(U[rows.take(np.log(np.maximum(gain, TINY)) - cost)])
+
+
+def all_columns(U: FloatArray, rows: Rows) -> None:
+    """Further rows: det(A^T A + u^T u) = det(A^T A) (1 + u (A^T A)^-1 u^T).
+
+    The second factor minus 1, q, is carried from row to row by rank-one updates.
+    """
+    if not rows.left:
+        return
+    factor, fresh = RowFactor(U[rows.taken]), True
+    q = inverse = np.zeros(0)
+    while rows.left:
+        if fresh:
+            s, V, _ = factor.singular(U.shape[1])
+            half = V / s
+            inverse, W = half @ half.T, U @ half
+            q = np.einsum("ij,ij->i", W, W)
+        taken = rows.take(np.log1p(q) - _log_norms(U, U[rows.taken]))
+        factor.add(U[taken])
+        shrunk = 1.0
+        for i in taken:
+            b = inverse @ U[i]
+            size = 1.0 + float(U[i] @ b)
+            q = np.maximum(q - (U @ b) ** 2 / size, 0.0)
+            inverse = inverse - np.outer(b, b) / size
+            shrunk *= size
+        fresh = shrunk > LOST
+
+
+def _log_norms(C: FloatArray, A: FloatArray) -> FloatArray:
+    """(n,): sum over columns of log |a_j|^2 after each row of C (n, j) is added to A (p, j)."""
+    squares = np.einsum("ij,ij->j", A, A) + C * C
+    return np.asarray(np.log(np.maximum(squares, TINY)).sum(axis=1))

@@ -1,0 +1,81 @@
+"""What the rows are chosen for: the space that the sampled equations must tell apart."""
+
+from abc import abstractmethod
+from typing import Literal
+
+import numpy as np
+from pydantic import Field
+
+from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core.errors import InputError
+from sparsemor.core.plugin import Plugin
+from sparsemor.core.protocols import BlockData, Dictionary
+from sparsemor.plugins.samplers.candidates import Rows, Unit, free_rows
+from sparsemor.plugins.samplers.factor import EPS
+
+Of = Literal["operator", "atoms"]
+
+
+class SpanSampler(Plugin):
+    """Options and frame of all samplers that look at the atoms; a subclass fills `choose`."""
+
+    required: bool = True
+    """Keep the rows that carry joints and localized loads, and choose the others given that they
+    are there. False treats them like any other row."""
+    unit: Unit = "dof"
+    """`dof` takes single rows; `node` takes the rows of a node together."""
+    of: Of = "operator"
+    """Vectors whose rows are compared: `operator` is what the sampled equations see, (stiffness +
+    mass / step^2) atoms for displacements and (conductivity + capacity / step) atoms for
+    temperatures; `atoms` takes the atoms themselves."""
+    step: float = Field(default=1e-3, gt=0.0)
+    """Step size in that operator, s. A tenth or ten times the true one serves nearly as well."""
+
+    def sample(
+        self,
+        block: BlockData,
+        m: int,
+        dictionary: Dictionary,
+        rng: np.random.Generator,
+        required: IntArray,
+    ) -> IntArray:
+        """Sorted distinct rows: the required ones and m more. InputError when there are fewer."""
+        forced = required if self.required else required[:0]
+        free = free_rows(block.size, m, forced, block.name)
+        rows = Rows.of(block.coordinates, free, m, self.unit)
+        self.choose(orthonormal(self._vectors(block, dictionary), block.name), rows, rng)
+        return rows.numbers()
+
+    @abstractmethod
+    def choose(self, U: FloatArray, rows: Rows, rng: np.random.Generator) -> None:
+        """Take rows until none is `left`. U (n, k): orthonormal columns."""
+
+    def _vectors(self, block: BlockData, dictionary: Dictionary) -> FloatArray:
+        """(n, k), columns that are only round-off set to zero."""
+        T = dictionary.atoms
+        if self.of == "atoms":
+            return T
+        # displacements have components, temperatures have none: that decides the order in time
+        h = self.step**2 if block.component.any() else self.step
+        D = block.stiffness + block.mass / h
+        V = np.asarray(D @ T)
+        largest = float(abs(D).sum(axis=1).max(initial=0.0)) * np.linalg.norm(T, axis=0)
+        return np.where(np.linalg.norm(V, axis=0) > EPS * largest, V, 0.0)
+
+
+def orthonormal(V: FloatArray, name: str) -> FloatArray:
+    """Q (n, r): the first r columns span what the first independent columns of V (n, k) do.
+
+    The order of the atoms is kept, and columns that depend on earlier ones are left out. Raises
+    InputError when V is zero.
+    """
+    norms = np.linalg.norm(V, axis=0)
+    V = V[:, norms > 0.0] / norms[norms > 0.0]
+    if V.shape[1] == 0:
+        raise InputError(f"all atoms of {name} vanish under its operator: no row says more than "
+                         "another; take sampler: lhs", "sampler")
+    Q, R = np.linalg.qr(V)
+    fresh = np.zeros(V.shape[1], dtype=bool)
+    fresh[: R.shape[0]] = np.abs(np.diag(R)) > max(V.shape) * EPS
+    # a dependent column leaves a column of noise in Q, which later ones would be cleared of
+    return np.asarray(Q if fresh.all() else np.linalg.qr(V[:, fresh])[0])

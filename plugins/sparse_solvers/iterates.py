@@ -1,0 +1,53 @@
+"""What iterations over supports share: where they start, when they end, what they hand back."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from sparsemor.core.arrays import BoolArray, FloatArray
+from sparsemor.core.protocols import Group, SparseOutcome, SparseProblem, SparseStart
+from sparsemor.core.status import Status
+from sparsemor.plugins.sparse_solvers.active_set import EPS, Fit, Linearised, pruned
+
+
+def always_active(groups: Sequence[Group], size: int) -> BoolArray:
+    """(k,) True in the groups without a budget."""
+    always = np.zeros(size, dtype=np.bool_)
+    for g in groups:
+        if g.budget is None:
+            always[g.start : g.stop] = True
+    return always
+
+
+def within_budget(problem: SparseProblem, start: SparseStart) -> tuple[FloatArray, BoolArray]:
+    """The start with zeros outside its support and no more active columns than allowed."""
+    groups = problem.groups
+    support = start.support | always_active(groups, start.c.size)
+    c = np.where(support, start.c, 0.0)
+    if any(g.budget is not None and support[g.start : g.stop].sum() > g.budget for g in groups):
+        norms = np.linalg.norm(problem.jacobian(c), axis=0)
+        support = pruned(norms * c, support, groups)
+        c = np.where(support, c, 0.0)
+    return c, support
+
+
+def small_step(linear: Linearised, found: Fit, groups: Sequence[Group], rtol: float) -> bool:
+    """Is the step of every group within rtol of the group, or within what rounding allows?"""
+    step = found.z - linear.z
+    floor = min(4.0 * EPS / found.rcond, rtol) * float(np.linalg.norm(found.z))
+    return all(
+        float(np.linalg.norm(step[g.start : g.stop]))
+        <= max(rtol * float(np.linalg.norm(found.z[g.start : g.stop])), floor)
+        for g in groups
+    )
+
+
+def ended(
+    problem: SparseProblem, c: FloatArray, good: SparseOutcome, status: Status, iterations: int
+) -> SparseOutcome:
+    """c with its own residual norm, unless that overflowed: then `good`, and it says so."""
+    norm = float(np.linalg.norm(problem.residual(c)))
+    if not np.isfinite(norm):
+        return replace(good, status=Status.NOT_FINITE, iterations=iterations)
+    return SparseOutcome(c, good.support, status, iterations, norm)

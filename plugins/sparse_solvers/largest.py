@@ -1,0 +1,100 @@
+"""The largest entries of a vector, and whether they are surely the largest."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
+from sparsemor.core.protocols import Group
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Largest:
+    """`order` lists each group's active columns, then its other ones; `starts` where each list
+    begins."""
+
+    order: IntArray
+    starts: IntArray
+
+    @classmethod
+    def of(cls, support: BoolArray, groups: Sequence[Group]) -> "Largest | None":
+        """None for a support that does not use up every budget, or leaves no one out."""
+        order: list[IntArray] = []
+        for g in groups:
+            part = support[g.start : g.stop]
+            if int(np.count_nonzero(part)) != g.budget or not 0 < g.budget < len(part):
+                return None
+            order += [np.flatnonzero(part) + g.start, np.flatnonzero(~part) + g.start]
+        starts = np.cumsum([0, *(len(o) for o in order[:-1])])
+        return cls(np.concatenate(order), starts)
+
+    @classmethod
+    def among(cls, chosen: BoolArray, of: BoolArray, groups: Sequence[Group]) -> "Largest":
+        """The same for the chosen ones among `of` only, in groups that leave someone out."""
+        order: list[IntArray] = []
+        for g in groups:
+            part, some = chosen[g.start : g.stop], of[g.start : g.stop]
+            sides = [np.flatnonzero(side & some) + g.start for side in (part, ~part)]
+            if all(len(side) for side in sides):
+                order += sides
+        starts = np.cumsum([0, *(len(o) for o in order[:-1])])
+        return cls(np.concatenate([np.zeros(0, np.int64), *order]), starts)
+
+    def holds(self, sizes: FloatArray, tolerance: float) -> bool:
+        """Are the active entries of each group larger than its others, by more than that?"""
+        if not len(self.order):
+            return True
+        a = sizes[self.order]
+        least = np.minimum.reduceat(a, self.starts)[::2]
+        most = np.maximum.reduceat(a, self.starts)[1::2]
+        return bool((least > (1.0 + tolerance) * most).all())
+
+
+def first(sizes: FloatArray, count: int) -> BoolArray:
+    """The `count` largest entries; of equal ones those in front."""
+    chosen = np.zeros(len(sizes), dtype=np.bool_)
+    chosen[np.argsort(-sizes, kind="stable")[:count]] = True
+    return chosen
+
+
+def largest(sizes: FloatArray, count: int, tolerance: float) -> list[BoolArray]:
+    """The `count` largest entries: one way, two where the last one is unsure, none if more."""
+    if count >= len(sizes):
+        return [sizes > 0.0]
+    order = np.argsort(-sizes, kind="stable")
+    a, edge = sizes[order], 1.0 + tolerance
+    chosen = first(sizes, count)
+    if count == 0 or a[count - 1] > edge * a[count]:
+        return [chosen]
+    clear_above = count < 2 or a[count - 2] > edge * a[count]
+    clear_below = count + 1 >= len(a) or a[count - 1] > edge * a[count + 1]
+    if not (clear_above and clear_below):
+        return []
+    second = chosen.copy()
+    second[order[count - 1]], second[order[count]] = False, True
+    return [chosen, second]
+
+
+def within_reach(sizes: FloatArray, count: int, tolerance: float) -> BoolArray:
+    """All entries that may be among the `count` largest."""
+    if not 0 < count < len(sizes):
+        return np.asarray(sizes > 0.0) if count else np.zeros(len(sizes), dtype=np.bool_)
+    last = float(np.partition(sizes, len(sizes) - count)[len(sizes) - count])
+    return np.asarray((sizes > 0.0) & ((1.0 + tolerance) * sizes >= last))
+
+
+def within(sizes: FloatArray, count: int, tolerance: float) -> list[BoolArray] | None:
+    """The same of the entries above zero; None if unsure."""
+    if count >= int(np.count_nonzero(sizes > 0.0)):
+        return [sizes > 0.0]
+    return largest(sizes, count, tolerance) or None
+
+
+def apart(sizes: FloatArray, others: FloatArray, count: int) -> float:
+    """Largest difference near the threshold that the `count` largest of `sizes` pass, over it."""
+    if not 0 < count < len(sizes):
+        return 0.0
+    threshold = float(np.partition(sizes, len(sizes) - count)[len(sizes) - count])
+    near = (sizes > 0.5 * threshold) & (sizes < 2.0 * threshold)
+    return float(np.abs(sizes - others)[near].max()) / threshold if near.any() else 0.0

@@ -1,0 +1,70 @@
+"""The lasso path by least-angle regression, with debiasing."""
+
+import warnings
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from sparsemor.core.arrays import FloatArray
+from sparsemor.plugins.sparse_solvers.active_set import pruned
+from sparsemor.plugins.sparse_solvers.extras import require
+from sparsemor.plugins.sparse_solvers.newton import LinearRecovery, Recovered
+from sparsemor.plugins.sparse_solvers.penalised import Penalised, weights
+
+
+class LassoLars(LinearRecovery):
+    """Least squares with an l1 penalty, for all penalties at once: the path of its solutions.
+
+    min 1/2 |A x - b|^2 + penalty sum_j |x_j| / budget_j. With `penalty` the solution at that
+    point counts. Without, the path is cut by the budgets: each of its knots is pruned to them and
+    debiased by least squares, as is least squares on all columns of its end; that of least
+    residual counts. Needs the extra `lars` (scikit-learn). Efron et al. 2004, doi
+    10.1214/009053604000000067; weights as in Eq. 25.
+    """
+
+    penalty: float | None = Field(default=None, gt=0.0, lt=1.0)
+    """As a share of the least penalty at which no column is active; left out: cut by budgets."""
+    knots: int = Field(default=500, ge=1)
+    """Most points of the path at which a column enters or leaves."""
+
+    @model_validator(mode="after")
+    def _possible(self) -> "LassoLars":
+        require("sklearn", "lars", "lasso_lars")
+        return self
+
+    def recover(self, problem: Penalised) -> Recovered:
+        """x (k,): of the path's end at `penalty`, or the best that keeps the budgets."""
+        path = self._path(problem)
+        if self.penalty is not None:
+            return Recovered(path[:, -1])
+        return Recovered(min(_candidates(problem, path), key=problem.left))
+
+    def _path(self, problem: Penalised) -> FloatArray:
+        """(k, knots) solutions, from no active column on."""
+        from sklearn.exceptions import ConvergenceWarning
+        from sklearn.linear_model import lars_path
+
+        scale, b = 1.0 / weights(problem), problem.b / np.linalg.norm(problem.b)
+        X = problem.A * scale
+        top = float(np.abs(b @ X).max()) / b.size  # scikit-learn divides by the number of rows
+        with warnings.catch_warnings():  # columns it drops as degenerate stay inactive
+            warnings.simplefilter("ignore", ConvergenceWarning)
+            path = lars_path(X, b, method="lasso", alpha_min=(self.penalty or 0.0) * top,
+                             max_iter=self.knots)[2]
+        size = float(np.linalg.norm(problem.b))
+        return np.asarray(path * scale[:, None] * size)
+
+
+def _candidates(problem: Penalised, path: FloatArray) -> list[FloatArray]:
+    """Debiased solutions within the budgets, one for each support that the path proposes."""
+    kept = {k.tobytes(): k for k in (pruned(x, x != 0.0, problem.groups) for x in path.T)}
+    most = max(int(k.sum()) for k in kept.values())
+    seen = np.linalg.norm(problem.A, axis=0) > 0.0
+    # with rows for all columns the path ends on all of them; the Gram matrix that scikit-learn
+    # works on cannot follow it there where columns are nearly parallel
+    last = seen if np.count_nonzero(seen) <= problem.size else path[:, -1] != 0.0
+    if np.count_nonzero(last) <= problem.size:
+        wide = problem.least_squares(last)
+        end = pruned(wide, last, problem.groups)
+        kept[end.tobytes()] = end
+    return [problem.least_squares(k) for k in kept.values() if int(k.sum()) >= most]

@@ -1,0 +1,154 @@
+"""The one Newton loop around every linear method of sparse recovery."""
+
+from abc import abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from pydantic import Field
+
+from sparsemor.core.arrays import BoolArray, FloatArray
+from sparsemor.core.capabilities import CAPABILITIES, refusal
+from sparsemor.core.errors import InputError
+from sparsemor.core.plugin import Plugin
+from sparsemor.core.protocols import Group, SparseOutcome, SparseProblem, SparseStart
+from sparsemor.core.status import Status
+from sparsemor.plugins.sparse_solvers.active_set import Linearised, fit, independent, pruned
+from sparsemor.plugins.sparse_solvers.iterates import (
+    always_active,
+    ended,
+    small_step,
+    within_budget,
+)
+from sparsemor.plugins.sparse_solvers.penalised import Penalised
+from sparsemor.plugins.sparse_solvers.visits import Visits
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Recovered:
+    """x (k,) of a `Penalised` problem, or why there is none. Zero: not active."""
+
+    x: FloatArray
+    status: Status = Status.DONE
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Support:
+    """The active columns that one linearisation led to."""
+
+    linear: Linearised
+    active: BoolArray
+    status: Status
+
+    def holds_for(self, other: Linearised) -> bool:
+        """Is the other the same linear problem? Then there is nothing to recover anew."""
+        mine, its = self.linear, other
+        if not np.array_equal(mine.J, its.J):
+            return False
+        a, b = mine.J @ mine.z - mine.r, its.J @ its.z - its.r
+        return float(np.linalg.norm(a - b)) <= 1e-12 * float(np.linalg.norm(a))
+
+
+class LinearRecovery(Plugin):
+    """Newton's method whose every step recovers a support anew, on the linearised problem.
+
+    1 linearise, columns scaled to unit length; 2 rotate the unpenalised columns out; 3 recover
+    sparse coefficients (`recover`, the only thing that differs between these solvers); 4 keep the
+    `budget` largest of each group; 5 least squares on them and the unpenalised columns
+    (debiasing); repeat. It ends when neither the support nor c changes. A support that comes back
+    after it was left is a cycle: from then on plain Gauss-Newton on the best support met. The
+    start gives the point of the first linearisation; its support does not bias the recovery.
+    """
+
+    rtol: float = Field(default=1e-8, gt=0.0, lt=1.0)
+    """Largest step of each group, relative to the group (both scaled by column norms), that
+    ends the iteration."""
+    max_iterations: int = Field(default=30, ge=1)
+    """Linearisations before the solve is given up as not converged."""
+    rank_rtol: float = Field(default=1e-12, gt=0.0, lt=1.0)
+    """Reciprocal condition number at which active columns count as dependent."""
+
+    @property
+    def capabilities(self) -> frozenset[str]:
+        """Names of `core.capabilities`."""
+        return frozenset(CAPABILITIES)
+
+    @abstractmethod
+    def recover(self, problem: Penalised) -> Recovered:
+        """Sparse x with A x = b; more active columns than the budgets allow are pruned later.
+
+        A has a column that is not zero, b is not zero.
+        """
+
+    def solve(self, problem: SparseProblem, start: SparseStart) -> SparseOutcome:
+        """c (k,) and its support. A failure returns the last iterate that was finite.
+
+        InputError when the problem needs what this solver has not.
+        """
+        refused = refusal("this problem", self, problem.needs)
+        if refused:
+            raise InputError(refused)
+        with np.errstate(all="ignore"):  # overflow is a status here, not a warning
+            return self._iterate(problem, *within_budget(problem, start))
+
+    def _iterate(self, problem: SparseProblem, c: FloatArray, support: BoolArray) -> SparseOutcome:
+        groups, visits, explore = problem.groups, Visits(), True
+        found: Support | None = None
+        good = SparseOutcome(c, support, Status.NOT_FINITE, 0, float("inf"))
+        for iteration in range(1, self.max_iterations + 1):
+            r = problem.residual(c)
+            linear = Linearised.at(c, r, problem.jacobian(c))
+            if not linear.finite:
+                return replace(good, status=Status.NOT_FINITE, iterations=iteration)
+            good = SparseOutcome(c, support, Status.DONE, iteration, float(np.linalg.norm(r)))
+            # the start is no visit: its support was not found here
+            if explore and iteration > 1 and visits.note(good):
+                explore, good = False, visits.best()
+                c, support = good.c, good.support
+                continue
+            active = support
+            if explore:
+                if found is None or not found.holds_for(linear):
+                    found = self._support(linear, groups)
+                if not found.status.ok:
+                    return replace(good, status=found.status, iterations=iteration)
+                active = found.active
+            fitted = fit(linear, active, self.rank_rtol)
+            if fitted is None:
+                return replace(good, status=Status.RANK_DEFICIENT, iterations=iteration)
+            settled = np.array_equal(active, support) and small_step(
+                linear, fitted, groups, self.rtol)
+            c, support = linear.unscaled(fitted.z), active
+            if settled:
+                return ended(problem, c, good, Status.DONE, iteration)
+        return self._gave_up(problem, c, support, good, visits)
+
+    def _gave_up(
+        self, problem: SparseProblem, c: FloatArray, support: BoolArray, good: SparseOutcome,
+        visits: Visits,
+    ) -> SparseOutcome:
+        """The best iterate met, as not converged."""
+        norm = float(np.linalg.norm(problem.residual(c)))
+        if not np.isfinite(norm):
+            return replace(good, status=Status.NOT_FINITE, iterations=self.max_iterations)
+        last = SparseOutcome(c, support, Status.NOT_CONVERGED, self.max_iterations, norm)
+        visits.note(last)
+        return replace(visits.best(), status=last.status, iterations=last.iterations)
+
+    def _support(self, linear: Linearised, groups: Sequence[Group]) -> Support:
+        """Steps 2 to 4. Columns that depend on others are left out, not solved blindly."""
+        free = always_active(groups, linear.z.size)
+        if fit(linear, free, self.rank_rtol) is None:
+            return Support(linear, free, Status.RANK_DEFICIENT)
+        rest = Penalised.of(linear, groups)
+        active = free.copy()
+        if not (rest.A.any() and rest.b.any()):
+            return Support(linear, active, Status.DONE)
+        found = self.recover(rest)
+        if not found.status.ok:
+            return Support(linear, free, found.status)
+        kept = pruned(found.x, found.x != 0.0, rest.groups)
+        active[rest.columns[kept]] = True
+        if kept.any():
+            active = independent(linear, free, active, self.rank_rtol)
+        return Support(linear, active, Status.DONE)

@@ -1,0 +1,98 @@
+"""A linearised problem without its unpenalised columns, and which of the others stay active."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import linalg
+from scipy.linalg import lapack
+
+from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
+from sparsemor.core.protocols import Group
+from sparsemor.plugins.sparse_solvers.active_set import EPS, Linearised
+from sparsemor.plugins.sparse_solvers.iterates import always_active
+
+DEPENDENT = 1e-10
+"""Share of a unit column that must be left beside other columns, or it counts as one of them."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Penalised:
+    """Find sparse x (k,) with A x = b. A (m, k), b (m,); every group has a budget.
+
+    The unpenalised columns J_f = Q [R; 0] are rotated out: A, b are the rows of Q^T J and
+    Q^T (J z - r) below R, so that whatever x is, the free unknowns fit the rows above exactly.
+    Where more rows than columns are left, A = Q [R; 0] once more: R x = Q^T b is the best fit of
+    all columns, and the rest of b is what none of them explains. Neither changes a correlation,
+    nor which x fits better. Columns keep the scale of `Linearised`, unit length before the
+    rotations: what a free column explains as well is worth less. A column that no row sees,
+    that depends on the free ones, or whose group may have no active column, is zero.
+    """
+
+    A: FloatArray
+    b: FloatArray
+    groups: tuple[Group, ...]
+    columns: IntArray
+    """(k,) positions in the whole problem."""
+
+    @classmethod
+    def of(cls, linear: Linearised, groups: Sequence[Group]) -> "Penalised":
+        """The free columns must be independent."""
+        free = always_active(groups, linear.z.size)
+        columns = np.flatnonzero(~free)
+        target = linear.J @ linear.z - linear.r
+        wide = np.column_stack((linear.J[:, columns], target))
+        f = int(np.count_nonzero(free))
+        if f:
+            reflectors, tau, _, _ = lapack.dgeqrf(linear.J[:, free])
+            size = int(lapack.dormqr("L", "T", reflectors, tau, wide, -1)[1][0])
+            wide = lapack.dormqr("L", "T", reflectors, tau, wide, size)[0][f:]
+        A, b = wide[:, :-1].copy(), wide[:, -1].copy()
+        A[:, np.linalg.norm(A, axis=0) <= DEPENDENT] = 0.0
+        if np.linalg.norm(b) <= 100.0 * EPS * np.linalg.norm(target):
+            b[:] = 0.0  # the free columns explain all but rounding
+        kept, start = [], 0
+        for g in groups:
+            if g.budget is not None:
+                kept.append(Group(g.name, start, start + g.stop - g.start, g.budget))
+                start = kept[-1].stop
+                if g.budget == 0:
+                    A[:, kept[-1].start : start] = 0.0
+        if A.shape[0] > A.shape[1]:
+            A, b = _best_fit(A, b)
+        return cls(A, b, tuple(kept), columns)
+
+    @property
+    def size(self) -> int:
+        return int(self.b.size)
+
+    @property
+    def budgets(self) -> IntArray:
+        """(k,) budget of each column's group."""
+        counts = [(g.budget or 0, g.stop - g.start) for g in self.groups]
+        return np.repeat([n for n, _ in counts], [w for _, w in counts]).astype(np.int64)
+
+    def least_squares(self, active: BoolArray) -> FloatArray:
+        """x (k,) of least residual on the active columns; of least norm where that is not one."""
+        x = np.zeros(active.size)
+        if active.any():
+            x[active] = np.linalg.lstsq(self.A[:, active], self.b, rcond=DEPENDENT)[0]
+        return x
+
+    def left(self, x: FloatArray) -> float:
+        """Norm of the residual."""
+        return float(np.linalg.norm(self.b - self.A @ x))
+
+
+def _best_fit(A: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """As many rows as A has independent columns: A x = b there is least squares in all rows."""
+    Q, R, order = linalg.qr(A, mode="economic", pivoting=True, check_finite=False)
+    rank = int(np.count_nonzero(np.abs(np.diag(R)) > DEPENDENT))
+    fitted = np.zeros((rank, A.shape[1]))
+    fitted[:, order] = R[:rank]
+    return fitted, b @ Q[:, :rank]
+
+
+def weights(problem: Penalised) -> FloatArray:
+    """(k,) of the l1 norm: one over the budget of the column's group, as in Eq. 25."""
+    return np.asarray(1.0 / np.maximum(problem.budgets, 1))

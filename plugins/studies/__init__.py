@@ -1,0 +1,14 @@
+"""Packaged studies: names that `study` knows. Each sets one part beside its alternatives."""
+
+from pathlib import Path
+
+_HERE = Path(__file__).parent
+
+elastic_sparsity = _HERE / "elastic_sparsity.yaml"
+thermal_sparsity = _HERE / "thermal_sparsity.yaml"
+preconditioners = _HERE / "preconditioners.yaml"
+samplers = _HERE / "samplers.yaml"
+solvers = _HERE / "solvers.yaml"
+bases = _HERE / "bases.yaml"
+integrators = _HERE / "integrators.yaml"
+methods = _HERE / "methods.yaml"

@@ -1,0 +1,70 @@
+"""What DEIM and GNAT have in common: modes of what has to be seen, and points that see it."""
+
+from collections.abc import Sequence
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from sparsemor.core.arrays import IntArray
+from sparsemor.core.errors import Fault
+from sparsemor.core.model import Model
+from sparsemor.core.protocols import Basis, Sampler
+from sparsemor.core.slot import Slot, slot_default
+from sparsemor.reducers.checks import block_size, pattern_faults
+from sparsemor.reducers.choose import chosen
+from sparsemor.reducers.missed import missed_loads
+from sparsemor.reducers.projected import Projected, Reducible
+
+HINT = "take required: true, or more points"
+
+
+class Interpolating(Projected):
+    """The options of reducers that see a few rows of each block, the points."""
+
+    force_basis: Annotated[Basis, Slot("basis")] = slot_default("pod")
+    """Modes of each block's forces in the training run. The published criterion is
+    `{use: pod, energy: 0.9999}`."""
+    force_bases: dict[str, Annotated[Basis, Slot("basis")]] = {}
+    """Other modes of forces by block pattern."""
+    oversampling: float = Field(default=2.0, ge=1.0, le=100.0)
+    """Points for each mode; above 1 the modes' amounts follow by least squares."""
+    points: dict[str, Annotated[int, Field(ge=1)]] = {}
+    """Number of points by block pattern, where it shall not follow from `oversampling`."""
+    sampler: Annotated[Sampler, Slot("sampler")] = slot_default("deim")
+    """Chooses the points; the modes are its vectors."""
+    required: bool = False
+    """Whether the rows of joints and localized loads are points too, besides the others."""
+
+    def check(self, model: Model) -> Sequence[Fault]:
+        """What can be refused by counting, before any training; keys relative to the reducer."""
+        faults = [*super().check(model), *pattern_faults(model, "points", self.points),
+                  *pattern_faults(model, "force_bases", self.force_bases)]
+        for name in model.reducible():
+            points, size = chosen(name, self.points, 0), block_size(model, name)
+            modes = self._modes_asked(name)
+            held = len(model.required[name]) if self.required else 0
+            if points > size - held:
+                faults.append(Fault("points", f"{points} points were asked of {name}, which has "
+                                    f"{size - held} unknowns to choose from"))
+            elif points and points + held < min(modes, size):
+                faults.append(Fault("points", f"{name}: {points + held} points cannot determine "
+                                    f"{modes} modes: take more points or fewer modes"))
+        return faults
+
+    def _modes_asked(self, name: str) -> int:
+        """How many modes the options ask for, as far as they say; 0 if not."""
+        count = getattr(chosen(name, self.force_bases, self.force_basis), "count", None)
+        return count if isinstance(count, int) else 0
+
+    def basis_of_force(self, block: Reducible) -> Basis:
+        """The basis of this block's forces."""
+        return chosen(block.name, self.force_bases, self.force_basis)
+
+    def wanted(self, block: Reducible, modes: int) -> int:
+        """Number of points, the required ones not counted."""
+        return chosen(block.name, self.points, int(np.ceil(self.oversampling * modes)))
+
+    def notes(self, block: Reducible, points: IntArray) -> tuple[str, ...]:
+        """A sentence for each load or joint that no point feels."""
+        return missed_loads(block.model, {block.name: points}, HINT)

@@ -1,0 +1,192 @@
+"""What all reducers share whose atoms are all active: one loop over the blocks, two test maps each.
+
+A subclass says under which maps a block is seen (`Maps`). From there on Galerkin, DEIM, GNAT and
+LSPG are the same arrays in the same step.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+from scipy.linalg import lapack, solve_triangular
+
+from sparsemor.core.arrays import Csr, FloatArray, IntArray
+from sparsemor.core.errors import Fault
+from sparsemor.core.model import Model
+from sparsemor.core.offline import Offline
+from sparsemor.core.plugin import Plugin
+from sparsemor.core.protocols import Basis, Dictionary, Integrator, StepSolver
+from sparsemor.core.separable import HeatBody, MovingBody
+from sparsemor.core.slot import Slot, slot_default
+from sparsemor.core.status import SolveFailed, Status
+from sparsemor.reducers.bordered import Tolerances
+from sparsemor.reducers.checks import pattern_faults
+from sparsemor.reducers.choose import chosen
+from sparsemor.reducers.elastic import CompressedElastic
+from sparsemor.reducers.heat import CompressedHeat
+from sparsemor.reducers.prepare import constants, stepper
+from sparsemor.reducers.represent import local_terms, refuse_other, represent
+from sparsemor.reducers.test_map import TestedElastic, TestedHeat, TestMap
+
+RANK_RTOL = 1e-14
+"""Reciprocal condition of a scaled block below which its atoms depend on each other."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Linear:
+    """stiffness x + damping v + mass a of one block, (n, n) each; heat has no mass and its capacity
+    as damping. D = stiffness + c1 damping + c2 mass is `operator`."""
+
+    stiffness: Csr
+    damping: Csr
+    mass: Csr | None
+    operator: Csr
+
+    @classmethod
+    def of(cls, source: HeatBody | MovingBody, c1: float, c2: float, c1_first: float) -> "Linear":
+        if isinstance(source, HeatBody):
+            K, C = source.conductivity, source.capacity
+            return cls(K, C, None, K + c1_first * C)
+        assert source.operators is not None
+        o = source.operators
+        return cls(o.stiffness, o.damping, o.mass, o.stiffness + c1 * o.damping + c2 * o.mass)
+
+    def force(self, x: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
+        """What the rest of the equations must be at (n,) or (n, M) unknowns and rates."""
+        f = self.stiffness @ x + self.damping @ v
+        return np.asarray(f if self.mass is None else f + self.mass @ a)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Reducible:
+    """One block with all that its test maps may be made from; rng is its own."""
+
+    name: str
+    dictionary: Dictionary
+    linear: Linear
+    model: Model
+    offline: Offline
+    integrator: Integrator
+    h: float
+    rng: np.random.Generator
+
+    @property
+    def size(self) -> int:
+        return int(self.dictionary.atoms.shape[0])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Maps:
+    """test: of the block's own operators; force: of all else in its rows (None: the same).
+
+    rows: which rows were sampled, None for all; facts: what is worth reporting of them.
+    """
+
+    test: TestMap
+    force: TestMap | None = None
+    rows: IntArray | None = None
+    facts: Mapping[str, float | int | str] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+    @property
+    def forces(self) -> TestMap:
+        return self.test if self.force is None else self.force
+
+
+class Projected(Plugin, ABC):
+    """The options and the loop that projected reducers have in common."""
+
+    basis: Annotated[Basis, Slot("basis")] = slot_default("pod")
+    """Basis of every elastic and thermal block."""
+    bases: dict[str, Annotated[Basis, Slot("basis")]] = {}
+    """Other bases by block pattern, such as `*.thermal`."""
+    predictor: int = Field(default=6, ge=1, le=8)
+    """Number of past states that the first guess of a step extrapolates."""
+    remaining: float = Field(default=1e-13, gt=0, lt=1e-3)
+    """Relative error of the unknowns that may remain in a step."""
+    max_iterations: int = Field(default=30, ge=1)
+    """Newton iterations before a step is given up."""
+
+    @abstractmethod
+    def maps(self, block: Reducible) -> Maps:
+        """The test maps of one block. InputError or SolveFailed where there are none."""
+
+    def seen(
+        self, model: Model, dictionaries: Mapping[str, Dictionary], offline: Offline, h: float
+    ) -> tuple[Model, Mapping[str, Mapping[str, float | int | str]]]:
+        """The model whose equations are projected, and facts of its blocks: a subclass may put
+        cheaper operators in place of a body's own."""
+        return model, {}
+
+    def check(self, model: Model) -> Sequence[Fault]:
+        """What can be refused by counting, before any training; keys relative to the reducer."""
+        return pattern_faults(model, "bases", self.bases)
+
+    def prepare(
+        self, model: Model, integrator: Integrator, h: float,
+        offline: Offline, rng: np.random.Generator,
+    ) -> StepSolver:
+        """Raises InputError where the scene does not suit, SolveFailed for dependent atoms."""
+        refuse_other(model, type(self).__name__.lower())
+        c1, c2, c1_first = constants(model.layout, integrator, h)
+        dictionaries, limits = represent(
+            offline, {n: chosen(n, self.bases, self.basis) for n in model.reducible()})
+        model, seen = self.seen(model, dictionaries, offline, h)
+        own = dict(zip(dictionaries, rng.spawn(len(dictionaries)), strict=True))
+        heat, elastic, tested, maps = {}, {}, {}, {}
+
+        def mapped(name: str, source: HeatBody | MovingBody) -> Maps:
+            linear = Linear.of(source, c1, c2, c1_first)
+            maps[name] = self.maps(Reducible(
+                name, dictionaries[name], linear, model, offline, integrator, h, own[name]))
+            return maps[name]
+
+        for b in model.separated.heat:
+            d, m = dictionaries[b.thermal], mapped(b.thermal, b)
+            tested_h = TestedHeat.of(b, d, m.test, m.force)
+            left = left_inverse(b.thermal, tested_h.block(c1_first))
+            local = local_terms(model, b, d, m.forces.times(left, len(d.offset))) if b.local else []
+            heat[b.thermal] = CompressedHeat.of(tested_h, left, None, c1_first, local)
+        for body in model.separated.moving:
+            if body.operators is None:
+                continue
+            d, m = dictionaries[body.elastic], mapped(body.elastic, body)
+            te = tested[body.elastic] = TestedElastic.of(
+                body.operators, body.frame, d, dictionaries.get(body.thermal), m.test, m.force)
+            elastic[body.elastic] = CompressedElastic.of(
+                te, left_inverse(body.elastic, te.block(c1, c2)), None)
+        layout = model.layout.resized({n: d.atoms.shape[1] for n, d in dictionaries.items()})
+        return stepper(
+            model, layout, dictionaries, {n: m.rows for n, m in maps.items() if m.rows is not None},
+            heat, elastic, Tolerances(self.remaining, self.max_iterations), self.predictor,
+            len(heat) + len(elastic), limits,
+            tuple(note for m in maps.values() for note in m.notes), tested=tested,
+            facts={**seen, **{n: m.facts for n, m in maps.items() if m.facts}})
+
+
+def left_inverse(name: str, A: FloatArray, rtol: float = RANK_RTOL) -> FloatArray:
+    """(k, l) with left @ A = 1 for A (l, k), by least squares on unit columns where l > k.
+
+    Raises SolveFailed (rank deficient) naming the block `name` where the columns depend on each
+    other: an overcomplete dictionary has no unique coefficients.
+    """
+    rows, k = A.shape
+    if rows < k:
+        raise deficient(name, f"{k} atoms, {rows} rows")
+    norms = np.linalg.norm(A, axis=0)
+    if not norms.all():
+        raise deficient(name, f"{int((norms == 0).sum())} atoms vanish on its rows")
+    Q, R = np.linalg.qr(A / norms)
+    rcond = float(lapack.dtrcon(R)[0]) if k else 1.0
+    if not rcond > rtol:
+        raise deficient(
+            name, f"its {k} atoms depend on each other, reciprocal condition {rcond:.1e}: take "
+            "fewer atoms or merge near-duplicates")
+    return np.asarray(solve_triangular(R, Q.T) / norms[:, None], dtype=np.float64)
+
+
+def deficient(name: str, detail: str) -> SolveFailed:
+    return SolveFailed(Status.RANK_DEFICIENT, 0.0, name, detail)

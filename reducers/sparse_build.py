@@ -1,0 +1,167 @@
+"""From rows to a step solver: all of the sparse reducer that depends on which rows it sees."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core.capabilities import refusal
+from sparsemor.core.errors import Fault, InputError
+from sparsemor.core.model import Model
+from sparsemor.core.offline import Offline
+from sparsemor.core.protocols import Dictionary, Preconditioner, SparseSolver
+from sparsemor.core.status import SolveFailed, Status
+from sparsemor.reducers.bordered import Tolerances
+from sparsemor.reducers.choose import chosen
+from sparsemor.reducers.missed import missed_loads
+from sparsemor.reducers.prepare import stepper
+from sparsemor.reducers.rows import elastic_rows, elastic_times, heat_rows, heat_times
+from sparsemor.reducers.sampled import (
+    RankDeficient,
+    Sampled,
+    SampledElastic,
+    SampledHeat,
+    told,
+    weigh,
+)
+from sparsemor.reducers.selection import mechanics_needs, shape_needs
+from sparsemor.reducers.sparse_stepper import SparseStepper
+from sparsemor.reducers.stepper import Stepper
+from sparsemor.reducers.test_map import TestedElastic, TestedHeat, TestMap
+
+
+class Options(Protocol):
+    """The options of the reducer that are read here."""
+
+    @property
+    def preconditioner(self) -> Preconditioner: ...
+    @property
+    def preconditioned(self) -> tuple[str, ...]: ...
+    @property
+    def solver(self) -> SparseSolver: ...
+    @property
+    def every(self) -> int: ...
+    @property
+    def carried(self) -> bool: ...
+    @property
+    def polish(self) -> bool: ...
+    @property
+    def screen(self) -> bool: ...
+    @property
+    def predictor(self) -> int: ...
+    @property
+    def remaining(self) -> float: ...
+    @property
+    def max_iterations(self) -> int: ...
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Whole:
+    """All rows of every block under its atoms, dense: what sampled rows are taken from."""
+
+    heat: Mapping[str, TestedHeat]
+    elastic: Mapping[str, TestedElastic]
+
+    @classmethod
+    def of(cls, model: Model, dictionaries: Mapping[str, Dictionary]) -> "Whole":
+        heat = {b.thermal: TestedHeat.of(b, dictionaries[b.thermal], TestMap())
+                for b in model.separated.heat}
+        elastic = {m.elastic: TestedElastic.of(
+            m.operators, m.frame, dictionaries[m.elastic], dictionaries.get(m.thermal), TestMap())
+            for m in model.separated.moving if m.operators is not None}
+        return cls(heat, elastic)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Build:
+    """atoms: budget of each block, None for the whole dictionary; c: c1, c2, c1 of first order;
+    offline: None for rows that are made during the run, of which nothing is cached."""
+
+    model: Model
+    offline: Offline | None
+    options: Options
+    dictionaries: Mapping[str, Dictionary]
+    limits: Mapping[str, float]
+    atoms: Mapping[str, int | None]
+    c: tuple[float, float, float]
+
+    def solver(
+        self, rows: Mapping[str, IntArray], whole: Whole | None = None, row_set: int = 0
+    ) -> Stepper | SparseStepper:
+        """A step solver that sees these rows of each block.
+
+        whole: take them from there instead of from the mesh's matrices; row_set: number of these
+        rows among others of the run. InputError, or SolveFailed for rows that cannot tell the
+        atoms apart.
+        """
+        heat: dict[str, SampledHeat] = {}
+        elastic: dict[str, SampledElastic] = {}
+        facts: dict[str, Mapping[str, float | int | str]] = {}
+        c1, c2, c1_first = self.c
+        for b in self.model.separated.heat:
+            n = b.thermal
+            th = (heat_rows(whole.heat[n], rows[n]) if whole is not None else
+                  TestedHeat.of(b, self.dictionaries[n], TestMap(rows=rows[n])))
+            block, facts[n] = self._block(n, rows[n], th.block(c1_first))
+            heat[n] = SampledHeat.of(block, heat_times(block.weight, th), self.model, b, c1_first)
+        for m in self.model.separated.moving:
+            if m.operators is None:
+                continue
+            n = m.elastic
+            te = (elastic_rows(whole.elastic[n], rows[n]) if whole is not None else
+                  TestedElastic.of(m.operators, m.frame, self.dictionaries[n],
+                                   self.dictionaries.get(m.thermal), TestMap(rows=rows[n])))
+            block, facts[n] = self._block(n, rows[n], te.block(c1, c2))
+            elastic[n] = SampledElastic.of(block, elastic_times(block.weight, te))
+        return self._stepper(rows, heat, elastic, facts, row_set)
+
+    def _block(
+        self, name: str, rows: IntArray, B: FloatArray
+    ) -> tuple[Sampled, Mapping[str, float | int | str]]:
+        """A block with its preconditioner, and what its rows can tell apart (at the start)."""
+        P = None
+        if chosen(name, dict.fromkeys(self.options.preconditioned, True), False):
+            P = weigh(self.offline, self.options.preconditioner, name, B)
+        block = Sampled(name, self.dictionaries[name], rows, self.atoms[name] or B.shape[1],
+                        B if P is None else P @ B, P)
+        return block, {} if self.offline is None else told(B, P)
+
+    def _stepper(
+        self, rows: Mapping[str, IntArray], heat: Mapping[str, SampledHeat],
+        elastic: Mapping[str, SampledElastic],
+        facts: Mapping[str, Mapping[str, float | int | str]], row_set: int,
+    ) -> Stepper | SparseStepper:
+        """Blocks without a choice to make are prepared here, once."""
+        try:
+            hot = {n: h.prepared(None) for n, h in heat.items() if not h.block.selects}
+            bent = {n: e.prepared(None) for n, e in elastic.items() if not e.block.selects}
+        except RankDeficient as error:
+            raise SolveFailed(Status.RANK_DEFICIENT, 0.0, error.block, error.detail) from None
+        o, sizes = self.options, {n: d.atoms.shape[1] for n, d in self.dictionaries.items()}
+        base = stepper(
+            self.model, self.model.layout.resized(sizes), self.dictionaries, rows, hot, bent,
+            Tolerances(o.remaining, o.max_iterations), o.predictor, len(hot) + len(bent),
+            self.limits, missed_loads(self.model, rows),
+            {n: e.tested for n, e in elastic.items()}, facts)
+        if len(hot) == len(heat) and len(bent) == len(elastic):
+            return base
+        # elastic blocks are selected in one joint problem: all of them take part in it
+        choosing = {} if len(bent) == len(elastic) else elastic
+        warm = {n: h for n, h in heat.items() if n not in hot}
+        self._refuse(warm, choosing, base)
+        return SparseStepper(base, warm, choosing, o.solver, o.every, o.carried, o.polish,
+                             o.screen, row_set)
+
+    def _refuse(
+        self, warm: Mapping[str, SampledHeat], choosing: Mapping[str, SampledElastic],
+        base: Stepper,
+    ) -> None:
+        """InputError for a solver that lacks what the problems of a step need of it."""
+        problems = {n: shape_needs(*h.block.B.shape) for n, h in warm.items()}
+        if choosing and base.mechanics is not None:
+            problems[", ".join(choosing)] = mechanics_needs(
+                list(choosing.values()), base.mechanics.size)
+        refused = [Fault("reducer.solver", why) for n, needs in problems.items()
+                   if (why := refusal(n, self.options.solver, needs))]
+        if refused:
+            raise InputError(refused)

@@ -1,0 +1,117 @@
+"""basis x sampler x preconditioner x sparse solver x integrator: each runs, or is refused with a
+reason that stands here. There is no third outcome."""
+
+import re
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.assemble import assemble
+from sparsemor.core.errors import InputError
+from sparsemor.core.hooks import new_manager
+from sparsemor.core.initial import consistent_state
+from sparsemor.core.model import Model
+from sparsemor.core.offline import Offline, train
+from sparsemor.core.protocols import State, StepSolver
+from sparsemor.core.scene import Scene, load
+from sparsemor.core.status import SolveFailed
+from sparsemor.core.testing import installed
+
+TINY = Path(__file__).parents[1] / "scenes" / "tiny.yaml"
+STEPS = 3
+BUDGETS = {"*.elastic": {"rows": 24, "atoms": 4}, "*.thermal": {"rows": 4, "atoms": 3}}
+OPTIONS: dict[tuple[str, str], dict[str, Any]] = {
+    ("basis", "dictionary"): {"bases": ["pod", {"use": "modal", "count": 3}]},
+}
+BESIDE = {"craig_bampton": {"*.thermal": "modal"}}
+"""Bases of other blocks, for one that is not defined for all."""
+REFUSED = {
+    "a frame of fewer atoms than rows": r"UNTF needs at least as many atoms as rows",
+    "dependent rows": r"parseval needs independent rows, so at least as many atoms as rows",
+}
+"""Every reason for which a combination of these parts may be refused on this scene."""
+KINDS = ("basis", "sampler", "preconditioner", "sparse_solver", "integrator")
+
+
+def part(kind: str, name: str) -> dict[str, Any]:
+    return {"use": name, **OPTIONS.get((kind, name), {})}
+
+
+@dataclass(frozen=True, eq=False)
+class Trained:
+    scene: Scene
+    model: Model
+    start: State
+    snapshots: dict[str, FloatArray]
+
+
+@lru_cache
+def trained(integrator: str) -> Trained:
+    scene = load(TINY, {"integrator": integrator})
+    snapshots = train(scene.for_training(), new_manager())
+    model = assemble(scene)
+    return Trained(scene, model, consistent_state(model), {n: s.T for n, s in snapshots.items()})
+
+
+def outcome(basis: str, sampler: str, preconditioner: str, solver: str, integrator: str) -> str:
+    """"" when it ran, else the reason of the refusal; anything else is raised."""
+    given = trained(integrator)
+    scene = given.scene.using({"reducer": {
+        "use": "sparse", "budgets": BUDGETS, "basis": part("basis", basis),
+        "bases": BESIDE.get(basis, {}),
+        "sampler": part("sampler", sampler),
+        "preconditioner": part("preconditioner", preconditioner),
+        "solver": part("sparse_solver", solver)}})
+    try:
+        faults = scene.reducer.check(given.model)
+        if faults:
+            raise InputError(faults)
+        run(scene, given)
+    except InputError as error:
+        return str(error)
+    return ""
+
+
+def run(scene: Scene, given: Trained) -> None:
+    h, integrator = scene.time.step, scene.integrator
+    stepper: StepSolver = scene.reducer.prepare(
+        given.model, integrator, h, Offline.of(given.model, given.snapshots),
+        np.random.default_rng(scene.seed))
+    state, memory = stepper.start(given.start)
+    state = integrator.start(stepper.layout, state)
+    for _ in range(STEPS):
+        formula = integrator.formula(stepper.layout, state, h)
+        found, memory = stepper.solve(formula, memory)
+        if not found.status.ok:
+            raise SolveFailed(found.status, formula.t, found.block, found.detail)
+        assert np.isfinite(found.x).all()
+        state = integrator.advance(stepper.layout, state, formula, found.x, h)
+
+
+def pairs() -> list[Any]:
+    """All, of which those that take longest are left to the slow run."""
+    quick = {"greedy_gauss_newton", "omp", "cosamp"}
+    return [pytest.param(solver, integrator, marks=[pytest.mark.slow] * slow)
+            for solver, integrator in product(installed("sparse_solver"), installed("integrator"))
+            for slow in [solver not in quick]]
+
+
+@pytest.mark.parametrize(("solver", "integrator"), pairs())
+def test_all_combinations(solver: str, integrator: str) -> None:
+    unknown = []
+    for basis, sampler, preconditioner in product(*(installed(k) for k in KINDS[:3])):
+        names = (basis, sampler, preconditioner, solver, integrator)
+        try:
+            reason = outcome(*names)
+        except SolveFailed as error:
+            unknown.append(f"{names}: {error}")
+            continue
+        if reason and not any(re.search(known, reason) for known in REFUSED.values()):
+            unknown.append(f"{names}: {reason}")
+    assert not unknown, "\n".join(unknown)

@@ -1,0 +1,338 @@
+"""Weights of elements: non-negative, few, and good for the forces that they were trained on."""
+
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.optimize import nnls
+
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.assemble import assemble
+from sparsemor.core.checks import checked_model
+from sparsemor.core.errors import InputError
+from sparsemor.core.integrals import WeighedTerm
+from sparsemor.core.scene import Scene, load
+from sparsemor.core.testing.run import March, march, scene_of
+from sparsemor.reducers.ecsw import Ecsw
+from sparsemor.reducers.element_weights import train
+from sparsemor.reducers.nnls import nonnegative
+
+EVERYTHING = load(Path(__file__).parents[1] / "scenes" / "everything.yaml")
+PENDULUM = load("double_pendulum", {
+    "time.end": 0.1, "bodies.link1.mesh.elements": 320, "bodies.link2.mesh.elements": 320})
+BASES = {"basis": {"use": "pod", "count": 16}, "bases": {"*.thermal": {"use": "pod", "count": 12}}}
+
+
+# --------------------------------------------------------------------------- the solver
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_nonnegative_least_squares_agrees_with_scipy_when_run_to_its_end(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    A, b = rng.standard_normal((30, 20)), rng.standard_normal(30)
+    found = nonnegative(A, b, 0.0)
+    best, residual = nnls(A, b)
+    assert found.residual == pytest.approx(residual, rel=1e-10)
+    np.testing.assert_allclose(found.values, best, atol=1e-10)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_it_stops_at_the_tolerance_with_few_nonzeros(seed: int) -> None:
+    rng = np.random.default_rng(100 + seed)
+    A = rng.random((25, 200))
+    b = A.sum(axis=1)
+    counts = []
+    for tolerance in (0.3, 1e-2, 1e-6):
+        w, residual = nonnegative(A, b, tolerance * np.linalg.norm(b))
+        assert (w >= 0.0).all()
+        assert residual <= tolerance * np.linalg.norm(b)
+        assert residual == pytest.approx(float(np.linalg.norm(A @ w - b)), abs=1e-9)
+        counts.append(np.count_nonzero(w))
+    assert counts[0] <= counts[1] <= counts[2] <= 25
+
+
+def test_out_of_reach_is_told_by_the_residual() -> None:
+    w, residual = nonnegative(np.eye(3), np.array([1.0, 2.0, -3.0]), 1e-6)
+    np.testing.assert_allclose(w, [1.0, 2.0, 0.0])
+    assert residual == pytest.approx(3.0)
+
+
+def test_repeated_columns_are_not_taken_twice() -> None:
+    A = np.repeat(np.random.default_rng(3).random((6, 4)), 3, axis=1)
+    w, residual = nonnegative(A, A.sum(axis=1), 1e-12)
+    assert residual < 1e-11 and np.count_nonzero(w) <= 4
+
+
+def test_without_forces_every_element_counts_once() -> None:
+    np.testing.assert_array_equal(train(np.zeros((0, 7)), 1e-6).values, np.ones(7))
+
+
+# --------------------------------------------------------------------------- elements
+
+
+def scenes() -> list[Scene]:
+    return [EVERYTHING, PENDULUM]
+
+
+@pytest.mark.parametrize("scene", scenes(), ids=["everything", "pendulum"])
+def test_element_integrals_sum_up_to_the_operators(scene: Scene) -> None:
+    model = assemble(scene)
+    seen = 0
+    for m in model.separated.moving:
+        if m.operators is None or m.operators.integrals is None:
+            continue
+        o, g = m.operators, m.operators.integrals()
+        one = np.ones(g.stiffness.count)
+        close(g.stiffness.weighted(one), o.stiffness)
+        if o.coupling is not None and g.coupling is not None:
+            close(g.coupling.weighted(one), o.coupling)
+        given = g.given.weighted(one).toarray()
+        close(given[:, 0], o.constant)
+        close(given[:, 1:], o.loads)
+        assert len(g.amplitudes) == given.shape[1] - 1
+        seen += 1
+    for b in model.separated.heat:
+        assert b.integrals is not None
+        h = b.integrals()
+        one = np.ones(h.capacity.count)
+        close(h.capacity.weighted(one), b.capacity)
+        # what is left of the conductivity is that of films, on few nodes
+        rest = abs(b.conductivity - h.conductivity.weighted(one)).toarray()
+        assert (rest.max(axis=1) > 1e-9 * abs(b.conductivity).max()).sum() <= len(rest) / 2
+        seen += 1
+    assert seen == (7 if scene is EVERYTHING else 4)
+
+
+def close(one: Any, other: Any) -> None:
+    size = float(abs(other).max()) if other.size else 1.0
+    assert not other.size or float(abs(one - other).max()) < 1e-11 * size
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_projected_integrals_are_those_of_the_weighted_matrix(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    body = assemble(EVERYTHING).separated.moving[0]
+    assert body.operators is not None and body.operators.integrals is not None
+    g = body.operators.integrals().coupling
+    assert g is not None
+    left, right = (rng.standard_normal((n, 3)) for n in g.shape)
+    w = rng.random(g.count) * (rng.random(g.count) < 0.3)
+    want = left.T @ (g.weighted(w) @ right)
+    np.testing.assert_allclose(np.tensordot(w, g.projected(left, right), 1), want, atol=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_weighted_stiffness_is_symmetric_and_positive_semidefinite(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    model = assemble(EVERYTHING)
+    g = [m.operators.integrals().stiffness for m in model.separated.moving
+         if m.operators is not None and m.operators.integrals is not None]
+    for b in model.separated.heat:
+        assert b.integrals is not None
+        g += [b.integrals().capacity, b.integrals().conductivity]
+    for integrals in g:
+        w = rng.exponential(5.0, integrals.count) * (rng.random(integrals.count) < 0.2)
+        A = integrals.weighted(w).toarray()
+        size = max(float(abs(A).max()), 1e-300)
+        assert abs(A - A.T).max() <= 1e-13 * size
+        assert np.linalg.eigvalsh(A).min() > -1e-12 * size
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_contributions_of_radiation_add_up_and_weights_scale_them(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    model = assemble(EVERYTHING)
+    terms = [t for b in model.separated.heat for t in b.local]
+    assert len(terms) == 4
+    for term in terms:
+        assert isinstance(term, WeighedTerm)
+        n, m = len(term.columns), len(term.rows)
+        left, x, t = rng.standard_normal((3, m)), 300 + 200 * rng.random((n, 4)), rng.random(4)
+        zero = np.zeros(n)
+        shares = term.contributions(left, x, t)
+        want = [left @ term.residual(x[:, i], zero, zero, float(t[i])) for i in range(4)]
+        np.testing.assert_allclose(shares.sum(axis=0), np.array(want).T, rtol=1e-10, atol=1e-9)
+        w = rng.random(term.elements) * (rng.random(term.elements) < 0.5)
+        few = term.weighted(w)
+        assert few.elements == np.count_nonzero(w)
+        assert np.isin(few.rows, term.rows).all()
+        at, there = np.searchsorted(term.rows, few.rows), np.searchsorted(term.columns, few.columns)
+        r = few.residual(x[there, 0], zero[there], zero[there], float(t[0]))
+        np.testing.assert_allclose(left[:, at] @ r, np.tensordot(w, shares[:, :, 0], 1), atol=1e-8)
+
+
+# --------------------------------------------------------------------------- runs
+
+
+RULES: dict[str, Any] = {
+    "bdf1": "bdf1", "bdf2": "bdf2", "undamped": {"use": "generalized_alpha", "rho_inf": 1.0}}
+
+
+@cache
+def full(integrator: str) -> March:
+    return march(PENDULUM.using({"reducer": "full", "integrator": RULES[integrator]}))
+
+
+def errors(run: March, reference: March) -> dict[str, float]:
+    """Largest error of each field over its largest motion."""
+    found = {}
+    for b in reference.model.layout:
+        if b.field != "multiplier":
+            x, want = run.block(b.name), reference.block(b.name)
+            d = run.solver.dictionaries.get(b.name)
+            x = x if d is None else d.offset + x @ d.atoms.T
+            found[b.name] = float(np.abs(x - want).max() / np.abs(want - want[0]).max())
+    return found
+
+
+def repeated(reference: March, scene: Scene, **options: Any) -> March:
+    snapshots = {n: reference.block(n).T for n in reference.model.reducible()}
+    reducer = {"use": "ecsw", **BASES, **options}
+    return march(scene.using({"reducer": reducer}), model=reference.model, snapshots=snapshots)
+
+
+@cache
+def default() -> March:
+    return repeated(full("bdf1"), PENDULUM)
+
+
+def test_the_pendulum_is_repeated_with_a_fraction_of_its_elements() -> None:
+    reference, run = full("bdf1"), default()
+    assert max(errors(run, reference).values()) < 1e-4
+    for name, fact in run.solver.facts.items():
+        kept, all_of_them = int(fact["elements_kept"]), fact["elements"]
+        assert all_of_them == 320 and 5 < kept < 110
+        assert run.solver.elements_touched[name] == kept
+        assert 0.0 < float(fact["residual"]) <= 1.01e-6 == pytest.approx(1.01 * float(fact["tau"]))
+    assert run.solver.notes == ()
+
+
+def test_a_smaller_tolerance_keeps_more_elements_and_is_more_accurate() -> None:
+    reference = full("bdf1")
+    rough, fine = repeated(reference, PENDULUM, tau=1e-3), default()
+    for name, fact in rough.solver.facts.items():
+        assert int(fact["elements_kept"]) < int(fine.solver.facts[name]["elements_kept"])
+    elastic = [max(e for n, e in errors(r, reference).items() if n.endswith("elastic"))
+               for r in (rough, fine)]
+    assert elastic[1] < 0.1 * elastic[0]
+
+
+@pytest.mark.parametrize("rule,bound", [("bdf2", 2e-4), ("undamped", 2e-3)])
+def test_second_order_rules_too(rule: str, bound: float) -> None:
+    """Sampled rows are unstable under the undamped one; symmetric weighted operators are not.
+    16 modes carry the start of a second-order run to these bounds."""
+    scene = PENDULUM.using({"integrator": RULES[rule]})
+    reference = full(rule)
+    assert max(errors(repeated(reference, scene), reference).values()) < bound
+
+
+def test_everything_is_projected_as_galerkin_does() -> None:
+    """Joints, films, given temperatures, radiation, fixed frames: only elements are left out."""
+    reference = march(EVERYTHING)
+    snapshots = {n: reference.block(n).T for n in reference.model.reducible()}
+    basis = {"basis": {"use": "pod", "count": 10}}
+    runs = [march(EVERYTHING.using({"reducer": {"use": use, **basis}}), snapshots=snapshots)
+            for use in ("galerkin", "ecsw")]
+    for name in snapshots:
+        one, other = (r.block(name) for r in runs)
+        assert np.abs(one - other).max() < 1e-5 * np.abs(one).max(), name
+    assert sum(int(f["elements_kept"]) for f in runs[1].solver.facts.values()) < 282
+
+
+def radiating(divisions: list[int]) -> Scene:
+    return scene_of({
+        "bodies": {"plate": {
+            "use": "flexible", "frame": "fixed", "fields": ["thermal"], "thickness": 0.01,
+            "mesh": {"use": "rectangle", "size": [0.4, 0.05], "divisions": divisions},
+            "material": {"rho": 2000, "k": 40, "c": 700},
+            "initial_temperature": "400 + 800*x"}},
+        "loads": {"glow": {"use": "radiation", "on": ["plate:top", "plate:bottom"],
+                           "emissivity": 0.9,
+                           "surroundings": {"use": "ramp", "end": 100, "initial": 280,
+                                            "final": 320}}},
+        "time": {"end": 100.0, "step": 2.0}})
+
+
+def test_few_facets_radiate_for_all_and_no_more_on_a_finer_mesh() -> None:
+    """The counting law: galerkin visits every facet in a step, ecsw a number that the mesh does not
+    change. Nor does it change how many elements carry the heat."""
+    visited, kept = [], []
+    for divisions in ([40, 3], [80, 6]):
+        scene = radiating(divisions)
+        reference = march(scene)
+        snapshots = {"plate.thermal": reference.block("plate.thermal").T}
+        runs = [march(scene.using({"reducer": {"use": use, "basis": {"use": "pod", "count": 10}}}),
+                      model=reference.model, snapshots=snapshots) for use in ("galerkin", "ecsw")]
+        fact = runs[1].solver.facts["plate.thermal"]
+        assert runs[0].solver.elements_touched["plate.thermal"] == fact["facets"]
+        assert fact["facets"] == 2 * divisions[0]
+        assert errors(runs[1], reference)["plate.thermal"] < 1e-5
+        visited.append(int(fact["facets_kept"]))
+        solver: Any = runs[1].solver
+        assert solver.heat["plate.thermal"].elements == visited[-1]
+        kept.append(int(fact["elements_kept"]))
+        assert runs[1].solver.elements_touched["plate.thermal"] == visited[-1] + kept[-1]
+    assert visited[1] < 160 / 2.5 and abs(visited[1] - visited[0]) <= 10
+    assert kept[1] < 960 / 7 and abs(kept[1] - kept[0]) <= 15
+
+
+def test_a_body_at_rest_keeps_all_its_elements() -> None:
+    """There are no forces to be trained on: K T of a uniform temperature is round-off."""
+    scene = radiating([6, 2]).using({
+        "bodies.plate.initial_temperature": 300.0, "loads": {}, "time.end": 10.0})
+    reference = march(scene)
+    run = march(scene.using({"reducer": {"use": "ecsw", "basis": {"use": "pod", "count": 1}}}),
+                snapshots={"plate.thermal": reference.block("plate.thermal").T})
+    assert run.solver.facts["plate.thermal"]["elements_kept"] == 24
+    assert np.ptp(run.block("plate.thermal")) < 1e-9
+
+
+# --------------------------------------------------------------------------- refusals
+
+
+class Plain:
+    """A local term without element shares."""
+
+    rows = columns = np.zeros(0, dtype=np.int64)
+
+
+def test_bodies_and_terms_that_offer_no_elements_are_refused_in_words() -> None:
+    from dataclasses import replace
+
+    model = checked_model(EVERYTHING)
+    assert not Ecsw().check(model)
+    s = model.separated
+    bare = replace(s, heat=(
+        replace(s.heat[0], integrals=None), replace(s.heat[1], local=(Plain(),)), *s.heat[2:]),
+        moving=tuple(m if m.operators is None else replace(
+            m, operators=replace(m.operators, integrals=None)) for m in s.moving))
+    faults = Ecsw().check(replace(model, separated=bare))
+    words = [f.message for f in faults]
+    assert len(words) == 5
+    assert "body plate does not offer for its heat" in words[0]
+    assert "Plain on body hot does not offer" in words[1]
+    assert all("for its elastic field: use reducer: galerkin" in w for w in words[2:])
+
+
+@pytest.mark.parametrize("tau", [0.0, 1e-9, 1.0])
+def test_a_tolerance_that_makes_no_sense_is_refused(tau: float) -> None:
+    with pytest.raises(InputError, match="tau"):
+        PENDULUM.using({"reducer": {"use": "ecsw", "tau": tau}})
+
+
+def largest(values: FloatArray) -> float:
+    return float(np.abs(values).max())
+
+
+@pytest.mark.slow
+def test_the_packaged_pendulum_with_default_options() -> None:
+    scene = load("double_pendulum", {"reducer": "full"})
+    reference = march(scene)
+    snapshots = {n: reference.block(n).T for n in reference.model.reducible()}
+    run = march(scene.using({"reducer": "ecsw"}), model=reference.model, snapshots=snapshots)
+    assert max(errors(run, reference).values()) < 1e-4
+    angles = [r.x[:, [2, 5]] for r in (run, reference)]
+    assert largest(angles[0] - angles[1]) < 1e-6
+    assert all(int(f["elements_kept"]) < 320 for f in run.solver.facts.values())

@@ -1,0 +1,101 @@
+"""Every installed plugin of every kind, third-party ones included, keeps the laws of its kind."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import meshio
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from sparsemor.core.registry import Registry
+from sparsemor.core.scene import load
+from sparsemor.core.testing import (
+    check_basis,
+    check_function,
+    check_integrator,
+    check_mesh_plugin,
+    check_observer,
+    check_parts,
+    check_preconditioner,
+    check_reducer,
+    check_sampler,
+    check_sparse_solver,
+    installed,
+)
+
+SCENES = Path(__file__).parents[1] / "scenes"
+BUDGETS = {"*.elastic": {"rows": 24, "atoms": 4}, "*.thermal": {"rows": 12, "atoms": 3}}
+OPTIONS: dict[tuple[str, str], dict[str, Any]] = {
+    ("function", "constant"): {"level": 3.0},
+    ("function", "table"): {"times": (0.0, 1.0, 3.0), "values": (2.0, 4.0, -2.0)},
+    ("function", "ramp"): {"start": 0.5, "end": 2.5, "final": -3.0},
+    ("function", "pulse"): {"start": 0.5, "duration": 1.0, "level": 7.0},
+    ("function", "sine"): {"amplitude": 2.0, "frequency": 0.7},
+    ("mesh", "rectangle"): {"size": (2.0, 1.0), "divisions": (4, 3)},
+    ("mesh", "file"): {"path": "bar.vtk"},
+    ("reducer", "sparse"): {"budgets": BUDGETS},
+    ("basis", "dictionary"): {"bases": ["pod", "modal"]},
+}
+"""What plugins need that have no default for everything."""
+LAWS: dict[str, Callable[[Any, int], None]] = {
+    "basis": lambda p, seed: check_basis(p, seed, trials=3),
+    "sampler": lambda p, seed: check_sampler(p, seed, trials=3),
+    "preconditioner": lambda p, seed: check_preconditioner(p, seed, trials=3),
+    "sparse_solver": lambda p, seed: check_sparse_solver(p, seed, trials=3),
+    "integrator": check_integrator,
+    "function": check_function,
+    "observer": lambda p, seed: check_observer(p.observer, seed),
+}
+SCENE_KINDS = {"body", "joint", "load"}
+RANDOM = [(kind, name) for kind in LAWS for name in installed(kind)]
+
+
+def made(kind: str, name: str) -> Any:
+    return installed(kind)[name](**OPTIONS.get((kind, name), {}))
+
+
+def test_every_kind_has_laws() -> None:
+    others = {"mesh", "reducer", "scene", "study", *SCENE_KINDS}
+    assert set(Registry().kinds()) <= set(LAWS) | others
+
+
+@pytest.mark.parametrize(("kind", "name"), RANDOM, ids=lambda word: str(word))
+@settings(max_examples=5, deadline=None, derandomize=True,
+          suppress_health_check=[HealthCheck.too_slow])
+@given(seed=st.integers(0, 2**31 - 1))
+def test_laws_over_random_inputs(kind: str, name: str, seed: int) -> None:
+    LAWS[kind](made(kind, name), seed)
+
+
+@pytest.mark.parametrize("name", installed("mesh"))
+def test_laws_of_a_mesh(name: str, tmp_path: Path) -> None:
+    points = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    meshio.Mesh(points, [("triangle", np.array([[0, 1, 2], [0, 2, 3]]))]).write(
+        tmp_path / "bar.vtk")
+    check_mesh_plugin(made("mesh", name), tmp_path)
+
+
+@pytest.mark.parametrize("name", installed("reducer"))
+@pytest.mark.parametrize("integrator", installed("integrator"))
+def test_laws_of_a_reducer(name: str, integrator: str) -> None:
+    options = {"use": name, **OPTIONS.get(("reducer", name), {})}
+    check_reducer(load(SCENES / "tiny.yaml", {"reducer": options, "integrator": integrator}))
+
+
+def test_laws_of_bodies_joints_and_loads() -> None:
+    scene = load(SCENES / "everything.yaml")
+    check_parts(scene)
+    tree = scene.dump()
+    for kind, key in (("body", "bodies"), ("joint", "joints"), ("load", "loads")):
+        own = {p.name for p in Registry().names(kind) if p.distribution == "sparsemor"}
+        assert own <= {entry["use"] for entry in tree[key].values()}
+
+
+@pytest.mark.parametrize("name", [p.name for p in Registry().names("scene")])
+def test_packaged_scenes_load_and_say_what_they_are(name: str) -> None:
+    scene = load(name)
+    assert scene.title and scene.name == name
+    assert load(name).digest() == scene.digest()

@@ -1,0 +1,163 @@
+"""Rows that are drawn anew: when, which, and that a stopped run goes on with the same ones."""
+
+import pickle
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sparsemor import load, simulate
+from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core.hooks import hookimpl
+from sparsemor.core.initial import consistent_state
+from sparsemor.core.offline import Offline
+from sparsemor.core.protocols import Resampling, StepSolver
+from sparsemor.core.scene import Scene
+from sparsemor.core.testing.run import March, march
+from sparsemor.reducers.resampled import Resampled
+
+TINY = load(Path(__file__).parents[1] / "scenes" / "tiny.yaml")
+BUDGETS = {"*.elastic": {"rows": 14, "atoms": 4}, "*.thermal": {"rows": 10, "atoms": 3}}
+FIXED = {"*.elastic": {"rows": 14}, "*.thermal": {"rows": 10}}
+
+
+@cache
+def full() -> March:
+    return march(TINY.using({"reducer": "full"}))
+
+
+def reduced(**options: Any) -> Scene:
+    return TINY.using({"reducer": {
+        "use": "sparse", "basis": {"use": "pod", "count": 14}, "budgets": FIXED, **options}})
+
+
+def snapshots() -> dict[str, FloatArray]:
+    return {n: full().block(n).T for n in full().model.reducible()}
+
+
+def prepared(scene: Scene) -> StepSolver:
+    solver: StepSolver = scene.reducer.prepare(
+        full().model, scene.integrator, scene.time.step,
+        Offline.of(full().model, snapshots()), np.random.default_rng(3))
+    return solver
+
+
+class Going:
+    """A run that can be stopped, pickled and gone on with."""
+
+    def __init__(self, scene: Scene, solver: StepSolver | None = None) -> None:
+        self.scene, self.solver = scene, solver or prepared(scene)
+        state, self.memory = self.solver.start(consistent_state(full().model))
+        self.state = scene.integrator.start(self.solver.layout, state)
+        self.rows: list[dict[str, IntArray]] = []
+
+    def steps(self, count: int) -> "Going":
+        h, integrator = self.scene.time.step, self.scene.integrator
+        for _ in range(count):
+            formula = integrator.formula(self.solver.layout, self.state, h)
+            outcome, self.memory = self.solver.solve(formula, self.memory)
+            assert outcome.status.ok, outcome
+            self.state = integrator.advance(self.solver.layout, self.state, formula, outcome.x, h)
+            if isinstance(self.solver, Resampling):
+                self.rows.append(dict(self.solver.rows_at(self.memory)))
+        return self
+
+
+SETS: list[dict[str, Any]] = [{"resample": 3, "row_sets": 3}, {"resample": 3}]
+IDS = ["three sets in turn", "always new"]
+
+
+@pytest.mark.parametrize("budgets", [FIXED, BUDGETS], ids=["fixed", "selecting"])
+@pytest.mark.parametrize("options", SETS, ids=IDS)
+def test_rows_change_every_n_steps(options: dict[str, Any], budgets: dict[str, Any]) -> None:
+    run = Going(reduced(budgets=budgets, **options)).steps(20)
+    first = prepared(reduced(budgets=budgets)).rows
+    for name, rows in first.items():
+        np.testing.assert_array_equal(run.solver.rows[name], rows)
+        seen = [r[name].tobytes() for r in run.rows]
+        assert seen[0] == rows.tobytes()
+        changes = [i for i in range(1, 20) if seen[i] != seen[i - 1]]
+        assert changes == [3, 6, 9, 12, 15, 18]
+        assert len(set(seen)) == (3 if "row_sets" in options else 7)
+        if "row_sets" in options:
+            assert seen[9] == seen[0] and seen[12] == seen[3]
+        required = full().model.required[name]
+        assert all(np.isin(required, r[name]).all() for r in run.rows)
+    assert run.solver.counters(run.memory)["resamplings"] == 6
+
+
+@pytest.mark.parametrize("budgets", [FIXED, BUDGETS], ids=["fixed", "selecting"])
+@pytest.mark.parametrize("options", SETS, ids=IDS)
+def test_a_resampled_run_goes_on_from_its_memory(
+    options: dict[str, Any], budgets: dict[str, Any]
+) -> None:
+    """Pickled between two changes, in another process's place: a new solver, the same bits."""
+    scene = reduced(budgets=budgets, **options)
+    want = Going(scene).steps(20)
+    run = Going(scene).steps(10)
+    state, memory = pickle.loads(pickle.dumps((run.state, run.memory)))
+    again = Going(scene, prepared(scene))
+    again.state, again.memory = state, memory
+    again.steps(10)
+    np.testing.assert_array_equal(again.state.x, want.state.x)
+    for a, b in zip(again.rows, want.rows[10:], strict=True):
+        assert all(np.array_equal(a[n], b[n]) for n in b)
+
+
+@pytest.mark.parametrize("options", SETS, ids=IDS)
+def test_resampled_rows_give_the_run_back(options: dict[str, Any]) -> None:
+    run = march(reduced(**options | {"resample": 1}), model=full().model, snapshots=snapshots())
+    for name in full().model.reducible():
+        d, want = run.solver.dictionaries[name], full().block(name)
+        got = d.offset + run.block(name) @ d.atoms.T
+        assert np.abs(got - want)[1:].max() < 1e-4 * np.abs(want - want[0]).max(), name
+
+
+def test_one_memory_does_not_draw_for_another() -> None:
+    scene = reduced(resample=1)
+    solver = prepared(scene)
+    a, b = Going(scene, solver).steps(5), Going(scene, solver).steps(5)
+    np.testing.assert_array_equal(a.state.x, b.state.x)
+
+
+class Rows:
+    """Hears which rows were drawn, and after which step."""
+
+    def __init__(self) -> None:
+        self.step, self.heard = 0, []  # type: tuple[int, list[tuple[int, str]]]
+
+    @hookimpl
+    def on_finish(self) -> None:
+        self.step = 0  # of the training run
+
+    @hookimpl
+    def on_step(self, step: int) -> None:
+        self.step = step
+
+    @hookimpl
+    def on_resample(self, block: str, rows: IntArray) -> None:
+        assert len(rows)
+        self.heard.append((self.step, block))
+
+
+def test_observers_hear_of_new_rows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SPARSEMOR_CACHE", str(tmp_path / "cache"))
+    rows = Rows()
+    scene = reduced(resample=4, row_sets=2).using({"time.end": 0.01, "training.end": 0.04})
+    simulate(scene, out=tmp_path / "run", observers=[rows])
+    blocks = ["bar.elastic", "bar.thermal"]
+    # the rows of a step are told before the step itself
+    assert sorted(rows.heard) == [(n, b) for n in (0, 4, 8) for b in blocks]
+
+
+def test_nothing_of_the_mesh_is_kept_where_sets_come_back() -> None:
+    solver = prepared(reduced(resample=2, row_sets=3))
+    assert isinstance(solver, Resampled) and solver.fresh is None and solver.draw is None
+    sizes = {len(s.elastic["bar.elastic"].H) for s in solver.sets}
+    assert len(solver.sets) == 3 and len(sizes) == 1
+    for s in solver.sets:
+        tested = s.tested["bar.elastic"]
+        assert tested.mass.base is None, "a view would keep the operators of all rows alive"
+        assert len(tested.mass) == len(s.rows["bar.elastic"])

@@ -1,0 +1,254 @@
+"""What the sparse reducer refuses, preconditions and tells; turned rows keep every norm."""
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sparsemor import load
+from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core.assemble import assemble
+from sparsemor.core.errors import InputError
+from sparsemor.core.frames import coherence, condition_number, unit_columns
+from sparsemor.core.initial import consistent_state
+from sparsemor.core.offline import Offline
+from sparsemor.core.protocols import SparseOutcome, StepSolver
+from sparsemor.core.scene import Scene
+from sparsemor.core.status import Status
+from sparsemor.core.testing.run import March, march
+from sparsemor.plugins.sparse_solvers.greedy_gauss_newton import GreedyGaussNewton
+from sparsemor.reducers import test_map
+from sparsemor.reducers.compact import compact_elastic
+from sparsemor.reducers.rows import elastic_rows, elastic_times
+from sparsemor.reducers.sparse import Sparse
+from sparsemor.reducers.sparse_build import Whole
+
+TINY = load(Path(__file__).parents[1] / "scenes" / "tiny.yaml")
+EVERYTHING = load(Path(__file__).parents[1] / "scenes" / "everything.yaml")
+BUDGETS = {"*.elastic": {"rows": 14, "atoms": 4}, "*.thermal": {"rows": 10, "atoms": 3}}
+WIDE = {"*.elastic": {"rows": 8, "atoms": 6}, "*.thermal": {"rows": 4, "atoms": 3}}
+"""With the required ones fewer rows than atoms, as UNTF and Parseval frames ask."""
+FIXED = {"*.elastic": {"rows": 14}, "*.thermal": {"rows": 10}}
+
+
+@cache
+def full() -> March:
+    return march(TINY.using({"reducer": "full"}))
+
+
+def reduced(**options: Any) -> Scene:
+    return TINY.using({"reducer": {
+        "use": "sparse", "basis": {"use": "pod", "count": 14}, "budgets": FIXED,
+        "bases": {"*.thermal": {"use": "pod", "count": 8}}, **options}})
+
+
+def snapshots() -> dict[str, FloatArray]:
+    return {n: full().block(n).T for n in full().model.reducible()}
+
+
+def prepared(scene: Scene, seed: int = 3) -> StepSolver:
+    solver: StepSolver = scene.reducer.prepare(
+        full().model, scene.integrator, scene.time.step,
+        Offline.of(full().model, snapshots()), np.random.default_rng(seed))
+    return solver
+
+
+# ------------------------------------------------------------------------ refusals
+
+
+class Linear(GreedyGaussNewton):
+    """A solver that says it can do linear problems without free columns only."""
+
+    @property
+    def capabilities(self) -> frozenset[str]:
+        return frozenset({"overdetermined", "underdetermined"})
+
+
+class Square(Linear):
+    @property
+    def capabilities(self) -> frozenset[str]:
+        return frozenset()
+
+
+def with_solver(scene: Scene, solver: Any) -> Sparse:
+    reducer = scene.reducer.model_copy(update={"solver": solver})
+    assert isinstance(reducer, Sparse)
+    return reducer
+
+
+def test_a_solver_that_lacks_a_capability_is_refused_before_training() -> None:
+    model = full().model
+    (fault,) = with_solver(reduced(budgets=BUDGETS), Linear()).check(model)
+    assert fault.key == "solver"
+    assert fault.message.startswith("Linear cannot solve bar.elastic, which needs nonlinear: ")
+    assert "unpenalised: columns that are always active" in fault.message
+    faults = with_solver(reduced(budgets=BUDGETS), Square()).check(model)
+    assert [f.key for f in faults] == ["solver", "solver"]
+    assert any("bar.thermal, which needs overdetermined" in f.message for f in faults)
+    assert not with_solver(reduced(budgets=BUDGETS), GreedyGaussNewton()).check(model)
+    # nothing is selected: the solver is not asked anything
+    assert not with_solver(reduced(), Square()).check(model)
+
+
+def test_what_only_the_dictionary_shows_is_refused_when_it_is_made() -> None:
+    scene = reduced(budgets=BUDGETS, basis="pod", bases={"*.elastic": {"use": "pod", "count": 4}})
+    reducer = with_solver(scene, Square())
+    assert not reducer.check(full().model)
+    with pytest.raises(InputError, match="Square cannot solve bar.thermal, which needs over"):
+        reducer.prepare(full().model, scene.integrator, scene.time.step,
+                        Offline.of(full().model, snapshots()), np.random.default_rng(0))
+
+
+@pytest.mark.parametrize(("options", "key", "words"), [
+    ({"row_sets": 3}, "row_sets", "rows are drawn once"),
+    ({"preconditioned": ["elastc"]}, "preconditioned.*.elastc", "fits no block"),
+    ({"preconditioned": ["elastic"], "preconditioner": "untf"}, "preconditioner",
+     "bar.elastic: UNTF needs at least as many atoms as rows"),
+])
+def test_bad_options_are_told_by_key(options: dict[str, Any], key: str, words: str) -> None:
+    faults = reduced(**options).reducer.check(full().model)
+    assert [f.key for f in faults] == [key] and words in faults[0].message
+
+
+def test_new_rows_of_radiation_need_a_number_of_sets() -> None:
+    model = assemble(EVERYTHING)
+    budgets = {"*.elastic": {"rows": 8}, "*.thermal": {"rows": 0}}
+    faults = Sparse.model_validate({"budgets": budgets, "resample": 2}).check(model)
+    assert [f.key for f in faults] == ["row_sets"] and "radiation" in faults[0].message
+    assert not Sparse.model_validate(
+        {"budgets": budgets, "resample": 2, "row_sets": 2}).check(model)
+
+
+# ------------------------------------------------------------------------ preconditioning, facts
+
+
+def test_facts_tell_coherence_and_condition_before_and_after() -> None:
+    plain = prepared(reduced())
+    both = prepared(reduced(preconditioner="row_scaling", preconditioned=["elastic", "*.thermal"]))
+    published = prepared(reduced(preconditioner="row_scaling"))
+    for name in full().model.reducible():
+        facts = plain.facts[name]
+        assert set(facts) == {"rows", "atoms", "coherence", "condition"}
+        assert facts["rows"] == len(plain.rows[name])
+        assert facts["atoms"] == plain.dictionaries[name].atoms.shape[1]
+        after = both.facts[name]
+        assert {k: after[k] for k in facts} == facts
+        assert 0.0 <= float(after["coherence_after"]) <= 1.0
+        assert float(after["condition_after"]) >= 1.0
+    assert "condition_after" in published.facts["bar.thermal"]
+    assert "condition_after" not in published.facts["bar.elastic"], "as published"
+
+
+def test_facts_are_those_of_the_rows() -> None:
+    scene, solver = reduced(), prepared(reduced())
+    model, name = full().model, "bar.thermal"
+    (body,) = model.separated.heat
+    c1 = 1.0 / scene.time.step
+    B = (body.conductivity + c1 * body.capacity) @ solver.dictionaries[name].atoms
+    B = B[solver.rows[name]]
+    assert solver.facts[name]["coherence"] == pytest.approx(coherence(B), rel=1e-9)
+    assert solver.facts[name]["condition"] == pytest.approx(
+        condition_number(unit_columns(B)), rel=1e-6)
+
+
+@pytest.mark.parametrize("preconditioner", ["untf", "parseval"])
+def test_frames_tighten_elastic_rows(preconditioner: str) -> None:
+    """Fewer rows than atoms: the columns of P B come nearer to a tight frame of unit length."""
+    facts = prepared(reduced(budgets=WIDE, preconditioner=preconditioner,
+                             preconditioned=["elastic", "thermal"])).facts["bar.elastic"]
+    assert facts["rows"] == 12 and facts["atoms"] == 14
+    assert float(facts["coherence_after"]) < float(facts["coherence"])
+    assert float(facts["condition_after"]) < 0.5 * float(facts["condition"])
+
+
+@pytest.mark.parametrize("budgets", [FIXED, BUDGETS], ids=["fixed", "selecting"])
+def test_preconditioned_runs_stay_near_full_order(budgets: dict[str, Any]) -> None:
+    """A nonsingular P changes the weights of the rows, not the equations."""
+    scene = reduced(budgets=budgets, preconditioner="row_scaling",
+                    preconditioned=["elastic", "thermal"], solver={
+                        "use": "greedy_gauss_newton", "candidates": "all"})
+    run = march(scene, model=full().model, snapshots=snapshots())
+    bound = 1e-5 if budgets is FIXED else 5e-2
+    for name in full().model.reducible():
+        d, want = run.solver.dictionaries[name], full().block(name)
+        got = d.offset + run.block(name) @ d.atoms.T
+        size = np.abs(want - want[0]).max()
+        assert np.abs(got - want)[1:].max() < bound * size, name
+
+
+def test_weights_act_on_elastic_rows() -> None:
+    """The same rows, other weights: the solution moves, within what the atoms leave open."""
+    plain = march(reduced(basis={"use": "pod", "count": 4}, bases={}), model=full().model,
+                  snapshots=snapshots())
+    scene = reduced(basis={"use": "pod", "count": 4}, bases={}, preconditioner="row_scaling",
+                    preconditioned=["elastic"])
+    other = march(scene, model=full().model, snapshots=snapshots())
+    np.testing.assert_array_equal(other.solver.rows["bar.elastic"],
+                                  plain.solver.rows["bar.elastic"])
+    np.testing.assert_array_equal(other.block("bar.thermal"), plain.block("bar.thermal"))
+    assert np.abs(other.block("bar.elastic") - plain.block("bar.elastic")).max() > 0.0
+
+
+# ------------------------------------------------------------------------ few turned rows
+
+
+def elastic() -> tuple[test_map.TestedElastic, FloatArray, IntArray]:
+    (m,) = full().model.separated.moving
+    d = prepared(reduced()).dictionaries
+    rows = np.arange(3, 51, 2)
+    assert m.operators is not None
+    t = test_map.TestedElastic.of(m.operators, m.frame, d["bar.elastic"], d["bar.thermal"],
+                         test_map.TestMap(rows=rows))
+    return t, t.block(1e3, 1e6), rows
+
+
+def test_turned_rows_keep_every_norm_and_product() -> None:
+    t, B, _ = elastic()
+    few, C, first = compact_elastic(t, B)
+    assert len(C) <= len(B)
+    whole, turned = (np.hstack([b, *s.generators, s.damping, s.coupling, s.loads, s.directions,
+                                s.constant[:, None]]) for s, b in ((t, B), (few, C)))
+    size = np.linalg.norm(whole, axis=0)
+    keep = size > 0
+    np.testing.assert_allclose(
+        (turned.T @ turned)[np.ix_(keep, keep)] / np.outer(size[keep], size[keep]),
+        (whole.T @ whole)[np.ix_(keep, keep)] / np.outer(size[keep], size[keep]), atol=1e-12)
+    beyond = np.hstack([C, few.directions])[first:]
+    assert np.abs(beyond).max(initial=0.0) < 1e-12 * np.abs(whole).max()
+
+
+def test_rows_of_the_whole_are_the_rows_of_the_mesh() -> None:
+    t, _, rows = elastic()
+    d = prepared(reduced()).dictionaries
+    taken = elastic_rows(Whole.of(full().model, d).elastic["bar.elastic"], rows)
+    left = np.random.default_rng(0).standard_normal((5, len(rows)))
+    once, again = elastic_times(left, t), elastic_times(left, taken)
+    for name in ("mass", "damping", "stiffness", "generators", "directions", "coupling", "loads",
+                 "constant"):
+        own = getattr(taken, name)
+        np.testing.assert_allclose(own, getattr(t, name), rtol=1e-12, atol=1e-12 * max(
+            np.abs(own).max(initial=0.0), 1e-300))
+        assert getattr(once, name).shape == getattr(again, name).shape
+    assert elastic_times(None, t) is t
+
+
+class Failing(GreedyGaussNewton):
+    """Never ends."""
+
+    def solve(self, problem: Any, start: Any) -> SparseOutcome:
+        return replace(super().solve(problem, start), status=Status.NOT_CONVERGED)
+
+
+def test_a_selection_that_fails_stops_the_step_and_names_its_block() -> None:
+    scene = reduced(budgets=BUDGETS)
+    solver = with_solver(scene, Failing()).prepare(
+        full().model, scene.integrator, scene.time.step, Offline.of(full().model, snapshots()),
+        np.random.default_rng(0))
+    state, memory = solver.start(consistent_state(full().model))
+    state = scene.integrator.start(solver.layout, state)
+    formula = scene.integrator.formula(solver.layout, state, scene.time.step)
+    outcome, _ = solver.solve(formula, memory)
+    assert outcome.status is Status.NOT_CONVERGED and outcome.block == "bar.thermal"

@@ -1,0 +1,276 @@
+"""Laws of the linearised one-step map, of the gate, and of those who ask for them."""
+
+import pickle
+from functools import cache
+from math import inf
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sparsemor.core.cache import Cache
+from sparsemor.core.checks import checked_model
+from sparsemor.core.compare import compare
+from sparsemor.core.errors import InputError
+from sparsemor.core.hooks import new_manager
+from sparsemor.core.initial import consistent_state
+from sparsemor.core.offline import offline_of
+from sparsemor.core.protocols import StepSolver
+from sparsemor.core.results import RunResult
+from sparsemor.core.scene import Scene, load
+from sparsemor.core.simulate import simulate
+from sparsemor.core.stability import Reference, eigenvalues, excess, judge, step_map
+from sparsemor.core.stability.differences import packed, unpacked
+from sparsemor.core.stability.plan import Plan, variants
+from sparsemor.core.stability.reference import started
+from sparsemor.core.stability.survey import Entry, Finding, Survey, survey
+from sparsemor.core.status import SolveFailed
+from sparsemor.core.testing.installed import installed
+
+SMALL = {"bodies.link1.mesh.elements": 320, "bodies.link2.mesh.elements": 320,
+         "time.end": 0.1, "training.end": 0.1}
+INTEGRATORS = sorted(installed("integrator"))
+
+
+@pytest.fixture(autouse=True, scope="module")
+def kept(tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """One cache for this file: all its scenes train on the same few runs."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("SPARSEMOR_CACHE", str(tmp_path_factory.mktemp("cache")))
+        yield
+
+
+def small(required: bool = True, rows: tuple[int, int] = (30, 20), **changes: Any) -> Scene:
+    """The packaged scene on the coarse mesh, 15/10 atoms."""
+    scene = load("double_pendulum", {**SMALL, **changes})
+    (variant,) = variants(scene, Plan(rows=[rows], atoms=[(15, 10)], required=[required]))
+    return variant.scene
+
+
+@cache
+def prepared(integrator: str, reducer: str) -> tuple[Scene, StepSolver, Any]:
+    scene = small(integrator=integrator, **{"training.every": 1})
+    if reducer == "galerkin":
+        own = scene.dump()["reducer"]
+        scene = scene.using({"reducer": {
+            "use": "galerkin", "basis": own["basis"], "bases": own["bases"]}})
+    model = checked_model(scene)
+    solver = scene.reducer.prepare(
+        model, scene.integrator, scene.time.step,
+        offline_of(scene, model, Cache(), new_manager()), np.random.default_rng(1))
+    return scene, solver, model
+
+
+# ------------------------------------------------------------------ the map
+
+
+@pytest.mark.parametrize("reducer", ["galerkin", "sparse"])
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+def test_the_map_moves_small_changes_as_a_step_does(integrator: str, reducer: str) -> None:
+    """z + dz, stepped forth and back, against the map: only terms of third order are left."""
+    scene, solver, model = prepared(integrator, reducer)
+    rule, h, layout = scene.integrator, scene.time.step, solver.layout
+    state, memory = started(solver, rule, consistent_state(model))
+    before = pickle.dumps(memory)
+    step = step_map(solver, rule, h, state, memory)
+    assert pickle.dumps(memory) == before, "the solver's memory was written to"
+    rng = np.random.default_rng(5)
+    size = np.concatenate([step.scale, step.scale / h, step.scale / h**2])
+    extra = len(step.matrix) // layout.size - 3
+    size = np.concatenate([size, np.tile(step.scale, extra)])
+
+    def after(dz: Any) -> Any:
+        moved = unpacked(packed(state) + dz, state)
+        formula = rule.formula(layout, moved, h)
+        outcome, _ = solver.solve(formula, pickle.loads(before))
+        assert outcome.status.ok
+        return packed(rule.advance(layout, moved, formula, outcome.x, h))
+
+    dz = 1e-6 * rng.standard_normal(len(size)) * size
+    multipliers = np.concatenate([step.components(b.name) for b in layout
+                                  if b.field == "multiplier"])
+    dz[multipliers] = 0.0
+    moved = (after(dz) - after(-dz)) / 2.0
+    state_part = np.setdiff1d(np.arange(len(size)), multipliers)
+    error = np.abs(moved - step.matrix @ dz)[state_part]
+    rule_part, S = step.integrator, np.abs(step.response)
+    terms = np.abs(rule_part.P) @ np.abs(dz)  # what was added up, before anything cancels
+    terms = (terms + np.abs(rule_part.Q) @ S @ np.abs(rule_part.R) @ np.abs(dz))[state_part]
+    size[3 * layout.size :] /= h**2  # rates, in some rules
+    noise = 1e-10 * size[state_part]  # at which the solver stops, and what becomes of it
+    assert (error / (1e-5 * terms + noise)).max() < 1.0
+
+
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+def test_multipliers_carry_no_state(integrator: str) -> None:
+    scene, solver, model = prepared(integrator, "sparse")
+    step = step_map(solver, scene.integrator, scene.time.step,
+                    *started(solver, scene.integrator, consistent_state(model)))
+    for b in solver.layout:
+        if b.field != "multiplier":
+            continue
+        here = step.components(b.name)
+        rest = np.setdiff1d(np.arange(len(step.matrix)), here)
+        assert not step.matrix[np.ix_(rest, here)].any()
+
+
+def test_heat_does_not_feel_the_motion() -> None:
+    scene, solver, model = prepared("bdf1", "sparse")
+    step = step_map(solver, scene.integrator, scene.time.step,
+                    *started(solver, scene.integrator, consistent_state(model)))
+    heat = np.concatenate([step.components(f"link{i}.thermal") for i in (1, 2)])
+    rest = np.setdiff1d(np.arange(len(step.matrix)), heat)
+    assert not step.matrix[np.ix_(heat, rest)].any()
+    assert step.matrix[np.ix_(rest, heat)].any(), "temperatures bend the links"
+
+
+def test_a_selecting_model_is_linearised_on_the_support_that_it_takes() -> None:
+    scene = small(**{"reducer.solver": "greedy_gauss_newton"})
+    scene = scene.using({"reducer.budgets": {"*.elastic": {"rows": 60, "atoms": 6},
+                                             "*.thermal": {"rows": 30, "atoms": 4}}})
+    model = checked_model(scene)
+    solver = scene.reducer.prepare(
+        model, scene.integrator, scene.time.step,
+        offline_of(scene, model, Cache(), new_manager()), np.random.default_rng(1))
+    step = step_map(solver, scene.integrator, scene.time.step,
+                    *started(solver, scene.integrator, consistent_state(model)))
+    sizes = {b.name: b.size for b in step.layout}
+    for link in ("link1", "link2"):
+        assert 1 <= sizes[f"{link}.elastic"] <= 6 and 1 <= sizes[f"{link}.thermal"] <= 4
+        for field in ("elastic", "thermal"):
+            assert step.supports[f"{link}.{field}"].sum() == sizes[f"{link}.{field}"]
+    found = judge(solver, scene.integrator, scene.time.step, 100, consistent_state(model),
+                  Reference(model))
+    assert np.isfinite(found.radius) and found.radius > 0.9
+
+
+# ------------------------------------------------------------------ eigenvalues and excess
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_eigenvalues_by_parts_are_all_eigenvalues(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    A = np.zeros((12, 12))
+    edges = [0, 3, 4, 9, 12]
+    for i, j in zip(edges, edges[1:], strict=False):
+        A[i:j, i:] = rng.standard_normal((j - i, 12 - i))
+    order = rng.permutation(12)
+    A = A[np.ix_(order, order)]
+    found, known = eigenvalues(A), np.linalg.eigvals(A)
+    assert np.all(np.diff(np.abs(found)) <= 1e-12)
+    for value in known:
+        assert np.abs(found - value).min() < 1e-8
+    assert len(found) == 12
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_excess_charges_only_what_the_reference_does_not_have(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    inner = 0.9 * rng.random(10) * np.exp(2j * np.pi * rng.random(10))
+    growing = 1.0 + 1e-3 * np.array([4.0, 4.0, 2.0]) + 1e-4j * np.array([3.0, -3.0, 0.0])
+    reference = _sorted(np.concatenate([inner, growing]))
+    shift = 1e-6 * rng.standard_normal(13)
+    assert excess(reference, reference)[0] <= 0.0
+    assert excess(_sorted(reference + shift), reference)[0] < 4e-6
+    spurious = 1.0 + 1e-2 * rng.random()
+    own, which = excess(_sorted(np.concatenate([reference + shift, [spurious]])), reference)
+    assert own == pytest.approx(spurious - 1.0, abs=1e-5) and which == spurious
+    assert excess(reference, None)[0] == pytest.approx(abs(reference[0]) - 1.0)
+
+
+def _sorted(values: Any) -> Any:
+    return values[np.argsort(-np.abs(values))]
+
+
+# ------------------------------------------------------------------ prediction and run
+
+
+@cache
+def drawn() -> Survey:
+    """Six seeds with as many rows as atoms, required ones kept and drawn."""
+    return survey(small(), Plan(required=[True, False], rows=[(15, 10)], seeds=6))
+
+
+def scene_of(entry: Entry, finding: Finding) -> Scene:
+    rows = tuple(int(n) for n in entry.settings["rows"].split("/"))
+    return small(entry.settings["required"] == "kept", (rows[0], rows[1]), seed=finding.seed)
+
+
+def ran(scene: Scene, out: Path | None = None) -> RunResult | None:
+    """The run, also one that stopped; None for one that could not begin."""
+    try:
+        return simulate(scene, out=out)
+    except SolveFailed as failure:
+        result: Any = failure.result
+        return result
+
+
+def test_each_prediction_on_the_small_scene_is_what_the_run_does() -> None:
+    """Stable models repeat full order to 1e-7; the others stop or err by 1e-3 and more. Where no
+    row feels a load the model errs without being unstable: the run says so by name."""
+    full = simulate(small().using({"reducer": "full"}))
+    seen = {True: 0, False: 0}
+    for entry in drawn().entries:
+        for f in entry.findings:
+            run = ran(scene_of(entry, f))
+            errors = [inf] if run is None or not run.status.ok else [
+                v for k, v in compare(full, r=run).errors["r"].items() if "." not in k]
+            if f.judgement.stable and f.missed:
+                continue
+            seen[f.judgement.stable] += 1
+            told = (entry.settings, f.as_dict(), errors)
+            assert max(errors) < 1e-7 if f.judgement.stable else max(errors) > 1e-3, told
+    assert seen[True] >= 6 and seen[False] >= 2, "both kinds must have been tried"
+
+
+def unstable() -> Scene:
+    """The seed that the survey says grows fastest, of those that have a map."""
+    known = [(e, f) for e in drawn().entries for f in e.findings
+             if f.judgement.status.ok and not f.judgement.stable]
+    return scene_of(*max(known, key=lambda pair: pair[1].judgement.gate))
+
+
+def test_run_warns_by_name_or_refuses_or_looks_away(tmp_path: Path) -> None:
+    scene = unstable()
+    warned = ran(scene, tmp_path / "warn")
+    assert warned is not None
+    (note,) = (n for n in warned.summary["notes"] if "unstable in link" in n)
+    assert "sparsemor stability" in note and "spectral radius 1.0" in note
+    assert warned.summary["stability"]["stable"] is False
+    assert warned.summary["stability"]["gate"] > 5.0
+    with pytest.raises(InputError, match="unstable in link") as refused:
+        simulate(scene.using({"check_stability": "refuse"}), out=tmp_path / "refused")
+    assert [f.key for f in refused.value.faults] == ["check_stability"]
+    assert not (tmp_path / "refused").exists()
+    quiet = ran(scene.using({"check_stability": "off"}), tmp_path / "off")
+    assert quiet is not None and quiet.summary["stability"] == {}
+    assert not [n for n in quiet.summary["notes"] if "unstable" in n]
+
+
+def test_no_alarm_where_the_run_is_good(tmp_path: Path) -> None:
+    summary = simulate(small(check_stability="refuse"), out=tmp_path / "good").summary
+    assert summary["status"] == "done" and summary["notes"] == []
+    assert summary["stability"]["stable"] is True
+    assert 1.0 < summary["stability"]["radius"] < 1.001
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("integrator, rows, seeds", [
+    ("bdf1", (36, 24), 8),
+    ({"use": "generalized_alpha", "rho_inf": 1.0}, (60, 40), 4)])
+def test_each_prediction_on_the_packaged_scene_is_what_the_run_does(
+    integrator: Any, rows: tuple[int, int], seeds: int
+) -> None:
+    """4000 steps with drawn rows: stable ones repeat full order, the others stop or err."""
+    scene = load("double_pendulum", {"integrator": integrator})
+    (variant,) = variants(scene, Plan(rows=[rows], required=[False]))
+    full = simulate(scene.using({"reducer": "full"}))
+    (entry,) = survey(scene, Plan(rows=[rows], required=[False], seeds=seeds)).entries
+    assert 0 < entry.stable < seeds
+    for f in entry.findings:
+        run = ran(variant.scene.using({"seed": f.seed}))
+        good = run is not None and run.status.ok and all(
+            v < 1e-5 for k, v in compare(full, r=run).errors["r"].items() if "." not in k)
+        if not f.missed:
+            assert good == f.judgement.stable, f.as_dict()
