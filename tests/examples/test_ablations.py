@@ -1,0 +1,54 @@
+"""The page of ablations says what the packaged studies left, and those can be run again."""
+
+import csv
+import importlib.util
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+from sparsemor import compare, simulate
+from sparsemor.core.registry import Registry
+from sparsemor.core.study.plan import Plan
+from sparsemor.core.study.work import scene_of
+
+DOCS = Path(__file__).parents[2] / "docs"
+STUDIES = [p.name for p in Registry().names("study") if p.distribution == "sparsemor"]
+
+
+def maker() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("make_studies", DOCS / "make_studies.py")
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_the_tables_of_the_page_are_those_of_the_studies() -> None:
+    make, text = maker(), (DOCS / "ablations.md").read_text(encoding="utf-8")
+    assert make.page(text) == text
+    assert {match[1] for match in make.MARK.findall(text)} == set(STUDIES)
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_every_packaged_study_plans_and_has_the_table_of_all_its_runs(name: str) -> None:
+    plan = Plan.of(name)
+    assert not any(run.refused for run in plan.runs)
+    with (DOCS / "measured" / "studies" / f"{name}.csv").open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert [int(r["run"]) for r in rows] == [run.number for run in plan.runs]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "number"), [
+    ("elastic_sparsity", 2), ("thermal_sparsity", 2), ("methods", 6), ("methods", 21)])
+def test_a_row_of_a_table_comes_out_again(name: str, number: int) -> None:
+    run = Plan.of(name).runs[number - 1]
+    assert run.scene is not None
+    scene = scene_of(run.scene.plain())
+    errors = compare(reference=simulate(scene.using({"reducer": "full"})),
+                     run=simulate(scene)).errors["run"]
+    with (DOCS / "measured" / "studies" / f"{name}.csv").open(encoding="utf-8") as file:
+        row = list(csv.DictReader(file))[number - 1]
+    for field in ("rigid", "elastic", "thermal"):
+        assert errors[field] == pytest.approx(float(row[f"error_{field}"]), rel=1e-2, abs=1e-9)
