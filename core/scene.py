@@ -11,7 +11,6 @@ from pydantic import (
     ModelWrapValidatorHandler,
     PrivateAttr,
     ValidationError,
-    ValidationInfo,
     model_validator,
 )
 from pydantic_core import PydanticSerializationError
@@ -67,7 +66,7 @@ class Scene(Plugin):
     @model_validator(mode="wrap")
     @classmethod
     def _all_faults(
-        cls, data: Any, validate: ModelWrapValidatorHandler["Scene"], info: ValidationInfo
+        cls, data: Any, validate: ModelWrapValidatorHandler["Scene"]
     ) -> "Scene":
         if not isinstance(data, Mapping):
             return validate(data)
