@@ -158,7 +158,7 @@ def test_what_cannot_be_resumed() -> None:
 @pytest.mark.slow
 def test_the_packaged_scene_killed_at_random_moments() -> None:
     rng = np.random.default_rng(20)
-    settings = ["--set", "time.end=2", "--set", "training.end=2", "--set",
+    settings = ["--set", "time.end=4", "--set", "training.end=4", "--set",
                 'reducer.budgets={"*.elastic": {rows: 240, atoms: 15}, '
                 '"*.thermal": {rows: 80, atoms: 10}}']
     environment = os.environ | {"OPENBLAS_NUM_THREADS": "1"}
@@ -167,13 +167,14 @@ def test_the_packaged_scene_killed_at_random_moments() -> None:
     command = [PROGRAM, "run", "double_pendulum", *settings, "--out", "out"]
     kills, resume = 0, []
     while kills < 5:
-        process = subprocess.Popen([*command, *resume], env=environment, stderr=subprocess.PIPE)
+        process = subprocess.Popen([*command, *resume], env=environment,
+                                   stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         try:
-            process.wait(timeout=1.5 + 4.0 * rng.random())
+            process.wait(timeout=1.3 + rng.random())
             break
         except subprocess.TimeoutExpired:
             process.kill()
-            process.communicate()
+            process.wait()
             kills += 1
         resume = ["--resume"] if Path("out/result.checkpoint").exists() else []
     assert kills >= 2
