@@ -99,7 +99,7 @@ def pairs() -> list[Any]:
     quick = {"greedy_gauss_newton", "omp", "cosamp"}
     return [pytest.param(solver, integrator, marks=[pytest.mark.slow] * slow)
             for solver, integrator in product(installed("sparse_solver"), installed("integrator"))
-            for slow in [solver not in quick]]
+            for slow in [solver not in quick or integrator != "bdf1"]]
 
 
 @pytest.mark.parametrize(("solver", "integrator"), pairs())
