@@ -12,13 +12,18 @@ from sparsemor.core.plugin import Plugin
 from sparsemor.core.protocols import Group, SparseOutcome, SparseProblem, SparseStart
 from sparsemor.core.status import Status
 from sparsemor.plugins.sparse_solvers.active_set import (
-    EPS,
     Fit,
     Linearised,
     fit,
     independent,
     pruned,
     widened,
+)
+from sparsemor.plugins.sparse_solvers.iterates import (
+    always_active,
+    ended,
+    small_step,
+    within_budget,
 )
 from sparsemor.plugins.sparse_solvers.screen import LinearScreen, Rule
 from sparsemor.plugins.sparse_solvers.visits import Visits
@@ -54,7 +59,7 @@ class GreedyGaussNewton(Plugin):
     def solve(self, problem: SparseProblem, start: SparseStart) -> SparseOutcome:
         """c (k,) and its support. A failure returns the last iterate that was finite."""
         with np.errstate(all="ignore"):  # overflow is a status here, not a warning
-            c, support = _within_budget(problem, start)
+            c, support = within_budget(problem, start)
             return self._iterate(problem, c, support)
 
     def screen(
@@ -82,12 +87,13 @@ class GreedyGaussNewton(Plugin):
             found = self._step(linear, support & _visible(linear, groups), groups, explore)
             if found is None:
                 return replace(good, status=Status.RANK_DEFICIENT, iterations=iteration)
-            settled = np.array_equal(found.active, support) and self._small(linear, found, groups)
+            settled = np.array_equal(found.active, support) and small_step(
+                linear, found, groups, self.rtol)
             c, support = linear.unscaled(found.z), found.active
             if settled:
-                return _ended(problem, c, good, Status.DONE, iteration)
+                return ended(problem, c, good, Status.DONE, iteration)
         last = replace(good, support=support)
-        last = _ended(problem, c, last, Status.NOT_CONVERGED, self.max_iterations)
+        last = ended(problem, c, last, Status.NOT_CONVERGED, self.max_iterations)
         if last.status is Status.NOT_FINITE:
             return last
         visits.note(last)
@@ -117,47 +123,7 @@ class GreedyGaussNewton(Plugin):
         least = base.norm - max(self.gain * base.norm, base.round_off)
         return base if new is None or new.norm >= least else new
 
-    def _small(self, linear: Linearised, found: Fit, groups: Sequence[Group]) -> bool:
-        """Is the step of every group within rtol, or within what rounding allows?"""
-        step = found.z - linear.z
-        floor = min(4.0 * EPS / found.rcond, self.rtol) * float(np.linalg.norm(found.z))
-        return all(
-            float(np.linalg.norm(step[g.start : g.stop]))
-            <= max(self.rtol * float(np.linalg.norm(found.z[g.start : g.stop])), floor)
-            for g in groups
-        )
-
-
-def _ended(
-    problem: SparseProblem, c: FloatArray, good: SparseOutcome, status: Status, iterations: int
-) -> SparseOutcome:
-    """c with its own residual norm, unless that overflowed: then `good`, and it says so."""
-    norm = float(np.linalg.norm(problem.residual(c)))
-    if not np.isfinite(norm):
-        return replace(good, status=Status.NOT_FINITE, iterations=iterations)
-    return SparseOutcome(c, good.support, status, iterations, norm)
-
 
 def _visible(linear: Linearised, groups: Sequence[Group]) -> BoolArray:
     """False for penalised columns of zeros: no row sees them, so they cannot be active."""
-    return (linear.norms > 0.0) | _always(groups, linear.norms.size)
-
-
-def _always(groups: Sequence[Group], size: int) -> BoolArray:
-    always = np.zeros(size, dtype=np.bool_)
-    for g in groups:
-        if g.budget is None:
-            always[g.start : g.stop] = True
-    return always
-
-
-def _within_budget(problem: SparseProblem, start: SparseStart) -> tuple[FloatArray, BoolArray]:
-    """The start with zeros outside its support and no more active columns than allowed."""
-    groups = problem.groups
-    support = start.support | _always(groups, start.c.size)
-    c = np.where(support, start.c, 0.0)
-    if any(g.budget is not None and support[g.start : g.stop].sum() > g.budget for g in groups):
-        norms = np.linalg.norm(problem.jacobian(c), axis=0)
-        support = pruned(norms * c, support, groups)
-        c = np.where(support, c, 0.0)
-    return c, support
+    return (linear.norms > 0.0) | always_active(groups, linear.norms.size)
