@@ -13,10 +13,12 @@ from sparsemor.bodies.frame_term import FrameTerm
 from sparsemor.bodies.integrals import elastic_integrals, heat_integrals
 from sparsemor.bodies.linear_term import LinearTerm
 from sparsemor.bodies.planar.frame import PlanarFrame
+from sparsemor.bodies.table_term import TableTerm
 from sparsemor.core.arrays import Csr, FloatArray, IntArray
 from sparsemor.core.layout import Layout
 from sparsemor.core.protocols import Term
 from sparsemor.core.separable import Amplitude, ElasticOperators, HeatBody, MovingBody
+from sparsemor.core.tables import LoadTable
 
 if TYPE_CHECKING:
     from sparsemor.bodies.body_part import PlanarBody
@@ -35,12 +37,12 @@ def moving_body(body: PlanarBody, layout: Layout, terms: Sequence[Term]) -> Movi
     frame = PlanarFrame(items, len(elastic) > 0)
     operators = _operators(body, layout, frames, terms, elastic) if len(elastic) else None
     origin = np.zeros(frame.border)
-    if not body.moves:
+    if not body.moves and body.guide is None:
         origin[: frame.rigid_size] = body.pose
     return MovingBody(
         body.name, frame, _to_border(body, layout, frames), origin,
         f"{body.name}.elastic" if len(elastic) else "",
-        f"{body.name}.thermal" if body.heat is not None else "", operators,
+        f"{body.name}.thermal" if body.heat is not None else "", operators, body.guide,
     )
 
 
@@ -87,6 +89,7 @@ def _operators(
         constant=constant, loads=loads, amplitudes=amplitudes,
         direction_names=tuple(directions), load_names=names,
         integrals=None if body.mesh is None else partial(elastic_integrals, body),
+        tables=_tables(terms, elastic),
     )
 
 
@@ -97,13 +100,19 @@ def heat_body(body: PlanarBody, layout: Layout, terms: Sequence[Term]) -> HeatBo
         return None
     mine = [t for t in terms if len(t.rows) and _within(t.rows, thermal)]
     linear = [t for t in mine if isinstance(t, LinearTerm)]
-    local = tuple(t for t in mine if not isinstance(t, LinearTerm))
+    local = tuple(t for t in mine if not isinstance(t, LinearTerm | TableTerm))
     constant, loads, amplitudes, names = _given(linear, thermal)
     return HeatBody(
         body.name, f"{body.name}.thermal", _sum(linear, thermal, thermal, "B"),
         _sum(linear, thermal, thermal, "A"), constant, loads, amplitudes, local, names,
-        None if body.mesh is None else partial(heat_integrals, body),
+        None if body.mesh is None else partial(heat_integrals, body), _tables(mine, thermal),
     )
+
+
+def _tables(terms: Sequence[Term], block: IntArray) -> tuple[LoadTable, ...]:
+    """The loads that move over one block."""
+    return tuple(t.over(block) for t in terms
+                 if isinstance(t, TableTerm) and _within(t.rows, block))
 
 
 def _within(rows: IntArray, block: IntArray) -> bool:

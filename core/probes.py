@@ -74,7 +74,7 @@ class ProbeReader:
     def __call__(self, t: FloatArray, x: FloatArray) -> FloatArray:
         """(j, components) at times t (j,) for states x (j, n)."""
         u = np.zeros((len(t), 2)) if self.displacement is None else self.displacement(x)
-        pose = x[:, self.rigid] if self.rigid is not None else np.tile(self.place.pose, (len(t), 1))
+        pose = self._pose(t, x)
         z = self.place.point + u
         cos, sin = np.cos(pose[:, 2]), np.sin(pose[:, 2])
         columns = [pose[:, 0] + cos * z[:, 0] - sin * z[:, 1],
@@ -87,6 +87,14 @@ class ProbeReader:
                 T = T + weight * np.array([function.value(s) for s in t])
             columns.append(T)
         return np.stack(columns, axis=1)
+
+    def _pose(self, t: FloatArray, x: FloatArray) -> FloatArray:
+        """(j, 3) of the body's frame."""
+        if self.rigid is not None:
+            return x[:, self.rigid]
+        if self.place.guide is not None:
+            return np.stack([self.place.guide.at(s)[0] for s in t.tolist()])
+        return np.tile(self.place.pose, (len(t), 1))
 
     def described(self, row: FloatArray) -> dict[str, Any]:
         """One row by name, for people and programs."""

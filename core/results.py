@@ -9,7 +9,9 @@ import numpy as np
 from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.layout import Layout
+from sparsemor.core.result_stage import read_stage
 from sparsemor.core.run_header import load_layout
+from sparsemor.core.stage import Stage
 from sparsemor.core.status import Status
 from sparsemor.core.zarr_files import GROUP_FILE
 
@@ -158,15 +160,32 @@ class RunResult:
     def positions(self, body: str, step: int, magnify: float = 1.0) -> FloatArray:
         """(N, 2) global positions R + A(theta) (X + magnify u) of a planar body, m."""
         z = self.points(body) + magnify * self.nodal_displacement(body, step)
-        if f"{body}.rigid" not in self.layout:
-            return z
-        pose = self.block(f"{body}.rigid", self._only(step))[0]
+        pose = self.pose(body, step)
         if pose.shape != (3,):
             raise InputError(
                 f"{body} has {pose.size} rigid coordinates: only planar bodies (Rx, Ry, theta) "
                 "can be placed; export the run to look at it in 3-D", key="body")
         cos, sin = np.cos(pose[2]), np.sin(pose[2])
         return np.asarray(pose[:2] + z @ np.array([[cos, sin], [-sin, cos]]), dtype=np.float64)
+
+    def pose(self, body: str, step: int) -> FloatArray:
+        """(3,) position of a body's frame (m) and angle (rad); zeros where the result does not know
+        where a fixed frame is. A body of another kind has other rigid coordinates."""
+        if f"{body}.rigid" in self.layout:
+            return np.asarray(self.block(f"{body}.rigid", self._only(step))[0])
+        stage = self.stage()
+        if stage is None or body not in stage.frames:
+            return np.zeros(3)
+        return stage.frames[body].at(float(self.times[self._only(step)][0]))[0]
+
+    def stage(self) -> Stage | None:
+        """Motion, joint forces and contact histories of the rigid stage that the run followed, at
+        the stage's own times; None for a scene without one."""
+        return self._stage
+
+    @cached_property
+    def _stage(self) -> Stage | None:
+        return read_stage(self._data.attrs.get("stage"), self._data)
 
     def to_xarray(self) -> "xr.Dataset":
         """All that is stored, lazily, with dimension names and units."""

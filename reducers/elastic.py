@@ -15,6 +15,8 @@ import numpy as np
 
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.separable import ElasticOperators, evaluate_amplitudes
+from sparsemor.core.tables import total
+from sparsemor.reducers.felt import Moving, felt
 from sparsemor.reducers.test_map import TestedElastic
 
 
@@ -86,6 +88,8 @@ class FullElastic:
             h = h - o.coupling @ xT
         if o.amplitudes:
             h = h - o.loads @ evaluate_amplitudes(o.amplitudes, t)
+        if o.tables:
+            h = h - total(o.tables, t)
         s.h, s.stack, s.quad = h, Mr1, np.concatenate([Mr1, Mr2])
         s.s1, s.s2 = o.directions.T @ r1, o.directions.T @ r2
         return s
@@ -112,7 +116,8 @@ class CompressedElastic:
     """s active atoms: every operator is dense, small and prepared (sizes s + p, not n).
 
     Vectors come as [z; P^T z], so that both follow from one product.
-    H: history, (rows, k + k + kt + j) and `base`; S: what depends on u, (rows, s).
+    H: history, (rows, k + k + kt + j) and `base`; S: what depends on u, (rows, s). tables: loads
+    that move, as felt by the s + p rows of the history.
     """
 
     H: FloatArray
@@ -123,6 +128,7 @@ class CompressedElastic:
     active: IntArray | None
     amplitudes: tuple[Any, ...]
     sizes: tuple[int, int, int]
+    tables: tuple[Moving, ...] = ()
 
     @classmethod
     def of(
@@ -152,7 +158,7 @@ class CompressedElastic:
         E = both @ b.directions
         return cls(np.ascontiguousarray(H), base, np.ascontiguousarray(S),
                    np.ascontiguousarray(E[:s]), np.ascontiguousarray(E[s:]), support,
-                   b.amplitudes, (s, p, g))
+                   b.amplitudes, (s, p, g), felt(b.tables, both, support is None))
 
     def rates(self, k: int) -> tuple[FloatArray, FloatArray]:
         """(s, k) each, k atoms: D^-1 D_m and D^-1 M, the block's own answer to -r1 and -r2."""
@@ -168,6 +174,8 @@ class CompressedElastic:
         out += self.base
         s, p, g = self.sizes
         w, h = s + p, History()
+        if self.tables:
+            out[g * w : (g + 1) * w] -= total(self.tables, t)
         # rows kappa_g | mu_g | 1 of the combination; the first g are filled at each look
         h.stack = np.empty((2 * g + 1, w))
         h.stack[g:] = out[: (g + 1) * w].reshape(g + 1, w)

@@ -22,6 +22,7 @@ from sparsemor.core.layout import Layout
 from sparsemor.core.protocols import Group, StepFormula
 from sparsemor.core.screening import Screen, Screening, Tolerance
 from sparsemor.core.separable import evaluate_amplitudes
+from sparsemor.core.tables import Table, total
 from sparsemor.reducers.bordered import Mechanics
 from sparsemor.reducers.sampled import SampledElastic, SampledHeat
 from sparsemor.reducers.screen_rows import (
@@ -68,7 +69,7 @@ class HeatScreen:
     """All selecting thermal blocks: first asked at once whether they stay, then one by one.
 
     In turned rows (compact.py) the residual of a block is rows @ (c, r1, amplitudes, 1); J reaches
-    the first `first` of them, of the others only the norm counts.
+    the first `first` of them, of the others only the norm counts. tables: heat that moves.
     """
 
     def __init__(
@@ -79,6 +80,7 @@ class HeatScreen:
         self.screens: dict[str, Screen] = {}
         self.amplitudes = {n: s.few[0].amplitudes for n, s in heat.items()}
         self.first = {n: s.first for n, s in heat.items()}
+        self.tables: dict[str, tuple[Table, ...]] = {}
         groups: list[Group] = []
         stacks: tuple[list[FloatArray], ...] = ([], [], [], [])
         for n, s in heat.items():
@@ -87,6 +89,8 @@ class HeatScreen:
             J, past, load, constant = (
                 a / size for a in (J, T.capacity, T.loads, T.constant[:, None]))
             self.rows[n] = np.hstack([J, past, -load, -constant])
+            if T.tables:
+                self.tables[n] = tuple(t.over(size) for t in T.tables)
             alone = with_rest(J, s.first)
             self.screens[n] = solver.screen(
                 alone, np.linalg.norm(alone, axis=0), (group(n, 0, s.block.budget, J),), len(J))
@@ -105,9 +109,10 @@ class HeatScreen:
         self, step: StepFormula, x: FloatArray, supports: Mapping[str, BoolArray]
     ) -> bool:
         """Is it sure that no block would change at the solution x (n,) of a step?"""
-        c = x[self.places]
-        known = evaluate_amplitudes(self.functions, step.t)
+        c, known = x[self.places], evaluate_amplitudes(self.functions, step.t)
         r = self.all.dot(np.concatenate((c, step.r1[self.places], known, ONE)))
+        if self.tables:
+            r = r - self._tabled(step.t)
         return self.screen.stays(r, c, self.together.of(supports), EXACT)
 
     def supports(
@@ -117,8 +122,16 @@ class HeatScreen:
         at = self.at[name]
         known = evaluate_amplitudes(self.amplitudes[name], step.t)
         r = self.rows[name].dot(np.concatenate((x[at], step.r1[at], known, ONE)))
+        if name in self.tables:
+            r = r - total(self.tables[name], step.t)
         r = folded(r, self.first[name])
         return self.screens[name].settle(r, x[at], support, 0.0, Tolerance(EXACT, EXACT))
+
+    def _tabled(self, t: float) -> FloatArray:
+        """The rows of `all` of heat that moves."""
+        return np.concatenate([
+            total(self.tables[n], t)[:first] if n in self.tables else np.zeros(first)
+            for n, first in self.first.items()])
 
 
 class Seen:
@@ -132,6 +145,7 @@ class Seen:
         T, B = s.few
         size = float(np.linalg.norm(B, axis=0).max())
         self.number, self.first, self.amplitudes = number, s.first, T.amplitudes
+        self.tables = tuple(t.over(size) for t in T.tables)
         self.k, g, damped = B.shape[1], len(T.generators), bool(T.damping.any())
         parts = [*T.generators, *([T.damping] if damped else []), -T.coupling, -T.loads,
                  T.constant[:, None], T.directions, B]
@@ -169,7 +183,11 @@ class Seen:
         u[self.sigma] = w.sigma[-1] - moved[mechanics.at[self.number]].dot(w.sigma[:-1])
         u[self.c] = pair[0]
         out = np.empty(self.first + 1)
-        out[:-1], out[-1] = self.near.dot(u), norm(self.far.dot(self.past))
+        near, far = self.near.dot(u), self.far.dot(self.past)
+        if self.tables:
+            moving = total(self.tables, step.t)
+            near, far = near - moving[: self.first], far - moving[self.first :]
+        out[:-1], out[-1] = near, norm(far)
         return out
 
 

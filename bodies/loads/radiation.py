@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 from pydantic import Field
@@ -122,6 +122,8 @@ _PHI = np.stack([1 - _X, _X])
 
 class Radiation(Plugin):
     """q = eps sigma (T^4 - T_inf^4) out of the boundary facets of each set (T in K)."""
+
+    acts_on: ClassVar[str] = "thermal"
 
     on: Annotated[list[str], Field(min_length=1)]
     """Surfaces `body:set`."""

@@ -11,7 +11,7 @@ import numpy as np
 
 from sparsemor.core.arrays import BoolArray
 from sparsemor.core.errors import InputError
-from sparsemor.core.model import Model
+from sparsemor.core.model import Model, StepFactors
 from sparsemor.core.offline import Offline
 from sparsemor.core.protocols import Basis, Dictionary, Integrator, State, StepSolver
 from sparsemor.core.registry import Registry
@@ -28,7 +28,9 @@ class _Given(Offline):
         super().__init__(model, dict, "", None)
         self._given = dictionaries
 
-    def dictionary(self, name: str, basis: Basis) -> tuple[Dictionary, float]:
+    def dictionary(
+        self, name: str, basis: Basis, step: StepFactors | None = None
+    ) -> tuple[Dictionary, float]:
         return self._given[name], 0.0
 
 

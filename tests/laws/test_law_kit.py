@@ -14,9 +14,11 @@ from sparsemor.core.registry import Registry
 from sparsemor.core.scene import load
 from sparsemor.core.testing import (
     check_basis,
+    check_friction_law,
     check_function,
     check_integrator,
     check_mesh_plugin,
+    check_normal_law,
     check_observer,
     check_parts,
     check_preconditioner,
@@ -34,7 +36,11 @@ OPTIONS: dict[tuple[str, str], dict[str, Any]] = {
     ("function", "ramp"): {"start": 0.5, "end": 2.5, "final": -3.0},
     ("function", "pulse"): {"start": 0.5, "duration": 1.0, "level": 7.0},
     ("function", "sine"): {"amplitude": 2.0, "frequency": 0.7},
+    ("normal_law", "elastic_foundation"): {
+        "stiffness": 1e9, "damping": 1e5, "damping_depth": 1e-6},
+    ("friction_law", "coulomb"): {"coefficient": 0.3, "critical_velocity": 0.05},
     ("mesh", "rectangle"): {"size": (2.0, 1.0), "divisions": (4, 3)},
+    ("mesh", "unstructured"): {"size": (2.0, 1.0), "divisions": (4, 2), "elements": 24},
     ("mesh", "file"): {"path": "bar.vtk"},
     ("reducer", "sparse"): {"budgets": BUDGETS},
     ("basis", "dictionary"): {"bases": ["pod", "modal"]},
@@ -47,9 +53,11 @@ LAWS: dict[str, Callable[[Any, int], None]] = {
     "sparse_solver": lambda p, seed: check_sparse_solver(p, seed, trials=3),
     "integrator": check_integrator,
     "function": check_function,
+    "normal_law": check_normal_law,
+    "friction_law": check_friction_law,
     "observer": lambda p, seed: check_observer(p.observer, seed),
 }
-SCENE_KINDS = {"body", "joint", "load"}
+SCENE_KINDS = {"body", "joint", "load", "contact"}
 RANDOM = [(kind, name) for kind in LAWS for name in installed(kind)]
 
 
