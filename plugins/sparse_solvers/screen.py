@@ -68,14 +68,14 @@ class LinearScreen:
         self, r: FloatArray, c: FloatArray, support: BoolArray, sizes: float
     ) -> bool:
         """See `core.screening.Screen`."""
-        z, union, alike = self.norms * c, self.seen, Tolerance(sizes, sizes)
+        z, alike = self.norms * c, Tolerance(sizes, sizes)
         if self._refusals.stands(r, z, support, 0.0, self.rule.gain, alike):
             return True
-        if not self.rule.everyone:
-            unions = self._unions(r, z, support, sizes)
-            if unions is None or len(unions) > 1 or self._share(support) < 1.0:
-                return False
-            union = unions[0]
+        unions = self._unions(r, z, support, sizes)
+        if unions is None or len(unions) > 1 or not (
+                self.rule.everyone or self._share(support) >= 1.0):
+            return False
+        (union,) = unions
         found = self._sizes(r, z, union)
         if found is None or not self._is_largest(found, support, sizes):
             return False
@@ -120,14 +120,12 @@ class LinearScreen:
     def unlike(
         self, other: Screen, r: FloatArray, c: FloatArray, support: BoolArray
     ) -> Tolerance:
-        """See `core.screening.Screen`: of the sizes near the threshold of each group, and of the
-        norm that the support leaves."""
+        """Of the sizes near the threshold of each group, and of the norm that is left."""
         if not isinstance(other, LinearScreen):
             return UNTOLD
-        z, union = self.norms * c, self.seen
-        if not self.rule.everyone:
-            joined = self._unions(r, z, support, 0.0)
-            union = self.seen if joined is None else joined[0]
+        z = self.norms * c
+        joined = self._unions(r, z, support, 0.0)
+        union = self.seen if joined is None else joined[0]
         # the other has its own object for all columns
         both = union if union is not self.seen else other.seen
         a, b = self._sizes(r, z, union), other._sizes(r, other.norms * c, both)
@@ -151,8 +149,7 @@ class LinearScreen:
         Where a choice on the way is closer than the tolerance, both ways are gone; they have to
         end on the same support.
         """
-        unions = (self.seen,) if self.rule.everyone else self._unions(
-            r, z, support, tolerance.sizes)
+        unions = self._unions(r, z, support, tolerance.sizes)
         if unions is None:
             return None
         ends: list[BoolArray] = []
@@ -226,9 +223,10 @@ class LinearScreen:
     def _unions(
         self, r: FloatArray, z: FloatArray, support: BoolArray, tolerance: float
     ) -> Sequence[BoolArray] | None:
-        """The support and the columns that correlate most with what it leaves."""
-        f = self._factor(support)
-        if f is None:
+        """The support and the columns that correlate most with what it leaves, or all columns."""
+        if self.rule.everyone:
+            return (self.seen,)
+        if (f := self._factor(support)) is None:
             return None
         correlation, key, last = np.abs(f.left(r).dot(self.J)), support.tobytes(), self._joined
         if last is not None and last[0] == key and last[2].holds(correlation, tolerance):
