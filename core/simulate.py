@@ -19,7 +19,7 @@ from sparsemor.core.protocols import Resampling, State, StepSolver
 from sparsemor.core.recorder import Recorder, Tally, admit
 from sparsemor.core.results import RunResult
 from sparsemor.core.scene import Scene
-from sparsemor.core.stability import check_start
+from sparsemor.core.stability import check_run
 from sparsemor.core.status import SolveFailed, Status
 from sparsemor.core.step_control import ControlledSteps, controlled, step_of
 from sparsemor.core.unmet import unmet
@@ -45,7 +45,7 @@ def simulate(
         solver: StepSolver = scene.reducer.prepare(
             model, scene.integrator, scene.time.step, offline, np.random.default_rng(scene.seed))
         full = consistent_state(model)
-        warnings, stability = check_start(scene, model, solver, full)
+        warnings, stability = check_run(scene, model, solver, full)
         solver = controlled(scene, model, offline, solver)
         state, memory = solver.start(full)
         state = scene.integrator.start(solver.layout, state)

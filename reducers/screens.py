@@ -103,7 +103,10 @@ class HeatScreen:
         self.together = Together(groups)
         self.places = joined(list(self.at.values()))
         self.functions = tuple(f for a in self.amplitudes.values() for f in a)
-        self.screen = solver.screen(J, np.linalg.norm(J, axis=0), groups, len(J))
+        # side by side no block may lack the rows that its own exchange needs
+        enough = all(len(s.block.B) >= 2 * s.block.budget for s in heat.values())
+        rows = sum(len(s.block.B) for s in heat.values()) if enough else 0
+        self.screen = solver.screen(J, np.linalg.norm(J, axis=0), groups, rows)
 
     def stay(
         self, step: StepFormula, x: FloatArray, supports: Mapping[str, BoolArray]

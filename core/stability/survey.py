@@ -1,7 +1,7 @@
 """How many seeds of each variant of a scene are stable: the table behind `sparsemor stability`."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import isfinite
 from typing import Any
 
@@ -17,11 +17,25 @@ from sparsemor.core.offline import Offline, step_count
 from sparsemor.core.prepared import prepared
 from sparsemor.core.protocols import State, StepSolver
 from sparsemor.core.scene import Scene
-from sparsemor.core.stability.check import LIMIT, Judgement, Reference, failed, judged
+from sparsemor.core.stability.check import (
+    LIMIT,
+    Judgement,
+    Reference,
+    failed,
+    judged,
+    over_the_run,
+)
 from sparsemor.core.stability.departure import Departure, departure, exact_values, own_radii
 from sparsemor.core.stability.differences import step_map
 from sparsemor.core.stability.plan import Plan, Variant, variants
-from sparsemor.core.stability.reference import along, projected, started, times_checked
+from sparsemor.core.stability.reference import (
+    along,
+    course,
+    course_times,
+    projected,
+    started,
+    times_checked,
+)
 from sparsemor.core.status import SolveFailed
 from sparsemor.core.text_table import text_table
 
@@ -165,7 +179,7 @@ def _refuse(v: Variant, model: Model, plan: Plan) -> None:
         raise InputError("full order is what reduced models are judged by: name another one",
                          "reducer")
     try:
-        times_checked(plan.at, v.scene.time.step, v.scene.time.end)
+        times_checked(plan.at or (), v.scene.time.step, v.scene.time.end)
     except InputError as error:
         raise InputError(f"--at: {error.faults[0].message}") from None
 
@@ -188,21 +202,24 @@ class _Case:
 
 
 def _states(
-    scene: Scene, model: Model, offline: Offline, times: Sequence[float]
+    scene: Scene, model: Model, offline: Offline, times: Sequence[float] | None
 ) -> list[State]:
     """Where to linearise: on the run of the projected model with the scene's atoms."""
-    start = consistent_state(model)
-    if not any(times):
+    start, h, integrator = consistent_state(model), scene.time.step, scene.integrator
+    if times is not None and not any(times):
         return [start] * len(times)
-    h, integrator = scene.time.step, scene.integrator
     solver = scene.reducer.prepare(
         model, integrator, h, offline, np.random.default_rng(scene.seed))
-    twin = projected(model, integrator, h, solver, {}, scene.source.registry)
+    known = scene.source.registry
+    if times is None:
+        due = course_times(h, step_count(scene))
+        return course(model, integrator, h, solver, start, due, known)
+    twin = projected(model, integrator, h, solver, {}, known)
     return along(twin, integrator, h, start, times)
 
 
 def _finding(scene: Scene, case: _Case, seed: int) -> Finding:
-    """The worst of one seed's linearisations."""
+    """The worst of one seed's linearisations, with the growth over all of them."""
     h, integrator, steps = scene.time.step, scene.integrator, step_count(scene)
     try:
         solver: StepSolver = scene.reducer.prepare(
@@ -219,7 +236,8 @@ def _finding(scene: Scene, case: _Case, seed: int) -> Finding:
         found.append(Finding(seed, judged(step, theirs, full.t, steps),
                              departure(step, theirs, case.exact), own_radii(step),
                              len(solver.notes)))
-    return max(found, key=lambda f: f.judgement.excess)
+    worst = max(found, key=lambda f: f.judgement.excess)
+    return replace(worst, judgement=over_the_run([f.judgement for f in found]))
 
 
 def _numbers(rows: str) -> tuple[int, ...]:
