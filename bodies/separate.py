@@ -33,9 +33,14 @@ def moving_body(body: PlanarBody, layout: Layout, terms: Sequence[Term]) -> Movi
     if not frames:
         return None
     elastic = body.position(layout, "elastic")
+    inertia = next((t for t in frames if t.equations.V), None)
+    if not body.moves and body.guide is None:  # at rest: nothing of the mass but M u''
+        frames = [t for t in frames if t is not inertia]
     items = tuple(i for t in frames for i in t.equations.frame.items)  # type: ignore[attr-defined]
     frame = PlanarFrame(items, len(elastic) > 0)
-    operators = _operators(body, layout, frames, terms, elastic) if len(elastic) else None
+    operators = None
+    if len(elastic) and inertia is not None:
+        operators = _operators(body, layout, frames, inertia, terms, elastic)
     origin = np.zeros(frame.border)
     if not body.moves and body.guide is None:
         origin[: frame.rigid_size] = body.pose
@@ -63,11 +68,12 @@ def _to_border(body: PlanarBody, layout: Layout, frames: Sequence[FrameTerm]) ->
 
 
 def _operators(
-    body: PlanarBody, layout: Layout, frames: Sequence[FrameTerm], terms: Sequence[Term],
-    elastic: IntArray,
+    body: PlanarBody, layout: Layout, frames: Sequence[FrameTerm], inertia: FrameTerm,
+    terms: Sequence[Term], elastic: IntArray,
 ) -> ElasticOperators:
+    """frames: what acts through the frame; inertia: one of them, unless the frame is at rest."""
     n, first = len(elastic), int(elastic[0])
-    P, directions = [], []
+    P, directions = [np.zeros((n, 0))], []
     for t in frames:
         for item in t.equations.frame.items:  # type: ignore[attr-defined]
             directions += item.names(t.source)
@@ -75,7 +81,6 @@ def _operators(
         D = np.zeros((n, t.equations.frame.p))
         D[t.rows[here] - first] = np.asarray(t.equations.W)[here]
         P.append(D)
-    inertia = next(t for t in frames if t.equations.V)
     at = np.searchsorted(inertia.rows, elastic)
     generators = tuple(csr_array(V[at][:, at]) for V in inertia.equations.V)
     linear = [t for t in terms if isinstance(t, LinearTerm) and _within(t.rows, elastic)]
@@ -83,7 +88,8 @@ def _operators(
     constant, loads, amplitudes, names = _given(linear, elastic)
     return ElasticOperators(
         mass=generators[0], damping=_sum(linear, elastic, elastic, "B"),
-        stiffness=_sum(linear, elastic, elastic, "A"), generators=generators,
+        stiffness=_sum(linear, elastic, elastic, "A"),
+        generators=generators if inertia in frames else (),
         directions=np.concatenate(P, axis=1),
         coupling=-_sum(linear, elastic, thermal, "A") if len(thermal) else None,
         constant=constant, loads=loads, amplitudes=amplitudes,

@@ -91,7 +91,8 @@ class Frame(Protocol):
 class ElasticOperators:
     """Constant matrices of one elastic block of n unknowns (free displacements).
 
-    mass, damping, stiffness (n, n); generators g matrices (n, n), the first is the mass;
+    mass, damping, stiffness (n, n); generators g matrices (n, n), the first is the mass, none for
+    a frame at rest;
     directions (n, p); coupling (n, nT) with the thermal block, or None: the elastic rows are
     mass u'' + damping u' + stiffness u - coupling T - internal(t) + frame terms, where
     internal(t) = constant + loads @ amplitudes(t) + tables at t, loads (n, j). direction_names

@@ -8,12 +8,13 @@ h the history of the step and P the directions. Full order solves with a factor 
 block has D^-1 applied to everything beforehand. The Newton loop sees no difference.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core.arrays import Csr, FloatArray, IntArray
 from sparsemor.core.separable import ElasticOperators, evaluate_amplitudes
 from sparsemor.core.tables import total
 from sparsemor.reducers.felt import Moving, felt
@@ -74,14 +75,14 @@ class FullElastic:
 
     @classmethod
     def of(cls, ops: ElasticOperators, factor: Any) -> "FullElastic":
-        E = factor.solve(ops.directions)
+        P = ops.directions
+        E = factor.solve(P) if P.size else P
         return cls(ops, factor, E, ops.directions.T @ E)
 
     def begin(self, r1: FloatArray, r2: FloatArray, xT: FloatArray, t: float) -> History:
         o, s = self.ops, History()
-        Mr1 = np.stack([M @ r1 for M in o.generators])
-        Mr2 = np.stack([M @ r2 for M in o.generators])
-        h = Mr2[0] - o.constant
+        Mr1, Mr2 = each(o.generators, r1), each(o.generators, r2)
+        h = (Mr2[0] if len(Mr2) else o.mass @ r2) - o.constant
         if o.damping.nnz:
             h = h + o.damping @ r1
         if o.coupling is not None:
@@ -95,7 +96,7 @@ class FullElastic:
         return s
 
     def look(self, c: FloatArray, history: History) -> Look:
-        seen = np.stack([M @ c for M in self.ops.generators])
+        seen = each(self.ops.generators, c)
         return Look(self.ops.directions.T @ c, seen @ c, history.quad @ c, seen)
 
     def combine(
@@ -135,15 +136,14 @@ class CompressedElastic:
         cls, b: TestedElastic, left: FloatArray, support: IntArray | None
     ) -> "CompressedElastic":
         """left (s, m): what turns tested rows into D^-1 times the rows, left @ D_S = 1."""
-        k, p, g = b.mass.shape[1], b.functional.shape[0], len(b.generators)
+        k, p, g, zero = b.mass.shape[1], b.functional.shape[0], len(b.generators), np.zeros
         use = np.arange(k) if support is None else support
         s = len(use)
         F = b.functional[:, use]
         both = np.concatenate([left, F @ left])  # [D^-1; P^T D^-1] of tested rows
-        gen = np.concatenate([both @ A for A in b.generators])  # (g (s + p), k)
+        gen = np.concatenate([zero((0, k)), *(both @ A for A in b.generators)])  # (g (s + p), k)
         quad = b.quadratic[:, use, :].reshape(g * s, k)
         kt, j = b.coupling.shape[1], b.loads.shape[1]
-        zero = np.zeros
         H = np.concatenate([
             np.hstack([gen, zero((len(gen), k + kt + j))]),
             np.hstack([both @ b.damping, both @ b.mass, -both @ b.coupling, -both @ b.loads]),
@@ -203,3 +203,8 @@ class CompressedElastic:
     def update(self, z: FloatArray, sigma: FloatArray) -> FloatArray:
         new: FloatArray = -(z + self.E.dot(sigma))
         return new
+
+
+def each(generators: Sequence[Csr], x: FloatArray) -> FloatArray:
+    """(g, n) M_g x."""
+    return np.stack([M @ x for M in generators]) if generators else np.zeros((0, len(x)))

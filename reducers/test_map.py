@@ -87,14 +87,16 @@ class TestedElastic:
             Kt = push(ops.coupling)
             constant = constant - Kt @ heat.offset
             coupling = np.asarray(Kt @ heat.atoms)
-        MT = [np.asarray(M @ T) for M in ops.generators]
+        MT, k = [np.asarray(M @ T) for M in ops.generators], T.shape[1]
+        none = np.zeros((0, len(constant), k))
         return cls(
-            frame=frame, mass=np.asarray(test(MT[0])),
+            frame=frame, mass=np.asarray(test(ops.mass @ T)),
             damping=np.asarray(test(ops.damping) @ T),
             stiffness=np.asarray(test(ops.stiffness) @ T),
-            generators=np.stack([np.asarray(push(A)) for A in MT]),
+            generators=np.stack([np.asarray(push(A)) for A in MT]) if MT else none,
             directions=np.asarray(push(P)), coupling=coupling, loads=np.asarray(push(ops.loads)),
-            constant=np.asarray(constant), quadratic=np.stack([T.T @ A for A in MT]),
+            constant=np.asarray(constant),
+            quadratic=np.stack([T.T @ A for A in MT]) if MT else np.zeros((0, k, k)),
             functional=P.T @ T, amplitudes=ops.amplitudes, tables=seen_by(ops.tables, push),
         )
 
