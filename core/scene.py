@@ -59,8 +59,9 @@ class Scene(Plugin):
     reducer: Annotated[Any, Slot("reducer")] = slot_default("full")
     """How one step is solved."""
     check_stability: Literal["warn", "refuse", "off"] = "warn"
-    """What to do with a reduced model whose one-step map, linearised at a few states of the run to
-    come, would blow up over it: say so and go on, refuse to run, or do not look."""
+    """What to do with a reduced model whose one-step map, linearised at the start (under rules of
+    first order at five states of the run to come), would blow up over the run: say so and go on,
+    refuse to run, or do not look."""
     output: Output = Output()
     """What is stored."""
     probes: dict[str, Probe] = {}

@@ -42,8 +42,8 @@ def stability(
     integrators: Annotated[str | None, typer.Option(
         help="Such as 'bdf1,{use: generalized_alpha, rho_inf: 1}'.")] = None,
     at: Annotated[str | None, typer.Option(
-        help="Times in s along the projected model's run, such as 0 (the start only); five from "
-             "start to end when not given.")] = None,
+        help="Times in s along the projected model's run, such as 0 (the start only); when not "
+             "given five from start to end under rules of first order, else the start.")] = None,
     out: Out = None, force: Force = False, as_json: Json = False, quiet: Quiet = False,
 ) -> None:
     """Tabulate spectral radii of the coupled one-step map over seeds, rows, atoms and steps."""

@@ -66,7 +66,7 @@ def fill(out: report.Report, given: argparse.Namespace) -> None:
     out.settings |= {
         "scene": "double_pendulum, two links of 1280 triangles, 30/20 POD atoms, nothing selected",
         "predicted": f"unstable: (radius - that of the Galerkin model) x steps > {LIMIT:g}, added "
-                     "up over five states from start to end, or a step beside one of them does not "
+                     "up over the states that `run` looks at, or a step beside one does not "
                      "converge, or rows that cannot tell the atoms apart (no model); marginal: up "
                      f"to {MARGIN:g}",
         "observed": f"stopped; errs: a field off by more than {ERRS:g} of its largest change, or "

@@ -306,6 +306,9 @@ def test_a_run_is_looked_at_from_its_start_to_its_end() -> None:
     states = course(model, scene.integrator, 1e-3, solver, consistent_state(model),
                     course_times(1e-3, 100))
     assert [s.t for s in states] == pytest.approx([0.0, 0.025, 0.05, 0.075, 0.1])
+    alpha, of_alpha, its_model = prepared("generalized_alpha", "sparse")
+    assert len(course(its_model, alpha.integrator, 1e-3, of_alpha, consistent_state(its_model),
+                      course_times(1e-3, 100))) == 1, "rules that damp little: the start alone"
     at = model.layout["link1.rigid"]
     truth = simulate(scene.using({"reducer": "full"}), cache=Cache()).block("link1.rigid")[-1]
     np.testing.assert_allclose(states[-1].x[at], truth, atol=1e-8)
