@@ -31,10 +31,10 @@ BUDGETS = {"*.elastic": {"rows": 24, "atoms": 4}, "*.thermal": {"rows": 4, "atom
 OPTIONS: dict[tuple[str, str], dict[str, Any]] = {
     ("basis", "dictionary"): {"bases": ["pod", {"use": "modal", "count": 3}]},
 }
-STATIC = {"use": "dictionary", "bases": ["static", "attachment"]}
-PULSES = {"use": "dictionary", "bases": ["pod", {"use": "impulse", "count": 4}]}
+MODES = {"use": "dictionary", "bases": ["pod", {"use": "attachment", "patches": 3}]}
+PULSES = {"use": "dictionary", "bases": ["pod", {"use": "impulse", "count": 2}]}
 BESIDE: dict[str, dict[str, Any]] = {
-    "craig_bampton": {"*.thermal": "modal"}, "attachment": {"*": STATIC},
+    "craig_bampton": {"*.thermal": "modal"}, "attachment": {"*": MODES},
     "impulse": {"*.elastic": "pod", "*.thermal": PULSES},
 }
 """Bases of other blocks, for one that is not defined for all or holds the moving loads alone."""
