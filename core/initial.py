@@ -11,6 +11,9 @@ from sparsemor.core.model import Model
 from sparsemor.core.protocols import State
 from sparsemor.core.status import SolveFailed, Status
 
+LOST = 1e-13
+"""Share of the stiffness below which a mass is lost in the difference of two Jacobians."""
+
 
 def consistent_state(model: Model, t: float = 0.0) -> State:
     """The start with accelerations, temperature rates and multipliers that satisfy the equations.
@@ -51,7 +54,7 @@ def _derivative(model: Model, K: Csr, s: State, rate: int) -> Csr:
     for _ in range(8):
         factors[rate] = c
         D = jacobian(layout, model.terms, s.x, s.v, s.a, s.t, factors[1], factors[2]) - K
-        if abs(D).max() >= abs(K).max():
+        if abs(D).max() >= LOST * abs(K).max():
             break
         c *= 1e4
     return D / c

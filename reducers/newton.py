@@ -139,7 +139,8 @@ class _Search:
                 continue
             self._ready(new, anew=always)
             ratio = new.moved / np.maximum(at.moved, 1e-300)  # of each block: one may converge
-            if self._left(new.moved, ratio) <= self.tol.remaining:
+            # the textbook method, a check, trusts no ratio: it goes on until nothing changes
+            if not always and self._left(new.moved, ratio) <= self.tol.remaining:
                 return StepOutcome(new.x - new.dx, Status.DONE, self.iterations)
             stalled = new.change >= STALLED * at.change
             if (at.fresh or always) and stalled and new.change <= NOISE:
@@ -236,7 +237,9 @@ class _Search:
     def _moved(self, at: _At) -> FloatArray:
         """(blocks,) change of each relative to its size; 0 for multipliers, which follow, and where
         the residual is rounding."""
-        judged = self.judged & ~(self._largest(at.r) <= self.floor)
+        judged = self.judged
+        if self.eq.price:
+            judged = judged & ~(self._largest(at.r) <= self.floor)
         return np.where(judged, self._relative(at), 0.0)
 
     def _relative(self, at: _At) -> FloatArray:

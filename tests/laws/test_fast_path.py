@@ -67,5 +67,4 @@ def test_the_double_pendulum_at_its_size(integrator: str) -> None:
     use = {"use": integrator, **INTEGRATORS[integrator].model_dump()}
     scene = load("double_pendulum", {"time.end": 0.03, "integrator": use})
     found = differences(*both(scene))
-    # rules of second order carry what either Newton method leaves open from step to step
-    assert max(found.values()) < (1e-9 if integrator == "bdf1" else 1e-6), found
+    assert max(found.values()) < 1e-9, found
