@@ -11,7 +11,7 @@ from sparsemor.core.model import Model
 from sparsemor.core.protocols import State
 from sparsemor.core.status import SolveFailed, Status
 
-LOST = 1e-13
+LOST = 1.0
 """Share of the stiffness below which a mass is lost in the difference of two Jacobians."""
 
 
