@@ -9,6 +9,7 @@ import numpy as np
 from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.layout import Layout
+from sparsemor.core.placement import KNOWN, placed
 from sparsemor.core.run_header import load_layout
 from sparsemor.core.status import Status
 from sparsemor.core.zarr_files import GROUP_FILE
@@ -156,17 +157,16 @@ class RunResult:
         return temperature
 
     def positions(self, body: str, step: int, magnify: float = 1.0) -> FloatArray:
-        """(N, 2) global positions R + A(theta) (X + magnify u) of a planar body, m."""
+        """(N, d) global positions R + A (X + magnify u) of a body, m."""
         z = self.points(body) + magnify * self.nodal_displacement(body, step)
         if f"{body}.rigid" not in self.layout:
             return z
-        pose = self.block(f"{body}.rigid", self._only(step))[0]
-        if pose.shape != (3,):
+        pose = self.block(f"{body}.rigid", self._only(step))
+        if pose.shape[1] not in KNOWN:
             raise InputError(
-                f"{body} has {pose.size} rigid coordinates: only planar bodies (Rx, Ry, theta) "
-                "can be placed; export the run to look at it in 3-D", key="body")
-        cos, sin = np.cos(pose[2]), np.sin(pose[2])
-        return np.asarray(pose[:2] + z @ np.array([[cos, sin], [-sin, cos]]), dtype=np.float64)
+                f"{body} has {pose.shape[1]} rigid coordinates: only frames (Rx, Ry, theta), "
+                "(R, angle) and (R, quaternion) can be placed", key="body")
+        return placed(np.broadcast_to(pose, (len(z), pose.shape[1])), z)
 
     def to_xarray(self) -> "xr.Dataset":
         """All that is stored, lazily, with dimension names and units."""

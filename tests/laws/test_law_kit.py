@@ -1,6 +1,7 @@
 """Every installed plugin of every kind, third-party ones included, keeps the laws of its kind."""
 
 from collections.abc import Callable
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from sparsemor.core.testing import (
     check_basis,
     check_function,
     check_integrator,
+    check_linear_solver,
     check_mesh_plugin,
     check_observer,
     check_parts,
@@ -36,6 +38,7 @@ OPTIONS: dict[tuple[str, str], dict[str, Any]] = {
     ("function", "sine"): {"amplitude": 2.0, "frequency": 0.7},
     ("mesh", "rectangle"): {"size": (2.0, 1.0), "divisions": (4, 3)},
     ("mesh", "file"): {"path": "bar.vtk"},
+    ("mesh", "block"): {"size": (2.0, 1.0, 0.5), "divisions": (3, 2, 1)},
     ("reducer", "sparse"): {"budgets": BUDGETS},
     ("basis", "dictionary"): {"bases": ["pod", "modal"]},
 }
@@ -45,12 +48,16 @@ LAWS: dict[str, Callable[[Any, int], None]] = {
     "sampler": lambda p, seed: check_sampler(p, seed, trials=3),
     "preconditioner": lambda p, seed: check_preconditioner(p, seed, trials=3),
     "sparse_solver": lambda p, seed: check_sparse_solver(p, seed, trials=3),
+    "linear_solver": lambda p, seed: check_linear_solver(p, seed, trials=1),
     "integrator": check_integrator,
     "function": check_function,
     "observer": lambda p, seed: check_observer(p.observer, seed),
 }
 SCENE_KINDS = {"body", "joint", "load"}
-RANDOM = [(kind, name) for kind in LAWS for name in installed(kind)]
+EXTRAS = {"pardiso": "pypardiso", "cholmod": "sksparse", "amg": "pyamg"}
+"""Linear solvers whose package the tests do without."""
+RANDOM = [(kind, name) for kind in LAWS for name in installed(kind)
+          if kind != "linear_solver" or find_spec(EXTRAS.get(name, "numpy"))]
 
 
 def made(kind: str, name: str) -> Any:
