@@ -1,7 +1,7 @@
 """A built planar body: its numbers, and what joints and loads may ask of it."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from sparsemor.bodies.linear_term import LinearTerm
 from sparsemor.bodies.planar.frame import PlanarFrame
 from sparsemor.bodies.planar.items import Attachment, BodyForce, Item, SpaceForce
 from sparsemor.bodies.separate import heat_body, moving_body
+from sparsemor.bodies.table_term import TableTerm, surface_terms
 from sparsemor.core.arrays import Csr, FloatArray, IntArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.layout import Block, Layout
@@ -21,6 +22,7 @@ from sparsemor.core.model import ProbePlace
 from sparsemor.core.protocols import Part, Term, TimeFunction
 from sparsemor.core.run_header import BodyShape
 from sparsemor.core.separable import Amplitude, HeatBody, MovingBody
+from sparsemor.core.stage import FrameHistory, SurfaceLoads
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -29,7 +31,8 @@ class PlanarBody:
 
     X (N,) complex reference points, m (body frame); mass_matrix (N, N) scalar, kg, or None for a
     rigid body given by numbers; pose (R_x, R_y, theta), velocity its rates at the start;
-    moves: False when the frame stays where the pose puts it. T0, T_ref (N,) K.
+    moves: False when the frame stays where the pose puts it, or follows `guide`: a motion that is
+    given. T0, T_ref (N,) K.
     """
 
     name: str
@@ -48,6 +51,16 @@ class PlanarBody:
     heat: Heat | None = None
     T0: FloatArray | None = None
     T_ref: FloatArray | None = None
+    guide: FrameHistory | None = None
+
+    @property
+    def idle(self) -> bool:
+        """Whether a force on it can do nothing: it neither moves nor deforms."""
+        return not self.moves and self.elasticity is None and self.guide is None
+
+    def guided(self, motion: FrameHistory) -> "PlanarBody":
+        """The same body with a frame that follows a given motion and costs no unknowns."""
+        return replace(self, moves=False, guide=motion)
 
     # ------------------------------------------------------------------ unknowns
 
@@ -112,12 +125,13 @@ class PlanarBody:
         r, e = len(rigid), len(used)
         Y, y0 = np.zeros((frame.border, len(at))), np.zeros(frame.border)
         Y[:r, :r] = np.eye(r)
-        if not self.moves:
+        if not self.moves and self.guide is None:
             y0[:3] = self.pose
         Y[3:, r + e :] = C.T
         D, W = np.zeros((P.shape[1], len(at))), np.zeros((len(at), P.shape[1]))
         D[:, r : r + e], W[r : r + e] = P[used].T, P[used]
-        return FrameTerm(self.name, at, at, FrameEquations(frame, Y, y0, D, (), Y.T.copy(), W, ()))
+        return FrameTerm(self.name, at, at, FrameEquations(
+            frame, Y, y0, D, (), Y.T.copy(), W, (), self.guide))
 
     def space_force(
         self, layout: Layout, weights: FloatArray, force: complex, amplitude: Amplitude,
@@ -159,11 +173,17 @@ class PlanarBody:
         return film_term(self.name, self.position(layout, "thermal"), self.heat, vector, amplitude,
                          film)
 
+    def surface_loads(
+        self, layout: Layout, source: str, loads: SurfaceLoads, times: FloatArray
+    ) -> Sequence[Term]:
+        """What moves over its surface, at times (T,), s, as terms of each of its fields."""
+        return surface_terms(self, layout, source, loads, times)
+
     # ------------------------------------------------------------------ for assembly
 
     def claims(self, layout: Layout, term: Term) -> bool:
         """Whether `mechanics` or `heat_equations` accounts for this term."""
-        if isinstance(term, FrameTerm | LinearTerm):
+        if isinstance(term, FrameTerm | LinearTerm | TableTerm):
             return term.body == self.name
         at = self.position(layout, "thermal")
         inside = [len(r) and len(at) and r.min() >= at[0] and r.max() <= at[-1]
@@ -213,7 +233,7 @@ class PlanarBody:
             temperature = weights[self.heat.free]
             given = tuple((float(weights[n].sum()), f) for n, f in self.heat.prescribed)
         return ProbePlace(name, self.name, np.array([point.real, point.imag]), displacement,
-                          temperature, given, self.pose)
+                          temperature, given, self.pose, self.guide)
 
     def _probed(self, at: str | Sequence[float]) -> tuple[FloatArray, complex]:
         weights = np.zeros(len(self.X))

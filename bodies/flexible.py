@@ -55,8 +55,8 @@ class Flexible(Plugin):
     """Constants of the material."""
     model: Literal["plane_stress", "plane_strain", "solid"] | None = None
     """Elasticity: plane stress in the plane when not given, `solid` in space."""
-    fields: list[Literal["elastic", "thermal"]] = Field(min_length=1)
-    """Which fields the body has."""
+    fields: list[Literal["elastic", "thermal"]]
+    """Which fields the body has; `[]`: none, a rigid body with the mass and shape of its mesh."""
     reference: Reference | None = None
     """Reference conditions of the elastic field."""
     damping: Damping = Damping()

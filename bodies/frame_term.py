@@ -17,6 +17,7 @@ from scipy.sparse import csr_array, issparse
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.protocols import Trial
 from sparsemor.core.separable import Frame, FrameWork
+from sparsemor.core.stage import FrameHistory
 
 
 def _dense(matrix: Any) -> FloatArray:
@@ -28,8 +29,8 @@ class FrameEquations:
     """The sum above for n columns and m rows. b border unknowns, p directions, g generators.
 
     Y (b, n), D (p, n), Q: g matrices (n, n) of the quadratic forms, L (m, b), W (m, p),
-    V: g matrices (m, n) (the first is the mass), y0 (b,) values that are not unknowns.
-    inertia: the term holds V_m a (only the body's inertia does).
+    V: g matrices (m, n) (the first is the mass), y0 (b,) values that are not unknowns. guide: the
+    motion of a frame that is given, added to y = Y x + y0 and its rates.
     """
 
     frame: Frame
@@ -40,6 +41,7 @@ class FrameEquations:
     L: Any
     W: Any
     V: tuple[Any, ...]
+    guide: FrameHistory | None = None
 
     @property
     def elements(self) -> int:
@@ -54,9 +56,19 @@ class FrameEquations:
         form, forms = np.zeros(f.generators), np.zeros((2, f.generators))
         for g, Q in enumerate(self.Q):
             form[g], forms[:, g] = x @ (Q @ x), (x @ (Q @ r1), x @ (Q @ r2))
-        f.evaluate(self.y0 + self.Y @ x, self.Y @ v, self.Y @ a, c1, c2,
+        f.evaluate(*self._border(x, v, a, t), c1, c2,
                    self.D @ x, self.D @ r1, self.D @ r2, form, forms.ravel(), t, work)
         return work
+
+    def _border(
+        self, x: FloatArray, v: FloatArray, a: FloatArray, t: float
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """(b,) each: border unknowns, rates and accelerations."""
+        border = (np.asarray(self.y0 + self.Y @ x), np.asarray(self.Y @ v), np.asarray(self.Y @ a))
+        if self.guide is not None:
+            for values, known in zip(border, self.guide.at(t), strict=True):
+                values[: len(known)] += known
+        return border
 
     def residual(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> FloatArray:
         w, g = self._evaluate(x, v, a, t, 0.0, 0.0), self.frame.generators
@@ -73,7 +85,8 @@ class FrameEquations:
         """Exact; c1, c2 must be the same for all second-order columns."""
         k1, k2 = float(np.max(c1, initial=0.0)), float(np.max(c2, initial=0.0))
         w = self._evaluate(x, v, a, t, k1, k2)
-        self.frame.exact(self.Y @ v, self.Y @ a, k1, k2, w)
+        _, rates, accelerations = self._border(x, v, a, t)
+        self.frame.exact(rates, accelerations, k1, k2, w)
         column, row = self.W @ w.sigma[:-1].T, w.tau @ self.D
         for g, V in enumerate(self.V):
             column = column + np.outer(V @ x, w.kappa_y[:, g]) + np.outer(V @ v, w.mu_y[:, g])

@@ -1,7 +1,7 @@
 """Terms with constant matrices: elasticity, heat conduction, and given right-hand sides."""
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -50,6 +50,7 @@ class LinearTerm:
     equations: LinearEquations
     elements: int = 0
     source: str = ""
+    linear: ClassVar[bool] = True
 
     def residual(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> FloatArray:
         return self.equations.residual(x, v, a, t)

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sparsemor.core.arrays import FloatArray
+from sparsemor.core.arrays import Csr, FloatArray
 from sparsemor.core.protocols import Term, Trial
 
 
@@ -35,7 +35,34 @@ class CompressedLocal:
     def jacobian(
         self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: FloatArray, c2: FloatArray
     ) -> FloatArray:
-        T, n = self.atoms, len(self.offset)
-        k1, k2 = (np.full(n, float(np.max(c, initial=0.0))) for c in (c1, c2))
-        J = self.term.jacobian(self.offset + T @ x, T @ v, T @ a, t, k1, k2)
-        return np.asarray(self.left @ np.asarray(J @ T))
+        T = self.atoms
+        full = self.offset + T @ x, T @ v, T @ a, t
+        k1, k2 = self._spread(c1), self._spread(c2)
+        if k1 is not None and k2 is not None:
+            return self._seen(self.term.jacobian(*full, k1, k2))
+        zero, one = np.zeros(len(self.offset)), np.ones(len(self.offset))
+        fixed, of_v, of_a = (self._seen(self.term.jacobian(*full, i, j))
+                             for i, j in ((zero, zero), (one, zero), (zero, one)))
+        return np.asarray(fixed + (of_v - fixed) * c1 + (of_a - fixed) * c2)
+
+    def _seen(self, J: Csr) -> FloatArray:
+        """left @ J @ atoms: of a term that acts in few places most rows are empty."""
+        some = np.flatnonzero(np.diff(J.indptr))
+        return np.asarray(self.left[:, some] @ np.asarray(J[some] @ self.atoms))
+
+    def doubt(self, x: FloatArray, v: FloatArray, t: float, h: float) -> str:
+        """What the term itself has to say of the end of a step of about h (s)."""
+        told = getattr(self.term, "doubt", None)
+        T = self.atoms
+        return "" if told is None else str(told(self.offset + T @ x, T @ v, t, h))
+
+    def _spread(self, c: FloatArray) -> FloatArray | None:
+        """The factor of each of the term's columns, None when atoms of different ones mix in it."""
+        if not len(c) or c.min() == c.max():
+            return np.full(len(self.offset), float(c[0]) if len(c) else 0.0)
+        used = self.atoms != 0
+        low, high = (np.where(used, c, fill) for fill in (np.inf, -np.inf))
+        factor = high.max(axis=1)
+        free = ~used.any(axis=1)
+        same = bool(np.all((low.min(axis=1) == factor) | free))
+        return np.where(free, 0.0, factor) if same else None

@@ -13,10 +13,12 @@ from scipy.sparse import csr_array
 from sparsemor.bodies.frame_term import FrameTerm
 from sparsemor.bodies.integrals import elastic_integrals, heat_integrals
 from sparsemor.bodies.linear_term import LinearTerm
+from sparsemor.bodies.table_term import TableTerm
 from sparsemor.core.arrays import Csr, FloatArray, IntArray
 from sparsemor.core.layout import Layout
 from sparsemor.core.protocols import Term
 from sparsemor.core.separable import Amplitude, ElasticOperators, HeatBody, MovingBody
+from sparsemor.core.tables import LoadTable
 
 if TYPE_CHECKING:
     from sparsemor.bodies.any_body import AnyBody
@@ -30,18 +32,23 @@ def moving_body(body: AnyBody, layout: Layout, terms: Sequence[Term]) -> MovingB
     frames = [t for t in terms if isinstance(t, FrameTerm)]
     if not frames:
         return None
-    elastic = body.position(layout, "elastic")
-    items = tuple(i for t in frames for i in t.equations.frame.items)  # type: ignore[attr-defined]
     first: Any = frames[0].equations.frame  # of the body's dimension
+    elastic = body.position(layout, "elastic")
+    inertia = next((t for t in frames if t.equations.V), None)
+    if not body.moves and body.guide is None:  # at rest: nothing of the mass but M u''
+        frames = [t for t in frames if t is not inertia]
+    items = tuple(i for t in frames for i in t.equations.frame.items)  # type: ignore[attr-defined]
     frame = replace(first, items=items)
-    operators = _operators(body, layout, frames, terms, elastic) if len(elastic) else None
+    operators = None
+    if len(elastic) and inertia is not None:
+        operators = _operators(body, layout, frames, inertia, terms, elastic)
     origin = np.zeros(frame.border)
-    if not body.moves:
+    if not body.moves and body.guide is None:
         origin[: len(body.pose)] = body.pose
     return MovingBody(
         body.name, frame, _to_border(body, layout, frames), origin,
         f"{body.name}.elastic" if len(elastic) else "",
-        f"{body.name}.thermal" if body.heat is not None else "", operators,
+        f"{body.name}.thermal" if body.heat is not None else "", operators, body.guide,
     )
 
 
@@ -66,11 +73,12 @@ def _to_border(body: AnyBody, layout: Layout, frames: Sequence[FrameTerm]) -> Fl
 
 
 def _operators(
-    body: AnyBody, layout: Layout, frames: Sequence[FrameTerm], terms: Sequence[Term],
-    elastic: IntArray,
+    body: AnyBody, layout: Layout, frames: Sequence[FrameTerm], inertia: FrameTerm,
+    terms: Sequence[Term], elastic: IntArray,
 ) -> ElasticOperators:
+    """frames: what acts through the frame; inertia: one of them, unless the frame is at rest."""
     n, first = len(elastic), int(elastic[0])
-    P, directions = [], []
+    P, directions = [np.zeros((n, 0))], []
     for t in frames:
         for item in t.equations.frame.items:  # type: ignore[attr-defined]
             directions += item.names(t.source)
@@ -78,7 +86,6 @@ def _operators(
         D = np.zeros((n, t.equations.frame.p))
         D[t.rows[here] - first] = np.asarray(t.equations.W)[here]
         P.append(D)
-    inertia = next(t for t in frames if t.equations.V)
     at = np.searchsorted(inertia.rows, elastic)
     generators = tuple(csr_array(V[at][:, at]) for V in inertia.equations.V)
     linear = [t for t in terms if isinstance(t, LinearTerm) and _within(t.rows, elastic)]
@@ -86,12 +93,14 @@ def _operators(
     constant, loads, amplitudes, names = _given(linear, elastic)
     return ElasticOperators(
         mass=generators[0], damping=_sum(linear, elastic, elastic, "B"),
-        stiffness=_sum(linear, elastic, elastic, "A"), generators=generators,
+        stiffness=_sum(linear, elastic, elastic, "A"),
+        generators=generators if inertia in frames else (),
         directions=np.concatenate(P, axis=1),
         coupling=-_sum(linear, elastic, thermal, "A") if len(thermal) else None,
         constant=constant, loads=loads, amplitudes=amplitudes,
         direction_names=tuple(directions), load_names=names,
         integrals=None if body.mesh is None else partial(elastic_integrals, body),
+        tables=_tables(terms, elastic),
     )
 
 
@@ -102,13 +111,19 @@ def heat_body(body: AnyBody, layout: Layout, terms: Sequence[Term]) -> HeatBody 
         return None
     mine = [t for t in terms if len(t.rows) and _within(t.rows, thermal)]
     linear = [t for t in mine if isinstance(t, LinearTerm)]
-    local = tuple(t for t in mine if not isinstance(t, LinearTerm))
+    local = tuple(t for t in mine if not isinstance(t, LinearTerm | TableTerm))
     constant, loads, amplitudes, names = _given(linear, thermal)
     return HeatBody(
         body.name, f"{body.name}.thermal", _sum(linear, thermal, thermal, "B"),
         _sum(linear, thermal, thermal, "A"), constant, loads, amplitudes, local, names,
-        None if body.mesh is None else partial(heat_integrals, body),
+        None if body.mesh is None else partial(heat_integrals, body), _tables(mine, thermal),
     )
+
+
+def _tables(terms: Sequence[Term], block: IntArray) -> tuple[LoadTable, ...]:
+    """The loads that move over one block."""
+    return tuple(t.over(block) for t in terms
+                 if isinstance(t, TableTerm) and _within(t.rows, block))
 
 
 def _within(rows: IntArray, block: IntArray) -> bool:

@@ -95,6 +95,6 @@ def need_field(target: Target, field: str, key: str) -> None:
     if field == "thermal" and body.heat is None:
         raise InputError(f"body {body.name!r} has no thermal field: add `thermal` to its fields, "
                          "or drop this load", key)
-    if field == "mechanical" and not body.moves and body.elasticity is None:
+    if field == "mechanical" and body.idle:
         raise InputError(f"body {body.name!r} neither moves nor deforms, so a force on it does "
                          "nothing: add `elastic` to its fields, or drop this load", key)

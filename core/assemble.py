@@ -14,13 +14,15 @@ from sparsemor.core.model import Model, ProbePlace
 from sparsemor.core.protocols import Term
 from sparsemor.core.scene import Scene
 from sparsemor.core.separable import Separated
+from sparsemor.core.stage import NOTHING, FrameHistory, Given
 
 
-def assemble(scene: Scene) -> Model:
-    """Builds every body, joint and load. Raises InputError with all faults found, as dotted keys
-    of the scene (`joints.A.between.0`)."""
-    bodies, joints, loads, probes = _build(scene)
-    connectors = {**joints, **loads}
+def assemble(scene: Scene, given: Given = NOTHING) -> Model:
+    """Builds every body, joint, contact and load. Raises InputError with all faults found, as
+    dotted keys of the scene (`joints.A.between.0`). given: motion, reactions and surface loads that
+    are not solved for."""
+    bodies, joints, contacts, loads, probes = _build(scene, given)
+    connectors = {**joints, **contacts, **loads}
     parts = {**bodies, **connectors}
     layout = Layout([b for part in parts.values() for b in part.blocks()])
     if not layout.size:
@@ -28,8 +30,12 @@ def assemble(scene: Scene) -> Model:
                          "bodies")
     terms: list[Term] = []
     by_part: dict[str, Sequence[Term]] = {}
+    motion = given.motion(bodies)
     for name, part in parts.items():
-        by_part[name] = [_signed(t, name) for t in part.terms(layout, parts)]
+        made = part.terms(layout, parts) if motion is None or name not in contacts else (
+            _along(layout, bodies, name, part, given, motion))
+        # a force on a given frame without an elastic field has no row to act on
+        by_part[name] = [_signed(t, name) for t in made if len(t.rows)]
         terms += by_part[name]
     x0, v0 = _start(layout, bodies)
     required, loaded = _required(layout, connectors, by_part)
@@ -42,31 +48,60 @@ def assemble(scene: Scene) -> Model:
 
 
 def _build(
-    scene: Scene,
-) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any], tuple[ProbePlace, ...]]:
-    """Bodies, joints, loads and probes. What mentions a body that failed is not tried: its own
-    faults would only repeat those of the body."""
+    scene: Scene, given: Given
+) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any], dict[str, Any], tuple[ProbePlace, ...]]:
+    """Bodies, joints, contacts, loads and probes. What mentions a body that failed is not tried:
+    its own faults would only repeat those of the body."""
     gather = Gather()
     base = scene.source.folder or Path()
     bodies: dict[str, Any] = {}
     for name, plugin in scene.bodies.items():
-        body = gather(f"bodies.{name}", plugin.build, name, base)
+        body = gather(f"bodies.{name}", _body, plugin, name, base, given)
         if body is not None:
             bodies[name] = body
     failed = set(scene.bodies) - set(bodies)
-    connectors: dict[str, dict[str, Any]] = {"joints": {}, "loads": {}}
+    connectors: dict[str, dict[str, Any]] = {"joints": {}, "contacts": {}, "loads": {}}
     for group, built in connectors.items():  # loads see what joints made of the bodies
         for name, plugin in getattr(scene, group).items():
             if _mentioned(plugin, failed):
                 continue
-            part = gather(f"{group}.{name}", plugin.build, name, bodies)
+            part = gather(f"{group}.{name}", _connector, plugin, name, bodies,
+                          given if group == "joints" else NOTHING)
             if part is not None:
                 built[name] = part
                 bodies.update(getattr(part, "adjusted", {}))
     probes = [gather(f"probes.{name}", bodies[probe.body].probe, name, probe.at)
               for name, probe in scene.probes.items() if probe.body in bodies]
     gather.check()
-    return bodies, connectors["joints"], connectors["loads"], tuple(p for p in probes if p)
+    return (bodies, connectors["joints"], connectors["contacts"], connectors["loads"],
+            tuple(p for p in probes if p))
+
+
+def _body(plugin: Any, name: str, base: Path, given: Given) -> Any:
+    """A body, guided where its motion is given."""
+    body = plugin.build(name, base)
+    motion = given.frame(name, body)
+    return body if motion is None else body.guided(motion)
+
+
+def _connector(plugin: Any, name: str, bodies: Mapping[str, Any], given: Given) -> Any:
+    """A joint, contact or load; a joint has known multipliers where they are given."""
+    part = plugin.build(name, bodies)
+    forces = given.reactions(name, part)
+    return part if forces is None else part.known(forces)
+
+
+def _along(
+    layout: Layout, bodies: Mapping[str, Any], name: str, contact: Any, given: Given,
+    motion: Mapping[str, FrameHistory],
+) -> list[Term]:
+    """The terms of a contact that follows a given motion: tabled loads on each surface, and what
+    depends on temperatures, if a contact has a method `conduction(layout, motion)`."""
+    times = next(iter(motion.values())).times
+    made = [t for body, acting in given.surface_loads(name, contact, motion).items()
+            for t in bodies[body].surface_loads(layout, name, acting, times)]
+    conduction = getattr(contact, "conduction", None)
+    return made if conduction is None else [*made, *conduction(layout, motion)]
 
 
 def _signed(term: Any, part: str) -> Any:
@@ -76,7 +111,7 @@ def _signed(term: Any, part: str) -> Any:
 
 
 def _mentioned(plugin: Any, names: set[str]) -> bool:
-    """Whether an option of a joint or load is one of these bodies, or `body:set` of one."""
+    """Whether an option of a connector is one of these bodies, or `body:set` of one."""
     pending = list(plugin.model_dump().values()) if names else []
     while pending:
         value = pending.pop()

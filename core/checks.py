@@ -6,18 +6,28 @@ from sparsemor.core.assemble import assemble
 from sparsemor.core.errors import Fault, Gather, InputError
 from sparsemor.core.model import Model
 from sparsemor.core.offline import step_count
+from sparsemor.core.rigid_stage import check_rigid, stage_faults
 from sparsemor.core.scene import Scene
+from sparsemor.core.stage import AtStart
 
 
 def checked_model(scene: Scene) -> Model:
-    """The assembled scene. Raises InputError with every fault that is known without a step.
+    """The assembled scene, before the rigid stage if it has one (everything as it is at the start).
+    Raises InputError with every fault that is known without a step.
 
     A reducer may add its own with a method `check(model) -> Sequence[Fault]`, keys relative to
     itself (`budgets.*.elastic.rows`).
     """
     gather = Gather()
     gather.faults += time_faults(scene)
-    model = gather("", assemble, scene)
+    faults = gather("", stage_faults, scene)
+    gather.faults += faults or []
+    if scene.rigid_stage is None:
+        model = gather("", assemble, scene)
+    else:
+        model = gather("", assemble, scene, AtStart())
+        if model is not None and faults == []:
+            gather("", check_rigid, scene)
     check = getattr(scene.reducer, "check", None)
     if model is not None and check is not None:
         gather.faults += InputError(list(check(model))).under("reducer").faults

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.error_measures import Errors, measure_errors
 from sparsemor.core.errors import InputError
+from sparsemor.core.phases import phase_rows, phase_table
 from sparsemor.core.results import RunResult
 from sparsemor.core.run_facts import RunFacts, pays_after, run_facts
 from sparsemor.core.text_table import text_table
@@ -102,7 +103,9 @@ class Comparison:
         if all(name == f.reducer for name, f in facts.items()):
             table = [[row[0], *row[2:]] for row in table]  # the second column repeats the first
         late = next((e.late_from for e in self.measured.values() if e.late_from > 0.0), 0.0)
-        return "\n".join([text_table(table), *self._late_lines(late, fields), *self.notes.values()])
+        phases = ["", phase_table(self.measured, self._blocks())]
+        return "\n".join([text_table(table), *self._late_lines(late, fields), *phases,
+                          *self.notes.values()])
 
     def to_json(self) -> str:
         """Errors, times and counts of every run, for programs."""
@@ -110,23 +113,35 @@ class Comparison:
         runs = {name: f.as_dict() | {"pays_after": pays.get(name),
                                      "errors": self.errors.get(name, {}),
                                      "late_errors": self.late_errors.get(name, {}),
+                                     **self._phases(name),
                                      "note": self.notes.get(name, "")}
                 for name, f in self.facts.items()}
         return to_json({"reference": self.name, "runs": runs}).decode()
 
     def write(self, directory: str | Path) -> list[Path]:
-        """errors.csv, error_over_time.csv and the charts (PNG and SVG); returns their paths."""
+        """errors.csv, start_up.csv, error_over_time.csv and the charts (PNG and SVG); returns
+        their paths."""
         from sparsemor.core.charts import write_charts
 
         folder = Path(directory)
         folder.mkdir(parents=True, exist_ok=True)
-        tables = {"errors.csv": self._error_rows(), "error_over_time.csv": self._series_rows()}
+        tables = {"errors.csv": self._error_rows(), "start_up.csv": phase_rows(self.measured),
+                  "error_over_time.csv": self._series_rows()}
         for name, rows in tables.items():
             (folder / name).write_text(_csv(rows), encoding="utf-8")
         return [*(folder / name for name in tables), *write_charts(self, folder)]
 
     def _all(self) -> dict[str, RunResult]:
         return {self.name: self.reference, **self.runs}
+
+    def _blocks(self) -> list[str]:
+        return [b.name for b in self.reference.layout if b.field != "multiplier"]
+
+    def _phases(self, name: str) -> dict[str, dict[str, float]]:
+        e = self.measured.get(name)
+        return {} if e is None else {
+            "start_up": e.start_up, "steady": e.steady,
+            "start_up_present": e.start_up_present, "steady_present": e.steady_present}
 
     def _late_lines(self, late: float, fields: list[str]) -> list[str]:
         if late <= 0.0:
@@ -137,8 +152,7 @@ class Comparison:
         return ["", text_table(table)]
 
     def _error_rows(self) -> list[list[Any]]:
-        blocks = [b.name for b in self.reference.layout if b.field != "multiplier"]
-        measures = ["joint", *blocks, "angle_rad"]
+        measures = ["joint", *self._blocks(), "angle_rad"]
         rows: list[list[Any]] = [
             ["run", "status", "ms_per_step", "offline_s", "offline_whole_s", "online_s",
              "pays_after", *measures]]
@@ -151,10 +165,13 @@ class Comparison:
         return rows
 
     def _series_rows(self) -> list[list[Any]]:
+        """Each measure over time; `_present`: relative to the norm at the same time."""
         measures = sorted({m for e in self.measured.values() for m in e.series})
-        rows: list[list[Any]] = [["run", "time_s", *measures]]
+        present = sorted({m for e in self.measured.values() for m in e.present} - {"joint"})
+        rows: list[list[Any]] = [["run", "time_s", *measures, *(f"{m}_present" for m in present)]]
         for run, e in self.measured.items():
             columns = [e.series[m].tolist() for m in measures]
+            columns += [e.present[m].tolist() for m in present]
             rows += [[run, *values] for values in zip(e.times.tolist(), *columns, strict=True)]
         return rows
 

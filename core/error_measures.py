@@ -1,7 +1,8 @@
 """How far one run is from another: Eq. 34 of the paper, and one error a block beside it.
 
 The joint measure divides by all unknowns together, so temperatures of 300 K and metres of motion
-hide the elastic error. Each block is therefore also measured against its own change.
+hide the elastic error. Each block is therefore also measured against its own change. A start from
+zero makes errors relative to the present norm large for a few steps, so the start-up is told apart.
 """
 
 from collections.abc import Iterator
@@ -9,13 +10,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.layout import Block
 from sparsemor.core.placement import BY_ANGLE
 from sparsemor.core.results import RunResult
 
 TIME_MATCH = 1e-9
+START_UP = 0.02
+"""Share of the reference's time span, and so of its steps, that counts as start-up."""
 _BATCH_ENTRIES = 2**21
 
 
@@ -26,6 +29,8 @@ class Errors:
     times (j,) s. series: name -> (j,) error at each time; worst, worst_late: name -> the largest
     one over all times, and over those from `late_from` (s) on. Names are `joint` (Eq. 34), each
     `body.field`, each field (its worst block), and `angle_rad`. until: the last common time, s.
+    present: as series, blocks and fields relative to the reference's norm at the same time, as
+    `joint` is. start_up_end: when the start-up ends, s.
     """
 
     times: FloatArray
@@ -34,6 +39,38 @@ class Errors:
     worst_late: dict[str, float]
     late_from: float
     until: float
+    present: dict[str, FloatArray]
+    start_up_end: float
+
+    @property
+    def start_up(self) -> dict[str, float]:
+        """name -> the largest of `series` in the first 2 % of the reference's time span; empty
+        when no time that both have lies in it. The start itself is not counted."""
+        return self._largest(self.series, self._early)
+
+    @property
+    def steady(self) -> dict[str, float]:
+        """The same, after the start-up."""
+        return self._largest(self.series, self.times > self.start_up_end)
+
+    @property
+    def start_up_present(self) -> dict[str, float]:
+        """name -> the largest of `present` during the start-up."""
+        return self._largest(self.present, self._early)
+
+    @property
+    def steady_present(self) -> dict[str, float]:
+        """The same, after the start-up."""
+        return self._largest(self.present, self.times > self.start_up_end)
+
+    @property
+    def _early(self) -> BoolArray:
+        early: BoolArray = (self.times > self.times[0]) & (self.times <= self.start_up_end)
+        return early
+
+    @staticmethod
+    def _largest(series: dict[str, FloatArray], when: BoolArray) -> dict[str, float]:
+        return {name: float(e[when].max()) for name, e in series.items()} if when.any() else {}
 
 
 def measure_errors(reference: RunResult, run: RunResult, late_from: float = 0.0) -> Errors:
@@ -42,6 +79,7 @@ def measure_errors(reference: RunResult, run: RunResult, late_from: float = 0.0)
     joint(t) = |q_ref - q| / |q_ref| over all unknowns but multipliers; times with q_ref = 0 are
     left out. A block's error is |x_ref - x|(t) / max over t of |x_ref - x_ref(0)|; if the
     reference never changes it is relative to max |x_ref|, and absolute if that is 0 too.
+    A block's present error is |x_ref - x|(t) / |x_ref|(t), 0 where x_ref vanishes.
     angle_rad is the largest error of any rotation that an angle describes, rad.
     Raises InputError when the runs have no time, or not the same unknowns, in common.
     """
@@ -67,6 +105,7 @@ def measure_errors(reference: RunResult, run: RunResult, late_from: float = 0.0)
     series |= _per_field(blocks, {name: e / scale[name] for name, e in error.items()})
     if any(b.field == "rigid" and b.size in BY_ANGLE for b in blocks):
         series["angle_rad"] = angle
+    present = {name: _ratio(e, size[name]) for name, e in error.items()}
     late = times >= late_from
     return Errors(
         times=times,
@@ -75,6 +114,8 @@ def measure_errors(reference: RunResult, run: RunResult, late_from: float = 0.0)
         worst_late={name: float(e[late].max()) for name, e in series.items() if late.any()},
         late_from=late_from,
         until=float(times[-1]),
+        present={"joint": series["joint"], **_per_field(blocks, present)},
+        start_up_end=_start_up_end(reference.times),
     )
 
 
@@ -126,7 +167,18 @@ def _norms(rows: FloatArray) -> FloatArray:
 
 def _joint(errors: list[FloatArray], sizes: list[FloatArray]) -> FloatArray:
     error, size = _norms(np.stack(errors, axis=1)), _norms(np.stack(sizes, axis=1))
-    return np.divide(error, size, out=np.zeros_like(error), where=size > 0.0)
+    return _ratio(error, size)
+
+
+def _ratio(error: FloatArray, size: FloatArray) -> FloatArray:
+    with np.errstate(over="ignore"):  # a diverged run over a start from almost nothing
+        ratio = np.divide(error, size, out=np.zeros_like(error), where=size > 0.0)
+    return np.minimum(ratio, np.finfo(np.float64).max)
+
+
+def _start_up_end(times: FloatArray) -> float:
+    span = float(times[-1] - times[0])
+    return float(times[0]) + START_UP * span + TIME_MATCH * span  # a step at 2 % belongs to it
 
 
 def _per_field(blocks: list[Block], by_block: dict[str, FloatArray]) -> dict[str, FloatArray]:

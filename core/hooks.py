@@ -28,7 +28,8 @@ hookimpl = pluggy.HookimplMarker(_PROJECT)
 class RunStart:
     """What `on_start` tells.
 
-    t_start, t_end: s; steps: still to do; phase: "run", or "training" for a training run.
+    t_start, t_end: s; steps: still to do; phase: "run", or "training" or
+    "rigid stage" for a run that comes before it.
     """
 
     title: str

@@ -5,7 +5,7 @@ import numpy as np
 from scipy.sparse import block_array
 from scipy.sparse.linalg import splu
 
-from sparsemor.core.arrays import FloatArray
+from sparsemor.core.arrays import Csr, FloatArray
 from sparsemor.core.equations import jacobian, residual
 from sparsemor.core.model import Model
 from sparsemor.core.protocols import State
@@ -21,10 +21,8 @@ def consistent_state(model: Model, t: float = 0.0) -> State:
     layout, n = model.layout, model.layout.size
     x, v, a = model.x0.copy(), model.v0.copy(), np.zeros(n)
     algebraic, first, second = layout.algebraic, layout.first, layout.second
-    zero, one = np.zeros(n), np.ones(n)
-    K = jacobian(layout, model.terms, x, v, a, t, zero, zero)
-    MC = jacobian(layout, model.terms, x, v, a, t, zero, one) - K
-    C = jacobian(layout, model.terms, x, v, a, t, one, zero) - K
+    K = jacobian(layout, model.terms, x, v, a, t, np.zeros(n), np.zeros(n))
+    MC, C = (_derivative(model, K, State(t, x, v, a, x), rate) for rate in (2, 1))
     held = K[:, algebraic]
     A = block_array([
         [MC[second][:, second], None, held[second]],
@@ -43,6 +41,20 @@ def consistent_state(model: Model, t: float = 0.0) -> State:
         raise SolveFailed(Status.SINGULAR, t, "", "accelerations at the start") from None
     a[second], v[first], x[algebraic] = z[second], z[first], x[algebraic] + z[algebraic]
     return State(t, x, v, a, np.zeros((n, 0)))
+
+
+def _derivative(model: Model, K: Csr, s: State, rate: int) -> Csr:
+    """(n, n) derivative of the residual by v (rate 1) or a (rate 2), from Jacobians: they are
+    affine in c1 and c2, which are taken so large that mass is not lost beside stiffness."""
+    layout, c = model.layout, 1.0
+    factors = np.zeros((3, layout.size))
+    for _ in range(8):
+        factors[rate] = c
+        D = jacobian(layout, model.terms, s.x, s.v, s.a, s.t, factors[1], factors[2]) - K
+        if abs(D).max() >= abs(K).max():
+            break
+        c *= 1e4
+    return D / c
 
 
 def start_notes(model: Model, t: float = 0.0) -> tuple[str, ...]:

@@ -2,14 +2,26 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.layout import Layout
+from sparsemor.core.path import path_rows, ring
 from sparsemor.core.protocols import BlockData, Part, Term
-from sparsemor.core.separable import Separated
+from sparsemor.core.separable import ElasticOperators, HeatBody, Separated
+from sparsemor.core.stage import FrameHistory, Stage
+from sparsemor.core.tables import LoadTable
+
+
+class StepFactors(NamedTuple):
+    """Step size h, s, and c1, c2 of a step formula; c1_first: c1 of first-order unknowns."""
+
+    h: float
+    c1: float
+    c2: float
+    c1_first: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -18,7 +30,8 @@ class ProbePlace:
 
     point (d,) body-frame position of the undeformed point, m; displacement (n, d) weights on the
     elastic block; temperature (m,) weights on the thermal block; base: temperature when the
-    point's own is not an unknown (K, a function of time), or None when the body has no heat.
+    point's own is not an unknown (K, a function of time), or None when the body has no heat. pose
+    (3,): of a frame that does not move, unless it follows `guide`.
     """
 
     name: str
@@ -28,6 +41,7 @@ class ProbePlace:
     temperature: FloatArray | None
     given: Any
     pose: FloatArray
+    guide: FrameHistory | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,7 +49,8 @@ class Model:
     """layout, terms and the state at the start. `blocks` has data of each reducible block.
 
     required: local row numbers of each reducible block that joints and localized loads touch;
-    loaded: the same for each load by name, so that a sample that misses one can say which.
+    loaded: the same for each load by name, so that a sample that misses one can say which. stage:
+    the histories that its given frames, reactions and surface loads come from.
     """
 
     layout: Layout
@@ -48,26 +63,32 @@ class Model:
     loaded: Mapping[str, Mapping[str, IntArray]]
     probes: tuple[ProbePlace, ...]
     geometry: Mapping[str, Any]
+    stage: Stage | None = None
 
     def reducible(self) -> tuple[str, ...]:
         return tuple(b.name for b in self.layout if b.field in ("elastic", "thermal"))
 
-    def block_data(self, name: str, snapshots: FloatArray | None = None) -> BlockData:
-        """What a basis or a sampler may ask of one reducible block; snapshots (n, M) if given.
+    def block_data(
+        self, name: str, snapshots: FloatArray | None = None, step: StepFactors | None = None
+    ) -> BlockData:
+        """What a basis or a sampler may ask of one reducible block; snapshots (n, M) if given;
+        step: the steps that it is reduced for.
 
-        Nothing is computed here: constant matrices are handed on, load columns put side by side.
+        Nothing is solved here: constant matrices are handed on, load columns put side by side.
         """
+        taken = step or StepFactors(0.0, 0.0, 0.0, 0.0)
         n = self.layout[name].stop - self.layout[name].start
         coordinates, component = self.geometry[name]
         common = {
             "name": name, "snapshots": np.zeros((n, 0)) if snapshots is None else snapshots,
             "coordinates": coordinates, "component": component, "start": self.x0[self.layout[name]],
+            "ring": self.ring(name), "moving": self.moving(name), "step": taken.h,
         }
         for h in self.separated.heat:
             if h.thermal == name:
                 loads, names = _loads([(h.loads, h.load_names), _constant(h.constant)])
                 return BlockData(mass=h.capacity, stiffness=h.conductivity, loads=loads,
-                                 load_names=names, **common)
+                                 load_names=names, factors=(0.0, taken.c1_first), **common)
         for m in self.separated.moving:
             if m.elastic == name and m.operators is not None:
                 ops = m.operators
@@ -79,8 +100,33 @@ class Model:
                     mass=ops.mass, stiffness=ops.stiffness, loads=loads, load_names=names,
                     joints=joints, interface=self._interface(name),
                     coupling=ops.coupling if coupled else None,
-                    heat=self.block_data(m.thermal) if coupled else None, **common)
+                    heat=self.block_data(m.thermal, step=step) if coupled else None,
+                    damping=ops.damping, factors=(taken.c1, taken.c2), **common)
         raise KeyError(name)
+
+    def moving(self, name: str) -> tuple[LoadTable, ...]:
+        """The loads on a block whose place changes."""
+        source = self._operators(name)
+        return () if source is None else source.tables
+
+    def ring(self, name: str) -> IntArray:
+        """Local rows of the elements that touch the path of the moving loads and contacts of a
+        block, sorted; a part whose place on the body changes says `moving = True`."""
+        found = [rows for part, rows in self.loaded[name].items()
+                 if getattr(self.parts[part], "moving", False)]
+        path = np.concatenate([path_rows(self.moving(name)), *found]).astype(np.int64)
+        source = self._operators(name)
+        if source is None or not len(path):
+            return np.zeros(0, np.int64)
+        pair = ((source.capacity, source.conductivity) if isinstance(source, HeatBody) else
+                (source.mass, source.stiffness))
+        return ring(*pair, self.geometry[name][0], np.unique(path))
+
+    def _operators(self, name: str) -> HeatBody | ElasticOperators | None:
+        for h in self.separated.heat:
+            if h.thermal == name:
+                return h
+        return next((m.operators for m in self.separated.moving if m.elastic == name), None)
 
     def _interface(self, name: str) -> IntArray:
         """Local rows of a block that joints act on, sorted."""

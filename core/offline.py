@@ -1,8 +1,8 @@
 """Offline products: the training run and everything made from it, cached by what they depend on."""
 
 import json
-import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -13,10 +13,10 @@ from sparsemor.core.assemble import assemble
 from sparsemor.core.cache import Cache, digest
 from sparsemor.core.hooks import Manager, RunStart, new_manager
 from sparsemor.core.initial import consistent_state
-from sparsemor.core.model import Model
-from sparsemor.core.protocols import Basis, BlockData, Dictionary, Integrator, StepSolver
+from sparsemor.core.model import Model, StepFactors
+from sparsemor.core.products import Products
+from sparsemor.core.protocols import Basis, BlockData, Dictionary, Integrator, State, StepSolver
 from sparsemor.core.scene import Scene
-from sparsemor.core.spent import Spent
 from sparsemor.core.status import SolveFailed
 from sparsemor.core.step_control import controlled, step_of
 
@@ -37,7 +37,7 @@ class Recording:
 
 
 class Offline:
-    """What reducers are prepared from. `used`: product -> "hit" or "miss" of the cache.
+    """What reducers are prepared from, kept among its `products`.
 
     snapshots(name) (n, M): unknowns of a block over the training run, in columns; recording: how
     they were taken, None when they were given.
@@ -47,12 +47,10 @@ class Offline:
         self, model: Model, train: Callable[[], Mapping[str, FloatArray]], key: str,
         cache: Cache | None, manager: Manager | None = None, recording: Recording | None = None,
     ) -> None:
-        self._model, self._train, self._key, self._cache = model, train, key, cache
+        self._model, self._train, self._key = model, train, key
         self._snapshots: Mapping[str, FloatArray] | None = None
         self.manager, self.recording = manager or new_manager(), recording
-        self.used: dict[str, str] = {}
-        self.seconds: dict[str, float] = {}
-        self.spent = Spent()
+        self.products = Products(cache)
 
     @classmethod
     def of(cls, model: Model, snapshots: Mapping[str, FloatArray]) -> "Offline":
@@ -69,26 +67,29 @@ class Offline:
         self, kind: str, depends: Sequence[Any], make: Callable[[], Mapping[str, Any]]
     ) -> Mapping[str, Any]:
         """Arrays of one product: from the cache, or made and kept there."""
-        start = time.perf_counter()
-        if self._cache is None:
-            arrays, hit = make(), False
-        else:
-            key = digest(self._key, *depends)
-            with self.spent.product(f"{kind}/{key}", self._cache.place(kind, key)) as product:
-                arrays, hit = self._cache.get_or_make(kind, key, make)
-                product.hit = hit
-        label = "hit" if hit else "miss"
-        self.used[kind] = label if self.used.get(kind, label) == label else "mixed"
-        self.seconds[kind] = self.seconds.get(kind, 0.0) + time.perf_counter() - start
-        return arrays
+        key = "" if self.products.cache is None else digest(self._key, *depends)
+        return self.products.remember(kind, key, make)
 
-    def dictionary(self, name: str, basis: Basis) -> tuple[Dictionary, float]:
-        """A block's dictionary and the largest coefficient that its snapshots have (0: none)."""
-        known = self._model.block_data(name)
+    def serving(self, model: Model) -> "Offline":
+        """The same products for another model of the same scene."""
+        twin = copy(self)
+        twin._model = model
+        return twin
+
+    def dictionary(
+        self, name: str, basis: Basis, step: StepFactors | None = None
+    ) -> tuple[Dictionary, float]:
+        """A block's dictionary and the largest coefficient that its snapshots have (0: none);
+        step: the steps that it is to serve."""
+        known = self._model.block_data(name, step=step)
 
         def make() -> Mapping[str, Any]:
             snapshots = self.snapshots(name) if basis.needs_snapshots else None
-            d = basis.build(known if snapshots is None else replace(known, snapshots=snapshots))
+            given = known if snapshots is None else replace(known, snapshots=snapshots)
+            if snapshots is not None and known.heat is not None:
+                given = replace(given, heat=replace(
+                    known.heat, snapshots=self.snapshots(known.heat.name)))
+            d = basis.build(given)
             top = 0.0 if snapshots is None else largest_coefficient(d, snapshots)
             info = np.array(json.dumps(dict(d.info)))
             return {"atoms": d.atoms, "offset": d.offset, "top": np.array(top),
@@ -104,7 +105,8 @@ class Offline:
 
 def _content(data: BlockData) -> list[Any]:
     """What a block is made of, to be digested."""
-    values = [getattr(data, f.name) for f in fields(data) if f.name != "heat"]
+    values = [getattr(data, f.name) for f in fields(data) if f.name not in ("heat", "moving")]
+    values += [[m.source, m.columns, m.names, m.table.times, m.table.values] for m in data.moving]
     return values if data.heat is None else [*values, *_content(data.heat)]
 
 
@@ -136,48 +138,71 @@ def offline_of(scene: Scene, model: Model, cache: Cache, manager: Manager) -> Of
     key = digest(physics.digest(), training.training.every, version("sparsemor"),
                  [[m.points, m.cells] for m in meshes])
     recording = Recording(training.integrator, training.time.step, training.training.every)
-    return Offline(model, lambda: train(training, manager), key, cache, manager, recording)
+    offline = Offline(
+        model, lambda: train(training, manager, offline.products), key, cache, manager, recording)
+    return offline
 
 
 @np.errstate(all="ignore")  # overflow is a status of the step, not a warning
-def train(scene: Scene, manager: Manager) -> dict[str, FloatArray]:
+def train(
+    scene: Scene, manager: Manager, products: Products | None = None
+) -> dict[str, FloatArray]:
     """Full-order run of the training scene; block -> (M, n) unknowns at the start and after
     every `training.every` steps, and for second-order integrators x + h^2 a of the start.
 
-    Raises SolveFailed when it stops before its end.
+    Raises SolveFailed when it stops before its end, or its rigid stage does.
     """
-    model = assemble(scene)
+    if scene.rigid_stage is None:
+        model = assemble(scene)
+    else:  # which is a run of its own, by this module's means
+        from sparsemor.core.rigid_stage import staged
+
+        model = staged(scene, products or Products(None), manager)
     h, steps = scene.time.step, step_count(scene)
     every = scene.training.every
-    solver: StepSolver = scene.reducer.prepare(
-        model, scene.integrator, h, Offline.of(model, {}), np.random.default_rng(scene.seed))
-    solver = controlled(scene, model, Offline.of(model, {}), solver)
-    step = step_of(solver, scene.integrator, h)
-    state, memory = solver.start(consistent_state(model))
-    state = scene.integrator.start(solver.layout, state)
     # a second-order rule carries the first accelerations on: its snapshots must span them too
     extra = int(scene.integrator.order > 1)
     kept = {n: np.empty((steps // every + 1 + extra, model.layout[n].stop - model.layout[n].start))
             for n in model.reducible()}
-    for name, rows in kept.items():
-        rows[0] = state.x[model.layout[name]]
-        rows[-1] = (state.x + h * h * state.a)[model.layout[name]]
-    manager.hook.on_start(run=RunStart(scene.title, "full", 0.0, steps * h, steps, "training"))
+    for n, state in enumerate(full_run(scene, model, Offline.of(model, {}), manager, TRAINING)):
+        for name, rows in kept.items():
+            if n % every == 0:
+                rows[n // every] = state.x[model.layout[name]]
+            if n == 0 and extra:
+                rows[-1] = (state.x + h * h * state.a)[model.layout[name]]
+    return kept
+
+
+def full_run(
+    scene: Scene, model: Model, offline: Offline, manager: Manager, phase: str
+) -> Iterator[State]:
+    """The states of a run that others are made from, its start first. `phase` ("training run",
+    "rigid stage") is what its events and the detail of a failure say.
+
+    Raises SolveFailed when it stops before its end.
+    """
+    h, steps = scene.time.step, step_count(scene)
+    solver: StepSolver = scene.reducer.prepare(
+        model, scene.integrator, h, offline, np.random.default_rng(scene.seed))
+    solver = controlled(scene, model, offline, solver)
+    step = step_of(solver, scene.integrator, h)
+    state, memory = solver.start(consistent_state(model))
+    state = scene.integrator.start(solver.layout, state)
+    told = phase.removesuffix(" run")
+    manager.hook.on_start(run=RunStart(scene.title, "full", 0.0, steps * h, steps, told))
+    yield state
     for n in range(1, steps + 1):
         outcome, state, memory = step(state, memory)
         if not outcome.status.ok:
-            where = f"{TRAINING}: {outcome.detail}" if outcome.detail else TRAINING
+            where = f"{phase}: {outcome.detail}" if outcome.detail else phase
             manager.hook.on_failure(
                 status=outcome.status, t=state.t + h, block=outcome.block, detail=where)
-            manager.hook.on_finish(summary={"phase": "training", "steps": n - 1})
+            manager.hook.on_finish(summary={"phase": told, "steps": n - 1})
             raise SolveFailed(outcome.status, state.t + h, outcome.block, where)
-        if n % every == 0:
-            for name, rows in kept.items():
-                rows[n // every] = state.x[model.layout[name]]
+        yield state
         if manager.has_observers:
             manager.hook.on_step(step=n, t=state.t, x=state.x, outcome=outcome)
-    manager.hook.on_finish(summary={"phase": "training", "steps": steps})
-    return kept
+    manager.hook.on_finish(summary={"phase": told, "steps": steps})
 
 
 def step_count(scene: Scene) -> int:

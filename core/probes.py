@@ -77,8 +77,7 @@ class ProbeReader:
         """(j, components) at times t (j,) for states x (j, n)."""
         d = len(self.place.point)
         u = np.zeros((len(t), d)) if self.displacement is None else self.displacement(x)
-        pose = x[:, self.rigid] if self.rigid is not None else np.tile(self.place.pose, (len(t), 1))
-        columns = [*placed(pose, self.place.point + u).T]
+        columns = [*placed(self._pose(t, x), self.place.point + u).T]
         if self.displacement is not None:
             columns += [*u.T]
         if self.temperature is not None:
@@ -87,6 +86,14 @@ class ProbeReader:
                 T = T + weight * np.array([function.value(s) for s in t])
             columns.append(T)
         return np.stack(columns, axis=1)
+
+    def _pose(self, t: FloatArray, x: FloatArray) -> FloatArray:
+        """(j, 3), (j, 4) or (j, 7) of the body's frame."""
+        if self.rigid is not None:
+            return x[:, self.rigid]
+        if self.place.guide is not None:
+            return np.stack([self.place.guide.at(s)[0] for s in t.tolist()])
+        return np.tile(self.place.pose, (len(t), 1))
 
     def described(self, row: FloatArray) -> dict[str, Any]:
         """One row by name, for people and programs."""

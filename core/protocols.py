@@ -15,6 +15,7 @@ from sparsemor.core.arrays import BoolArray, Csr, FloatArray, IntArray
 from sparsemor.core.layout import Block, Layout
 from sparsemor.core.mesh import Mesh
 from sparsemor.core.status import Status
+from sparsemor.core.tables import LoadTable
 
 # --------------------------------------------------------------------------- equations
 
@@ -29,6 +30,10 @@ class Term(Protocol):
     * `restrict(keep).residual(...) == residual(...)[keep]`, likewise the Jacobian, where the
       restricted term may have a smaller stencil;
     * `compress(trial, left).residual(xi, ...) == left @ residual(offset + atoms xi, ...)`.
+
+    Optional: `linear = True` where the residual is K x + C v + M a - f(t) with constant matrices:
+    they are then assembled once; `doubt(x, v, t, h)`, which says why the end of a step of about h
+    (s) is not to be trusted although it converged, "" if it is.
     """
 
     @property
@@ -101,12 +106,42 @@ class MeshPlugin(Protocol):
 
 
 class ConnectorPlugin(Protocol):
-    """A joint or a load of the scene, built once the bodies stand.
+    """A joint, contact or load of the scene, built once the bodies stand.
 
-    InputError keys are relative to its own entry in the scene (`between`, `on`).
+    InputError keys are relative to its own entry in the scene (`between`, `on`). A class attribute
+    `acts_on = "thermal"` says that the motion does not depend on it: a rigid stage leaves it out.
     """
 
     def build(self, name: str, parts: Mapping[str, Part]) -> Part: ...
+
+
+# --------------------------------------------------------------------------- contact
+
+
+class NormalLaw(Protocol):
+    """Pressure (Pa) between two surfaces: force per area, whatever the size of a facet.
+
+    breaks: penetrations above 0 (m, increasing) where a derivative jumps; quadrature splits there.
+    """
+
+    @property
+    def breaks(self) -> tuple[float, ...]: ...
+    def pressure(
+        self, depth: FloatArray, rate: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Pressure and its derivatives by penetration depth > 0 (m) and its rate (m/s), all of one
+        shape. Surfaces do not pull: a negative pressure is taken for none."""
+        ...
+
+
+class FrictionLaw(Protocol):
+    """Friction traction over pressure. breaks: slip speeds (m/s) where a derivative jumps."""
+
+    @property
+    def breaks(self) -> tuple[float, ...]: ...
+    def ratio(self, slip: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Of the sign of the slip velocity (m/s), which it opposes; and its derivative, s/m."""
+        ...
 
 
 # --------------------------------------------------------------------------- time
@@ -177,6 +212,10 @@ class BlockData:
     displacements that the joints see; interface: rows that they act on. start (n,): unknowns at
     the start. Thermoelastic bodies: coupling (n, nT), loads = coupling @ temperatures, and
     `heat`, the data of the thermal block (without snapshots); None elsewhere.
+    moving: loads whose place on the body changes; ring: rows of all elements that touch their
+    path, sorted. step: size h of the steps it is reduced for, s, and factors: what such a step
+    multiplies `damping` (None: zero) and `mass` by, c1 and c2 of its formula, or 0 and the c1 of
+    first-order unknowns for heat, whose mass is its capacity. All 0 where no step is known.
     """
 
     name: str
@@ -192,10 +231,22 @@ class BlockData:
     start: FloatArray = field(default_factory=lambda: np.zeros(0))
     coupling: Csr | None = None
     heat: "BlockData | None" = None
+    moving: tuple[LoadTable, ...] = ()
+    ring: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
+    damping: Csr | None = None
+    factors: tuple[float, float] = (0.0, 0.0)
+    step: float = 0.0
 
     @property
     def size(self) -> int:
         return int(self.coordinates.shape[0])
+
+    @property
+    def operator(self) -> Csr:
+        """D = K + c1 D_m + c2 M, or B = K_T + c1 C: what a step solves with, (n, n)."""
+        c1, c2 = self.factors
+        D = self.stiffness + c2 * self.mass
+        return D if self.damping is None else D + c1 * self.damping
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -376,8 +427,10 @@ class StepSolver(Protocol):
 
     Optional, for the linearised one-step map (core/stability): `frozen(memory)` -> a step solver on
     the supports and rows that `memory` is at, and its memory; `alone()` -> elastic block ->
-    (s, 2 s) how its active unknowns answer to their own r1 and r2, everything else held. Optional,
-    for error-controlled steps: `memory.moved(x)`, told that the next step starts at x.
+    (s, 2 s) how its active unknowns answer to their own r1 and r2, everything else held;
+    `response(step, x)` -> (n, 2 n) how the solution x of a step answers to changes of [r1; r2],
+    where the solver knows that better than differences tell. Optional, for error-controlled steps:
+    `memory.moved(x)`, told that the next step starts at x.
     """
 
     @property
@@ -423,9 +476,9 @@ class Reducer(Protocol):
 
 
 __all__ = [
-    "Basis", "Block", "BlockData", "Dictionary", "Factorized", "Group", "Integrator", "Layout",
-    "LinearOutcome", "LinearSolver", "Mesh", "Part", "Places", "Preconditioner", "ReducedTerm",
-    "Reducer", "Resampling", "Sampler", "SparseOutcome", "SparseProblem", "SparseSolver",
-    "SparseStart", "State", "StepFormula", "StepOutcome", "StepSolver", "Term", "TimeFunction",
-    "Trial",
+    "Basis", "Block", "BlockData", "Dictionary", "Factorized", "FrictionLaw", "Group", "Integrator",
+    "Layout", "LinearOutcome", "LinearSolver", "Mesh", "NormalLaw", "Part", "Places",
+    "Preconditioner", "ReducedTerm", "Reducer", "Resampling", "Sampler", "SparseOutcome",
+    "SparseProblem", "SparseSolver", "SparseStart", "State", "StepFormula", "StepOutcome",
+    "StepSolver", "Term", "TimeFunction", "Trial",
 ]

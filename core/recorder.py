@@ -170,9 +170,9 @@ class Recorder:
                              for n, k in atoms.items()},
             "elements_touched": dict(solver.elements_touched),
             "probes": {p.name: p.described(p(end, x)[0]) for p in self._probes},
-            "cache": dict(self.offline.used),
-            "offline_s": dict(self.offline.seconds),
-            "offline_whole_s": self.offline.spent.whole(tally.offline),
+            "cache": dict(self.offline.products.used),
+            "offline_s": dict(self.offline.products.seconds),
+            "offline_whole_s": self.offline.products.spent.whole(tally.offline),
             "notes": [*start_notes(self.model), *solver.notes, *self.warnings],
             "stability": dict(self.stability),
             "facts": finite(dict(solver.facts)),  # dependent columns: no finite condition
@@ -216,5 +216,5 @@ def _header(scene: Scene, model: Model, solver: StepSolver, steps: int) -> RunHe
                 if hasattr(p, "shape") and (shape := p.shape()) is not None},
         probes=tuple(ProbeReader.of(p, solver.layout, solver.dictionaries).header()
                      for p in model.probes),
-        budgets=dump["reducer"].get("budgets", {}),
+        budgets=dump["reducer"].get("budgets", {}), stage=model.stage,
     )

@@ -9,8 +9,10 @@ import numpy as np
 from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.layout import Layout
-from sparsemor.core.placement import KNOWN, placed
+from sparsemor.core.placement import KNOWN, PLANAR, SPINNING, placed
+from sparsemor.core.result_stage import read_stage
 from sparsemor.core.run_header import load_layout
+from sparsemor.core.stage import Stage
 from sparsemor.core.status import Status
 from sparsemor.core.zarr_files import GROUP_FILE
 
@@ -159,14 +161,35 @@ class RunResult:
     def positions(self, body: str, step: int, magnify: float = 1.0) -> FloatArray:
         """(N, d) global positions R + A (X + magnify u) of a body, m."""
         z = self.points(body) + magnify * self.nodal_displacement(body, step)
-        if f"{body}.rigid" not in self.layout:
-            return z
-        pose = self.block(f"{body}.rigid", self._only(step))
-        if pose.shape[1] not in KNOWN:
+        pose = self.pose(body, step)
+        if pose.size not in KNOWN:
             raise InputError(
-                f"{body} has {pose.shape[1]} rigid coordinates: only frames (Rx, Ry, theta), "
+                f"{body} has {pose.size} rigid coordinates: only frames (Rx, Ry, theta), "
                 "(R, angle) and (R, quaternion) can be placed", key="body")
-        return placed(np.broadcast_to(pose, (len(z), pose.shape[1])), z)
+        return placed(np.broadcast_to(pose, (len(z), pose.size)), z)
+
+    def pose(self, body: str, step: int) -> FloatArray:
+        """(3,) position of a body's frame (m) and angle (rad), in space (4,) position and angle or
+        (7,) position and quaternion; zeros where the result does not know where a fixed frame is,
+        of the length that suits its mesh."""
+        if f"{body}.rigid" in self.layout:
+            return np.asarray(self.block(f"{body}.rigid", self._only(step))[0])
+        stage = self.stage()
+        if stage is None or body not in stage.frames:
+            return np.zeros(SPINNING if self._in_space(body) else PLANAR)
+        return stage.frames[body].at(float(self.times[self._only(step)][0]))[0]
+
+    def _in_space(self, body: str) -> bool:
+        return f"{body}.points" in self._data and self._data[f"{body}.points"].shape[1] == 3
+
+    def stage(self) -> Stage | None:
+        """Motion, joint forces and contact histories of the rigid stage that the run followed, at
+        the stage's own times; None for a scene without one."""
+        return self._stage
+
+    @cached_property
+    def _stage(self) -> Stage | None:
+        return read_stage(self._data.attrs.get("stage"), self._data)
 
     def to_xarray(self) -> "xr.Dataset":
         """All that is stored, lazily, with dimension names and units."""

@@ -7,6 +7,7 @@ from typing import Any
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.layout import Block, Layout
 from sparsemor.core.protocols import Dictionary
+from sparsemor.core.stage import Stage
 
 UNITS = {"rigid": "m, rad", "elastic": "m", "thermal": "K", "multiplier": "N, N m"}
 """Units of a block's entries. Planar rigid blocks are (Rx, Ry, theta)."""
@@ -50,7 +51,8 @@ class RunHeader:
 
     layout: the solver's own unknowns; full_layout: the full-order ones. dictionaries: block ->
     map back to full unknowns (absent: the block is kept as it is). rows: block -> sampled rows.
-    step: s. versions: distribution -> version. scene: the plain dump of the scene.
+    step: s. versions: distribution -> version. scene: the plain dump of the scene. stage: the
+    histories that the run follows.
     """
 
     scene: Mapping[str, Any]
@@ -67,6 +69,7 @@ class RunHeader:
     bodies: Mapping[str, BodyShape] = field(default_factory=dict)
     probes: tuple[Probe, ...] = ()
     budgets: Mapping[str, Any] = field(default_factory=dict)
+    stage: Stage | None = None
 
     def attributes(self) -> dict[str, Any]:
         """The part of the header that is not arrays, as plain data."""

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sparsemor.core.result_stage import stage_arrays
 from sparsemor.core.run_header import UNITS, BodyShape, RunHeader
 from sparsemor.core.zarr_files import array_metadata
 
@@ -66,6 +67,8 @@ def fixed_arrays(
         yield f"{name}.offset", (unknown,), {"units": UNITS[name.rsplit(".", 1)[1]]}, d.offset
     for name, rows in header.rows.items():
         yield f"{name}.rows", (f"{name}.row",), {"long_name": "sampled rows"}, rows
+    if header.stage is not None:
+        yield from stage_arrays(header.stage)
     for name, shape in header.bodies.items():
         yield from _body_arrays(header, name, shape)
 

@@ -20,7 +20,7 @@ from sparsemor.core.faults import custom, with_advice
 from sparsemor.core.overrides import find
 from sparsemor.core.plugin import Plugin
 from sparsemor.core.registry import Registry
-from sparsemor.core.scene_fields import Output, Probe, Time, Training
+from sparsemor.core.scene_fields import Output, Probe, RigidStage, Time, Training
 from sparsemor.core.scene_names import name_faults
 from sparsemor.core.slot import Slot, name_default_slots, slot_default
 from sparsemor.core.source import Source
@@ -43,8 +43,13 @@ class Scene(Plugin):
     """The bodies by name."""
     joints: dict[str, Annotated[Any, Slot("joint")]] = {}
     """What holds them together, by name."""
+    contacts: dict[str, Annotated[Any, Slot("contact")]] = {}
+    """Surfaces that may touch, by name."""
     loads: dict[str, Annotated[Any, Slot("load")]] = {}
     """What acts on them, by name."""
+    rigid_stage: RigidStage | None = None
+    """When given: bodies are rigid in a first run, and then follow its motion, joint forces and
+    contact loads."""
     time: Time
     """The clock."""
     integrator: Annotated[Any, Slot("integrator")] = slot_default("bdf1")
@@ -54,8 +59,8 @@ class Scene(Plugin):
     reducer: Annotated[Any, Slot("reducer")] = slot_default("full")
     """How one step is solved."""
     check_stability: Literal["warn", "refuse", "off"] = "warn"
-    """What to do with a reduced model whose one-step map, linearised at the start, would blow up
-    over the run: say so and go on, refuse to run, or do not look."""
+    """What to do with a reduced model whose one-step map, linearised at a few states of the run to
+    come, would blow up over it: say so and go on, refuse to run, or do not look."""
     output: Output = Output()
     """What is stored."""
     probes: dict[str, Probe] = {}

@@ -54,6 +54,13 @@ class Training(Plugin):
     """Changes to the scene for the training run: dotted key -> value."""
 
 
+class RigidStage(Plugin):
+    """A first run of the same scene with rigid bodies, whose histories the flexible run follows."""
+
+    overrides: dict[str, Any] = {}
+    """Changes to the scene for the rigid stage alone: dotted key -> value."""
+
+
 class Output(Plugin):
     """What a run keeps."""
 

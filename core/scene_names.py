@@ -1,4 +1,4 @@
-"""Rules for the names that a scene gives to its bodies, joints, loads and probes."""
+"""Rules for the names that a scene gives to its bodies, joints, contacts, loads and probes."""
 
 import re
 from collections.abc import Mapping
@@ -10,7 +10,7 @@ from sparsemor.core.faults import custom
 from sparsemor.core.registry import near
 
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
-_NAMED = ("bodies", "joints", "loads", "probes")
+_NAMED = ("bodies", "joints", "contacts", "loads", "probes")
 RESERVED = "ground"
 """The name by which joints call the fixed world."""
 
@@ -42,6 +42,7 @@ def _complaint(group: str, name: object, owners: dict[object, str]) -> str:
     if group == "probes":
         return ""
     if name in owners:
-        return f"this name is taken in {owners[name]}: bodies, joints and loads share their names"
+        return (f"this name is taken in {owners[name]}: bodies, joints, contacts and loads share "
+                "their names")
     owners[name] = group
     return ""

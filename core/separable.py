@@ -15,6 +15,8 @@ from numpy import zeros
 from sparsemor.core.arrays import Csr, FloatArray, IntArray
 from sparsemor.core.integrals import ElasticIntegrals, HeatIntegrals
 from sparsemor.core.protocols import Term
+from sparsemor.core.stage import FrameHistory
+from sparsemor.core.tables import LoadTable
 
 Amplitude = Callable[[float], float]
 """Time (s) to the factor of a constant load vector."""
@@ -89,13 +91,14 @@ class Frame(Protocol):
 class ElasticOperators:
     """Constant matrices of one elastic block of n unknowns (free displacements).
 
-    mass, damping, stiffness (n, n); generators g matrices (n, n), the first is the mass;
+    mass, damping, stiffness (n, n); generators g matrices (n, n), the first is the mass, none for
+    a frame at rest;
     directions (n, p); coupling (n, nT) with the thermal block, or None: the elastic rows are
     mass u'' + damping u' + stiffness u - coupling T - internal(t) + frame terms, where
-    internal(t) = constant + loads @ amplitudes(t), loads (n, j). direction_names (p,) and
-    load_names (j,) say what each column is a load of, for bases and reports; "" for a direction
-    that is no load; a joint's begin with "joint ". integrals: the internal force by elements,
-    where the body can give it (core/integrals.py).
+    internal(t) = constant + loads @ amplitudes(t) + tables at t, loads (n, j). direction_names
+    (p,) and load_names (j,) say what each column is a load of, for bases and reports; "" for a
+    direction that is no load; a joint's begin with "joint ". integrals: the internal force by
+    elements, where the body can give it (core/integrals.py); tables: loads that move over it.
     """
 
     mass: Csr
@@ -110,6 +113,7 @@ class ElasticOperators:
     direction_names: tuple[str, ...] = ()
     load_names: tuple[str, ...] = ()
     integrals: Callable[[], ElasticIntegrals] | None = None
+    tables: tuple[LoadTable, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -118,7 +122,8 @@ class MovingBody:
 
     The global border is all rigid blocks followed by all multipliers; `to_border` picks the
     body's rigid coordinates and turns multipliers into forces on its attachments; origin (b,) is
-    added to that: the pose of a frame that does not move, else zero.
+    added to that: the pose of a frame that does not move, else zero. guide: the motion of a frame
+    that is given, whose pose, rates and accelerations are added in the same way.
     elastic, thermal: name of its blocks, "" when the scene gives it none.
     """
 
@@ -129,14 +134,15 @@ class MovingBody:
     elastic: str
     thermal: str
     operators: ElasticOperators | None
+    guide: FrameHistory | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HeatBody:
-    """capacity T' + conductivity T - constant - loads @ amplitudes(t) + local terms = 0.
+    """capacity T' + conductivity T - constant - loads @ amplitudes(t) - tables + local terms = 0.
 
     load_names (j,): what each column of `loads` (n, j) is. integrals: capacity and conduction by
-    elements, where the body can give them (core/integrals.py).
+    elements, where the body can give them (core/integrals.py); tables: heat that moves over it.
     """
 
     name: str
@@ -149,6 +155,7 @@ class HeatBody:
     local: tuple[Term, ...]
     load_names: tuple[str, ...] = ()
     integrals: Callable[[], HeatIntegrals] | None = None
+    tables: tuple[LoadTable, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)

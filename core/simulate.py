@@ -9,19 +9,20 @@ from typing import Any
 import numpy as np
 
 from sparsemor.core.cache import Cache
-from sparsemor.core.checks import checked_model
 from sparsemor.core.errors import InputError
 from sparsemor.core.hooks import Manager, RunStart, new_manager
 from sparsemor.core.initial import consistent_state
 from sparsemor.core.interrupt import Interrupt
-from sparsemor.core.offline import offline_of, step_count
+from sparsemor.core.offline import step_count
+from sparsemor.core.prepared import prepared
 from sparsemor.core.protocols import Resampling, State, StepSolver
 from sparsemor.core.recorder import Recorder, Tally, admit
 from sparsemor.core.results import RunResult
 from sparsemor.core.scene import Scene
-from sparsemor.core.stability import check_start
+from sparsemor.core.stability import check_run
 from sparsemor.core.status import SolveFailed, Status
 from sparsemor.core.step_control import ControlledSteps, controlled, step_of
+from sparsemor.core.unmet import unmet
 
 
 def simulate(
@@ -39,13 +40,12 @@ def simulate(
         admit(scene, Path(out), resume)
     elif resume:
         raise InputError("say which result to go on with: give its directory", "out")
-    model = checked_model(scene)
+    model, offline = prepared(scene, cache or Cache(), manager)
     with np.errstate(all="ignore"):  # overflow ends in a status, not in a warning
-        offline = offline_of(scene, model, cache or Cache(), manager)
         solver: StepSolver = scene.reducer.prepare(
             model, scene.integrator, scene.time.step, offline, np.random.default_rng(scene.seed))
         full = consistent_state(model)
-        warnings, stability = check_start(scene, model, solver, full)
+        warnings, stability = check_run(scene, model, solver, full)
         solver = controlled(scene, model, offline, solver)
         state, memory = solver.start(full)
         state = scene.integrator.start(solver.layout, state)
@@ -102,6 +102,9 @@ class _Run:
             summary["control"] = self.solver.summary(self.memory)
         if failure is not None:
             summary["message"] = str(failure)
+        else:
+            told = unmet(self.recorder.model, RunResult(self.recorder.store))
+            summary["notes"] = [*summary["notes"], *told]
         self.recorder.finish(status, summary)
         self.manager.hook.on_finish(summary=summary)
         result = RunResult(self.recorder.store)

@@ -25,6 +25,7 @@ from sparsemor.core.checkpoint import (
     save_checkpoint,
 )
 from sparsemor.core.errors import InputError
+from sparsemor.core.result_stage import stage_attributes
 from sparsemor.core.run_header import RunHeader, load_layout
 from sparsemor.core.run_variables import TIME, fixed_arrays, steps_per_chunk, time_arrays
 from sparsemor.core.status import Status
@@ -214,7 +215,7 @@ def _write_empty(path: Path, header: RunHeader) -> None:
             zf.write_chunk(path, name, fixed[name], 0, values)
     attributes = header.attributes() | {
         "format": 1, "run": uuid.uuid4().hex, "steps_per_chunk": steps_per_chunk(header),
-        "status": Status.INTERRUPTED.value, "summary": {},
+        "status": Status.INTERRUPTED.value, "summary": {}, "stage": stage_attributes(header.stage),
     }
     zf.write_group(path, zf.group_document(attributes, growing | fixed))
 

@@ -15,15 +15,18 @@ from sparsemor.core.slot import Slot
 PAGE = Path(__file__).with_name("scene-reference.md")
 KINDS = {
     "body": "bodies.NAME", "mesh": "mesh of a flexible body", "joint": "joints.NAME",
-    "load": "loads.NAME", "function": "any option that takes a function of time",
+    "contact": "contacts.NAME", "normal_law": "normal of a contact",
+    "friction_law": "friction of a contact", "load": "loads.NAME",
+    "function": "any option that takes a function of time",
     "integrator": "integrator", "reducer": "reducer", "basis": "basis and bases of a reducer",
     "sampler": "sampler of a reducer", "preconditioner": "preconditioner of a reducer",
     "sparse_solver": "solver of a reducer",
 }
 """Kinds of plugin that a scene can name, and where."""
 UNITS = (
-    "W/(m^2 K)", "W/(m K)", "J/(kg K)", "kg/m^3", "kg/m3", "kg m^2", "W/m^2", "m/s^2", "rad/s",
-    "m/s", "1/K", "1/s", "N m", "Pa", "Hz", "rad", "kg", "K", "N", "m", "s",
+    "W/(m^2 K)", "W/(m2 K)", "W/(m K)", "J/(kg K)", "N s/m3", "N/m3", "kg/m^3", "kg/m3", "kg m^2",
+    "W/m^2", "m/s^2", "rad/s", "m/s", "1/K", "1/s", "N m", "Pa", "Hz", "rad", "kg", "K", "N", "m",
+    "s",
 )
 _UNIT = re.compile(r"(?:^|, | )(" + "|".join(map(re.escape, UNITS)) + r")(?=[.,;:)]|$| \(|, )")
 _BOUNDS = {"minimum": ">= {}", "exclusiveMinimum": "> {}", "maximum": "<= {}",

@@ -15,24 +15,11 @@ from scipy.linalg.lapack import dgesv
 
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.protocols import StepFormula
-from sparsemor.core.separable import Amplitude, Frame, FrameWork
+from sparsemor.core.separable import Amplitude, FrameWork
 from sparsemor.core.status import Status
 from sparsemor.reducers.acceleration import Anderson
-from sparsemor.reducers.elastic import ElasticBlock, History
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class BodyStep:
-    """One body in the loop: its kernel, its map to the border, and where its unknowns sit."""
-
-    name: str
-    frame: Frame
-    to_border: FloatArray
-    origin: FloatArray
-    block: ElasticBlock | None
-    elastic: slice
-    thermal: slice
-    elastic_name: str
+from sparsemor.reducers.body_step import BodyStep
+from sparsemor.reducers.elastic import History
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,12 +52,15 @@ class Contraction:
 class _Loop:
     """What one step keeps between its iterations: `given` targets of the constraints, rates of
     the stacked borders at y = 0, the border unknowns y and their last change dy, and per body its
-    unknowns c, z and |du|^2 relative to the largest |u|^2."""
+    unknowns c, z and |du|^2 relative to the largest |u|^2. origin: what of the stacked borders is
+    no unknown."""
 
-    __slots__ = ("acceleration", "c", "dy", "given", "history", "moved", "velocity", "y", "z")
+    __slots__ = ("acceleration", "c", "dy", "given", "history", "moved", "origin", "velocity",
+                 "y", "z")
 
     history: list[History | None]
     given: FloatArray
+    origin: FloatArray
     velocity: FloatArray
     acceleration: FloatArray
     y: FloatArray
@@ -100,6 +90,8 @@ class Mechanics:
         self.elastic = slice(elastic[0].start, elastic[-1].stop) if elastic else slice(0, 0)
         edges = np.cumsum([0, *(b.frame.border for b in bodies)]).tolist()
         self.at = [slice(i, j) for i, j in zip(edges, edges[1:], strict=False)]
+        self.guided = [(slice(at.start, at.start + b.frame.rigid_size), b.guide)
+                       for b, at in zip(bodies, self.at, strict=True) if b.guide is not None]
         self.last: _Loop | None = None
         """What the last `solve` ended with (scratch, as `work` is)."""
         self._H, self._rows = np.zeros((edges[-1], edges[-1])), np.zeros(edges[-1])
@@ -118,7 +110,9 @@ class Mechanics:
                 return Status.NOT_FINITE, iteration, self._worst(loop), ""
             if change < 0:
                 return Status.SINGULAR, iteration, "", "the border matrix is singular"
-            if 0 < last < inf:
+            if not self.size:
+                memory.ratio, memory.age = self._turning(step.c2), 0
+            elif 0 < last < inf:
                 memory.ratio, memory.age = min(max(change / last, 1e-12), 1.0), 0
             memory.age += 1
             # an unmeasured or old ratio is not trusted: iterate once more
@@ -135,6 +129,13 @@ class Mechanics:
             last = change
         detail = f"last relative change {change:.1e} after {self.tol.max_iterations} iterations"
         return Status.NOT_CONVERGED, self.tol.max_iterations, self._worst(loop), detail
+
+    def _turning(self, c2: float) -> float:
+        """Contraction where no border is unknown: the iteration is then linear, and by how much
+        kappa M counts beside D >= c2 M is known (with a margin for the norm)."""
+        kappa = max((sum(map(abs, w.coefficients[: b.frame.generators].tolist()))
+                     for b, w in zip(self.bodies, self.work, strict=True)), default=0.0)
+        return min(max(10.0 * kappa / c2, 1e-12), 1.0)
 
     def _gather(self, x: FloatArray, loop: _Loop) -> FloatArray:
         """Border and elastic unknowns in one vector (all elastic blocks are contiguous)."""
@@ -165,7 +166,14 @@ class Mechanics:
             loop.given[i] = f(step.t)
         rigid = self.map[:, :nr]
         loop.velocity, loop.acceleration = rigid.dot(r1[:nr]), rigid.dot(r2[:nr])
-        loop.y = np.concatenate((x[:nr], x[self.algebraic]))
+        loop.y, loop.origin = np.concatenate((x[:nr], x[self.algebraic])), self.origin
+        if self.guided:
+            loop.origin = self.origin.copy()
+        for at, guide in self.guided:
+            pose, rate, acceleration = guide.at(step.t)
+            loop.origin[at] += pose
+            loop.velocity[at] += rate
+            loop.acceleration[at] += acceleration
         return loop
 
     def _iterate(
@@ -175,7 +183,7 @@ class Mechanics:
         c1, c2, H, rows = step.c1, step.c2, self._H, self._rows
         moving = self.map.dot(loop.y)
         v, a = c1 * moving + loop.velocity, c2 * moving + loop.acceleration
-        y = moving + self.origin
+        y = moving + loop.origin
         for i, (b, w, past, at) in enumerate(
                 zip(self.bodies, self.work, loop.history, self.at, strict=True)):
             if b.block is None or past is None:
@@ -241,7 +249,7 @@ class Mechanics:
         known to eps |q|, so its acceleration to c2 eps |q|, which bends the bodies."""
         q = y[: self.n_rigid]
         noise = (4 * EPS) ** 2 * max(1.0, float(q.dot(q)))
-        return [0.0 if b.block is None else noise * sum(
+        return [0.0 if b.block is None or not b.free else noise * sum(
             float(u.dot(u)) for u in (b.block.update(_ZERO, r) for r in
                                       w.sigma[: b.frame.rigid_size]))
                 for b, w in zip(self.bodies, self.work, strict=True)]

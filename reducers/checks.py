@@ -3,6 +3,8 @@
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Protocol
 
+import numpy as np
+
 from sparsemor.core.capabilities import refusal
 from sparsemor.core.errors import Fault
 from sparsemor.core.model import Model
@@ -126,6 +128,17 @@ def resampling_faults(
     return []
 
 
+def local_blocks(model: Model) -> dict[str, str]:
+    """Blocks with terms that are evaluated by elements in each step, and what these are."""
+    found = {b.thermal: "radiation" for b in model.separated.heat if b.local}
+    for term in model.separated.other:
+        for name in model.reducible():
+            at = model.layout[name]
+            if np.any((term.rows >= at.start) & (term.rows < at.stop)):
+                found[name] = type(term).__name__
+    return found
+
+
 def pattern_of(name: str, table: Mapping[str, Any]) -> str | None:
     """The pattern that decides for a block."""
     return chosen(name, {pattern: pattern for pattern in table}, None)
@@ -138,7 +151,10 @@ def block_size(model: Model, name: str) -> int:
 
 def required_rows(model: Model, name: str, sampler: Sampler) -> int:
     """How many rows a sampler keeps unasked; one that has no such option is handed them all."""
-    return len(model.required[name]) if getattr(sampler, "required", True) else 0
+    option = getattr(sampler, "required", True)
+    if option == "ring":
+        return len(np.union1d(model.required[name], model.ring(name)))
+    return len(model.required[name]) if option else 0
 
 
 def most_atoms(basis: Basis, size: int) -> int:

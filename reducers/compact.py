@@ -21,14 +21,16 @@ DEPENDENT = 1e-14
 
 def compact_elastic(t: TestedElastic, B: FloatArray) -> tuple[TestedElastic, FloatArray, int]:
     """The operators and B (m, k) in the new rows, and how many rows B and directions need."""
-    rest = [*t.generators, t.damping, t.coupling, t.loads, t.constant[:, None], t.mass]
+    rest = [*t.generators, t.damping, t.coupling, t.loads, t.constant[:, None], t.mass,
+            *(table.values.T for table in t.tables)]
     Z, first = _basis([B, t.directions], rest)
     return elastic_times(Z.T, t), Z.T @ B, first
 
 
 def compact_heat(t: TestedHeat, B: FloatArray) -> tuple[TestedHeat, FloatArray, int]:
     """The same for heat; B alone comes first."""
-    Z, first = _basis([B], [t.capacity, t.loads, t.constant[:, None]])
+    Z, first = _basis([B], [t.capacity, t.loads, t.constant[:, None],
+                            *(table.values.T for table in t.tables)])
     return heat_times(Z.T, t), Z.T @ B, first
 
 

@@ -14,7 +14,9 @@ import numpy as np
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.protocols import State
 from sparsemor.core.separable import FrameWork, evaluate_amplitudes
-from sparsemor.reducers.bordered import BodyStep, Mechanics
+from sparsemor.core.tables import total
+from sparsemor.reducers.body_step import BodyStep
+from sparsemor.reducers.bordered import Mechanics
 from sparsemor.reducers.test_map import TestedElastic
 
 NONE = np.zeros(0)
@@ -49,7 +51,7 @@ def consistent_start(
         parts.append(p)
         r += (p.rows - p.tau @ p.base) @ T
         A += T.T @ (p.H - p.tau @ p.S) @ T
-    z = -_least(A, r)
+    z = -least(A, r)
     x, a = state.x.copy(), state.a.copy()
     a[:nr], x[mechanics.algebraic] = z[:nr], z[nr:]
     for body, p in zip(mechanics.bodies, parts, strict=True):
@@ -58,7 +60,7 @@ def consistent_start(
     return replace(state, x=x, a=a)
 
 
-def _least(A: FloatArray, r: FloatArray) -> FloatArray:
+def least(A: FloatArray, r: FloatArray) -> FloatArray:
     """Least-squares solution of least size of A z = r, rows and columns scaled to compare."""
     if not len(r):
         return r
@@ -70,7 +72,8 @@ def _linear(
     mechanics: Mechanics, body: BodyStep, t: TestedElastic | None, state: State
 ) -> _Body:
     """The body's equations at a = 0, multipliers 0, and their derivatives by a and multipliers."""
-    y, v = _border(mechanics, body, state.x, True), _border(mechanics, body, state.v, False)
+    origin, rate, _ = body.given(state.t)
+    y, v = _border(mechanics, body, state.x, origin), _border(mechanics, body, state.v, rate)
     w0, w1 = (_evaluate(body, t, y, v, c2, state) for c2 in (0.0, 1.0))
     d = body.frame.rigid_size
     H = np.zeros_like(w0.border[:, :-1])
@@ -88,27 +91,29 @@ def _linear(
     return _Body(solved[:, 0], solved[:, 1:], rows, H, tau @ t.functional)
 
 
-def _border(mechanics: Mechanics, body: BodyStep, x: FloatArray, fixed: bool) -> FloatArray:
-    """Border unknowns of one body with all multipliers zero."""
+def _border(
+    mechanics: Mechanics, body: BodyStep, x: FloatArray, given: FloatArray
+) -> FloatArray:
+    """Border unknowns of one body with all multipliers zero, over what is given of them."""
     whole = np.zeros(mechanics.size)
     whole[: mechanics.n_rigid] = x[: mechanics.n_rigid]
-    return body.to_border @ whole + (body.origin if fixed else 0.0)
+    return np.asarray(body.to_border @ whole + given)
 
 
 def _evaluate(
     body: BodyStep, t: TestedElastic | None, y: FloatArray, v: FloatArray, c2: float, state: State
 ) -> FrameWork:
-    """The kernel at zero accelerations: u'' = c2 u + r2 with r2 = -c2 u."""
-    f = body.frame
-    w, zero = FrameWork(f.p, f.border, f.generators), np.zeros(len(y))
+    """The kernel at zero unknown accelerations: u'' = c2 u + r2 with r2 = -c2 u."""
+    f, a = body.frame, body.given(state.t)[2]
+    w = FrameWork(f.p, f.border, f.generators)
     if t is None:
-        f.evaluate(y, v, zero, 0.0, c2, NONE, NONE, NONE, NONE, NONE, state.t, w)
+        f.evaluate(y, v, a, 0.0, c2, NONE, NONE, NONE, NONE, NONE, state.t, w)
         return w
     c, cv = state.x[body.elastic], state.v[body.elastic]
     F, Q = t.functional, t.quadratic
     form = Q @ c @ c
     forms = np.concatenate([Q @ cv @ c, -c2 * form])
-    f.evaluate(y, v, zero, 0.0, c2, F @ c, F @ cv, -c2 * (F @ c), form, forms, state.t, w)
+    f.evaluate(y, v, a, 0.0, c2, F @ c, F @ cv, -c2 * (F @ c), form, forms, state.t, w)
     return w
 
 
@@ -124,6 +129,8 @@ def _elastic_rows(
         r = r - t.coupling @ state.x[body.thermal]
     if t.amplitudes:
         r = r - t.loads @ evaluate_amplitudes(t.amplitudes, state.t)
+    if t.tables:
+        r = r - total(t.tables, state.t)
     return np.asarray(r)
 
 

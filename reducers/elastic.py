@@ -8,13 +8,16 @@ h the history of the step and P the directions. Full order solves with a factor 
 block has D^-1 applied to everything beforehand. The Newton loop sees no difference.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core.arrays import Csr, FloatArray, IntArray
 from sparsemor.core.separable import ElasticOperators, evaluate_amplitudes
+from sparsemor.core.tables import total
+from sparsemor.reducers.felt import Moving, felt
 from sparsemor.reducers.test_map import TestedElastic
 
 
@@ -72,26 +75,28 @@ class FullElastic:
 
     @classmethod
     def of(cls, ops: ElasticOperators, factor: Any) -> "FullElastic":
-        E = factor.solve(ops.directions)
+        P = ops.directions
+        E = factor.solve(P) if P.size else P
         return cls(ops, factor, E, ops.directions.T @ E)
 
     def begin(self, r1: FloatArray, r2: FloatArray, xT: FloatArray, t: float) -> History:
         o, s = self.ops, History()
-        Mr1 = np.stack([M @ r1 for M in o.generators])
-        Mr2 = np.stack([M @ r2 for M in o.generators])
-        h = Mr2[0] - o.constant
+        Mr1, Mr2 = each(o.generators, r1), each(o.generators, r2)
+        h = (Mr2[0] if len(Mr2) else o.mass @ r2) - o.constant
         if o.damping.nnz:
             h = h + o.damping @ r1
         if o.coupling is not None:
             h = h - o.coupling @ xT
         if o.amplitudes:
             h = h - o.loads @ evaluate_amplitudes(o.amplitudes, t)
+        if o.tables:
+            h = h - total(o.tables, t)
         s.h, s.stack, s.quad = h, Mr1, np.concatenate([Mr1, Mr2])
         s.s1, s.s2 = o.directions.T @ r1, o.directions.T @ r2
         return s
 
     def look(self, c: FloatArray, history: History) -> Look:
-        seen = np.stack([M @ c for M in self.ops.generators])
+        seen = each(self.ops.generators, c)
         return Look(self.ops.directions.T @ c, seen @ c, history.quad @ c, seen)
 
     def combine(
@@ -112,7 +117,8 @@ class CompressedElastic:
     """s active atoms: every operator is dense, small and prepared (sizes s + p, not n).
 
     Vectors come as [z; P^T z], so that both follow from one product.
-    H: history, (rows, k + k + kt + j) and `base`; S: what depends on u, (rows, s).
+    H: history, (rows, k + k + kt + j) and `base`; S: what depends on u, (rows, s). tables: loads
+    that move, as felt by the s + p rows of the history.
     """
 
     H: FloatArray
@@ -123,21 +129,21 @@ class CompressedElastic:
     active: IntArray | None
     amplitudes: tuple[Any, ...]
     sizes: tuple[int, int, int]
+    tables: tuple[Moving, ...] = ()
 
     @classmethod
     def of(
         cls, b: TestedElastic, left: FloatArray, support: IntArray | None
     ) -> "CompressedElastic":
         """left (s, m): what turns tested rows into D^-1 times the rows, left @ D_S = 1."""
-        k, p, g = b.mass.shape[1], b.functional.shape[0], len(b.generators)
+        k, p, g, zero = b.mass.shape[1], b.functional.shape[0], len(b.generators), np.zeros
         use = np.arange(k) if support is None else support
         s = len(use)
         F = b.functional[:, use]
         both = np.concatenate([left, F @ left])  # [D^-1; P^T D^-1] of tested rows
-        gen = np.concatenate([both @ A for A in b.generators])  # (g (s + p), k)
+        gen = np.concatenate([zero((0, k)), *(both @ A for A in b.generators)])  # (g (s + p), k)
         quad = b.quadratic[:, use, :].reshape(g * s, k)
         kt, j = b.coupling.shape[1], b.loads.shape[1]
-        zero = np.zeros
         H = np.concatenate([
             np.hstack([gen, zero((len(gen), k + kt + j))]),
             np.hstack([both @ b.damping, both @ b.mass, -both @ b.coupling, -both @ b.loads]),
@@ -152,7 +158,7 @@ class CompressedElastic:
         E = both @ b.directions
         return cls(np.ascontiguousarray(H), base, np.ascontiguousarray(S),
                    np.ascontiguousarray(E[:s]), np.ascontiguousarray(E[s:]), support,
-                   b.amplitudes, (s, p, g))
+                   b.amplitudes, (s, p, g), felt(b.tables, both, support is None))
 
     def rates(self, k: int) -> tuple[FloatArray, FloatArray]:
         """(s, k) each, k atoms: D^-1 D_m and D^-1 M, the block's own answer to -r1 and -r2."""
@@ -168,6 +174,8 @@ class CompressedElastic:
         out += self.base
         s, p, g = self.sizes
         w, h = s + p, History()
+        if self.tables:
+            out[g * w : (g + 1) * w] -= total(self.tables, t)
         # rows kappa_g | mu_g | 1 of the combination; the first g are filled at each look
         h.stack = np.empty((2 * g + 1, w))
         h.stack[g:] = out[: (g + 1) * w].reshape(g + 1, w)
@@ -195,3 +203,8 @@ class CompressedElastic:
     def update(self, z: FloatArray, sigma: FloatArray) -> FloatArray:
         new: FloatArray = -(z + self.E.dot(sigma))
         return new
+
+
+def each(generators: Sequence[Csr], x: FloatArray) -> FloatArray:
+    """(g, n) M_g x."""
+    return np.stack([M @ x for M in generators]) if generators else np.zeros((0, len(x)))

@@ -12,9 +12,10 @@ from sparsemor.core.protocols import Integrator, StepSolver
 from sparsemor.reducers.bordered import Tolerances
 from sparsemor.reducers.elastic import ElasticBlock, FullElastic
 from sparsemor.reducers.factor import factorize
-from sparsemor.reducers.general import GeneralStepper
+from sparsemor.reducers.general import GeneralStepper, Summed
 from sparsemor.reducers.heat import FullHeat, HeatBlock, LocalAt
 from sparsemor.reducers.prepare import constants, stepper
+from sparsemor.reducers.reduced_general import reduced_general
 
 
 class Full(Plugin):
@@ -27,16 +28,21 @@ class Full(Plugin):
     max_iterations: int = Field(default=30, ge=1)
     """Newton iterations before a step is given up."""
     method: Literal["bordered", "newton"] = "bordered"
-    """`bordered`: constant blocks factorized once. `newton`: the whole Jacobian factorized anew
-    in each iteration, the textbook method, kept as a check."""
+    """`bordered`: constant blocks factorized once, or, where a term such as a contact couples them,
+    one Jacobian of the whole that is kept while it serves. `newton`: the whole Jacobian factorized
+    anew in each iteration, the textbook method, kept as a check."""
 
     def prepare(
         self, model: Model, integrator: Integrator, h: float,
         offline: Offline, rng: np.random.Generator,
     ) -> StepSolver:
         tol = Tolerances(self.remaining, self.max_iterations)
-        if self.method == "newton" or model.separated.other:
-            return GeneralStepper(model, tol, self.predictor)
+        if self.method == "newton":
+            return GeneralStepper(model, Summed.of(model, price=0), tol, self.predictor)
+        if model.separated.other:
+            if not model.reducible():  # rigid bodies only: a few unknowns
+                return reduced_general(model, {}, {}, {}, tol, self.predictor)
+            return GeneralStepper(model, Summed.of(model, price=6), tol, self.predictor)
         c1, c2, c1_first = constants(model.layout, integrator, h)
         heat: dict[str, HeatBlock] = {}
         elastic: dict[str, ElasticBlock] = {}

@@ -1,24 +1,114 @@
-"""The textbook step: all terms summed, the whole sparse Jacobian factorized in each iteration.
+"""The whole system at once: all terms summed, one sparse Jacobian.
 
-Slow, and right for any terms: the check of the fast path, and the way out for terms that a body
-cannot take apart.
+Right for any terms: the way of full order where a term couples bodies, such as a contact on
+deformed surfaces, with constant matrices assembled once and a factor of the Jacobian that is kept
+while it serves. Factorized anew in each iteration it is the textbook method, the check of the fast
+path.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from scipy.sparse import csc_array
 from scipy.sparse.linalg import splu
 
-from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
-from sparsemor.core.equations import jacobian, rate_factors, residual
+from sparsemor.core.arrays import BoolArray, Csr, FloatArray, IntArray
+from sparsemor.core.equations import jacobian, residual
 from sparsemor.core.layout import Layout
 from sparsemor.core.model import Model
-from sparsemor.core.protocols import Dictionary, State, StepFormula, StepOutcome
-from sparsemor.core.status import Status
+from sparsemor.core.protocols import Dictionary, State, StepFormula, StepOutcome, Term
 from sparsemor.reducers.bordered import Tolerances
-from sparsemor.reducers.stepper import Facts, Memory
+from sparsemor.reducers.doubt import doubted
+from sparsemor.reducers.newton import solve
+from sparsemor.reducers.newton_memory import NewtonMemory
+from sparsemor.reducers.stepper import Facts
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Summed:
+    """The terms of a model: linear ones as K x + C v + M a + given(t), (n, n) csr; others one by
+    one. price: see `newton.Equations`."""
+
+    layout: Layout
+    K: Csr
+    C: Csr
+    M: Csr
+    linear: tuple[Term, ...]
+    others: tuple[Term, ...]
+    named: tuple[tuple[str, frozenset[str]], ...]
+    price: int
+
+    @classmethod
+    def of(cls, model: Model, price: int) -> "Summed":
+        layout, n = model.layout, model.layout.size
+        linear = tuple(t for t in model.terms if getattr(t, "linear", False))
+        zero, one = np.zeros(n), np.ones(n)
+
+        def slope(c1: FloatArray, c2: FloatArray) -> Csr:
+            if not linear:
+                return csc_array((n, n)).tocsr()
+            return jacobian(layout, linear, zero, zero, zero, 0.0, c1, c2).tocsr()
+
+        K = slope(zero, zero)
+        return cls(layout, K, slope(one, zero) - K, slope(zero, one) - K, linear,
+                   tuple(t for t in model.terms if not getattr(t, "linear", False)),
+                   coupling(model), price)
+
+    def given(self, t: float) -> FloatArray:
+        zero = np.zeros(self.layout.size)
+        return residual(self.layout, self.linear, zero, zero, zero, t)
+
+    def residual(
+        self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, given: FloatArray
+    ) -> FloatArray:
+        r = residual(self.layout, self.others, x, v, a, t)
+        r += self.K @ x + self.C @ v + given
+        if self.M.nnz:
+            r += self.M @ a
+        return r
+
+    def jacobian(
+        self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: FloatArray, c2: FloatArray
+    ) -> Any:
+        J = self.K + self.C * c1[None, :] + self.M * c2[None, :]
+        if self.others:
+            J = J + jacobian(self.layout, self.others, x, v, a, t, c1, c2).tocsr()
+        return csc_array(J)
+
+    def factorize(self, J: Any) -> Any:
+        if self.price == 0:
+            return splu(J)
+        # the pattern is symmetric: ordered as such, with pivots off the diagonal where it is small,
+        # a factor costs a third and a solve a quarter
+        return splu(J, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.01,
+                    options={"SymmetricMode": True})
+
+
+def coupling(model: Model) -> tuple[tuple[str, frozenset[str]], ...]:
+    """Name in the scene, and blocks, of each term that no body takes apart."""
+    found = []
+    for term in model.separated.other:
+        name = str(getattr(term, "source", "") or getattr(term, "name", ""))
+        found.append((name, touched(model.layout, term.rows)))
+    return tuple(found)
+
+
+def touched(layout: Layout, rows: IntArray) -> frozenset[str]:
+    """Names of the blocks that rows are in."""
+    starts = [layout[b.name].start for b in layout]
+    names = [b.name for b in layout]
+    return frozenset(names[i] for i in np.unique(np.searchsorted(starts, rows, "right") - 1))
+
+
+def elements(model: Model, terms: Sequence[Any], rows: Sequence[IntArray]) -> dict[str, int]:
+    """Reducible block -> elements that one evaluation of the terms visits for its rows."""
+    found = {name: 0 for name in model.reducible()}
+    for term, at in zip(terms, rows, strict=True):
+        for name in touched(model.layout, at) & found.keys():
+            found[name] += term.elements
+    return found
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -26,6 +116,7 @@ class GeneralStepper:
     """StepSolver for a whole model, nothing reduced."""
 
     model: Model
+    equations: Summed
     tolerances: Tolerances
     points: int
     dictionaries: Mapping[str, Dictionary] = field(default_factory=dict)
@@ -39,53 +130,19 @@ class GeneralStepper:
 
     @property
     def elements_touched(self) -> Mapping[str, int]:
-        touched = {b: 0 for b in self.model.reducible()}
-        for term in self.model.terms:
-            for name in touched:
-                at = self.layout[name]
-                if len(term.rows) and at.start <= term.rows[0] < at.stop:
-                    touched[name] += term.elements
-        return touched
+        terms = self.model.terms
+        return elements(self.model, terms, [t.rows for t in terms])
 
-    def start(self, state: State) -> tuple[State, Memory]:
-        return state, Memory(state.x, self.points)
+    def start(self, state: State) -> tuple[State, NewtonMemory]:
+        return state, NewtonMemory(state.x, self.points, len(self.layout.blocks))
 
-    def solve(self, step: StepFormula, memory: Memory) -> tuple[StepOutcome, Memory]:
-        x = memory.ring.predict()
-        c1, c2 = rate_factors(self.layout, step.c1, step.c2, step.c1_first)
-        terms, last = self.model.terms, np.inf
-        scale = _scale(self.layout, x)
-        for i in range(1, self.tolerances.max_iterations + 1):
-            v, a = c1 * x + step.r1, c2 * x + step.r2
-            r = residual(self.layout, terms, x, v, a, step.t)
-            if not np.isfinite(r).all():
-                return StepOutcome(x, Status.NOT_FINITE, i), memory
-            J = csc_array(jacobian(self.layout, terms, x, v, a, step.t, c1, c2))
-            try:
-                dx = splu(J).solve(r)
-            except RuntimeError:
-                return StepOutcome(x, Status.SINGULAR, i), memory
-            memory.factorizations += 1
-            x = x - dx
-            scale = np.maximum(scale, _scale(self.layout, x))
-            change = float((np.abs(dx) / scale)[: self.layout.algebraic.start].max(initial=0.0))
-            if change <= self.tolerances.remaining or (change >= 0.25 * last and change <= 1e-9):
-                memory.ring.push(x)
-                return StepOutcome(x, Status.DONE, i), memory
-            last = change
-        return StepOutcome(x, Status.NOT_CONVERGED, self.tolerances.max_iterations), memory
+    def solve(self, step: StepFormula, memory: NewtonMemory) -> tuple[StepOutcome, NewtonMemory]:
+        outcome = solve(self.equations, step, memory, self.tolerances)
+        terms = ((t, t.columns) for t in self.model.terms)
+        return doubted(outcome, terms, step, self.layout), memory
 
-    def supports(self, memory: Memory) -> Mapping[str, BoolArray]:
-        return {}
+    def supports(self, memory: NewtonMemory) -> Mapping[str, BoolArray]:
+        return memory.supports
 
-    def counters(self, memory: Memory) -> Mapping[str, int]:
-        return {"factorizations": memory.factorizations, "support_changes": 0}
-
-
-def _scale(layout: Layout, x: FloatArray) -> FloatArray:
-    """Largest value of each unknown's block (1 at least for rigid coordinates)."""
-    scale = np.ones(layout.size)
-    for b in layout:
-        top = float(np.abs(x[layout[b.name]]).max())
-        scale[layout[b.name]] = max(top, 1.0) if b.field == "rigid" else max(top, 1e-300)
-    return scale
+    def counters(self, memory: NewtonMemory) -> Mapping[str, int]:
+        return memory.counters()

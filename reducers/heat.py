@@ -16,7 +16,9 @@ from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.protocols import ReducedTerm, Term
 from sparsemor.core.separable import HeatBody, evaluate_amplitudes
 from sparsemor.core.status import Status
+from sparsemor.core.tables import total
 from sparsemor.reducers.factor import factorize
+from sparsemor.reducers.felt import Moving, felt
 from sparsemor.reducers.test_map import TestedHeat
 
 STUCK = 1e-7
@@ -70,6 +72,8 @@ class FullHeat:
         b = self.heat.constant - self.heat.capacity @ r1
         if self.heat.amplitudes:
             b = b + self.heat.loads @ evaluate_amplitudes(self.heat.amplitudes, t)
+        if self.heat.tables:
+            b = b + total(self.heat.tables, t)
         return np.asarray(b)
 
     def solve(self, r1: FloatArray, t: float, guess: FloatArray) -> HeatOutcome:
@@ -119,7 +123,8 @@ class FullHeat:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CompressedHeat:
-    """s active atoms. history (s, k + j) maps [r1; amplitudes] to the linear solution."""
+    """s active atoms. history (s, k + j) maps [r1; amplitudes] to the linear solution; tables: what
+    heat that moves adds to it."""
 
     history: FloatArray
     base: FloatArray
@@ -127,6 +132,7 @@ class CompressedHeat:
     active: IntArray | None
     local: tuple[ReducedTerm, ...]
     c1: float
+    tables: tuple[Moving, ...] = ()
     rtol: float = 1e-13
     max_iterations: int = 50
 
@@ -141,11 +147,13 @@ class CompressedHeat:
     ) -> "CompressedHeat":
         """left (s, m) with left @ B_S = 1; local terms come already times `left`."""
         return cls(np.hstack([-left @ b.capacity, left @ b.loads]), left @ b.constant,
-                   b.amplitudes, support, tuple(local), c1)
+                   b.amplitudes, support, tuple(local), c1, felt(b.tables, left, support is None))
 
     def solve(self, r1: FloatArray, t: float, guess: FloatArray) -> HeatOutcome:
         given = np.concatenate((r1, evaluate_amplitudes(self.amplitudes, t)))
         base = self.history.dot(given) + self.base
+        if self.tables:
+            base = base + total(self.tables, t)
         if not self.local:
             return HeatOutcome(base, Status.DONE, 1)
         return self._iterate(base, r1, t, guess)

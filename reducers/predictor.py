@@ -31,9 +31,15 @@ class Ring:
         self.rows[self.newest] = x
         self.filled = min(self.filled + 1, points)
 
-    def predict(self) -> FloatArray:
-        weights = _weights(len(self.rows), self.filled, self.newest)
+    def predict(self, order: int | None = None) -> FloatArray:
+        """(n,) from the newest `order` states; from all there are when not given."""
+        weights = _weights(len(self.rows), order or self.filled, self.newest)
         return np.asarray(weights.dot(self.rows))
+
+    def guesses(self) -> FloatArray:
+        """(filled, n) what each order foretells, 1 first."""
+        weights = [_weights(len(self.rows), i + 1, self.newest) for i in range(self.filled)]
+        return np.asarray(np.stack(weights).dot(self.rows))
 
     def restart(self) -> None:
         """Forget all but the newest state: after a jump in a load or a change of support."""

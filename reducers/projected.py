@@ -7,6 +7,7 @@ LSPG are the same arrays in the same step.
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Annotated
 
 import numpy as np
@@ -15,7 +16,7 @@ from scipy.linalg import lapack, solve_triangular
 
 from sparsemor.core.arrays import Csr, FloatArray, IntArray
 from sparsemor.core.errors import Fault
-from sparsemor.core.model import Model
+from sparsemor.core.model import Model, StepFactors
 from sparsemor.core.offline import Offline
 from sparsemor.core.plugin import Plugin
 from sparsemor.core.protocols import Basis, Dictionary, Integrator, StepSolver
@@ -28,7 +29,9 @@ from sparsemor.reducers.choose import chosen
 from sparsemor.reducers.elastic import CompressedElastic
 from sparsemor.reducers.heat import CompressedHeat
 from sparsemor.reducers.prepare import constants, stepper
-from sparsemor.reducers.represent import local_terms, refuse_other, represent
+from sparsemor.reducers.reduced_general import Seen, reduced_general
+from sparsemor.reducers.represent import local_terms, represent
+from sparsemor.reducers.stepper import Facts
 from sparsemor.reducers.test_map import TestedElastic, TestedHeat, TestMap
 
 RANK_RTOL = 1e-14
@@ -130,13 +133,13 @@ class Projected(Plugin, ABC):
         offline: Offline, rng: np.random.Generator,
     ) -> StepSolver:
         """Raises InputError where the scene does not suit, SolveFailed for dependent atoms."""
-        refuse_other(model, type(self).__name__.lower())
         c1, c2, c1_first = constants(model.layout, integrator, h)
         dictionaries, limits = represent(
-            offline, {n: chosen(n, self.bases, self.basis) for n in model.reducible()})
+            offline, {n: chosen(n, self.bases, self.basis) for n in model.reducible()},
+            StepFactors(h, c1, c2, c1_first))
         model, seen = self.seen(model, dictionaries, offline, h)
         own = dict(zip(dictionaries, rng.spawn(len(dictionaries)), strict=True))
-        heat, elastic, tested, maps = {}, {}, {}, {}
+        maps, blocks = {}, {}
 
         def mapped(name: str, source: HeatBody | MovingBody) -> Maps:
             linear = Linear.of(source, c1, c2, c1_first)
@@ -145,26 +148,44 @@ class Projected(Plugin, ABC):
             return maps[name]
 
         for b in model.separated.heat:
-            d, m = dictionaries[b.thermal], mapped(b.thermal, b)
-            tested_h = TestedHeat.of(b, d, m.test, m.force)
-            left = left_inverse(b.thermal, tested_h.block(c1_first))
-            local = local_terms(model, b, d, m.forces.times(left, len(d.offset))) if b.local else []
-            heat[b.thermal] = CompressedHeat.of(tested_h, left, None, c1_first, local)
+            m = mapped(b.thermal, b)
+            th = TestedHeat.of(b, dictionaries[b.thermal], m.test, m.force)
+            blocks[b.thermal] = Seen(th, left_inverse(b.thermal, th.block(c1_first)), m.forces)
         for body in model.separated.moving:
             if body.operators is None:
                 continue
-            d, m = dictionaries[body.elastic], mapped(body.elastic, body)
-            te = tested[body.elastic] = TestedElastic.of(
-                body.operators, body.frame, d, dictionaries.get(body.thermal), m.test, m.force)
-            elastic[body.elastic] = CompressedElastic.of(
-                te, left_inverse(body.elastic, te.block(c1, c2)), None)
-        layout = model.layout.resized({n: d.atoms.shape[1] for n, d in dictionaries.items()})
-        return stepper(
-            model, layout, dictionaries, {n: m.rows for n, m in maps.items() if m.rows is not None},
-            heat, elastic, Tolerances(self.remaining, self.max_iterations), self.predictor,
-            len(heat) + len(elastic), limits,
-            tuple(note for m in maps.values() for note in m.notes), tested=tested,
-            facts={**seen, **{n: m.facts for n, m in maps.items() if m.facts}})
+            n, m = body.elastic, mapped(body.elastic, body)
+            te = TestedElastic.of(body.operators, body.frame, dictionaries[n],
+                                  dictionaries.get(body.thermal), m.test, m.force)
+            blocks[n] = Seen(te, left_inverse(n, te.block(c1, c2)), m.forces)
+        rows = {n: m.rows for n, m in maps.items() if m.rows is not None}
+        notes = tuple(note for m in maps.values() for note in m.notes)
+        facts = {**seen, **{n: m.facts for n, m in maps.items() if m.facts}}
+        made = reduced_general if model.separated.other else partial(fast, c1_first)
+        return made(model, dictionaries, rows, blocks,
+                    Tolerances(self.remaining, self.max_iterations), self.predictor, limits, notes,
+                    facts)
+
+
+def fast(
+    c1_first: float, model: Model, dictionaries: Mapping[str, Dictionary],
+    rows: Mapping[str, IntArray], blocks: Mapping[str, Seen], tolerances: Tolerances, points: int,
+    limits: Mapping[str, float], notes: tuple[str, ...], facts: Facts,
+) -> StepSolver:
+    """The step of a model whose blocks are solved one after the other."""
+    heat, elastic, tested = {}, {}, {}
+    for b in model.separated.heat:
+        s, d = blocks[b.thermal], dictionaries[b.thermal]
+        local = local_terms(model, b, d, s.wide(d)) if b.local else []
+        heat[b.thermal] = CompressedHeat.of(s.tested, s.left, None, c1_first, local)
+    for body in model.separated.moving:
+        if body.operators is not None:
+            s = blocks[body.elastic]
+            tested[body.elastic] = s.tested
+            elastic[body.elastic] = CompressedElastic.of(s.tested, s.left, None)
+    layout = model.layout.resized({n: d.atoms.shape[1] for n, d in dictionaries.items()})
+    return stepper(model, layout, dictionaries, rows, heat, elastic, tolerances, points,
+                   len(heat) + len(elastic), limits, notes, tested, facts)
 
 
 def left_inverse(name: str, A: FloatArray, rtol: float = RANK_RTOL) -> FloatArray:

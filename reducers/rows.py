@@ -11,13 +11,15 @@ def elastic_rows(t: TestedElastic, rows: IntArray) -> TestedElastic:
     return replace(
         t, mass=t.mass[rows], damping=t.damping[rows], stiffness=t.stiffness[rows],
         generators=t.generators[:, rows], directions=t.directions[rows],
-        coupling=t.coupling[rows], loads=t.loads[rows], constant=t.constant[rows])
+        coupling=t.coupling[rows], loads=t.loads[rows], constant=t.constant[rows],
+        tables=tuple(table.columns(rows) for table in t.tables))
 
 
 def heat_rows(t: TestedHeat, rows: IntArray) -> TestedHeat:
     """The rows number `rows` (m,)."""
     return replace(t, capacity=t.capacity[rows], conductivity=t.conductivity[rows],
-                   constant=t.constant[rows], loads=t.loads[rows])
+                   constant=t.constant[rows], loads=t.loads[rows],
+                   tables=tuple(table.columns(rows) for table in t.tables))
 
 
 def elastic_times(left: FloatArray | None, t: TestedElastic) -> TestedElastic:
@@ -27,7 +29,8 @@ def elastic_times(left: FloatArray | None, t: TestedElastic) -> TestedElastic:
     return replace(
         t, mass=left @ t.mass, damping=left @ t.damping, stiffness=left @ t.stiffness,
         generators=left @ t.generators, directions=left @ t.directions,
-        coupling=left @ t.coupling, loads=left @ t.loads, constant=left @ t.constant)
+        coupling=left @ t.coupling, loads=left @ t.loads, constant=left @ t.constant,
+        tables=tuple(table.through(left) for table in t.tables))
 
 
 def heat_times(left: FloatArray | None, t: TestedHeat) -> TestedHeat:
@@ -35,4 +38,5 @@ def heat_times(left: FloatArray | None, t: TestedHeat) -> TestedHeat:
     if left is None:
         return t
     return replace(t, capacity=left @ t.capacity, conductivity=left @ t.conductivity,
-                   constant=left @ t.constant, loads=left @ t.loads)
+                   constant=left @ t.constant, loads=left @ t.loads,
+                   tables=tuple(table.through(left) for table in t.tables))

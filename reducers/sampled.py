@@ -1,15 +1,16 @@
 """One block of the sparse method: its sampled rows, weights and budget, prepared by support."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import lapack, solve_triangular
+from scipy.sparse import eye_array
 
 from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.frames import coherence, condition_number, unit_columns
-from sparsemor.core.model import Model
+from sparsemor.core.model import Model, StepFactors
 from sparsemor.core.offline import Offline
 from sparsemor.core.protocols import Dictionary, Preconditioner, Sampler
 from sparsemor.core.separable import HeatBody
@@ -124,20 +125,25 @@ class SampledHeat:
 
 def choose_rows(
     model: Model, offline: Offline | None, name: str, rows: int, budget: int, sampler: Sampler,
-    dictionary: Dictionary, rng: np.random.Generator,
+    dictionary: Dictionary, rng: np.random.Generator, step: StepFactors,
+    preconditioned: bool = False,
 ) -> IntArray:
     """The sampler's rows; from the cache, if there is an `offline`.
 
-    rng is for this draw alone: a hit leaves it where it was.
+    rng is for this draw alone: a hit leaves it where it was. preconditioned: of equations times
+    D^-1, whose operator is 1.
     """
-    required = model.required[name]
+    required, data = model.required[name], model.block_data(name, step=step)
+    if preconditioned:
+        one = eye_array(data.size, format="csr")
+        data = replace(data, stiffness=one, mass=0.0 * one, damping=None)
 
     def make() -> dict[str, IntArray]:
-        data = model.block_data(name)
         return {"rows": sampler.sample(data, rows, dictionary, rng, required)}
 
     drawn = repr(rng.bit_generator.state)
-    depends = (name, rows, sampler, dictionary.atoms, required, drawn)
+    depends = (name, rows, sampler, dictionary.atoms, required, drawn, data.ring, data.stiffness,
+               data.mass, data.factors)
     made = make() if offline is None else offline.remember("rows", depends, make)
     chosen: IntArray = np.asarray(made["rows"])
     active = min(budget, dictionary.atoms.shape[1])

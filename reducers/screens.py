@@ -11,114 +11,35 @@ constant; Z changes slowly. It is taken anew where a decision is closer than wha
 changed, which is measured whenever it is taken anew.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from sparsemor.core.arrays import BoolArray, FloatArray
-from sparsemor.core.layout import Layout
 from sparsemor.core.protocols import Group, StepFormula
 from sparsemor.core.screening import Screen, Screening, Tolerance
 from sparsemor.core.separable import evaluate_amplitudes
+from sparsemor.core.tables import total
 from sparsemor.reducers.bordered import Mechanics
+from sparsemor.reducers.heat_screen import EXACT, HeatScreen, Together
 from sparsemor.reducers.sampled import SampledElastic, SampledHeat
-from sparsemor.reducers.screen_rows import (
-    diagonal,
-    folded,
-    group,
-    joined,
-    norm,
-    squares,
-    with_rest,
-)
+from sparsemor.reducers.screen_rows import diagonal, group, norm, squares, with_rest
 from sparsemor.reducers.selection import BORDER
 from sparsemor.reducers.stepper import Stepper
 
-EXACT = 1e-6
-"""Tolerance of decisions that are exact but for rounding and the stop rule of the step."""
 SAFETY = 10.0
 """Tolerance over the estimated error of eliminating the border and of leaving kappa G out of B."""
 CARE = 3.0
-"""Tolerance over the rate at which old derivatives were seen to change decisions."""
+"""Tolerance over the rate at which old derivatives were seen to change decisions, where that rate
+does not grow."""
+GROWTH = 4.0
+"""By how much more the rate may have grown since: from rest, or as it was last seen to grow."""
 OLD = 50
 """Steps after which derivatives are taken anew in any case: a rate that was measured at rest says
 nothing of what follows."""
-ONE = np.ones(1)
-
-
-class Together:
-    """Supports of some groups as one (k,), made anew only when one of them is another object."""
-
-    def __init__(self, groups: Sequence[Group]) -> None:
-        self.groups = tuple(groups)
-        self._parts: list[BoolArray] = []
-        self._whole = np.zeros(0, dtype=np.bool_)
-
-    def of(self, supports: Mapping[str, BoolArray]) -> BoolArray:
-        parts = [supports[g.name] for g in self.groups]
-        if len(parts) != len(self._parts) or any(
-                a is not b for a, b in zip(parts, self._parts, strict=True)):
-            self._parts, self._whole = parts, np.concatenate(parts)
-        return self._whole
-
-
-class HeatScreen:
-    """All selecting thermal blocks: first asked at once whether they stay, then one by one.
-
-    In turned rows (compact.py) the residual of a block is rows @ (c, r1, amplitudes, 1); J reaches
-    the first `first` of them, of the others only the norm counts.
-    """
-
-    def __init__(
-        self, heat: Mapping[str, SampledHeat], layout: Layout, solver: Screening
-    ) -> None:
-        self.at = {n: layout[n] for n in heat}
-        self.rows: dict[str, FloatArray] = {}
-        self.screens: dict[str, Screen] = {}
-        self.amplitudes = {n: s.few[0].amplitudes for n, s in heat.items()}
-        self.first = {n: s.first for n, s in heat.items()}
-        groups: list[Group] = []
-        stacks: tuple[list[FloatArray], ...] = ([], [], [], [])
-        for n, s in heat.items():
-            T, J = s.few
-            size = float(np.linalg.norm(J, axis=0).max())
-            J, past, load, constant = (
-                a / size for a in (J, T.capacity, T.loads, T.constant[:, None]))
-            self.rows[n] = np.hstack([J, past, -load, -constant])
-            alone = with_rest(J, s.first)
-            self.screens[n] = solver.screen(
-                alone, np.linalg.norm(alone, axis=0), (group(n, 0, s.block.budget, J),), len(J))
-            start = groups[-1].stop if groups else 0
-            groups.append(group(n, start, s.block.budget, J))
-            for parts, a in zip(stacks, (J, past, load, constant), strict=True):
-                parts.append(a[: s.first])
-        J, past, load = (diagonal(parts) for parts in stacks[:3])
-        self.all = np.hstack([J, past, -load, -np.vstack(stacks[3])])
-        self.together = Together(groups)
-        self.places = joined(list(self.at.values()))
-        self.functions = tuple(f for a in self.amplitudes.values() for f in a)
-        self.screen = solver.screen(J, np.linalg.norm(J, axis=0), groups, len(J))
-
-    def stay(
-        self, step: StepFormula, x: FloatArray, supports: Mapping[str, BoolArray]
-    ) -> bool:
-        """Is it sure that no block would change at the solution x (n,) of a step?"""
-        c = x[self.places]
-        known = evaluate_amplitudes(self.functions, step.t)
-        r = self.all.dot(np.concatenate((c, step.r1[self.places], known, ONE)))
-        return self.screen.stays(r, c, self.together.of(supports), EXACT)
-
-    def supports(
-        self, name: str, step: StepFormula, x: FloatArray, support: BoolArray
-    ) -> BoolArray | None:
-        """Where the solver would end for one block from the solution x of a step."""
-        at = self.at[name]
-        known = evaluate_amplitudes(self.amplitudes[name], step.t)
-        r = self.rows[name].dot(np.concatenate((x[at], step.r1[at], known, ONE)))
-        r = folded(r, self.first[name])
-        return self.screens[name].settle(r, x[at], support, 0.0, Tolerance(EXACT, EXACT))
+UNKNOWN, TINY = Tolerance(np.inf, np.inf), 1e-300
 
 
 class Seen:
@@ -132,8 +53,11 @@ class Seen:
         T, B = s.few
         size = float(np.linalg.norm(B, axis=0).max())
         self.number, self.first, self.amplitudes = number, s.first, T.amplitudes
-        self.k, g, damped = B.shape[1], len(T.generators), bool(T.damping.any())
-        parts = [*T.generators, *([T.damping] if damped else []), -T.coupling, -T.loads,
+        self.tables = tuple(t.over(size) for t in T.tables)
+        self.still = not len(T.generators)
+        matrices, damped = [T.mass] if self.still else T.generators, bool(T.damping.any())
+        self.k, g = B.shape[1], len(matrices)
+        parts = [*matrices, *([T.damping] if damped else []), -T.coupling, -T.loads,
                  T.constant[:, None], T.directions, B]
         rows = np.hstack(parts) / size
         self.near, self.problem_rows = np.ascontiguousarray(rows[: s.first]), len(rows)
@@ -159,7 +83,10 @@ class Seen:
         b, w, u = mechanics.bodies[self.number], mechanics.work[self.number], self.u
         pair, G = self.pair, self.combined
         pair[0], pair[1] = x[b.elastic], step.r1[b.elastic]
-        np.dot(w.coefficients[:-1].reshape(2, -1).T, pair, out=G)
+        if self.still:
+            G[0] = 0.0
+        else:
+            np.dot(w.coefficients[:-1].reshape(2, -1).T, pair, out=G)
         G[0] += step.r2[b.elastic]
         if self.damping is not None:
             u[self.damping] = pair[1]
@@ -169,7 +96,11 @@ class Seen:
         u[self.sigma] = w.sigma[-1] - moved[mechanics.at[self.number]].dot(w.sigma[:-1])
         u[self.c] = pair[0]
         out = np.empty(self.first + 1)
-        out[:-1], out[-1] = self.near.dot(u), norm(self.far.dot(self.past))
+        near, far = self.near.dot(u), self.far.dot(self.past)
+        if self.tables:
+            moving = total(self.tables, step.t)
+            near, far = near - moving[: self.first], far - moving[self.first :]
+        out[:-1], out[-1] = near, norm(far)
         return out
 
 
@@ -194,13 +125,13 @@ class ElasticScreen:
         self.lengths, self.stiff = squares(self.B), np.zeros(0)
         self.screen: Screen | None = None
         self.given = np.zeros((0, 0)), np.zeros(0)
-        self.age, self.floor, self.rate = 0, 0.0, Tolerance(np.inf, np.inf)
+        self.age, self.floor, self.rate, self.care = 0, 0.0, UNKNOWN, CARE
 
     def state(self) -> dict[str, Any] | None:
         """What later decisions depend on, for a checkpoint; None before the first decision."""
         if self.screen is None:
             return None
-        return {n: getattr(self, n) for n in ("given", "stiff", "age", "floor", "rate")}
+        return {n: getattr(self, n) for n in ("given", "stiff", "age", "floor", "rate", "care")}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """As if this screen had come so far itself: the same bits."""
@@ -222,20 +153,30 @@ class ElasticScreen:
         support, old, found = self.together.of(before), self.screen, None
         self.age += 1
         if old is not None and self.age < OLD and self.rate.sizes < np.inf:
-            tolerance = Tolerance(*(self.floor + CARE * rate * self.age for rate in self.rate))
+            beyond = self.care * self.age
+            tolerance = Tolerance(*(self.floor + beyond * rate for rate in self.rate))
             found = old.settle(r, c, support, norm(self.stiff * loop.y), tolerance)
         if found is None:
             age, screen = self.age, self._renewed(mechanics)
             if old is not None:
-                # a rate may grow at once, but has to prove that it shrinks
-                self.rate = Tolerance(*(
-                    max(new / age, 0.7 * rate if rate < np.inf else 0.0) for new, rate in zip(
-                        screen.unlike(old, r, c, support), self.rate, strict=True)))
+                self._learn(screen.unlike(old, r, c, support), age)
             found = screen.settle(r, c, support, norm(self.stiff * loop.y),
                                   Tolerance(self.floor, self.floor))
         if found is None or found is support:
             return None if found is None else {}
         return {g.name: found[g.start : g.stop] for g in self.groups}
+
+    def _learn(self, unlike: Tolerance, age: int) -> None:
+        """The rate at which decisions changed in `age` steps, and how much it may grow from here.
+        It may grow at once, but has to prove that it shrinks."""
+        before, seen = self.rate, Tolerance(*(new / age for new in unlike))
+        if before.sizes < np.inf:
+            grown = seen.sizes / max(before.sizes, TINY)
+            self.care = CARE * min(max(grown, 1.0), GROWTH)
+            seen = Tolerance(*(max(n, 0.7 * b) for n, b in zip(seen, before, strict=True)))
+        else:
+            self.care = CARE * GROWTH
+        self.rate = seen
 
     def _renewed(self, mechanics: Mechanics) -> Screen:
         """A screen with the derivatives of the border as the step has just left them."""

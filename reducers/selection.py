@@ -16,7 +16,9 @@ import numpy as np
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.protocols import Group, StepFormula
 from sparsemor.core.separable import FrameWork, evaluate_amplitudes
-from sparsemor.reducers.bordered import BodyStep, Mechanics
+from sparsemor.core.tables import total
+from sparsemor.reducers.body_step import BodyStep
+from sparsemor.reducers.bordered import Mechanics
 from sparsemor.reducers.sampled import SampledElastic, SampledHeat
 from sparsemor.reducers.test_map import TestedElastic
 
@@ -53,6 +55,8 @@ class HeatProblem:
         b = T.constant - T.capacity @ r1
         if T.amplitudes:
             b = b + T.loads @ evaluate_amplitudes(T.amplitudes, t)
+        if T.tables:
+            b = b + total(T.tables, t)
         size = float(np.linalg.norm(J, axis=0).max())
         group = Group(s.block.name, 0, J.shape[1], s.block.budget)
         return cls((group,), J / size, b / size, shape_needs(*s.block.B.shape))
@@ -153,8 +157,9 @@ class MechanicsProblem:
         step, f, T = self.step, p.body.frame, p.body.to_border
         w = FrameWork(f.p, f.border, f.generators)
         c1, c2 = step.c1, step.c2
-        yb = T @ y + p.body.origin
-        v, a = T @ (c1 * y + rates[0]), T @ (c2 * y + rates[1])
+        given = p.body.given(step.t)
+        yb = T @ y + given[0]
+        v, a = T @ (c1 * y + rates[0]) + given[1], T @ (c2 * y + rates[1]) + given[2]
         if p.few is None:
             none = np.zeros(0)
             f.evaluate(yb, v, a, c1, c2, none, none, none, none, none, step.t, w)
@@ -176,4 +181,6 @@ def _history(
         h = h - t.coupling @ x[body.thermal]
     if t.amplitudes:
         h = h - t.loads @ evaluate_amplitudes(t.amplitudes, step.t)
+    if t.tables:
+        h = h - total(t.tables, step.t)
     return np.asarray(h)

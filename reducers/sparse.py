@@ -3,14 +3,14 @@ projection."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field, field_validator
 
 from sparsemor.core.arrays import IntArray
 from sparsemor.core.errors import Fault, InputError
-from sparsemor.core.model import Model
+from sparsemor.core.model import Model, StepFactors
 from sparsemor.core.offline import Offline
 from sparsemor.core.plugin import Plugin
 from sparsemor.core.protocols import (
@@ -25,16 +25,20 @@ from sparsemor.core.slot import Slot, slot_default
 from sparsemor.reducers.checks import (
     budget_faults,
     capability_faults,
+    local_blocks,
     pattern_faults,
     preconditioner_faults,
     resampling_faults,
 )
 from sparsemor.reducers.choose import chosen
 from sparsemor.reducers.prepare import constants
-from sparsemor.reducers.represent import refuse_other, represent
+from sparsemor.reducers.represent import represent
 from sparsemor.reducers.resampled import Resampled, Streams, branched
 from sparsemor.reducers.sampled import choose_rows
+from sparsemor.reducers.sampled_general import coupled_faults
 from sparsemor.reducers.sparse_build import Build, Whole
+
+Residual = Literal["plain", "preconditioned"]
 
 
 class Budget(Plugin):
@@ -65,6 +69,10 @@ class Sparse(Plugin):
     preconditioned: tuple[str, ...] = ("*.thermal",)
     """Blocks whose rows are preconditioned, by pattern; `elastic` is short for `*.elastic`. As
     published only the thermal ones."""
+    residual: Residual | dict[str, Residual] = "plain"
+    """Which rows are sampled, in all blocks or by block pattern: `plain` those of the residual r as
+    published; `preconditioned` those of D^-1 r, the error that r causes, with the operator D of a
+    step. Least squares of these come near to Galerkin; a step costs the same."""
     resample: int | None = Field(default=None, ge=1)
     """Steps after which other rows are drawn (the paper: 1); left out: one draw for the run."""
     row_sets: int | None = Field(default=None, ge=2)
@@ -95,26 +103,30 @@ class Sparse(Plugin):
     def _by_pattern(cls, names: tuple[str, ...]) -> tuple[str, ...]:
         return tuple(name if "." in name or "*" in name else f"*.{name}" for name in names)
 
+    def preconditions(self, name: str) -> bool:
+        """Whether the rows of a block are those of D^-1 r."""
+        table = {"*": self.residual} if isinstance(self.residual, str) else self.residual
+        return chosen(name, table, "plain") == "preconditioned"
+
     def prepare(
         self, model: Model, integrator: Integrator, h: float,
         offline: Offline, rng: np.random.Generator,
     ) -> StepSolver:
-        refuse_other(model, "sparse")
         faults = self.check(model)
         if faults:
             raise InputError(faults).under("reducer")
         none = Budget(rows=0)
         budgets = {n: chosen(n, self.budgets, none) for n in model.reducible()}
+        step = StepFactors(h, *constants(model.layout, integrator, h))
         dictionaries, limits = represent(
-            offline, {n: chosen(n, self.bases, self.basis) for n in model.reducible()})
+            offline, {n: chosen(n, self.bases, self.basis) for n in model.reducible()}, step)
         streams = dict(zip(budgets, rng.spawn(len(budgets)), strict=True))
         build = Build(model, offline, self, dictionaries, limits,
-                      {n: b.atoms for n, b in budgets.items()},
-                      constants(model.layout, integrator, h))
+                      {n: b.atoms for n, b in budgets.items()}, step)
 
         def draw(streams: Streams, keep: Offline | None) -> dict[str, IntArray]:
             return {n: choose_rows(model, keep, n, b.rows, b.atoms or 10**9, self.sampler,
-                                   dictionaries[n], streams[n])
+                                   dictionaries[n], streams[n], step, self.preconditions(n))
                     for n, b in budgets.items()}
 
         later = {n: rng.spawn(1)[0] for n, rng in streams.items()}
@@ -154,6 +166,8 @@ class Sparse(Plugin):
         faults += capability_faults(
             model, self.budgets, self.sampler, self.solver, self.basis, self.bases)
         faults += resampling_faults(model, self.resample, self.row_sets)
+        faults += self._residual_faults(model)
+        faults += coupled_faults(model, self.budgets, self.basis, self.bases, self.resample)
         if not self.polish and self.every > 1:
             faults.append(Fault("every", "without polish each step needs its own selection: "
                                 "take every: 1"))
@@ -161,4 +175,22 @@ class Sparse(Plugin):
         if not self.polish and local:
             faults.append(Fault("polish", f"the selection in {', '.join(local)} is linear and "
                                 "leaves radiation to the polish: take polish: true"))
+        return faults
+
+    def _residual_faults(self, model: Model) -> list[Fault]:
+        """Where rows of D^-1 r would need the whole mesh in a step, or in a draw of rows."""
+        faults = ([] if isinstance(self.residual, str) else
+                  pattern_faults(model, "residual", self.residual))
+        inverted = [n for n in model.reducible() if self.preconditions(n)]
+        local = local_blocks(model)
+        for name in inverted:
+            if name in local:
+                faults.append(Fault("residual", (
+                    f"a row of D^-1 r reads all of r in {name}, and so every element of "
+                    f"{local[name]} in each step: take plain rows there, or a reducer that "
+                    "evaluates all of them, such as galerkin")))
+        if inverted and self.resample is not None and self.row_sets is None:
+            faults.append(Fault("row_sets", (
+                f"each draw of rows of D^-1 r in {', '.join(inverted)} takes solves with the whole "
+                "operator: give a number of row sets, which are prepared beforehand")))
         return faults

@@ -7,12 +7,13 @@ from typing import Protocol
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.capabilities import refusal
 from sparsemor.core.errors import Fault, InputError
-from sparsemor.core.model import Model
+from sparsemor.core.model import Model, StepFactors
 from sparsemor.core.offline import Offline
-from sparsemor.core.protocols import Dictionary, Preconditioner, SparseSolver
+from sparsemor.core.protocols import Dictionary, Preconditioner, SparseSolver, StepSolver
 from sparsemor.core.status import SolveFailed, Status
 from sparsemor.reducers.bordered import Tolerances
 from sparsemor.reducers.choose import chosen
+from sparsemor.reducers.inverse_rows import inverse_rows
 from sparsemor.reducers.missed import missed_loads
 from sparsemor.reducers.prepare import stepper
 from sparsemor.reducers.rows import elastic_rows, elastic_times, heat_rows, heat_times
@@ -24,6 +25,7 @@ from sparsemor.reducers.sampled import (
     told,
     weigh,
 )
+from sparsemor.reducers.sampled_general import sampled_general
 from sparsemor.reducers.selection import mechanics_needs, shape_needs
 from sparsemor.reducers.sparse_stepper import SparseStepper
 from sparsemor.reducers.stepper import Stepper
@@ -39,6 +41,10 @@ class Options(Protocol):
     def preconditioned(self) -> tuple[str, ...]: ...
     @property
     def solver(self) -> SparseSolver: ...
+    def preconditions(self, name: str) -> bool:
+        """Whether the rows of a block are those of its residual times D^-1."""
+        ...
+
     @property
     def every(self) -> int: ...
     @property
@@ -74,7 +80,7 @@ class Whole:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Build:
-    """atoms: budget of each block, None for the whole dictionary; c: c1, c2, c1 of first order;
+    """atoms: budget of each block, None for the whole dictionary; step: what the steps are made of;
     offline: None for rows that are made during the run, of which nothing is cached."""
 
     model: Model
@@ -83,11 +89,11 @@ class Build:
     dictionaries: Mapping[str, Dictionary]
     limits: Mapping[str, float]
     atoms: Mapping[str, int | None]
-    c: tuple[float, float, float]
+    step: StepFactors
 
     def solver(
         self, rows: Mapping[str, IntArray], whole: Whole | None = None, row_set: int = 0
-    ) -> Stepper | SparseStepper:
+    ) -> StepSolver:
         """A step solver that sees these rows of each block.
 
         whole: take them from there instead of from the mesh's matrices; row_set: number of these
@@ -97,34 +103,53 @@ class Build:
         heat: dict[str, SampledHeat] = {}
         elastic: dict[str, SampledElastic] = {}
         facts: dict[str, Mapping[str, float | int | str]] = {}
-        c1, c2, c1_first = self.c
+        _, c1, c2, c1_first = self.step
         for b in self.model.separated.heat:
             n = b.thermal
-            th = (heat_rows(whole.heat[n], rows[n]) if whole is not None else
-                  TestedHeat.of(b, self.dictionaries[n], TestMap(rows=rows[n])))
+            th = (heat_rows(known.heat[n], rows[n]) if (known := self._known(whole, n)) else
+                  TestedHeat.of(b, self.dictionaries[n], self._map(n, rows[n])))
             block, facts[n] = self._block(n, rows[n], th.block(c1_first))
             heat[n] = SampledHeat.of(block, heat_times(block.weight, th), self.model, b, c1_first)
         for m in self.model.separated.moving:
             if m.operators is None:
                 continue
             n = m.elastic
-            te = (elastic_rows(whole.elastic[n], rows[n]) if whole is not None else
+            te = (elastic_rows(known.elastic[n], rows[n]) if (known := self._known(whole, n)) else
                   TestedElastic.of(m.operators, m.frame, self.dictionaries[n],
-                                   self.dictionaries.get(m.thermal), TestMap(rows=rows[n])))
+                                   self.dictionaries.get(m.thermal), self._map(n, rows[n])))
             block, facts[n] = self._block(n, rows[n], te.block(c1, c2))
             elastic[n] = SampledElastic.of(block, elastic_times(block.weight, te))
+        if self.model.separated.other:
+            return sampled_general(
+                self.model, self.dictionaries, self.limits, rows, {**heat, **elastic},
+                {n: self._map(n, r) for n, r in rows.items()}, self.options,
+                missed_loads(self.model, rows), facts)
         return self._stepper(rows, heat, elastic, facts, row_set)
+
+    def _known(self, whole: Whole | None, name: str) -> Whole | None:
+        """Where the rows of a block can be taken from: those of D^-1 r are not kept for all."""
+        return None if self.options.preconditions(name) else whole
+
+    def _map(self, name: str, rows: IntArray) -> TestMap:
+        """These rows of the residual r, or of D^-1 r."""
+        if not self.options.preconditions(name):
+            return TestMap(rows=rows)
+        operator = self.model.block_data(name, step=self.step).operator
+        return TestMap(left=inverse_rows(self.offline, name, operator, rows))
 
     def _block(
         self, name: str, rows: IntArray, B: FloatArray
     ) -> tuple[Sampled, Mapping[str, float | int | str]]:
         """A block with its preconditioner, and what its rows can tell apart (at the start)."""
-        P = None
+        P, inverted = None, self.options.preconditions(name)
+        if inverted:  # D^-1 D atoms, without the rounding of either
+            B = self.dictionaries[name].atoms[rows]
         if chosen(name, dict.fromkeys(self.options.preconditioned, True), False):
             P = weigh(self.offline, self.options.preconditioner, name, B)
         block = Sampled(name, self.dictionaries[name], rows, self.atoms[name] or B.shape[1],
                         B if P is None else P @ B, P)
-        return block, {} if self.offline is None else told(B, P)
+        seen = {} if self.offline is None else dict(told(B, P))
+        return block, {"residual": "preconditioned", **seen} if inverted else seen
 
     def _stepper(
         self, rows: Mapping[str, IntArray], heat: Mapping[str, SampledHeat],
@@ -137,11 +162,13 @@ class Build:
             bent = {n: e.prepared(None) for n, e in elastic.items() if not e.block.selects}
         except RankDeficient as error:
             raise SolveFailed(Status.RANK_DEFICIENT, 0.0, error.block, error.detail) from None
+        # D^-1 brings every load to every row
+        plain = {n: r for n, r in rows.items() if not self.options.preconditions(n)}
         o, sizes = self.options, {n: d.atoms.shape[1] for n, d in self.dictionaries.items()}
         base = stepper(
             self.model, self.model.layout.resized(sizes), self.dictionaries, rows, hot, bent,
             Tolerances(o.remaining, o.max_iterations), o.predictor, len(hot) + len(bent),
-            self.limits, missed_loads(self.model, rows),
+            self.limits, missed_loads(self.model, plain),
             {n: e.tested for n, e in elastic.items()}, facts)
         if len(hot) == len(heat) and len(bent) == len(elastic):
             return base

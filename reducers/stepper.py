@@ -10,7 +10,8 @@ from sparsemor.core.layout import Layout
 from sparsemor.core.protocols import Dictionary, State, StepFormula, StepOutcome
 from sparsemor.core.separable import Frame, Separated
 from sparsemor.core.status import Status
-from sparsemor.reducers.bordered import BodyStep, Contraction, Mechanics, Tolerances
+from sparsemor.reducers.body_step import BodyStep
+from sparsemor.reducers.bordered import Contraction, Mechanics, Tolerances
 from sparsemor.reducers.consistent import consistent_start
 from sparsemor.reducers.elastic import CompressedElastic, ElasticBlock
 from sparsemor.reducers.heat import HeatBlock
@@ -97,7 +98,10 @@ class Stepper:
         for body in self.separated.heat:
             at, block = self.layout[body.thermal], self.heat[body.thermal]
             active = block.active
-            guess = x[at] if active is None else x[at][active]
+            here = x[at]
+            if block.elements:
+                here = _near(here, memory.ring.rows[memory.ring.newest, at])
+            guess = here if active is None else here[active]
             T, status, n = block.solve(step.r1[at], step.t, guess)
             if not status.ok:
                 return StepOutcome(x, status, n, body.thermal)
@@ -159,12 +163,19 @@ class Stepper:
                 "support_changes": memory.support_changes}
 
 
+def _near(foretold: FloatArray, last: FloatArray) -> FloatArray:
+    """The extrapolation, or the last state where that is far off: below 0 K radiation has a second
+    solution."""
+    far = float(np.abs(foretold - last).max()) > 0.1 * float(np.abs(last).max())
+    return last if far else foretold
+
+
 def _bodies(s: Stepper) -> Sequence[BodyStep]:
     none = slice(0, 0)
     return [BodyStep(
         m.name, s.frames.get(m.name, m.frame), m.to_border, m.origin,
         s.elastic.get(m.elastic), s.layout[m.elastic] if m.elastic else none,
-        s.layout[m.thermal] if m.thermal in s.layout else none, m.elastic)
+        s.layout[m.thermal] if m.thermal in s.layout else none, m.elastic, m.guide)
         for m in s.separated.moving]
 
 

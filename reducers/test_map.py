@@ -13,6 +13,7 @@ import numpy as np
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.protocols import Dictionary
 from sparsemor.core.separable import Amplitude, ElasticOperators, Frame, HeatBody
+from sparsemor.core.tables import Table, seen_by
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,7 +44,7 @@ class TestedElastic:
 
     rows: mass r2 + damping r1 + (stiffness + c1 damping + c2 mass) c
           + directions sigma + sum_g kappa_g generators_g c + mu_g generators_g r1
-          - coupling cT - loads amplitudes(t) + constant.
+          - coupling cT - loads amplitudes(t) - tables(t) + constant.
     The first line is under the map `test`; all else, the forces, under `force` where it is given.
     quadratic (g, k, k) = atoms^T M_g atoms; functional (p, k) = directions^T atoms.
     """
@@ -60,6 +61,7 @@ class TestedElastic:
     quadratic: FloatArray
     functional: FloatArray
     amplitudes: tuple[Amplitude, ...]
+    tables: tuple[Table, ...] = ()
 
     @classmethod
     def of(
@@ -85,15 +87,17 @@ class TestedElastic:
             Kt = push(ops.coupling)
             constant = constant - Kt @ heat.offset
             coupling = np.asarray(Kt @ heat.atoms)
-        MT = [np.asarray(M @ T) for M in ops.generators]
+        MT, k = [np.asarray(M @ T) for M in ops.generators], T.shape[1]
+        none = np.zeros((0, len(constant), k))
         return cls(
-            frame=frame, mass=np.asarray(test(MT[0])),
+            frame=frame, mass=np.asarray(test(ops.mass @ T)),
             damping=np.asarray(test(ops.damping) @ T),
             stiffness=np.asarray(test(ops.stiffness) @ T),
-            generators=np.stack([np.asarray(push(A)) for A in MT]),
+            generators=np.stack([np.asarray(push(A)) for A in MT]) if MT else none,
             directions=np.asarray(push(P)), coupling=coupling, loads=np.asarray(push(ops.loads)),
-            constant=np.asarray(constant), quadratic=np.stack([T.T @ A for A in MT]),
-            functional=P.T @ T, amplitudes=ops.amplitudes,
+            constant=np.asarray(constant),
+            quadratic=np.stack([T.T @ A for A in MT]) if MT else np.zeros((0, k, k)),
+            functional=P.T @ T, amplitudes=ops.amplitudes, tables=seen_by(ops.tables, push),
         )
 
     def block(self, c1: float, c2: float) -> FloatArray:
@@ -103,9 +107,9 @@ class TestedElastic:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TestedHeat:
-    """m tested rows of capacity T' + conductivity T - constant - loads amplitudes(t).
+    """m tested rows of capacity T' + conductivity T - constant - loads amplitudes(t) - tables(t).
 
-    The last two are forces, under `force` where that is given.
+    The last three are forces, under `force` where that is given.
     """
 
     capacity: FloatArray
@@ -113,6 +117,7 @@ class TestedHeat:
     constant: FloatArray
     loads: FloatArray
     amplitudes: tuple[Amplitude, ...]
+    tables: tuple[Table, ...] = ()
 
     @classmethod
     def of(
@@ -123,7 +128,7 @@ class TestedHeat:
         return cls(
             np.asarray(test(heat.capacity) @ T), np.asarray(K @ T),
             np.asarray(push(heat.constant) - K @ o), np.asarray(push(heat.loads)),
-            heat.amplitudes)
+            heat.amplitudes, seen_by(heat.tables, push))
 
     def block(self, c1: float) -> FloatArray:
         """B = c1 C + K under both maps, (m, k)."""

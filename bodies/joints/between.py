@@ -63,7 +63,7 @@ def plane(target: Target, key: str = "between") -> PlanarBody:
 
 def _check(target: Target, angle: bool) -> None:
     body = target.body
-    if not body.moves and body.elasticity is None:
+    if body.idle:
         raise InputError(f"{target.text!r} cannot move: body {body.name!r} is fixed in space and "
                          "has no elastic field", "between")
     if angle and body.elasticity is not None and len(target.nodes) < 2:

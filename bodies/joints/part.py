@@ -1,17 +1,19 @@
 """Constraints between attachments: what a built joint is."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from sparsemor.bodies.body_part import PlanarBody
 from sparsemor.bodies.linear_term import LinearEquations, LinearTerm
+from sparsemor.bodies.planar.items import Reaction
 from sparsemor.bodies.targets import Target
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.layout import Block, Layout
 from sparsemor.core.protocols import Part, Term
 from sparsemor.core.separable import Amplitude
+from sparsemor.core.tables import Table
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,18 +34,37 @@ class JointPart:
     """Rows sum_i C_i (position, angle of attachment i) - targets(t) = 0, with l multipliers.
 
     A multiplier is a force (N) or moment (N m). localized: its rows are kept when rows are
-    sampled, because a joint's reaction acts on few unknowns.
+    sampled, because a joint's reaction acts on few unknowns. reactions: multipliers (T, l) that are
+    known: then they are forces on each side, and there is neither an unknown nor a constraint.
     """
 
     name: str
     ends: tuple[End, ...]
     targets: tuple[Amplitude, ...]
     localized: bool = True
+    reactions: Table | None = None
+
+    def known(self, reactions: Table) -> "JointPart":
+        """The same joint with multipliers (T, l) that are given, N and N m."""
+        return replace(self, reactions=reactions)
+
+    @property
+    def inert(self) -> bool:
+        """Whether no unknown could satisfy its constraints: in a rigid stage, a joint of bodies
+        that do not move there. The flexible stage then has it as a constraint."""
+        bodies = [end.target.body for end in self.ends]
+        return not any(b.moves or b.elasticity is not None for b in bodies)
 
     def blocks(self) -> Sequence[Block]:
+        if self.reactions is not None or self.inert:
+            return ()
         return [Block(self.name, "multiplier", len(self.targets))]
 
     def terms(self, layout: Layout, parts: Mapping[str, Part]) -> Sequence[Term]:
+        if self.inert:
+            return []
+        if self.reactions is not None:
+            return [_reaction(end, self.reactions, layout) for end in self.ends]
         lam = np.arange(layout.size)[layout[f"{self.name}.multiplier"]]
         terms: list[Term] = []
         for end in self.ends:
@@ -55,3 +76,11 @@ class JointPart:
         terms.append(LinearTerm(self.name, lam, np.zeros(0, np.int64), LinearEquations(
             empty, empty, np.zeros(n), np.eye(n), self.targets)))
         return terms
+
+
+def _reaction(end: End, multipliers: Table, layout: Layout) -> Term:
+    """The force of a joint on one of its sides: its multipliers through the side's share of the
+    constraint rows."""
+    item, vectors = end.body.attachment(end.target.mean(), end.C.shape[1] == 3)
+    known = Reaction(item.point, multipliers.through(end.C.T))
+    return end.body.frame_term(layout, known, vectors)

@@ -49,7 +49,7 @@ class PrescribedMotion(Plugin):
         driven = [(i, f) for i, f in enumerate(given) if f is not None]
         if not driven:
             raise InputError("nothing is prescribed: give x, y or angle", "of")
-        if not body.moves and body.elasticity is None:
+        if body.idle:
             raise InputError(f"body {body.name!r} neither moves nor deforms", "of")
         if self.angle is not None and body.elasticity is not None and len(target.nodes) < 2:
             raise InputError(f"{self.of!r} is a single point of a flexible body: it has no angle",

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -31,6 +32,8 @@ class Held:
 
 class PrescribedTemperature(Plugin):
     """T = T(t) on sets of nodes: eliminated, its rate enters the rows beside it."""
+
+    acts_on: ClassVar[str] = "thermal"
 
     on: list[str]
     """Sets `body:set`."""

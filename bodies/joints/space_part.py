@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import NoReturn
 
 import numpy as np
 
@@ -9,9 +10,11 @@ from sparsemor.bodies.linear_term import LinearEquations, LinearTerm
 from sparsemor.bodies.spatial.body import NO_NUMBERS, SpatialBody
 from sparsemor.bodies.spatial.items import Item
 from sparsemor.core.arrays import FloatArray
+from sparsemor.core.errors import InputError
 from sparsemor.core.layout import Block, Layout
 from sparsemor.core.protocols import Part, Term
 from sparsemor.core.separable import Amplitude
+from sparsemor.core.tables import Table
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,6 +40,11 @@ class SpaceJoint:
     targets: tuple[Amplitude, ...]
     adjusted: Mapping[str, SpatialBody] = field(default_factory=dict)
     localized: bool = True
+
+    def known(self, reactions: Table) -> NoReturn:
+        """InputError: its forces cannot be given, as those of a plane joint can."""
+        raise InputError("the joint is in space, and a rigid stage is known for plane bodies only: "
+                         "drop rigid_stage, or give its bodies in the plane")
 
     def blocks(self) -> Sequence[Block]:
         return [Block(self.name, "multiplier", len(self.targets))]

@@ -1,7 +1,7 @@
 """Convection: heat exchanged with a fluid of given temperature."""
 
 from collections.abc import Mapping
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from pydantic import Field
 
@@ -15,6 +15,8 @@ from sparsemor.core.protocols import Part
 
 class Convection(Plugin):
     """q = h (T_fluid - T) over the boundary facets of each set."""
+
+    acts_on: ClassVar[str] = "thermal"
 
     on: Annotated[list[str], Field(min_length=1)]
     """Surfaces `body:set`."""

@@ -1,7 +1,7 @@
 """Given heat flux into a surface that moves with the body."""
 
 from collections.abc import Mapping
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from pydantic import Field
 
@@ -15,6 +15,8 @@ from sparsemor.core.protocols import Part
 
 class HeatFlux(Plugin):
     """q into the body over the boundary facets of each set."""
+
+    acts_on: ClassVar[str] = "thermal"
 
     on: Annotated[list[str], Field(min_length=1)]
     """Surfaces `body:set`."""

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 from pydantic import Field
@@ -142,6 +142,8 @@ _RULES = {2: _line(), 3: _triangle()}
 
 class Radiation(Plugin):
     """q = eps sigma (T^4 - T_inf^4) out of the boundary facets of each set (T in K)."""
+
+    acts_on: ClassVar[str] = "thermal"
 
     on: Annotated[list[str], Field(min_length=1)]
     """Surfaces `body:set`."""

@@ -29,7 +29,9 @@ class PlanarFrame:
 
     @property
     def generators(self) -> int:
-        return 2 if self.elastic else 0
+        """None at rest, where no inertia but M u'' acts."""
+        inert = any(isinstance(i, Inertia) for i in self.items)
+        return 2 if self.elastic and inert else 0
 
     def evaluate(
         self, y: FloatArray, v: FloatArray, a: FloatArray, c1: float, c2: float,

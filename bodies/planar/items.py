@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from sparsemor.bodies.planar.motion import Motion, Views
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.separable import Amplitude
+from sparsemor.core.tables import Table
 
 
 @dataclass(frozen=True, slots=True)
@@ -217,4 +218,46 @@ class Attachment:
             out.sigma_y[k, j] = out.tau[k, j] = 1.0
 
 
-Item = Inertia | BodyForce | SpaceForce | Attachment
+@dataclass(frozen=True, slots=True, eq=False)
+class Reaction:
+    """What an `Attachment` does with forces that are known: (T, 2) N in space axes or, with the
+    moment (N m) on the mean rotation of the set, (T, 3)."""
+
+    point: complex
+    forces_at: Table
+    forces = 0
+
+    @property
+    def turns(self) -> bool:
+        return bool(self.forces_at.values.shape[1] == 3)
+
+    @property
+    def pairs(self) -> int:
+        return 2 if self.turns else 1
+
+    def names(self, source: str) -> tuple[str, ...]:
+        turn = (f"{source} turn", "") if self.turns else ()
+        return (f"{source} x", f"{source} y", *turn)
+
+    def shifted(self, s: list[complex], quadratic: FloatArray) -> "Reaction":
+        return replace(self, point=self.point + s[0])
+
+    def evaluate(self, m: Motion, j: int, k: int, total: list[float], out: Views) -> None:
+        known = self.forces_at.at(m.t).tolist()
+        f = complex(known[0], known[1])
+        fb = m.ec * f
+        torque = (self.point + (m.s[j] if m.s else 0j)).conjugate() * fb
+        total[0] += f.real
+        total[1] += f.imag
+        total[2] += torque.imag
+        total[7] -= torque.real
+        if m.s:
+            out.sigma[j] = fb
+            out.sigma_y[2, j] = out.tau[2, j] = -1j * fb
+        if self.turns:
+            total[2] += known[2]
+            if m.s:
+                out.sigma[j + 1] = known[2]
+
+
+Item = Inertia | BodyForce | SpaceForce | Attachment | Reaction

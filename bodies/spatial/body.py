@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import NoReturn
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from sparsemor.bodies.spatial.frame import SpatialFrame
 from sparsemor.bodies.spatial.inertia import Inertia
 from sparsemor.bodies.spatial.items import Attachment, BodyForce, Item, SpaceForce, UnitLength
 from sparsemor.bodies.spatial.terms import inertia_term
+from sparsemor.bodies.table_term import TableTerm
 from sparsemor.core.arrays import Csr, FloatArray, IntArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.layout import Block, Layout
@@ -24,6 +26,7 @@ from sparsemor.core.model import ProbePlace
 from sparsemor.core.protocols import Part, Term, TimeFunction
 from sparsemor.core.run_header import BodyShape
 from sparsemor.core.separable import Amplitude, HeatBody, MovingBody
+from sparsemor.core.stage import FrameHistory
 
 NO_NUMBERS = np.zeros(0, np.int64)
 
@@ -62,6 +65,16 @@ class SpatialBody:
     def idle(self) -> bool:
         """Whether a force on it can do nothing: it neither moves nor deforms."""
         return not self.moves and self.elasticity is None
+
+    @property
+    def guide(self) -> None:
+        """No motion is given to its frame (see `guided`)."""
+        return None
+
+    def guided(self, motion: FrameHistory) -> NoReturn:
+        """InputError: its frame cannot follow a given motion, as a planar one can."""
+        raise InputError(f"body {self.name!r} is in space, and a rigid stage is known for plane "
+                         "bodies only: drop rigid_stage, or give the body in the plane")
 
     @property
     def turns_freely(self) -> bool:
@@ -180,7 +193,7 @@ class SpatialBody:
 
     def claims(self, layout: Layout, term: Term) -> bool:
         """Whether `mechanics` or `heat_equations` accounts for this term."""
-        if isinstance(term, FrameTerm | LinearTerm):
+        if isinstance(term, FrameTerm | LinearTerm | TableTerm):
             return term.body == self.name
         at = self.position(layout, "thermal")
         inside = [len(r) and len(at) and r.min() >= at[0] and r.max() <= at[-1]

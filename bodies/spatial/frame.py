@@ -36,7 +36,9 @@ class SpatialFrame:
 
     @property
     def generators(self) -> int:
-        return moments_of(self.size).count if self.elastic else 0
+        """None at rest, where no inertia but M u'' acts."""
+        inert = any(isinstance(i, Inertia) for i in self.items)
+        return moments_of(self.size).count if self.elastic and inert else 0
 
     def evaluate(
         self, y: FloatArray, v: FloatArray, a: FloatArray, c1: float, c2: float,

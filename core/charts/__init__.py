@@ -7,8 +7,10 @@ from typing import TYPE_CHECKING
 
 from sparsemor.core.charts.active_atoms import active_atoms_figure
 from sparsemor.core.charts.angles import angles_figure
+from sparsemor.core.charts.contact_forces import contact_forces_figure
 from sparsemor.core.charts.deformation import deformation_figure
 from sparsemor.core.charts.error_over_time import error_over_time_figure
+from sparsemor.core.charts.positions import moving_bodies, positions_figure
 from sparsemor.core.charts.style import save
 from sparsemor.core.charts.work_precision import WorkPoint, work_precision_figure
 
@@ -48,7 +50,7 @@ def write_run_charts(
     times: Sequence[float] | None = None,
     formats: Sequence[str] = FORMATS,
 ) -> list[Path]:
-    """The same for one run alone: angles, bodies, atoms in use."""
+    """The same for one run alone: angles, bodies, contact forces, positions, atoms in use."""
     figures = _of_reference(run, times)
     figures["angles"] = angles_figure(run, {}, run.reducer)
     figures["active_atoms"] = active_atoms_figure(run, run.reducer)
@@ -56,8 +58,12 @@ def write_run_charts(
 
 
 def _of_reference(run: "RunResult", times: Sequence[float] | None) -> "dict[str, Figure | None]":
-    return {"deformation": deformation_figure(run, "elastic", times),
-            "temperature": deformation_figure(run, "thermal", times)}
+    figures = {"deformation": deformation_figure(run, "elastic", times),
+               "temperature": deformation_figure(run, "thermal", times)}
+    stage = run.stage()
+    if stage is not None:
+        figures["contact_forces"] = contact_forces_figure(stage)
+    return figures | {"positions": positions_figure(moving_bodies(run))}
 
 
 def _save_all(
@@ -69,6 +75,7 @@ def _save_all(
 
 
 __all__ = [
-    "FORMATS", "WorkPoint", "active_atoms_figure", "angles_figure", "deformation_figure",
-    "error_over_time_figure", "work_precision_figure", "write_charts", "write_run_charts",
+    "FORMATS", "WorkPoint", "active_atoms_figure", "angles_figure", "contact_forces_figure",
+    "deformation_figure", "error_over_time_figure", "positions_figure", "work_precision_figure",
+    "write_charts", "write_run_charts",
 ]

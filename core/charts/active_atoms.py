@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sparsemor.core.charts.style import COLUMN, NORMAL, new_figure, style_of, tidy
+from sparsemor.core.charts.units import unit
 from sparsemor.core.results import RunResult
 
 if TYPE_CHECKING:
@@ -24,6 +25,7 @@ def active_atoms_figure(run: RunResult, name: str) -> "Figure | None":
     if not blocks or len(run.times) == 0:
         return None
     every = max(1, -(-len(run.times) // _MOST_COLUMNS))
+    times, clock = run.times, unit(float(run.times[-1]), "s")
     columns = 2 if len(blocks) > 2 else 1
     rows = -(-len(blocks) // columns)
     figure = new_figure(COLUMN * (2 if columns == 2 else 1), 0.5 + 1.75 * rows)
@@ -33,12 +35,12 @@ def active_atoms_figure(run: RunResult, name: str) -> "Figure | None":
     for number, (b, axes) in enumerate(zip(blocks, panels, strict=False)):
         active = run.support(b.name)[::every]
         step, atom = np.nonzero(active)
-        axes.scatter(run.times[::every][step], atom + 1, s=1.6, marker="o", linewidths=0,
+        axes.scatter(clock.factor * times[::every][step], atom + 1, s=1.6, marker="o", linewidths=0,
                      color=style_of(0).colour, rasterized=step.size > 5000)
         low = number + columns >= len(blocks)
-        tidy(axes, "time (s)" if low else "", "atom", _title(run, b.name))
+        tidy(axes, f"time ({clock.name})" if low else "", "atom", _title(run, b.name))
         axes.tick_params(labelbottom=True)
-        axes.set_xlim(run.times[0], run.times[-1])
+        axes.set_xlim(clock.factor * times[0], clock.factor * times[-1])
         highest = int(np.flatnonzero(active.any(axis=0)).max(initial=0)) + 1
         axes.set_ylim(0, 1.04 * highest + 1)
         axes.yaxis.get_major_locator().set_params(integer=True)

@@ -7,6 +7,7 @@ import numpy as np
 
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.charts.style import COLUMN, NORMAL, PAGE, SMALL, TRACE, new_figure, tidy
+from sparsemor.core.charts.units import Unit, unit
 from sparsemor.core.results import RunResult
 
 if TYPE_CHECKING:
@@ -39,23 +40,25 @@ def deformation_figure(
     wanted = times or (end / 3.0, 2.0 * end / 3.0, end)
     steps = [int(np.argmin(np.abs(run.times - t))) for t in wanted]
     factor = magnification(run, bodies, steps)
-    scale, label = _unit(run, bodies, steps, quantity)
+    scale, label = _scale(run, bodies, steps, quantity)
     colours = [[_values(run, b, s, quantity) for b in bodies] for s in steps]
     seen = np.concatenate([v * scale for row in colours for v in row if v is not None])
     low, high = (0.0 if quantity == "elastic" else float(seen.min())), float(seen.max())
     if low == high:  # one colour throughout still needs a scale
         low, high = low - 0.5, high + 0.5
     shades = {"vmin": low, "vmax": high, "cmap": _MAPS[quantity]}
-    box = _bounds(run, bodies, steps, factor)
+    box, clock = _bounds(run, bodies, steps, factor), unit(end, "s")
+    metre = _length_unit(box)
     figure, panels = _panels(len(steps), (box[3] - box[2]) / (box[1] - box[0]))
     drawn: Any = None
     for axes, step, row in zip(panels, steps, colours, strict=True):
         place = axes.get_subplotspec()
-        tidy(axes, "x (m)" if place.is_last_row() else "",
-             "y (m)" if place.is_first_col() else "", f"t = {run.times[step]:.3f} s")
+        tidy(axes, f"x ({metre.name})" if place.is_last_row() else "",
+             f"y ({metre.name})" if place.is_first_col() else "",
+             f"t = {clock.factor * run.times[step]:.3f} {clock.name}")
         for body, values in zip(bodies, row, strict=True):
-            _trace(axes, run, body)
-            x, y = run.positions(body, step, factor).T
+            _trace(axes, run, body, metre)
+            x, y = metre.factor * run.positions(body, step, factor).T
             cells = run.cells(body)
             if values is not None:
                 drawn = axes.tripcolor(x, y, cells, values * scale, shading="gouraud",
@@ -63,14 +66,16 @@ def deformation_figure(
             edges = _outline(cells)
             axes.plot(x[edges].T, y[edges].T, color="#606060", linewidth=0.3)
         axes.set_aspect("equal")
-        axes.set(xlim=box[:2], ylim=box[2:])
+        axes.set(xlim=[metre.factor * x for x in box[:2]],
+                 ylim=[metre.factor * y for y in box[2:]])
     bar = figure.colorbar(drawn, ax=panels, shrink=0.9, pad=0.015, aspect=30)
     bar.set_label(label, fontsize=NORMAL)
     bar.ax.tick_params(labelsize=SMALL, width=0.6, length=3)
-    note = "grey: path of each body frame's origin"
-    if any(f"{b}.elastic" in run.layout for b in bodies):
-        note = f"drawn with displacements × {factor:g}; {note}"
-    figure.supxlabel(note, fontsize=SMALL)
+    notes = [f"drawn with displacements × {factor:g}"] * any(
+        f"{b}.elastic" in run.layout for b in bodies)
+    notes += ["grey: path of each body frame's origin"] * any(
+        _path(run, b) is not None for b in bodies)
+    figure.supxlabel("; ".join(notes), fontsize=SMALL)
     return figure
 
 
@@ -115,33 +120,46 @@ def _values(run: RunResult, body: str, step: int, quantity: Quantity) -> FloatAr
     return np.asarray(np.linalg.norm(run.nodal_displacement(body, step), axis=1))
 
 
-def _unit(
+def _scale(
     run: RunResult, bodies: Sequence[str], steps: Sequence[int], quantity: Quantity
 ) -> tuple[float, str]:
     if quantity == "thermal":
         return 1.0, "temperature (K)"
     largest = max(float(np.abs(run.nodal_displacement(b, s)).max()) for b in bodies for s in steps)
-    units = ((1.0, "m"), (1e3, "mm"), (1e6, "µm"), (1e9, "nm"))
-    scale, unit = next((u for u in units if largest * u[0] >= 0.5), units[-1])
-    return scale, f"displacement |u| ({unit})"
+    shown = unit(largest, "m")
+    return shown.factor, f"displacement |u| ({shown.name})"
+
+
+def _length_unit(box: tuple[float, float, float, float]) -> Unit:
+    return unit(max(box[1] - box[0], box[3] - box[2]), "m")
 
 
 def _bounds(
     run: RunResult, bodies: Sequence[str], steps: Sequence[int], factor: float
 ) -> tuple[float, float, float, float]:
     points = [run.positions(b, s, factor) for b in bodies for s in steps]
-    points += [run.block(f"{b}.rigid")[:, :2] for b in bodies if f"{b}.rigid" in run.layout]
+    points += [path for b in bodies if (path := _path(run, b)) is not None]
     low, high = np.concatenate(points).min(axis=0), np.concatenate(points).max(axis=0)
     margin = 0.04 * float((high - low).max())
     return (float(low[0] - margin), float(high[0] + margin),
             float(low[1] - margin), float(high[1] + margin))
 
 
-def _trace(axes: Any, run: RunResult, body: str) -> None:
+def _trace(axes: Any, run: RunResult, body: str, metre: Unit) -> None:
     """The path of the body frame's origin, which sits at a joint in most scenes."""
+    path = _path(run, body)
+    if path is not None:
+        axes.plot(*(metre.factor * path.T), color=TRACE, linewidth=0.8, zorder=0)
+
+
+def _path(run: RunResult, body: str) -> FloatArray | None:
+    """(j, 2) where the origin of the body's frame was, solved for or followed; None: it stays."""
     if f"{body}.rigid" in run.layout:
-        path = run.block(f"{body}.rigid")[:, :2]
-        axes.plot(path[:, 0], path[:, 1], color=TRACE, linewidth=0.8, zorder=0)
+        return run.block(f"{body}.rigid")[:, :2]
+    stage = run.stage()
+    if stage is None or body not in stage.moves:
+        return None
+    return stage.frames[body].pose[stage.times <= run.times[-1], :2]
 
 
 def _size(run: RunResult, name: str) -> int:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sparsemor.core.charts.style import COLUMN, label_of, legend_above, new_figure, style_of, tidy
+from sparsemor.core.charts.units import unit
 from sparsemor.core.error_measures import Errors
 from sparsemor.core.status import Status
 
@@ -21,11 +22,12 @@ _MOST_POINTS = 2000
 def error_over_time_figure(
     measured: Mapping[str, Errors], statuses: Mapping[str, Status]
 ) -> "Figure | None":
-    """One panel a measure, logarithmic, over s; None when there is no error above 0."""
+    """One panel a measure, logarithmic; None when there is no error above 0."""
     names = [m for m in PANELS if any(_positive(e, m) for e in measured.values())]
     end = max((errors.until for errors in measured.values()), default=0.0)
     if not names or end <= 0.0:
         return None
+    clock = unit(end, "s")
     figure = new_figure(COLUMN, 0.55 + 1.4 * len(names))
     panels = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
     for measure, axes in zip(names, panels, strict=True):
@@ -36,17 +38,18 @@ def error_over_time_figure(
                 every = max(1, len(errors.times) // _MOST_POINTS)
                 line = errors.series[measure][::every]
                 shown = np.where(line > 0.0, line, np.nan)  # a log axis has no place for 0
-                axes.plot(errors.times[::every], shown, color=style.colour, linestyle=style.dash,
-                          linewidth=1.1, label=label_of(run, statuses[run]))
+                axes.plot(clock.factor * errors.times[::every], shown, color=style.colour,
+                          linestyle=style.dash, linewidth=1.1, label=label_of(run, statuses[run]))
                 if (line > 0.0).any():
                     top = max(top, float(line.max()))
                     bottom = min(bottom, float(np.quantile(line[line > 0.0], 0.02)))
         axes.set_yscale("log")
+        axes.yaxis.set_minor_formatter("")  # within one decade they would run into each other
         upper = 3.0 * min(top, _HIGHEST)
         axes.set_ylim(min(max(bottom / 3.0, _LOWEST), 0.1 * upper), upper)
-        axes.set_xlim(0.0, end)
+        axes.set_xlim(0.0, clock.factor * end)
         last = axes is panels[-1]
-        tidy(axes, "time (s)" if last else "", "relative error", PANELS[measure])
+        tidy(axes, f"time ({clock.name})" if last else "", "relative error", PANELS[measure])
     legend_above(figure, panels[0].get_legend_handles_labels()[0], columns=2)
     return figure
 

@@ -135,7 +135,10 @@ def _report(
     if as_json:
         print_json({"status": "failed" if failed else "done", "reference": reference,
                     "runs": [{"run": name, **summary} for name, summary in summaries.items()],
-                    "errors": comparison.errors, "failures": failed, "out": str(directory)})
+                    "errors": comparison.errors,
+                    "start_up": {n: e.start_up for n, e in comparison.measured.items()},
+                    "steady": {n: e.steady for n, e in comparison.measured.items()},
+                    "failures": failed, "out": str(directory)})
     elif not quiet:
         typer.echo(str(comparison))
         typer.echo(f"table and charts: {directory}")

@@ -41,8 +41,9 @@ def stability(
     step: Annotated[str | None, typer.Option(help="Step sizes in s, such as 1e-3,2.5e-4.")] = None,
     integrators: Annotated[str | None, typer.Option(
         help="Such as 'bdf1,{use: generalized_alpha, rho_inf: 1}'.")] = None,
-    at: Annotated[str, typer.Option(
-        help="Times in s along the projected model's run; 0 is the start.")] = "0",
+    at: Annotated[str | None, typer.Option(
+        help="Times in s along the projected model's run, such as 0 (the start only); five from "
+             "start to end when not given.")] = None,
     out: Out = None, force: Force = False, as_json: Json = False, quiet: Quiet = False,
 ) -> None:
     """Tabulate spectral radii of the coupled one-step map over seeds, rows, atoms and steps."""
@@ -66,7 +67,7 @@ def stability(
 
 def plan_of(
     seeds: int, samplers: str | None, required: str | None, rows: str | None, atoms: str | None,
-    step: str | None, integrators: str | None, at: str,
+    step: str | None, integrators: str | None, at: str | None,
 ) -> "Plan":
     """The options as data. Raises InputError that names the option."""
     from sparsemor.core.stability.plan import Plan
@@ -78,7 +79,7 @@ def plan_of(
         samplers=_each(samplers, "samplers", str), required=flags[required],
         rows=_each(rows, "rows", _pair), atoms=_each(atoms, "atoms", _pair),
         steps=_each(step, "step", _positive), integrators=_integrators(integrators), seeds=seeds,
-        at=_each(at, "at", float) or [0.0])
+        at=_each(at, "at", float))
 
 
 def write(found: "Survey", folder: Path) -> list[Path]:

@@ -1,11 +1,13 @@
 """Whether a reduced run will blow up: its coupled one-step map, gated before the first step.
 
-Gate: (growth a step beyond that of the Galerkin model of the same atoms) x steps <= LIMIT. An error
-multiplies by e^LIMIT = 150 at most over the run; sampled blocks of good models do reach 1 + 1e-5
-(an insulated body has an eigenvalue exactly 1), so a gate on the radius itself would refuse them.
+Gate: (growth a step beyond that of the Galerkin model of the same atoms) x steps <= LIMIT, added up
+over a few states of the run to come. An error multiplies by e^LIMIT = 150 at most; sampled blocks
+of good models do reach 1 + 1e-5 (an insulated body has an eigenvalue exactly 1), so a gate on the
+radius itself would refuse them.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from math import inf, isfinite
 from typing import Any
 
@@ -17,7 +19,13 @@ from sparsemor.core.protocols import Integrator, State, StepSolver
 from sparsemor.core.registry import Registry
 from sparsemor.core.scene import Scene
 from sparsemor.core.stability.differences import StepMap, step_map
-from sparsemor.core.stability.reference import PROJECTION, projected, started
+from sparsemor.core.stability.reference import (
+    PROJECTION,
+    course,
+    course_times,
+    projected,
+    started,
+)
 from sparsemor.core.stability.spectrum import ComplexArray, block_of, eigenvalues, excess
 from sparsemor.core.status import SolveFailed, Status
 
@@ -34,7 +42,8 @@ class Judgement:
     radius: spectral radius of the coupled map; reference: that of the Galerkin model of the same
     atoms, None where it was not needed or could not be made; excess: growth a step beyond it;
     block: where the mode that grows most is largest, "" if stable; status: how the step failed, if
-    it did (radius and excess are then infinite).
+    it did (radius and excess are then infinite); over: excess x steps added up over several
+    states, of which this is the worst, None where it is the only one.
     """
 
     t: float
@@ -44,6 +53,7 @@ class Judgement:
     excess: float
     block: str
     status: Status = Status.DONE
+    over: float | None = None
 
     @property
     def growth(self) -> float:
@@ -52,8 +62,8 @@ class Judgement:
 
     @property
     def gate(self) -> float:
-        """excess x steps."""
-        return self.excess * self.steps
+        """excess x steps, over the run where several states were seen."""
+        return self.excess * self.steps if self.over is None else self.over
 
     @property
     def stable(self) -> bool:
@@ -72,9 +82,10 @@ class Judgement:
             return (f"the reduced model is unstable in {self.block}: its step from t = "
                     f"{self.t:g} s, or one a little beside it, ends {self.status.value}; {ADVICE}")
         return (
-            f"the reduced model is unstable in {self.block}: its coupled one-step map has spectral "
-            f"radius {self.radius:.6g}, and grows by e^{self.gate:.3g} over {self.steps} steps "
-            f"beyond the motion itself (limit e^{LIMIT:g}); {ADVICE}")
+            f"the reduced model is unstable in {self.block}: its coupled one-step map at t = "
+            f"{self.t:g} s has spectral radius {self.radius:.6g}, and errors grow by "
+            f"e^{self.gate:.3g} over {self.steps} steps beyond the motion itself (limit "
+            f"e^{LIMIT:g}); {ADVICE}")
 
 
 class Reference:
@@ -120,6 +131,27 @@ def judge(
     return _judged(step, values, theirs, full.t, steps)
 
 
+def judge_along(
+    solver: StepSolver, integrator: Integrator, h: float, steps: int, states: Sequence[State],
+    reference: Reference,
+) -> Judgement:
+    """The worst of several linearisations, its gate added up over the run: `over_the_run`."""
+    return over_the_run([judge(solver, integrator, h, steps, s, reference) for s in states])
+
+
+def over_the_run(found: Sequence[Judgement]) -> Judgement:
+    """Judgements in the order of their times. Each counts for the part of the run that lies nearer
+    to it than to its neighbours."""
+    worst, t = max(found, key=lambda j: j.excess), [j.t for j in found]
+    if not (worst.excess < inf and t[-1] > t[0]):
+        return worst
+    middle = [t[0], *(0.5 * (a + b) for a, b in zip(t, t[1:], strict=False)), t[-1]]
+    parts = [b - a for a, b in zip(middle, middle[1:], strict=False)]
+    gate = sum(j.excess * j.steps * part for j, part in zip(found, parts, strict=True))
+    over = gate / (t[-1] - t[0])
+    return replace(worst, over=over, block=worst.block or ("" if over <= LIMIT else "the run"))
+
+
 def failed(t: float, steps: int, failure: SolveFailed) -> Judgement:
     """Of a model whose step has no linearisation."""
     return Judgement(t, steps, inf, None, inf, failure.block or "the whole system",
@@ -142,7 +174,7 @@ def _judged(
         beyond, "" if stable else block_of(step, value))
 
 
-def check_start(
+def check_run(
     scene: Scene, model: Model, solver: StepSolver, full: State
 ) -> tuple[tuple[str, ...], dict[str, Any]]:
     """What `run` asks before its first step from the full-order state `full`: sentences to warn
@@ -154,8 +186,10 @@ def check_start(
     reducer = scene.dump()["reducer"]["use"]
     if scene.check_stability == "off" or not solver.dictionaries or reducer == PROJECTION:
         return (), {}
-    found = judge(solver, scene.integrator, scene.time.step, step_count(scene), full,
-                  Reference(model, scene.source.registry))
+    integrator, h, steps = scene.integrator, scene.time.step, step_count(scene)
+    known = scene.source.registry
+    states = course(model, integrator, h, solver, full, course_times(h, steps), known)
+    found = judge_along(solver, integrator, h, steps, states, Reference(model, known))
     if found.stable:
         return (), found.facts()
     if scene.check_stability == "refuse":

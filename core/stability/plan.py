@@ -17,7 +17,8 @@ class Plan:
     """What is varied; None keeps what the scene has. rows, atoms: (elastic, thermal).
 
     required: whether the rows of joints and loads are kept; steps: s; integrators: a name or
-    `{use: name, ..}`; seeds: how many, 1, 2, ..; at: times of the linearisations, s.
+    `{use: name, ..}`; seeds: how many, 1, 2, ..; at: times of the linearisations, s (as `run` does
+    when not given: from the start to the end).
     """
 
     samplers: Sequence[str] | None = None
@@ -27,7 +28,7 @@ class Plan:
     steps: Sequence[float] | None = None
     integrators: Sequence[Any] | None = None
     seeds: int = 10
-    at: Sequence[float] = (0.0,)
+    at: Sequence[float] | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,7 @@ import numpy as np
 
 from sparsemor.core.arrays import BoolArray
 from sparsemor.core.errors import InputError
-from sparsemor.core.model import Model
+from sparsemor.core.model import Model, StepFactors
 from sparsemor.core.offline import Offline
 from sparsemor.core.protocols import Basis, Dictionary, Integrator, State, StepSolver
 from sparsemor.core.registry import Registry
@@ -19,6 +19,12 @@ from sparsemor.core.status import SolveFailed, Status
 
 PROJECTION = "galerkin"
 """Name of the reducer that projects."""
+STATES = 5
+"""States of the run to come that a model is linearised at."""
+AHEAD = 4000
+"""Most steps of the projected model that are taken to get there."""
+MANY = 400
+"""Atoms from which the projected model is too dear to be run: the start alone is looked at."""
 
 
 class _Given(Offline):
@@ -28,7 +34,9 @@ class _Given(Offline):
         super().__init__(model, dict, "", None)
         self._given = dictionaries
 
-    def dictionary(self, name: str, basis: Basis) -> tuple[Dictionary, float]:
+    def dictionary(
+        self, name: str, basis: Basis, step: StepFactors | None = None
+    ) -> tuple[Dictionary, float]:
         return self._given[name], 0.0
 
 
@@ -70,6 +78,27 @@ def along(
         if n in due:
             found[n] = full_state(solver, state)
     return [found[round(t / h)] for t in times]
+
+
+def course_times(h: float, steps: int) -> tuple[float, ...]:
+    """From the start to the end of the run, or as far ahead as is looked."""
+    last = min(steps, AHEAD)
+    return tuple(h * n for n in sorted({round(i * last / (STATES - 1)) for i in range(STATES)}))
+
+
+def course(
+    model: Model, integrator: Integrator, h: float, solver: StepSolver, start: State,
+    times: Sequence[float], registry: Registry | None = None,
+) -> list[State]:
+    """States at `times` of the run of the projected model with the solver's atoms; the start
+    alone where that model cannot be made, does not get there, or is as large as full order."""
+    if sum(d.atoms.shape[1] for d in solver.dictionaries.values()) > MANY or not any(times):
+        return [start]
+    try:
+        twin = projected(model, integrator, h, solver, {}, registry)
+        return along(twin, integrator, h, start, times)
+    except (SolveFailed, InputError):
+        return [start]
 
 
 def full_state(solver: StepSolver, state: State) -> State:

@@ -1,7 +1,7 @@
 """How many seeds of each variant of a scene are stable: the table behind `sparsemor stability`."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import isfinite
 from typing import Any
 
@@ -13,14 +13,29 @@ from sparsemor.core.errors import InputError
 from sparsemor.core.hooks import new_manager
 from sparsemor.core.initial import consistent_state
 from sparsemor.core.model import Model
-from sparsemor.core.offline import Offline, offline_of, step_count
+from sparsemor.core.offline import Offline, step_count
+from sparsemor.core.prepared import prepared
 from sparsemor.core.protocols import State, StepSolver
 from sparsemor.core.scene import Scene
-from sparsemor.core.stability.check import LIMIT, Judgement, Reference, failed, judged
+from sparsemor.core.stability.check import (
+    LIMIT,
+    Judgement,
+    Reference,
+    failed,
+    judged,
+    over_the_run,
+)
 from sparsemor.core.stability.departure import Departure, departure, exact_values, own_radii
 from sparsemor.core.stability.differences import step_map
 from sparsemor.core.stability.plan import Plan, Variant, variants
-from sparsemor.core.stability.reference import along, projected, started, times_checked
+from sparsemor.core.stability.reference import (
+    along,
+    course,
+    course_times,
+    projected,
+    started,
+    times_checked,
+)
 from sparsemor.core.status import SolveFailed
 from sparsemor.core.text_table import text_table
 
@@ -139,21 +154,15 @@ def survey(
     for v in chosen:
         _refuse(v, model, plan)
     manager = new_manager(observers)
-    reference = Reference(model, scene.source.registry)
-    exact = exact_values(model)
-    offline: dict[str, Offline] = {}
-    states: dict[str, list[State]] = {}
+    cases: dict[str, _Case] = {}
     entries = []
     with np.errstate(all="ignore"):
         for v in chosen:
             key = v.scene.digest("integrator", "time")
-            if key not in offline:
-                offline[key] = offline_of(v.scene, model, cache or Cache(), manager)
-            if key not in states:
-                states[key] = _states(v.scene, model, offline[key], plan.at)
+            if key not in cases:
+                cases[key] = _Case.of(v.scene, *prepared(v.scene, cache or Cache(), manager), plan)
             entry = Entry(v.settings, [
-                _finding(v.scene, model, offline[key], seed, states[key], reference, exact)
-                for seed in range(1, plan.seeds + 1)])
+                _finding(v.scene, cases[key], seed) for seed in range(1, plan.seeds + 1)])
             told(entry)
             entries.append(entry)
     return Survey(entries)
@@ -170,46 +179,65 @@ def _refuse(v: Variant, model: Model, plan: Plan) -> None:
         raise InputError("full order is what reduced models are judged by: name another one",
                          "reducer")
     try:
-        times_checked(plan.at, v.scene.time.step, v.scene.time.end)
+        times_checked(plan.at or (), v.scene.time.step, v.scene.time.end)
     except InputError as error:
         raise InputError(f"--at: {error.faults[0].message}") from None
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Case:
+    """What the variants of one integrator and step share: the model (whose rigid stage they take
+    part in), its offline products, and where and by what they are judged."""
+
+    model: Model
+    offline: Offline
+    states: Sequence[State]
+    reference: Reference
+    exact: Mapping[str, Any]
+
+    @classmethod
+    def of(cls, scene: Scene, model: Model, offline: Offline, plan: Plan) -> "_Case":
+        return cls(model, offline, _states(scene, model, offline, plan.at),
+                   Reference(model, scene.source.registry), exact_values(model))
+
+
 def _states(
-    scene: Scene, model: Model, offline: Offline, times: Sequence[float]
+    scene: Scene, model: Model, offline: Offline, times: Sequence[float] | None
 ) -> list[State]:
     """Where to linearise: on the run of the projected model with the scene's atoms."""
-    start = consistent_state(model)
-    if not any(times):
+    start, h, integrator = consistent_state(model), scene.time.step, scene.integrator
+    if times is not None and not any(times):
         return [start] * len(times)
-    h, integrator = scene.time.step, scene.integrator
     solver = scene.reducer.prepare(
         model, integrator, h, offline, np.random.default_rng(scene.seed))
-    twin = projected(model, integrator, h, solver, {}, scene.source.registry)
+    known = scene.source.registry
+    if times is None:
+        due = course_times(h, step_count(scene))
+        return course(model, integrator, h, solver, start, due, known)
+    twin = projected(model, integrator, h, solver, {}, known)
     return along(twin, integrator, h, start, times)
 
 
-def _finding(
-    scene: Scene, model: Model, offline: Offline, seed: int, states: Sequence[State],
-    reference: Reference, exact: Mapping[str, Any],
-) -> Finding:
-    """The worst of one seed's linearisations."""
+def _finding(scene: Scene, case: _Case, seed: int) -> Finding:
+    """The worst of one seed's linearisations, with the growth over all of them."""
     h, integrator, steps = scene.time.step, scene.integrator, step_count(scene)
     try:
         solver: StepSolver = scene.reducer.prepare(
-            model, integrator, h, offline, np.random.default_rng(seed))
+            case.model, integrator, h, case.offline, np.random.default_rng(seed))
     except SolveFailed as failure:
         return Finding(seed, failed(0.0, steps, failure), UNKNOWN, {}, 0)
     found = []
-    for full in states:
+    for full in case.states:
         try:
             step = step_map(solver, integrator, h, *started(solver, integrator, full))
         except SolveFailed as failure:
             return Finding(seed, failed(full.t, steps, failure), UNKNOWN, {}, len(solver.notes))
-        theirs = reference.step(step, integrator, h, full)
+        theirs = case.reference.step(step, integrator, h, full)
         found.append(Finding(seed, judged(step, theirs, full.t, steps),
-                             departure(step, theirs, exact), own_radii(step), len(solver.notes)))
-    return max(found, key=lambda f: f.judgement.excess)
+                             departure(step, theirs, case.exact), own_radii(step),
+                             len(solver.notes)))
+    worst = max(found, key=lambda f: f.judgement.excess)
+    return replace(worst, judgement=over_the_run([f.judgement for f in found]))
 
 
 def _numbers(rows: str) -> tuple[int, ...]:

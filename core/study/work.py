@@ -22,8 +22,9 @@ from sparsemor.core.checks import checked_model
 from sparsemor.core.errors import InputError
 from sparsemor.core.hooks import new_manager
 from sparsemor.core.model import Model
-from sparsemor.core.offline import TRAINING, offline_of
+from sparsemor.core.offline import TRAINING
 from sparsemor.core.plain import finite
+from sparsemor.core.prepared import prepared
 from sparsemor.core.registry import Registry
 from sparsemor.core.results import RunResult, open_result
 from sparsemor.core.scene import Scene, build
@@ -79,9 +80,8 @@ def _products(
 
     Only a training run that fails is the others' failure too; the rest each run tells of itself.
     """
-    model = checked_model(scene)
+    model, offline = prepared(scene, Cache(), new_manager())
     with np.errstate(all="ignore"):
-        offline = offline_of(scene, model, Cache(), new_manager())
         try:
             scene.reducer.prepare(
                 model, scene.integrator, scene.time.step, offline,

@@ -5,6 +5,7 @@ the first law that is broken, and returns nothing. Plain numpy: no test framewor
 """
 
 from sparsemor.core.testing.basis import check_basis
+from sparsemor.core.testing.contact_laws import check_friction_law, check_normal_law
 from sparsemor.core.testing.function import check_function
 from sparsemor.core.testing.installed import installed
 from sparsemor.core.testing.integrator import check_integrator
@@ -20,10 +21,12 @@ from sparsemor.core.testing.term import check_term
 
 __all__ = [
     "check_basis",
+    "check_friction_law",
     "check_function",
     "check_integrator",
     "check_linear_solver",
     "check_mesh_plugin",
+    "check_normal_law",
     "check_observer",
     "check_parts",
     "check_preconditioner",

@@ -7,7 +7,9 @@ import numpy as np
 from scipy import sparse
 
 from sparsemor.core.arrays import Csr, FloatArray
+from sparsemor.core.path import path_rows, ring
 from sparsemor.core.protocols import BlockData, Dictionary
+from sparsemor.core.tables import LoadTable, Table
 
 
 def law(holds: object, message: str) -> None:
@@ -19,8 +21,9 @@ def law(holds: object, message: str) -> None:
 def random_block(rng: np.random.Generator, name: str = "body.field") -> BlockData:
     """A block of 24 to 60 unknowns on distinct nodes, with snapshots of rank 4 to 8.
 
-    Two loads and a joint act on it; it starts away from zero. With a name that ends in
-    ".elastic" it is coupled to a block of temperatures, insulated in about half the draws.
+    Two loads and a joint act on it, and a load that moves; it starts away from zero and is stepped
+    by implicit Euler. With a name that ends in ".elastic" it is coupled to a block of
+    temperatures, insulated in about half the draws.
     """
     d = int(rng.integers(1, 4))
     nodes = int(rng.integers(24, 61)) // d
@@ -56,11 +59,26 @@ def _loaded(block: BlockData, rng: np.random.Generator) -> BlockData:
     joint = np.zeros((n, 1))
     joint[interface] = rng.random((3, 1)) + 0.1
     heat = random_heat(rng) if block.name.endswith(".elastic") else None
+    moving, h = moving_load(n, 6, rng), 0.5
+    thermal = block.name.endswith(".thermal")
     return replace(
-        block, loads=np.hstack([block.loads, joint]), joints=np.array([2]), interface=interface,
+        block, moving=(moving,), step=h, factors=(0.0, 1 / h) if thermal else (1 / h, 1 / h**2),
+        ring=ring(block.mass, block.stiffness, block.coordinates, path_rows((moving,))),
+        loads=np.hstack([block.loads, joint]), joints=np.array([2]), interface=interface,
         load_names=("push", "pull", "joint pin x"), start=rng.standard_normal(n), heat=heat,
         coupling=None if heat is None else sparse.random_array(
             (n, heat.size), density=0.3, format="csr", rng=rng))
+
+
+def moving_load(n: int, count: int, rng: np.random.Generator) -> LoadTable:
+    """A load that walks over `count` neighbouring unknowns of n; the last one is never reached."""
+    first, times = int(rng.integers(0, n - count)), np.linspace(0.0, 1.0, 4 * count)
+    columns = sparse.csr_array(
+        (np.ones(count), (first + np.arange(count), np.arange(count))), shape=(n, count))
+    at = times[:, None] * (count - 2)
+    values = np.maximum(0.0, 1.0 - np.abs(at - np.arange(count)))
+    return LoadTable("walk", columns, tuple(f"walk, node {first + i}" for i in range(count)),
+                     Table(times, values))
 
 
 def random_dictionary(n: int, k: int, rng: np.random.Generator) -> Dictionary:

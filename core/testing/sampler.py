@@ -12,6 +12,7 @@ def check_sampler(sampler: Sampler, seed: int = 0, trials: int = 30) -> None:
     """Sorted distinct rows: the required ones and m more, repeatable from the generator alone.
 
     A sampler with an option `required = False` is held to m rows, whatever is required; one with
+    `required = "ring"` keeps the rows around the path of moving loads, too; one with
     `unit = "node"` to whole nodes, but for the last one. More rows than unknowns are refused with
     an InputError.
     """
@@ -21,12 +22,14 @@ def check_sampler(sampler: Sampler, seed: int = 0, trials: int = 30) -> None:
         block = random_block(rng)
         n = block.size
         required = np.sort(rng.choice(n, int(rng.integers(0, n // 3)), replace=False))
-        required = required.astype(np.int64)
+        given = required = required.astype(np.int64)
+        if forces and getattr(sampler, "required", True) == "ring":  # these rows are kept, too
+            required = np.union1d(required, block.ring)
         left = n - required.size if forces else n
         m = left if trial == 0 else int(rng.integers(0 if forces else 1, left + 1))
         dictionary = random_dictionary(n, max(1, min(m, n)), rng)
         where = f"(seed {seed}, trial {trial}: {n} unknowns, {required.size} required, m = {m})"
-        rows = _repeatable(sampler, block, m, dictionary, required, [seed, trial], where)
+        rows = _repeatable(sampler, block, m, dictionary, given, [seed, trial], where)
         _well_formed(rows, n, where)
         if forces:
             missing = np.setdiff1d(required, rows)

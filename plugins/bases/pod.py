@@ -1,6 +1,7 @@
 """Proper orthogonal decomposition of one block's snapshots (Eq. 8-12)."""
 
-from typing import Self
+from dataclasses import replace
+from typing import Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -9,7 +10,8 @@ from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.plugin import Plugin
 from sparsemor.core.protocols import BlockData, Dictionary
-from sparsemor.plugins.bases.svd import left_singular, round_off_level
+from sparsemor.plugins.bases.svd import held, left_singular, round_off_level, weighted
+from sparsemor.plugins.bases.windows import pooled
 
 
 class Pod(Plugin):
@@ -17,6 +19,7 @@ class Pod(Plugin):
 
     Where `energy` and `count` are both given, the one that keeps fewer columns decides. The
     entry of largest size of each atom is positive, so that equal snapshots give equal atoms.
+    With `windows` each stretch of time gets its own POD, with the same options.
     """
 
     energy: float | None = Field(default=None, gt=0.0, le=1.0)
@@ -32,8 +35,21 @@ class Pod(Plugin):
     """Singular value, relative to the largest, below which a column is round-off. Left out:
     4 (sqrt n + sqrt M) eps for n unknowns and M snapshots, about 1e-13."""
 
+    weights: Literal["none", "inverse_sqrt_norm"] = "none"
+    """`inverse_sqrt_norm` divides each snapshot (less the mean) by the square root of its length,
+    so that small ones count more: the start of a run that grows from nothing."""
+    windows: int = Field(default=1, ge=1)
+    """Number of equal stretches of time, each with a POD of its own; their atoms are pooled. What
+    moves is simple in a short time and has hardly any structure over a long one."""
+    tolerance: float = Field(default=1e-6, ge=0.0, lt=1.0)
+    """Atoms of different windows are merged when the sine of the angle between them is at most
+    this. The first stays and its provenance names those it absorbed."""
+
     @model_validator(mode="after")
     def _one_purpose(self) -> Self:
+        if self.windows > 1 and self.complete:
+            raise ValueError("complete fills one orthonormal basis, and windows make several: "
+                             "give one of them")
         if self.complete and self.energy is not None:
             raise ValueError("energy drops columns and complete puts them back: give one of them")
         return self
@@ -42,16 +58,33 @@ class Pod(Plugin):
     def needs_snapshots(self) -> bool:
         return True
 
+    def most_atoms(self, size: int) -> int:
+        """The largest dictionary of a block of this size."""
+        return self.windows * min(self.count or size, size)
+
     def build(self, data: BlockData) -> Dictionary:
         """Atoms (n, k). Raises InputError for snapshots that are absent, not finite or all 0."""
         A = _checked(data)
+        offset = A.mean(axis=1) if self.centred else np.zeros(len(A))
+        if self.windows == 1:
+            return self._decomposed(data, A, offset)
+        one = self.model_copy(update={"windows": 1})
+        return pooled(
+            lambda part: one._decomposed(replace(data, snapshots=part), part, offset),
+            A, offset, self.windows, self.tolerance, data.name)
+
+    def _decomposed(self, data: BlockData, A: FloatArray, offset: FloatArray) -> Dictionary:
+        """The POD of A (n, M) about `offset`."""
         n, M = A.shape
-        offset = A.mean(axis=1) if self.centred else np.zeros(n)
-        varying = A - offset[:, None] if self.centred else A
+        plain = A - offset[:, None] if self.centred else A
+        varying = plain if self.weights == "none" else weighted(plain)
         level = self.rank_rtol or round_off_level(n, M)
         U, s = left_singular(varying, level)
         # A A^T = varying varying^T + M mean mean^T: rounding is relative to what was stored
-        largest = max(float(s[0]), float(np.sqrt(M) * np.linalg.norm(offset)))
+        stored = float(np.sqrt(M) * np.linalg.norm(offset))
+        if stored and varying is not plain:  # in the weighted columns, too
+            stored *= float(np.linalg.norm(varying)) / max(float(np.linalg.norm(plain)), 1e-300)
+        largest = max(float(s[0]), stored)
         rank = int(np.count_nonzero(s > level * largest))
         if rank == 0:
             raise InputError(
@@ -60,6 +93,8 @@ class Pod(Plugin):
             )
         total = float(np.linalg.norm(varying)) ** 2
         kept, cut = self._cut(s, rank, total)
+        energy = min(1.0, float(s[:kept] @ s[:kept]) / total) if varying is plain else held(
+            plain, U[:, :kept])
         atoms = self._completed(U[:, :kept]) if self.complete else U[:, :kept]
         atoms = atoms * _signs(atoms)
         names = [f"pod {i}" for i in range(kept)]
@@ -68,7 +103,7 @@ class Pod(Plugin):
             "numerical_rank": rank,
             "kept": kept,
             "completed": atoms.shape[1] - kept,
-            "energy": min(1.0, float(s[:kept] @ s[:kept]) / total),
+            "energy": energy,
             "last_singular_value": float(s[kept - 1] / s[0]),
             "snapshots": M,
             "rank_rtol": level,

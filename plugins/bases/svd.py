@@ -22,6 +22,18 @@ def round_off_level(n: int, M: int) -> float:
     return float(4.0 * (np.sqrt(n) + np.sqrt(M)) * np.finfo(np.float64).eps)
 
 
+def weighted(A: FloatArray) -> FloatArray:
+    """The columns of A (n, M) divided by the square roots of their lengths; zeros stay zero."""
+    norms = np.linalg.norm(A, axis=0)
+    return np.asarray(A / np.sqrt(np.where(norms > 0.0, norms, 1.0)))
+
+
+def held(A: FloatArray, Q: FloatArray) -> float:
+    """Share of the squared entries of A (n, M) in the span of orthonormal columns Q (n, k)."""
+    missed = _residual(A, Q, Q.T @ A) / float(np.linalg.norm(A))
+    return 1.0 - missed * missed
+
+
 def left_singular(A: FloatArray, level: float) -> tuple[FloatArray, FloatArray]:
     """U (n, r) and singular values (r,) of A (n, M), decreasing.
 

@@ -37,7 +37,7 @@ class RunningBar:
         self.close()
         self._bar = _bar(self._refresh, self._console)
         label = f"{run.title} {run.reducer}".strip()
-        label += " (training)" if run.phase == "training" else ""
+        label += "" if run.phase == "run" else f" ({run.phase})"
         self._steps = 0
         self._task = self._bar.add_task(label, total=run.steps, t=run.t_start, end=run.t_end)
         self._bar.start()

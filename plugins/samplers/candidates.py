@@ -8,10 +8,20 @@ import numpy as np
 
 from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
 from sparsemor.core.errors import InputError
+from sparsemor.core.protocols import BlockData
 
 Unit = Literal["dof", "node"]
+Required = bool | Literal["ring"]
+"""Which rows are kept unasked: none, those that carry joints and loads, or these with the ring."""
 Draw = Callable[[int, int, np.random.Generator], IntArray]
 """(N, m, rng) -> m distinct integers below N."""
+
+
+def kept_rows(option: Required, block: BlockData, required: IntArray) -> IntArray:
+    """The rows that a sampler with this option keeps, of those of joints and loads; sorted."""
+    if option == "ring":
+        return np.union1d(required, block.ring)
+    return required if option else required[:0]
 
 
 def free_rows(n: int, m: int, required: IntArray, name: str) -> BoolArray:

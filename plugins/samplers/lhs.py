@@ -5,15 +5,16 @@ import numpy as np
 from sparsemor.core.arrays import IntArray
 from sparsemor.core.plugin import Plugin
 from sparsemor.core.protocols import BlockData, Dictionary
-from sparsemor.plugins.samplers.candidates import Unit, sample_rows
+from sparsemor.plugins.samplers.candidates import Required, Unit, kept_rows, sample_rows
 
 
 class LatinHypercube(Plugin):
     """Stratifies the candidate rows in the order of their numbers (a 1-D Latin hypercube)."""
 
-    required: bool = True
-    """Force the rows that carry joints and localized loads. False is the published variant:
-    those rows are drawn or missed like any other, and the run may be unstable."""
+    required: Required = True
+    """Force the rows that carry joints and localized loads; `ring`: and those of all elements along
+    the path of loads that move. False is the published variant: those rows are drawn or missed
+    like any other, and the run may be unstable."""
     unit: Unit = "dof"
     """`dof` draws single rows; `node` draws nodes and takes their rows together."""
 
@@ -26,7 +27,7 @@ class LatinHypercube(Plugin):
         required: IntArray,
     ) -> IntArray:
         """Sorted distinct rows: the required ones and m more. InputError when there are fewer."""
-        forced = required if self.required else required[:0]
+        forced = kept_rows(self.required, block, required)
         return sample_rows(
             one_per_stratum, block.coordinates, m, forced, self.unit, rng, block.name
         )

@@ -5,15 +5,15 @@ import numpy as np
 from sparsemor.core.arrays import IntArray
 from sparsemor.core.plugin import Plugin
 from sparsemor.core.protocols import BlockData, Dictionary
-from sparsemor.plugins.samplers.candidates import Unit, sample_rows
+from sparsemor.plugins.samplers.candidates import Required, Unit, kept_rows, sample_rows
 
 
 class Uniform(Plugin):
     """Every set of m candidate rows is equally likely (of nodes, with `unit: node`)."""
 
-    required: bool = True
-    """Force the rows that carry joints and localized loads. False draws or misses them like
-    any other."""
+    required: Required = True
+    """Force the rows that carry joints and localized loads; `ring`: and those of all elements along
+    the path of loads that move. False draws or misses them like any other."""
     unit: Unit = "dof"
     """`dof` draws single rows; `node` draws nodes and takes their rows together."""
 
@@ -26,7 +26,7 @@ class Uniform(Plugin):
         required: IntArray,
     ) -> IntArray:
         """Sorted distinct rows: the required ones and m more. InputError when there are fewer."""
-        forced = required if self.required else required[:0]
+        forced = kept_rows(self.required, block, required)
         return sample_rows(without_order, block.coordinates, m, forced, self.unit, rng, block.name)
 
 

@@ -10,7 +10,7 @@ from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.plugin import Plugin
 from sparsemor.core.protocols import BlockData, Dictionary
-from sparsemor.plugins.samplers.candidates import Rows, Unit, free_rows
+from sparsemor.plugins.samplers.candidates import Required, Rows, Unit, free_rows, kept_rows
 from sparsemor.plugins.samplers.factor import EPS
 
 Of = Literal["operator", "atoms"]
@@ -19,17 +19,19 @@ Of = Literal["operator", "atoms"]
 class SpanSampler(Plugin):
     """Options and frame of all samplers that look at the atoms; a subclass fills `choose`."""
 
-    required: bool = True
-    """Keep the rows that carry joints and localized loads, and choose the others given that they
-    are there. False treats them like any other row."""
+    required: Required = True
+    """Keep the rows that carry joints and localized loads (`ring`: and those of all elements along
+    the path of loads that move), and choose the others given that they are there. False treats
+    them like any other row."""
     unit: Unit = "dof"
     """`dof` takes single rows; `node` takes the rows of a node together."""
     of: Of = "operator"
-    """Vectors whose rows are compared: `operator` is what the sampled equations see, (stiffness +
-    mass / step^2) atoms for displacements and (conductivity + capacity / step) atoms for
-    temperatures; `atoms` takes the atoms themselves."""
-    step: float = Field(default=1e-3, gt=0.0)
-    """Step size in that operator, s. A tenth or ten times the true one serves nearly as well."""
+    """Vectors whose rows are compared: `operator` is what the sampled equations see, D atoms with
+    the operator D of a step; `atoms` takes the atoms themselves."""
+    step: float | None = Field(default=None, gt=0.0)
+    """Step size h in that operator, s: stiffness + mass / h^2 for displacements, conductivity +
+    capacity / h for temperatures. Left out: the operator of the scene's own step and integrator.
+    A tenth or ten times the true one serves nearly as well."""
 
     def sample(
         self,
@@ -40,7 +42,7 @@ class SpanSampler(Plugin):
         required: IntArray,
     ) -> IntArray:
         """Sorted distinct rows: the required ones and m more. InputError when there are fewer."""
-        forced = required if self.required else required[:0]
+        forced = kept_rows(self.required, block, required)
         free = free_rows(block.size, m, forced, block.name)
         rows = Rows.of(block.coordinates, free, m, self.unit)
         self.choose(orthonormal(self._vectors(block, dictionary), block.name), rows, rng)
@@ -55,9 +57,11 @@ class SpanSampler(Plugin):
         T = dictionary.atoms
         if self.of == "atoms":
             return T
-        # displacements have components, temperatures have none: that decides the order in time
-        h = self.step**2 if block.component.any() else self.step
-        D = block.stiffness + block.mass / h
+        D = block.operator
+        if self.step is not None:
+            # displacements have components, temperatures have none: that decides the order in time
+            h = self.step**2 if block.component.any() else self.step
+            D = block.stiffness + block.mass / h
         V = np.asarray(D @ T)
         largest = float(abs(D).sum(axis=1).max(initial=0.0)) * np.linalg.norm(T, axis=0)
         return np.where(np.linalg.norm(V, axis=0) > EPS * largest, V, 0.0)

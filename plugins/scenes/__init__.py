@@ -6,3 +6,5 @@ _HERE = Path(__file__).parent
 
 double_pendulum = _HERE / "double_pendulum.yaml"
 double_pendulum_published = _HERE / "double_pendulum_published.yaml"
+slider_plate = _HERE / "slider_plate.yaml"
+slider_plate_published = _HERE / "slider_plate_published.yaml"

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
@@ -82,6 +83,21 @@ def within_reach(sizes: FloatArray, count: int, tolerance: float) -> BoolArray:
         return np.asarray(sizes > 0.0) if count else np.zeros(len(sizes), dtype=np.bool_)
     last = float(np.partition(sizes, len(sizes) - count)[len(sizes) - count])
     return np.asarray((sizes > 0.0) & ((1.0 + tolerance) * sizes >= last))
+
+
+def reach(sizes: FloatArray, groups: Sequence[Group], tolerance: float) -> BoolArray:
+    """The same for each group, as many as it has room for. If all of them together fit no better
+    than a support, no choice of them does."""
+    return np.concatenate([within_reach(sizes[g.start : g.stop], g.budget or 0, tolerance)
+                           for g in groups])
+
+
+def choices(
+    sizes: FloatArray, groups: Sequence[Group], tolerance: float
+) -> list[BoolArray]:
+    """The `budget` largest of each group: all ways that may be meant, none if there are many."""
+    ways = [largest(sizes[g.start : g.stop], g.budget or 0, tolerance) for g in groups]
+    return [np.concatenate(parts) for parts in product(*ways)]
 
 
 def within(sizes: FloatArray, count: int, tolerance: float) -> list[BoolArray] | None:

@@ -38,6 +38,12 @@ class Columns:
         """(s,) what takes the coefficients of the least squares away from those at residual r."""
         return np.asarray(lapack.dtrtrs(self.R, self.Qt.dot(r))[0])
 
+    def inverse(self, k: int) -> FloatArray:
+        """(k, m) what `step` is as a matrix, with rows of zeros for all other columns."""
+        W = np.zeros((k, len(self.Q)))
+        W[self.columns] = lapack.dtrtrs(self.R, self.Qt)[0]
+        return W
+
     def left(self, r: FloatArray) -> FloatArray:
         """(m,) the part of r that the columns do not reach."""
         return np.asarray(r - self.Q.dot(self.Qt.dot(r)))
@@ -67,9 +73,7 @@ class Everyone:
         f = Columns.of(J, np.flatnonzero(seen), max(rank_rtol, NEARLY))
         if f is None:
             return None
-        W = np.zeros((J.shape[1], len(J)))
-        W[f.columns] = lapack.dtrtrs(f.R, f.Qt)[0]
-        return cls(W, f.columns, f.R)
+        return cls(f.inverse(J.shape[1]), f.columns, f.R)
 
     def holding(self, out: IntArray) -> FloatArray | None:
         """W (k, m) for the few columns `out` held at zero; None where rounding forbids it."""

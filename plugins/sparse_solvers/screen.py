@@ -1,7 +1,7 @@
 """The exchange of greedy Gauss-Newton on a Jacobian that stays, with its factors kept.
 
-What a step asks most is whether the support would stay. It costs one product for the least
-squares on all candidates and a comparison; where other atoms would be kept, two more for the norms.
+What a step asks most is whether the support would stay: one product, where the step before refused
+the same (standing.py).
 """
 
 from collections.abc import Sequence
@@ -18,17 +18,20 @@ from sparsemor.plugins.sparse_solvers.active_set import EPS
 from sparsemor.plugins.sparse_solvers.largest import (
     Largest,
     apart,
+    choices,
     first,
-    largest,
+    reach,
     within,
-    within_reach,
 )
 from sparsemor.plugins.sparse_solvers.normal import Columns, Everyone
+from sparsemor.plugins.sparse_solvers.standing import Refusal, Refusals, Standing
 
 T = TypeVar("T")
 KEPT = 64
 """Factors kept at once; a support or a proposal often comes back."""
-TINY = 1e-300
+TINY, UNTOLD = 1e-300, Tolerance(np.inf, np.inf)
+FEW_WAYS = 4
+"""Proposals that may be meant and are still tried, all of them."""
 FEW = 12
 """Columns that are taken out of the least squares on all of them; more: it is factorized anew."""
 
@@ -58,20 +61,26 @@ class LinearScreen:
         self._held: dict[bytes, FloatArray | None] = {}
         self._proposed: BoolArray | None = None
         self._joined: tuple[bytes, BoolArray, Largest] | None = None
+        self._refusal: Refusal | None = None
+        self._refusals = Refusals()
 
     def stays(
         self, r: FloatArray, c: FloatArray, support: BoolArray, sizes: float
     ) -> bool:
         """See `core.screening.Screen`."""
-        z = self.norms * c
-        union = self.seen
-        if not self.rule.everyone:
-            unions = self._unions(r, z, support, sizes)
-            if unions is None or len(unions) > 1 or self._share(support) < 1.0:
-                return False
-            union = unions[0]
+        z, alike = self.norms * c, Tolerance(sizes, sizes)
+        if self._refusals.stands(r, z, support, 0.0, self.rule.gain, alike):
+            return True
+        unions = self._unions(r, z, support, sizes)
+        if unions is None or len(unions) > 1 or not (
+                self.rule.everyone or self._share(support) >= 1.0):
+            return False
+        (union,) = unions
         found = self._sizes(r, z, union)
-        return found is not None and self._is_largest(found, support, sizes)
+        if found is None or not self._is_largest(found, support, sizes):
+            return False
+        self._stand(support, Refusal(union, support, found))
+        return True
 
     def settle(
         self, r: FloatArray, c: FloatArray, support: BoolArray, beside: float,
@@ -80,35 +89,52 @@ class LinearScreen:
         """See `core.screening.Screen`: subspace pursuit until the support reproduces itself."""
         z, now = self.norms * c, support
         floor = 100.0 * EPS * sqrt(float(z.dot(z)) + beside * beside)
+        if self._refusals.stands(r, z, support, floor, self.rule.gain, tolerance):
+            return support
         for _ in range(self.rule.exchanges):
+            self._refusal = None
             new = self._exchange(r, z, now, floor, tolerance)
             if new is None or new is now:
+                if new is support and self._refusal is not None:
+                    self._stand(support, self._refusal)
                 return new
             gone = np.flatnonzero((z != 0.0) & ~new)  # c goes on with zeros there
             r, now = r - self.J[:, gone].dot(z[gone]), new
             z = np.where(new, z, 0.0)
         return None
 
+    def _stand(self, support: BoolArray, refusal: Refusal) -> None:
+        """A refusal that follows another on the same support will be met again."""
+        met = self._refusals.again(support, refusal)
+        if met is None:
+            return
+        own, same = self._factor(support), np.array_equal(support, met.able)
+        other, W = None if same else self._factor(met.able), self._all_but(met.union)
+        if W is None:
+            f = self._factor(met.union)
+            W = None if f is None else f.inverse(len(self.norms))
+        if own is not None and W is not None and (same or other is not None):
+            self._refusals.standing = support, Standing.of(self.J, own, other, W, support, met,
+                                                           not self.rule.everyone, self.groups)
+
     def unlike(
         self, other: Screen, r: FloatArray, c: FloatArray, support: BoolArray
     ) -> Tolerance:
-        """See `core.screening.Screen`: of the sizes near the threshold of each group, and of the
-        norm that the support leaves."""
+        """Of the sizes near the threshold of each group, and of the norm that is left."""
         if not isinstance(other, LinearScreen):
-            return Tolerance(np.inf, np.inf)
-        z, union = self.norms * c, self.seen
-        if not self.rule.everyone:
-            joined = self._unions(r, z, support, 0.0)
-            union = self.seen if joined is None else joined[0]
+            return UNTOLD
+        z = self.norms * c
+        joined = self._unions(r, z, support, 0.0)
+        union = self.seen if joined is None else joined[0]
         # the other has its own object for all columns
         both = union if union is not self.seen else other.seen
         a, b = self._sizes(r, z, union), other._sizes(r, other.norms * c, both)
         if a is None or b is None:
-            return Tolerance(np.inf, np.inf)
+            return UNTOLD
         kept = np.concatenate([first(a[g.start : g.stop], g.budget or 0) for g in self.groups])
         left = [[s._norm_on(r, s.norms * c, on) for on in (support, kept)] for s in (self, other)]
         if not np.isfinite(left).all():
-            return Tolerance(np.inf, np.inf)
+            return UNTOLD
         return Tolerance(
             max(apart(a[g.start : g.stop], b[g.start : g.stop], g.budget or 0)
                 for g in self.groups),
@@ -123,8 +149,7 @@ class LinearScreen:
         Where a choice on the way is closer than the tolerance, both ways are gone; they have to
         end on the same support.
         """
-        unions = (self.seen,) if self.rule.everyone else self._unions(
-            r, z, support, tolerance.sizes)
+        unions = self._unions(r, z, support, tolerance.sizes)
         if unions is None:
             return None
         ends: list[BoolArray] = []
@@ -133,12 +158,22 @@ class LinearScreen:
             if sizes is None:
                 return None
             kept = self._guessed(sizes, support, tolerance.sizes)
-            if kept is None and self._hopeless(r, z, support, sizes, floor, tolerance):
-                kept = (support,)
             if kept is None:
-                kept = self._kept(sizes, tolerance.sizes)
+                able = reach(sizes, self.groups, tolerance.sizes)
+            if kept is None and self._better(
+                    r, z, support, able, floor, tolerance.norms) is support:
+                self._refusal = Refusal(union, able, sizes) if len(unions) == 1 else None
+                if ends and not np.array_equal(support, ends[0]):
+                    return None
+                ends.append(support)
+                continue
             if kept is None:
+                kept = choices(sizes, self.groups, tolerance.sizes)
+                self._proposed = kept[0] if len(kept) == 1 else self._proposed
+            if not 0 < len(kept) <= FEW_WAYS:
                 return None
+            if len(unions) == len(kept) == 1:
+                self._refusal = Refusal(union, kept[0], sizes)
             for proposal in kept:
                 end = self._better(r, z, support, proposal, floor, tolerance.norms)
                 if end is None or (ends and not np.array_equal(end, ends[0])):
@@ -157,26 +192,6 @@ class LinearScreen:
             self._proposed = None
             return (support,)
         return None
-
-    def _kept(self, sizes: FloatArray, tolerance: float) -> Sequence[BoolArray] | None:
-        """The entries that may be the `budget` largest of each group: one set, or a few."""
-        ways = [largest(sizes[g.start : g.stop], g.budget or 0, tolerance) for g in self.groups]
-        if not all(ways):
-            return None
-        found = [np.concatenate(parts) for parts in product(*ways)]
-        if len(found) == 1:
-            self._proposed = found[0]
-        return found if len(found) <= 4 else None
-
-    def _hopeless(
-        self, r: FloatArray, z: FloatArray, support: BoolArray, sizes: FloatArray, floor: float,
-        tolerance: Tolerance,
-    ) -> bool:
-        """Do all columns together that may be among the largest fit no better than the support?
-        Then no choice of them does."""
-        able = np.concatenate([within_reach(sizes[g.start : g.stop], g.budget or 0,
-                                            tolerance.sizes) for g in self.groups])
-        return self._better(r, z, support, able, floor, tolerance.norms) is support
 
     def _is_largest(self, sizes: FloatArray, support: BoolArray, tolerance: float) -> bool:
         """Are the active entries of each group its largest, by more than the tolerance?"""
@@ -208,14 +223,14 @@ class LinearScreen:
     def _unions(
         self, r: FloatArray, z: FloatArray, support: BoolArray, tolerance: float
     ) -> Sequence[BoolArray] | None:
-        """The support and the columns that correlate most with what it leaves."""
-        f = self._factor(support)
-        if f is None:
+        """The support and the columns that correlate most with what it leaves, or all columns."""
+        if self.rule.everyone:
+            return (self.seen,)
+        if (f := self._factor(support)) is None:
             return None
-        correlation, key = np.abs(f.left(r).dot(self.J)), support.tobytes()
-        if self._joined is not None and self._joined[0] == key and self._joined[2].holds(
-                correlation, tolerance):
-            return (self._joined[1],)
+        correlation, key, last = np.abs(f.left(r).dot(self.J)), support.tobytes(), self._joined
+        if last is not None and last[0] == key and last[2].holds(correlation, tolerance):
+            return (last[1],)
         share, growth, ways = self._share(support), self.rule.growth, []
         for g in self.groups:
             active = support[g.start : g.stop]
@@ -224,7 +239,7 @@ class LinearScreen:
             if some is None:
                 return None
             ways.append([active | more for more in some])
-        found = [np.concatenate(parts) for parts in product(*ways)]
+        found = [np.concatenate(p) for p in product(*ways)]
         if len(found) == 1:
             self._joined = key, found[0], Largest.among(found[0], ~support, self.groups)
         return found if len(found) <= 2 else None

@@ -166,6 +166,16 @@ def test_stability_sets_every_prediction_beside_a_run(run: Run) -> None:
     assert sum(row[k] for row in confused for k in ("good", "cold", "errs", "stopped")) == 8
 
 
+def test_slider_variants_are_overrides_of_one_scene(run: Run) -> None:
+    rows = {row["variant"]: row for row in rows_of(
+        run("slider_variants"), "Largest temperature of the slider")}
+    assert set(rows) == {"as packaged", "conductance 1e4", "uniform pressure, perfect contact"}
+    for row in rows.values():
+        assert 0.0 < row["largest_K"] < row["prototype_K"]  # 20 of the 1000 steps
+        assert row["mean_normal_N"] == pytest.approx(15.625, rel=2e-3)
+    assert rows["conductance 1e4"]["heat_J"] < rows["as packaged"]["heat_J"]
+
+
 def test_an_interrupted_benchmark_prints_what_it_has(tmp_path: Path) -> None:
     out = tmp_path / "accuracy.json"
     with subprocess.Popen(

@@ -2,7 +2,7 @@
 reason that stands here. There is no third outcome."""
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import product
 from pathlib import Path
@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.sparse import csr_array
 
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.assemble import assemble
@@ -21,6 +22,7 @@ from sparsemor.core.offline import Offline, train
 from sparsemor.core.protocols import State, StepSolver
 from sparsemor.core.scene import Scene, load
 from sparsemor.core.status import SolveFailed
+from sparsemor.core.tables import LoadTable, Table
 from sparsemor.core.testing import installed
 
 TINY = Path(__file__).parents[1] / "scenes" / "tiny.yaml"
@@ -29,8 +31,13 @@ BUDGETS = {"*.elastic": {"rows": 24, "atoms": 4}, "*.thermal": {"rows": 4, "atom
 OPTIONS: dict[tuple[str, str], dict[str, Any]] = {
     ("basis", "dictionary"): {"bases": ["pod", {"use": "modal", "count": 3}]},
 }
-BESIDE = {"craig_bampton": {"*.thermal": "modal"}}
-"""Bases of other blocks, for one that is not defined for all."""
+STATIC = {"use": "dictionary", "bases": ["static", "attachment"]}
+PULSES = {"use": "dictionary", "bases": ["pod", {"use": "impulse", "count": 4}]}
+BESIDE: dict[str, dict[str, Any]] = {
+    "craig_bampton": {"*.thermal": "modal"}, "attachment": {"*": STATIC},
+    "impulse": {"*.elastic": "pod", "*.thermal": PULSES},
+}
+"""Bases of other blocks, for one that is not defined for all or holds the moving loads alone."""
 REFUSED = {
     "a frame of fewer atoms than rows": r"UNTF needs at least as many atoms as rows",
     "dependent rows": r"parseval needs independent rows, so at least as many atoms as rows",
@@ -55,8 +62,29 @@ class Trained:
 def trained(integrator: str) -> Trained:
     scene = load(TINY, {"integrator": integrator})
     snapshots = train(scene.for_training(), new_manager())
-    model = assemble(scene)
+    model = with_moving_loads(assemble(scene))
     return Trained(scene, model, consistent_state(model), {n: s.T for n, s in snapshots.items()})
+
+
+def with_moving_loads(model: Model) -> Model:
+    """A weak push and a weak source that walk along the upper edge, for bases made from these."""
+    (heat,), (body,) = model.separated.heat, model.separated.moving
+    assert body.operators is not None
+    return replace(model, separated=replace(
+        model.separated, heat=(replace(heat, tables=(walk(model, heat.thermal),)),),
+        moving=(replace(body, operators=replace(
+            body.operators, tables=(walk(model, body.elastic),))),)))
+
+
+def walk(model: Model, block: str) -> LoadTable:
+    places, component = model.geometry[block]
+    rows = np.flatnonzero(np.isclose(places[:, 1], 0.05) & (component == component.max()))
+    times = np.linspace(0.0, 8e-3, 9)
+    values = np.maximum(0.0, 1.0 - np.abs(np.arange(len(rows)) - times[:, None] / 2e-3))
+    columns = csr_array((np.ones(len(rows)), (rows, np.arange(len(rows)))),
+                        shape=(len(places), len(rows)))
+    return LoadTable("walk", columns, tuple(f"walk, point {i}" for i in range(len(rows))),
+                     Table(times, values))
 
 
 def outcome(basis: str, sampler: str, preconditioner: str, solver: str, integrator: str) -> str:

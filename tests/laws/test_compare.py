@@ -93,6 +93,30 @@ def test_known_errors(tmp_path: Path) -> None:
     assert e.until == 1.0
 
 
+def test_start_up_is_told_from_the_rest(tmp_path: Path) -> None:
+    """2 % of 1 s are the first two of a hundred steps; the elastic field grows from zero."""
+    times = np.linspace(0.0, 1.0, 101)
+    blocks = (RIGID, ELASTIC, THERMAL)
+    reference, layout = motion(blocks, times), Layout(blocks)
+    x = reference.copy()
+    for step, error in ((0, 4e-3), (2, 5e-5), (3, 1e-5), (100, 2e-5)):
+        x[step, layout["arm.elastic"].start] += error
+    e = measure_errors(write_run(tmp_path / "a", blocks, reference, times),
+                       write_run(tmp_path / "b", blocks, x, times))
+    whole = 1e-3 * np.sqrt(8)
+    assert e.start_up_end == pytest.approx(0.02)
+    assert e.start_up["elastic"] == pytest.approx(5e-5 / whole, rel=1e-9)  # not the start itself
+    assert e.steady["arm.elastic"] == pytest.approx(2e-5 / whole, rel=1e-9)
+    assert e.start_up_present["arm.elastic"] == pytest.approx(5e-5 / (0.02 * whole), rel=1e-9)
+    assert e.steady_present["elastic"] == pytest.approx(1e-5 / (0.03 * whole), rel=1e-9)
+    assert e.start_up_present["joint"] == e.start_up["joint"] == e.series["joint"][2]
+    assert e.start_up["thermal"] == e.steady_present["thermal"] == 0.0
+    early = measure_errors(write_run(tmp_path / "c", blocks, reference, times),
+                           write_run(tmp_path / "d", blocks, x[:3], times[:3]))
+    assert early.start_up_present == e.start_up_present
+    assert early.steady == early.steady_present == {}
+
+
 def test_vanishing_references_give_numbers(tmp_path: Path) -> None:
     blocks = (RIGID,)
     still = np.zeros((3, 3))
@@ -160,6 +184,12 @@ def test_table_and_json(comparison: Comparison) -> None:
     data = json.loads(comparison.to_json())
     assert data["runs"]["deim"]["status"] == "diverged" and data["runs"]["untf"]["rows"] == 5
     assert data["runs"]["untf"]["errors"] == comparison.errors["untf"]
+    at = next(i for i, line in enumerate(lines) if line.startswith("first 2% / rest"))
+    assert lines[at].split()[4:] == ["joint", "arm.rigid", "arm.elastic", "arm.thermal"]
+    assert lines[at + 2].split()[:4] == ["untf", "-", "/", "1.0e-06"]  # steps of 2.5 %
+    assert "start-up until 0.02 s" in lines[at + 4]
+    steady = data["runs"]["untf"]["steady"]["arm.elastic"]
+    assert steady == comparison.measured["untf"].steady["arm.elastic"] > 0.0
 
 
 def test_written_tables_and_pictures(comparison: Comparison, tmp_path: Path) -> None:
@@ -167,7 +197,7 @@ def test_written_tables_and_pictures(comparison: Comparison, tmp_path: Path) -> 
     names = {"deformation", "temperature", "angles", "error_over_time", "work_precision",
              "active_atoms_untf"}
     assert {f.name for f in files} == {f"{n}.{k}" for n in names for k in FORMATS} | {
-        "errors.csv", "error_over_time.csv"}
+        "errors.csv", "start_up.csv", "error_over_time.csv"}
     with (tmp_path / "errors.csv").open(encoding="utf-8") as text:
         rows = {r["run"]: r for r in csv.DictReader(text)}
     assert float(rows["untf"]["joint"]) == comparison.errors["untf"]["joint"]
@@ -175,7 +205,14 @@ def test_written_tables_and_pictures(comparison: Comparison, tmp_path: Path) -> 
     assert (rows["full"]["joint"], rows["deim"]["status"]) == ("", "diverged")
     assert float(rows["untf"]["offline_s"]) == 2.5
     with (tmp_path / "error_over_time.csv").open(encoding="utf-8") as text:
-        assert sum(1 for _ in csv.DictReader(text)) == 41 + 21
+        series = list(csv.DictReader(text))
+    assert len(series) == 41 + 21
+    own = comparison.measured["untf"].present["arm.elastic"]
+    assert float(series[40]["arm.elastic_present"]) == own[40]
+    with (tmp_path / "start_up.csv").open(encoding="utf-8") as text:
+        phases = {(r["run"], r["measure"]): r for r in csv.DictReader(text)}
+    assert float(phases["deim", "joint"]["steady_present"]) == pytest.approx(0.01)
+    assert phases["deim", "angle_rad"]["steady_present"] == ""
     for name in names:
         assert_not_blank(tmp_path / f"{name}.png")
         assert "<svg" in (tmp_path / f"{name}.svg").read_text(encoding="utf-8")
@@ -199,6 +236,7 @@ def test_offline_cost_pays_after_so_many_runs(
     head, _, _, *lines = str(made).splitlines()
     # two blanks between columns: "pays after" is one of them
     at = [c.strip() for c in head.split("  ") if c].index("pays after")
+    lines = lines[:lines.index("")]  # another table follows
     cells = {c[0]: c for c in ([c.strip() for c in line.split("  ") if c] for line in lines)}
     assert [cells[r][at] for r in ("quick", "cached", "slow")] == ["4", "3", "-"]
     assert [cells[r][at - 1] for r in ("quick", "cached")] == ["2.5", "1.7"]

@@ -86,6 +86,29 @@ def test_a_screen_settles_where_the_solver_ends(solver: GreedyGaussNewton) -> No
     assert 40 <= stayed < told
 
 
+@pytest.mark.parametrize("solver", SOLVERS, ids=NAMES)
+def test_a_refusal_that_stands_is_one(solver: GreedyGaussNewton) -> None:
+    """A residual that wanders, asked of a screen that remembers and of one that was never asked."""
+    stood = 0
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        problem = Linear.drawn(rng)
+        support = solver.solve(problem, SparseStart(problem.c, problem.support)).support
+        screen, b = problem.screen(solver), problem.b
+        for _ in range(40):
+            b = b + 0.004 * np.linalg.norm(problem.b) * rng.standard_normal(len(b)) / len(b) ** 0.5
+            c = np.zeros(len(support))
+            c[support] = np.linalg.lstsq(problem.J[:, support], b, rcond=None)[0]
+            r, new = problem.J @ c - b, problem.screen(solver)
+            z = screen.norms * c
+            stood += screen._refusals.stands(r, z, support, 0.0, solver.gain, CLOSE)
+            found, want = (s.settle(r, c, support, 0.0, CLOSE) for s in (screen, new))
+            assert (found is support) == (want is support)
+            if found is not None and want is not None:
+                np.testing.assert_array_equal(found, want)
+    assert stood >= 100, "of 480"
+
+
 def test_what_is_closer_than_the_tolerance_is_not_told() -> None:
     """With a tolerance that no decision can beat, only those that both ways agree on are told."""
     solver, untold = GreedyGaussNewton(candidates="all"), 0

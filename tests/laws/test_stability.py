@@ -20,10 +20,11 @@ from sparsemor.core.protocols import StepSolver
 from sparsemor.core.results import RunResult
 from sparsemor.core.scene import Scene, load
 from sparsemor.core.simulate import simulate
-from sparsemor.core.stability import Reference, eigenvalues, excess, judge, step_map
+from sparsemor.core.stability import Judgement, Reference, eigenvalues, excess, judge, step_map
+from sparsemor.core.stability.check import over_the_run
 from sparsemor.core.stability.differences import packed, unpacked
 from sparsemor.core.stability.plan import Plan, variants
-from sparsemor.core.stability.reference import started
+from sparsemor.core.stability.reference import course, course_times, started
 from sparsemor.core.stability.survey import Entry, Finding, Survey, survey
 from sparsemor.core.status import SolveFailed
 from sparsemor.core.testing.installed import installed
@@ -274,3 +275,37 @@ def test_each_prediction_on_the_packaged_scene_is_what_the_run_does(
             v < 1e-5 for k, v in compare(full, r=run).errors["r"].items() if "." not in k)
         if not f.missed:
             assert good == f.judgement.stable, f.as_dict()
+
+
+# ------------------------------------------------------------------ over the run
+
+
+def judgement(t: float, excess: float) -> Judgement:
+    return Judgement(t, 1000, 1.0 + excess, 1.0, excess, "link1.thermal" if excess else "")
+
+
+def test_growth_adds_up_over_the_parts_of_the_run() -> None:
+    """Five states of a run of 1000 steps: those at the ends stand for an eighth of it."""
+    t = [0.0, 0.25, 0.5, 0.75, 1.0]
+    found = over_the_run([judgement(*pair) for pair in zip(t, [0, 0, 0.04, 0.1, 0], strict=True)])
+    assert found.gate == pytest.approx(1000 * (0.25 * 0.04 + 0.25 * 0.1))
+    assert (found.t, found.radius) == (0.75, 1.1) and not found.stable
+    quiet = over_the_run([judgement(time, 1e-4 * (time == 0.0)) for time in t])
+    assert quiet.gate == pytest.approx(1000 * 1e-4 / 8) and quiet.stable
+    alone = over_the_run([judgement(0.0, 0.01)])
+    assert alone.gate == pytest.approx(10.0)
+    broken = over_the_run([judgement(0.0, 0.0), judgement(0.5, inf), judgement(1.0, 0.0)])
+    assert broken.gate == inf and broken.t == 0.5
+
+
+def test_a_run_is_looked_at_from_its_start_to_its_end() -> None:
+    assert course_times(1e-3, 100) == pytest.approx((0.0, 0.025, 0.05, 0.075, 0.1))
+    assert course_times(1e-3, 2) == pytest.approx((0.0, 1e-3, 2e-3))
+    assert course_times(1e-3, 10**6)[-1] == pytest.approx(4.0), "no further than 4000 steps"
+    scene, solver, model = prepared("bdf1", "sparse")
+    states = course(model, scene.integrator, 1e-3, solver, consistent_state(model),
+                    course_times(1e-3, 100))
+    assert [s.t for s in states] == pytest.approx([0.0, 0.025, 0.05, 0.075, 0.1])
+    at = model.layout["link1.rigid"]
+    truth = simulate(scene.using({"reducer": "full"}), cache=Cache()).block("link1.rigid")[-1]
+    np.testing.assert_allclose(states[-1].x[at], truth, atol=1e-8)

@@ -217,7 +217,9 @@ def test_compare_runs_each_reducer(runs, monkeypatch):
 
     def compare(reference, **others):
         compared.append((reference, others))
+        errors = SimpleNamespace(start_up={"a": 0.5}, steady={"a": 0.1})
         return Comparison(errors={n: {"a": 0.5} for n in others},
+                          measured=dict.fromkeys(others, errors),
                           write=lambda directory: [directory / "errors.csv"])
 
     module = ModuleType("sparsemor.core.compare")
@@ -229,7 +231,8 @@ def test_compare_runs_each_reducer(runs, monkeypatch):
     shown = json.loads(done.out)
     assert shown["reference"] == "direct"
     assert [r["run"] for r in shown["runs"]] == ["direct", "second", "tuned"]
-    assert shown["errors"] == {"second": {"a": 0.5}, "tuned": {"a": 0.5}}
+    assert shown["errors"] == shown["start_up"] == {"second": {"a": 0.5}, "tuned": {"a": 0.5}}
+    assert shown["steady"]["tuned"] == {"a": 0.1}
     assert [r.out for r in runs] == [
         Path("runs/scene-compare", n) for n in ("direct", "second", "tuned")]
     direct, second, tuned = (r.scene.reducer for r in runs)

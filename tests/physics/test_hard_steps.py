@@ -47,6 +47,8 @@ def test_radiation_in_long_steps() -> None:
     fast, plain = (march(scene_of({**scene, "reducer": {"use": "full", "method": m}}))
                    for m in ("bordered", "newton"))
     assert np.abs(fast.x - plain.x).max() < 1e-9 * np.abs(plain.x).max()
+    # an extrapolation below 0 K must not lead to the second solution that radiation has there
+    assert fast.x.min() > 400.0
     assert max(fast.iterations) <= 25
 
 

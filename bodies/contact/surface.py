@@ -1,0 +1,115 @@
+"""A surface of a planar body, ready for contact: facets in the complex plane and their cells."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from sparsemor.bodies.body_part import PlanarBody
+from sparsemor.bodies.planar.motion import ComplexArray
+from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """nodes (n,): sorted point numbers of the body; facets (F, 2): positions in `nodes`, ordered
+    so that the body is on the left of a -> b."""
+
+    body: PlanarBody
+    nodes: IntArray
+    facets: IntArray
+
+    @classmethod
+    def of(cls, body: PlanarBody, facets: IntArray) -> "Surface":
+        """facets (F, 2): point numbers, outward ordered (fe/surface.py)."""
+        nodes = np.unique(facets)
+        return cls(body, nodes, np.searchsorted(nodes, facets))
+
+    @cached_property
+    def X(self) -> ComplexArray:
+        """(n,) reference positions, m."""
+        return np.asarray(self.body.X[self.nodes], dtype=np.complex128)
+
+    @cached_property
+    def sizes(self) -> FloatArray:
+        """(F,) lengths, m."""
+        return np.asarray(np.abs(np.diff(self.X[self.facets], axis=1)[:, 0]))
+
+    @cached_property
+    def radius(self) -> float:
+        """Largest distance of a facet's point from its middle, m."""
+        return 0.5 * float(self.sizes.max())
+
+    @cached_property
+    def tree(self) -> Any:
+        """Over the middles of the facets in the body frame."""
+        return tree_of(self.X, self.facets)
+
+    @cached_property
+    def turns(self) -> FloatArray:
+        """(F, 2): tan(alpha / 2) at both ends of each facet, alpha the angle by which the surface
+        turns there (positive: convex); 0 at an end of the surface.
+
+        The point nearest to a place near a corner is on the facet at whose side of the angle's
+        bisector the place is: the cells of all facets tile the neighbourhood of the surface.
+        """
+        along = np.diff(self.X[self.facets], axis=1)[:, 0]
+        found = np.zeros(self.facets.shape)
+        before, after = self._neighbours
+        for end, other in ((0, before), (1, after)):
+            has = np.flatnonzero(other >= 0)
+            ratio = along[has] / along[other[has]]
+            found[has, end] = np.tan(0.5 * np.angle(ratio if end == 0 else 1.0 / ratio))
+        return found
+
+    @cached_property
+    def bent(self) -> BoolArray:
+        """(F, 2): ends where the traction may jump, because the surface turns or ends there."""
+        before, after = self._neighbours
+        is_open = np.stack([before, after], axis=1) < 0
+        return np.asarray(is_open | (np.abs(self.turns) > 1e-12))
+
+    @cached_property
+    def _neighbours(self) -> tuple[IntArray, IntArray]:
+        """(F,) number of the facet before and after each one, -1 where there is none."""
+        ends_at = np.full(len(self.nodes), -1)
+        starts_at = np.full(len(self.nodes), -1)
+        ends_at[self.facets[:, 1]] = starts_at[self.facets[:, 0]] = np.arange(len(self.facets))
+        return ends_at[self.facets[:, 0]], starts_at[self.facets[:, 1]]
+
+
+def tree_of(z: ComplexArray, facets: IntArray) -> Any:
+    """Search tree over the middles of facets of points z (n,)."""
+    return cKDTree(plane(z[facets].mean(axis=1)))
+
+
+def plane(z: ComplexArray) -> FloatArray:
+    """(..., 2) real coordinates of complex numbers (...)."""
+    return np.stack([z.real, z.imag], axis=-1)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Near:
+    """The broad phase: pairs of facets whose circles, widened by `reach` (m), touch.
+
+    radius: search radius, m; most: facets of the second surface that one ball can hold.
+    """
+
+    radius: float
+    most: int
+
+    @classmethod
+    def of(cls, first: Surface, second: Surface, reach: float) -> "Near":
+        radius = first.radius + second.radius + reach
+        # a ball that holds one middle at all lies in the ball of twice the radius about it
+        held = second.tree.query_ball_point(second.tree.data, 2.0 * radius, return_length=True)
+        return cls(radius, int(held.max()))
+
+    def pairs(self, middles: ComplexArray, tree: Any) -> tuple[IntArray, IntArray]:
+        """Positions in `middles` (m,) and numbers of the tree's facets, one a pair, sorted."""
+        _, found = tree.query(plane(middles), k=np.arange(1, self.most + 1),
+                              distance_upper_bound=self.radius)
+        here, rank = np.nonzero(found < tree.n)
+        return here, found[here, rank]

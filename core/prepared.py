@@ -1,0 +1,22 @@
+"""What a run starts from: its checked model and its offline products, the rigid stage included."""
+
+from sparsemor.core.cache import Cache
+from sparsemor.core.checks import checked_model
+from sparsemor.core.hooks import Manager
+from sparsemor.core.model import Model
+from sparsemor.core.offline import Offline, offline_of
+from sparsemor.core.rigid_stage import staged
+from sparsemor.core.scene import Scene
+
+
+def prepared(scene: Scene, cache: Cache, manager: Manager) -> tuple[Model, Offline]:
+    """The model that a reducer is prepared for. A rigid stage is run here, or found in the cache.
+
+    Raises InputError as `checked_model` does, SolveFailed where the rigid stage stops early.
+    """
+    model = checked_model(scene)
+    offline = offline_of(scene, model, cache, manager)
+    if scene.rigid_stage is None:
+        return model, offline
+    model = staged(scene, offline.products, manager)
+    return model, offline.serving(model)

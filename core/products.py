@@ -1,0 +1,35 @@
+"""Offline products through the cache, with what each cost."""
+
+import time
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from sparsemor.core.cache import Cache
+from sparsemor.core.spent import Spent
+
+
+class Products:
+    """Arrays that are made once. `used`: product -> "hit" or "miss" of the cache; seconds: how long
+    asking for it took here. cache: None keeps nothing."""
+
+    def __init__(self, cache: Cache | None) -> None:
+        self.cache = cache
+        self.used: dict[str, str] = {}
+        self.seconds: dict[str, float] = {}
+        self.spent = Spent()
+
+    def remember(
+        self, kind: str, key: str, make: Callable[[], Mapping[str, Any]]
+    ) -> Mapping[str, Any]:
+        """Arrays of one product: from the cache, or made and kept there."""
+        start = time.perf_counter()
+        if self.cache is None:
+            arrays, hit = make(), False
+        else:
+            with self.spent.product(f"{kind}/{key}", self.cache.place(kind, key)) as product:
+                arrays, hit = self.cache.get_or_make(kind, key, make)
+                product.hit = hit
+        label = "hit" if hit else "miss"
+        self.used[kind] = label if self.used.get(kind, label) == label else "mixed"
+        self.seconds[kind] = self.seconds.get(kind, 0.0) + time.perf_counter() - start
+        return arrays

@@ -1,0 +1,56 @@
+"""The histories of a rigid stage in a result: what is written, and how it is read back."""
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.run_header import UNITS
+from sparsemor.core.stage import FrameHistory, Stage
+
+TIME = "stage.time"
+_CONTACT_UNITS = {"normal": "N", "friction": "N", "power": "W", "length": "m", "pressure": "Pa"}
+
+
+def stage_attributes(stage: Stage | None) -> dict[str, Any] | None:
+    """Names of what is stored, as plain data."""
+    if stage is None:
+        return None
+    return {"frames": list(stage.frames), "moves": sorted(stage.moves),
+            "reactions": list(stage.reactions),
+            "contacts": {name: list(h) for name, h in stage.contacts.items()}}
+
+
+def stage_arrays(
+    stage: Stage,
+) -> Iterator[tuple[str, tuple[str, ...], dict[str, Any], FloatArray]]:
+    """(name, dimensions, attributes, values) of each array."""
+    yield TIME, (TIME,), {"units": "s"}, stage.times
+    for name, h in stage.frames.items():
+        motion = np.stack([h.pose, h.rate, h.acceleration], axis=1)
+        yield (f"stage.{name}.frame", (TIME, "stage.derivative", "stage.coordinate"),
+               {"units": UNITS["rigid"], "long_name": "pose, rate and acceleration"}, motion)
+    for name, forces in stage.reactions.items():
+        yield (f"stage.{name}.reaction", (TIME, f"stage.{name}.multiplier"),
+               {"units": UNITS["multiplier"]}, forces)
+    for name, histories in stage.contacts.items():
+        for what, values in histories.items():
+            yield (f"stage.{name}.{what}", (TIME,), {"units": _CONTACT_UNITS.get(what, "")}, values)
+
+
+def read_stage(names: Mapping[str, Any] | None, data: Any) -> Stage | None:
+    """From the attributes and the dataset of a result; None where it had no rigid stage."""
+    if names is None:
+        return None
+
+    def read(name: str) -> FloatArray:
+        return np.asarray(data[f"stage.{name}"].to_numpy(), dtype=np.float64)
+
+    times = read("time")
+    frames = {n: FrameHistory(times, *read(f"{n}.frame").transpose(1, 0, 2))
+              for n in names["frames"]}
+    return Stage(times, frames, frozenset(names["moves"]),
+                 {n: read(f"{n}.reaction") for n in names["reactions"]},
+                 {n: {what: read(f"{n}.{what}") for what in known}
+                  for n, known in names["contacts"].items()})

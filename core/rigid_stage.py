@@ -1,0 +1,158 @@
+"""Two-stage scenes: the rigid stage, its histories, and the flexible model that follows them.
+
+The stage is the same scene with bodies that carry no field, so that contact is cheap to solve in
+the step. Full and reduced flexible runs follow the same tables: one definition of the loads.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.assemble import assemble
+from sparsemor.core.cache import digest
+from sparsemor.core.errors import Fault, InputError
+from sparsemor.core.hooks import Manager
+from sparsemor.core.model import Model
+from sparsemor.core.offline import Offline, full_run
+from sparsemor.core.products import Products
+from sparsemor.core.scene import Scene
+from sparsemor.core.stage import Followed, FrameHistory, Idle, Stage, SurfaceLoads
+
+STAGE = "rigid stage"
+"""How the detail of a failure begins that happened in the rigid stage."""
+_LABEL = "rigid_stage.overrides"
+
+
+def rigid_scene(scene: Scene) -> Scene:
+    """The scene of the rigid stage: no fields, nothing that acts on heat, full order.
+
+    Loads and joints that act on heat say so with a class attribute `acts_on = "thermal"`. What the
+    motion does not depend on is reset, so that its digest finds the stage of any run of the scene.
+    """
+    assert scene.rigid_stage is not None
+    tree = scene.source.tree
+    kept: dict[str, Any] = {
+        group: {n: tree[group][n] for n, plugin in getattr(scene, group).items()
+                if getattr(plugin, "acts_on", "mechanical") != "thermal"}
+        for group in ("joints", "loads") if tree.get(group)}
+    bare: dict[str, Any] = {f"bodies.{n}.fields": [] for n, body in scene.bodies.items()
+                            if hasattr(body, "fields")}
+    plain = scene.using({
+        **kept, **bare, "title": "", "seed": 0, "reducer": "full", "training": {}, "output": {},
+        "probes": {}, "check_stability": "off", "rigid_stage": None}, label="rigid_stage")
+    return plain.using(scene.rigid_stage.overrides, label=_LABEL)
+
+
+def stage_faults(scene: Scene) -> list[Fault]:
+    """Which surfaces a contact may use in this scene, and a stage that ends before the run."""
+    faults = []
+    elastic = {n for n, body in scene.bodies.items() if "elastic" in getattr(body, "fields", ())}
+    for name, contact in scene.contacts.items():
+        surfaces, key = getattr(contact, "surfaces", "rigid"), f"contacts.{name}.surfaces"
+        if scene.rigid_stage is not None and surfaces == "deformed":
+            faults.append(Fault(key, "a rigid stage knows no deformed surfaces: take `rigid`, or "
+                                "drop rigid_stage to evaluate this contact inside the step"))
+        touched = elastic & {side.partition(":")[0] for side in getattr(contact, "between", ())}
+        if scene.rigid_stage is None and surfaces == "rigid" and touched:
+            faults.append(Fault(
+                key, f"{', '.join(sorted(touched))}: contact of rigid surfaces inside the step "
+                "would not deform this body: add `rigid_stage: {}` to the scene, or "
+                "take `deformed`"))
+    if scene.rigid_stage is not None:
+        end = rigid_scene(scene).time.end
+        if end < scene.time.end * (1 - 1e-9):
+            faults.append(Fault(
+                "rigid_stage.overrides", f"the rigid stage ends at {end:g} s, before the run at "
+                f"{scene.time.end:g} s: what follows would not be known"))
+    return faults
+
+
+def rigid_model(scene: Scene) -> Model:
+    """The model of a rigid stage's scene."""
+    return assemble(scene, Idle())
+
+
+def staged(scene: Scene, products: Products, manager: Manager) -> Model:
+    """The flexible model of a two-stage scene, after its rigid stage has run or been found.
+
+    Raises SolveFailed, with a detail that begins with "rigid stage", where that stops early.
+    """
+    rigid = rigid_scene(scene)
+    model = rigid_model(rigid)
+    meshes = [m for p in model.parts.values() if (m := getattr(p, "mesh", None)) is not None]
+    key = digest(rigid.digest(), version("sparsemor"), [[m.points, m.cells] for m in meshes])
+    arrays = products.remember("rigid_stage", key, lambda: _run(rigid, model, manager))
+    imported = _Imported(_stage(arrays), products, key, scene)
+    flexible = assemble(scene, imported)
+    return replace(flexible, stage=replace(imported.stage, contacts=imported.histories))
+
+
+class _Imported(Followed):
+    """Surface loads through the cache, and the histories of contacts beside them."""
+
+    def __init__(self, stage: Stage, products: Products, key: str, scene: Scene) -> None:
+        super().__init__(stage)
+        self.products, self.key = products, digest(key, scene.digest("bodies", "contacts"))
+        self.histories: dict[str, Mapping[str, FloatArray]] = {}
+
+    def surface_loads(
+        self, name: str, contact: Any, motion: Mapping[str, FrameHistory]
+    ) -> Mapping[str, SurfaceLoads]:
+        def make() -> dict[str, Any]:
+            made = {f"history.{n}": np.asarray(h) for n, h in contact.history(motion).items()}
+            for body, acting in contact.imported(motion).items():
+                made |= {f"{which}.{body}": getattr(acting, which)
+                         for which in ("nodes", "force", "heat")}
+            return made
+
+        arrays = self.products.remember("surface_loads", digest(self.key, name), make)
+        self.histories[name] = _under("history", arrays)
+        return {
+            body: SurfaceLoads(nodes, arrays[f"force.{body}"], arrays[f"heat.{body}"])
+            for body, nodes in _under("nodes", arrays).items()}
+
+
+@np.errstate(all="ignore")  # overflow is a status of the step, not a warning
+def _run(scene: Scene, model: Model, manager: Manager) -> dict[str, Any]:
+    """Times, per body pose, rate and acceleration (T, 3, 3), per joint (T, l) multipliers."""
+    layout = model.layout
+    kept = list(full_run(scene, model, Offline.of(model, {}), manager, STAGE))
+    times = np.array([s.t for s in kept])
+    frames = {b.owner: np.stack([np.stack([s.x, s.v, s.a])[:, layout[b.name]] for s in kept])
+              for b in layout if b.field == "rigid"}
+    made: dict[str, Any] = {"times": times, "moves": np.array(sorted(frames))}
+    for name in scene.bodies:
+        pose = getattr(model.parts[name], "pose", None)
+        if name not in frames and pose is not None:
+            frames[name] = np.stack([pose, 0 * pose, 0 * pose])[None].repeat(len(times), axis=0)
+    made |= {f"frame.{name}": values for name, values in frames.items()}
+    return made | {f"reaction.{b.owner}": np.stack([s.x[layout[b.name]] for s in kept])
+                   for b in layout if b.field == "multiplier"}
+
+
+def _stage(arrays: Mapping[str, Any]) -> Stage:
+    times = np.asarray(arrays["times"])
+    frames = {n: FrameHistory(times, *(np.ascontiguousarray(m[:, i]) for i in range(3)))
+              for n, m in _under("frame", arrays).items()}
+    return Stage(times, frames, frozenset(str(n) for n in arrays["moves"]),
+                 _under("reaction", arrays), {})
+
+
+def _under(group: str, arrays: Mapping[str, Any]) -> dict[str, Any]:
+    """The arrays named `group.x`, by x."""
+    return {n.partition(".")[2]: np.asarray(a) for n, a in arrays.items()
+            if n.partition(".")[0] == group}
+
+
+def check_rigid(scene: Scene) -> None:
+    """Builds the model of the rigid stage. Raises InputError with keys of the scene itself where
+    they are the same, else under `rigid_stage`."""
+    try:
+        rigid_model(rigid_scene(scene))
+    except InputError as error:
+        raise InputError([Fault(f.key, f"in the rigid stage: {f.message}")
+                          for f in error.faults]) from None

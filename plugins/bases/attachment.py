@@ -1,0 +1,117 @@
+"""Attachment modes of loads that move: what a unit load at each place makes of a block."""
+
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.errors import InputError
+from sparsemor.core.frames import unit_columns
+from sparsemor.core.model import distinct
+from sparsemor.core.plugin import Plugin
+from sparsemor.core.protocols import Basis, BlockData, Dictionary
+from sparsemor.core.slot import Slot
+from sparsemor.plugins.bases.columns import independent, oriented
+from sparsemor.plugins.bases.pooling import largest_directions, likely_states
+from sparsemor.plugins.bases.static_solve import StaticSolver, factorize
+from sparsemor.plugins.bases.unit_loads import known_step, refuse_nowhere, unit_loads
+
+
+class Attachment(Plugin):
+    """K^-1 f for unit loads along the path of moving loads, K^-1 K_fT T for thermal atoms.
+
+    Quasi-static displacements are combinations of these whatever the load does, so that no training
+    run is needed: the coefficients are the loads and the thermal coefficients themselves. An
+    insulated block is answered as by `static`, up to the uniform temperature, which is added.
+    """
+
+    patches: int | None = Field(default=None, ge=1)
+    """Unit loads of each moving load and direction, evenly over its path; left out: one a node."""
+    thermal: Annotated[Basis, Slot("basis")] | None = None
+    """Add the displacements of each atom of this basis of the body's temperatures; give the one of
+    the thermal block. Left out: none are added."""
+    dynamic: bool = False
+    """Add the responses D^-1 of the same loads with the operator D of a step (K + c1 D_m + c2 M, or
+    K_T + c1 C), which hold the inertia of the first steps after a change."""
+    count: int | None = Field(default=None, ge=1)
+    """Pool the responses to this many orthonormal atoms, besides the uniform temperature and the
+    start: the largest singular vectors, mechanical and thermal responses alike in size, and each
+    thermal state as large as unit heat along the path makes it. Left out: the responses
+    themselves, whose coefficients are the loads."""
+    rank_rtol: float = Field(default=1e-10, gt=0.0, lt=1.0)
+    """A response is left out when earlier ones hold all but this part of it (2-norm)."""
+    orthonormal: bool = False
+    """Take from each response what the earlier ones hold of it: the same span, well conditioned,
+    for reducers that choose no atoms."""
+
+    @property
+    def needs_snapshots(self) -> bool:
+        return self.thermal is not None and self.thermal.needs_snapshots
+
+    def most_atoms(self, size: int) -> int:
+        """The largest dictionary of a block of this size."""
+        return size if self.count is None else min(size, self.count + 2)
+
+    def build(self, data: BlockData) -> Dictionary:
+        """Atoms (n, k). Raises InputError where no load moves and no temperature acts, or where
+        `dynamic` is asked for and the step is not known."""
+        families = [f for f in self._forces(data) if f[1]]
+        if not families:
+            raise refuse_nowhere(data, "attachment")
+        solve = StaticSolver.of(data)
+        answers, said = [solve(forces) for forces, _ in families], [n for _, n in families]
+        if self.dynamic:
+            known_step(data, "attachment with dynamic: true")
+            factor = factorize(data.operator, data.name)
+            for forces, names in families:
+                answers.append(np.asarray(factor.solve(np.ascontiguousarray(forces))))
+                said.append([f"dynamic {name}" for name in names])
+        lasting, lasting_names = [np.zeros((data.size, 0))], list[str]()
+        if solve.uniform is not None:
+            lasting.append(solve.uniform[:, None])
+            lasting_names.append("uniform")
+        if data.start.any():
+            lasting.append(data.start[:, None])
+            lasting_names.append("start")
+        if self.count is not None:
+            # one size for all families: newtons and kelvins do not compare
+            level = [a / max(float(np.linalg.norm(a)), 1e-300) for a in answers]
+            first = unit_columns(np.concatenate(lasting, axis=1))
+            own, Q = independent(first, self.rank_rtol)
+            U = largest_directions(np.concatenate(level, axis=1), Q, self.count, self.rank_rtol)
+            lasting, answers = [Q], [U]
+            lasting_names = [lasting_names[i] for i in own]
+            said = [[f"attachment mode {i}" for i in range(U.shape[1])]]
+        return self._independent(
+            data, np.concatenate([*lasting, *answers], axis=1), sum(said, lasting_names))
+
+    def _independent(
+        self, data: BlockData, found: FloatArray, said: list[str]
+    ) -> Dictionary:
+        """The columns that add something to those before them."""
+        if not np.isfinite(found).all():
+            raise InputError(f"attachment: the responses of {data.name} are not finite: its "
+                             "stiffness is nearly singular")
+        seen = np.flatnonzero(np.linalg.norm(found, axis=0) > 0.0)
+        atoms = oriented(found[:, seen])
+        kept, added = independent(atoms, self.rank_rtol)
+        return Dictionary(
+            oriented(added if self.orthonormal else atoms[:, kept]), np.zeros(data.size),
+            tuple(distinct([said[seen[i]] for i in kept])),
+            {"responses": len(kept), "dependent": found.shape[1] - len(kept)})
+
+    def _forces(self, data: BlockData) -> list[tuple[FloatArray, list[str]]]:
+        """Right-hand sides (n, q) and what their responses are called: mechanical, thermal."""
+        forces, names = unit_loads(data, self.patches)
+        found = [(forces, [f"attachment {name}" for name in names])]
+        if self.thermal is None or data.heat is None or data.coupling is None:
+            return found
+        heat = self.thermal.build(data.heat)
+        moved = [heat.offset[:, None]] if heat.offset.any() else []
+        temperatures = np.concatenate([*moved, heat.atoms], axis=1)
+        said = [f"thermoelastic {p}" for p in (*["offset"] * len(moved), *heat.provenance)]
+        if self.count is not None:
+            temperatures = likely_states(data.heat, temperatures)
+            said = [f"thermoelastic {i}" for i in range(temperatures.shape[1])]
+        return [*found, (np.asarray(data.coupling @ temperatures), said)]

@@ -1,0 +1,121 @@
+"""Impulse responses along the path of a load that moves: what each place remembers of it."""
+
+from collections.abc import Iterator
+
+import numpy as np
+from pydantic import Field, field_validator
+
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.model import distinct
+from sparsemor.core.plugin import Plugin
+from sparsemor.core.protocols import BlockData, Dictionary
+from sparsemor.plugins.bases.columns import independent, oriented
+from sparsemor.plugins.bases.pooling import largest_directions, steps_of
+from sparsemor.plugins.bases.static_solve import factorize, is_thermal
+from sparsemor.plugins.bases.unit_loads import known_step, refuse_nowhere, unit_loads
+
+
+class Impulse(Plugin):
+    """(B^-1 c1 C)^p B^-1 g: p steps after a unit of heat g acted on a place of the path.
+
+    Temperatures under heat that moves are sums of these over all places and delays, so no training
+    run is needed. With B = D and c1 C replaced by D - K, displacements are answered likewise.
+    """
+
+    positions: int | None = Field(default=None, ge=1)
+    """Places of each moving load, evenly over its path; left out: one a node."""
+    delays: tuple[int, ...] | None = Field(default=None, min_length=1)
+    """Numbers of steps p, increasing. Left out: 0, 1, 2, 4, ... and the length of the load's table,
+    since what a body remembers lasts as long as the run."""
+    count: int | None = Field(default=None, ge=1)
+    """Pool the responses to this many orthonormal atoms, besides the uniform temperature and the
+    start: the largest singular vectors, each response standing for the delays around its own.
+    Left out: the responses themselves."""
+    rank_rtol: float = Field(default=1e-10, gt=0.0, lt=1.0)
+    """A response is left out when earlier ones hold all but this part of it (2-norm); pooled, a
+    direction whose singular value is below this share of the largest."""
+
+    @field_validator("delays")
+    @classmethod
+    def _increasing(cls, delays: tuple[int, ...] | None) -> tuple[int, ...] | None:
+        if delays is not None and (delays[0] < 0 or np.any(np.diff(delays) <= 0)):
+            raise ValueError("numbers of steps must increase, from 0 on")
+        return delays
+
+    @property
+    def needs_snapshots(self) -> bool:
+        return False
+
+    def most_atoms(self, size: int) -> int:
+        """The largest dictionary of a block of this size."""
+        return size if self.count is None else min(size, self.count + 2)
+
+    def build(self, data: BlockData) -> Dictionary:
+        """Atoms (n, k). Raises InputError where no load moves or the step is not known."""
+        forces, names = unit_loads(data, self.positions)
+        if not names:
+            raise refuse_nowhere(data, "impulse")
+        known_step(data, "impulse")
+        first, first_names = _lasting(data)
+        delays = np.array(self.delays or _doubling(data))
+        responses = [x for _, x in zip(delays, _responses(data, forces, delays), strict=True)]
+        if self.count is None:
+            said = [f"impulse {name}, delay {p}" for p in delays for name in names]
+            found = oriented(np.concatenate([first, *responses], axis=1))
+            kept, _ = independent(found, self.rank_rtol)
+            atoms, provenance = found[:, kept], [[*first_names, *said][i] for i in kept]
+        else:
+            atoms, provenance = self._pooled(first, responses, delays)
+            provenance = [*first_names[: atoms.shape[1] - len(provenance)], *provenance]
+        return Dictionary(oriented(atoms), np.zeros(data.size), tuple(distinct(provenance)), {
+            "positions": len(names), "delays": ", ".join(map(str, delays)),
+            "responses": len(names) * len(delays), "kept": atoms.shape[1]})
+
+    def _pooled(
+        self, first: FloatArray, responses: list[FloatArray], delays: FloatArray
+    ) -> tuple[FloatArray, list[str]]:
+        """Orthonormal atoms, those of `first` in front, and the names of the others.
+
+        The sum over all delays of x x^T is what unit heat at random times and places leaves
+        behind; the delays that were kept are nodes of a quadrature of it.
+        """
+        _, Q = independent(first, self.rank_rtol)
+        gaps = np.gradient(delays.astype(float)) if len(delays) > 1 else np.ones(1)
+        A = np.concatenate([np.sqrt(g) * x for g, x in zip(gaps, responses, strict=True)], axis=1)
+        assert self.count is not None
+        U = largest_directions(A, Q, self.count, self.rank_rtol)
+        return np.hstack([Q, U]), [f"impulse mode {i}" for i in range(U.shape[1])]
+
+
+def _lasting(data: BlockData) -> tuple[FloatArray, list[str]]:
+    """What impulses need not hold: (n, 1 or 2) unit columns, the uniform temperature and the
+    start."""
+    columns, names = [np.zeros((data.size, 0))], []
+    if is_thermal(data):
+        columns.append(np.full((data.size, 1), data.size**-0.5))
+        names.append("uniform")
+    if data.start.any():
+        columns.append(data.start[:, None] / np.linalg.norm(data.start))
+        names.append("start")
+    found = np.concatenate(columns, axis=1)
+    kept, _ = independent(found, 1e-10)
+    return found[:, kept], [names[i] for i in kept]
+
+
+def _doubling(data: BlockData) -> list[int]:
+    """0, 1, 2, 4, ... up to the number of steps that the tables last."""
+    last = steps_of(data)
+    return [0, *(2**i for i in range(last.bit_length()) if 2**i < last), last]
+
+
+def _responses(
+    data: BlockData, forces: FloatArray, delays: FloatArray
+) -> Iterator[FloatArray]:
+    """(n, q) at each of the delays: one solve of all columns a step."""
+    factor, carried = factorize(data.operator, data.name), data.operator - data.stiffness
+    x, wanted = np.asarray(factor.solve(np.ascontiguousarray(forces))), set(delays.tolist())
+    for p in range(int(delays[-1]) + 1):
+        if p:
+            x = np.asarray(factor.solve(np.ascontiguousarray(carried @ x)))
+        if p in wanted:
+            yield x

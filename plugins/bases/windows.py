@@ -1,0 +1,45 @@
+"""A decomposition of each of several windows of time, with the atoms of all of them pooled."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.errors import InputError
+from sparsemor.core.protocols import Dictionary
+from sparsemor.plugins.bases.columns import independent, merge
+from sparsemor.plugins.bases.svd import held
+
+
+def pooled(
+    decomposed: Callable[[FloatArray], Dictionary], A: FloatArray, offset: FloatArray,
+    windows: int, tolerance: float, block: str,
+) -> Dictionary:
+    """Atoms (n, k) of `windows` parts of the snapshots A (n, M), one after another in time.
+
+    A window without motion has no atoms. Raises InputError for more windows than snapshots, or
+    where no window has an atom.
+    """
+    M = A.shape[1]
+    if windows > M:
+        raise InputError(f"{windows} windows were asked of {M} snapshots of {block}: take fewer",
+                         "windows")
+    parts, names, ranks = list[FloatArray](), list[str](), list[int]()
+    for number, columns in enumerate(np.array_split(np.arange(M), windows)):
+        part = A[:, columns]
+        if not (part - offset[:, None]).any():
+            ranks.append(0)
+            continue
+        d = decomposed(part)
+        parts.append(d.atoms)
+        ranks.append(d.atoms.shape[1])
+        names += [f"window {number} {name}" for name in d.provenance]
+    if not parts:
+        raise InputError(f"the {M} snapshots of {block} do not differ from their mean: nothing is "
+                         "left to decompose; set centred: false or train with a load")
+    atoms, said, merged = merge(np.concatenate(parts, axis=1), names, tolerance)
+    _, Q = independent(atoms, 1e-13)
+    return Dictionary(atoms, offset, said, {
+        "windows": windows, "kept": atoms.shape[1], "merged": merged,
+        "kept_each": ", ".join(map(str, ranks)), "numerical_rank": Q.shape[1],
+        "energy": held(A - offset[:, None], Q), "snapshots": M})

@@ -1,0 +1,40 @@
+"""One body of a mechanical step: what it brings to the border."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.separable import Frame
+from sparsemor.core.stage import FrameHistory
+from sparsemor.reducers.elastic import ElasticBlock
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BodyStep:
+    """One body in the loop: its kernel, its map to the border, and where its unknowns sit."""
+
+    name: str
+    frame: Frame
+    to_border: FloatArray
+    origin: FloatArray
+    block: ElasticBlock | None
+    elastic: slice
+    thermal: slice
+    elastic_name: str
+    guide: FrameHistory | None = None
+
+    @property
+    def free(self) -> bool:
+        """Whether its frame is unknown."""
+        return bool(self.to_border[: self.frame.rigid_size].any())
+
+    def given(self, t: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """(b,) each: what the map leaves out of border unknowns and their rates at t, s."""
+        zero = np.zeros(len(self.origin))
+        if self.guide is None:
+            return self.origin, zero, zero
+        y, v, a = self.origin.copy(), zero, zero.copy()
+        for values, known in zip((y, v, a), self.guide.at(t), strict=True):
+            values[: len(known)] += known
+        return y, v, a

@@ -1,0 +1,51 @@
+"""What an iteration with a kept factor carries from step to step."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from sparsemor.core.arrays import BoolArray, FloatArray
+from sparsemor.reducers.predictor import Ring
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Place:
+    """Where a Jacobian is taken; c: c1, c2, c1 of first order."""
+
+    x: FloatArray
+    v: FloatArray
+    a: FloatArray
+    t: float
+    c: tuple[float, float, float]
+
+
+class NewtonMemory:
+    """What a run carries from step to step (picklable).
+
+    place: where the kept factor was made: after unpickling it is made there again, so that a
+    resumed run repeats every digit. top (blocks,): largest value of each block so far; order: of
+    the extrapolation that foretold the last step best.
+    """
+
+    def __init__(self, x: FloatArray, points: int, blocks: int) -> None:
+        self.ring, self.order = Ring(points, x), 1
+        self.top = np.zeros(blocks)
+        self.place: Place | None = None
+        self.factor: Any = None
+        self.size: Any = None
+        self.factorizations, self.support_changes = 0, 0
+        self.supports: dict[str, BoolArray] = {}
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "factor": None, "size": None}
+
+    def moved(self, x: FloatArray) -> None:
+        """The next step starts at x, after steps of another size that another solver took."""
+        self.ring.push(x)
+        self.ring.restart()
+        self.order = 1
+
+    def counters(self) -> Mapping[str, int]:
+        return {"factorizations": self.factorizations, "support_changes": self.support_changes}

@@ -1,0 +1,87 @@
+"""Sampled rows of a model in which a term couples bodies: fixed supports, no selection."""
+
+from collections.abc import Mapping
+from typing import Protocol
+
+from sparsemor.core.arrays import IntArray
+from sparsemor.core.errors import Fault, InputError
+from sparsemor.core.model import Model
+from sparsemor.core.protocols import Basis, Dictionary
+from sparsemor.core.status import SolveFailed, Status
+from sparsemor.reducers.bordered import Tolerances
+from sparsemor.reducers.checks import RowsAndAtoms, block_size, most_atoms, pattern_of
+from sparsemor.reducers.choose import chosen
+from sparsemor.reducers.general import coupling
+from sparsemor.reducers.reduced_general import ReducedGeneral, Seen, reduced_general
+from sparsemor.reducers.sampled import RankDeficient, SampledElastic, SampledHeat
+from sparsemor.reducers.stepper import Facts
+from sparsemor.reducers.test_map import TestMap
+
+ALL = "give as many atoms as the dictionary has, or leave them out"
+
+
+class Iteration(Protocol):
+    """The options of a reducer that are read here."""
+
+    @property
+    def predictor(self) -> int: ...
+    @property
+    def remaining(self) -> float: ...
+    @property
+    def max_iterations(self) -> int: ...
+
+
+def sampled_general(
+    model: Model, dictionaries: Mapping[str, Dictionary], limits: Mapping[str, float],
+    rows: Mapping[str, IntArray], blocks: Mapping[str, SampledElastic | SampledHeat],
+    maps: Mapping[str, TestMap], options: Iteration, notes: tuple[str, ...], facts: Facts,
+) -> ReducedGeneral:
+    """maps: block -> its rows of the residual, before the preconditioner. Least squares of a
+    block's rows as in the fast path. InputError where a budget leaves a choice of atoms."""
+    faults = [Fault("reducer.budgets", _selects(model, s.block.name, s.block.budget, s.block.atoms))
+              for s in blocks.values() if s.block.selects]
+    if faults:
+        raise InputError(faults)
+    seen = {}
+    for name, s in blocks.items():
+        P, m = s.block.weight, maps[name]
+        weighted = m if P is None else TestMap(m.rows, P if m.left is None else P @ m.left)
+        try:
+            left = s.block.left(None)
+        except RankDeficient as error:
+            raise SolveFailed(Status.RANK_DEFICIENT, 0.0, error.block, error.detail) from None
+        seen[name] = Seen(s.tested, left, weighted)
+    return reduced_general(
+        model, dictionaries, rows, seen,
+        Tolerances(options.remaining, options.max_iterations), options.predictor, limits, notes,
+        facts)
+
+
+def coupled_faults(
+    model: Model, budgets: Mapping[str, RowsAndAtoms], basis: Basis, bases: Mapping[str, Basis],
+    resample: int | None,
+) -> list[Fault]:
+    """What the general path does not do, as far as counting tells."""
+    if not model.separated.other:
+        return []
+    faults = []
+    if resample is not None:
+        faults.append(Fault("resample", f"{_names(model)} couples bodies inside the step, whose "
+                            "elements are found on the mesh for one set of rows: leave it out"))
+    for name in model.reducible():
+        pattern = pattern_of(name, budgets)
+        atoms = None if pattern is None else budgets[pattern].atoms
+        known = getattr(chosen(name, bases, basis), "count", None)
+        most = most_atoms(chosen(name, bases, basis), block_size(model, name))
+        if atoms is not None and isinstance(known, int) and atoms < most:
+            faults.append(Fault(f"budgets.{pattern}.atoms", _selects(model, name, atoms, most)))
+    return faults
+
+
+def _names(model: Model) -> str:
+    return ", ".join(sorted({n for n, _ in coupling(model) if n})) or "a term"
+
+
+def _selects(model: Model, name: str, atoms: int, most: int) -> str:
+    return (f"{name}: {atoms} of {most} atoms would be selected in each step, which is not done "
+            f"where {_names(model)} couples bodies inside the step: {ALL}")

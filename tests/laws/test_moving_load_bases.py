@@ -1,0 +1,370 @@
+"""Atoms for loads that move: attachment, impulse and windowed POD hold a full-order run."""
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+from scipy.sparse import csr_array, eye_array, kron
+from scipy.sparse.linalg import splu
+
+from sparsemor.bodies import fe
+from sparsemor.bodies.material import Material
+from sparsemor.bodies.mesh.rectangle import Rectangle
+from sparsemor.core.arrays import Csr, FloatArray, IntArray
+from sparsemor.core.errors import InputError
+from sparsemor.core.mesh import Mesh
+from sparsemor.core.path import path_rows, ring
+from sparsemor.core.protocols import Basis, BlockData, Dictionary
+from sparsemor.core.tables import LoadTable, Table
+from sparsemor.core.testing import check_basis
+from sparsemor.plugins.bases.attachment import Attachment
+from sparsemor.plugins.bases.dictionary import Overcomplete
+from sparsemor.plugins.bases.impulse import Impulse
+from sparsemor.plugins.bases.modal import Modal
+from sparsemor.plugins.bases.pod import Pod
+from sparsemor.plugins.bases.pooling import likely_states
+from sparsemor.plugins.bases.unit_loads import patch_weights, unit_loads
+from sparsemor.reducers.checks import most_atoms
+
+ALLOY = Material(E=70.006e9, nu=0.3, rho=2700, alpha=23.8e-6, k=150, c=900)
+THICKNESS = 1.25e-3
+STEP, STEPS = 1.5e-5, 220
+"""s; the contact passes over most of the plate."""
+
+
+@pytest.mark.parametrize("basis", [
+    Attachment(), Attachment(patches=3, dynamic=True),
+    Attachment(thermal=Modal(count=4), dynamic=True, orthonormal=True),
+    Attachment(thermal=Impulse(count=4)), Attachment(count=3, dynamic=True, thermal=Modal(count=4)),
+    Impulse(), Impulse(positions=2, delays=(0, 3)), Impulse(count=3), Impulse(count=500),
+    Pod(windows=3), Pod(weights="inverse_sqrt_norm"), Pod(windows=2, centred=True),
+    Pod(windows=4, energy=0.9, centred=True, weights="inverse_sqrt_norm"),
+], ids=repr)
+def test_laws_with_every_option(basis: Basis) -> None:
+    check_basis(basis, seed=1, trials=9)
+
+
+# ------------------------------------------------------------------------ a plate and its run
+
+
+@cache
+def mesh() -> Mesh:
+    return Rectangle(size=(5e-3, 1.25e-3), divisions=(24, 6), diagonal="alternating").build(Path())
+
+
+def pushes(x: FloatArray, speed: float) -> FloatArray:
+    """(T, j) N: a pressure that grows linearly over 1.1 mm, at nodes x (j,) of the surface."""
+    found = np.zeros((STEPS + 1, len(x)))
+    for n in range(1, STEPS + 1):
+        at = 0.1e-3 + speed * STEP * n + 1.1e-3 * (np.arange(300) + 0.5) / 300
+        p = 22e6 * (np.arange(300) + 0.5) / 300 * 1.1e-3 / 300 * THICKNESS
+        hats = np.maximum(0.0, 1.0 - np.abs(at - x[:, None]) / (x[1] - x[0]))
+        found[n] = hats @ p
+    return found
+
+
+@cache
+def plate(speed: float = 1.0) -> tuple[BlockData, BlockData]:
+    """Displacements and temperatures: the bottom is held, heat goes in with friction 0.2."""
+    m, N = mesh(), len(mesh().points)
+    top = m.point_sets["top"]
+    W, times = pushes(m.points[top, 0], speed), STEP * np.arange(STEPS + 1)
+    C = fe.capacity(m, 2700, 900, THICKNESS)
+    one = csr_array((np.ones(len(top)), (top, np.arange(len(top)))), shape=(N, len(top)))
+    heat_in = LoadTable("sole", one, tuple(f"sole, node {i}" for i in top),
+                        Table(times, 0.1 * speed * W))
+    heat = _data("plate.thermal", C, fe.conductivity(m, 150, THICKNESS), m.points,
+                 np.zeros(N, dtype=np.int64), heat_in, (0.0, 1 / STEP))
+    free = np.setdiff1d(np.arange(2 * N), np.ravel([2 * m.point_sets["bottom"],
+                                                    2 * m.point_sets["bottom"] + 1]))
+    K, M = (csr_array(A)[free][:, free] for A in (
+        fe.elastic_stiffness(m, ALLOY, THICKNESS, "plane_strain"),
+        kron(fe.scalar_mass(m, 2700 * THICKNESS), eye_array(2))))
+    both = csr_array(kron(one, eye_array(2)))[free]
+    push = LoadTable("sole", both, tuple(f"sole, node {i}, {c}" for i in top for c in "xy"),
+                     Table(times, np.stack([0.2 * W, -W], axis=2).reshape(STEPS + 1, -1)))
+    data = _data("plate.elastic", M, K, np.repeat(m.points, 2, axis=0)[free],
+                 (np.arange(2 * N) % 2)[free], push, (1 / STEP, 1 / STEP**2))
+    coupling = csr_array(fe.thermoelastic_coupling(m, ALLOY, THICKNESS, "plane_strain"))[free]
+    return replace(data, coupling=coupling, heat=heat), heat
+
+
+def _data(
+    name: str, mass: Csr, stiffness: Csr, places: FloatArray, component: IntArray,
+    load: LoadTable, factors: tuple[float, float],
+) -> BlockData:
+    n = mass.shape[0]
+    return BlockData(
+        name, np.zeros((n, 0)), mass, stiffness, places, component, np.zeros((n, 0)),
+        start=np.zeros(n), moving=(load,), factors=factors, step=STEP,
+        ring=ring(mass, stiffness, places, path_rows((load,))))
+
+
+def given(data: BlockData) -> FloatArray:
+    """(T, n) the moving load."""
+    (load,) = data.moving
+    return np.asarray((load.columns @ load.table.values.T).T)
+
+
+def run(data: BlockData, force: FloatArray, atoms: FloatArray) -> FloatArray:
+    """(n, T) implicit Euler from rest, projected on atoms (n, k)."""
+    first = data.factors[0] == 0.0
+    A, F, h = atoms, force @ atoms, STEP
+    D, M = A.T @ (data.operator @ A), A.T @ (data.mass @ A)
+    inverse, c, v, out = np.linalg.inv(D), np.zeros(A.shape[1]), np.zeros(A.shape[1]), []
+    for f in F:
+        past = M @ c / h if first else M @ (c / h**2 + v / h)
+        new = inverse @ (f + past) if out else c
+        v, c = (new - c) / h, new
+        out.append(c)
+    return np.asarray(A @ np.array(out).T)
+
+
+@cache
+def full(speed: float = 1.0) -> tuple[FloatArray, FloatArray]:
+    """u and T (n, steps + 1), by factors of the whole operators."""
+    data, heat = plate(speed)
+    found = []
+    for block in (heat, data):
+        force = given(block)
+        if found:
+            force = force + np.asarray(data.coupling @ found[0]).T
+        factor, h = splu(block.operator.tocsc()), STEP
+        x, v, out = np.zeros(block.size), np.zeros(block.size), [np.zeros(block.size)]
+        for f in force[1:]:
+            past = x / h if block is heat else x / h**2 + v / h
+            new = factor.solve(f + block.mass @ past)
+            v, x = (new - x) / h, new
+            out.append(x)
+        found.append(np.array(out).T)
+    return found[1], found[0]
+
+
+def error(got: FloatArray, want: FloatArray) -> float:
+    size = np.linalg.norm(want, axis=0).max()
+    return float(np.linalg.norm(got - want, axis=0).max() / size)
+
+
+def orthonormal(basis: Basis, data: BlockData) -> FloatArray:
+    return Overcomplete(bases=[basis], orthonormal=True).build(data).atoms
+
+
+# ------------------------------------------------------------------------ path and places
+
+
+def test_the_ring_is_all_nodes_of_the_elements_that_touch_the_path() -> None:
+    data, heat = plate()
+    m = mesh()
+    loaded = path_rows(heat.moving)
+    assert 0 < len(loaded) < len(m.point_sets["top"]), "the contact leaves some of it out"
+    touching = np.unique(m.cells[np.isin(m.cells, loaded).any(axis=1)])
+    assert np.array_equal(heat.ring, touching)
+    free = np.setdiff1d(np.arange(2 * len(m.points)), np.ravel(
+        [2 * m.point_sets["bottom"], 2 * m.point_sets["bottom"] + 1]))
+    both = np.ravel([2 * touching, 2 * touching + 1])
+    assert np.array_equal(data.ring, np.flatnonzero(np.isin(free, both)))
+
+
+def test_patches_share_the_path() -> None:
+    rng = np.random.default_rng(0)
+    order = rng.permutation(21)
+    angle = np.linspace(0.0, 2.0, 21)[order]
+    for places in (angle[:, None], np.stack([np.cos(angle), np.sin(angle)], axis=1)):
+        w = patch_weights(places, 5)[np.argsort(order)]
+        np.testing.assert_allclose(w.sum(axis=1), 1.0)
+        if w[0, 0] < 0.5:
+            w = w[:, ::-1]
+        np.testing.assert_allclose(w[::5], np.eye(5), atol=1e-12)  # hats along the line
+        np.testing.assert_allclose(w[2, :2], [0.6, 0.4], atol=1e-12)
+    space = rng.random((40, 3))
+    w = patch_weights(space, 6)
+    assert w.shape == (40, 6) and set(np.unique(w)) == {0.0, 1.0} and (w.sum(axis=0) > 0).all()
+    assert np.array_equal(patch_weights(space, 50), np.eye(40))
+
+
+# ------------------------------------------------------------------------ attachment
+
+
+def test_static_answers_to_any_load_on_the_path_are_held() -> None:
+    data = plate()[0]
+    d = Attachment().build(data)
+    loaded = path_rows(data.moving)
+    assert d.atoms.shape[1] == len(loaded)
+    f = np.zeros(data.size)
+    f[loaded] = np.random.default_rng(0).standard_normal(len(loaded))
+    u = splu(data.stiffness.tocsc()).solve(f)
+    c = np.linalg.lstsq(d.atoms, u, rcond=None)[0]
+    assert np.linalg.norm(d.atoms @ c - u) < 1e-10 * np.linalg.norm(u)
+    assert d.provenance[0].startswith("attachment sole, node ") and d.provenance[0][-1] in "xy"
+
+
+@pytest.mark.parametrize("speed", [1.0, 0.8])
+def test_attachment_follows_what_moves_without_training(speed: float) -> None:
+    """Made from the path of the one run, used for the others, too: its thermoelastic part holds the
+    temperatures, D^-1 copies the inertia."""
+    data, (u, T) = plate()[0], full(speed)
+    force = given(plate(speed)[0]) + np.asarray(data.coupling @ T).T
+    thermal = Impulse(count=70)
+    plain = run(data, force, orthonormal(Attachment(thermal=thermal), data))
+    basis = Attachment(thermal=thermal, dynamic=True)
+    both = run(data, force, orthonormal(basis, data))
+    mechanical = run(data, force, orthonormal(Attachment(), data))
+    assert error(both, u) < 8e-5 < error(plain, u) < 2e-3 < 1e-2 < error(mechanical, u)
+    said = basis.build(data).provenance
+    for start in ("attachment sole", "thermoelastic impulse mode", "dynamic attachment sole",
+                  "dynamic thermoelastic impulse mode"):
+        assert any(p.startswith(start) for p in said), start
+
+
+def test_pooled_attachment_keeps_what_counts() -> None:
+    """Orthonormal, and twice as many are several times better."""
+    data, (u, T) = plate()[0], full()
+    force = given(data) + np.asarray(data.coupling @ T).T
+    errors = []
+    for count in (30, 60):
+        d = Attachment(thermal=Impulse(count=70), count=count).build(data)
+        assert d.atoms.shape[1] == count and d.provenance[-1] == f"attachment mode {count - 1}"
+        assert np.abs(d.atoms.T @ d.atoms - np.eye(count)).max() < 1e-11
+        errors.append(error(run(data, force, d.atoms), u))
+    assert errors[1] < 3e-2 and errors[1] < 0.3 * errors[0], errors
+    assert most_atoms(Attachment(count=60), data.size) == 62
+
+
+def test_likely_states_are_those_of_all_delays() -> None:
+    """The doubled sum equals that over each delay, on a basis that holds everything."""
+    heat = plate()[1]
+    X = likely_states(heat, np.eye(heat.size))
+    F, _ = unit_loads(heat, None)
+    factor, W = splu(heat.operator.tocsc()), np.zeros((heat.size, heat.size))
+    x, carried = factor.solve(F), heat.operator - heat.stiffness
+    for _ in range(256):
+        W += x @ x.T
+        x = factor.solve(np.asarray(carried @ x))
+    np.testing.assert_allclose(X @ X.T, W, rtol=0, atol=1e-10 * np.abs(W).max())
+
+
+def test_an_insulated_block_gets_the_uniform_temperature() -> None:
+    d = Attachment(dynamic=True).build(plate()[1])
+    assert d.provenance[0] == "uniform"
+    np.testing.assert_allclose(d.atoms[:, 0], len(d.offset) ** -0.5)
+
+
+def test_thermal_snapshots_reach_the_thermal_basis() -> None:
+    data, heat = plate()
+    basis = Attachment(thermal=Pod(count=5))
+    assert basis.needs_snapshots and not Attachment(thermal=Impulse()).needs_snapshots
+    d = basis.build(replace(data, heat=replace(heat, snapshots=full()[1])))
+    assert sum(p.startswith("thermoelastic pod") for p in d.provenance) == 5
+
+
+# ------------------------------------------------------------------------ impulse
+
+
+def test_all_delays_hold_every_run_exactly() -> None:
+    """Heat that walks over the path, in short: all places, all delays."""
+    heat = plate()[1]
+    short = replace(heat, moving=tuple(replace(
+        m, table=Table(m.table.times[:7], m.table.values[100:107])) for m in heat.moving))
+    T = run(short, given(short), np.eye(heat.size))
+    d = Impulse(delays=tuple(range(7))).build(short)
+    c = np.linalg.lstsq(d.atoms, T, rcond=None)[0]
+    assert np.linalg.norm(d.atoms @ c - T) < 1e-10 * np.linalg.norm(T)
+    assert d.provenance[1].startswith("impulse sole, node ")
+    assert d.provenance[1].endswith(", delay 0")
+
+
+@pytest.mark.parametrize("speed", [1.0, 0.8])
+def test_impulses_follow_heat_at_any_speed(speed: float) -> None:
+    """Made from the path of the one run, used for the others, too."""
+    T, found = full(speed)[1], plate()[1]
+    errors = [error(run(found, given(plate(speed)[1]), Impulse(count=k).build(found).atoms), T)
+              for k in (40, 80, 120)]
+    assert errors[0] < 0.1 and errors[1] < 8e-3 and errors[2] < 5e-4, errors
+
+
+def test_pooled_impulses_are_orthonormal_and_say_what_they_are_of() -> None:
+    heat = plate()[1]
+    d = Impulse(count=40).build(heat)
+    assert d.atoms.shape[1] == 41 <= most_atoms(Impulse(count=40), heat.size)
+    assert np.abs(d.atoms.T @ d.atoms - np.eye(41)).max() < 1e-11
+    assert d.provenance[:2] == ("uniform", "impulse mode 0")
+    assert d.info["delays"] == "0, 1, 2, 4, 8, 16, 32, 64, 128, 220"
+    few = Impulse(positions=6, count=40).build(heat)
+    assert few.info["positions"] == 6 and few.info["responses"] == 60
+
+
+def test_other_steps_make_other_impulses() -> None:
+    heat = plate()[1]
+    slow = replace(heat, factors=(0.0, 0.1 / STEP), step=10 * STEP)
+    a, b = (Impulse(delays=(0, 4)).build(d).atoms for d in (heat, slow))
+    assert a.shape != b.shape or np.abs(a - b).max() > 1e-2
+
+
+# ------------------------------------------------------------------------ windows, weights
+
+
+def startup(got: FloatArray, want: FloatArray) -> float:
+    """Largest error of the first steps, over the solution's own norm then."""
+    missed, size = (np.linalg.norm(a, axis=0)[1:6] for a in (got - want, want))
+    return float((missed / size).max())
+
+
+def test_weights_count_a_small_start_for_more() -> None:
+    heat, T = plate()[1], full()[1]
+    data = replace(heat, snapshots=T)
+    errors = [startup(run(heat, given(heat), Pod(count=30, weights=w).build(data).atoms), T)
+              for w in ("none", "inverse_sqrt_norm")]
+    assert errors[1] < 0.5 * errors[0] and errors[0] > 1e-4, errors
+
+
+def test_windows_are_named_pooled_and_merged() -> None:
+    heat, T = plate()[1], full()[1]
+    data = replace(heat, snapshots=T)
+    d = Pod(windows=6, count=7).build(data)
+    assert d.atoms.shape[1] == 42 == most_atoms(Pod(windows=6, count=7), heat.size)
+    assert d.provenance[:2] == ("window 0 pod 0", "window 0 pod 1")
+    assert d.provenance[-1] == "window 5 pod 6"
+    for number, columns in enumerate(np.array_split(np.arange(T.shape[1]), 6)):
+        own = d.atoms[:, 7 * number : 7 * number + 7]
+        rest = T[:, columns] - own @ (own.T @ T[:, columns])
+        assert np.linalg.norm(rest) < 1e-3 * np.linalg.norm(T[:, columns])
+    still = replace(heat, snapshots=np.tile(T[:, 100:120], 2))
+    twice = Pod(windows=2, count=3).build(still)
+    assert twice.atoms.shape[1] == 3 and twice.info["merged"] == 3
+    assert twice.provenance[0] == "window 0 pod 0 (also window 1 pod 0)"
+
+
+def test_all_go_into_one_dictionary() -> None:
+    heat, T = plate()[1], full()[1]
+    both = Overcomplete(bases=[Pod(windows=2, count=10), Impulse(count=40)], orthonormal=True)
+    atoms = both.build(replace(heat, snapshots=T)).atoms
+    pods = orthonormal(Pod(windows=2, count=10), replace(heat, snapshots=T))
+    assert error(run(heat, given(heat), atoms), T) < error(run(heat, given(heat), pods), T)
+
+
+# ------------------------------------------------------------------------ refusals
+
+
+def test_what_cannot_be_built_is_refused_in_words() -> None:
+    data, heat = plate()
+    still = replace(data, moving=())
+    with pytest.raises(InputError, match="no load moves over plate.elastic"):
+        Attachment().build(still)
+    with pytest.raises(InputError, match="no load moves over plate.thermal"):
+        Impulse().build(replace(heat, moving=()))
+    unknown = replace(heat, factors=(0.0, 0.0), step=0.0)
+    with pytest.raises(InputError, match="the step that plate.thermal is reduced for"):
+        Impulse().build(unknown)
+    with pytest.raises(InputError, match="attachment with dynamic: true: the step"):
+        Attachment(dynamic=True).build(unknown)
+    assert isinstance(Attachment(thermal=Modal(count=2)).build(still), Dictionary)
+    with pytest.raises(InputError, match="300 windows were asked of 221 snapshots"):
+        Pod(windows=300).build(replace(heat, snapshots=full()[1]))
+    for options in ({"delays": [3, 1]}, {"delays": [-1]}, {"delays": []}, {"positions": 0}):
+        with pytest.raises(ValidationError):
+            Impulse.model_validate(options)
+    with pytest.raises(ValidationError, match="windows make several"):
+        Pod(windows=2, complete=True)

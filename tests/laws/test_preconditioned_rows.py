@@ -1,0 +1,304 @@
+"""Rows of D^-1 r: what they are, what they bring, where they are refused; rows around a path."""
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.sparse import csr_array
+
+from sparsemor import load
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.assemble import assemble
+from sparsemor.core.errors import InputError
+from sparsemor.core.initial import consistent_state
+from sparsemor.core.model import Model, StepFactors
+from sparsemor.core.offline import Offline
+from sparsemor.core.protocols import Dictionary
+from sparsemor.core.scene import Scene
+from sparsemor.core.tables import LoadTable, Table
+from sparsemor.core.testing import check_sampler
+from sparsemor.core.testing.run import March, march
+from sparsemor.plugins.bases.impulse import Impulse
+from sparsemor.plugins.samplers.deim import Deim
+from sparsemor.plugins.samplers.leverage import Leverage
+from sparsemor.plugins.samplers.lhs import LatinHypercube
+from sparsemor.plugins.samplers.random import Uniform
+from sparsemor.plugins.samplers.s_opt import SOpt
+from sparsemor.reducers.checks import required_rows
+from sparsemor.reducers.inverse_rows import inverse_rows
+from sparsemor.reducers.sampled import SampledElastic, SampledHeat, choose_rows
+from sparsemor.reducers.sparse import Sparse
+
+TINY = load(Path(__file__).parents[1] / "scenes" / "tiny.yaml")
+EVERYTHING = load(Path(__file__).parents[1] / "scenes" / "everything.yaml")
+FIXED = {"*.elastic": {"rows": 10}, "*.thermal": {"rows": 8}}
+BUDGETS = {"*.elastic": {"rows": 14, "atoms": 4}, "*.thermal": {"rows": 10, "atoms": 3}}
+STEP = StepFactors(1e-3, 1e3, 1e6, 1e3)
+
+
+@cache
+def full() -> March:
+    return march(TINY.using({"reducer": "full"}))
+
+
+def snapshots() -> dict[str, FloatArray]:
+    return {n: full().block(n).T for n in full().model.reducible()}
+
+
+def with_reducer(**options: Any) -> Scene:
+    return TINY.using({"reducer": {
+        "basis": {"use": "pod", "count": 5}, "bases": {"*.thermal": {"use": "pod", "count": 4}},
+        **options}})
+
+
+def sparse(**options: Any) -> Scene:
+    return with_reducer(**{"use": "sparse", "budgets": FIXED, **options})
+
+
+def ran(scene: Scene) -> March:
+    return march(scene, model=full().model, snapshots=snapshots())
+
+
+def error(run: March, reference: March, name: str) -> float:
+    d, want = run.solver.dictionaries[name], reference.block(name)
+    got = d.offset + run.block(name) @ d.atoms.T
+    return float(np.abs(got - want)[1:].max() / np.abs(want - want[0]).max())
+
+
+def errors(run: March) -> dict[str, float]:
+    return {name: error(run, full(), name) for name in full().model.reducible()}
+
+
+# ------------------------------------------------------------------------ what they are
+
+
+@pytest.mark.parametrize("name", ["bar.elastic", "bar.thermal"])
+def test_rows_of_the_inverse(name: str) -> None:
+    D = full().model.block_data(name, step=STEP).operator
+    rows = np.array([0, 3, 11])
+    want = np.linalg.inv(D.toarray())[rows]
+    np.testing.assert_allclose(inverse_rows(None, name, D, rows), want, rtol=0,
+                               atol=1e-11 * np.abs(want).max())
+
+
+def test_operators_are_those_of_the_step() -> None:
+    model = full().model
+    (heat,), (body,) = model.separated.heat, model.separated.moving
+    o = body.operators
+    assert o is not None
+    for name, want in (("bar.thermal", heat.conductivity + 1e3 * heat.capacity),
+                       ("bar.elastic", o.stiffness + 1e3 * o.damping + 1e6 * o.mass)):
+        got = model.block_data(name, step=STEP).operator
+        assert abs(got - want).max() < 1e-12 * abs(want).max()
+    data = model.block_data("bar.elastic", step=STEP)
+    assert data.step == 1e-3 and data.heat is not None and data.heat.step == 1e-3
+
+
+def test_samplers_see_the_equations_that_are_sampled() -> None:
+    """D^-1 D = 1: the pivots are those of the atoms themselves."""
+    model, name, rng = full().model, "bar.elastic", np.random.default_rng(0)
+    d = Dictionary(np.linalg.qr(snapshots()[name])[0][:, :6], np.zeros(0), ("",) * 6)
+    rows = [choose_rows(model, None, name, 6, 6, Deim(required=False, of=of), d, rng, STEP, pre)
+            for of, pre in (("operator", True), ("atoms", False), ("operator", False))]
+    assert np.array_equal(rows[0], rows[1]) and not np.array_equal(rows[0], rows[2])
+
+
+# ------------------------------------------------------------------------ what they bring
+
+
+@cache
+def pendulum() -> tuple[Scene, March]:
+    scene = load("double_pendulum", {
+        "time.end": 0.04, **{f"bodies.link{i}.mesh.elements": 320 for i in (1, 2)}})
+    return scene, march(scene.using({"reducer": "full"}))
+
+
+def test_rows_of_the_error_come_near_to_galerkin() -> None:
+    """The same rows, atoms and sampler: the elastic error falls by more than a digit."""
+    scene, want = pendulum()
+    pods = {"basis": {"use": "pod", "count": 8}, "bases": {"*.thermal": {"use": "pod", "count": 5}}}
+    names = want.model.reducible()
+    sampled = {"use": "sparse", "sampler": "lhs",
+               "budgets": {"*.elastic": {"rows": 16}, "*.thermal": {"rows": 10}}}
+    found = {}
+    for label, reducer in {
+        "galerkin": {"use": "galerkin"}, "plain": {**sampled, "residual": "plain"},
+        "solved": {**sampled, "residual": "preconditioned"},
+    }.items():
+        run = march(scene.using({"reducer": {**pods, **reducer}}), model=want.model,
+                    snapshots={n: want.block(n).T for n in names})
+        found[label] = {n: error(run, want, n) for n in names}
+    for n in names:
+        assert found["solved"][n] < 10 * found["galerkin"][n], found
+    worst = {label: max(e for n, e in of.items() if n.endswith(".elastic"))
+             for label, of in found.items()}
+    assert worst["solved"] < 0.2 * worst["plain"], worst
+
+
+def test_by_block_and_told() -> None:
+    run = ran(sparse(residual={"*.elastic": "preconditioned"}))
+    plain = ran(sparse())
+    np.testing.assert_array_equal(run.block("bar.thermal"), plain.block("bar.thermal"))
+    assert np.abs(run.block("bar.elastic") - plain.block("bar.elastic")).max() > 0.0
+    assert run.solver.facts["bar.elastic"]["residual"] == "preconditioned"
+    assert "residual" not in run.solver.facts["bar.thermal"]
+
+
+@pytest.mark.parametrize("options", [
+    {"budgets": BUDGETS, "solver": {"use": "greedy_gauss_newton", "candidates": "all"}},
+    {"resample": 3, "row_sets": 3},
+    {"preconditioner": "row_scaling", "preconditioned": ["elastic", "thermal"]},
+], ids=["selection", "row sets", "preconditioner"])
+def test_with_selection_row_sets_and_preconditioners(options: dict[str, Any]) -> None:
+    found = errors(ran(sparse(residual="preconditioned", **options)))
+    bound = 5e-2 if "budgets" in options else 2e-2
+    assert all(e < bound for e in found.values()), found
+
+
+def test_no_row_is_missed_by_a_load() -> None:
+    free = {"use": "deim", "required": False}
+    budgets = {"*.elastic": {"rows": 5}, "*.thermal": {"rows": 4}}
+    solver = ran(sparse(residual="preconditioned", sampler=free, budgets=budgets)).solver
+    assert len(solver.rows["bar.elastic"]) == 5 and not solver.notes
+
+
+@pytest.mark.parametrize("budgets", [FIXED, BUDGETS], ids=["fixed", "selecting"])
+def test_prepared_rows_come_back_without_being_prepared_again(
+    budgets: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each support of each set of rows once, and D^-1 not at all in the run."""
+    scene = sparse(resample=2, row_sets=3, residual="preconditioned", budgets=budgets,
+                   basis={"use": "pod", "count": 14},
+                   bases={"*.thermal": {"use": "pod", "count": 8}})
+    model, h, integrator = full().model, scene.time.step, scene.integrator
+    solver: Any = scene.reducer.prepare(
+        model, integrator, h, Offline.of(model, snapshots()), np.random.default_rng(3))
+    made: list[tuple[int, str, bytes]] = []
+    for kind in (SampledElastic, SampledHeat):
+        own = kind.prepared
+
+        def counted(block: Any, support: Any, own: Any = own) -> Any:
+            name = block.block.name
+            made.append((id(block), name, b"" if support is None else support.tobytes()))
+            return own(block, support)
+
+        monkeypatch.setattr(kind, "prepared", counted)
+    monkeypatch.setattr("sparsemor.reducers.sparse_build.inverse_rows", None)
+    state, memory = solver.start(consistent_state(model))
+    state = integrator.start(solver.layout, state)
+    for _ in range(24):
+        formula = integrator.formula(solver.layout, state, h)
+        outcome, memory = solver.solve(formula, memory)
+        assert outcome.status.ok
+        state = integrator.advance(solver.layout, state, formula, outcome.x, h)
+    assert solver.counters(memory)["resamplings"] == 11
+    assert len(made) == len(set(made))
+    assert bool(made) == (budgets is BUDGETS)
+
+
+# ------------------------------------------------------------------------ refusals
+
+
+@pytest.mark.parametrize(("options", "key", "words"), [
+    ({"residual": {"*.elastc": "preconditioned"}}, "residual.*.elastc", "fits no block"),
+    ({"residual": "preconditioned", "resample": 1}, "row_sets", "give a number of row sets"),
+])
+def test_bad_options_are_told_by_key(options: dict[str, Any], key: str, words: str) -> None:
+    faults = sparse(**options).reducer.check(full().model)
+    assert [f.key for f in faults] == [key] and words in faults[0].message
+
+
+def test_radiation_would_need_every_element() -> None:
+    model = assemble(EVERYTHING)
+    budgets = {"*.elastic": {"rows": 8}, "*.thermal": {"rows": 0}}
+    hot = sum(bool(b.local) for b in model.separated.heat)
+    assert hot
+    for residual, count in (("preconditioned", hot), ({"*.elastic": "preconditioned"}, 0)):
+        faults = Sparse.model_validate({"budgets": budgets, "residual": residual}).check(model)
+        assert [f.key for f in faults] == ["residual"] * count
+        assert all("every element of radiation" in f.message for f in faults)
+
+
+# ------------------------------------------------------------------------ along a path
+
+
+@cache
+def heated() -> Model:
+    """The tiny scene with a source that walks along its upper edge."""
+    model = full().model
+    (heat,) = model.separated.heat
+    places = model.geometry["bar.thermal"][0]
+    top = np.flatnonzero(np.isclose(places[:, 1], 0.05))
+    times = np.linspace(0.0, 0.04, 41)
+    at = np.linspace(0.05, 0.35, 41)[:, None]
+    values = 40.0 * np.maximum(0.0, 1.0 - np.abs(places[top, 0] - at) / 0.0625)
+    walk = LoadTable(
+        "source", csr_array((np.ones(len(top)), (top, np.arange(len(top)))),
+                            shape=(len(places), len(top))),
+        tuple(f"source, node {i}" for i in top), Table(times, values))
+    return replace(model, separated=replace(
+        model.separated, heat=(replace(heat, tables=(walk,)),)))
+
+
+@pytest.mark.parametrize("sampler", [
+    LatinHypercube(required="ring"), Uniform(required="ring", unit="node"),
+    Deim(required="ring"), Leverage(required="ring"), SOpt(required="ring")], ids=repr)
+def test_the_ring_keeps_the_laws_of_samplers(sampler: Any) -> None:
+    check_sampler(sampler, seed=4, trials=8)
+
+
+def test_ring_rows_are_counted_and_kept() -> None:
+    model, name = heated(), "bar.thermal"
+    ring = model.ring(name)
+    kept = np.union1d(model.required[name], ring)
+    assert 0 < len(ring) < model.layout[name].stop - model.layout[name].start
+    assert len(model.ring("bar.elastic")) == 0 and len(full().model.ring(name)) == 0
+    counts = [required_rows(model, name, LatinHypercube(required=r)) for r in (False, True, "ring")]
+    assert counts == [0, len(model.required[name]), len(kept)]
+    size = model.layout[name].stop - model.layout[name].start
+    scene = sparse(sampler={"use": "lhs", "required": "ring"},
+                   budgets={"*.elastic": {"rows": 10}, "*.thermal": {"rows": size}})
+    (fault,) = scene.reducer.check(model)
+    assert f"take at most {size - len(kept)}" in fault.message
+    free = size - len(kept)
+    few = sparse(sampler={"use": "lhs", "required": "ring"},
+                 bases={"*.thermal": {"use": "impulse", "count": 6}},
+                 budgets={"*.elastic": {"rows": 10}, "*.thermal": {"rows": min(free, 2)}})
+    solver = few.reducer.prepare(model, few.integrator, few.time.step,
+                                 Offline.of(model, snapshots()), np.random.default_rng(0))
+    assert np.isin(kept, solver.rows[name]).all()
+    assert len(solver.rows[name]) == len(kept) + min(free, 2)
+
+
+@pytest.mark.parametrize("reducer", [
+    {"use": "galerkin"},
+    {"use": "sparse", "budgets": {"*.elastic": {"rows": 10}, "*.thermal": {"rows": 4}},
+     "sampler": {"use": "deim", "required": "ring"}, "residual": "preconditioned"},
+], ids=["galerkin", "sparse"])
+def test_impulses_in_a_reduced_run(reducer: dict[str, Any]) -> None:
+    """No snapshot of the temperatures under the moving source is used."""
+    want = march(TINY.using({"reducer": "full"}), model=heated()).block("bar.thermal")
+    heat = {"use": "dictionary", "orthonormal": True, "bases": [
+        {"use": "impulse", "count": 10}, {"use": "static", "rates": [0, 10, 100, 1000]}]}
+    scene = with_reducer(**{**reducer, "bases": {"*.thermal": heat}})
+    run = march(scene, model=heated(), snapshots=snapshots())
+    d = run.solver.dictionaries["bar.thermal"]
+    assert any(p.startswith("impulse mode") for p in d.provenance) and d.atoms.shape[1] < 18
+    got = d.offset + run.block("bar.thermal") @ d.atoms.T
+    assert np.abs(got - want).max() < 5e-3 * np.abs(want - want[0]).max()
+
+
+def test_dictionaries_depend_on_the_step_and_say_when_it_is_missing(tmp_path: Path) -> None:
+    from sparsemor.core.cache import Cache
+
+    offline = Offline(heated(), snapshots, "key", Cache(tmp_path))
+    basis = Impulse(delays=(0, 5))
+    a, b, c = (offline.dictionary("bar.thermal", basis, s)[0].atoms for s in (
+        STEP, STEP._replace(h=0.1, c1_first=10.0), STEP))
+    assert offline.products.used["basis"] == "mixed" and np.array_equal(a, c)
+    assert a.shape != b.shape or np.abs(a - b).max() > 1e-3
+    with pytest.raises(InputError, match="the step that bar.thermal is reduced for"):
+        offline.dictionary("bar.thermal", basis)
