@@ -1,5 +1,6 @@
 """A rectangle of unstructured triangles, as many as asked for."""
 
+from functools import lru_cache
 from pathlib import Path
 from typing import Annotated
 
@@ -66,12 +67,12 @@ class Unstructured(Plugin):
     def build(self, base: Path) -> Mesh:
         """The mesh; `base` is not used. InputError (key `elements`) when the triangles would be
         flat because their size does not go with the segments on the outline."""
-        points, cells = self._best() if self._may_fit() else _NOTHING
+        points, cells = _searched(self) if self._may_fit() else _NOTHING
         if not len(cells) or quality(points, cells).min() < LEAST_QUALITY:
             raise InputError(self._misfit(), "elements")
         if self.refine:
             points, cells = _refined(points, cells, self.refine)
-        return Mesh(points + np.array(self.lower), cells, self._sets(points))
+        return Mesh(points + np.array(self.lower), cells.copy(), self._sets(points))
 
     def _may_fit(self) -> bool:
         """Spares the search where triangles are far smaller or larger than the segments."""
@@ -124,6 +125,12 @@ class Unstructured(Plugin):
         middle = {"top_center": sides["top"] & (np.abs(x - self.size[0] / 2) < near)}
         return {name: np.flatnonzero(inside)
                 for name, inside in {**sides, **corners, **middle}.items() if inside.any()}
+
+
+@lru_cache(maxsize=16)
+def _searched(mesh: Unstructured) -> tuple[FloatArray, IntArray]:
+    """`_best` once a process: a run assembles its scene several times, a study all along."""
+    return mesh._best()
 
 
 def quality(points: FloatArray, cells: IntArray) -> FloatArray:

@@ -116,12 +116,12 @@ class Refusals:
             r, z, floor, gain, tolerance)
 
     def again(self, support: BoolArray, refusal: Refusal) -> Refusal | None:
-        """Both together, if it follows another one of the same columns on the same support."""
+        """The refusal, if it follows another one of the same columns on the same support."""
         before, self.before = self.before, (support, refusal)
         if before is None or before[0] is not support or not np.array_equal(
                 before[1].union, refusal.union):
             return None
-        return refusal._replace(able=refusal.able | before[1].able)
+        return refusal
 
 
 def _rest(v: FloatArray, reached: FloatArray) -> float:

@@ -176,6 +176,22 @@ def test_slider_variants_are_overrides_of_one_scene(run: Run) -> None:
     assert rows["conductance 1e4"]["heat_J"] < rows["as packaged"]["heat_J"]
 
 
+@pytest.mark.slow
+def test_slider_measures_every_field_in_and_out_of_training(run: Run) -> None:
+    found = run("slider")
+    inside = {row["method"]: row for row in rows_of(found, "In training")}
+    assert set(inside) == {"full", "galerkin"}
+    assert inside["galerkin"]["stopped"] == "0/1"
+    outside = rows_of(found, "Outside training: worst error of each field, whole run")
+    assert [row["method"] for row in outside] == ["galerkin, POD"] * 4
+    fields = ("slider.elastic", "plate.elastic", "slider.thermal", "plate.thermal")
+    for field in fields:
+        assert 0.0 < inside["galerkin"][f"{field} steady"] < 1e-3
+        assert all(row["status"] == "done" and row[field] > 0.0 for row in outside)
+    # 40 steps in, nothing was learned at another friction, and all of it on a longer run
+    assert max(outside[1][f] for f in fields) > 10 * max(outside[3][f] for f in fields)
+
+
 def test_an_interrupted_benchmark_prints_what_it_has(tmp_path: Path) -> None:
     out = tmp_path / "accuracy.json"
     with subprocess.Popen(
