@@ -5,12 +5,11 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.sparse import csr_array
 
-from sparsemor.bodies.body_terms import elastic_term, inertia_term, thermal_term
+from sparsemor.bodies.body_terms import elastic_term, film_term, inertia_term, thermal_term
 from sparsemor.bodies.fields import Elasticity, Heat
 from sparsemor.bodies.frame_term import FrameEquations, FrameTerm
-from sparsemor.bodies.linear_term import LinearEquations, LinearTerm
+from sparsemor.bodies.linear_term import LinearTerm
 from sparsemor.bodies.planar.frame import PlanarFrame
 from sparsemor.bodies.planar.items import Attachment, BodyForce, Item, SpaceForce
 from sparsemor.bodies.separate import heat_body, moving_body
@@ -171,19 +170,8 @@ class PlanarBody:
     ) -> LinearTerm:
         """Nodal heat vector (N,) W times an amplitude, and a film matrix (N, N) W/K."""
         assert self.heat is not None
-        free = self.heat.free
-        used = np.flatnonzero(vector[free])
-        rows = self.position(layout, "thermal")[used]
-        nodes = free[used]
-        empty = csr_array((len(rows), len(rows)))
-        A = empty if film is None else csr_array(film[nodes][:, nodes])
-        loads, amplitudes = [vector[nodes]], [amplitude]
-        if film is not None:
-            for given, function in self.heat.prescribed:
-                loads.append(-np.asarray(film[nodes][:, given].sum(axis=1)).ravel())
-                amplitudes.append(function.value)
-        return LinearTerm(self.name, rows, rows, LinearEquations(
-            A, empty, np.zeros(len(rows)), np.stack(loads, axis=1), tuple(amplitudes)))
+        return film_term(self.name, self.position(layout, "thermal"), self.heat, vector, amplitude,
+                         film)
 
     def surface_loads(
         self, layout: Layout, source: str, loads: SurfaceLoads, times: FloatArray

@@ -1,4 +1,4 @@
-"""The terms that a planar body has by itself: inertia, elasticity, conduction."""
+"""The terms that a body has by itself: inertia (in the plane), elasticity, conduction, films."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from sparsemor.core.layout import Layout
 from sparsemor.core.separable import Amplitude
 
 if TYPE_CHECKING:
+    from sparsemor.bodies.any_body import AnyBody
     from sparsemor.bodies.body_part import PlanarBody
 
 J2 = np.array([[0.0, -1.0], [1.0, 0.0]])
@@ -38,7 +39,7 @@ def inertia_term(body: PlanarBody, layout: Layout) -> FrameTerm:
     return replace(term, equations=replace(term.equations, Q=Q, V=Q))
 
 
-def elastic_term(body: PlanarBody, layout: Layout, e: Elasticity) -> LinearTerm:
+def elastic_term(body: AnyBody, layout: Layout, e: Elasticity) -> LinearTerm:
     """Stiffness, damping and thermal forces of the free displacements."""
     F, Kt = e.free, e.coupling[e.free]
     rows = body.position(layout, "elastic")
@@ -63,7 +64,7 @@ def elastic_term(body: PlanarBody, layout: Layout, e: Elasticity) -> LinearTerm:
         np.stack(loads, axis=1) if loads else np.zeros((len(F), 0)), tuple(amplitudes)))
 
 
-def thermal_term(body: PlanarBody, layout: Layout, h: Heat) -> LinearTerm:
+def thermal_term(body: AnyBody, layout: Layout, h: Heat) -> LinearTerm:
     """Conduction and capacity of the free temperatures."""
     rows, free = body.position(layout, "thermal"), h.free
     loads: list[FloatArray] = []
@@ -76,6 +77,28 @@ def thermal_term(body: PlanarBody, layout: Layout, h: Heat) -> LinearTerm:
         csr_array(h.conductivity[free][:, free]), csr_array(h.capacity[free][:, free]),
         np.zeros(len(free)), np.stack(loads, axis=1) if loads else np.zeros((len(free), 0)),
         tuple(amplitudes)))
+
+
+def film_term(
+    body: str, thermal: IntArray, heat: Heat, vector: FloatArray, amplitude: Amplitude,
+    film: Csr | None,
+) -> LinearTerm:
+    """Nodal heat vector (N,) W times an amplitude, and a film matrix (N, N) W/K.
+
+    thermal (m,): global numbers of the body's temperatures.
+    """
+    free = heat.free
+    used = np.flatnonzero(vector[free])
+    rows, nodes = thermal[used], free[used]
+    empty = csr_array((len(rows), len(rows)))
+    A = empty if film is None else csr_array(film[nodes][:, nodes])
+    loads, amplitudes = [vector[nodes]], [amplitude]
+    if film is not None:
+        for given, function in heat.prescribed:
+            loads.append(-np.asarray(film[nodes][:, given].sum(axis=1)).ravel())
+            amplitudes.append(function.value)
+    return LinearTerm(body, rows, rows, LinearEquations(
+        A, empty, np.zeros(len(rows)), np.stack(loads, axis=1), tuple(amplitudes)))
 
 
 def _embedding(local: IntArray, size: int) -> Csr:

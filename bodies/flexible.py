@@ -1,21 +1,29 @@
-"""A planar flexible body in a floating frame: linear triangles, elastic and thermal fields."""
+"""A flexible body in a floating frame: linear triangles or tetrahedra, elastic and thermal fields.
+
+The mesh says where it lives: triangles make a planar body, tetrahedra one in space.
+"""
 
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field
 from scipy.sparse import csr_array
 
+from sparsemor.bodies.any_body import AnyBody
 from sparsemor.bodies.body_part import PlanarBody
 from sparsemor.bodies.expression import FormulaText, evaluate_formula
-from sparsemor.bodies.fe.elasticity import elastic_stiffness, law, thermoelastic_coupling
+from sparsemor.bodies.fe.elasticity import Model, elastic_stiffness, law, thermoelastic_coupling
 from sparsemor.bodies.fe.volume import capacity, conductivity, scalar_mass
 from sparsemor.bodies.fields import Elasticity, Heat
 from sparsemor.bodies.material import Material, require
 from sparsemor.bodies.mesh.check import check_mesh
-from sparsemor.bodies.mesh.sets import PointSet, find_set, with_sets
+from sparsemor.bodies.mesh.sets import PointSet, with_sets
 from sparsemor.bodies.pose import Pose
+from sparsemor.bodies.reference import Reference
+from sparsemor.bodies.spatial.body import SpatialBody
+from sparsemor.bodies.spatial.inertia import of_mesh
+from sparsemor.bodies.spatial.moments import moments_of
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.errors import Fault, Gather, InputError
 from sparsemor.core.mesh import Mesh
@@ -34,87 +42,76 @@ class Damping(Plugin):
     """Factor of the stiffness matrix, s."""
 
 
-class Reference(Plugin):
-    """What ties the displacements to the frame, so that they hold no rigid motion."""
-
-    chord: tuple[str, str] | None = None
-    """Two one-point sets: u = 0 at the first, no motion across their line at the second."""
-    clamp: str | None = None
-    """A set whose points do not move in the body frame."""
-
-    @model_validator(mode="after")
-    def _one(self) -> "Reference":
-        if (self.chord is None) == (self.clamp is None):
-            raise InputError("a reference condition is either `chord` (two sets) or `clamp` (one)")
-        return self
-
-    def held(self, mesh: Mesh) -> IntArray:
-        """Sorted numbers 2 node + component of the displacements that are zero."""
-        if self.clamp is not None:
-            nodes = find_set(mesh, self.clamp, "reference.clamp")
-            if len(nodes) < 2:
-                raise InputError(
-                    f"set {self.clamp!r} is a single point: a clamp needs two or more, or the "
-                    "body still turns about it", "reference.clamp")
-            return np.sort(np.concatenate([2 * nodes, 2 * nodes + 1]))
-        assert self.chord is not None
-        ends = [find_set(mesh, s, "reference.chord") for s in self.chord]
-        for name, nodes in zip(self.chord, ends, strict=True):
-            if len(nodes) != 1:
-                raise InputError(f"set {name!r} has {len(nodes)} points: a chord end is one point",
-                                 "reference.chord")
-        a, b = int(ends[0][0]), int(ends[1][0])
-        if a == b:
-            raise InputError("the two ends of the chord are the same point", "reference.chord")
-        line = np.abs(mesh.points[b] - mesh.points[a])
-        return np.sort(np.array([2 * a, 2 * a + 1, 2 * b + int(line[0] >= line[1])]))
-
-
 class Flexible(Plugin):
-    """Floating-frame body with linear triangles; a scene carries only the fields it names."""
+    """Floating-frame body; a scene carries only the fields it names."""
 
     mesh: Annotated[MeshPlugin, Slot("mesh")]
     """Mesh plugin."""
     sets: dict[str, PointSet] = {}
     """More named point sets."""
-    thickness: float = Field(gt=0)
-    """Thickness, m."""
+    thickness: float | None = Field(default=None, gt=0)
+    """Thickness of a planar body, m."""
     material: Material
     """Constants of the material."""
-    model: Literal["plane_stress", "plane_strain"] = "plane_stress"
-    """Plane elasticity."""
+    model: Literal["plane_stress", "plane_strain", "solid"] | None = None
+    """Elasticity: plane stress in the plane when not given, `solid` in space."""
     fields: list[Literal["elastic", "thermal"]]
     """Which fields the body has; `[]`: none, a rigid body with the mass and shape of its mesh."""
     reference: Reference | None = None
     """Reference conditions of the elastic field."""
     damping: Damping = Damping()
     """Rayleigh damping of the elastic field."""
-    frame: Literal["floating", "fixed"] = "floating"
-    """`fixed`: the frame stays at its pose and costs no unknowns."""
+    frame: Literal["floating", "fixed", "spinning"] = "floating"
+    """`fixed`: the frame stays at its pose and costs no unknowns. `spinning`: a body in space whose
+    frame turns about the z axis alone, by an angle."""
     pose: Pose = Pose()
-    """Frame origin, angle and their rates at the start."""
+    """Frame origin, rotation and their rates at the start."""
     reference_temperature: float = 293.15
     """Stress-free temperature, K."""
     initial_temperature: float | FormulaText | None = None
-    """K, a number or a formula in x and y; the reference temperature when not given."""
+    """K, a number or a formula in x, y (and z); the reference temperature when not given."""
 
-    def build(self, name: str, base: Path) -> PlanarBody:
+    def build(self, name: str, base: Path) -> AnyBody:
         gather = Gather()
         self._check_options(gather)
         mesh = gather("", self._mesh, base)
         gather.check()
         assert mesh is not None
+        self._check_dimension(mesh, gather)
         held = gather("", self._held, mesh)
         T0 = gather("", self._initial_temperature, mesh)
         gather.check()
-        m = scalar_mass(mesh, self.material.rho * self.thickness)
+        assert T0 is not None
+        if mesh.dimension == 3:
+            return self._in_space(name, mesh, held, T0)
+        return self._in_plane(name, mesh, held, T0)
+
+    def _in_space(
+        self, name: str, mesh: Mesh, held: IntArray | None, T0: FloatArray
+    ) -> SpatialBody:
+        m = scalar_mass(mesh, self.material.rho)
+        spins = self.frame == "spinning"
+        pose, velocity = self.pose.spinning() if spins else self.pose.in_space()
+        return SpatialBody(
+            name=name, X=mesh.points, inertia=of_mesh(m, mesh.points, moments_of(len(pose))),
+            pose=pose, velocity=velocity, moves=self.frame != "fixed", points=mesh.point_sets,
+            mesh=mesh, mass_matrix=m,
+            elasticity=None if held is None else self._elasticity(mesh, m, held),
+            heat=self._heat(mesh) if "thermal" in self.fields else None, T0=T0,
+            T_ref=np.full(len(mesh.points), self.reference_temperature))
+
+    def _in_plane(
+        self, name: str, mesh: Mesh, held: IntArray | None, T0: FloatArray
+    ) -> PlanarBody:
+        thickness = self._thickness(mesh)
+        m = scalar_mass(mesh, self.material.rho * thickness)
         X = mesh.points[:, 0] + 1j * mesh.points[:, 1]
         weights = np.asarray(m.sum(axis=1)).ravel()
         return PlanarBody(
             name=name, X=X, mass=float(weights.sum()), moment=complex(weights @ X),
             inertia=float(np.vdot(X, m @ X).real), pose=self.pose.coordinates(),
             velocity=self.pose.rates(), moves=self.frame == "floating",
-            points=mesh.point_sets, mesh=mesh, thickness=self.thickness, mass_matrix=m,
+            points=mesh.point_sets, mesh=mesh, thickness=thickness, mass_matrix=m,
             elasticity=None if held is None else self._elasticity(mesh, m, held),
             heat=self._heat(mesh) if "thermal" in self.fields else None, T0=T0,
             T_ref=np.full(len(X), self.reference_temperature),
@@ -126,8 +123,6 @@ class Flexible(Plugin):
         except InputError as error:
             raise error.under("mesh") from None
         check_mesh(mesh)  # its faults have the key "mesh"
-        if mesh.dimension != 2:
-            raise InputError(f"the mesh is {mesh.dimension}-D; this body is plane", "mesh")
         try:
             return with_sets(mesh, self.sets)
         except InputError as error:
@@ -144,6 +139,30 @@ class Flexible(Plugin):
         if "thermal" in self.fields:
             gather("material", require, self.material, ("k", "c"), "thermal")
 
+    def _check_dimension(self, mesh: Mesh, gather: Gather) -> None:
+        """What depends on the dimension of the mesh."""
+        plane = mesh.dimension == 2
+        if plane and self.thickness is None:
+            gather.faults.append(Fault("thickness", "missing: the mesh is plane (m)"))
+        if not plane and self.thickness is not None:
+            gather.faults.append(Fault("thickness", "the mesh is 3-D and has its own: drop it"))
+        if self.model is not None and (self.model == "solid") is plane:
+            allowed = "plane_stress or plane_strain" if plane else "solid"
+            gather.faults.append(Fault(
+                "model", f"{self.model} does not suit a {mesh.dimension}-D mesh: take {allowed}"))
+        if plane and self.frame == "spinning":
+            gather.faults.append(Fault("frame", "the mesh is plane: its frame is `floating`"))
+        spins = self.frame == "spinning"
+        gather("", self.pose.coordinates if plane else
+               self.pose.spinning if spins else self.pose.in_space)
+
+    def _thickness(self, mesh: Mesh) -> float:
+        """1 for a mesh that has volume."""
+        return 1.0 if self.thickness is None else self.thickness
+
+    def _model(self, mesh: Mesh) -> Model:
+        return self.model or ("plane_stress" if mesh.dimension == 2 else "solid")
+
     def _held(self, mesh: Mesh) -> IntArray | None:
         """Numbers of the displacements that are zero, None without an elastic field."""
         if "elastic" not in self.fields or self.reference is None:
@@ -151,21 +170,22 @@ class Flexible(Plugin):
         return self.reference.held(mesh)
 
     def _elasticity(self, mesh: Mesh, m: Any, held: IntArray) -> Elasticity:
-        K = elastic_stiffness(mesh, self.material, self.thickness, self.model)
-        M = csr_array(_blockwise(m))
+        d, thickness, model = mesh.dimension, self._thickness(mesh), self._model(mesh)
+        K = elastic_stiffness(mesh, self.material, thickness, model)
+        M = csr_array(_blockwise(m, d))
         return Elasticity(
-            free=np.setdiff1d(np.arange(2 * len(mesh.points)), held), stiffness=K,
+            free=np.setdiff1d(np.arange(d * len(mesh.points)), held), stiffness=K,
             damping=csr_array(self.damping.mass * M + self.damping.stiffness * K),
-            coupling=thermoelastic_coupling(mesh, self.material, self.thickness, self.model),
-            law=law(self.material, self.model))
+            coupling=thermoelastic_coupling(mesh, self.material, thickness, model),
+            law=law(self.material, model))
 
     def _heat(self, mesh: Mesh) -> Heat:
-        k, c = require(self.material, ("k", "c"), "thermal")
+        (k, c), thickness = require(self.material, ("k", "c"), "thermal"), self._thickness(mesh)
         return Heat(
             free=np.arange(len(mesh.points)),
-            capacity=capacity(mesh, self.material.rho, c, self.thickness),
-            conductivity=conductivity(mesh, k, self.thickness),
-            constants=(self.material.rho * c * self.thickness, k * self.thickness))
+            capacity=capacity(mesh, self.material.rho, c, thickness),
+            conductivity=conductivity(mesh, k, thickness),
+            constants=(self.material.rho * c * thickness, k * thickness))
 
     def _initial_temperature(self, mesh: Mesh) -> FloatArray:
         given = self.initial_temperature
@@ -177,7 +197,7 @@ class Flexible(Plugin):
         return np.full(n, float(given))
 
 
-def _blockwise(m: Any) -> Any:
-    from scipy.sparse import kron
+def _blockwise(m: Any, d: int) -> Any:
+    from scipy.sparse import identity, kron
 
-    return kron(m, np.eye(2), format="csr")
+    return kron(m, identity(d), format="csr")

@@ -1,4 +1,4 @@
-"""A planar body's internal force and heat balance, element by element (core/integrals.py)."""
+"""A body's internal force and heat balance, element by element (core/integrals.py)."""
 
 from __future__ import annotations
 
@@ -20,18 +20,19 @@ from sparsemor.core.mesh import Mesh
 from sparsemor.core.separable import Amplitude
 
 if TYPE_CHECKING:
-    from sparsemor.bodies.body_part import PlanarBody
+    from sparsemor.bodies.any_body import AnyBody
 
 
-def elastic_integrals(body: PlanarBody) -> ElasticIntegrals:
+def elastic_integrals(body: AnyBody) -> ElasticIntegrals:
     """Internal forces of the free displacements: the terms of `body_terms.elastic_term`."""
     e, mesh = body.elasticity, body.mesh
     assert e is not None and e.law is not None and mesh is not None
     K = element_stiffness(mesh, e.law, body.thickness)
     Kt = element_coupling(mesh, e.law, body.thickness)
     n = len(e.free)
-    corners = 2 * mesh.cells[:, :, None] + np.arange(2)
-    rows = _places(e.free, 2 * len(mesh.points))[corners.reshape(len(mesh.cells), -1)]
+    d = mesh.dimension
+    corners = d * mesh.cells[:, :, None] + np.arange(d)
+    rows = _places(e.free, d * len(mesh.points))[corners.reshape(len(mesh.cells), -1)]
     assert body.T0 is not None and body.T_ref is not None
     stiffness = Integrals(rows, rows, K, (n, n))
     if body.heat is None:
@@ -46,7 +47,7 @@ def elastic_integrals(body: PlanarBody) -> ElasticIntegrals:
     return ElasticIntegrals(stiffness, coupling, _columns(rows, n, given), tuple(amplitudes))
 
 
-def heat_integrals(body: PlanarBody) -> HeatIntegrals:
+def heat_integrals(body: AnyBody) -> HeatIntegrals:
     """Heat balance of the free temperatures: the terms of `body_terms.thermal_term`."""
     h, mesh = body.heat, body.mesh
     assert h is not None and h.constants is not None and mesh is not None

@@ -1,10 +1,11 @@
-"""Takes the terms of planar bodies apart for the fast step solvers."""
+"""Takes the terms of bodies apart for the fast step solvers."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -12,7 +13,6 @@ from scipy.sparse import csr_array
 from sparsemor.bodies.frame_term import FrameTerm
 from sparsemor.bodies.integrals import elastic_integrals, heat_integrals
 from sparsemor.bodies.linear_term import LinearTerm
-from sparsemor.bodies.planar.frame import PlanarFrame
 from sparsemor.bodies.table_term import TableTerm
 from sparsemor.core.arrays import Csr, FloatArray, IntArray
 from sparsemor.core.layout import Layout
@@ -21,10 +21,10 @@ from sparsemor.core.separable import Amplitude, ElasticOperators, HeatBody, Movi
 from sparsemor.core.tables import LoadTable
 
 if TYPE_CHECKING:
-    from sparsemor.bodies.body_part import PlanarBody
+    from sparsemor.bodies.any_body import AnyBody
 
 
-def moving_body(body: PlanarBody, layout: Layout, terms: Sequence[Term]) -> MovingBody | None:
+def moving_body(body: AnyBody, layout: Layout, terms: Sequence[Term]) -> MovingBody | None:
     """The mechanical equations of one body as constant matrices and one frame kernel.
 
     None when the body neither moves nor deforms.
@@ -32,18 +32,19 @@ def moving_body(body: PlanarBody, layout: Layout, terms: Sequence[Term]) -> Movi
     frames = [t for t in terms if isinstance(t, FrameTerm)]
     if not frames:
         return None
+    first: Any = frames[0].equations.frame  # of the body's dimension
     elastic = body.position(layout, "elastic")
     inertia = next((t for t in frames if t.equations.V), None)
     if not body.moves and body.guide is None:  # at rest: nothing of the mass but M u''
         frames = [t for t in frames if t is not inertia]
     items = tuple(i for t in frames for i in t.equations.frame.items)  # type: ignore[attr-defined]
-    frame = PlanarFrame(items, len(elastic) > 0)
+    frame = replace(first, items=items)
     operators = None
     if len(elastic) and inertia is not None:
         operators = _operators(body, layout, frames, inertia, terms, elastic)
     origin = np.zeros(frame.border)
     if not body.moves and body.guide is None:
-        origin[: frame.rigid_size] = body.pose
+        origin[: len(body.pose)] = body.pose
     return MovingBody(
         body.name, frame, _to_border(body, layout, frames), origin,
         f"{body.name}.elastic" if len(elastic) else "",
@@ -51,24 +52,28 @@ def moving_body(body: PlanarBody, layout: Layout, terms: Sequence[Term]) -> Movi
     )
 
 
-def _to_border(body: PlanarBody, layout: Layout, frames: Sequence[FrameTerm]) -> FloatArray:
-    """(b, N): rigid coordinates and attachment forces from rigid blocks and multipliers."""
+def _to_border(body: AnyBody, layout: Layout, frames: Sequence[FrameTerm]) -> FloatArray:
+    """(b, N): rigid coordinates, its own and those that its joints read, and attachment forces
+    from rigid blocks and multipliers."""
     n_rigid = sum(b.size for b in layout if b.field == "rigid")
     start = layout.algebraic.start
     width = n_rigid + layout.size - start
-    parts = [np.zeros((3, width))]
+    own = np.zeros((len(body.pose), width))
     rigid = body.position(layout, "rigid")
-    parts[0][np.arange(len(rigid)), rigid] = 1.0
+    own[np.arange(len(rigid)), rigid] = 1.0
+    others, forces = [], []
     for t in frames:
-        T = np.zeros((t.equations.frame.border - 3, width))
-        is_lam = t.columns >= start
-        T[:, n_rigid + t.columns[is_lam] - start] = t.equations.Y[3:, is_lam]
-        parts.append(T)
-    return np.concatenate(parts)
+        is_rigid, is_lam = t.columns < n_rigid, t.columns >= start
+        T, d = np.zeros((t.equations.frame.border, width)), t.equations.frame.rigid_size
+        T[:, t.columns[is_rigid]] = t.equations.Y[:, is_rigid]
+        T[:, n_rigid + t.columns[is_lam] - start] = t.equations.Y[:, is_lam]
+        others.append(T[len(own) : d])
+        forces.append(T[d:])
+    return np.concatenate([own, *others, *forces])
 
 
 def _operators(
-    body: PlanarBody, layout: Layout, frames: Sequence[FrameTerm], inertia: FrameTerm,
+    body: AnyBody, layout: Layout, frames: Sequence[FrameTerm], inertia: FrameTerm,
     terms: Sequence[Term], elastic: IntArray,
 ) -> ElasticOperators:
     """frames: what acts through the frame; inertia: one of them, unless the frame is at rest."""
@@ -99,7 +104,7 @@ def _operators(
     )
 
 
-def heat_body(body: PlanarBody, layout: Layout, terms: Sequence[Term]) -> HeatBody | None:
+def heat_body(body: AnyBody, layout: Layout, terms: Sequence[Term]) -> HeatBody | None:
     """The thermal equations of one body; local terms are kept as they are."""
     thermal = body.position(layout, "thermal")
     if not len(thermal):

@@ -6,7 +6,7 @@ from difflib import get_close_matches
 
 import numpy as np
 
-from sparsemor.bodies.body_part import PlanarBody
+from sparsemor.bodies.any_body import AnyBody
 from sparsemor.bodies.fe.surface import boundary_facets
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.errors import Gather, InputError
@@ -20,7 +20,7 @@ GROUND = "ground"
 class Target:
     """A named set of one body's points."""
 
-    body: PlanarBody
+    body: AnyBody
     nodes: IntArray
     text: str
 
@@ -41,10 +41,10 @@ class Target:
             raise error.under(key) from None
 
 
-def find_body(parts: Mapping[str, Part], name: str, key: str) -> PlanarBody:
+def find_body(parts: Mapping[str, Part], name: str, key: str) -> AnyBody:
     body = parts.get(name)
-    if not isinstance(body, PlanarBody):
-        known = [n for n, p in parts.items() if isinstance(p, PlanarBody)]
+    if not isinstance(body, AnyBody):
+        known = [n for n, p in parts.items() if isinstance(p, AnyBody)]
         near = get_close_matches(name, known, n=1)
         hint = f" (did you mean {near[0]}?)" if near else ""
         raise InputError(f"there is no body {name!r}{hint}; the bodies are {', '.join(known)}", key)
@@ -68,12 +68,12 @@ def find_target(parts: Mapping[str, Part], text: str, key: str) -> Target:
 
 def find_surfaces(
     parts: Mapping[str, Part], texts: Sequence[str], field: str
-) -> list[tuple[PlanarBody, Mesh, IntArray]]:
+) -> list[tuple[AnyBody, Mesh, IntArray]]:
     """Body, mesh and boundary facets (F, 2) of each of a load's `on`, which acts on `field`.
 
     InputError with every fault, under `on.0`, `on.1`, ...
     """
-    def find(text: str, key: str) -> tuple[PlanarBody, Mesh, IntArray]:
+    def find(text: str, key: str) -> tuple[AnyBody, Mesh, IntArray]:
         target = find_target(parts, text, key)
         need_field(target, field, key)
         facets = target.facets(key)

@@ -56,26 +56,39 @@ def _build(
     base = scene.source.folder or Path()
     bodies: dict[str, Any] = {}
     for name, plugin in scene.bodies.items():
-        body = gather(f"bodies.{name}", plugin.build, name, base)
+        body = gather(f"bodies.{name}", _body, plugin, name, base, given)
         if body is not None:
-            motion = given.frame(name, body)
-            bodies[name] = body if motion is None else body.guided(motion)
+            bodies[name] = body
     failed = set(scene.bodies) - set(bodies)
     connectors: dict[str, dict[str, Any]] = {"joints": {}, "contacts": {}, "loads": {}}
     for group, built in connectors.items():  # loads see what joints made of the bodies
         for name, plugin in getattr(scene, group).items():
             if _mentioned(plugin, failed):
                 continue
-            part = gather(f"{group}.{name}", plugin.build, name, bodies)
+            part = gather(f"{group}.{name}", _connector, plugin, name, bodies,
+                          given if group == "joints" else NOTHING)
             if part is not None:
-                forces = given.reactions(name, part) if group == "joints" else None
-                built[name] = part if forces is None else part.known(forces)
+                built[name] = part
                 bodies.update(getattr(part, "adjusted", {}))
     probes = [gather(f"probes.{name}", bodies[probe.body].probe, name, probe.at)
               for name, probe in scene.probes.items() if probe.body in bodies]
     gather.check()
     return (bodies, connectors["joints"], connectors["contacts"], connectors["loads"],
             tuple(p for p in probes if p))
+
+
+def _body(plugin: Any, name: str, base: Path, given: Given) -> Any:
+    """A body, guided where its motion is given."""
+    body = plugin.build(name, base)
+    motion = given.frame(name, body)
+    return body if motion is None else body.guided(motion)
+
+
+def _connector(plugin: Any, name: str, bodies: Mapping[str, Any], given: Given) -> Any:
+    """A joint, contact or load; a joint has known multipliers where they are given."""
+    part = plugin.build(name, bodies)
+    forces = given.reactions(name, part)
+    return part if forces is None else part.known(forces)
 
 
 def _along(

@@ -13,6 +13,7 @@ import numpy as np
 from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.layout import Block
+from sparsemor.core.placement import BY_ANGLE
 from sparsemor.core.results import RunResult
 
 TIME_MATCH = 1e-9
@@ -79,7 +80,7 @@ def measure_errors(reference: RunResult, run: RunResult, late_from: float = 0.0)
     left out. A block's error is |x_ref - x|(t) / max over t of |x_ref - x_ref(0)|; if the
     reference never changes it is relative to max |x_ref|, and absolute if that is 0 too.
     A block's present error is |x_ref - x|(t) / |x_ref|(t), 0 where x_ref vanishes.
-    angle_rad is the largest error of any planar rotation, rad.
+    angle_rad is the largest error of any rotation that an angle describes, rad.
     Raises InputError when the runs have no time, or not the same unknowns, in common.
     """
     blocks = _common_blocks(reference, run)
@@ -95,14 +96,14 @@ def measure_errors(reference: RunResult, run: RunResult, late_from: float = 0.0)
             difference = x_ref - run.block(b.name, there[part])
             error[b.name][part], size[b.name][part] = _norms(difference), _norms(x_ref)
             scale[b.name] = max(scale[b.name], float(_norms(x_ref - start).max()))
-            if b.field == "rigid" and b.size == 3:
-                angle[part] = np.maximum(angle[part], np.abs(difference[:, 2]))
+            if b.field == "rigid" and b.size in BY_ANGLE:
+                angle[part] = np.maximum(angle[part], np.abs(difference[:, -1]))
     for name in scale:
         scale[name] = scale[name] or float(size[name].max()) or 1.0
     times = reference.times[here]
     series = {"joint": _joint(list(error.values()), list(size.values()))}
     series |= _per_field(blocks, {name: e / scale[name] for name, e in error.items()})
-    if any(b.field == "rigid" and b.size == 3 for b in blocks):
+    if any(b.field == "rigid" and b.size in BY_ANGLE for b in blocks):
         series["angle_rad"] = angle
     present = {name: _ratio(e, size[name]) for name, e in error.items()}
     late = times >= late_from

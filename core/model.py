@@ -28,7 +28,7 @@ class StepFactors(NamedTuple):
 class ProbePlace:
     """One probe as rows on the unknowns of its body.
 
-    point (2,) body-frame position of the undeformed point, m; displacement (n, 2) weights on the
+    point (d,) body-frame position of the undeformed point, m; displacement (n, d) weights on the
     elastic block; temperature (m,) weights on the thermal block; base: temperature when the
     point's own is not an unknown (K, a function of time), or None when the body has no heat. pose
     (3,): of a frame that does not move, unless it follows `guide`.

@@ -9,6 +9,7 @@ import numpy as np
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.layout import Layout
 from sparsemor.core.model import ProbePlace
+from sparsemor.core.placement import placed
 from sparsemor.core.protocols import Dictionary
 from sparsemor.core.run_header import Probe
 
@@ -39,7 +40,7 @@ class Linear:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ProbeReader:
-    """A planar probe compiled for one layout: its cost does not grow with the mesh."""
+    """A probe compiled for one layout: its cost does not grow with the mesh."""
 
     place: ProbePlace
     rigid: slice | None
@@ -63,9 +64,10 @@ class ProbeReader:
         return self.place.name
 
     def header(self) -> Probe:
-        names, units = ["x", "y"], ["m", "m"]
+        axes = ["x", "y", "z"][: len(self.place.point)]
+        names, units = axes[:], ["m"] * len(axes)
         if self.displacement is not None:
-            names, units = names + ["u_x", "u_y"], units + ["m", "m"]
+            names, units = names + [f"u_{a}" for a in axes], units * 2
         if self.temperature is not None:
             names, units = [*names, "temperature"], [*units, "K"]
         point = tuple(float(c) for c in self.place.point)
@@ -73,14 +75,11 @@ class ProbeReader:
 
     def __call__(self, t: FloatArray, x: FloatArray) -> FloatArray:
         """(j, components) at times t (j,) for states x (j, n)."""
-        u = np.zeros((len(t), 2)) if self.displacement is None else self.displacement(x)
-        pose = self._pose(t, x)
-        z = self.place.point + u
-        cos, sin = np.cos(pose[:, 2]), np.sin(pose[:, 2])
-        columns = [pose[:, 0] + cos * z[:, 0] - sin * z[:, 1],
-                   pose[:, 1] + sin * z[:, 0] + cos * z[:, 1]]
+        d = len(self.place.point)
+        u = np.zeros((len(t), d)) if self.displacement is None else self.displacement(x)
+        columns = [*placed(self._pose(t, x), self.place.point + u).T]
         if self.displacement is not None:
-            columns += [u[:, 0], u[:, 1]]
+            columns += [*u.T]
         if self.temperature is not None:
             T = self.temperature(x)[:, 0]
             for weight, function in self.place.given:
@@ -89,7 +88,7 @@ class ProbeReader:
         return np.stack(columns, axis=1)
 
     def _pose(self, t: FloatArray, x: FloatArray) -> FloatArray:
-        """(j, 3) of the body's frame."""
+        """(j, 3), (j, 4) or (j, 7) of the body's frame."""
         if self.rigid is not None:
             return x[:, self.rigid]
         if self.place.guide is not None:
@@ -99,9 +98,10 @@ class ProbeReader:
     def described(self, row: FloatArray) -> dict[str, Any]:
         """One row by name, for people and programs."""
         values = [float(v) for v in row]
-        found: dict[str, Any] = {"position": values[:2]}
+        d = len(self.place.point)
+        found: dict[str, Any] = {"position": values[:d]}
         if self.displacement is not None:
-            found["displacement"] = values[2:4]
+            found["displacement"] = values[d : 2 * d]
         if self.temperature is not None:
             found["temperature"] = values[-1]
         return found

@@ -9,6 +9,7 @@ import numpy as np
 from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.layout import Layout
+from sparsemor.core.placement import KNOWN, PLANAR, SPINNING, placed
 from sparsemor.core.result_stage import read_stage
 from sparsemor.core.run_header import load_layout
 from sparsemor.core.stage import Stage
@@ -158,25 +159,28 @@ class RunResult:
         return temperature
 
     def positions(self, body: str, step: int, magnify: float = 1.0) -> FloatArray:
-        """(N, 2) global positions R + A(theta) (X + magnify u) of a planar body, m."""
+        """(N, d) global positions R + A (X + magnify u) of a body, m."""
         z = self.points(body) + magnify * self.nodal_displacement(body, step)
         pose = self.pose(body, step)
-        if pose.shape != (3,):
+        if pose.size not in KNOWN:
             raise InputError(
-                f"{body} has {pose.size} rigid coordinates: only planar bodies (Rx, Ry, theta) "
-                "can be placed; export the run to look at it in 3-D", key="body")
-        cos, sin = np.cos(pose[2]), np.sin(pose[2])
-        return np.asarray(pose[:2] + z @ np.array([[cos, sin], [-sin, cos]]), dtype=np.float64)
+                f"{body} has {pose.size} rigid coordinates: only frames (Rx, Ry, theta), "
+                "(R, angle) and (R, quaternion) can be placed", key="body")
+        return placed(np.broadcast_to(pose, (len(z), pose.size)), z)
 
     def pose(self, body: str, step: int) -> FloatArray:
-        """(3,) position of a body's frame (m) and angle (rad); zeros where the result does not know
-        where a fixed frame is. A body of another kind has other rigid coordinates."""
+        """(3,) position of a body's frame (m) and angle (rad), in space (4,) position and angle or
+        (7,) position and quaternion; zeros where the result does not know where a fixed frame is,
+        of the length that suits its mesh."""
         if f"{body}.rigid" in self.layout:
             return np.asarray(self.block(f"{body}.rigid", self._only(step))[0])
         stage = self.stage()
         if stage is None or body not in stage.frames:
-            return np.zeros(3)
+            return np.zeros(SPINNING if self._in_space(body) else PLANAR)
         return stage.frames[body].at(float(self.times[self._only(step)][0]))[0]
+
+    def _in_space(self, body: str) -> bool:
+        return f"{body}.points" in self._data and self._data[f"{body}.points"].shape[1] == 3
 
     def stage(self) -> Stage | None:
         """Motion, joint forces and contact histories of the rigid stage that the run followed, at

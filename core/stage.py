@@ -25,9 +25,9 @@ class FrameHistory:
 
     @classmethod
     def standing(cls, pose: FloatArray, times: FloatArray | None = None) -> "FrameHistory":
-        """A frame that stays at pose (3,)."""
+        """A frame that stays at pose (n,)."""
         t = np.zeros(1) if times is None else times
-        still = np.zeros((len(t), 3))
+        still = np.zeros((len(t), len(pose)))
         return cls(t, still + pose, still, still)
 
     def at(self, t: float) -> tuple[FloatArray, FloatArray, FloatArray]:

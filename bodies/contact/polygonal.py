@@ -68,11 +68,15 @@ class Polygonal(Plugin):
     def _surfaces(self, parts: Mapping[str, Part]) -> tuple[Surface, Surface]:
         def find(text: str, key: str) -> Surface:
             target = find_target(parts, text, key)
-            if target.body.mesh is None:
+            body = target.body
+            if not isinstance(body, PlanarBody):
+                raise InputError(f"{text!r}: body {body.name!r} is in space, and the surfaces of "
+                                 "this contact are the outlines of plane bodies", key)
+            if body.mesh is None:
                 raise InputError(
-                    f"{text!r}: body {target.body.name!r} has no mesh, so it has no surface that "
+                    f"{text!r}: body {body.name!r} has no mesh, so it has no surface that "
                     "could touch; give its shape as a flexible body with `fields: []`", key)
-            return Surface.of(target.body, target.facets(key))
+            return Surface.of(body, target.facets(key))
 
         gather = Gather()
         found = [gather("", find, text, f"between.{i}") for i, text in enumerate(self.between)]

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
+from scipy.sparse import csr_array
 
-from sparsemor.bodies.fe.volume import assemble, scalar_basis, vector_basis
+from sparsemor.bodies.fe.volume import assemble
 from sparsemor.bodies.material import Material, require
 from sparsemor.bodies.mesh.simplices import gradients
 from sparsemor.core.arrays import Csr, FloatArray
@@ -51,32 +52,34 @@ def elastic_stiffness(
 
     Singular: rigid motion is not removed.
     """
-    from skfem.helpers import ddot, div, sym_grad
-
     _check_model(mesh, model)
-    s = law(material, model)
-
-    def form(u: Any, v: Any, w: Any) -> Any:
-        return thickness * (
-            s.lam * div(u) * div(v) + 2 * s.mu * ddot(sym_grad(u), sym_grad(v))
-        )
-
-    return assemble(form, len(mesh.points), vector_basis(mesh, 0))
+    s, d = law(material, model), mesh.dimension
+    G = {(i, j): _gradients(mesh, i, j) for i in range(d) for j in range(i, d)}
+    shear = s.mu * sum(G[i, i] for i in range(d))
+    blocks: list[list[Any]] = [[None] * d for _ in range(d)]
+    for (i, j), g in G.items():
+        block = s.lam * g + s.mu * g.T
+        blocks[i][j] = block + shear if i == j else block
+        blocks[j][i] = blocks[i][j].T
+    return thickness * _interleaved(blocks)
 
 
 def thermoelastic_coupling(
     mesh: Mesh, material: Material, thickness: float = 1.0, model: Model = "plane_stress"
 ) -> Csr:
     """K_fT (d N, N), N/K: nodal thermal forces are K_fT (T - T_ref), T linear in each cell."""
-    from skfem.helpers import div
+    from skfem.helpers import grad
 
     _check_model(mesh, model)
-    s = law(material, model)
+    weight = thickness * law(material, model).beta
 
-    def form(temperature: Any, v: Any, w: Any) -> Any:
-        return thickness * s.beta * temperature * div(v)
+    def along(i: int) -> Csr:
+        def form(temperature: Any, v: Any, w: Any) -> Any:
+            return weight * temperature * grad(v)[i]
 
-    return assemble(form, len(mesh.points), scalar_basis(mesh, 1), vector_basis(mesh, 1))
+        return assemble(form, mesh, 1)
+
+    return _interleaved([[along(i)] for i in range(mesh.dimension)])
 
 
 def stress(
@@ -98,6 +101,28 @@ def stress(
     if d == 2:
         sigma[:, 2, 2] = s.lam_out * spread - s.beta_out * warm
     return sigma
+
+
+def _gradients(mesh: Mesh, i: int, j: int) -> Csr:
+    """(N, N), m or 1: integral of (d phi_row / dx_i) (d phi_column / dx_j)."""
+    from skfem.helpers import grad
+
+    def form(u: Any, v: Any, w: Any) -> Any:
+        return grad(v)[i] * grad(u)[j]
+
+    return assemble(form, mesh, 0)
+
+
+def _interleaved(blocks: list[list[Any]]) -> Csr:
+    """(p N, q N) of p x q blocks (N, N): row p * node + i holds row `node` of the blocks i."""
+    p, q, (n, m) = len(blocks), len(blocks[0]), blocks[0][0].shape
+    parts = [(i, j, blocks[i][j].tocoo()) for i in range(p) for j in range(q)]
+    values = np.concatenate([b.data for _, _, b in parts])
+    rows = np.concatenate([p * b.row + i for i, _, b in parts])
+    columns = np.concatenate([q * b.col + j for _, j, b in parts])
+    matrix = csr_array((values, (rows, columns)), shape=(p * n, q * m))
+    matrix.sort_indices()
+    return matrix
 
 
 def _check_model(mesh: Mesh, model: Model) -> None:

@@ -5,8 +5,11 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csr_array
 
-from sparsemor.core.arrays import Csr
+from sparsemor.core.arrays import Csr, IntArray
 from sparsemor.core.mesh import Mesh
+
+CHUNK = 1 << 16
+"""Cells assembled at a time: what is held beside the matrix stays below 100 MB."""
 
 
 def scalar_mass(mesh: Mesh, weight: float) -> Csr:
@@ -18,7 +21,7 @@ def scalar_mass(mesh: Mesh, weight: float) -> Csr:
     def form(u: Any, v: Any, w: Any) -> Any:
         return weight * u * v
 
-    return assemble(form, len(mesh.points), scalar_basis(mesh, 2))
+    return assemble(form, mesh, 2)
 
 
 def capacity(mesh: Mesh, rho: float, c: float, thickness: float = 1.0) -> Csr:
@@ -33,42 +36,34 @@ def conductivity(mesh: Mesh, k: float, thickness: float = 1.0) -> Csr:
     def form(u: Any, v: Any, w: Any) -> Any:
         return k * thickness * dot(grad(u), grad(v))
 
-    return assemble(form, len(mesh.points), scalar_basis(mesh, 0))
+    return assemble(form, mesh, 0)
 
 
-def scalar_basis(mesh: Mesh, order: int) -> Any:
-    """scikit-fem's basis of one value a node, integrating polynomials of `order` exactly."""
+def assemble(form: Any, mesh: Mesh, order: int) -> Csr:
+    """(N, N): the matrix of a bilinear form of one value a node, columns by its first argument.
+
+    Polynomials of `order` are integrated exactly. Matrices of vector fields are put together from
+    such ones: a form of d components would be evaluated d^2 times as often.
+    """
     import skfem
 
-    simplex, element = _simplex(mesh)
-    return skfem.Basis(simplex, element, intorder=max(order, 1))
+    n = len(mesh.points)
+    whole = csr_array((n, n))
+    for start in range(0, len(mesh.cells), CHUNK):
+        simplex, element = _simplex(mesh, mesh.cells[start : start + CHUNK])
+        basis = skfem.Basis(simplex, element, intorder=max(order, 1))
+        part = csr_array(skfem.BilinearForm(form).assemble(basis))
+        part.sum_duplicates()
+        # scikit-fem stops at the last point that a cell uses, and a mesh may hold some cells only
+        part.resize((n, n))
+        whole = part if start == 0 else whole + part
+    return whole
 
 
-def vector_basis(mesh: Mesh, order: int) -> Any:
-    """The same for d values a node; unknown number is d * node + component."""
+def _simplex(mesh: Mesh, cells: IntArray) -> tuple[Any, Any]:
     import skfem
 
-    simplex, element = _simplex(mesh)
-    return skfem.Basis(simplex, skfem.ElementVector(element), intorder=max(order, 1))
-
-
-def assemble(form: Any, points: int, trial: Any, test: Any = None) -> Csr:
-    """The csr_array of a bilinear form: columns by `trial`, rows by `test` (default the same)."""
-    import skfem
-
-    test = trial if test is None else test
-    matrix = csr_array(skfem.BilinearForm(form).assemble(trial, test))
-    matrix.sum_duplicates()
-    # scikit-fem stops at the last point that a cell uses, and a mesh may hold some cells only
-    matrix.resize((points * test.elem.nodal_dofs, points * trial.elem.nodal_dofs))
-    return matrix
-
-
-def _simplex(mesh: Mesh) -> tuple[Any, Any]:
-    import skfem
-
-    points = np.ascontiguousarray(mesh.points.T)
-    cells = np.ascontiguousarray(mesh.cells.T)
+    points, corners = np.ascontiguousarray(mesh.points.T), np.ascontiguousarray(cells.T)
     if mesh.dimension == 2:
-        return skfem.MeshTri(points, cells), skfem.ElementTriP1()
-    return skfem.MeshTet(points, cells), skfem.ElementTetP1()
+        return skfem.MeshTri(points, corners), skfem.ElementTriP1()
+    return skfem.MeshTet(points, corners), skfem.ElementTetP1()

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from sparsemor.bodies.body_part import PlanarBody
 from sparsemor.bodies.joints.part import End, JointPart
 from sparsemor.bodies.targets import GROUND, Target, find_target
 from sparsemor.core.arrays import FloatArray
@@ -49,8 +50,15 @@ def constant(value: float) -> Amplitude:
 
 
 def _start(target: Target, n: int) -> FloatArray:
-    z = target.body.start_position(target.mean())
+    z = plane(target).start_position(target.mean())
     return np.array([z.real, z.imag, target.body.pose[2]])[:n]
+
+
+def plane(target: Target, key: str = "between") -> PlanarBody:
+    """The planar body of a target; InputError for one in space (its joints are in space.py)."""
+    if not isinstance(target.body, PlanarBody):
+        raise InputError(f"body {target.body.name!r} is in space, this joint is plane", key)
+    return target.body
 
 
 def _check(target: Target, angle: bool) -> None:
@@ -64,7 +72,7 @@ def _check(target: Target, angle: bool) -> None:
 
 
 def _check_meet(a: Target, b: Target) -> None:
-    za, zb = a.body.start_position(a.mean()), b.body.start_position(b.mean())
+    za, zb = plane(a).start_position(a.mean()), plane(b).start_position(b.mean())
     gap = abs(za - zb)
     size = max(float(np.ptp(np.abs(t.body.X))) if len(t.body.X) else 0.0 for t in (a, b))
     if gap > 1e-8 * max(size, abs(za), 1e-12):

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sparsemor.bodies.body_part import PlanarBody
 from sparsemor.bodies.linear_term import LinearEquations, LinearTerm
 from sparsemor.bodies.planar.items import Reaction
 from sparsemor.bodies.targets import Target
@@ -21,6 +22,11 @@ class End:
 
     target: Target
     C: FloatArray
+
+    @property
+    def body(self) -> PlanarBody:
+        assert isinstance(self.target.body, PlanarBody)
+        return self.target.body
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,8 +68,9 @@ class JointPart:
         lam = np.arange(layout.size)[layout[f"{self.name}.multiplier"]]
         terms: list[Term] = []
         for end in self.ends:
-            item, vectors = end.target.body.attachment(end.target.mean(), end.C.shape[1] == 3)
-            terms.append(end.target.body.frame_term(layout, item, vectors, lam, end.C))
+            body = end.body
+            item, vectors = body.attachment(end.target.mean(), end.C.shape[1] == 3)
+            terms.append(body.frame_term(layout, item, vectors, lam, end.C))
         n = len(self.targets)
         empty = np.zeros((n, 0))
         terms.append(LinearTerm(self.name, lam, np.zeros(0, np.int64), LinearEquations(
@@ -74,6 +81,6 @@ class JointPart:
 def _reaction(end: End, multipliers: Table, layout: Layout) -> Term:
     """The force of a joint on one of its sides: its multipliers through the side's share of the
     constraint rows."""
-    item, vectors = end.target.body.attachment(end.target.mean(), end.C.shape[1] == 3)
+    item, vectors = end.body.attachment(end.target.mean(), end.C.shape[1] == 3)
     known = Reaction(item.point, multipliers.through(end.C.T))
-    return end.target.body.frame_term(layout, known, vectors)
+    return end.body.frame_term(layout, known, vectors)

@@ -4,9 +4,13 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from sparsemor.bodies.joints.between import constant
+from sparsemor.bodies.joints.between import constant, plane
 from sparsemor.bodies.joints.part import End, JointPart
+from sparsemor.bodies.joints.sides import spatial, unit
+from sparsemor.bodies.joints.space import rows_on
+from sparsemor.bodies.joints.space_part import SpaceJoint
 from sparsemor.bodies.loads.amplitude import Quantity
+from sparsemor.bodies.spatial.rotation import across
 from sparsemor.bodies.targets import find_target
 from sparsemor.core.errors import InputError
 from sparsemor.core.plugin import Plugin
@@ -26,10 +30,20 @@ class PrescribedMotion(Plugin):
     """Displacement along x, m; free when not given."""
     y: Quantity | None = None
     """Displacement along y, m; free when not given."""
+    z: Quantity | None = None
+    """In space: displacement along z, m; free when not given."""
     angle: Quantity | None = None
-    """Rotation, rad; free when not given."""
+    """Rotation, rad; free when not given. In space about `axis`, any number of turns; the other
+    rotations are left to a joint, such as `revolute`."""
+    axis: tuple[float, float, float] | None = None
+    """In space: axis of the rotation (space axes), fixed in the body at the start."""
 
-    def build(self, name: str, parts: Mapping[str, Part]) -> JointPart:
+    def build(self, name: str, parts: Mapping[str, Part]) -> JointPart | SpaceJoint:
+        if spatial(parts, [self.of]):
+            return self._in_space(name, parts)
+        for key in ("z", "axis"):
+            if getattr(self, key) is not None:
+                raise InputError("the body is plane: drop it", key)
         target = find_target(parts, self.of, "of")
         body, given = target.body, [self.x, self.y, self.angle]
         driven = [(i, f) for i, f in enumerate(given) if f is not None]
@@ -40,13 +54,27 @@ class PrescribedMotion(Plugin):
         if self.angle is not None and body.elasticity is not None and len(target.nodes) < 2:
             raise InputError(f"{self.of!r} is a single point of a flexible body: it has no angle",
                              "angle")
-        z = body.start_position(target.mean())
+        z = plane(target).start_position(target.mean())
         start = [z.real, z.imag, float(body.pose[2])]
         C = np.eye(3)[[i for i, _ in driven]]
         if self.angle is None:
             C = C[:, :2]
         return JointPart(name, (End(target, C),),
                          tuple(_shifted(start[i], f) for i, f in driven))
+
+    def _in_space(self, name: str, parts: Mapping[str, Part]) -> SpaceJoint:
+        given = {i: f for i, f in enumerate((self.x, self.y, self.z)) if f is not None}
+        if not given and self.angle is None:
+            raise InputError("nothing is prescribed: give x, y, z or angle", "of")
+        rows = rows_on(name, self.of, parts)
+        if given:
+            start = rows.first.place()
+            rows.meet(tuple(given), [_shifted(start[i], f) for i, f in given.items()])
+        if self.angle is not None:
+            axis = unit(self.axis)
+            e1, e2 = across(axis)
+            rows.face([e1], [e2], self.angle.value, axis)
+        return rows.joint()
 
 
 def _shifted(start: float, function: TimeFunction) -> Amplitude:

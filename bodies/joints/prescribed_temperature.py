@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from sparsemor.bodies.body_part import PlanarBody
+from sparsemor.bodies.any_body import AnyBody
 from sparsemor.bodies.loads.amplitude import Quantity
 from sparsemor.bodies.targets import find_target, need_field
 from sparsemor.core.errors import InputError
@@ -20,7 +20,7 @@ class Held:
     """Stands in the scene for nodes whose temperatures are given; `adjusted` are its bodies."""
 
     name: str
-    adjusted: Mapping[str, PlanarBody]
+    adjusted: Mapping[str, AnyBody]
     localized: bool = True
 
     def blocks(self) -> Sequence[Block]:
@@ -41,7 +41,7 @@ class PrescribedTemperature(Plugin):
     """Temperature, K, a number or a function of time."""
 
     def build(self, name: str, parts: Mapping[str, Part]) -> Held:
-        bodies: dict[str, PlanarBody] = {}
+        bodies: dict[str, AnyBody] = {}
         for i, text in enumerate(self.on):
             target = find_target({**parts, **bodies}, text, f"on.{i}")
             need_field(target, "thermal", f"on.{i}")

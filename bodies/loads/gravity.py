@@ -1,14 +1,14 @@
 """Weight of every body that moves or deforms, on its deformed shape."""
 
 from collections.abc import Mapping, Sequence
-from typing import Annotated
 
-from pydantic import Field
-
-from sparsemor.bodies.body_part import PlanarBody
+from sparsemor.bodies.any_body import AnyBody
 from sparsemor.bodies.loads.amplitude import Quantity, amplitude
 from sparsemor.bodies.loads.part import LoadPart
+from sparsemor.bodies.loads.vectors import Vector, components, weight
+from sparsemor.bodies.spatial.body import SpatialBody
 from sparsemor.bodies.targets import find_body
+from sparsemor.core.arrays import FloatArray
 from sparsemor.core.layout import Layout
 from sparsemor.core.plugin import Plugin
 from sparsemor.core.protocols import Part, Term
@@ -17,8 +17,9 @@ from sparsemor.core.protocols import Part, Term
 class Gravity(Plugin):
     """Nodal forces M (1 x A^T g) with the torque of the deformed position (equations.md, 1)."""
 
-    g: Annotated[tuple[float, float], Field()] = (0.0, -9.81)
-    """Acceleration, m/s^2 (space axes)."""
+    g: Vector | None = None
+    """Acceleration, m/s^2 (space axes): two numbers in the plane, [0, -9.81] when not given; three
+    in space, [0, 0, -9.81] when not given."""
     factor: Quantity | None = None
     """Function of time that multiplies g; constant 1 when not given."""
     bodies: list[str] | None = None
@@ -26,11 +27,16 @@ class Gravity(Plugin):
 
     def build(self, name: str, parts: Mapping[str, Part]) -> LoadPart:
         chosen = [find_body(parts, b, "bodies") for b in self.bodies] if self.bodies else [
-            p for p in parts.values() if isinstance(p, PlanarBody)]
-        heavy = [b.name for b in chosen if b.moves or b.elasticity is not None]
-        g, f = complex(*self.g), amplitude(self.factor)
+            p for p in parts.values() if isinstance(p, AnyBody)]
+        f = amplitude(self.factor)
+        heavy = {b.name: self._g(b) for b in chosen if b.moves or b.elasticity is not None}
 
         def make(layout: Layout) -> Sequence[Term]:
-            return [find_body(parts, b, "bodies").gravity(layout, g, f) for b in heavy]
+            return [t for b, g in heavy.items()
+                    for t in weight(find_body(parts, b, "bodies"), layout, g, f)]
 
         return LoadPart(name, make, localized=False)
+
+    def _g(self, body: AnyBody) -> FloatArray:
+        down = (0.0, 0.0, -9.81) if isinstance(body, SpatialBody) else (0.0, -9.81)
+        return components(body, self.g or down, "g")

@@ -3,8 +3,11 @@
 from collections.abc import Mapping, Sequence
 from typing import Literal
 
+import numpy as np
+
 from sparsemor.bodies.loads.amplitude import Quantity, amplitude
 from sparsemor.bodies.loads.part import LoadPart
+from sparsemor.bodies.loads.vectors import Vector, body_force, components, space_force
 from sparsemor.bodies.targets import find_target, need_field
 from sparsemor.core.layout import Layout
 from sparsemor.core.plugin import Plugin
@@ -16,8 +19,8 @@ class PointForce(Plugin):
 
     on: str
     """Point or set `body:set`."""
-    force: tuple[float, float]
-    """Force, N."""
+    force: Vector
+    """Force, N: two components in the plane, three in space."""
     axes: Literal["body", "space"] = "space"
     """Axes of the force: `body` turns with the frame, `space` does not."""
     factor: Quantity | None = None
@@ -26,11 +29,12 @@ class PointForce(Plugin):
     def build(self, name: str, parts: Mapping[str, Part]) -> LoadPart:
         target = find_target(parts, self.on, "on")
         need_field(target, "mechanical", "on")
-        body, w, f, F = target.body, target.mean(), amplitude(self.factor), complex(*self.force)
+        body, w, f = target.body, target.mean(), amplitude(self.factor)
+        F = components(body, self.force, "force")
 
         def make(layout: Layout) -> Sequence[Term]:
             if self.axes == "space":
-                return [body.space_force(layout, w, F, f)]
-            return [body.body_force(layout, w * F, f)]
+                return [space_force(body, layout, w, F, f)]
+            return [body_force(body, layout, np.outer(w, F), f)]
 
         return LoadPart(name, make)

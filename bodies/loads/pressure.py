@@ -8,6 +8,7 @@ from pydantic import Field
 from sparsemor.bodies.fe.surface import surface_normal_load
 from sparsemor.bodies.loads.amplitude import Quantity
 from sparsemor.bodies.loads.part import LoadPart
+from sparsemor.bodies.loads.vectors import body_force
 from sparsemor.bodies.targets import find_surfaces
 from sparsemor.core.plugin import Plugin
 from sparsemor.core.protocols import Part
@@ -24,7 +25,6 @@ class Pressure(Plugin):
     def build(self, name: str, parts: Mapping[str, Part]) -> LoadPart:
         loads = []
         for body, mesh, facets in find_surfaces(parts, self.on, "mechanical"):
-            n = surface_normal_load(mesh, facets, body.thickness)
-            loads.append((body, -(n[:, 0] + 1j * n[:, 1])))
-        return LoadPart(
-            name, lambda layout: [b.body_force(layout, w, self.pressure.value) for b, w in loads])
+            loads.append((body, -surface_normal_load(mesh, facets, body.thickness)))
+        return LoadPart(name, lambda layout: [
+            body_force(b, layout, w, self.pressure.value) for b, w in loads])

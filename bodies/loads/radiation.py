@@ -26,9 +26,9 @@ STEFAN_BOLTZMANN = 5.670374419e-8
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RadiationTerm:
-    """Rows += integral eps sigma (T^4 - T_inf^4) phi_i over line facets (exact quadrature).
+    """Rows += integral eps sigma (T^4 - T_inf^4) phi_i over facets (exact quadrature).
 
-    facets (F, 2): positions in `values`, the facets' own node list; weights (F,) = measure x
+    facets (F, d): positions in `values`, the facets' own node list; weights (F,) = measure x
     thickness x eps sigma; row_of, column_of: position of each listed node in `rows`, `columns`
     (-1: none); given: (position in list, T(t)) of nodes whose temperature is prescribed.
     """
@@ -55,9 +55,10 @@ class RadiationTerm:
         return T
 
     def residual(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> FloatArray:
-        T = self._nodal(x, t)[self.facets] @ _PHI  # (F, quadrature points)
+        phi, w = _RULES[self.facets.shape[1]]
+        T = self._nodal(x, t)[self.facets] @ phi  # (F, quadrature points)
         flux = (T**4 - self.surroundings(t) ** 4) * self.weights[:, None]
-        loads = flux @ (_PHI * _W).T
+        loads = flux @ (phi * w).T
         target = self.row_of[self.facets]
         keep = target >= 0
         return np.bincount(target[keep], loads[keep], minlength=len(self.rows)).astype(np.float64)
@@ -65,11 +66,13 @@ class RadiationTerm:
     def jacobian(
         self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: FloatArray, c2: FloatArray
     ) -> Csr:
-        T = self._nodal(x, t)[self.facets] @ _PHI
-        slope = 4 * T**3 * self.weights[:, None] * _W
-        local = np.einsum("fq,iq,jq->fij", slope, _PHI, _PHI)
-        i = np.repeat(self.row_of[self.facets], 2, axis=1).ravel()
-        j = np.tile(self.column_of[self.facets], 2).ravel()
+        d = self.facets.shape[1]
+        phi, w = _RULES[d]
+        T = self._nodal(x, t)[self.facets] @ phi
+        slope = 4 * T**3 * self.weights[:, None] * w
+        local = np.einsum("fq,iq,jq->fij", slope, phi, phi)
+        i = np.repeat(self.row_of[self.facets], d, axis=1).ravel()
+        j = np.tile(self.column_of[self.facets], d).ravel()
         keep = (i >= 0) & (j >= 0)
         return csr_array((local.ravel()[keep], (i[keep], j[keep])),
                          shape=(len(self.rows), len(self.columns)))
@@ -77,12 +80,13 @@ class RadiationTerm:
     def contributions(self, left: FloatArray, x: FloatArray, t: FloatArray) -> FloatArray:
         """(F, l, M): left (l, m) times what each facet adds at states x (n, M), t (M,) s."""
         place = self.row_of[self.facets]
-        seen = np.where(place >= 0, left[:, place], 0.0)  # (l, F, 2)
+        seen = np.where(place >= 0, left[:, place], 0.0)  # (l, F, d)
+        phi, w = _RULES[self.facets.shape[1]]
         found = np.zeros((len(self.facets), len(left), len(t)))
         for i, time in enumerate(t):
-            T = self._nodal(x[:, i], float(time))[self.facets] @ _PHI
+            T = self._nodal(x[:, i], float(time))[self.facets] @ phi
             flux = (T**4 - self.surroundings(float(time)) ** 4) * self.weights[:, None]
-            found[:, :, i] = np.einsum("lfi,fi->fl", seen, flux @ (_PHI * _W).T)
+            found[:, :, i] = np.einsum("lfi,fi->fl", seen, flux @ (phi * w).T)
         return found
 
     def weighted(self, weights: FloatArray) -> "RadiationTerm":
@@ -115,9 +119,25 @@ class RadiationTerm:
         return CompressedLocal.of(self, trial, left)
 
 
-# three Gauss points integrate T^4 phi exactly along a line
-_X, _W = (np.polynomial.legendre.leggauss(3)[0] + 1) / 2, np.polynomial.legendre.leggauss(3)[1] / 2
-_PHI = np.stack([1 - _X, _X])
+def _line() -> tuple[FloatArray, FloatArray]:
+    """phi (2, 3), weights (3,): three Gauss points integrate T^4 phi exactly along a line."""
+    x, w = np.polynomial.legendre.leggauss(3)
+    return np.stack([1 - x, 1 + x]) / 2, w / 2
+
+
+def _triangle() -> tuple[FloatArray, FloatArray]:
+    """phi (3, 7), weights (7,): Radon's rule of degree 5 does the same on a triangle."""
+    root = np.sqrt(15.0)
+    points, weights = [np.full(3, 1 / 3)], [9 / 40]
+    for sign in (-1.0, 1.0):
+        near = (6 + sign * root) / 21
+        points += [np.where(np.arange(3) == i, 1 - 2 * near, near) for i in range(3)]
+        weights += [(155 + sign * root) / 1200] * 3
+    return np.stack(points, axis=1), np.array(weights)
+
+
+_RULES = {2: _line(), 3: _triangle()}
+"""By the number of a facet's nodes."""
 
 
 class Radiation(Plugin):

@@ -3,11 +3,13 @@
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Literal
 
+import numpy as np
 from pydantic import Field
 
 from sparsemor.bodies.fe.surface import surface_load
 from sparsemor.bodies.loads.amplitude import Quantity, amplitude
 from sparsemor.bodies.loads.part import LoadPart
+from sparsemor.bodies.loads.vectors import Vector, body_force, components, space_force
 from sparsemor.bodies.targets import find_surfaces
 from sparsemor.core.layout import Layout
 from sparsemor.core.plugin import Plugin
@@ -19,21 +21,22 @@ class Traction(Plugin):
 
     on: Annotated[list[str], Field(min_length=1)]
     """Surfaces `body:set`."""
-    traction: tuple[float, float]
-    """Force per area, Pa."""
+    traction: Vector
+    """Force per area, Pa: two components in the plane, three in space."""
     axes: Literal["body", "space"] = "body"
     """Axes of the traction: `body` turns with the frame, `space` does not."""
     factor: Quantity | None = None
     """Function of time that multiplies it; constant 1 when not given."""
 
     def build(self, name: str, parts: Mapping[str, Part]) -> LoadPart:
-        f, p = amplitude(self.factor), complex(*self.traction)
-        loads = [(body, surface_load(mesh, facets, body.thickness))
+        f = amplitude(self.factor)
+        loads = [(body, surface_load(mesh, facets, body.thickness),
+                  components(body, self.traction, "traction"))
                  for body, mesh, facets in find_surfaces(parts, self.on, "mechanical")]
 
         def make(layout: Layout) -> Sequence[Term]:
             if self.axes == "space":
-                return [b.space_force(layout, w, p, f) for b, w in loads]
-            return [b.body_force(layout, w * p, f) for b, w in loads]
+                return [space_force(b, layout, w, p, f) for b, w, p in loads]
+            return [body_force(b, layout, np.outer(w, p), f) for b, w, p in loads]
 
         return LoadPart(name, make)

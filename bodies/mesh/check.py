@@ -4,7 +4,12 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from sparsemor.bodies.mesh.simplices import facet_numbers, longest_edges, signed_measures
+from sparsemor.bodies.mesh.simplices import (
+    distinct_rows,
+    facet_numbers,
+    longest_edges,
+    signed_measures,
+)
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.errors import Fault, InputError
 from sparsemor.core.mesh import Mesh
@@ -59,10 +64,8 @@ def _broken(mesh: Mesh) -> list[str]:
 def _cells(mesh: Mesh) -> list[str]:
     measure = signed_measures(mesh.points, mesh.cells)
     flat = np.abs(measure) <= FLAT * longest_edges(mesh.points, mesh.cells) ** mesh.dimension
-    _, first, inverse = np.unique(
-        np.sort(mesh.cells, axis=1), axis=0, return_index=True, return_inverse=True
-    )
-    again = first[inverse.reshape(-1)] != np.arange(len(mesh.cells))
+    kind, first, _ = distinct_rows(np.sort(mesh.cells, axis=1))
+    again = first[kind] != np.arange(len(mesh.cells))
     faults = []
     for bad, what in (
         (~flat & (measure < 0), "inverted (their points run the wrong way round)"),

@@ -46,10 +46,27 @@ def all_facets(cells: IntArray) -> IntArray:
 
 def facet_numbers(cells: IntArray) -> tuple[IntArray, IntArray]:
     """For each row of `all_facets` the number of the geometric facet, and each facet's count."""
-    _, number, count = np.unique(
-        np.sort(all_facets(cells), axis=1), axis=0, return_inverse=True, return_counts=True
-    )
-    return number.reshape(-1).astype(np.int64), count.astype(np.int64)
+    number, _, count = distinct_rows(np.sort(all_facets(cells), axis=1))
+    return number, count
+
+
+def distinct_rows(rows: IntArray) -> tuple[IntArray, IntArray, IntArray]:
+    """Which rows (R, 2 to 4) of numbers >= 0 are equal: for each row the number of its kind, for
+    each kind its first row and its count; kinds in lexicographic order.
+
+    As `np.unique(axis=0)`, but much quicker: two columns fit in one integer to sort by.
+    """
+    size = int(rows.max(initial=0)) + 1
+    head = rows[:, 0] * size + rows[:, 1]
+    tail = rows[:, 2:] @ np.array([size, 1])[4 - rows.shape[1]:]
+    order = np.lexsort((tail, head))
+    head, tail = head[order], tail[order]
+    new = np.ones(len(rows), dtype=np.bool_)
+    new[1:] = (np.diff(head) != 0) | (np.diff(tail) != 0)
+    number = np.empty(len(rows), dtype=np.int64)
+    number[order] = np.cumsum(new) - 1
+    starts = np.flatnonzero(new)
+    return number, order[starts], np.diff(starts, append=len(rows))
 
 
 def boundary(mesh: Mesh) -> IntArray:

@@ -16,6 +16,7 @@ from sparsemor.core.charts.style import (
     tidy,
 )
 from sparsemor.core.charts.units import unit
+from sparsemor.core.placement import BY_ANGLE
 from sparsemor.core.results import RunResult
 
 if TYPE_CHECKING:
@@ -23,14 +24,14 @@ if TYPE_CHECKING:
 
 
 def turning_bodies(run: RunResult) -> list[str]:
-    """Owners of planar rigid blocks (Rx, Ry, theta)."""
-    return [b.owner for b in run.layout if b.field == "rigid" and b.size == 3]
+    """Owners of rigid blocks that turn by an angle, their last coordinate."""
+    return [b.owner for b in run.layout if b.field == "rigid" and b.size in BY_ANGLE]
 
 
 def angles_figure(
     reference: RunResult, runs: Mapping[str, RunResult], name: str
 ) -> "Figure | None":
-    """One panel a planar body, degrees over time; None when nothing turns.
+    """One panel a body that turns by an angle, degrees over time; None when nothing turns.
 
     name: what the reference is called, if there are runs beside it. A cross marks where a run
     stopped early.
@@ -62,4 +63,4 @@ def angles_figure(
 
 
 def _degrees(run: RunResult, body: str) -> FloatArray:
-    return np.asarray(np.degrees(run.block(f"{body}.rigid")[:, 2]))
+    return np.asarray(np.degrees(run.block(f"{body}.rigid")[:, -1]))

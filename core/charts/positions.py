@@ -9,6 +9,7 @@ from sparsemor.core.arrays import FloatArray
 from sparsemor.core.charts.angles import turning_bodies
 from sparsemor.core.charts.style import COLUMN, legend_above, new_figure, style_of, tidy
 from sparsemor.core.charts.units import unit
+from sparsemor.core.placement import PLANAR
 from sparsemor.core.results import RunResult
 
 if TYPE_CHECKING:
@@ -23,7 +24,8 @@ def moving_bodies(run: RunResult) -> dict[str, tuple[FloatArray, FloatArray]]:
         return {body: (stage.times, stage.frames[body].pose) for body in sorted(stage.moves)}
     if not run.scene.get("contacts"):
         return {}
-    return {body: (run.times, run.block(f"{body}.rigid")) for body in turning_bodies(run)}
+    return {body: (run.times, pose) for body in turning_bodies(run)
+            if (pose := run.block(f"{body}.rigid")).shape[1] == PLANAR}
 
 
 def positions_figure(moving: Mapping[str, tuple[FloatArray, FloatArray]]) -> "Figure | None":

@@ -9,6 +9,7 @@ from sparsemor.core.testing.contact_laws import check_friction_law, check_normal
 from sparsemor.core.testing.function import check_function
 from sparsemor.core.testing.installed import installed
 from sparsemor.core.testing.integrator import check_integrator
+from sparsemor.core.testing.linear_solver import check_linear_solver
 from sparsemor.core.testing.mesh import check_mesh_plugin
 from sparsemor.core.testing.observer import check_observer
 from sparsemor.core.testing.parts import check_parts
@@ -23,6 +24,7 @@ __all__ = [
     "check_friction_law",
     "check_function",
     "check_integrator",
+    "check_linear_solver",
     "check_mesh_plugin",
     "check_normal_law",
     "check_observer",

@@ -115,6 +115,16 @@ def test_a_contact_of_a_body_that_failed_is_not_blamed_too() -> None:
     assert "bodies.block.material.k" in told and "contacts" not in told
 
 
+def test_contact_of_bodies_in_space_is_refused() -> None:
+    given = tree(contact={"between": ["brick:bottom", "base:top"]})
+    given["bodies"]["brick"] = {
+        "use": "flexible", "fields": [], "material": {"rho": 1000},
+        "mesh": {"use": "block", "size": [0.1, 0.1, 0.1], "divisions": [1, 1, 1]}}
+    told = refused(given)
+    assert "contacts.sole.between.0: 'brick:bottom': body 'brick' is in space" in told
+    assert told.count("brick:bottom") == 1
+
+
 def test_surfaces_that_never_meet_are_told_at_the_end(tmp_path: Path) -> None:
     apart = tree(block={"pose": {"position": [0.0, 0.05]}})
     result = simulate(scene_of(apart), out=tmp_path / "apart", cache=Cache(tmp_path))

@@ -1,6 +1,8 @@
 """Every installed plugin of every kind, third-party ones included, keeps the laws of its kind."""
 
 from collections.abc import Callable
+from contextlib import nullcontext
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +12,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from sparsemor.core.errors import InputError
 from sparsemor.core.registry import Registry
 from sparsemor.core.scene import load
 from sparsemor.core.testing import (
@@ -17,6 +20,7 @@ from sparsemor.core.testing import (
     check_friction_law,
     check_function,
     check_integrator,
+    check_linear_solver,
     check_mesh_plugin,
     check_normal_law,
     check_observer,
@@ -42,15 +46,28 @@ OPTIONS: dict[tuple[str, str], dict[str, Any]] = {
     ("mesh", "rectangle"): {"size": (2.0, 1.0), "divisions": (4, 3)},
     ("mesh", "unstructured"): {"size": (2.0, 1.0), "divisions": (4, 2), "elements": 24},
     ("mesh", "file"): {"path": "bar.vtk"},
+    ("mesh", "block"): {"size": (2.0, 1.0, 0.5), "divisions": (3, 2, 1)},
     ("reducer", "sparse"): {"budgets": BUDGETS},
     ("basis", "dictionary"): {"bases": ["pod", "modal"]},
 }
 """What plugins need that have no default for everything."""
+PACKAGES = {"pardiso": "pypardiso", "cholmod": "sksparse", "amg": "pyamg"}
+"""What linear solvers need that may be absent: then they must say so."""
+
+
+def linear_solver(solver: Any, seed: int) -> None:
+    name = next(n for n, cls in installed("linear_solver").items() if cls is type(solver))
+    lacking = find_spec(PACKAGES.get(name, "numpy")) is None
+    with pytest.raises(InputError, match=PACKAGES[name]) if lacking else nullcontext():
+        check_linear_solver(solver, seed, trials=1)
+
+
 LAWS: dict[str, Callable[[Any, int], None]] = {
     "basis": lambda p, seed: check_basis(p, seed, trials=3),
     "sampler": lambda p, seed: check_sampler(p, seed, trials=3),
     "preconditioner": lambda p, seed: check_preconditioner(p, seed, trials=3),
     "sparse_solver": lambda p, seed: check_sparse_solver(p, seed, trials=3),
+    "linear_solver": linear_solver,
     "integrator": check_integrator,
     "function": check_function,
     "normal_law": check_normal_law,
@@ -94,12 +111,12 @@ def test_laws_of_a_reducer(name: str, integrator: str) -> None:
 
 
 def test_laws_of_bodies_joints_and_loads() -> None:
-    scene = load(SCENES / "everything.yaml")
-    check_parts(scene)
-    tree = scene.dump()
+    scenes = [load(SCENES / name) for name in ("everything.yaml", "everything_in_space.yaml")]
+    for scene in scenes:
+        check_parts(scene)
     for kind, key in (("body", "bodies"), ("joint", "joints"), ("load", "loads")):
         own = {p.name for p in Registry().names(kind) if p.distribution == "sparsemor"}
-        assert own <= {entry["use"] for entry in tree[key].values()}
+        assert own <= {e["use"] for scene in scenes for e in scene.dump()[key].values()}
 
 
 @pytest.mark.parametrize("name", [p.name for p in Registry().names("scene")])

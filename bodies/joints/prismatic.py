@@ -1,0 +1,30 @@
+"""Prismatic joint: one direction of translation in space, no rotation."""
+
+from collections.abc import Mapping
+
+from sparsemor.bodies.joints.sides import need_space, unit
+from sparsemor.bodies.joints.space import rows_between
+from sparsemor.bodies.joints.space_part import SpaceJoint
+from sparsemor.bodies.spatial.rotation import across
+from sparsemor.core.plugin import Plugin
+from sparsemor.core.protocols import Part
+
+
+class Prismatic(Plugin):
+    """The mean points stay on one line along the axis, which is fixed in one of the bodies; the
+    bodies do not turn against each other.
+
+    Five multipliers: two forces across the axis, N, and three moments, N m.
+    """
+
+    between: tuple[str, str]
+    """Two of `body:set` and `ground`."""
+    axis: tuple[float, float, float]
+    """Direction of the axis at the start (space axes)."""
+
+    def build(self, name: str, parts: Mapping[str, Part]) -> SpaceJoint:
+        need_space(parts, self.between, "prismatic")
+        rows = rows_between(name, self.between, parts, meeting=False, turning=True)
+        rows.slide(across(unit(self.axis)))
+        rows.no_turn()
+        return rows.joint()

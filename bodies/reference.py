@@ -1,0 +1,125 @@
+"""What ties the displacements of a body to its frame, so that they hold no rigid motion."""
+
+from collections.abc import Mapping, Sequence
+from typing import Literal
+
+import numpy as np
+from pydantic import model_validator
+
+from sparsemor.bodies.mesh.sets import find_set
+from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core.errors import InputError
+from sparsemor.core.mesh import Mesh
+from sparsemor.core.plugin import Plugin
+
+
+class Reference(Plugin):
+    """What ties the displacements to the frame, so that they hold no rigid motion."""
+
+    chord: tuple[str, str] | tuple[str, str, str] | None = None
+    """One-point sets, two in the plane, three in space: u = 0 at the first, no motion across their
+    line at the second, none out of their plane at the third."""
+    clamp: str | None = None
+    """A set whose points do not move in the body frame."""
+    hold: dict[str, Literal["x", "y", "z", "xy", "xz", "yz", "xyz"]] | None = None
+    """Sets and the components of u that are zero there (body axes), such as {hub: xy, back: z}:
+    for a body that rests on what moves with its frame."""
+
+    @model_validator(mode="after")
+    def _one(self) -> "Reference":
+        if [self.chord, self.clamp, self.hold].count(None) != 2:
+            raise InputError("a reference condition is one of `chord` (two sets, three in space), "
+                             "`clamp` (one) and `hold` (sets with components)")
+        return self
+
+    def held(self, mesh: Mesh) -> IntArray:
+        """Sorted numbers d node + component of the displacements that are zero."""
+        if self.clamp is not None:
+            return self._clamped(mesh, self.clamp)
+        if self.hold is not None:
+            return self._components(mesh, self.hold)
+        assert self.chord is not None
+        return self._chord(mesh, self.chord)
+
+    @staticmethod
+    def _clamped(mesh: Mesh, name: str) -> IntArray:
+        d, nodes = mesh.dimension, find_set(mesh, name, "reference.clamp")
+        if len(nodes) < 2:
+            raise InputError(
+                f"set {name!r} is a single point: a clamp needs two or more, or the body still "
+                "turns about it", "reference.clamp")
+        if d == 3 and on_a_line(mesh.points[nodes]):
+            raise InputError(
+                f"the points of set {name!r} lie on one line: the body still turns about it; clamp "
+                "a set that spans a plane", "reference.clamp")
+        return np.sort((d * nodes[:, None] + np.arange(d)).ravel())
+
+    @staticmethod
+    def _components(mesh: Mesh, hold: Mapping[str, str]) -> IntArray:
+        d, found = mesh.dimension, [np.zeros(0, np.int64)]
+        for name, components in hold.items():
+            key = f"reference.hold.{name}"
+            nodes = find_set(mesh, name, key)
+            which = ["xyz".index(c) for c in components]
+            if max(which) >= d:
+                raise InputError(f"the mesh is plane: there is no z (given: {components})", key)
+            found += [d * nodes + i for i in which]
+        held = np.unique(np.concatenate(found))
+        free = free_motions(mesh.points, held)
+        if free:
+            raise InputError(f"the body still has {free} rigid motion{'s' * (free > 1)}: hold more "
+                             "components, or more points", "reference.hold")
+        return held
+
+    @staticmethod
+    def _chord(mesh: Mesh, chord: Sequence[str]) -> IntArray:
+        d = mesh.dimension
+        if len(chord) != d:
+            raise InputError(f"a chord is {d} one-point sets in {d}-D (given: {len(chord)})",
+                             "reference.chord")
+        ends = [find_set(mesh, s, "reference.chord") for s in chord]
+        for name, nodes in zip(chord, ends, strict=True):
+            if len(nodes) != 1:
+                raise InputError(f"set {name!r} has {len(nodes)} points: a chord end is one point",
+                                 "reference.chord")
+        points = [int(e[0]) for e in ends]
+        if points[0] == points[1]:
+            raise InputError("the two ends of the chord are the same point", "reference.chord")
+        if d == 3 and on_a_line(mesh.points[points]):
+            raise InputError("the three points of the chord lie on one line", "reference.chord")
+        return chord_holds(mesh.points[points], points)
+
+
+def free_motions(X: FloatArray, held: IntArray) -> int:
+    """How many rigid motions of points X (N, d) leave the displacements `held` at zero."""
+    d = X.shape[1]
+    arm = (X - X.mean(axis=0)) / max(float(np.ptp(X, axis=0).max()), 1e-300)
+    turns = [(0, 1)] if d == 2 else [(1, 2), (2, 0), (0, 1)]
+    modes = np.zeros((len(X), d, d + len(turns)))
+    modes[:, range(d), range(d)] = 1.0
+    for k, (i, j) in enumerate(turns):
+        modes[:, i, d + k], modes[:, j, d + k] = -arm[:, j], arm[:, i]
+    rank = np.linalg.matrix_rank(modes.reshape(-1, modes.shape[2])[held], tol=1e-8)
+    return int(modes.shape[2] - rank)
+
+
+def chord_holds(X: FloatArray, points: list[int]) -> IntArray:
+    """Sorted numbers d node + component that a chord of d points X (d, d) holds.
+
+    At each further point the components that hold it best: all but the one along the line at the
+    second, the one most out of the plane at the third.
+    """
+    d = X.shape[1]
+    along = int(np.argmax(np.abs(X[1] - X[0])))
+    held = [d * points[0] + i for i in range(d)]
+    held += [d * points[1] + i for i in range(d) if i != along]
+    if d == 3:
+        normal = np.abs(np.cross(X[1] - X[0], X[2] - X[0]))
+        held.append(3 * points[2] + int(np.argmax(normal)))
+    return np.sort(np.array(held))
+
+
+def on_a_line(X: FloatArray) -> bool:
+    """Whether points (n, 3) span no plane, to 1e-8 of their extent."""
+    size = np.linalg.svd(X - X.mean(axis=0), compute_uv=False)
+    return bool(len(size) < 2 or size[1] <= 1e-8 * size[0])

@@ -1,0 +1,145 @@
+"""Parts of the spatial frame equations: inertia, forces, attachments (notation: motion.py).
+
+Each item adds its share of the rigid rows and writes its own columns: directions from j on, the
+coordinates of another body from o on, its own border unknowns (forces) from k on. Forces that have
+a potential use its exact derivatives by p; they differ from 2 G^T torque by a multiple of p, which
+the multiplier of |p| = 1 takes up. `names` says what each direction is a load of, "" where it only
+serves the rows of the frame.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sparsemor.bodies.spatial.inertia import Inertia
+from sparsemor.bodies.spatial.motion import Motion, Sums
+from sparsemor.bodies.spatial.pairs import Facing, Slide
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.separable import Amplitude
+
+AXES = ("x", "y", "z")
+EYE = np.eye(3)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class UnitLength:
+    """(p.p - 1)/2 = 0; its border unknown is the multiplier, N m."""
+
+    directions = 0
+    others = 0
+    forces = 1
+
+    def names(self, source: str) -> tuple[str, ...]:
+        return ()
+
+    def shifted(self, s: FloatArray, quadratic: FloatArray) -> "UnitLength":
+        return self
+
+    def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
+        mu, p = m.y[k], m.y[m.at]
+        out.rows[m.at] += mu * p
+        out.rows[k] = 0.5 * (p.dot(p) - 1.0)
+        out.H[m.at, k] = out.H[k, m.at] = p
+        out.diagonal[m.at] += mu
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SpaceForce:
+    """Nodal weights times one force in space axes (gravity: weights are nodal masses).
+
+    total = sum w, arm (3,) = sum w X, force (3,) per unit weight, N.
+    """
+
+    total: float
+    arm: FloatArray
+    force: FloatArray
+    amplitude: Amplitude
+    directions = 3
+    others = 0
+    forces = 0
+
+    def names(self, source: str) -> tuple[str, ...]:
+        return tuple(f"{source} {a}" for a in AXES)
+
+    def shifted(self, s: FloatArray, quadratic: FloatArray) -> "SpaceForce":
+        return replace(self, arm=self.arm + s)
+
+    def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
+        f = self.amplitude(m.t) * self.force
+        arm = self.arm + m.s[j : j + 3] if m.elastic else self.arm
+        out.rows[:3] -= self.total * f
+        out.rows[m.at] -= f.dot(m.turn.of_body(arm))
+        out.H[m.at, m.at] -= m.turn.bend(f, arm)
+        if m.elastic:
+            at = slice(j, j + 3)
+            out.sigma[at] = -m.A.T.dot(f)
+            out.sigma_y[m.at, at] = out.tau[m.at, at] = -m.turn.of_space(f).T
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BodyForce:
+    """A nodal load that turns with the body. total (3,) = sum f, N; arm (3,) = sum X x f, N m.
+
+    Directions: the load itself, and the three functionals sum u x f.
+    """
+
+    total: FloatArray
+    arm: FloatArray
+    amplitude: Amplitude
+    directions = 4
+    others = 0
+    forces = 0
+
+    def names(self, source: str) -> tuple[str, ...]:
+        return (source, "", "", "")
+
+    def shifted(self, s: FloatArray, quadratic: FloatArray) -> "BodyForce":
+        return replace(self, arm=self.arm + s[1:])
+
+    def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
+        g = self.amplitude(m.t)
+        out.rows[:3] -= g * m.A.dot(self.total)
+        out.H[:3, m.at] -= g * m.turn.of_body(self.total)
+        out.torque -= g * (self.arm + m.s[j + 1 : j + 4] if m.elastic else self.arm)
+        if m.elastic:
+            out.sigma[j] = -g
+            out.torque_s[:, j + 1 : j + 4] = -g * EYE
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Attachment:
+    """Mean position of a weighted set of points; its border unknowns are the force on it (3, N).
+
+    point (3,) = sum w X with sum w = 1, m.
+    """
+
+    point: FloatArray
+    directions = 3
+    others = 0
+    forces = 3
+
+    def names(self, source: str) -> tuple[str, ...]:
+        return tuple(f"joint {source} {a}" for a in AXES)
+
+    def shifted(self, s: FloatArray, quadratic: FloatArray) -> "Attachment":
+        return replace(self, point=self.point + s)
+
+    def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
+        f, mine = m.y[k : k + 3], slice(k, k + 3)
+        z = self.point + m.s[j : j + 3] if m.elastic else self.point
+        dz = m.turn.of_body(z)
+        out.rows[:3] += f
+        out.rows[m.at] += f.dot(dz)
+        out.rows[mine] = m.R + m.A.dot(z)
+        H = out.H
+        H[:3, mine] = H[mine, :3] = EYE
+        H[mine, m.at], H[m.at, mine] = dz, dz.T
+        H[m.at, m.at] += m.turn.bend(f, z)
+        if m.elastic:
+            at = slice(j, j + 3)
+            out.sigma[at] = m.A.T.dot(f)
+            out.sigma_y[m.at, at] = out.tau[m.at, at] = m.turn.of_space(f).T
+            out.sigma_y[mine, at] = out.tau[mine, at] = m.A
+
+
+Item = Inertia | UnitLength | SpaceForce | BodyForce | Attachment | Facing | Slide

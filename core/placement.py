@@ -1,0 +1,27 @@
+"""Where body points are: planar frames (Rx, Ry, theta), spinning ones (R, angle about z) and free
+ones in space (R, quaternion). The number of their coordinates tells them apart: 3, 4 and 7.
+"""
+
+import numpy as np
+
+from sparsemor.core.arrays import FloatArray
+
+PLANAR, SPINNING, FREE = 3, 4, 7
+KNOWN = (PLANAR, SPINNING, FREE)
+BY_ANGLE = (PLANAR, SPINNING)
+"""Frames whose last coordinate is their angle, rad."""
+
+
+def placed(pose: FloatArray, z: FloatArray) -> FloatArray:
+    """(j, d) positions R + A z, m, of body points z (j, d) under poses (j, 3), (j, 4) or (j, 7)."""
+    if pose.shape[1] in BY_ANGLE:
+        cos, sin = np.cos(pose[:, -1]), np.sin(pose[:, -1])
+        across = [pose[:, 0] + cos * z[:, 0] - sin * z[:, 1],
+                  pose[:, 1] + sin * z[:, 0] + cos * z[:, 1]]
+        rest = [pose[:, 2] + z[:, 2]] if pose.shape[1] == SPINNING else []
+        return np.stack(across + rest, axis=1)
+    p0, e = pose[:, 3:4], pose[:, 4:]
+    # A z = (p0^2 - e.e) z + 2 e (e.z) + 2 p0 e x z
+    scale = p0**2 - np.sum(e * e, axis=1, keepdims=True)
+    turned = scale * z + 2 * e * np.sum(e * z, axis=1, keepdims=True) + 2 * p0 * np.cross(e, z)
+    return np.asarray(pose[:, :3] + turned)

@@ -1,0 +1,117 @@
+"""The linear solver that suits a matrix, chosen by counting before anything is factorized."""
+
+import os
+from dataclasses import replace
+from importlib.util import find_spec
+from typing import Any
+
+import numpy as np
+from pydantic import Field
+
+from sparsemor.core.arrays import Csr
+from sparsemor.core.dissection import dissect
+from sparsemor.core.errors import InputError
+from sparsemor.core.linear import Solved, is_vector, unfit
+from sparsemor.core.plugin import Plugin
+from sparsemor.core.protocols import Places
+from sparsemor.plugins.linear_solvers.cholmod import Cholmod
+from sparsemor.plugins.linear_solvers.conjugate_gradients import ConjugateGradients
+from sparsemor.plugins.linear_solvers.pardiso import Pardiso
+from sparsemor.plugins.linear_solvers.scipy_splu import ENTRY, Splu
+from sparsemor.plugins.linear_solvers.smoothed_aggregation import SmoothedAggregation
+
+SMALL = 3000
+"""Unknowns up to which SuperLU serves whatever else is installed."""
+GIGA = 1e9
+PATIENCE = 300
+"""Iterations of plain conjugate gradients that are accepted where factors do not fit."""
+
+
+class Auto(Plugin):
+    """Direct where the factors fit in memory and conjugate gradients would take longer.
+
+    The factors' size is that of nested dissection, exact before the factorization. Conjugate
+    gradients are tried on one random right-hand side, for as many iterations as cost a solve with
+    factors; all costs are counts of entries visited, so that one machine chooses as another with
+    the same packages and memory. Direct: cholmod, else pardiso, else splu, whichever is installed.
+    Iterative: cg, or amg where cg takes more than 300 iterations.
+    """
+
+    rtol: float = Field(default=1e-10, gt=0.0, lt=1.0)
+    """Of the iterative solvers: norm of the residual, relative to the right-hand side's."""
+    memory: float | None = Field(default=None, gt=0.0)
+    """What the factors of one matrix may take, GB; half of the machine's memory if left out."""
+
+    def factorize(self, A: Csr, places: Places | None = None) -> Solved:
+        fault = unfit("auto", A)
+        if fault is not None:
+            return fault
+        solver, note = self.choose(A, places)
+        done: Solved = solver.factorize(A, places)
+        return replace(done, note="; ".join(part for part in (note, done.note) if part))
+
+    def choose(self, A: Csr, places: Places | None = None) -> tuple[Any, str]:
+        """The solver that is taken for A (n, n), and why, in words."""
+        n = A.shape[0]
+        if n <= SMALL:
+            return Splu(), f"splu: {n} unknowns are few"
+        entries = expected_entries(A, places)
+        size, limit = 2 * ENTRY * entries / GIGA, self._limit()
+        if size > limit:
+            return self._iterative(A, places, f"factors of {size:.2g} GB exceed {limit:.2g} GB")
+        # one solve visits both factors once, one iteration the matrix and six vectors; these are
+        # read in order, and take half the time an entry
+        worth = int(4 * entries / (A.nnz + 6 * n))
+        took = self._tried(A, worth)
+        if took is not None:
+            return ConjugateGradients(rtol=self.rtol), (
+                f"cg: {took} iterations cost less than a solve with factors of {size:.2g} GB")
+        best = _direct()
+        return best, (f"{_name(best)}: factors of {size:.2g} GB fit in {limit:.2g} GB, and "
+                      f"conjugate gradients take more than {worth} iterations")
+
+    def _iterative(self, A: Csr, places: Places | None, why: str) -> tuple[Any, str]:
+        heat = places is None or not is_vector(places)
+        took = self._tried(A, PATIENCE) if heat else None
+        if took is None and find_spec("pyamg"):
+            return SmoothedAggregation(rtol=self.rtol), f"amg: {why}"
+        slow = "" if took is not None else "; install the extra amg, it is much faster here"
+        return ConjugateGradients(rtol=self.rtol, max_iterations=20 * PATIENCE), f"cg: {why}{slow}"
+
+    def _tried(self, A: Csr, limit: int) -> int | None:
+        """Iterations of conjugate gradients from zero, None when `limit` does not suffice."""
+        if limit < 1:
+            return None
+        b = np.random.default_rng(0).standard_normal(A.shape[0])
+        cg = ConjugateGradients(rtol=self.rtol, max_iterations=limit)
+        outcome = cg.factorize(A).outcome(b)
+        return outcome.iterations if outcome.status.ok else None
+
+    def _limit(self) -> float:
+        """GB."""
+        if self.memory is not None:
+            return self.memory
+        try:
+            return 0.5 * os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / GIGA
+        except (ValueError, OSError, AttributeError):
+            raise InputError(
+                "this machine does not say how much memory it has: give it in GB", "memory"
+            ) from None
+
+
+def expected_entries(A: Csr, places: Places | None) -> int:
+    """Entries of the Cholesky factor; without positions a cautious guess for a compact body."""
+    if places is not None:
+        return dissect(A, places).entries
+    n = A.shape[0]
+    return int(min(n * (n + 1) / 2, 2 * n**1.6))
+
+
+def _direct() -> Any:
+    if find_spec("sksparse"):
+        return Cholmod()
+    return Pardiso() if find_spec("pypardiso") else Splu()
+
+
+def _name(solver: Any) -> str:
+    return {"Cholmod": "cholmod", "Pardiso": "pardiso"}.get(type(solver).__name__, "splu")

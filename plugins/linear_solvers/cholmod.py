@@ -1,0 +1,40 @@
+"""Cholesky factors by CHOLMOD of SuiteSparse."""
+
+from typing import Literal
+
+from scipy.sparse import csc_matrix
+
+from sparsemor.core.arrays import Csr
+from sparsemor.core.linear import Solved, direct, refused, unfit
+from sparsemor.core.plugin import Plugin
+from sparsemor.core.protocols import Places
+from sparsemor.core.status import Status
+from sparsemor.plugins.sparse_solvers.extras import require
+
+
+class Cholmod(Plugin):
+    """A supernodal Cholesky factorization; solves quickest of all direct ones.
+
+    Needs the extra `cholmod`: scikit-sparse, built against SuiteSparse (libsuitesparse-dev). Chen,
+    Davis, Hager and Rajamanickam 2008, doi 10.1145/1391989.1391995.
+    """
+
+    ordering: Literal["default", "amd", "metis", "nesdis"] = "default"
+    """Elimination order; default lets CHOLMOD try several."""
+
+    def factorize(self, A: Csr, places: Places | None = None) -> Solved:
+        require("sksparse", "cholmod", "cholmod")
+        fault = unfit("cholmod", A)
+        if fault is not None:
+            return fault
+        if A.shape[0] == 0:
+            return Solved("cholmod", A, direct=lambda b: b.copy())
+        from sksparse.cholmod import CholmodError, analyze
+
+        lower = csc_matrix(A)  # the wrapper asks for a matrix, not an array
+        try:
+            factor = analyze(lower, mode="supernodal", ordering_method=self.ordering)
+            factor.cholesky_inplace(lower)
+        except CholmodError as error:
+            return refused("cholmod", A, Status.SINGULAR, f"not positive definite: {error}")
+        return direct("cholmod", A, 12 * int(factor.L().nnz), factor)

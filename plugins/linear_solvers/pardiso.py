@@ -1,0 +1,71 @@
+"""Cholesky factors by Intel's PARDISO."""
+
+import weakref
+from copy import copy
+from typing import Any
+
+import numpy as np
+from scipy.sparse import csr_matrix, triu
+
+from sparsemor.core.arrays import Csr, FloatArray
+from sparsemor.core.linear import Solved, direct, refused, unfit
+from sparsemor.core.plugin import Plugin
+from sparsemor.core.protocols import Places
+from sparsemor.core.status import Status
+from sparsemor.plugins.sparse_solvers.extras import require
+
+POSITIVE_DEFINITE = 2
+"""PARDISO's number for real, symmetric positive definite matrices."""
+
+
+class Pardiso(Plugin):
+    """A multi-threaded supernodal Cholesky factorization, ten times as quick to make as SuperLU's.
+
+    Needs the extra `pardiso`, about 1 GB of Intel's libraries; MKL_NUM_THREADS says how many
+    threads. Schenk and Gaertner 2004, doi 10.1016/j.future.2003.07.011.
+    """
+
+    def factorize(self, A: Csr, places: Places | None = None) -> Solved:
+        require("pypardiso", "pardiso", "pardiso")
+        fault = unfit("pardiso", A)
+        if fault is not None:
+            return fault
+        if A.shape[0] == 0:
+            return Solved("pardiso", A, direct=lambda b: b.copy())
+        from pypardiso.pardiso_wrapper import PyPardisoError
+
+        engine = _engine()
+        upper = csr_matrix(triu(A, format="csr"))  # the wrapper asks for a matrix, not an array
+        upper.sort_indices()
+        try:
+            engine.factorize(upper)
+        except PyPardisoError as error:
+            engine.free_memory(everything=True)
+            return refused("pardiso", A, Status.SINGULAR, f"not positive definite: {error}")
+        solve = _Solve(engine, upper)
+        # permanent memory of analysis and factors, kB; the wrapper keeps a copy of the matrix
+        held = 1024 * int(engine.get_iparm(16) + engine.get_iparm(17)) + 2 * 12 * int(upper.nnz)
+        return direct("pardiso", A, held, solve)
+
+
+def _engine() -> Any:
+    """A fresh one; the package's constructor would search the disk for the library every time."""
+    from pypardiso import ps
+
+    engine = copy(ps)
+    engine.pt, engine.iparm = np.zeros_like(ps.pt), np.zeros_like(ps.iparm)
+    engine.perm = ps.perm.copy()
+    engine.set_matrix_type(POSITIVE_DEFINITE)
+    return engine
+
+
+class _Solve:
+    """PARDISO's factors live outside Python: they are freed with this object."""
+
+    def __init__(self, engine: Any, upper: Any) -> None:
+        self._engine, self._upper = engine, upper
+        weakref.finalize(self, engine.free_memory, everything=True)
+
+    def __call__(self, b: FloatArray) -> FloatArray:
+        x = self._engine.solve(self._upper, np.asfortranarray(b, dtype=np.float64))
+        return np.asarray(x).reshape(b.shape)

@@ -1,0 +1,271 @@
+"""Flexible bodies in space: what free flight must conserve, and limits with known answers."""
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sparsemor.bodies.mesh.block import Block
+from sparsemor.bodies.spatial import rotation as rot
+from sparsemor.bodies.spatial.body import SpatialBody
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.assemble import assemble
+from sparsemor.core.errors import InputError
+from sparsemor.core.testing.run import March, march, scene_of
+
+CORNERS = ["left_front_bottom", "right_front_bottom", "left_back_bottom"]
+BAR: dict[str, Any] = {
+    "use": "flexible", "fields": ["elastic"], "material": {"E": 2e8, "nu": 0.3, "rho": 1100},
+    "mesh": Block(lower=(-0.1, -0.05, -0.03), size=(0.5, 0.1, 0.06), divisions=(6, 2, 1)),
+    "reference": {"chord": CORNERS},
+    "pose": {"position": [0.3, -0.2, 0.1], "axis": [1, 2, 3], "angle": 0.4,
+             "velocity": [1.0, 2.0, 0.5], "spin": [6.0, -9.0, 20.0]}}
+
+
+def the(got: March, name: str) -> SpatialBody:
+    body = got.model.parts[name]
+    assert isinstance(body, SpatialBody)
+    return body
+
+
+def nodal(got: March, name: str, at: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Positions, velocities and accelerations (N, 3) of the nodes in space axes."""
+    body, fields = the(got, name), []
+    for values in (got.x, got.v, got.a):
+        u = np.zeros(body.X.size)
+        if body.elasticity is not None:
+            u[body.elasticity.free] = values[at, got.model.layout[f"{name}.elastic"]]
+        fields.append((values[at, got.model.layout[f"{name}.rigid"]], u.reshape(-1, 3)))
+    (y, u0), (dy, u1), (ddy, u2) = fields
+    A, turn = rot.rotation(y[3:]), 2 * rot.to_body(y[3:])
+    z, w, al = body.X + u0, turn @ dy[3:], turn @ ddy[3:]
+    speed = u1 + np.cross(w, z)
+    push = u2 + np.cross(al, z) + np.cross(w, np.cross(w, z)) + 2 * np.cross(w, u1)
+    return y[:3] + z @ A.T, dy[:3] + speed @ A.T, ddy[:3] + push @ A.T
+
+
+def moments(body: SpatialBody, place: FloatArray, vector: FloatArray) -> FloatArray:
+    """(6,): sum m vector and sum place x m vector."""
+    assert body.mass_matrix is not None
+    p = body.mass_matrix @ vector
+    return np.concatenate([p.sum(axis=0), np.cross(place, p).sum(axis=0)])
+
+
+def energy(got: March, name: str, at: int) -> float:
+    body = the(got, name)
+    assert body.mass_matrix is not None and body.elasticity is not None
+    v, free = nodal(got, name, at)[1], body.elasticity.free
+    u = got.x[at, got.model.layout[f"{name}.elastic"]]
+    strain = u @ (body.elasticity.stiffness[free][:, free] @ u)
+    return 0.5 * float(np.sum(v * (body.mass_matrix @ v)) + strain)
+
+
+def flight(h: float, rho: float = 1.0, end: float = 0.05, **change: Any) -> March:
+    return march(scene_of({"bodies": {"bar": {**BAR, **change}}, "time": {"end": end, "step": h},
+                           "integrator": {"use": "generalized_alpha", "rho_inf": rho}}))
+
+
+@cache
+def flights() -> tuple[March, March]:
+    return flight(5e-4), flight(2.5e-4)
+
+
+def test_inertia_forces_of_a_free_body_balance_at_every_instant() -> None:
+    """To round-off: the equations hold at the step's end, whatever the integrator."""
+    got = flights()[0]
+    bar = the(got, "bar")
+    assert np.abs(got.block("bar.elastic")).max() > 5e-5  # it does deform
+    for at in (1, 10, 100):
+        place, _, acceleration = nodal(got, "bar", at)
+        assert bar.inertia is not None and bar.mass_matrix is not None
+        size = np.abs(bar.mass_matrix @ acceleration).sum()
+        assert size > 50.0
+        assert np.abs(moments(bar, place, acceleration)).max() < 1e-8 * size
+
+
+def test_momentum_and_energy_are_kept_to_second_order() -> None:
+    """rho_inf = 1: nothing is damped."""
+    drifts, losses = [], []
+    for got in flights():
+        at = range(0, len(got.t), 5)
+        kept = np.array([moments(the(got, "bar"), *nodal(got, "bar", i)[:2]) for i in at])
+        work = np.array([energy(got, "bar", i) for i in at])
+        drifts.append(float(np.abs(kept - kept[0]).max() / np.abs(kept[0]).max()))
+        losses.append(float(np.abs(work - work[0]).max() / work[0]))
+    assert drifts[1] < 2e-4 and losses[1] < 2e-3
+    assert np.log2(drifts[0] / drifts[1]) > 1.8
+    assert np.log2(losses[0] / losses[1]) > 1.8
+
+
+def test_reference_conditions_do_not_change_the_motion() -> None:
+    """Other ties of the displacements describe the same body: nodes in space agree to the time
+    error, which falls with the square of the step."""
+    other = {"chord": ["right_back_top", "left_back_top", "right_front_top"]}
+    gaps = []
+    for h, plain in zip((5e-4, 2.5e-4), flights(), strict=True):
+        swapped = flight(h, reference=other)
+        gaps.append(np.abs(nodal(plain, "bar", -1)[0] - nodal(swapped, "bar", -1)[0]).max())
+    assert gaps[1] < 2e-4
+    assert np.log2(gaps[0] / gaps[1]) > 1.5
+
+
+def test_a_very_stiff_flexible_body_is_the_rigid_body_of_its_numbers() -> None:
+    """Hung on one corner, under gravity."""
+    joint = {"A": {"use": "spherical", "between": ["ground", "bar:left_front_bottom"]}}
+    more: dict[str, Any] = {
+        "loads": {"g": {"use": "gravity"}}, "time": {"end": 0.3, "step": 1e-3}, "joints": joint,
+        "integrator": {"use": "generalized_alpha", "rho_inf": 0.8}}
+    pose = {"spin": [1.0, 2.0, 3.0], "velocity": [0.0, 0.0, 0.0]}
+    corner = np.array([-0.1, -0.05, -0.03])
+    pose["velocity"] = (-np.cross(pose["spin"], corner)).tolist()
+    stiff = march(scene_of({"bodies": {"bar": {
+        **BAR, "material": {"E": 2e13, "nu": 0.3, "rho": 1100}, "damping": {"stiffness": 1e-5},
+        "pose": pose}}, **more}))
+    bar = the(stiff, "bar")
+    assert bar.inertia is not None
+    center = bar.inertia.moment / bar.inertia.mass
+    sides = np.array([0.5, 0.1, 0.06])
+    about = bar.inertia.mass / 12 * ((sides**2).sum() - sides**2)
+    np.testing.assert_allclose(center, corner + sides / 2, rtol=0, atol=1e-12)
+    rigid = march(scene_of({"bodies": {"bar": {
+        "use": "rigid", "mass": bar.inertia.mass, "center": center.tolist(),
+        "inertia": about.tolist(), "points": {"left_front_bottom": corner.tolist()},
+        "pose": pose}}, **more}))
+    assert bar.inertia.mass == pytest.approx(1100 * 0.5 * 0.1 * 0.06)
+    x = rigid.block("bar.rigid")
+    assert np.ptp(x, axis=0).max() > 0.5
+    np.testing.assert_allclose(stiff.block("bar.rigid"), x, rtol=0, atol=5e-6)
+    late = slice(100, None)
+    force = rigid.block("A.multiplier")[late]
+    np.testing.assert_allclose(stiff.block("A.multiplier")[late], force, rtol=0,
+                               atol=1e-3 * np.abs(force).max())
+
+
+# --------------------------------------------------------------------------- spin about an axis
+
+
+def test_a_spin_about_a_principal_axis_is_cheap_and_as_wide_as_statics_say() -> None:
+    """On a hinge along the axis: the shape is the static answer to the centrifugal force, one
+    factor serves the whole run, and a step takes one or two iterations."""
+    spin = 60.0
+    disk = {**BAR, "mesh": Block(lower=(-0.1, -0.1, -0.01), size=(0.2, 0.2, 0.02),
+                                 divisions=(6, 6, 2)),
+            "material": {"E": 2e9, "nu": 0.3, "rho": 7800}, "damping": {"stiffness": 1e-3},
+            "sets": {"hub": {"box": [(-0.04, 0.04), (-0.04, 0.04), (-0.02, 0.02)]}},
+            "reference": {"clamp": "hub"}, "pose": {"spin": [0.0, 0.0, spin]}}
+    got = march(scene_of({
+        "bodies": {"disk": disk},
+        "joints": {"axle": {"use": "revolute", "between": ["ground", "disk:hub"],
+                            "axis": [0, 0, 1]}},
+        "time": {"end": 0.5, "step": 1e-3}}))
+    body = the(got, "disk")
+    e, m = body.elasticity, body.mass_matrix
+    assert e is not None and m is not None
+    W = np.diag([1.0, 1.0, 0.0])
+    pull = (m @ body.X @ W).ravel()[e.free]
+    K = e.stiffness.toarray()[np.ix_(e.free, e.free)]
+    M = np.kron(m.toarray(), W)[np.ix_(e.free, e.free)]
+    static = np.linalg.solve(K - spin**2 * M, spin**2 * pull)
+    u = got.block("disk.elastic")[-1]
+    now = got.v[-1, got.model.layout["disk.rigid"]][3:]
+    w = 2 * rot.to_body(got.block("disk.rigid")[-1][3:]) @ now
+    np.testing.assert_allclose(w[:2], 0.0, atol=1e-6)
+    np.testing.assert_allclose(u, static * (w[2] / spin) ** 2, rtol=0,
+                               atol=2e-3 * np.abs(static).max())
+    assert np.mean(got.iterations[100:]) <= 2.0
+    memory = got.solver.start(got.end)[1]
+    assert got.solver.counters(memory)["factorizations"] == 1
+
+
+# --------------------------------------------------------------------------- the plane in space
+
+
+def test_a_plane_flexible_problem_in_space_is_nearly_the_plane_problem() -> None:
+    """A swinging cantilever with nu = 0 on one plane pattern: the bodies differ by the tetrahedra's
+    way through the thickness alone, which softens the one in space a little."""
+    length, height, width = 0.6, 0.1, 0.02
+    steel = {"E": 2e7, "nu": 0.0, "rho": 1000}
+    common: dict[str, Any] = {"time": {"end": 0.25, "step": 1e-3},
+                              "integrator": {"use": "generalized_alpha", "rho_inf": 0.8}}
+    flat = march(scene_of({
+        "bodies": {"bar": {
+            "use": "flexible", "fields": ["elastic"], "thickness": width, "material": steel,
+            "mesh": {"use": "rectangle", "size": [length, height], "divisions": [16, 4],
+                     "diagonal": "alternating"},
+            "reference": {"clamp": "left"}}},
+        "joints": {"A": {"use": "fixed", "between": ["ground", "bar:left"]}},
+        "loads": {"g": {"use": "gravity"}}, **common}))
+    deep = march(scene_of({
+        "bodies": {"bar": {
+            **BAR, "material": steel, "pose": {},
+            "mesh": Block(size=(length, height, width), divisions=(16, 4, 2)),
+            "reference": {"clamp": "left"}}},
+        "joints": {"A": {"use": "fixed", "between": ["ground", "bar:left"]}},
+        "loads": {"g": {"use": "gravity", "g": [0.0, -9.81, 0.0]}}, **common}))
+    body: Any = flat.model.parts["bar"]
+    paths = []
+    for at in range(0, len(flat.t), 5):
+        u = np.zeros(2 * len(body.X))
+        u[body.elasticity.free] = flat.x[at, flat.model.layout["bar.elastic"]]
+        bent = u.view(complex)[body.points["right"]].mean()
+        p = nodal(deep, "bar", at)[0] - the(deep, "bar").X
+        paths.append([bent.imag, *p[the(deep, "bar").points["right"]].mean(axis=0)[1:]])
+    plane, space, aside = np.array(paths).T
+    assert np.abs(plane).max() > 5e-3
+    np.testing.assert_allclose(space, plane, rtol=0, atol=0.03 * np.abs(plane).max())
+    assert np.abs(aside).max() < 0.01 * np.abs(plane).max()
+
+
+def test_held_components_are_the_ties_that_a_body_needs() -> None:
+    """`hold` of the chord's own components is the chord; a plane body has two."""
+    chord = flight(1e-3, end=0.01)
+    corners = [{"hold": {CORNERS[0]: "xyz", CORNERS[1]: "yz", CORNERS[2]: "z"}}]
+    held = flight(1e-3, end=0.01, reference=corners[0])
+    np.testing.assert_array_equal(held.x, chord.x)
+    flat = {"use": "flexible", "fields": ["elastic"], "material": BAR["material"],
+            "mesh": {"use": "rectangle", "size": [1.0, 0.5], "divisions": [2, 1]},
+            "thickness": 0.1, "reference": {"hold": {"bottom": "y", "bottom_left": "x"}}}
+    body = assemble(scene_of({"bodies": {"plate": flat}, "time": {"end": 1.0, "step": 0.1}}))
+    assert body.layout["plate.elastic"].stop - body.layout["plate.elastic"].start == 2 * 6 - 4
+
+
+# --------------------------------------------------------------------------- heat, bad input
+
+
+def test_a_warm_bar_in_space_grows_freely() -> None:
+    """alpha dT in every direction, no stress, whatever the ties; heat flows in from a face."""
+    got = march(scene_of({
+        "bodies": {"bar": {**BAR, "fields": ["elastic", "thermal"], "pose": {},
+                           "material": {**BAR["material"], "alpha": 1e-5, "k": 400.0, "c": 500.0}}},
+        "loads": {"heat": {"use": "heat_flux", "on": ["bar:bottom"], "flux": 1e5}},
+        "time": {"end": 200.0, "step": 1.0}, "integrator": "bdf1"}))
+    bar = the(got, "bar")
+    T = got.block("bar.thermal")[-1]
+    heat = 1e5 * 0.5 * 0.1 * 200.0
+    assert bar.heat is not None
+    assert T.mean() - 293.15 == pytest.approx(heat / (1100 * 500 * 0.5 * 0.1 * 0.06), rel=0.01)
+    place = nodal(got, "bar", -1)[0]
+    grown = np.ptp(place, axis=0) / np.ptp(bar.X, axis=0) - 1
+    np.testing.assert_allclose(grown[:2], 1e-5 * (T.mean() - 293.15), rtol=0.02)
+
+
+@pytest.mark.parametrize(("change", "words"), [
+    ({"thickness": 0.1}, "the mesh is 3-D"),
+    ({"model": "plane_stress"}, "take solid"),
+    ({"reference": {"chord": CORNERS[:2]}}, "a chord is 3 one-point sets"),
+    ({"reference": {"chord": [CORNERS[0], CORNERS[1], "mid"]}}, "lie on one line"),
+    ({"reference": {"clamp": "edge"}}, "lie on one line"),
+    ({"pose": {"spin": 1.0}}, "this body is in space"),
+    ({"reference": {"hold": {"left": "xy"}}}, "still has 1 rigid motion"),
+    ({"reference": {"hold": {"edge": "xyz"}}}, "still has 1 rigid motion:"),
+    ({"reference": {"hold": {"edge": "x"}}}, "still has 5 rigid motions"),
+    ({"reference": {"hold": {"nowhere": "x"}}}, "no set 'nowhere'"),
+])
+def test_wrong_bodies_are_told(change: dict[str, Any], words: str) -> None:
+    sets = {"mid": {"nearest": [0.15, -0.05, -0.03]},
+            "edge": {"where": "y < -0.0499 and z < -0.0299"}}
+    scene = scene_of({"bodies": {"bar": {**BAR, "sets": sets, **change}},
+                      "time": {"end": 1.0, "step": 0.1}})
+    with pytest.raises(InputError, match=words):
+        assemble(scene)
