@@ -103,7 +103,8 @@ class _Search:
         self.names = [b.name for b in blocks]
         self.judged = np.array([b.field != "multiplier" for b in blocks])
         self.given = equations.given(step.t)
-        self.floor = np.zeros(0)
+        self.mixed = np.array([b.field == "rigid" for b in blocks])
+        self.floor, self.scale = np.zeros(0), np.zeros(0)
         self.iterations, self.stall, self.least, self.cycles = 0, 0, inf, False
 
     # ------------------------------------------------------------------ the iteration
@@ -130,14 +131,11 @@ class _Search:
                 return StepOutcome(at.x - at.dx, Status.DONE, self.iterations)
             if self.iterations >= self.tol.max_iterations:
                 return self.unfinished(at)
-            new = self.at(at.x - at.dx)
+            new = self._following(at, anew=always)
+            if new is None:
+                return self.unfinished(at)
             if not np.isfinite(new.r).all():
-                shorter = self._shorter(at)
-                if shorter is None:
-                    return self.failed(new, Status.NOT_FINITE)
-                at = shorter
-                continue
-            self._ready(new, anew=always)
+                return self.failed(new, Status.NOT_FINITE)
             ratio = new.moved / np.maximum(at.moved, 1e-300)  # of each block: one may converge
             # the textbook method, a check, trusts no ratio: it goes on until nothing changes
             if not always and self._left(new.moved, ratio) <= self.tol.remaining:
@@ -145,14 +143,23 @@ class _Search:
             stalled = new.change >= STALLED * at.change
             if (at.fresh or always) and stalled and new.change <= NOISE:
                 return StepOutcome(new.x, Status.DONE, self.iterations)
-            if not always and self._slow(new.change, new.change / at.change):
+            if not (always or new.fresh) and self._slow(new.change, new.change / at.change):
                 if new.change >= at.change and not at.fresh:
                     new = at  # an old factor led astray
                 self.turn(new, anew=True)
-            following = self._patient(new, at)
-            if following is None:
-                return self.unfinished(new)
-            at = following
+            self._watch(new, at)
+            at = new
+
+    def _following(self, at: _At, anew: bool) -> _At | None:
+        """The next iterate with its own change: a full step on, or less where full steps lead
+        nowhere; None where no share of the change makes the residual fall."""
+        if self.stall <= PATIENCE:
+            new = self.at(at.x - at.dx)
+            if np.isfinite(new.r).all():
+                self._ready(new, anew)
+                return new
+            return self._shorter(at) or new
+        return self._shorter(at)
 
     def _ready(self, at: _At, anew: bool) -> None:
         """The next change, with the kept factor where there is one for this step's constants."""
@@ -169,33 +176,42 @@ class _Search:
         """Whether a new factor is due: the old one would take longer than its price."""
         return ratio >= 0.5 or change * ratio**self.eq.price > self.tol.remaining
 
-    def _patient(self, at: _At, before: _At) -> _At | None:
-        """The iterate to go on from; None where no share of the change makes the residual fall."""
+    def _watch(self, at: _At, before: _At) -> None:
+        """Counts the iterations since the smallest change was last halved."""
         if at.change < 0.5 * self.least:
             self.least, self.stall = at.change, 0
-            return at
+            return
         self.stall += 1
         back = self._largest(at.x - at.dx - before.x) <= 1e-2 * self._largest(at.dx)
-        self.cycles = self.cycles or bool(back[self.judged].all())
-        return at if self.stall <= PATIENCE else self._shorter(at)
+        if at.change > NOISE and back[self.judged].all():
+            self.cycles, self.stall = True, PATIENCE + 1
 
     def _shorter(self, at: _At) -> _At | None:
         """An iterate on the way along the change whose residual is less, with its own change."""
         if not at.fresh:
             self.turn(at, anew=True)
-        size = self._sizes(at.x)
-        merit, share = self._merit(at.r, size), 1.0
+        if not len(self.scale):  # one for the whole step: under two, each way may seem to descend
+            self.scale = self._scales(at.x)
+        merit, share = self._merit(at.r), 1.0
+        self.iterations += 1
         while share >= SHORTEST:
             new = self.at(at.x - share * at.dx)
-            self.iterations += 1
-            if self._merit(new.r, size) <= (1.0 - 0.1 * share) * merit:
+            if self._merit(new.r) <= (1.0 - 0.1 * share) * merit:
                 self.turn(new, anew=True)
                 return new
             share *= 0.5
         return None
 
-    def _merit(self, r: FloatArray, size: FloatArray) -> float:
-        value = float((self._largest(r) / np.maximum(size, 1e-300)).max())
+    def _scales(self, x: FloatArray) -> FloatArray:
+        """(n,) what each row is measured by: the largest terms of its block, of rigid coordinates
+        its own ones, because forces and torques are not to be compared."""
+        terms = self.memory.size @ np.abs(x)
+        count = np.diff(np.append(self.starts, len(x)))
+        of_block = np.repeat(self._largest(terms), count)
+        return np.maximum(np.where(np.repeat(self.mixed, count), terms, of_block), 1e-300)
+
+    def _merit(self, r: FloatArray) -> float:
+        value = float(np.abs(r / self.scale).max())
         return value if value == value else inf
 
     # ------------------------------------------------------------------ residual and change
