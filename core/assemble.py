@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core.block_solvers import BlockSolvers
 from sparsemor.core.errors import Gather, InputError
 from sparsemor.core.layout import Layout
 from sparsemor.core.model import Model, ProbePlace
@@ -44,6 +45,7 @@ def assemble(scene: Scene, given: Given = NOTHING) -> Model:
         separated=_separate(layout, bodies, joints, terms), x0=x0, v0=v0, required=required,
         loaded=loaded, probes=probes,
         geometry={k: g for b in bodies.values() for k, g in b.geometry().items()},
+        solvers=BlockSolvers(scene.linear_solver, scene.linear_solvers),
     )
 
 

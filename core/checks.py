@@ -3,6 +3,7 @@
 import math
 
 from sparsemor.core.assemble import assemble
+from sparsemor.core.choose import misfits
 from sparsemor.core.errors import Fault, Gather, InputError
 from sparsemor.core.model import Model
 from sparsemor.core.offline import step_count
@@ -28,6 +29,8 @@ def checked_model(scene: Scene) -> Model:
         model = gather("", assemble, scene, AtStart())
         if model is not None and faults == []:
             gather("", check_rigid, scene)
+    if model is not None:
+        gather.faults += misfits(model.layout, "linear_solvers", scene.linear_solvers)
     check = getattr(scene.reducer, "check", None)
     if model is not None and check is not None:
         gather.faults += InputError(list(check(model))).under("reducer").faults

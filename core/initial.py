@@ -3,9 +3,9 @@ constraints hold at t = 0 (second-order integrators lose their order without thi
 
 import numpy as np
 from scipy.sparse import block_array
-from scipy.sparse.linalg import splu
 
 from sparsemor.core.arrays import Csr, FloatArray
+from sparsemor.core.eliminated import solve_by_blocks
 from sparsemor.core.equations import jacobian, residual
 from sparsemor.core.model import Model
 from sparsemor.core.protocols import State
@@ -31,15 +31,11 @@ def consistent_state(model: Model, t: float = 0.0) -> State:
         [MC[second][:, second], None, held[second]],
         [None, C[first][:, first], held[first]],
         [K[algebraic][:, second], None, held[algebraic]],
-    ], format="csc")
+    ], format="csr")
     r = residual(layout, model.terms, x, v, a, t)
     r[algebraic] = _curvature(model, x, v, t)
     try:
-        # rows and columns of very different units: forces, heat, metres
-        size = np.sqrt(np.maximum(abs(A).max(axis=0).toarray().ravel(), 1e-300))
-        S = A.copy()
-        S.data = S.data / (size[S.indices] * np.repeat(size, np.diff(S.indptr)))
-        z = -splu(S).solve(r / size) / size
+        z = -solve_by_blocks(model, A, r)
     except RuntimeError:
         raise SolveFailed(Status.SINGULAR, t, "", "accelerations at the start") from None
     a[second], v[first], x[algebraic] = z[second], z[first], x[algebraic] + z[algebraic]

@@ -30,6 +30,10 @@ class Solved:
     status: Status = Status.DONE
     note: str = ""
 
+    @property
+    def iterative(self) -> bool:
+        return self.direct is None
+
     def solve(self, b: FloatArray, start: FloatArray | None = None) -> FloatArray:
         if self.direct is not None and self.status.ok and b.size:
             _same_size(self.A, b)

@@ -6,10 +6,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core.arrays import Csr, FloatArray, IntArray
+from sparsemor.core.block_solvers import BlockSolvers
 from sparsemor.core.layout import Layout
 from sparsemor.core.path import path_rows, ring
-from sparsemor.core.protocols import BlockData, Part, Term
+from sparsemor.core.protocols import BlockData, Factorized, Part, Places, Term
 from sparsemor.core.separable import ElasticOperators, HeatBody, Separated
 from sparsemor.core.stage import FrameHistory, Stage
 from sparsemor.core.tables import LoadTable
@@ -49,8 +50,9 @@ class Model:
     """layout, terms and the state at the start. `blocks` has data of each reducible block.
 
     required: local row numbers of each reducible block that joints and localized loads touch;
-    loaded: the same for each load by name, so that a sample that misses one can say which. stage:
-    the histories that its given frames, reactions and surface loads come from.
+    loaded: the same for each load by name, so that a sample that misses one can say which. solvers:
+    who solves with the blocks' constant matrices. stage: the histories that its given frames,
+    reactions and surface loads come from.
     """
 
     layout: Layout
@@ -63,10 +65,19 @@ class Model:
     loaded: Mapping[str, Mapping[str, IntArray]]
     probes: tuple[ProbePlace, ...]
     geometry: Mapping[str, Any]
+    solvers: BlockSolvers
     stage: Stage | None = None
 
     def reducible(self) -> tuple[str, ...]:
         return tuple(b.name for b in self.layout if b.field in ("elastic", "thermal"))
+
+    def places(self, name: str) -> Places:
+        """Where the unknowns of a reducible block are."""
+        return Places(*self.geometry[name])
+
+    def factorize(self, name: str, A: Csr, purpose: str = "steps") -> Factorized:
+        """A matrix (n, n) of a reducible block, made ready by the solver that the scene names."""
+        return self.solvers.factorize(name, A, self.places(name), purpose)
 
     def block_data(
         self, name: str, snapshots: FloatArray | None = None, step: StepFactors | None = None
@@ -83,6 +94,7 @@ class Model:
             "name": name, "snapshots": np.zeros((n, 0)) if snapshots is None else snapshots,
             "coordinates": coordinates, "component": component, "start": self.x0[self.layout[name]],
             "ring": self.ring(name), "moving": self.moving(name), "step": taken.h,
+            "solver": self.solvers.of(name),
         }
         for h in self.separated.heat:
             if h.thermal == name:

@@ -216,6 +216,7 @@ class BlockData:
     path, sorted. step: size h of the steps it is reduced for, s, and factors: what such a step
     multiplies `damping` (None: zero) and `mass` by, c1 and c2 of its formula, or 0 and the c1 of
     first-order unknowns for heat, whose mass is its capacity. All 0 where no step is known.
+    solver: who solves with these matrices; None leaves it to the basis.
     """
 
     name: str
@@ -236,10 +237,15 @@ class BlockData:
     damping: Csr | None = None
     factors: tuple[float, float] = (0.0, 0.0)
     step: float = 0.0
+    solver: "LinearSolver | None" = None
 
     @property
     def size(self) -> int:
         return int(self.coordinates.shape[0])
+
+    @property
+    def places(self) -> "Places":
+        return Places(self.coordinates, self.component)
 
     @property
     def operator(self) -> Csr:
@@ -373,7 +379,8 @@ class Factorized(Protocol):
 
     solver: name of the plugin that did it (not "auto"); note: a sentence on why, or on what failed,
     "" when there is nothing to say. status: not ok when A is found singular, not positive definite
-    or not finite; then every solution is nan. memory: bytes that it holds beside A.
+    or not finite; then every solution is nan. memory: bytes that it holds beside A. iterative:
+    whether a start helps, and a solve may stop short.
     """
 
     @property
@@ -384,6 +391,8 @@ class Factorized(Protocol):
     def status(self) -> Status: ...
     @property
     def memory(self) -> int: ...
+    @property
+    def iterative(self) -> bool: ...
     def solve(self, b: FloatArray, start: FloatArray | None = None) -> FloatArray:
         """x of b (n,) or (n, j). start: a guess of the same shape, which direct solvers ignore.
         Columns that an iteration did not solve to its tolerance are nan: no loop misses that."""
@@ -398,6 +407,8 @@ class LinearSolver(Protocol):
     """A (n, n) csr, symmetric positive definite; places: what its unknowns are, where known.
 
     InputError when A is not square or not symmetric, or when it does not fit in memory.
+    Optional: `expected(A, places)`, bytes that `factorize` holds at its largest, told beforehand;
+    without it a run is not refused on its account.
     """
 
     def factorize(self, A: Csr, places: Places | None = None) -> Factorized: ...
@@ -430,7 +441,8 @@ class StepSolver(Protocol):
     (s, 2 s) how its active unknowns answer to their own r1 and r2, everything else held;
     `response(step, x)` -> (n, 2 n) how the solution x of a step answers to changes of [r1; r2],
     where the solver knows that better than differences tell. Optional, for error-controlled steps:
-    `memory.moved(x)`, told that the next step starts at x.
+    `memory.moved(x)`, told that the next step starts at x. Optional, where blocks are solved by
+    iteration: `linear_iterations(memory)` -> block -> iterations since `start`.
     """
 
     @property

@@ -43,7 +43,8 @@ def rigid_scene(scene: Scene) -> Scene:
                             if hasattr(body, "fields")}
     plain = scene.using({
         **kept, **bare, "title": "", "seed": 0, "reducer": "full", "training": {}, "output": {},
-        "probes": {}, "check_stability": "off", "rigid_stage": None}, label="rigid_stage")
+        "probes": {}, "check_stability": "off", "rigid_stage": None, "linear_solver": "auto",
+        "linear_solvers": {}}, label="rigid_stage")
     return plain.using(scene.rigid_stage.overrides, label=_LABEL)
 
 

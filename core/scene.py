@@ -19,6 +19,7 @@ from sparsemor.core.errors import Fault, InputError
 from sparsemor.core.faults import custom, with_advice
 from sparsemor.core.overrides import find
 from sparsemor.core.plugin import Plugin
+from sparsemor.core.protocols import LinearSolver
 from sparsemor.core.registry import Registry
 from sparsemor.core.scene_fields import Output, Probe, RigidStage, Time, Training
 from sparsemor.core.scene_names import name_faults
@@ -54,6 +55,11 @@ class Scene(Plugin):
     """The clock."""
     integrator: Annotated[Any, Slot("integrator")] = slot_default("bdf1")
     """How rates follow from unknowns."""
+    linear_solver: Annotated[LinearSolver, Slot("linear_solver")] = slot_default("auto")
+    """Who solves with the large constant matrices of elastic and thermal blocks: of full order, of
+    training, and of bases that need no training."""
+    linear_solvers: dict[str, Annotated[LinearSolver, Slot("linear_solver")]] = {}
+    """Other linear solvers by block pattern, such as `*.thermal`."""
     training: Training = Training()
     """The run that a reducer learns from."""
     reducer: Annotated[Any, Slot("reducer")] = slot_default("full")

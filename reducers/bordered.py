@@ -107,7 +107,7 @@ class Mechanics:
             before = None if slow is None else self._gather(x, loop)
             change = self._iterate(step, x, loop, memory)
             if not change < inf:
-                return Status.NOT_FINITE, iteration, self._worst(loop), ""
+                return self._broken(iteration, loop)
             if change < 0:
                 return Status.SINGULAR, iteration, "", "the border matrix is singular"
             if not self.size:
@@ -129,6 +129,21 @@ class Mechanics:
             last = change
         detail = f"last relative change {change:.1e} after {self.tol.max_iterations} iterations"
         return Status.NOT_CONVERGED, self.tol.max_iterations, self._worst(loop), detail
+
+    def _broken(self, iteration: int, loop: _Loop) -> tuple[Status, int, str, str]:
+        """Why there are no numbers: a linear solver that stopped short, or overflow."""
+        for b, past in zip(self.bodies, loop.history, strict=True):
+            if past is not None and past.failure is not None:
+                return past.failure[0], iteration, b.elastic_name, past.failure[1]
+        return Status.NOT_FINITE, iteration, self._worst(loop), ""
+
+    def linear_iterations(self) -> dict[str, int]:
+        """Elastic block -> iterations of its linear solver in the last `solve`; none: left out."""
+        if self.last is None:
+            return {}
+        return {b.elastic_name: past.iterations
+                for b, past in zip(self.bodies, self.last.history, strict=True)
+                if past is not None and past.iterations}
 
     def _turning(self, c2: float) -> float:
         """Contraction where no border is unknown: the iteration is then linear, and by how much
@@ -195,7 +210,7 @@ class Mechanics:
             look = b.block.look(c, past)
             b.frame.evaluate(y[at], v[at], a[at], c1, c2, look.s, past.s1, past.s2, look.form,
                              look.forms, step.t, w)
-            z, Pz = b.block.combine(look, past, w.coefficients)
+            z, Pz = b.block.combine(look, past, w.coefficients, c, w.sigma[-1])
             # border minus tau D^-1 (elastic columns and residual): the Schur complement
             Gs = b.block.G.dot(w.sigma.T)
             Gs[:, -1] += look.s + Pz

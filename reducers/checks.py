@@ -6,13 +6,11 @@ from typing import Any, Protocol
 import numpy as np
 
 from sparsemor.core.capabilities import refusal
+from sparsemor.core.choose import misfits
 from sparsemor.core.errors import Fault
 from sparsemor.core.model import Model
 from sparsemor.core.protocols import Basis, Preconditioner, Sampler, SparseSolver
-from sparsemor.core.registry import near
 from sparsemor.reducers.choose import chosen
-
-FIELDS = ("elastic", "thermal")
 
 
 class RowsAndAtoms(Protocol):
@@ -23,15 +21,8 @@ class RowsAndAtoms(Protocol):
 
 
 def pattern_faults(model: Model, key: str, patterns: Iterable[str]) -> list[Fault]:
-    """Patterns that fit no block of any body, whatever fields it has: misspelt ones.
-
-    `*.thermal` is accepted in a scene without heat, so that one reducer serves several scenes.
-    """
-    owners = {b.owner for b in model.layout if b.field != "multiplier"}
-    blocks = sorted(f"{owner}.{field}" for owner in owners for field in FIELDS)
-    wild = [f"*.{field}" for field in FIELDS]
-    return [Fault(f"{key}.{pattern}", f"fits no block: {near(pattern, [*wild, *blocks], 'blocks')}")
-            for pattern in patterns if not any(chosen(b, {pattern: True}, False) for b in blocks)]
+    """Patterns that fit no block of any body (core/choose.py)."""
+    return misfits(model.layout, key, patterns)
 
 
 def budget_faults(

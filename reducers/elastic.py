@@ -15,7 +15,10 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from sparsemor.core.arrays import Csr, FloatArray, IntArray
+from sparsemor.core.block_solvers import short, solved
+from sparsemor.core.protocols import Factorized
 from sparsemor.core.separable import ElasticOperators, evaluate_amplitudes
+from sparsemor.core.status import Status
 from sparsemor.core.tables import total
 from sparsemor.reducers.felt import Moving, felt
 from sparsemor.reducers.test_map import TestedElastic
@@ -23,9 +26,14 @@ from sparsemor.reducers.test_map import TestedElastic
 
 class History:
     """One step's constants: `h`; `stack` for the combination; `quad` rows M_g r1, M_g r2;
-    s1 = P^T r1, s2 = P^T r2."""
+    s1 = P^T r1, s2 = P^T r2. Of a linear solver that iterates: its iterations in this step, and
+    the status and words of one that stopped short."""
 
-    __slots__ = ("h", "quad", "s1", "s2", "stack")
+    __slots__ = ("failure", "h", "iterations", "quad", "s1", "s2", "stack")
+
+    def __init__(self) -> None:
+        self.iterations = 0
+        self.failure: tuple[Status, str] | None = None
 
     h: FloatArray
     stack: FloatArray
@@ -53,9 +61,10 @@ class ElasticBlock(Protocol):
     def begin(self, r1: FloatArray, r2: FloatArray, xT: FloatArray, t: float) -> History: ...
     def look(self, c: FloatArray, history: History) -> Look: ...
     def combine(
-        self, look: Look, history: History, factors: FloatArray
+        self, look: Look, history: History, factors: FloatArray, c: FloatArray, sigma: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """z and P^T z; factors (2 g + 1,) = kappa, mu, 1."""
+        """z and P^T z; factors (2 g + 1,) = kappa, mu, 1. Where c are the unknowns to come, and
+        sigma what then multiplies the directions, z is -(c + E sigma): a first guess."""
         ...
 
     def update(self, z: FloatArray, sigma: FloatArray) -> FloatArray:
@@ -65,18 +74,19 @@ class ElasticBlock(Protocol):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FullElastic:
-    """Full order: one factor of D, one right-hand side an iteration. K is never multiplied."""
+    """Full order: D made ready, one right-hand side an iteration. K is never multiplied."""
 
     ops: ElasticOperators
-    factor: Any
+    factor: Factorized
     E: FloatArray
     G: FloatArray
     active: IntArray | None = None
 
     @classmethod
-    def of(cls, ops: ElasticOperators, factor: Any) -> "FullElastic":
+    def of(cls, ops: ElasticOperators, factor: Factorized, block: str) -> "FullElastic":
+        """Raises SolveFailed, naming the block, where an iteration stops short."""
         P = ops.directions
-        E = factor.solve(P) if P.size else P
+        E = solved(factor, P, block) if P.size else P
         return cls(ops, factor, E, ops.directions.T @ E)
 
     def begin(self, r1: FloatArray, r2: FloatArray, xT: FloatArray, t: float) -> History:
@@ -100,13 +110,25 @@ class FullElastic:
         return Look(self.ops.directions.T @ c, seen @ c, history.quad @ c, seen)
 
     def combine(
-        self, look: Look, history: History, factors: FloatArray
+        self, look: Look, history: History, factors: FloatArray, c: FloatArray, sigma: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         g = len(self.ops.generators)
         assert look.seen is not None
         right = history.h + factors[:g] @ look.seen + factors[g:-1] @ history.stack
-        z = self.factor.solve(right)
+        if self.factor.iterative:
+            z = self._iterated(right, -(c + self.E @ sigma), history)
+        else:
+            z = self.factor.solve(right)
         return z, self.ops.directions.T @ z
+
+    def _iterated(self, right: FloatArray, guess: FloatArray, history: History) -> FloatArray:
+        """nan where the iteration stops short: the step then fails, and `history` says why."""
+        found = self.factor.outcome(right, guess)
+        history.iterations += found.iterations
+        if found.status.ok:
+            return found.x
+        history.failure = found.status, short(self.factor, found.residual, found.iterations)
+        return np.full(len(right), np.nan)
 
     def update(self, z: FloatArray, sigma: FloatArray) -> FloatArray:
         return -(z + self.E @ sigma)
@@ -194,7 +216,7 @@ class CompressedElastic:
         return Look(out[n : n + p], form, history.quad.dot(c), None)
 
     def combine(
-        self, look: Look, history: History, factors: FloatArray
+        self, look: Look, history: History, factors: FloatArray, c: FloatArray, sigma: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         z: FloatArray = factors.dot(history.stack)
         s = self.sizes[0]

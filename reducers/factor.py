@@ -1,4 +1,5 @@
-"""Sparse LU of constant symmetric blocks."""
+"""Sparse LU of Jacobians that no linear solver of the scene is asked for: a local term may make
+them unsymmetric, and they change in each iteration."""
 
 from typing import Any
 
@@ -11,8 +12,8 @@ from sparsemor.core.arrays import Csr
 def factorize(matrix: Csr) -> Any:
     """SuperLU with the ordering for symmetric patterns and no pivoting off the diagonal.
 
-    The blocks are symmetric positive definite: half the time and fill of the default ordering.
-    Raises RuntimeError when the matrix is singular.
+    The patterns are symmetric: half the time and fill of the default ordering. Raises RuntimeError
+    when the matrix is singular.
     """
     return splu(csc_array(matrix), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0,
                 options={"SymmetricMode": True})

@@ -11,7 +11,6 @@ from sparsemor.core.plugin import Plugin
 from sparsemor.core.protocols import Integrator, StepSolver
 from sparsemor.reducers.bordered import Tolerances
 from sparsemor.reducers.elastic import ElasticBlock, FullElastic
-from sparsemor.reducers.factor import factorize
 from sparsemor.reducers.general import GeneralStepper, Summed
 from sparsemor.reducers.heat import FullHeat, HeatBlock, LocalAt
 from sparsemor.reducers.prepare import constants, stepper
@@ -50,13 +49,13 @@ class Full(Plugin):
         for b in model.separated.heat:
             at = model.layout[b.thermal]
             local = tuple(LocalAt(t, t.rows - at.start, t.columns - at.start) for t in b.local)
-            factor = factorize(c1_first * b.capacity + b.conductivity)
+            factor = model.factorize(b.thermal, c1_first * b.capacity + b.conductivity)
             heat[b.thermal] = FullHeat(b, c1_first, factor, local)
             done += 1
         for m in model.separated.moving:
             if m.operators is not None:
                 o = m.operators
-                factor = factorize(o.stiffness + c1 * o.damping + c2 * o.mass)
-                elastic[m.elastic] = FullElastic.of(o, factor)
+                D = o.stiffness + c1 * o.damping + c2 * o.mass
+                elastic[m.elastic] = FullElastic.of(o, model.factorize(m.elastic, D), m.elastic)
                 done += 1
         return stepper(model, model.layout, {}, {}, heat, elastic, tol, self.predictor, done)

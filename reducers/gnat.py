@@ -10,9 +10,9 @@ from typing import Literal
 import numpy as np
 
 from sparsemor.core.arrays import FloatArray
+from sparsemor.core.block_solvers import solved
 from sparsemor.core.errors import InputError
 from sparsemor.core.protocols import Dictionary
-from sparsemor.reducers.factor import factorize
 from sparsemor.reducers.forces import choose_points, force_modes, interpolation
 from sparsemor.reducers.interpolating import Interpolating
 from sparsemor.reducers.projected import Maps, Projected, Reducible, deficient
@@ -83,7 +83,8 @@ def residual_modes(B: FloatArray, F: FloatArray) -> FloatArray:
 
 def energy_factor(block: Reducible, U: FloatArray) -> FloatArray:
     """W (q, q) with |W z|^2 = (U z)^T D^-1 (U z)."""
-    flexible = U.T @ factorize(block.linear.operator).solve(U)
+    factor = block.model.factorize(block.name, block.linear.operator, "norm")
+    flexible = U.T @ solved(factor, np.ascontiguousarray(U), block.name)
     try:
         return np.asarray(np.linalg.cholesky(flexible).T)
     except np.linalg.LinAlgError:

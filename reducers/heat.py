@@ -13,7 +13,8 @@ import numpy as np
 from scipy.sparse import coo_array, csr_array
 
 from sparsemor.core.arrays import FloatArray, IntArray
-from sparsemor.core.protocols import ReducedTerm, Term
+from sparsemor.core.block_solvers import short
+from sparsemor.core.protocols import Factorized, ReducedTerm, Term
 from sparsemor.core.separable import HeatBody, evaluate_amplitudes
 from sparsemor.core.status import Status
 from sparsemor.core.tables import total
@@ -27,9 +28,13 @@ nearly isothermal body K T cancels to a small part of its terms."""
 
 
 class HeatOutcome(NamedTuple):
+    """linear: iterations of a linear solver that iterates; detail: what failed, in words."""
+
     T: FloatArray
     status: Status
     iterations: int
+    linear: int = 0
+    detail: str = ""
 
 
 class HeatBlock(Protocol):
@@ -54,11 +59,11 @@ class LocalAt:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FullHeat:
-    """Full order: a factor of B = c1 C + K."""
+    """Full order: B = c1 C + K made ready."""
 
     heat: HeatBody
     c1: float
-    factor: Any
+    factor: Factorized
     local: tuple[LocalAt, ...]
     active: IntArray | None = None
     rtol: float = 1e-13
@@ -79,24 +84,37 @@ class FullHeat:
     def solve(self, r1: FloatArray, t: float, guess: FloatArray) -> HeatOutcome:
         b = self._right(r1, t)
         if not self.local:
-            return HeatOutcome(self.factor.solve(b), Status.DONE, 1)
-        T, last, exact = guess.copy(), np.inf, False
+            return self._linear(b, guess)
+        T, last, exact, linear = guess.copy(), np.inf, False, 0
         for i in range(1, self.max_iterations + 1):
-            new = self._newton(b, T, r1, t) if exact else self.factor.solve(
-                b - self._local(T, r1, t))
+            if exact:
+                new = self._newton(b, T, r1, t)
+            else:
+                one = self._linear(b - self._local(T, r1, t), T)
+                new, linear = one.T, linear + one.linear
+                if not one.status.ok:
+                    return HeatOutcome(T, one.status, i, linear, one.detail)
             step, size = float(np.abs(new - T).max()), float(np.abs(new).max())
             stuck = step >= 0.5 * last and step <= (STUCK if exact else 1e3 * self.rtol) * size
             if step <= self.rtol * size or stuck:
-                return HeatOutcome(new, Status.DONE, i)
+                return HeatOutcome(new, Status.DONE, i, linear)
             if not exact and not step <= 0.1 * last:
                 # long steps: local terms outweigh the constant part, whose factor then misleads
                 T, last, exact = guess.copy(), np.inf, True
                 continue
             if not np.isfinite(step):
-                return HeatOutcome(T, Status.NOT_FINITE, i)
+                return HeatOutcome(T, Status.NOT_FINITE, i, linear)
             T = new
             last = step
-        return HeatOutcome(T, Status.NOT_CONVERGED, self.max_iterations)
+        return HeatOutcome(T, Status.NOT_CONVERGED, self.max_iterations, linear)
+
+    def _linear(self, b: FloatArray, guess: FloatArray) -> HeatOutcome:
+        """B^-1 b, by iteration from `guess` where the solver iterates."""
+        if not self.factor.iterative:
+            return HeatOutcome(self.factor.solve(b), Status.DONE, 1)
+        found = self.factor.outcome(b, guess)
+        detail = "" if found.status.ok else short(self.factor, found.residual, found.iterations)
+        return HeatOutcome(found.x, found.status, 1, found.iterations, detail)
 
     def _local(self, T: FloatArray, r1: FloatArray, t: float) -> FloatArray:
         """(n,) local terms at T."""

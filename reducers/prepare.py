@@ -10,7 +10,7 @@ from sparsemor.core.layout import Layout
 from sparsemor.core.model import Model
 from sparsemor.core.protocols import Dictionary, Integrator, State
 from sparsemor.reducers.bordered import Tolerances
-from sparsemor.reducers.elastic import ElasticBlock
+from sparsemor.reducers.elastic import ElasticBlock, FullElastic
 from sparsemor.reducers.heat import HeatBlock
 from sparsemor.reducers.stepper import Facts, Stepper
 from sparsemor.reducers.test_map import TestedElastic
@@ -47,5 +47,6 @@ def stepper(
               if tested and m.elastic in tested}
     s = Stepper(layout, dictionaries, rows, elements, model.separated, heat, elastic, frames, tol,
                 points, factorizations, limits or {}, sanity, notes, facts or {},
-                tested or {})
+                tested or {}, iterating=any(
+                    isinstance(b, FullElastic) and b.factor.iterative for b in elastic.values()))
     return replace(s, mechanics=s.with_mechanics())

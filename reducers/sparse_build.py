@@ -135,7 +135,7 @@ class Build:
         if not self.options.preconditions(name):
             return TestMap(rows=rows)
         operator = self.model.block_data(name, step=self.step).operator
-        return TestMap(left=inverse_rows(self.offline, name, operator, rows))
+        return TestMap(left=inverse_rows(self.model, self.offline, name, operator, rows))
 
     def _block(
         self, name: str, rows: IntArray, B: FloatArray

@@ -30,6 +30,11 @@ class Memory:
         self.factorizations = 0
         self.support_changes = 0
         self.supports: dict[str, BoolArray] = {}
+        self.linear: dict[str, int] = {}
+
+    def counted(self, block: str, iterations: int) -> None:
+        """Iterations that a linear solver took."""
+        self.linear[block] = self.linear.get(block, 0) + iterations
 
     def moved(self, x: FloatArray) -> None:
         """The next step starts at x, after steps of another size that another solver took."""
@@ -61,6 +66,8 @@ class Stepper:
     facts: Facts = field(default_factory=dict)
     tested: Mapping[str, TestedElastic] = field(default_factory=dict)
     mechanics: Mechanics | None = None
+    iterating: bool = False
+    """Whether any elastic block has a linear solver that iterates."""
 
     def with_mechanics(self) -> Mechanics:
         n_rigid = sum(b.size for b in self.layout if b.field == "rigid")
@@ -102,9 +109,11 @@ class Stepper:
             if block.elements:
                 here = _near(here, memory.ring.rows[memory.ring.newest, at])
             guess = here if active is None else here[active]
-            T, status, n = block.solve(step.r1[at], step.t, guess)
+            T, status, n, linear, detail = block.solve(step.r1[at], step.t, guess)
+            if linear:
+                memory.counted(body.thermal, linear)
             if not status.ok:
-                return StepOutcome(x, status, n, body.thermal)
+                return StepOutcome(x, status, n, body.thermal, detail)
             if active is None:
                 x[at] = T
             else:
@@ -114,6 +123,9 @@ class Stepper:
         if self.mechanics is not None and self.mechanics.bodies:
             status, n, block_name, detail = self.mechanics.solve(step, x, memory.contraction)
             iterations = n
+            if self.iterating:
+                for name, count in self.mechanics.linear_iterations().items():
+                    memory.counted(name, count)
             if not status.ok:
                 return StepOutcome(x, status, n, block_name, detail)
         return StepOutcome(x, Status.DONE, iterations)
@@ -157,6 +169,10 @@ class Stepper:
 
     def supports(self, memory: Memory) -> Mapping[str, BoolArray]:
         return memory.supports
+
+    def linear_iterations(self, memory: Memory) -> Mapping[str, int]:
+        """Block -> iterations of its linear solver since the start."""
+        return memory.linear
 
     def counters(self, memory: Memory) -> Mapping[str, int]:
         return {"factorizations": memory.factorizations,

@@ -63,7 +63,7 @@ class Attachment(Plugin):
         answers, said = [solve(forces) for forces, _ in families], [n for _, n in families]
         if self.dynamic:
             known_step(data, "attachment with dynamic: true")
-            factor = factorize(data.operator, data.name)
+            factor = factorize(data.operator, data)
             for forces, names in families:
                 answers.append(np.asarray(factor.solve(np.ascontiguousarray(forces))))
                 said.append([f"dynamic {name}" for name in names])

@@ -42,7 +42,7 @@ def lowest_modes(data: BlockData, count: int, held: FloatArray | None = None) ->
         return _dense(K, M, count, held)
     # about the lowest rate of conduction; far below what would spoil the lowest vibrations
     shift = -1e-2 * float(K.diagonal().sum() / M.diagonal().sum()) / n
-    factor = factorize(K - shift * M, data.name)
+    factor = factorize(K - shift * M, data)
     inverse = LinearOperator((n, n), matvec=_held_inverse(factor, held), dtype=np.float64)
     start = np.random.default_rng([n, count]).standard_normal(n)  # fixed: the same modes each time
     if held is not None:

@@ -112,7 +112,7 @@ def _responses(
     data: BlockData, forces: FloatArray, delays: FloatArray
 ) -> Iterator[FloatArray]:
     """(n, q) at each of the delays: one solve of all columns a step."""
-    factor, carried = factorize(data.operator, data.name), data.operator - data.stiffness
+    factor, carried = factorize(data.operator, data), data.operator - data.stiffness
     x, wanted = np.asarray(factor.solve(np.ascontiguousarray(forces))), set(delays.tolist())
     for p in range(int(delays[-1]) + 1):
         if p:

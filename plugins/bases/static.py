@@ -91,7 +91,7 @@ class Static(Plugin):
             if rate == 0.0:
                 columns.append(steady(data.loads))
             else:
-                factor = factorize(data.stiffness + rate * data.mass, data.name)
+                factor = factorize(data.stiffness + rate * data.mass, data)
                 columns.append(np.asarray(factor.solve(np.ascontiguousarray(data.loads))))
             at = "" if rate == 0.0 else f" at {rate:g}/s"
             names += [f"static {load}{at}" for load in load_names(data)]

@@ -1,29 +1,44 @@
 """Displacements under constant forces, temperatures under constant heat."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from scipy.sparse import csc_array
-from scipy.sparse.linalg import splu
+from scipy.sparse import csr_array
 
 from sparsemor.core.arrays import Csr, FloatArray
+from sparsemor.core.block_solvers import BlockSolvers, solved
 from sparsemor.core.errors import InputError
-from sparsemor.core.protocols import BlockData
+from sparsemor.core.protocols import BlockData, Factorized
+from sparsemor.core.status import SolveFailed, Status
+from sparsemor.plugins.linear_solvers.auto import Auto
 
 NULL_RTOL = 1e-10
 """|K 1|, relative to the largest entry of K, below which uniform temperature conducts nothing."""
 
 
-def factorize(matrix: Csr, block: str) -> Any:
-    """SuperLU for symmetric patterns. InputError when the matrix is singular."""
+@dataclass(frozen=True, slots=True, eq=False)
+class Answers:
+    """x = A^-1 b of one block, by the linear solver that the scene names for it."""
+
+    factor: Factorized
+    block: str
+
+    def solve(self, b: FloatArray) -> FloatArray:
+        """(n,) or (n, j), as b. Raises SolveFailed where an iteration stops short."""
+        return solved(self.factor, b, self.block)
+
+
+def factorize(matrix: Csr, data: BlockData) -> Answers:
+    """A matrix on the unknowns of `data`. InputError when it is singular."""
+    solvers = BlockSolvers(data.solver or Auto())
     try:
-        return splu(csc_array(matrix), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0,
-                    options={"SymmetricMode": True})
-    except RuntimeError:
+        return Answers(solvers.factorize(data.name, matrix, data.places, "basis"), data.name)
+    except SolveFailed as error:
+        if error.status is not Status.SINGULAR:
+            raise
         raise InputError(
-            f"the stiffness of {block} is singular: something in it can move without force; hold "
-            "it by a reference condition, or use a basis of snapshots") from None
+            f"the stiffness of {data.name} is singular: something in it can move without force; "
+            "hold it by a reference condition, or use a basis of snapshots") from None
 
 
 def is_thermal(data: BlockData) -> bool:
@@ -40,7 +55,7 @@ class StaticSolver:
     the shape that constant heat tends to, and `uniform` (n,) is 1; None where K is regular.
     """
 
-    factor: Any
+    factor: Answers
     uniform: FloatArray | None
     growth: FloatArray
     """C 1 / (1.C 1), (n,); empty where K is regular."""
@@ -49,13 +64,13 @@ class StaticSolver:
     def of(cls, data: BlockData) -> "StaticSolver":
         one, K = np.ones(data.size), data.stiffness
         if np.abs(K @ one).max() > NULL_RTOL * np.abs(K.data).max(initial=0.0):
-            return cls(factorize(K, data.name), None, np.zeros(0))
+            return cls(factorize(K, data), None, np.zeros(0))
         growth = np.asarray(data.mass @ one)
         growth = growth / growth.sum()
         # K + t (e1 e1^T) pins one temperature: as sparse as K, and exact for balanced heat
-        pinned = csc_array(K).copy()
+        pinned = csr_array(K).copy()
         pinned[0, 0] += float(K.diagonal().max())
-        return cls(factorize(pinned, data.name), one, growth)
+        return cls(factorize(pinned, data), one, growth)
 
     def __call__(self, F: FloatArray) -> FloatArray:
         """Responses (n, j) to the columns of F (n, j)."""

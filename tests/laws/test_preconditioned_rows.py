@@ -80,8 +80,8 @@ def test_rows_of_the_inverse(name: str) -> None:
     D = full().model.block_data(name, step=STEP).operator
     rows = np.array([0, 3, 11])
     want = np.linalg.inv(D.toarray())[rows]
-    np.testing.assert_allclose(inverse_rows(None, name, D, rows), want, rtol=0,
-                               atol=1e-11 * np.abs(want).max())
+    got = inverse_rows(full().model, None, name, D, rows)
+    np.testing.assert_allclose(got, want, rtol=0, atol=1e-11 * np.abs(want).max())
 
 
 def test_operators_are_those_of_the_step() -> None:

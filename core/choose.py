@@ -1,0 +1,32 @@
+"""Options by block pattern: `*.thermal`, `link1.*`, `link1.elastic`."""
+
+from collections.abc import Iterable, Mapping
+from fnmatch import fnmatchcase
+from typing import TypeVar
+
+from sparsemor.core.errors import Fault
+from sparsemor.core.layout import Layout
+from sparsemor.core.registry import near
+
+T = TypeVar("T")
+FIELDS = ("elastic", "thermal")
+
+
+def chosen(name: str, table: Mapping[str, T], default: T) -> T:
+    """The entry of the most exact pattern that fits `name`: fewest wildcards, then longest."""
+    fits = [p for p in table if fnmatchcase(name, p)]
+    if not fits:
+        return default
+    return table[min(fits, key=lambda p: (p.count("*") + p.count("?"), -len(p)))]
+
+
+def misfits(layout: Layout, key: str, patterns: Iterable[str]) -> list[Fault]:
+    """Patterns that fit no block of any body, whatever fields it has: misspelt ones.
+
+    `*.thermal` is accepted in a scene without heat, so that one choice serves several scenes.
+    """
+    owners = {b.owner for b in layout if b.field != "multiplier"}
+    blocks = sorted(f"{owner}.{field}" for owner in owners for field in FIELDS)
+    wild = [f"*.{field}" for field in FIELDS]
+    return [Fault(f"{key}.{pattern}", f"fits no block: {near(pattern, [*wild, *blocks], 'blocks')}")
+            for pattern in patterns if not any(chosen(b, {pattern: True}, False) for b in blocks)]
