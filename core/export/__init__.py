@@ -14,6 +14,7 @@ from sparsemor.core.export.vtu import VtuSeries
 from sparsemor.core.export.xdmf import XdmfSeries
 from sparsemor.core.results import RunResult
 
+
 class Series(Protocol):
     """The files of one body, written time by time; `close` makes them whole."""
 
