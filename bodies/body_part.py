@@ -218,7 +218,7 @@ class PlanarBody:
             for nodes, function in h.prescribed:
                 held[nodes] = function.value(0.0)
         return BodyShape(self.mesh.points, self.mesh.cells, None if e is None else e.free,
-                         None if h is None else h.free, None, held)
+                         None if h is None else h.free, None, held, self.pose)
 
     def probe(self, name: str, at: str | Sequence[float]) -> ProbePlace:
         """A material point: the mean of a named set, or the node nearest to body coordinates."""

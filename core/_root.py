@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from sparsemor.core.compare import compare as compare
     from sparsemor.core.errors import InputError as InputError
+    from sparsemor.core.export import export as export
     from sparsemor.core.registry import Registry as Registry
     from sparsemor.core.results import open_result as open_result
     from sparsemor.core.scene import Scene as Scene
@@ -27,6 +28,7 @@ _HOMES = {
     "SolveFailed": "status",
     "Status": "status",
     "compare": "compare",
+    "export": "export",
     "load": "scene",
     "open_result": "results",
     "simulate": "simulate",
@@ -34,8 +36,8 @@ _HOMES = {
 }
 
 __all__ = [
-    "InputError", "Registry", "Scene", "SolveFailed", "Status", "__version__", "compare", "load",
-    "open_result", "simulate", "study",
+    "InputError", "Registry", "Scene", "SolveFailed", "Status", "__version__", "compare",
+    "export", "load", "open_result", "simulate", "study",
 ]
 
 

@@ -25,3 +25,10 @@ def placed(pose: FloatArray, z: FloatArray) -> FloatArray:
     scale = p0**2 - np.sum(e * e, axis=1, keepdims=True)
     turned = scale * z + 2 * e * np.sum(e * z, axis=1, keepdims=True) + 2 * p0 * np.cross(e, z)
     return np.asarray(pose[:, :3] + turned)
+
+
+def turned(pose: FloatArray, z: FloatArray) -> FloatArray:
+    """(j, d) vectors A z in space axes; no digits are lost to a position far away."""
+    at_origin = pose.copy()
+    at_origin[:, : z.shape[1]] = 0.0
+    return placed(at_origin, z)

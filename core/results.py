@@ -9,7 +9,7 @@ import numpy as np
 from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.layout import Layout
-from sparsemor.core.placement import KNOWN, PLANAR, SPINNING, placed
+from sparsemor.core.placement import KNOWN, PLANAR, SPINNING, placed, turned
 from sparsemor.core.result_stage import read_stage
 from sparsemor.core.run_header import load_layout
 from sparsemor.core.stage import Stage
@@ -32,7 +32,7 @@ class RunResult:
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path).absolute()
         if not (self.path / GROUP_FILE).exists():
-            raise InputError(f"there is no result in {path}", key="path")
+            raise InputError(f"there is no result in {path}")
         self._kept: dict[str, FloatArray] = {}
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -138,6 +138,11 @@ class RunResult:
             raise InputError(f"no probe {name!r} in this result; it has {have}", key="probe")
         return self._whole(f"probe.{name}")
 
+    def probe_columns(self, name: str) -> tuple[str, ...]:
+        """What the columns of a probe are: x, y, z, u_x, .., temperature."""
+        self.probe(name)  # says which there are
+        return tuple(self._data[f"probe.{name}"].attrs["components"])
+
     def points(self, body: str) -> FloatArray:
         """(N, d) reference positions in the body frame, m."""
         return self._whole(self._of_body(body, "points"))
@@ -160,24 +165,37 @@ class RunResult:
 
     def positions(self, body: str, step: int, magnify: float = 1.0) -> FloatArray:
         """(N, d) global positions R + A (X + magnify u) of a body, m."""
-        z = self.points(body) + magnify * self.nodal_displacement(body, step)
+        u = self.nodal_displacement(body, step)
+        return self.in_space(body, step, self.points(body) + magnify * u)
+
+    def in_space(self, body: str, step: int, z: FloatArray) -> FloatArray:
+        """(j, d) global positions R + A z, m, of points z (j, d) given in body axes."""
+        return placed(self._poses(body, step, len(z)), z)
+
+    def turned(self, body: str, step: int, vectors: FloatArray) -> FloatArray:
+        """(j, d) A w of vectors w (j, d) given in body axes, such as displacements."""
+        return turned(self._poses(body, step, len(vectors)), vectors)
+
+    def pose(self, body: str, step: int) -> FloatArray:
+        """(3,) position of a body's frame (m) and angle (rad), in space (4,) position and angle or
+        (7,) position and quaternion; of the length that suits its mesh, and zero, where an older
+        result does not tell where a fixed frame is."""
+        if f"{body}.rigid" in self.layout:
+            return np.asarray(self.block(f"{body}.rigid", self._only(step))[0])
+        stage = self.stage()
+        if stage is not None and body in stage.frames:
+            return stage.frames[body].at(float(self.times[self._only(step)][0]))[0]
+        if f"{body}.pose" in self._data:
+            return self._whole(f"{body}.pose")
+        return np.zeros(SPINNING if self._in_space(body) else PLANAR)
+
+    def _poses(self, body: str, step: int, count: int) -> FloatArray:
         pose = self.pose(body, step)
         if pose.size not in KNOWN:
             raise InputError(
                 f"{body} has {pose.size} rigid coordinates: only frames (Rx, Ry, theta), "
                 "(R, angle) and (R, quaternion) can be placed", key="body")
-        return placed(np.broadcast_to(pose, (len(z), pose.size)), z)
-
-    def pose(self, body: str, step: int) -> FloatArray:
-        """(3,) position of a body's frame (m) and angle (rad), in space (4,) position and angle or
-        (7,) position and quaternion; zeros where the result does not know where a fixed frame is,
-        of the length that suits its mesh."""
-        if f"{body}.rigid" in self.layout:
-            return np.asarray(self.block(f"{body}.rigid", self._only(step))[0])
-        stage = self.stage()
-        if stage is None or body not in stage.frames:
-            return np.zeros(SPINNING if self._in_space(body) else PLANAR)
-        return stage.frames[body].at(float(self.times[self._only(step)][0]))[0]
+        return np.broadcast_to(pose, (count, pose.size))
 
     def _in_space(self, body: str) -> bool:
         return f"{body}.points" in self._data and self._data[f"{body}.points"].shape[1] == 3

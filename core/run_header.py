@@ -20,7 +20,8 @@ class BodyShape:
     points (N, d) reference positions, m; cells (E, d + 1). elastic_dofs (n,): flat position
     `d * node + component` of each elastic unknown; thermal_nodes (n,): node of each thermal
     unknown; None where the body has no such field. Nodes without an unknown take
-    `eliminated_displacement` (N, d), m, or 0; `eliminated_temperature` (N,), K, or 0.
+    `eliminated_displacement` (N, d), m, or 0; `eliminated_temperature` (N,), K, or 0. pose: of the
+    body's frame at the start, where a frame without unknowns stays unless it follows a stage.
     """
 
     points: FloatArray
@@ -29,6 +30,7 @@ class BodyShape:
     thermal_nodes: IntArray | None = None
     eliminated_displacement: FloatArray | None = None
     eliminated_temperature: FloatArray | None = None
+    pose: FloatArray | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -97,6 +97,9 @@ def _body_arrays(
                 shape.points.shape[:1])
         yield (f"{body}.eliminated_temperature", (node,), {"units": "K"},
                shape.eliminated_temperature)
+    if shape.pose is not None:
+        yield (f"{body}.pose", (f"{body}.coordinate",),
+               {"units": UNITS["rigid"], "long_name": "frame at the start"}, shape.pose)
 
 
 def _size(header: RunHeader, name: str) -> int:

@@ -1,17 +1,12 @@
-"""Measures, gradients and boundary facets of linear simplices, alike in 2-D and 3-D."""
+"""Measures and gradients of linear simplices, alike in 2-D and 3-D."""
 
 from math import factorial
 
 import numpy as np
 
 from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core.facets import all_facets, boundary, distinct_rows, facet_numbers
 from sparsemor.core.mesh import Mesh
-
-FACETS = {
-    2: ((0, 1), (1, 2), (2, 0)),
-    3: ((0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)),
-}
-"""Local corner numbers of a positive simplex's facets, ordered so that their normal is outward."""
 
 
 def edge_vectors(points: FloatArray, cells: IntArray) -> FloatArray:
@@ -36,40 +31,7 @@ def gradients(mesh: Mesh) -> FloatArray:
     inner = np.linalg.inv(edge_vectors(mesh.points, mesh.cells)).transpose(0, 2, 1)
     return np.concatenate([-inner.sum(axis=1, keepdims=True), inner], axis=1)
 
-
-def all_facets(cells: IntArray) -> IntArray:
-    """(E * (d + 1), d) point numbers of every cell's facets, cell by cell, outward ordered."""
-    d = cells.shape[1] - 1
-    facets: IntArray = cells[:, np.array(FACETS[d])].reshape(-1, d)
-    return facets
-
-
-def facet_numbers(cells: IntArray) -> tuple[IntArray, IntArray]:
-    """For each row of `all_facets` the number of the geometric facet, and each facet's count."""
-    number, _, count = distinct_rows(np.sort(all_facets(cells), axis=1))
-    return number, count
-
-
-def distinct_rows(rows: IntArray) -> tuple[IntArray, IntArray, IntArray]:
-    """Which rows (R, 2 to 4) of numbers >= 0 are equal: for each row the number of its kind, for
-    each kind its first row and its count; kinds in lexicographic order.
-
-    As `np.unique(axis=0)`, but much quicker: two columns fit in one integer to sort by.
-    """
-    size = int(rows.max(initial=0)) + 1
-    head = rows[:, 0] * size + rows[:, 1]
-    tail = rows[:, 2:] @ np.array([size, 1])[4 - rows.shape[1]:]
-    order = np.lexsort((tail, head))
-    head, tail = head[order], tail[order]
-    new = np.ones(len(rows), dtype=np.bool_)
-    new[1:] = (np.diff(head) != 0) | (np.diff(tail) != 0)
-    number = np.empty(len(rows), dtype=np.int64)
-    number[order] = np.cumsum(new) - 1
-    starts = np.flatnonzero(new)
-    return number, order[starts], np.diff(starts, append=len(rows))
-
-
-def boundary(mesh: Mesh) -> IntArray:
-    """(F, d) point numbers of the facets that one cell alone has, ordered for outward normals."""
-    number, count = facet_numbers(mesh.cells)
-    return np.asarray(all_facets(mesh.cells)[count[number] == 1])
+__all__ = [
+    "all_facets", "boundary", "distinct_rows", "edge_vectors", "facet_numbers", "gradients",
+    "longest_edges", "signed_measures",
+]

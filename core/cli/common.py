@@ -60,6 +60,31 @@ def located_in(scene: Scene) -> Iterator[None]:
 
 
 @contextmanager
+def options_named() -> Iterator[None]:
+    """Faults of a command without a scene: each key is the name of an option."""
+    try:
+        yield
+    except LocatedError:
+        raise
+    except InputError as error:
+        lines = [f"--{f.key}: {f.message}" if f.key else f.message for f in error.faults]
+        raise LocatedError(error.faults, lines) from error
+
+
+def words(text: str | None) -> list[str] | None:
+    """The words of a list with commas; None stays None."""
+    return None if text is None else [w.strip() for w in text.split(",") if w.strip()]
+
+
+def numbers(option: str, text: str | None) -> list[float] | None:
+    """The numbers of a list with commas. Raises InputError under the option's name."""
+    try:
+        return None if text is None else [float(w) for w in words(text) or ()]
+    except ValueError:
+        raise InputError(f"numbers with commas between them (given: {text})", option) from None
+
+
+@contextmanager
 def exit_codes(as_json: bool = False) -> Iterator[None]:
     """Turns bad input and failed runs into clear lines and an exit code."""
     try:

@@ -1,0 +1,55 @@
+"""`sparsemor export`: a stored run as files that ParaView opens."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from sparsemor.core.cli.common import Force, Json, Quiet, exit_codes, numbers, print_json, warn
+from sparsemor.core.cli.common import options_named as options
+from sparsemor.core.cli.common import words as names
+
+Run = Annotated[str, typer.Argument(
+    metavar="RUN", help="Directory of a run, finished or not.")]
+At = Annotated[str | None, typer.Option(
+    "--at", help="Times in s, such as 0.3,1.2: the stored steps next to them.")]
+
+
+def export(
+    run: Run,
+    form: Annotated[str, typer.Option("--format", help="vtu or xdmf.")] = "vtu",
+    out: Annotated[Path | None, typer.Option(
+        "--out", help="Directory for the files; in the run's own if not given.")] = None,
+    at: At = None,
+    every: Annotated[int, typer.Option(
+        "--every", help="Without --at: each how many of the stored steps.")] = 1,
+    fields: Annotated[str | None, typer.Option(
+        "--fields", help="Of displacement,temperature; all that there are, if not given.")] = None,
+    bodies: Annotated[str | None, typer.Option(
+        "--body", help="Bodies, such as disk,pad; all with a mesh, if not given.")] = None,
+    force: Force = False, as_json: Json = False, quiet: Quiet = False,
+) -> None:
+    """Write the moving bodies of a stored run with their fields, for ParaView."""
+    with exit_codes(as_json), options():
+        from sparsemor.core.export import export as write
+        from sparsemor.core.results import open_result
+
+        result = open_result(run)
+        done = write(
+            result, out or result.path.parent / form, form, bodies=names(bodies),
+            fields=names(fields), at=numbers("at", at), every=every, force=force)
+        if as_json:
+            print_json({
+                "status": "done", "out": done.folder, "format": form, "times": len(done.times),
+                "files": {b: str(f) for b, f in done.files.items()}, "fields": done.fields,
+                "notes": done.notes})
+        elif not quiet:
+            for body, file in done.files.items():
+                typer.echo(_line(result, body, file, done.fields[body], len(done.times)))
+        if not quiet and not as_json:
+            warn(done.notes)
+
+
+def _line(run: Any, body: str, file: Path, fields: tuple[str, ...], times: int) -> str:
+    what = ", ".join(fields) or "no field"
+    return f"{file}: {len(run.points(body))} points, {times} times, {what}"
