@@ -25,3 +25,16 @@ def placed(pose: FloatArray, z: FloatArray) -> FloatArray:
     scale = p0**2 - np.sum(e * e, axis=1, keepdims=True)
     turned = scale * z + 2 * e * np.sum(e * z, axis=1, keepdims=True) + 2 * p0 * np.cross(e, z)
     return np.asarray(pose[:, :3] + turned)
+
+
+def unit_attitude(pose: FloatArray) -> FloatArray:
+    """The same pose (n,) with a quaternion, if it has one, of length 1."""
+    if len(pose) != FREE:
+        return pose
+    return np.concatenate([pose[:3], pose[3:] / np.linalg.norm(pose[3:])])
+
+
+def turned(pose: FloatArray, z: FloatArray) -> FloatArray:
+    """(j, d) vectors A z in space axes of body vectors z (d,) or (j, d) under poses (j, n)."""
+    d = 2 if pose.shape[1] == PLANAR else 3
+    return placed(pose, np.broadcast_to(z, (len(pose), d))) - pose[:, :d]
