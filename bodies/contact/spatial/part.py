@@ -1,7 +1,7 @@
 """A built contact of bodies in space: its loads and histories along a known motion."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -10,11 +10,12 @@ from sparsemor.bodies.contact.projection import nearest
 from sparsemor.bodies.contact.spatial.meetings import Meeting, meetings
 from sparsemor.bodies.contact.spatial.path import Path, seen, steps
 from sparsemor.bodies.contact.spatial.pieces import pressure
+from sparsemor.bodies.contact.spatial.side import Side
 from sparsemor.bodies.contact.spatial.surface import Surface
+from sparsemor.bodies.contact.spatial.term import SpatialContactTerm
 from sparsemor.bodies.contact.spatial.tractions import nodal
 from sparsemor.bodies.contact.tractions import Interface
 from sparsemor.core.arrays import FloatArray, IntArray
-from sparsemor.core.errors import InputError
 from sparsemor.core.layout import Block, Layout
 from sparsemor.core.protocols import Part, Term
 from sparsemor.core.stage import FrameHistory, SurfaceLoads
@@ -40,8 +41,24 @@ class SpatialContact:
         return ()
 
     def terms(self, layout: Layout, parts: Mapping[str, Part]) -> Sequence[Term]:
-        raise InputError(f"contact {self.name!r} of bodies in space acts along a known motion "
-                         "only, not inside the step", "between")
+        """The contact inside the step, at the unknowns of the layout."""
+        sides = [Side.of(s, layout, moves=True, deforms=self.deforms, conducts=self.heats)
+                 for s in (self.first, self.second)]
+        term = SpatialContactTerm.of(
+            (sides[0], sides[1]), self.face, self.near, self.deforms, self.reach)
+        return [term] if len(term.rows) else []
+
+    def conduction(
+        self, layout: Layout, motion: Mapping[str, FrameHistory]
+    ) -> Sequence[Term]:
+        """Conduction between surfaces whose frames move as told; friction heat is not in it."""
+        if self.face.conductance == 0:
+            return []
+        sides = [Side.of(s, layout, moves=False, deforms=False, conducts=True,
+                         motion=motion.get(s.body.name)) for s in (self.first, self.second)]
+        face = replace(self.face, friction=None)
+        term = SpatialContactTerm.of((sides[0], sides[1]), face, self.near, False, self.reach)
+        return [term] if len(term.rows) else []
 
     def missed(self, motion: Mapping[str, FrameHistory]) -> str:
         """What a user should know when the surfaces never met; "" when they did."""

@@ -100,8 +100,14 @@ class Surface:
 
     @cached_property
     def bent(self) -> BoolArray:
-        """(F, 3): edges where the traction may jump, because the surface turns or ends there."""
-        return np.asarray((self._neighbours < 0) | (self.turns != 0))
+        """(F, 3): edges where the traction may jump, because the surface turns or ends there, or
+        turns at one of the facet's corners: cells that meet in a point need not tile."""
+        turned = self.turns != 0
+        corners = np.zeros(len(self.nodes), bool)
+        for end in (1, 2):
+            corners[np.roll(self.facets, -end, axis=1)[turned]] = True
+        near = corners[self.facets].any(axis=1, keepdims=True)
+        return np.asarray((self._neighbours < 0) | near)
 
     @cached_property
     def _neighbours(self) -> IntArray:
