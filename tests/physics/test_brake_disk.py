@@ -3,6 +3,7 @@
 The quick tests run a short time on a coarse mesh; the slow one is the scene as packaged.
 """
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -90,8 +91,8 @@ def test_both_packaged_scenes_are_one_problem() -> None:
 
 
 def test_the_pad_is_pressed_in_at_once(coarse: RunResult) -> None:
-    """Critical damping of the foundation (about 20 us) is far below the step: the first step already
-    carries all but the inertia of 46 g that come to rest."""
+    """Critical damping of the foundation (about 20 us) is far below the step: the first step
+    already carries all but the inertia of 46 g that come to rest."""
     normal = stage_of(coarse).contacts["brake"]["normal"]
     assert normal[0] == 0.0
     assert abs(normal[1] / F - 1) < 1e-4
@@ -143,7 +144,6 @@ def test_heat_balance(coarse: RunResult) -> None:
 def test_one_override_makes_the_mesh_finer(refine: float) -> None:
     """The load stays: it is a force, not a pressure on an area that the mesh decides."""
     body: Any = load("brake_disk", {"bodies.disk.mesh.refine": refine}).bodies["disk"]
-    from pathlib import Path
 
     mesh = body.mesh.build(Path())
     assert len(mesh.cells) == pytest.approx(10344 * refine**3, rel=0.1)
