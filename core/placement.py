@@ -28,7 +28,18 @@ def placed(pose: FloatArray, z: FloatArray) -> FloatArray:
 
 
 def turned(pose: FloatArray, z: FloatArray) -> FloatArray:
-    """(j, d) vectors A z in space axes; no digits are lost to a position far away."""
+    """(j, d) vectors A z in space axes, of z (d,) or (j, d) in body axes under poses (j, n).
+
+    No digits are lost to a position far away.
+    """
+    d = 2 if pose.shape[1] == PLANAR else 3
     at_origin = pose.copy()
-    at_origin[:, : z.shape[1]] = 0.0
-    return placed(at_origin, z)
+    at_origin[:, :d] = 0.0
+    return placed(at_origin, np.broadcast_to(z, (len(pose), d)))
+
+
+def unit_attitude(pose: FloatArray) -> FloatArray:
+    """The same pose (n,) with a quaternion, if it has one, of length 1."""
+    if len(pose) != FREE:
+        return pose
+    return np.concatenate([pose[:3], pose[3:] / np.linalg.norm(pose[3:])])

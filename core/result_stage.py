@@ -10,7 +10,8 @@ from sparsemor.core.run_header import UNITS
 from sparsemor.core.stage import FrameHistory, Stage
 
 TIME = "stage.time"
-_CONTACT_UNITS = {"normal": "N", "friction": "N", "power": "W", "length": "m", "pressure": "Pa"}
+_CONTACT_UNITS = {"normal": "N", "friction": "N", "power": "W", "length": "m", "area": "m2",
+                  "pressure": "Pa"}
 
 
 def stage_attributes(stage: Stage | None) -> dict[str, Any] | None:
@@ -29,7 +30,7 @@ def stage_arrays(
     yield TIME, (TIME,), {"units": "s"}, stage.times
     for name, h in stage.frames.items():
         motion = np.stack([h.pose, h.rate, h.acceleration], axis=1)
-        yield (f"stage.{name}.frame", (TIME, "stage.derivative", "stage.coordinate"),
+        yield (f"stage.{name}.frame", (TIME, "stage.derivative", f"stage.{name}.coordinate"),
                {"units": UNITS["rigid"], "long_name": "pose, rate and acceleration"}, motion)
     for name, forces in stage.reactions.items():
         yield (f"stage.{name}.reaction", (TIME, f"stage.{name}.multiplier"),

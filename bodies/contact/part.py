@@ -5,11 +5,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sparsemor.bodies.contact.near import Near
 from sparsemor.bodies.contact.pieces import Overlaps, Pairs, Pieces
 from sparsemor.bodies.contact.projection import nearest
 from sparsemor.bodies.contact.quadrature import gauss
 from sparsemor.bodies.contact.side import Side
-from sparsemor.bodies.contact.surface import Near, Surface, plane
+from sparsemor.bodies.contact.surface import Surface, plane
 from sparsemor.bodies.contact.term import ContactTerm
 from sparsemor.bodies.contact.tractions import Interface, Samples, nodal
 from sparsemor.bodies.planar.motion import ComplexArray
@@ -140,7 +141,7 @@ class ContactPart:
             (za, va), (zb, vb) = a.points(now), b.points(now)
             seen = (za - b.origin(now)) * b.turned(now).conj()
             middles = seen[:, i].mean(axis=2)
-            here, g = self.near.pairs(middles.ravel(), self.second.tree)
+            here, g = self.near.pairs(plane(middles.ravel()), self.second.tree)
             k, f = np.divmod(here, len(i))
             k1, k2 = k[:, None] % len(za), k[:, None] % len(zb)
             pairs = Pairs(np.concatenate([za[k1, i[f]], zb[k2, j[g]]], axis=1),

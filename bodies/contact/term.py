@@ -7,9 +7,10 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from sparsemor.bodies.contact.doubt import too_deep
+from sparsemor.bodies.contact.near import Near
 from sparsemor.bodies.contact.pieces import Overlaps, Pairs, Pieces
 from sparsemor.bodies.contact.side import Points, Side, picked
-from sparsemor.bodies.contact.surface import Near, tree_of
+from sparsemor.bodies.contact.surface import plane, tree_of
 from sparsemor.bodies.contact.tractions import Interface, Slopes, as_real, nodal
 from sparsemor.bodies.local import CompressedLocal
 from sparsemor.core.arrays import BoolArray, Csr, FloatArray, IntArray
@@ -78,7 +79,7 @@ class ContactTerm:
         else:  # in the second body's axes its tree never changes
             middles = ((a.z - b.R) * np.conj(b.e))[first.facets].mean(axis=1)
             tree = second.tree
-        f, g = self.near.pairs(middles, tree)
+        f, g = self.near.pairs(plane(middles), tree)
         if not (self.active[0].all() or self.active[1].all()):
             wanted = self.active[0][f] | self.active[1][g]
             f, g = f[wanted], g[wanted]
