@@ -40,7 +40,7 @@ def meetings(
 ) -> Iterator[Meeting]:
     """Of rigid surfaces at all times, in order."""
     one, other, all_times = Path(first, motion), Path(second, motion), steps(motion)
-    i, j, planes, turns = first.facets, second.facets, second.planes, second.turns
+    i, j, planes, cells = first.facets, second.facets, second.planes, second.cells
     begin, together = 0, 1
     while begin < all_times:
         stop = min(begin + together, all_times)
@@ -52,7 +52,7 @@ def meetings(
         here, g = near.pairs(middles.reshape(-1, 3), second.tree)
         k, f = np.divmod(here, len(i))
         o, kept = Overlaps.of(Pairs(z[k[:, None], i[f]], rate[k[:, None], i[f]], planes.some(g),
-                                    turns[g]))
+                                    cells.some(g)))
         nodes = np.concatenate([i[f[kept]], j[g[kept]]], axis=1)
         yield Meeting(begin, stop, k[kept], nodes, o, Pieces.cut(o, normal))
         each = max(len(i), len(here) / count)

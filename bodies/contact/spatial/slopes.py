@@ -19,7 +19,7 @@ from sparsemor.bodies.contact.spatial.edges import moving_edges
 from sparsemor.bodies.contact.spatial.pieces import Overlaps, Pieces
 from sparsemor.bodies.contact.spatial.tractions import Loads, Samples, drop, weights_of
 from sparsemor.bodies.contact.tractions import Interface
-from sparsemor.core.arrays import BoolArray, FloatArray
+from sparsemor.core.arrays import FloatArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,9 +35,9 @@ class Slopes:
     @classmethod
     def of(
         cls, o: Overlaps, pieces: Pieces, face: Interface, loads: Loads, T: FloatArray | None,
-        bent: BoolArray,
+        deforms: bool,
     ) -> "Slopes":
-        """bent (P, 3): borders of the second facets where the traction may jump."""
+        """deforms: the traction may jump at every border of a cell."""
         q = Samples.at(o, pieces.overlap, pieces.samples(face.points), face)
         W = weights_of(o, pieces, face)
         answers = Answers.of(o, q, face, T)
@@ -48,7 +48,7 @@ class Slopes:
         sums = csr_array((np.ones(len(W)), (q.of, np.arange(len(W)))), shape=(len(o.at), len(W)))
         by_z, by_rate = (np.asarray(sums @ x.reshape(len(W), -1)).reshape(-1, D + 6, D)
                          for x in (z, rate))
-        for of, jump in moving_edges(o, pieces, face, T, bent):
+        for of, jump in moving_edges(o, pieces, face, T, deforms):
             np.add.at(by_z, of, jump[:, :, :D])
         return cls(by_z, by_rate, _conduction(o, q, W, face, sums))
 

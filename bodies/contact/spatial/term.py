@@ -10,9 +10,10 @@ from sparsemor.bodies.contact.near import Near
 from sparsemor.bodies.contact.spatial.doubt import too_deep
 from sparsemor.bodies.contact.spatial.pieces import Overlaps, Pairs, Pieces
 from sparsemor.bodies.contact.spatial.placing import Placing, Sizes, dofs
+from sparsemor.bodies.contact.spatial.planes import Planes
 from sparsemor.bodies.contact.spatial.side import Side
 from sparsemor.bodies.contact.spatial.slopes import Slopes
-from sparsemor.bodies.contact.spatial.surface import Planes, tree_of
+from sparsemor.bodies.contact.spatial.surface import tree_of
 from sparsemor.bodies.contact.spatial.tractions import Loads, nodal
 from sparsemor.bodies.contact.tractions import Interface
 from sparsemor.bodies.local import CompressedLocal
@@ -97,7 +98,7 @@ class SpatialContactTerm:
             f, g = f[wanted], g[wanted]
         i, j = first.facets[f], second.facets[g]
         planes = Planes.of(here.b[j]) if moves else second.planes.some(g)
-        o, kept = Overlaps.of(Pairs(here.a[i], here.va[i], planes, second.turns[g],
+        o, kept = Overlaps.of(Pairs(here.a[i], here.va[i], planes, second.cells.some(g),
                                     here.vb[j] if moves else None))
         f, g = f[kept], g[kept]
         nodes = np.concatenate([first.facets[f], len(first.nodes) + second.facets[g]], axis=1)
@@ -163,9 +164,7 @@ class SpatialContactTerm:
     def _slopes(self, now: _Touch) -> tuple[Csr, Csr, Csr]:
         """Forces, then heats, of the points (4 n) by their places and velocities (3 n), and heats
         by temperatures (n)."""
-        bent = np.ones((len(now.second), 3), bool) if self.deforms else (
-            self.sides[1].surface.bent[now.second])
-        found = Slopes.of(now.overlaps, now.pieces, self.face, now.loads, now.T, bent)
+        found = Slopes.of(now.overlaps, now.pieces, self.face, now.loads, now.T, self.deforms)
         n = now.place.sizes.n1 + now.place.sizes.n2
         columns = dofs(now.nodes)[:, : found.z.shape[2]]
         rows = np.concatenate([columns, 3 * n + now.nodes], axis=1)
