@@ -39,6 +39,26 @@ class Cells:
                           - depth[:, :, None] * self.leans[:, None])
 
 
+def reached(
+    middles: FloatArray, radius: FloatArray, planes: Planes, cells: Cells, facet: IntArray
+) -> IntArray:
+    """Which balls about middles (P, 3) of radius (P,) may touch the cell of their facet (P,), no
+    higher above its plane than they are wide."""
+    rel = middles - planes.corner[facet]
+    depth = -np.einsum("pk,pk->p", rel, planes.n[facet])
+    ok = depth > -radius
+    for border, slope in zip(range(3), _slopes(planes, cells).T, strict=True):
+        value = np.einsum("pk,pk->p", rel, planes.g[facet, border]) + (border == 0)
+        value -= cells.leans[facet, border] * depth
+        ok &= value > -radius * slope[facet]
+    return np.flatnonzero(ok)
+
+
+def _slopes(planes: Planes, cells: Cells) -> FloatArray:
+    """(F, 3), 1/m: by how much the own borders change at most."""
+    return np.asarray(np.hypot(np.linalg.norm(planes.g, axis=2), cells.leans[:, :3]))
+
+
 def cells_of(X: FloatArray, facets: IntArray, planes: Planes) -> Cells:
     """Of facets (F, 3) of points X (n, 3)."""
     other = neighbours(facets)

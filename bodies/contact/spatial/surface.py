@@ -41,11 +41,14 @@ class Surface:
         return np.asarray(np.linalg.norm(edges, axis=2).min(axis=1))
 
     @cached_property
+    def radii(self) -> FloatArray:
+        """(F,) largest distance of each facet's points from its middle, m."""
+        return radii_of(self.X[self.facets])
+
+    @cached_property
     def radius(self) -> float:
         """Largest distance of a facet's point from its middle, m."""
-        corners = self.X[self.facets]
-        middles = corners.mean(axis=1, keepdims=True)
-        return float(np.linalg.norm(corners - middles, axis=2).max())
+        return float(self.radii.max())
 
     @cached_property
     def tree(self) -> Any:
@@ -61,6 +64,12 @@ class Surface:
     def cells(self) -> Cells:
         """Of the undeformed surface."""
         return cells_of(self.X, self.facets, self.planes)
+
+
+def radii_of(corners: FloatArray) -> FloatArray:
+    """(F,) of facets (F, 3, 3)."""
+    away = corners - corners.mean(axis=1, keepdims=True)
+    return np.asarray(np.linalg.norm(away, axis=2).max(axis=1))
 
 
 def tree_of(z: FloatArray, facets: IntArray) -> Any:

@@ -7,13 +7,14 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from sparsemor.bodies.contact.near import Near
+from sparsemor.bodies.contact.spatial.cells import reached
 from sparsemor.bodies.contact.spatial.doubt import too_deep
 from sparsemor.bodies.contact.spatial.pieces import Overlaps, Pairs, Pieces
 from sparsemor.bodies.contact.spatial.placing import Placing, Sizes, dofs
 from sparsemor.bodies.contact.spatial.planes import Planes
 from sparsemor.bodies.contact.spatial.side import Side
 from sparsemor.bodies.contact.spatial.slopes import Slopes
-from sparsemor.bodies.contact.spatial.surface import tree_of
+from sparsemor.bodies.contact.spatial.surface import radii_of, tree_of
 from sparsemor.bodies.contact.spatial.tractions import Loads, nodal
 from sparsemor.bodies.contact.tractions import Interface
 from sparsemor.bodies.local import CompressedLocal
@@ -92,12 +93,16 @@ class SpatialContactTerm:
         first, second = (s.surface for s in self.sides)
         moves = self.deforms and len(self.sides[1].u) > 0
         tree = tree_of(here.b, second.facets) if moves else second.tree
-        f, g = self.near.pairs(here.a[first.facets].mean(axis=1), tree)
+        corners = here.a[first.facets]
+        middles = corners.mean(axis=1)
+        f, g = self.near.pairs(middles, tree)
         if not (self.active[0].all() or self.active[1].all()):
             wanted = self.active[0][f] | self.active[1][g]
             f, g = f[wanted], g[wanted]
-        i, j = first.facets[f], second.facets[g]
-        planes = Planes.of(here.b[j]) if moves else second.planes.some(g)
+        all_planes = Planes.of(here.b[second.facets]) if moves else second.planes
+        some = reached(middles[f], radii_of(corners)[f], all_planes, second.cells, g)
+        f, g = f[some], g[some]
+        i, j, planes = first.facets[f], second.facets[g], all_planes.some(g)
         o, kept = Overlaps.of(Pairs(here.a[i], here.va[i], planes, second.cells.some(g),
                                     here.vb[j] if moves else None))
         f, g = f[kept], g[kept]
