@@ -42,7 +42,7 @@ class FrameHistory:
 class SurfaceLoads:
     """Loads on the points of one body's surface at the times of the motion they were made from.
 
-    nodes (j,); force (T, j, 2): consistent nodal forces in body axes, N; heat (T, j), W.
+    nodes (j,); force (T, j, 2 or 3): consistent nodal forces in body axes, N; heat (T, j), W.
     """
 
     nodes: IntArray
@@ -55,8 +55,8 @@ class Stage:
     """Histories of a rigid stage at its times (T,), s, the start first.
 
     frames: of every body; moves: which of them move; reactions: joint -> (T, l) multipliers, N and
-    N m; contacts: contact -> name of a history ("normal" N, "friction" N, "power" W, "length" m,
-    "pressure" Pa, the largest) -> (T,).
+    N m; contacts: contact -> name of a history ("normal" N, "friction" N, "power" W, "length" m
+    or "area" m2 in contact, "pressure" Pa, the largest) -> (T,).
     """
 
     times: FloatArray
