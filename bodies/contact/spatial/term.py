@@ -169,7 +169,9 @@ class SpatialContactTerm:
     def _slopes(self, now: _Touch) -> tuple[Csr, Csr, Csr]:
         """Forces, then heats, of the points (4 n) by their places and velocities (3 n), and heats
         by temperatures (n)."""
-        found = Slopes.of(now.overlaps, now.pieces, self.face, now.loads, now.T, self.deforms)
+        warms = bool((self.writes[now.place.sizes.whole :] >= 0).any())
+        found = Slopes.of(now.overlaps, now.pieces, self.face, now.loads, now.T, self.deforms,
+                          warms)
         n = now.place.sizes.n1 + now.place.sizes.n2
         columns = dofs(now.nodes)[:, : found.z.shape[2]]
         rows = np.concatenate([columns, 3 * n + now.nodes], axis=1)
