@@ -25,6 +25,8 @@ VECTORS = 40
 """Vectors of all unknowns that a run of full order carries: states, predictor, right-hand sides."""
 UNKNOWN_ATOMS = 200
 """Atoms that are reckoned with where nothing says how many there will be."""
+COPIES = 3
+"""Arrays as large as the snapshots that are held where these are decomposed as a whole."""
 ROUGH = 0.5
 """Where rough counts stay below this share of what there is, nothing is counted exactly."""
 
@@ -133,12 +135,12 @@ def _reduced(scene: Scene, model: Model) -> list[Item]:
 def _bases(scene: Scene, model: Model) -> list[Item]:
     """One block at a time: its snapshots, and orthonormal columns while they are found."""
     largest: list[Item] = []
-    copies = getattr(scene.reducer, "snapshot_copies", 3)
+    copies = getattr(scene.reducer, "snapshot_copies", COPIES)
     for name, basis in _chosen_bases(scene, model).items():
         n, k = _size(model, name), _atoms(basis, _size(model, name))
         whole = 8 * n * _count(scene)
         # a reducer that wants forces has them as a whole, however large
-        held = copies * whole if whole <= HELD or copies > 3 else HELD / 2
+        held = copies * whole if whole <= HELD or copies > COPIES else HELD / 2
         one = [Item(f"snapshots of {name}", held, "a larger training.every"),
                Item(f"{k} atoms of {name}", 8 * 6 * n * k, "fewer atoms (count)")]
         if sum(i.size for i in one) > sum(i.size for i in largest):
