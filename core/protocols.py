@@ -481,7 +481,12 @@ class Resampling(Protocol):
 
 
 class Reducer(Protocol):
-    """How one step is solved. model: a `core.model.Model`; offline: a `core.offline.Offline`."""
+    """How one step is solved. model: a `core.model.Model`; offline: a `core.offline.Offline`.
+
+    Optional, for the estimate of memory: `basis`, `bases` (pattern -> basis) and `force_basis` say
+    whether a training run is needed; `snapshot_copies`: how many arrays as large as a block's
+    snapshots it holds at once, where it reads them as a whole.
+    """
 
     def prepare(
         self, model: Any, integrator: Integrator, h: float, offline: Any, rng: np.random.Generator

@@ -21,12 +21,15 @@ from sparsemor.core.probes import ProbeReader
 from sparsemor.core.protocols import State, StepSolver
 from sparsemor.core.run_header import RunHeader
 from sparsemor.core.scene import Scene
+from sparsemor.core.served import Held, solvers_summary
 from sparsemor.core.status import Status
 from sparsemor.core.store import ChunkOfSteps, ResultWriter
 
 STORE = "result.zarr"
 CHUNK, SECONDS = 256, 2.0
 """Rows, or seconds, after which what was computed is committed to disk."""
+BUFFER = 2**26
+"""Bytes of rows after which it is, too."""
 
 
 @dataclass
@@ -69,6 +72,7 @@ class Recorder:
                         for p in model.probes]
         self.warnings: tuple[str, ...] = ()  # what was found before the first step
         self.stability: Mapping[str, Any] = {}
+        self.memory: Held | None = None
         self._every, self._saved = scene.output.every, time.perf_counter()
         self._rows: list[tuple[float, Any, int, float]] = []
         self._supports: list[Mapping[str, BoolArray]] = []
@@ -104,7 +108,7 @@ class Recorder:
         if tally.done % self._every and tally.done != self.steps:
             return False
         self._keep(state, tally.iterations[-1], tally.last, supports)
-        return (len(self._rows) >= CHUNK
+        return (len(self._rows) >= CHUNK or len(self._rows) * state.x.nbytes >= BUFFER
                 or time.perf_counter() - self._saved > SECONDS)
 
     def keep_last(
@@ -175,9 +179,19 @@ class Recorder:
             "offline_whole_s": self.offline.products.spent.whole(tally.offline),
             "notes": [*start_notes(self.model), *solver.notes, *self.warnings],
             "stability": dict(self.stability),
+            "linear_solvers": solvers_summary(
+                [*self.model.solvers.log, *self.offline.products.told],
+                _iterations(solver, memory), done),
+            "memory": {} if self.memory is None else self.memory.summary(),
             "facts": finite(dict(solver.facts)),  # dependent columns: no finite condition
             "out": str(self.store.parent),
         }
+
+
+def _iterations(solver: Any, memory: Any) -> Mapping[str, int]:
+    """Of linear solvers in the steps, by block."""
+    told = getattr(solver, "linear_iterations", None)
+    return {} if told is None else dict(told(memory))
 
 
 def admit(scene: Scene, out: Path, resume: bool) -> None:

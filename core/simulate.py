@@ -13,12 +13,14 @@ from sparsemor.core.errors import InputError
 from sparsemor.core.hooks import Manager, RunStart, new_manager
 from sparsemor.core.initial import consistent_state
 from sparsemor.core.interrupt import Interrupt
+from sparsemor.core.memory import peak
 from sparsemor.core.offline import step_count
 from sparsemor.core.prepared import prepared
 from sparsemor.core.protocols import Resampling, State, StepSolver
 from sparsemor.core.recorder import Recorder, Tally, admit
 from sparsemor.core.results import RunResult
 from sparsemor.core.scene import Scene
+from sparsemor.core.served import Held
 from sparsemor.core.stability import check_run
 from sparsemor.core.status import SolveFailed, Status
 from sparsemor.core.step_control import ControlledSteps, controlled, step_of
@@ -54,6 +56,7 @@ def simulate(
         recorder = Recorder.open(
             scene, model, solver, offline, path, resume, step_count(scene))
         recorder.warnings, recorder.stability = warnings, stability
+        recorder.memory = Held(offline.expected, peak())
         if recorder.checkpoint is not None:
             state, memory, tally = recorder.restored(tally)
         told = solver.rows_at(memory) if isinstance(solver, Resampling) else solver.rows

@@ -177,6 +177,14 @@ class ControlledSteps:
                 total[name] = total.get(name, 0) + count
         return total
 
+    def linear_iterations(self, memory: ControlMemory) -> Mapping[str, int]:
+        found: dict[str, int] = {}
+        for level, inner in memory.levels.items():
+            told = getattr(self._solver(level), "linear_iterations", None)
+            for name, count in ({} if told is None else told(inner)).items():
+                found[name] = found.get(name, 0) + count
+        return found
+
     def summary(self, memory: ControlMemory) -> dict[str, Any]:
         """What a run reports. Seconds; `largest_error`: estimate over its share, at most 1."""
         used = memory.substeps > 0
