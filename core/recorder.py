@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from sparsemor.core.acting import acting_of, resultants
 from sparsemor.core.arrays import BoolArray
 from sparsemor.core.checkpoint import Checkpoint
 from sparsemor.core.errors import InputError
@@ -70,7 +71,10 @@ class Recorder:
         self.warnings: tuple[str, ...] = ()  # what was found before the first step
         self.stability: Mapping[str, Any] = {}
         self._every, self._saved = scene.output.every, time.perf_counter()
+        # along a rigid stage histories are kept already; what acts besides is conduction alone
+        self._acting = acting_of(solver) if model.stage is None else ()
         self._rows: list[tuple[float, Any, int, float]] = []
+        self._contacts: list[Mapping[str, float]] = []
         self._supports: list[Mapping[str, BoolArray]] = []
 
     @classmethod
@@ -120,6 +124,7 @@ class Recorder:
     ) -> None:
         self._rows.append((state.t, state.x, iterations, seconds))
         self._supports.append(dict(supports))
+        self._contacts.append(resultants(self._acting, state))
 
     def save(self, state: State, memory: Any, tally: Tally) -> None:
         """Commit the buffered steps and a checkpoint."""
@@ -139,8 +144,9 @@ class Recorder:
                     for name in self._supports[0]}
         self.writer.append(ChunkOfSteps(
             times, X, np.array(iterations), np.array(seconds), supports,
-            {p.name: p(times, X) for p in self._probes}))
-        self._rows, self._supports = [], []
+            {p.name: p(times, X) for p in self._probes},
+            {name: np.array([c[name] for c in self._contacts]) for name in self._contacts[0]}))
+        self._rows, self._supports, self._contacts = [], [], []
 
     def finish(self, status: Status, summary: Mapping[str, Any]) -> None:
         self.writer.finish(status, summary)
@@ -217,4 +223,6 @@ def _header(scene: Scene, model: Model, solver: StepSolver, steps: int) -> RunHe
         probes=tuple(ProbeReader.of(p, solver.layout, solver.dictionaries).header()
                      for p in model.probes),
         budgets=dump["reducer"].get("budgets", {}), stage=model.stage,
+        contacts={a.name: a.term.histories for a in acting_of(solver)}
+        if model.stage is None else {},
     )

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from sparsemor.core.acting import Acting, acting, untold
 from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
 from sparsemor.core.equations import rate_factors
 from sparsemor.core.layout import Layout
@@ -100,6 +101,10 @@ class ReducedGeneral:
         factor = equations.factorize(equations.jacobian(*at, c1, c2))
         return np.asarray(-factor.solve(np.hstack([C, M])))
 
+    @property
+    def acting(self) -> tuple[Acting, ...]:
+        return acting((c.term, c.columns) for c in self.equations.coupled)
+
     def supports(self, memory: NewtonMemory) -> Mapping[str, BoolArray]:
         return memory.supports
 
@@ -133,8 +138,9 @@ def reduced_general(
     names = ", ".join(sorted({n for n, _ in equations.named if n})) or "a term"
     told = (f"{names} couples blocks inside the step: all unknowns are solved together, and each "
             f"evaluation visits {count} elements",) if seen else ()
+    told = (*notes, *told, *untold(c.term for c in coupled))
     return ReducedGeneral(equations, dictionaries, rows, visited, tolerances, points,
-                          limits or {}, (*notes, *told), facts or {})
+                          limits or {}, told, facts or {})
 
 
 def _bodies(model: Model, layout: Layout, seen: Mapping[str, Seen]) -> list[DenseBody]:

@@ -8,6 +8,7 @@ from scipy.sparse import csr_array
 
 from sparsemor.bodies.contact.doubt import too_deep
 from sparsemor.bodies.contact.pieces import Overlaps, Pairs, Pieces
+from sparsemor.bodies.contact.resultants import HISTORIES, Resultants
 from sparsemor.bodies.contact.side import Points, Side, picked
 from sparsemor.bodies.contact.surface import Near, tree_of
 from sparsemor.bodies.contact.tractions import Interface, Slopes, as_real, nodal
@@ -149,6 +150,17 @@ class ContactTerm:
                 f"surface of {second.body.name}, more than half the smallest facet "
                 f"({self.reach:.2g} m): the step is too long for this contact, or its foundation "
                 "too soft")
+
+    @property
+    def histories(self) -> tuple[str, ...]:
+        """Names of the resultants that this term knows: none where it leaves facets out."""
+        return HISTORIES if self.active[0].all() or self.active[1].all() else ()
+
+    def resultants(self, x: FloatArray, v: FloatArray, t: float) -> dict[str, float]:
+        """The contact at one moment: see `Resultants`."""
+        now, summed = self._touch(x, v, t), Resultants(1)
+        summed.add(np.zeros(len(now.pieces.of), np.int64), now.overlaps, now.pieces, self.face)
+        return {name: float(value[0]) for name, value in summed.found().items()}
 
     # ------------------------------------------------------------------ reduction
 

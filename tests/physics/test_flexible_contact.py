@@ -1,15 +1,18 @@
 """Contact on deformed surfaces inside the step: a slider pressed on a plate and pushed along."""
 
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 from sparsemor.core.arrays import FloatArray
+from sparsemor.core.charts import write_run_charts
 from sparsemor.core.equations import rate_factors
 from sparsemor.core.model import Model
 from sparsemor.core.protocols import StepFormula
+from sparsemor.core.results import RunResult
 from sparsemor.core.scene import Scene
 from sparsemor.core.simulate import simulate
 from sparsemor.core.status import SolveFailed, Status
@@ -230,6 +233,65 @@ def test_facets_far_from_the_contact_are_not_visited() -> None:
         visited.append(dict(run.solver.elements_touched))
         assert "sole" in run.solver.notes[-1]
     assert visited[0] == visited[1] == {"slider.elastic": 6, "plate.elastic": 6}
+
+
+# --------------------------------------------------------------------------- its history
+
+HISTORIES = {"normal", "friction", "power", "length", "pressure"}
+
+
+@cache
+def trained() -> RunResult:
+    return simulate(scene(BOTH, steps=20))
+
+
+def test_a_run_without_stage_keeps_the_history_of_its_contact() -> None:
+    """Fig. 10 of the paper: the same interface as for a rigid stage."""
+    run = trained()
+    (sole,) = run.contacts().values()
+    assert set(sole) == {"time", *HISTORIES} and run.stage() is None
+    assert len(sole["time"]) == 21 and np.all(sole["time"] == run.times)
+    assert sole["normal"][0] == 0.0 and abs(sole["normal"][-1] - LOAD) < 2e-3 * LOAD
+    np.testing.assert_allclose(sole["friction"][1:], 0.2 * sole["normal"][1:], rtol=2e-3)
+    assert abs(sole["power"][1:].sum() * STEP - run_heat(run)) < 1e-9 * run_heat(run)
+    assert 0.5 * SIDE < sole["length"][-1] <= SIDE * (1 + 1e-3)
+    assert sole["pressure"][-1] > sole["normal"][-1] / SIDE / sole["length"][-1]
+
+
+def run_heat(run: RunResult) -> float:
+    """J in both bodies at the end."""
+    x = np.concatenate([run.block(b.name, slice(-1, None)) for b in run.layout], axis=1)
+    return float(stored(full().model, x)[0])
+
+
+def test_a_reduced_run_tells_what_it_evaluates(tmp_path: Path) -> None:
+    """Galerkin evaluates all that touches; rows that leave facets out cannot tell, and say so."""
+    short = scene(BOTH, steps=10).using({"training": {"end": 10 * STEP, "every": 1}})
+    galerkin = {"use": "galerkin", "basis": {"use": "pod", "count": 8}}
+    run = simulate(short.using({"reducer": galerkin}))
+    mine, reference = run.contacts()["sole"], trained().contacts()["sole"]
+    for name in HISTORIES:
+        want = reference[name][:11]
+        assert np.abs(mine[name] - want).max() < 1e-3 * np.abs(want).max(), name
+    drawn = write_run_charts(run, tmp_path, formats=["png"])
+    assert "contact_forces" in {f.stem for f in drawn}
+    some = {"use": "sparse", "basis": {"use": "pod", "count": 4}, "preconditioner": "none",
+            "sampler": {"use": "lhs", "required": False},
+            "budgets": {"*": {"rows": 5}}}
+    elastic = scene(["elastic"], steps=4, slider={"frame": "fixed"}).using({"joints": {}})
+    part = march(elastic.using({"reducer": some}), snapshots=learnt(march(elastic)))
+    assert part.solver.acting == ()
+    assert any("sole: this model evaluates a part" in note for note in part.solver.notes)
+
+
+def test_forces_that_do_not_settle_are_told() -> None:
+    """The foundation swings 2.5 times a step; a rule that hardly damps that goes on for ever."""
+    notes = {}
+    for rho_inf in (0.5, 0.8):
+        rule = {"use": "generalized_alpha", "rho_inf": rho_inf}
+        run = simulate(scene([], surfaces="rigid", steps=60).using({"integrator": rule}))
+        notes[rho_inf] = [n for n in run.summary["notes"] if "back and forth" in n]
+    assert not notes[0.5] and "contact sole" in notes[0.8][0]
 
 
 # --------------------------------------------------------------------------- heat
