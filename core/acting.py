@@ -35,10 +35,11 @@ def untold(terms: Iterable[Any]) -> tuple[str, ...]:
                  for t, inner in whole if hasattr(inner, "resultants") and not t.histories)
 
 
-def acting_of(solver: Any) -> tuple[Acting, ...]:
-    """Of a step solver; nothing where it does not say."""
-    found: tuple[Acting, ...] = getattr(solver, "acting", ())
-    return found
+def acting_of(solver: Any, memory: Any) -> tuple[Acting, ...]:
+    """Of a step solver, after the step that left `memory` (None: only their names count); nothing
+    where it does not say."""
+    told = getattr(solver, "acting", None)
+    return () if told is None else tuple(told(memory))
 
 
 def resultants(known: Sequence[Acting], state: State) -> Mapping[str, float]:

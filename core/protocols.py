@@ -430,8 +430,8 @@ class StepSolver(Protocol):
     (s, 2 s) how its active unknowns answer to their own r1 and r2, everything else held;
     `response(step, x)` -> (n, 2 n) how the solution x of a step answers to changes of [r1; r2],
     where the solver knows that better than differences tell. Optional, for error-controlled steps:
-    `memory.moved(x)`, told that the next step starts at x. Optional: `acting`, terms whose
-    resultants are kept at the stored steps (core/acting.py).
+    `memory.moved(x)`, told that the next step starts at x. Optional:
+    `acting(memory)`, terms whose resultants are kept at the stored steps (core/acting.py).
     """
 
     @property

@@ -150,9 +150,10 @@ class ControlledSteps:
     def notes(self) -> tuple[str, ...]:
         return self.base.notes
 
-    @property
-    def acting(self) -> tuple[Acting, ...]:
-        return acting_of(self.base)
+    def acting(self, memory: ControlMemory | None) -> tuple[Acting, ...]:
+        if memory is None:
+            return acting_of(self.base, None)
+        return acting_of(self._solver(memory.fine), memory.levels[memory.fine])
 
     def start(self, state: State) -> tuple[State, ControlMemory]:
         self._full = state

@@ -142,8 +142,7 @@ class GeneralStepper:
         terms = ((t, t.columns) for t in self.model.terms)
         return doubted(outcome, terms, step, self.layout), memory
 
-    @property
-    def acting(self) -> tuple[Acting, ...]:
+    def acting(self, memory: NewtonMemory | None) -> tuple[Acting, ...]:
         return acting((t, t.columns) for t in self.model.terms)
 
     def supports(self, memory: NewtonMemory) -> Mapping[str, BoolArray]:

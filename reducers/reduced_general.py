@@ -23,6 +23,7 @@ from sparsemor.reducers.bordered import Tolerances
 from sparsemor.reducers.consistent import least
 from sparsemor.reducers.dense import Coupled, Dense, DenseBody, DenseHeat
 from sparsemor.reducers.doubt import doubted
+from sparsemor.reducers.following import following
 from sparsemor.reducers.general import coupling, elements
 from sparsemor.reducers.newton import solve
 from sparsemor.reducers.newton_memory import NewtonMemory
@@ -70,8 +71,10 @@ class ReducedGeneral:
         return state, NewtonMemory(state.x, self.points, len(self.layout.blocks))
 
     def solve(self, step: StepFormula, memory: NewtonMemory) -> tuple[StepOutcome, NewtonMemory]:
-        outcome = solve(self.equations, step, memory, self.tolerances)
-        terms = ((c.term, c.columns) for c in self.equations.coupled)
+        coupled = following(self.equations.coupled, memory)
+        outcome = solve(
+            replace(self.equations, coupled=coupled), step, memory, self.tolerances)
+        terms = ((c.term, c.columns) for c in coupled)
         outcome = doubted(outcome, terms, step, self.layout)
         return (self._sane(outcome) if outcome.status.ok else outcome), memory
 
@@ -101,9 +104,11 @@ class ReducedGeneral:
         factor = equations.factorize(equations.jacobian(*at, c1, c2))
         return np.asarray(-factor.solve(np.hstack([C, M])))
 
-    @property
-    def acting(self) -> tuple[Acting, ...]:
-        return acting((c.term, c.columns) for c in self.equations.coupled)
+    def acting(self, memory: NewtonMemory | None) -> tuple[Acting, ...]:
+        coupled = self.equations.coupled
+        if memory is not None:  # what is told must not change how the run goes on
+            coupled = following(coupled, memory.beside())
+        return acting((c.term, c.columns) for c in coupled)
 
     def supports(self, memory: NewtonMemory) -> Mapping[str, BoolArray]:
         return memory.supports

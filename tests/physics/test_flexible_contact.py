@@ -10,6 +10,7 @@ import pytest
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.charts import write_run_charts
 from sparsemor.core.equations import rate_factors
+from sparsemor.core.initial import consistent_state
 from sparsemor.core.model import Model
 from sparsemor.core.protocols import StepFormula
 from sparsemor.core.results import RunResult
@@ -235,6 +236,83 @@ def test_facets_far_from_the_contact_are_not_visited() -> None:
     assert visited[0] == visited[1] == {"slider.elastic": 6, "plate.elastic": 6}
 
 
+@cache
+def pushed(columns: int) -> March:
+    """A Galerkin model on a plate of that many facets of one size, pushed by two of them."""
+    reference = march(scene(["elastic"], plate=(columns, 4), steps=5))
+    few = {"use": "galerkin", "basis": {"use": "pod", "count": 4}}
+    return march(scene(["elastic"], plate=(columns, 4), steps=40, reducer=few),
+                 model=reference.model, snapshots=learnt(reference))
+
+
+def followed(run: March) -> tuple[Any, FloatArray, FloatArray]:
+    """The contact of a Galerkin run, and its unknowns and rates at all states."""
+    (coupled,) = run.solver.equations.coupled  # type: ignore[attr-defined]
+    return coupled.term, run.x[:, coupled.columns], run.v[:, coupled.columns]
+
+
+def facets(term: Any) -> list[int]:
+    return [len(side.surface.facets) for side in term.sides]
+
+
+def test_a_reduced_step_evaluates_the_facets_near_the_contact() -> None:
+    """Eight times the plate: as many facets a step, as many searches over a run."""
+    counted = []
+    for columns in (18, 144):
+        run = pushed(columns)
+        term, x, _ = followed(run)
+        near = term.near(x[10])
+        assert facets(term.term) == [6, columns]
+        solver: Any = run.solver
+        state, memory = solver.start(initial(run))
+        integrator = scene(["elastic"]).integrator
+        state = integrator.start(solver.layout, state)
+        for _ in range(40):
+            formula = integrator.formula(solver.layout, state, STEP)
+            outcome, memory = solver.solve(formula, memory)
+            state = integrator.advance(solver.layout, state, formula, outcome.x, STEP)
+        counted.append((facets(near.some.term), memory.counters()["searches"]))
+        # 0.15 mm of travel; a new list once a margin
+        assert memory.counters()["searches"] <= 2 + 40 * 1.1 * STEP / term.margin
+    assert counted[0] == counted[1]
+    assert counted[0][0][1] < 18
+
+
+def initial(run: March) -> Any:
+    return consistent_state(run.model)
+
+
+def test_facets_left_out_cannot_touch() -> None:
+    """Wherever the list holds, what it gives is what all facets give; beyond its margin it does not
+    hold, nor where a step came from too far."""
+    term, x, v = followed(pushed(18))
+    rng, near = np.random.default_rng(2), term.near(x[10])
+    c1, none = np.full(x.shape[1], 1.0 / STEP), np.zeros(x.shape[1])
+    seen = 0
+    for size in (1e-6, 1e-5, 1e-4):
+        for _ in range(20):
+            there = x[10] + size * rng.standard_normal(x.shape[1]) * np.abs(x).max(axis=0) / 1e-4
+            if not near.holds(there):
+                continue
+            seen += 1
+            for whole, part in (
+                (term.residual(there, v[10], none, 0.0), near.residual(there, v[10], none, 0.0)),
+                (term.jacobian(there, v[10], none, 0.0, c1, none),
+                 near.jacobian(there, v[10], none, 0.0, c1, none)),
+            ):
+                assert np.abs(whole - part).max() <= 1e-13 * np.abs(whole).max()
+            assert term.doubt(there, v[10], 0.0, STEP) == near.doubt(there, v[10], 0.0, STEP)
+    assert seen > 20
+    far = x[10] + np.where(np.arange(x.shape[1]) == 0, 1.01 * term.margin, 0.0)
+    assert not near.holds(far) and near.holds(x[11])
+    assert term.near(x[10] + np.where(np.arange(x.shape[1]) == 1, SIDE, 0.0)).some is None
+    reach, down = term.term.reach, np.where(np.arange(x.shape[1]) == 1, 1.0, 0.0)
+    deep = x[10] - 1.05 * reach * down
+    for share in (0.1, 2.0):  # of half a facet in the step: told by the list, and by all facets
+        speed = v[10] - share * reach / STEP * down
+        assert near.doubt(deep, speed, 0.0, STEP) == term.doubt(deep, speed, 0.0, STEP) != ""
+
+
 # --------------------------------------------------------------------------- its history
 
 HISTORIES = {"normal", "friction", "power", "length", "pressure"}
@@ -280,7 +358,7 @@ def test_a_reduced_run_tells_what_it_evaluates(tmp_path: Path) -> None:
             "budgets": {"*": {"rows": 5}}}
     elastic = scene(["elastic"], steps=4, slider={"frame": "fixed"}).using({"joints": {}})
     part = march(elastic.using({"reducer": some}), snapshots=learnt(march(elastic)))
-    assert part.solver.acting == ()
+    assert part.solver.acting(None) == ()
     assert any("sole: this model evaluates a part" in note for note in part.solver.notes)
 
 
