@@ -443,7 +443,8 @@ class StepSolver(Protocol):
     `response(step, x)` -> (n, 2 n) how the solution x of a step answers to changes of [r1; r2],
     where the solver knows that better than differences tell. Optional, for error-controlled steps:
     `memory.moved(x)`, told that the next step starts at x. Optional, where blocks are solved by
-    iteration: `linear_iterations(memory)` -> block -> iterations since `start`.
+    iteration: `linear_iterations(memory)` -> block -> iterations since `start`. Optional:
+    `acting(memory)`, terms whose resultants are kept at the stored steps (core/acting.py).
     """
 
     @property

@@ -6,12 +6,10 @@ from typing import Any
 import numpy as np
 
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.run_header import UNITS
+from sparsemor.core.run_header import CONTACT_UNITS, UNITS
 from sparsemor.core.stage import FrameHistory, Stage
 
 TIME = "stage.time"
-_CONTACT_UNITS = {"normal": "N", "friction": "N", "power": "W", "length": "m", "area": "m2",
-                  "pressure": "Pa"}
 
 
 def stage_attributes(stage: Stage | None) -> dict[str, Any] | None:
@@ -37,7 +35,7 @@ def stage_arrays(
                {"units": UNITS["multiplier"]}, forces)
     for name, histories in stage.contacts.items():
         for what, values in histories.items():
-            yield (f"stage.{name}.{what}", (TIME,), {"units": _CONTACT_UNITS.get(what, "")}, values)
+            yield (f"stage.{name}.{what}", (TIME,), {"units": CONTACT_UNITS.get(what, "")}, values)
 
 
 def read_stage(names: Mapping[str, Any] | None, data: Any) -> Stage | None:

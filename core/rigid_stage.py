@@ -21,10 +21,14 @@ from sparsemor.core.offline import Offline, full_run
 from sparsemor.core.products import Products
 from sparsemor.core.scene import Scene
 from sparsemor.core.stage import Followed, FrameHistory, Idle, Stage, SurfaceLoads
+from sparsemor.core.status import SolveFailed, Status
 
 STAGE = "rigid stage"
 """How the detail of a failure begins that happened in the rigid stage."""
 _LABEL = "rigid_stage.overrides"
+_OWN_STEPS = ("the stage follows how bodies swing on their contacts: raise time.control.rigid "
+              "above that swing, or keep fixed steps there, "
+              "rigid_stage: {overrides: {time.control: null}}")
 
 
 def rigid_scene(scene: Scene) -> Scene:
@@ -122,7 +126,13 @@ def _run(scene: Scene, model: Model, manager: Manager) -> dict[str, Any]:
     """Times; per body pose, rate and acceleration (T, 3, n); per joint (T, l) multipliers and, from
     `handed_on(times, multipliers, poses)` where it has that, what the flexible stage is told."""
     layout = model.layout
-    kept = list(full_run(scene, model, Offline.of(model, {}), manager, STAGE))
+    try:
+        kept = list(full_run(scene, model, Offline.of(model, {}), manager, STAGE))
+    except SolveFailed as failure:
+        if failure.status is not Status.STEP_TOO_LONG:
+            raise
+        raise SolveFailed(failure.status, failure.time, failure.block,
+                          f"{failure.detail}; {_OWN_STEPS}") from None
     times = np.array([s.t for s in kept])
     frames = {b.owner: np.stack([np.stack([s.x, s.v, s.a])[:, layout[b.name]] for s in kept])
               for b in layout if b.field == "rigid"}

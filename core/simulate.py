@@ -82,7 +82,7 @@ class _Run:
             self.scene.title, recorder.reducer, self.state.t, self.scene.time.end,
             self.steps - tally.done))
         if recorder.checkpoint is None:  # from here on a killed run can be resumed
-            recorder.start(self.state, self.solver.supports(self.memory))
+            recorder.start(self.state, self.solver.supports(self.memory), self.memory)
             recorder.save(self.state, self.memory, tally)
         self._begun = time.perf_counter() - tally.online
         with Interrupt() as interrupt:
@@ -93,7 +93,8 @@ class _Run:
         elif failure.status is Status.INTERRUPTED:
             recorder.save(self.state, self.memory, tally)
         else:
-            recorder.keep_last(self.state, tally, self.solver.supports(self.memory))
+            recorder.keep_last(
+                self.state, tally, self.solver.supports(self.memory), self.memory)
             hook.on_failure(status=failure.status, t=failure.time, block=failure.block,
                             detail=failure.detail)
         return self._finish(failure)
@@ -134,7 +135,7 @@ class _Run:
             tally.add(time.perf_counter() - start, outcome.iterations)
             supports = solver.supports(self.memory)
             tally.count_atoms(supports)
-            if self.recorder.take(self.state, tally, supports):
+            if self.recorder.take(self.state, tally, supports, self.memory):
                 tally.online = time.perf_counter() - self._begun
                 self.recorder.save(self.state, self.memory, tally)
             if watched:

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from sparsemor.core.acting import Acting, acting_of
 from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.layout import Layout
@@ -148,6 +149,11 @@ class ControlledSteps:
     @property
     def notes(self) -> tuple[str, ...]:
         return self.base.notes
+
+    def acting(self, memory: ControlMemory | None) -> tuple[Acting, ...]:
+        if memory is None:
+            return acting_of(self.base, None)
+        return acting_of(self._solver(memory.fine), memory.levels[memory.fine])
 
     def start(self, state: State) -> tuple[State, ControlMemory]:
         self._full = state

@@ -71,6 +71,14 @@ class Surface:
         is_open = np.stack([before, after], axis=1) < 0
         return np.asarray(is_open | (np.abs(self.turns) > 1e-12))
 
+    def some(self, chosen: IntArray) -> tuple["Surface", IntArray]:
+        """Some of the facets with the cells that they have among all, and which nodes are theirs.
+        """
+        used = np.unique(self.facets[chosen])
+        part = Surface(self.body, self.nodes[used], np.searchsorted(used, self.facets[chosen]))
+        part.__dict__.update(turns=self.turns[chosen], bent=self.bent[chosen], radius=self.radius)
+        return part, used
+
     @cached_property
     def _neighbours(self) -> tuple[IntArray, IntArray]:
         """(F,) number of the facet before and after each one, -1 where there is none."""
