@@ -251,7 +251,7 @@ def test_angle_and_speed_have_a_panel_each(run: RunResult) -> None:
 
 def test_turn_of_a_quaternion() -> None:
     rng = np.random.default_rng(3)
-    first, others = Rotation.random(rng=rng), Rotation.random(20, rng=rng)
+    first, others = (Rotation.from_rotvec(2.0 * rng.standard_normal(size)) for size in (3, (20, 3)))
     pose = np.zeros((22, 7))
     pose[:, 3:] = np.concatenate([first.as_quat(scalar_first=True)[None]] * 2
                                  + [others.as_quat(scalar_first=True)])
