@@ -73,11 +73,11 @@ def options() -> Iterator[None]:
 
 @contextmanager
 def under(option: str) -> Iterator[None]:
-    """Faults without a key get that of an option."""
+    """Faults without a key get that of an option, if one is named."""
     try:
         yield
     except InputError as error:
-        raise error.under(option) from None
+        raise (error.under(option) if option else error) from None
 
 
 def words(text: str | None) -> list[str] | None:

@@ -72,7 +72,7 @@ def pictures(
 
         result = open_result(run)
         times = numbers("at", at)
-        with under("at"):
+        with under("at" if times else ""):
             result.steps_at(times)
         folder = out or result.path.parent / "pictures"
         files = write_run_charts(result, folder, times)

@@ -28,6 +28,10 @@ def plan_export(
     at: Sequence[float] | None, every: int,
 ) -> ExportPlan:
     """Raises InputError with every fault found."""
+    if not run.bodies:
+        raise InputError("no body of this run has a mesh: there are no points to write")
+    if len(run.times) == 0:
+        raise InputError("the run has no stored step yet")
     gather = Gather()
     gather("format", _known, format, FORMATS, "format", "formats")
     chosen = gather("body", _bodies, run, bodies)
@@ -57,8 +61,6 @@ def _each(names: Sequence[str], known: Sequence[str], one: str, many: str) -> No
 
 
 def _bodies(run: RunResult, bodies: Sequence[str] | None) -> list[str]:
-    if not run.bodies:
-        raise InputError("no body of this run has a mesh: there are no points to write")
     if bodies is not None:
         _each(bodies, run.bodies, "body with a mesh", "bodies with a mesh")
     return list(dict.fromkeys(run.bodies if bodies is None else bodies))

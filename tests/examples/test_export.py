@@ -191,6 +191,16 @@ def test_one_time_is_held_in_memory(
     assert set(asked) == {1}
 
 
+def test_nothing_to_write(tmp_path: Path) -> None:
+    bare = {"use": "rigid", "mass": 1.0, "inertia": 0.1}
+    (tmp_path / "bob.yaml").write_text(json.dumps({
+        "format": 1, "bodies": {"bob": bare}, "time": {"end": 1e-3, "step": 1e-3}}))
+    made = simulate(load(tmp_path / "bob.yaml"), out=tmp_path / "run")
+    with pytest.raises(InputError) as caught:
+        export(made, tmp_path / "files")
+    assert str(caught.value) == "no body of this run has a mesh: there are no points to write"
+
+
 def test_bad_commands(tmp_path: Path) -> None:
     nowhere = sparsemor("export", tmp_path / "nowhere", code=2)
     assert nowhere.stderr == f"there is no result in {tmp_path / 'nowhere'}\n"
