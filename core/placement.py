@@ -28,10 +28,14 @@ def placed(pose: FloatArray, z: FloatArray) -> FloatArray:
 
 
 def turned(pose: FloatArray, z: FloatArray) -> FloatArray:
-    """(j, d) vectors A z in space axes; no digits are lost to a position far away."""
+    """(j, d) vectors A z in space axes, of z (d,) or (j, d) in body axes under poses (j, n).
+
+    No digits are lost to a position far away.
+    """
+    d = 2 if pose.shape[1] == PLANAR else 3
     at_origin = pose.copy()
-    at_origin[:, : z.shape[1]] = 0.0
-    return placed(at_origin, z)
+    at_origin[:, :d] = 0.0
+    return placed(at_origin, np.broadcast_to(z, (len(pose), d)))
 
 
 def turned_by(pose: FloatArray) -> FloatArray:
