@@ -43,3 +43,12 @@ def unit_attitude(pose: FloatArray) -> FloatArray:
     if len(pose) != FREE:
         return pose
     return np.concatenate([pose[:3], pose[3:] / np.linalg.norm(pose[3:])])
+
+
+def turned_by(pose: FloatArray) -> FloatArray:
+    """(j,) angle of the rotation from the first of poses (j, 7) to each, 0 to pi rad."""
+    (p0, *e0), p, e = pose[0, 3:], pose[:, 3], pose[:, 4:]
+    # the product of a quaternion with the first one's conjugate
+    scalar = p0 * p + e @ np.array(e0)
+    vector = p0 * e - p[:, None] * np.array(e0) - np.cross(e, e0)
+    return np.asarray(2.0 * np.arctan2(np.linalg.norm(vector, axis=1), np.abs(scalar)))

@@ -1,6 +1,6 @@
 """Reading a result: labelled data, full fields rebuilt for the steps that are asked for."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -100,6 +100,24 @@ class RunResult:
     def step_seconds(self) -> FloatArray:
         """(j,) computing time of each stored step, s."""
         return self._whole("step_seconds")
+
+    def steps_at(self, times: Sequence[float] | None) -> IntArray:
+        """(j,) the stored steps next to `times` (s), each once, increasing; None: all of them.
+
+        Raises InputError for times outside the run.
+        """
+        stored = self.times
+        if len(stored) == 0:
+            raise InputError("the run has no stored step yet")
+        if times is None:
+            return np.arange(len(stored))
+        first, last = float(stored[0]), float(stored[-1])
+        slack = 1e-9 * max(abs(first), abs(last))
+        outside = [t for t in times if not first - slack <= t <= last + slack]
+        if outside or not times:
+            given = ", ".join(f"{t:g}" for t in outside) or "none"
+            raise InputError(f"give times within the run, {first:g} to {last:g} s (given: {given})")
+        return np.unique([int(np.argmin(np.abs(stored - t))) for t in times])
 
     def reduced(self, name: str) -> bool:
         """Whether a block is held as coefficients of a dictionary."""

@@ -11,7 +11,9 @@ from sparsemor.core.charts.contact_forces import contact_forces_figure
 from sparsemor.core.charts.deformation import deformation_figure
 from sparsemor.core.charts.error_over_time import error_over_time_figure
 from sparsemor.core.charts.positions import moving_bodies, positions_figure
+from sparsemor.core.charts.probes import probe_displacement_figure, probe_temperature_figure
 from sparsemor.core.charts.style import save
+from sparsemor.core.charts.surfaces import surface_figures
 from sparsemor.core.charts.work_precision import WorkPoint, work_precision_figure
 
 if TYPE_CHECKING:
@@ -50,7 +52,7 @@ def write_run_charts(
     times: Sequence[float] | None = None,
     formats: Sequence[str] = FORMATS,
 ) -> list[Path]:
-    """The same for one run alone: angles, bodies, contact forces, positions, atoms in use."""
+    """The same for one run alone: all but errors and costs."""
     figures = _of_reference(run, times)
     figures["angles"] = angles_figure(run, {}, run.reducer)
     figures["active_atoms"] = active_atoms_figure(run, run.reducer)
@@ -60,6 +62,8 @@ def write_run_charts(
 def _of_reference(run: "RunResult", times: Sequence[float] | None) -> "dict[str, Figure | None]":
     return {"deformation": deformation_figure(run, "elastic", times),
             "temperature": deformation_figure(run, "thermal", times),
+            "probe_displacement": probe_displacement_figure(run),
+            "probe_temperature": probe_temperature_figure(run), **surface_figures(run, times),
             "contact_forces": contact_forces_figure(run.contacts()),
             "positions": positions_figure(moving_bodies(run))}
 
@@ -74,6 +78,7 @@ def _save_all(
 
 __all__ = [
     "FORMATS", "WorkPoint", "active_atoms_figure", "angles_figure", "contact_forces_figure",
-    "deformation_figure", "error_over_time_figure", "positions_figure", "work_precision_figure",
-    "write_charts", "write_run_charts",
+    "deformation_figure", "error_over_time_figure", "positions_figure",
+    "probe_displacement_figure", "probe_temperature_figure", "surface_figures",
+    "work_precision_figure", "write_charts", "write_run_charts",
 ]

@@ -44,7 +44,7 @@ def active_atoms_figure(run: RunResult, name: str) -> "Figure | None":
         highest = int(np.flatnonzero(active.any(axis=0)).max(initial=0)) + 1
         axes.set_ylim(0, 1.04 * highest + 1)
         axes.yaxis.get_major_locator().set_params(integer=True)
-    thinned = f", every {every}th stored step" if every > 1 else ""
+    thinned = f", one of {every} stored steps" if every > 1 else ""
     figure.suptitle(f"{name}: atoms in use{thinned}", fontsize=NORMAL, x=0.01, ha="left")
     return figure
 

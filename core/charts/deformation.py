@@ -1,21 +1,28 @@
 """Bodies where they are, coloured by a field, at three times (as Fig. 5 of the paper)."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.charts.fields import (
+    MAPS,
+    Quantity,
+    drawn_steps,
+    magnification,
+    scale_of,
+    shades,
+    values_of,
+)
 from sparsemor.core.charts.style import COLUMN, NORMAL, PAGE, SMALL, TRACE, new_figure, tidy
 from sparsemor.core.charts.units import Unit, unit
+from sparsemor.core.facets import boundary
+from sparsemor.core.mesh import Mesh
 from sparsemor.core.results import RunResult
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-Quantity = Literal["elastic", "thermal"]
-_MAPS = {"elastic": "viridis", "thermal": "YlOrRd"}
-"""The cold inside of a heated body stays light, so that a thin hot layer is seen."""
 
 
 def drawable_bodies(run: RunResult) -> list[str]:
@@ -36,18 +43,13 @@ def deformation_figure(
     bodies = drawable_bodies(run)
     if len(run.times) == 0 or not any(f"{b}.{quantity}" in run.layout for b in bodies):
         return None
-    end = float(run.times[-1])
-    wanted = times or (end / 3.0, 2.0 * end / 3.0, end)
-    steps = [int(np.argmin(np.abs(run.times - t))) for t in wanted]
+    steps = drawn_steps(run, times).tolist()
     factor = magnification(run, bodies, steps)
-    scale, label = _scale(run, bodies, steps, quantity)
-    colours = [[_values(run, b, s, quantity) for b in bodies] for s in steps]
+    scale, label = scale_of(run, bodies, steps, quantity)
+    colours = [[values_of(run, b, s, quantity) for b in bodies] for s in steps]
     seen = np.concatenate([v * scale for row in colours for v in row if v is not None])
-    low, high = (0.0 if quantity == "elastic" else float(seen.min())), float(seen.max())
-    if low == high:  # one colour throughout still needs a scale
-        low, high = low - 0.5, high + 0.5
-    shades = {"vmin": low, "vmax": high, "cmap": _MAPS[quantity]}
-    box, clock = _bounds(run, bodies, steps, factor), unit(end, "s")
+    low, high = shades(seen, quantity)
+    box, clock = _bounds(run, bodies, steps, factor), unit(float(run.times[-1]), "s")
     metre = _length_unit(box)
     figure, panels = _panels(len(steps), (box[3] - box[2]) / (box[1] - box[0]))
     drawn: Any = None
@@ -62,8 +64,8 @@ def deformation_figure(
             cells = run.cells(body)
             if values is not None:
                 drawn = axes.tripcolor(x, y, cells, values * scale, shading="gouraud",
-                                       rasterized=True, **shades)
-            edges = _outline(cells)
+                                       rasterized=True, vmin=low, vmax=high, cmap=MAPS[quantity])
+            edges = boundary(Mesh(run.points(body), cells))
             axes.plot(x[edges].T, y[edges].T, color="#606060", linewidth=0.3)
         axes.set_aspect("equal")
         axes.set(xlim=[metre.factor * x for x in box[:2]],
@@ -88,46 +90,6 @@ def _panels(count: int, slope: float) -> "tuple[Figure, list[Any]]":
     figure = new_figure(width, rows * (panel + 0.35) + 0.6)
     panels = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
     return figure, list(panels.ravel())
-
-
-def _outline(cells: IntArray) -> IntArray:
-    """(b, 2) edges that belong to one triangle only."""
-    edges = np.sort(cells[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-    single, count = np.unique(edges, axis=0, return_counts=True)
-    return np.asarray(single[count == 1], dtype=np.int64)
-
-
-def magnification(run: RunResult, bodies: Sequence[str], steps: Sequence[int]) -> float:
-    """1, 2 or 5 times a power of ten that makes the largest |u| about 6 % of a body; at least 1."""
-    ratio = 0.0
-    for body in bodies:
-        size = float(np.ptp(run.points(body), axis=0).max())
-        for step in steps:
-            u = np.linalg.norm(run.nodal_displacement(body, step), axis=1).max()
-            ratio = max(ratio, float(u) / size)
-    if ratio == 0.0 or ratio >= 0.06:
-        return 1.0
-    wanted = 0.06 / ratio
-    power = 10.0 ** np.floor(np.log10(wanted))
-    return float(power * max(m for m in (1.0, 2.0, 5.0) if m * power <= wanted * (1.0 + 1e-12)))
-
-
-def _values(run: RunResult, body: str, step: int, quantity: Quantity) -> FloatArray | None:
-    if f"{body}.{quantity}" not in run.layout:
-        return None
-    if quantity == "thermal":
-        return run.nodal_temperature(body, step)
-    return np.asarray(np.linalg.norm(run.nodal_displacement(body, step), axis=1))
-
-
-def _scale(
-    run: RunResult, bodies: Sequence[str], steps: Sequence[int], quantity: Quantity
-) -> tuple[float, str]:
-    if quantity == "thermal":
-        return 1.0, "temperature (K)"
-    largest = max(float(np.abs(run.nodal_displacement(b, s)).max()) for b in bodies for s in steps)
-    shown = unit(largest, "m")
-    return shown.factor, f"displacement |u| ({shown.name})"
 
 
 def _length_unit(box: tuple[float, float, float, float]) -> Unit:

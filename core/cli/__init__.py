@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from sparsemor.core.cli.comparing import compare
-from sparsemor.core.cli.exporting import export
+from sparsemor.core.cli.exporting import export, pictures
 from sparsemor.core.cli.listing import plugins, schema, validate
 from sparsemor.core.cli.running import run
 from sparsemor.core.cli.skeleton import new_plugin
@@ -19,7 +19,7 @@ app = typer.Typer(
     no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for command in (run, compare, study, stability, export, validate, schema, plugins):
+for command in (run, compare, study, stability, export, pictures, validate, schema, plugins):
     app.command()(command)
 app.command("new-plugin")(new_plugin)
 

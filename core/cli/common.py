@@ -60,7 +60,7 @@ def located_in(scene: Scene) -> Iterator[None]:
 
 
 @contextmanager
-def options_named() -> Iterator[None]:
+def options() -> Iterator[None]:
     """Faults of a command without a scene: each key is the name of an option."""
     try:
         yield
@@ -69,6 +69,15 @@ def options_named() -> Iterator[None]:
     except InputError as error:
         lines = [f"--{f.key}: {f.message}" if f.key else f.message for f in error.faults]
         raise LocatedError(error.faults, lines) from error
+
+
+@contextmanager
+def under(option: str) -> Iterator[None]:
+    """Faults without a key get that of an option, if one is named."""
+    try:
+        yield
+    except InputError as error:
+        raise (error.under(option) if option else error) from None
 
 
 def words(text: str | None) -> list[str] | None:

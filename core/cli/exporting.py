@@ -1,13 +1,22 @@
-"""`sparsemor export`: a stored run as files that ParaView opens."""
+"""`sparsemor export` and `sparsemor pictures`: what a stored run holds, for others to look at."""
 
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from sparsemor.core.cli.common import Force, Json, Quiet, exit_codes, numbers, print_json, warn
-from sparsemor.core.cli.common import options_named as options
-from sparsemor.core.cli.common import words as names
+from sparsemor.core.cli.common import (
+    Force,
+    Json,
+    Quiet,
+    exit_codes,
+    numbers,
+    options,
+    print_json,
+    under,
+    warn,
+    words,
+)
 
 Run = Annotated[str, typer.Argument(
     metavar="RUN", help="Directory of a run, finished or not.")]
@@ -36,8 +45,8 @@ def export(
 
         result = open_result(run)
         done = write(
-            result, out or result.path.parent / form, form, bodies=names(bodies),
-            fields=names(fields), at=numbers("at", at), every=every, force=force)
+            result, out or result.path.parent / form, form, bodies=words(bodies),
+            fields=words(fields), at=numbers("at", at), every=every, force=force)
         if as_json:
             print_json({
                 "status": "done", "out": done.folder, "format": form, "times": len(done.times),
@@ -48,6 +57,30 @@ def export(
                 typer.echo(_line(result, body, file, done.fields[body], len(done.times)))
         if not quiet and not as_json:
             warn(done.notes)
+
+
+def pictures(
+    run: Run, at: At = None,
+    out: Annotated[Path | None, typer.Option(
+        "--out", help="Directory for the files; `pictures` in the run's own if not given.")] = None,
+    as_json: Json = False, quiet: Quiet = False,
+) -> None:
+    """Draw a stored run: motion, fields at some times, probes, atoms in use. PNG and SVG."""
+    with exit_codes(as_json), options():
+        from sparsemor.core.charts import write_run_charts
+        from sparsemor.core.results import open_result
+
+        result = open_result(run)
+        times = numbers("at", at)
+        with under("at" if times else ""):
+            result.steps_at(times)
+        folder = out or result.path.parent / "pictures"
+        files = write_run_charts(result, folder, times)
+        if as_json:
+            print_json({"status": "done", "out": folder, "files": [str(f) for f in files]})
+        elif not quiet:
+            for file in files:
+                typer.echo(str(file))
 
 
 def _line(run: Any, body: str, file: Path, fields: tuple[str, ...], times: int) -> str:

@@ -3,8 +3,6 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from sparsemor.core.arrays import IntArray
 from sparsemor.core.errors import Gather, InputError
 from sparsemor.core.registry import near
@@ -30,11 +28,15 @@ def plan_export(
     at: Sequence[float] | None, every: int,
 ) -> ExportPlan:
     """Raises InputError with every fault found."""
+    if not run.bodies:
+        raise InputError("no body of this run has a mesh: there are no points to write")
+    if len(run.times) == 0:
+        raise InputError("the run has no stored step yet")
     gather = Gather()
     gather("format", _known, format, FORMATS, "format", "formats")
     chosen = gather("body", _bodies, run, bodies)
     wanted = gather("fields", _fields, fields)
-    steps = gather("at", stored_steps, run, at)
+    steps = gather("at", run.steps_at, at)
     gather("every", _thinning, every, at)
     found = None
     if chosen is not None and wanted is not None:
@@ -42,25 +44,6 @@ def plan_export(
     gather.check()
     assert steps is not None and found is not None
     return ExportPlan(format, steps[::every], *found)
-
-
-def stored_steps(run: RunResult, at: Sequence[float] | None) -> IntArray:
-    """(j,) stored steps next to the times `at` (s), each once, increasing; None: all of them.
-
-    Raises InputError for times outside the run.
-    """
-    times = run.times
-    if len(times) == 0:
-        raise InputError("the run has no stored step yet")
-    if at is None:
-        return np.arange(len(times))
-    first, last = float(times[0]), float(times[-1])
-    slack = 1e-9 * max(abs(first), abs(last))
-    outside = [t for t in at if not first - slack <= t <= last + slack]
-    if outside or not at:
-        given = ", ".join(f"{t:g}" for t in outside) or "none"
-        raise InputError(f"give times within the run, {first:g} to {last:g} s (given: {given})")
-    return np.unique([int(np.argmin(np.abs(times - t))) for t in at])
 
 
 def _known(name: str, names: Sequence[str], one: str, many: str) -> None:
@@ -78,8 +61,6 @@ def _each(names: Sequence[str], known: Sequence[str], one: str, many: str) -> No
 
 
 def _bodies(run: RunResult, bodies: Sequence[str] | None) -> list[str]:
-    if not run.bodies:
-        raise InputError("no body of this run has a mesh: there are no points to write")
     if bodies is not None:
         _each(bodies, run.bodies, "body with a mesh", "bodies with a mesh")
     return list(dict.fromkeys(run.bodies if bodies is None else bodies))

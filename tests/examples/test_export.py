@@ -1,4 +1,4 @@
-"""Exported runs, read back by other programs' readers, and what is refused before it is written."""
+"""Exported runs, read back by other programs' readers, pictures, and what is refused."""
 
 import json
 import subprocess
@@ -191,11 +191,33 @@ def test_one_time_is_held_in_memory(
     assert set(asked) == {1}
 
 
+def test_nothing_to_write(tmp_path: Path) -> None:
+    bare = {"use": "rigid", "mass": 1.0, "inertia": 0.1}
+    (tmp_path / "bob.yaml").write_text(json.dumps({
+        "format": 1, "bodies": {"bob": bare}, "time": {"end": 1e-3, "step": 1e-3}}))
+    made = simulate(load(tmp_path / "bob.yaml"), out=tmp_path / "run")
+    with pytest.raises(InputError) as caught:
+        export(made, tmp_path / "files")
+    assert str(caught.value) == "no body of this run has a mesh: there are no points to write"
+
+
 def test_bad_commands(tmp_path: Path) -> None:
     nowhere = sparsemor("export", tmp_path / "nowhere", code=2)
     assert nowhere.stderr == f"there is no result in {tmp_path / 'nowhere'}\n"
     shown = json.loads(sparsemor("export", tmp_path, "--json", code=2).stdout)
     assert shown["status"] == "bad_input"
+
+
+def test_pictures_of_a_stored_run(run: RunResult, tmp_path: Path) -> None:
+    folder = tmp_path / "drawn"
+    shown = json.loads(sparsemor(
+        "pictures", run.path, "--at", "0.002", "--out", folder, "--json").stdout)
+    assert {Path(f).name for f in shown["files"]} == {p.name for p in folder.iterdir()}
+    assert {"temperature_bar.png", "deformation_bar.svg", "positions.png", "angles.png"} <= {
+        p.name for p in folder.iterdir()}
+    bad = sparsemor("pictures", run.path, "--at", "1", "--out", tmp_path / "no", code=2)
+    assert bad.stderr == "--at: give times within the run, 0 to 0.005 s (given: 1)\n"
+    assert not (tmp_path / "no").exists()
 
 
 def test_a_fixed_frame_is_where_the_scene_put_it(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from sparsemor.core.charts import FORMATS, write_run_charts
-from sparsemor.core.charts.deformation import magnification
+from sparsemor.core.charts.fields import magnification
 from sparsemor.core.compare import Comparison, compare
 from sparsemor.core.error_measures import common_steps, measure_errors
 from sparsemor.core.errors import InputError

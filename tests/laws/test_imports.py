@@ -7,7 +7,7 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 FOLDERS = ("core", "bodies", "integrators", "reducers", "plugins")
-HEAVY = {"skfem", "matplotlib", "meshio", "zarr", "xarray", "rich"}
+HEAVY = {"skfem", "matplotlib", "meshio", "zarr", "xarray", "rich", "pyvista"}
 CONTRACTS = ROOT / "core" / "protocols.py"  # one file on purpose: it is read as a whole
 FILES = sorted(p for folder in FOLDERS for p in (ROOT / folder).rglob("*.py"))
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core.charts.angles import angles_figure
 from sparsemor.core.charts.contact_forces import contact_forces_figure
 from sparsemor.core.charts.positions import moving_bodies, positions_figure
 from sparsemor.core.charts.style import save
@@ -104,6 +105,25 @@ def test_motion_that_was_solved_for_is_drawn_in_scenes_with_contact() -> None:
     solved.scene = {"contacts": {"sole": {}}}
     times, pose = moving_bodies(solved)["slider"]
     assert times is TIMES and pose[-1, 0] == 3.0 and set(moving_bodies(solved)) == {"slider"}
+
+
+def test_a_disk_that_follows_its_stage_has_the_stages_speed() -> None:
+    """As Fig. 17: linear braking, 66.667 rad/s less 51.087 t; its frame has four coordinates."""
+    t = np.linspace(0.0, 1.2, 1201)
+    zero = np.zeros(1201)
+    pose = np.stack([zero, zero, zero, 66.667 * t - 0.5 * 51.087 * t**2], axis=1)
+    rate = np.stack([zero, zero, zero, 66.667 - 51.087 * t], axis=1)
+    disk = FrameHistory(t, pose, rate, 0.0 * rate)
+    run = Followed(Stage(t, {"disk": disk}, frozenset({"disk"}), {}, {}))
+    run.layout = Layout([Block("disk", "thermal", 2)])
+    figure = angles_figure(run, {}, "full")
+    assert figure is not None
+    angle, speed = (np.asarray(axes.lines[0].get_ydata()) for axes in figure.axes)
+    assert angle[-1] == pytest.approx(43.22, abs=0.01)
+    assert speed[-1] == pytest.approx(5.36, abs=0.01)
+    assert figure.axes[1].get_ylabel() == "angular speed (rad/s)"
+    moved = positions_figure(moving_bodies(run))
+    assert moved is not None and [a.get_ylabel() for a in moved.axes] == ["turned (rad)"]
 
 
 def test_pictures_show_something(tmp_path: Path) -> None:

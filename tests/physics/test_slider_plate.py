@@ -172,7 +172,7 @@ def test_pictures(tmp_path: Path, cache: Cache) -> None:
                          tmp_path / "pictures", formats=["png"])
     assert {f.stem for f in files} == {
         "contact_forces", "positions", "deformation", "temperature", "error_over_time",
-        "work_precision", "active_atoms_sparse"}
+        "work_precision", "active_atoms_sparse", "probe_displacement", "probe_temperature"}
 
 
 @pytest.mark.slow
