@@ -10,7 +10,9 @@ import pytest
 from sparsemor.bodies.contact.spatial.part import SpatialContact
 from sparsemor.bodies.spatial import rotation as rot
 from sparsemor.core.arrays import FloatArray
+from sparsemor.core.assemble import assemble
 from sparsemor.core.cache import Cache
+from sparsemor.core.model import Model
 from sparsemor.core.simulate import simulate
 from sparsemor.core.stage import FrameHistory
 from sparsemor.core.status import SolveFailed, Status
@@ -220,6 +222,41 @@ def test_an_elastic_column_on_another_sinks_by_all_three_springs() -> None:
     assert sunk == pytest.approx(pressure / K + 2 * pressure * side / E, rel=1e-8)
     u = found.block("lower.elastic")[-1]
     assert u[2::3].min() == pytest.approx(-pressure * side / E, rel=1e-8)  # a patch test
+
+
+def warm(frame: str) -> Model:
+    """A hot block on a cold plate, with conductance and friction."""
+    hot = {"fields": ["thermal"], "reference_temperature": 0.0,
+           "material": {"rho": 7800.0, "k": 45.0, "c": 480.0}}
+    return assemble(scene_of({
+        "bodies": {"block": brick(LOW, SIZE, (2, 1, 1), frame=frame) | hot,
+                   "plate": brick((-0.1, -0.1, -0.1), (0.2, 0.2, 0.1), (3, 2, 1),
+                                  frame="fixed") | hot},
+        "contacts": {"sole": {
+            "use": "polygonal", "between": ["block:bottom", "plate:top"],
+            "friction": {"use": "coulomb", "coefficient": 0.3, "critical_velocity": 0.01},
+            "normal": {"use": "elastic_foundation", "stiffness": 1e10},
+            "heat": {"conductance": 5e3}}},
+        "time": {"end": 1.0, "step": 1.0}}))
+
+
+def test_conduction_along_a_known_motion_is_that_of_the_same_place() -> None:
+    """The term with told frames against the term whose frames are unknowns, at one place."""
+    moving, told = warm("floating"), warm("fixed")
+    pose = np.array([0.06, 0.02, -1e-6, *rot.about([0, 0, 1], 0.4)])
+    part = told.parts["sole"]
+    assert isinstance(part, SpatialContact)
+    still = np.stack([pose, pose])
+    motion = {"block": FrameHistory(np.array([0.0, 2.0]), still, np.ones((2, 7)), 0 * still)}
+    (term,) = part.conduction(told.layout, motion)
+    (free,) = moving.parts["sole"].terms(moving.layout, moving.parts)
+    T = 100.0 * np.random.default_rng(0).random(len(term.columns))
+    zero, v = np.zeros(len(T)), np.zeros(len(free.columns))
+    r = term.residual(T, zero, zero, 1.0)
+    want = free.residual(np.concatenate([pose, T]), v, 0 * v, 0.0)[7:]
+    assert np.abs(want).max() > 1.0
+    assert r == pytest.approx(want, abs=1e-12 * np.abs(want).max())
+    assert abs(r.sum()) < 1e-12 * np.abs(r).sum()
 
 
 def test_layers_in_a_row_carry_the_heat_of_their_resistances() -> None:

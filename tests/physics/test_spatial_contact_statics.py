@@ -1,4 +1,4 @@
-"""Contact in space at given positions: closed forms, Newton's third law, the plane, the brake."""
+"""Contact in space at given positions: closed forms, Newton's third law, the plane."""
 
 from pathlib import Path
 from typing import Any
@@ -10,10 +10,7 @@ from sparsemor.bodies.contact.part import ContactPart
 from sparsemor.bodies.contact.spatial.meetings import AT_ONCE
 from sparsemor.bodies.contact.spatial.part import SpatialContact
 from sparsemor.bodies.mesh.block import Block
-from sparsemor.bodies.mesh.disk import Disk
-from sparsemor.bodies.mesh.pad import Pad
 from sparsemor.bodies.spatial import rotation as rot
-from sparsemor.core.arrays import FloatArray
 from sparsemor.core.assemble import assemble
 from sparsemor.core.mesh import Mesh
 from sparsemor.core.plugin import Plugin
@@ -253,48 +250,6 @@ def test_a_plane_problem_in_space_has_the_resultants_of_the_plane() -> None:
     for name in ("normal", "friction", "power", "pressure"):
         assert b[name] == pytest.approx(a[name], rel=1e-9), name
     assert b["area"] == pytest.approx(a["length"], rel=1e-12)
-
-
-@pytest.mark.parametrize("refine", [1.0, 1.5])
-def test_the_pad_on_the_disk_brakes_with_the_mean_radius_of_the_contact(refine: float) -> None:
-    """scenes.md, section 3: 1440.0 N m at 5.078 MPa on the smooth outline; here the polygon's."""
-    mu, p, K_pad = 0.7, 5.078e6, 3.1e11
-    part = contact_of(
-        Pad(bottom=0.013, refine=refine), "bottom", plate=Disk(), fields=("thermal",), heat={},
-        normal={"use": "elastic_foundation", "stiffness": K_pad},
-        friction={"use": "coulomb", "coefficient": mu, "critical_velocity": 0.05})
-    angle, spin = np.linspace(0.0, 2.0, 3), 66.667
-    turns = np.stack([rot.about([0, 0, 1], a) for a in angle])
-    motion = {"thing": history_of([0.0, 0.0, -p / K_pad], np.tile(UPRIGHT, (3, 1))),
-              "plate": history_of([0.0, 0.0, 0.0], turns, spin=[0.0, 0.0, spin])}
-    area, mean = mean_radius(part.first.X[part.first.facets])
-    found = part.history(motion)
-    assert found["area"] == pytest.approx(np.full(3, area), rel=1e-12)
-    assert found["normal"] == pytest.approx(np.full(3, p * area), rel=1e-9)
-    torque = mu * p * area * mean
-    assert found["power"] == pytest.approx(np.full(3, torque * spin), rel=1e-7)
-    loads = part.imported(motion)
-    disk = loads["plate"]
-    got = np.cross(part.second.body.X[disk.nodes], disk.force).sum(axis=1)[:, 2]
-    assert got == pytest.approx(np.full(3, -torque), rel=1e-6)
-    assert torque == pytest.approx(1440.0, rel=0.01 / refine**2)
-    heat = [load.heat.sum(axis=1) for load in loads.values()]
-    assert heat[0] + heat[1] == pytest.approx(found["power"], rel=1e-12)
-
-
-def mean_radius(corners: FloatArray) -> tuple[float, float]:
-    """Area (m2) of plane triangles (F, 3, 3), and the mean distance (m) from the z axis on it, by
-    the middles of 4^5 parts of each."""
-    for _ in range(5):
-        m = 0.5 * (corners + np.roll(corners, -1, axis=1))
-        a = corners
-        corners = np.concatenate([
-            np.stack([a[:, 0], m[:, 0], m[:, 2]], 1), np.stack([m[:, 0], a[:, 1], m[:, 1]], 1),
-            np.stack([m[:, 2], m[:, 1], a[:, 2]], 1), m])
-    area = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0],
-                                         corners[:, 2] - corners[:, 0]), axis=1)
-    radius = np.hypot(*corners.mean(axis=1)[:, :2].T)
-    return float(area.sum()), float(area @ radius / area.sum())
 
 
 def test_many_times_are_evaluated_a_few_at_once() -> None:
