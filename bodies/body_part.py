@@ -1,106 +1,42 @@
 """A built planar body: its numbers, and what joints and loads may ask of it."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from sparsemor.bodies.body_terms import elastic_term, film_term, inertia_term, thermal_term
-from sparsemor.bodies.fields import Elasticity, Heat
+from sparsemor.bodies.body import Body
+from sparsemor.bodies.body_terms import inertia_term
 from sparsemor.bodies.frame_term import FrameEquations, FrameTerm
-from sparsemor.bodies.linear_term import LinearTerm
 from sparsemor.bodies.planar.frame import PlanarFrame
 from sparsemor.bodies.planar.items import Attachment, BodyForce, Item, SpaceForce
-from sparsemor.bodies.separate import heat_body, moving_body
-from sparsemor.bodies.table_term import TableTerm, surface_terms
-from sparsemor.core.arrays import Csr, FloatArray, IntArray
-from sparsemor.core.errors import InputError
-from sparsemor.core.layout import Block, Layout
-from sparsemor.core.mesh import Mesh
-from sparsemor.core.model import ProbePlace
-from sparsemor.core.protocols import Part, Term, TimeFunction
-from sparsemor.core.run_header import BodyShape
-from sparsemor.core.separable import Amplitude, HeatBody, MovingBody
-from sparsemor.core.stage import FrameHistory, SurfaceLoads
+from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core.layout import Layout
+from sparsemor.core.protocols import Term
+from sparsemor.core.separable import Amplitude
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class PlanarBody:
-    """One body in the plane.
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class PlanarBody(Body):
+    """One body in the plane (see `Body`).
 
-    X (N,) complex reference points, m (body frame); mass_matrix (N, N) scalar, kg, or None for a
-    rigid body given by numbers; pose (R_x, R_y, theta), velocity its rates at the start;
-    moves: False when the frame stays where the pose puts it, or follows `guide`: a motion that is
-    given. T0, T_ref (N,) K.
+    X (N,) complex; pose (R_x, R_y, theta). mass, kg; moment = sum m X, kg m; inertia about the
+    frame origin, kg m^2.
     """
 
-    name: str
-    X: Any
     mass: float
     moment: complex
     inertia: float
-    pose: FloatArray
-    velocity: FloatArray
-    moves: bool
-    points: Mapping[str, IntArray]
-    mesh: Mesh | None = None
-    thickness: float = 1.0
-    mass_matrix: Csr | None = None
-    elasticity: Elasticity | None = None
-    heat: Heat | None = None
-    T0: FloatArray | None = None
-    T_ref: FloatArray | None = None
-    guide: FrameHistory | None = None
 
     @property
-    def idle(self) -> bool:
-        """Whether a force on it can do nothing: it neither moves nor deforms."""
-        return not self.moves and self.elasticity is None and self.guide is None
+    def coordinates(self) -> FloatArray:
+        return np.stack([self.X.real, self.X.imag], axis=1)
 
-    def guided(self, motion: FrameHistory) -> "PlanarBody":
-        """The same body with a frame that follows a given motion and costs no unknowns."""
-        return replace(self, moves=False, guide=motion)
-
-    # ------------------------------------------------------------------ unknowns
-
-    def blocks(self) -> Sequence[Block]:
-        sizes = {
-            "rigid": 3 if self.moves else 0,
-            "elastic": 0 if self.elasticity is None else len(self.elasticity.free),
-            "thermal": 0 if self.heat is None else len(self.heat.free),
-        }
-        return [Block(self.name, f, n) for f, n in sizes.items()]  # type: ignore[arg-type]
-
-    def initial(self) -> Mapping[str, tuple[FloatArray, FloatArray]]:
-        """Block name -> (x, v) at the start: undeformed, at the given pose and temperature."""
-        values = {f"{self.name}.rigid": (self.pose, self.velocity)}
-        if self.elasticity is not None:
-            zero = np.zeros(len(self.elasticity.free))
-            values[f"{self.name}.elastic"] = (zero, zero)
-        if self.heat is not None and self.T0 is not None:
-            T = self.T0[self.heat.free]
-            values[f"{self.name}.thermal"] = (T, np.zeros_like(T))
-        return values
-
-    # ------------------------------------------------------------------ its own terms
-
-    def terms(self, layout: Layout, parts: Mapping[str, Part]) -> Sequence[Term]:
-        terms: list[Term] = []
-        if self.moves or self.elasticity is not None:
-            terms.append(inertia_term(self, layout))
-        if self.elasticity is not None:
-            terms.append(elastic_term(self, layout, self.elasticity))
-        if self.heat is not None:
-            terms.append(thermal_term(self, layout, self.heat))
-        return terms
+    def frame_terms(self, layout: Layout) -> list[Term]:
+        return [inertia_term(self, layout)] if self.moves or self.elasticity is not None else []
 
     # ------------------------------------------------------------------ for joints and loads
-
-    def position(self, layout: Layout, field: str) -> IntArray:
-        """Global numbers of one of its blocks (empty when the body does not have it)."""
-        name = f"{self.name}.{field}"
-        return np.arange(layout.size)[layout[name]] if name in layout else np.zeros(0, np.int64)
 
     def frame_term(
         self, layout: Layout, item: Item, vectors: Sequence[Any],
@@ -164,89 +100,6 @@ class PlanarBody:
             # least-squares rotation of the set: sum w (i arm) . u / sum w |arm|^2
             vectors += (weights * 1j * arm / size if size > 0 else np.zeros_like(self.X),)
         return Attachment(point, turns), vectors
-
-    def heat_term(
-        self, layout: Layout, vector: FloatArray, amplitude: Amplitude, film: Csr | None = None
-    ) -> LinearTerm:
-        """Nodal heat vector (N,) W times an amplitude, and a film matrix (N, N) W/K."""
-        assert self.heat is not None
-        return film_term(self.name, self.position(layout, "thermal"), self.heat, vector, amplitude,
-                         film)
-
-    def surface_loads(
-        self, layout: Layout, source: str, loads: SurfaceLoads, times: FloatArray
-    ) -> Sequence[Term]:
-        """What moves over its surface, at times (T,), s, as terms of each of its fields."""
-        return surface_terms(self, layout, source, loads, times)
-
-    # ------------------------------------------------------------------ for assembly
-
-    def claims(self, layout: Layout, term: Term) -> bool:
-        """Whether `mechanics` or `heat_equations` accounts for this term."""
-        if isinstance(term, FrameTerm | LinearTerm | TableTerm):
-            return term.body == self.name
-        at = self.position(layout, "thermal")
-        inside = [len(r) and len(at) and r.min() >= at[0] and r.max() <= at[-1]
-                  for r in (term.rows, term.columns)]
-        return all(inside)
-
-    def mechanics(self, layout: Layout, terms: Sequence[Term]) -> MovingBody | None:
-        return moving_body(self, layout, terms)
-
-    def heat_equations(self, layout: Layout, terms: Sequence[Term]) -> HeatBody | None:
-        return heat_body(self, layout, terms)
-
-    def geometry(self) -> Mapping[str, tuple[FloatArray, IntArray]]:
-        """Reducible block name -> node coordinates (n, 2) and component (n,) of its unknowns."""
-        points = np.stack([self.X.real, self.X.imag], axis=1)
-        found = {}
-        if self.elasticity is not None:
-            free = self.elasticity.free
-            found[f"{self.name}.elastic"] = (points[free // 2], free % 2)
-        if self.heat is not None:
-            found[f"{self.name}.thermal"] = (points[self.heat.free], 0 * self.heat.free)
-        return found
-
-    def shape(self) -> BodyShape | None:
-        """What a result keeps of it, None for a body without a mesh."""
-        if self.mesh is None:
-            return None
-        e, h = self.elasticity, self.heat
-        held = None if h is None or not h.prescribed else self.T0
-        if held is not None and h is not None:
-            held = held.copy()
-            for nodes, function in h.prescribed:
-                held[nodes] = function.value(0.0)
-        return BodyShape(self.mesh.points, self.mesh.cells, None if e is None else e.free,
-                         None if h is None else h.free, None, held, self.pose)
-
-    def probe(self, name: str, at: str | Sequence[float]) -> ProbePlace:
-        """A material point: the mean of a named set, or the node nearest to body coordinates."""
-        weights, point = self._probed(at)
-        displacement = temperature = None
-        given: tuple[tuple[float, TimeFunction], ...] = ()
-        if self.elasticity is not None:
-            rows = np.zeros((2 * len(self.X), 2))
-            rows[0::2, 0] = rows[1::2, 1] = weights
-            displacement = rows[self.elasticity.free]
-        if self.heat is not None:
-            temperature = weights[self.heat.free]
-            given = tuple((float(weights[n].sum()), f) for n, f in self.heat.prescribed)
-        return ProbePlace(name, self.name, np.array([point.real, point.imag]), displacement,
-                          temperature, given, self.pose, self.guide)
-
-    def _probed(self, at: str | Sequence[float]) -> tuple[FloatArray, complex]:
-        weights = np.zeros(len(self.X))
-        if isinstance(at, str):
-            if at not in self.points:
-                raise InputError(f"body {self.name!r} has no set {at!r}; it has "
-                                 f"{', '.join(sorted(self.points)) or 'none'}", "at")
-            weights[self.points[at]] = 1.0 / len(self.points[at])
-        elif self.mesh is None:  # a rigid body is the same everywhere
-            return weights, complex(at[0], at[1])
-        else:
-            weights[np.argmin(np.abs(self.X - complex(at[0], at[1])))] = 1.0
-        return weights, complex(weights @ self.X)
 
     # ------------------------------------------------------------------ where points are
 

@@ -17,7 +17,7 @@ from sparsemor.core.layout import Layout
 from sparsemor.core.separable import Amplitude
 
 if TYPE_CHECKING:
-    from sparsemor.bodies.any_body import AnyBody
+    from sparsemor.bodies.body import Body
     from sparsemor.bodies.body_part import PlanarBody
 
 J2 = np.array([[0.0, -1.0], [1.0, 0.0]])
@@ -39,7 +39,7 @@ def inertia_term(body: PlanarBody, layout: Layout) -> FrameTerm:
     return replace(term, equations=replace(term.equations, Q=Q, V=Q))
 
 
-def elastic_term(body: AnyBody, layout: Layout, e: Elasticity) -> LinearTerm:
+def elastic_term(body: Body, layout: Layout, e: Elasticity) -> LinearTerm:
     """Stiffness, damping and thermal forces of the free displacements."""
     F, Kt = e.free, e.coupling[e.free]
     rows = body.position(layout, "elastic")
@@ -64,7 +64,7 @@ def elastic_term(body: AnyBody, layout: Layout, e: Elasticity) -> LinearTerm:
         np.stack(loads, axis=1) if loads else np.zeros((len(F), 0)), tuple(amplitudes)))
 
 
-def thermal_term(body: AnyBody, layout: Layout, h: Heat) -> LinearTerm:
+def thermal_term(body: Body, layout: Layout, h: Heat) -> LinearTerm:
     """Conduction and capacity of the free temperatures."""
     rows, free = body.position(layout, "thermal"), h.free
     loads: list[FloatArray] = []

@@ -20,10 +20,10 @@ from sparsemor.core.mesh import Mesh
 from sparsemor.core.separable import Amplitude
 
 if TYPE_CHECKING:
-    from sparsemor.bodies.any_body import AnyBody
+    from sparsemor.bodies.body import Body
 
 
-def elastic_integrals(body: AnyBody) -> ElasticIntegrals:
+def elastic_integrals(body: Body) -> ElasticIntegrals:
     """Internal forces of the free displacements: the terms of `body_terms.elastic_term`."""
     e, mesh = body.elasticity, body.mesh
     assert e is not None and e.law is not None and mesh is not None
@@ -47,7 +47,7 @@ def elastic_integrals(body: AnyBody) -> ElasticIntegrals:
     return ElasticIntegrals(stiffness, coupling, _columns(rows, n, given), tuple(amplitudes))
 
 
-def heat_integrals(body: AnyBody) -> HeatIntegrals:
+def heat_integrals(body: Body) -> HeatIntegrals:
     """Heat balance of the free temperatures: the terms of `body_terms.thermal_term`."""
     h, mesh = body.heat, body.mesh
     assert h is not None and h.constants is not None and mesh is not None

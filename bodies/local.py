@@ -1,6 +1,7 @@
 """A local term under trial and test maps: only the elements at its kept rows are visited."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -55,6 +56,21 @@ class CompressedLocal:
         told = getattr(self.term, "doubt", None)
         T = self.atoms
         return "" if told is None else str(told(self.offset + T @ x, T @ v, t, h))
+
+    @property
+    def source(self) -> str:
+        return str(getattr(self.term, "source", ""))
+
+    @property
+    def histories(self) -> tuple[str, ...]:
+        """What of the term's resultants is known where only its kept elements are visited."""
+        return tuple(getattr(self.term, "histories", ()))
+
+    def resultants(self, x: FloatArray, v: FloatArray, t: float) -> dict[str, float]:
+        """Those of the term itself."""
+        term: Any = self.term
+        found: dict[str, float] = term.resultants(self.offset + self.atoms @ x, self.atoms @ v, t)
+        return found
 
     def _spread(self, c: FloatArray) -> FloatArray | None:
         """The factor of each of the term's columns, None when atoms of different ones mix in it."""

@@ -21,10 +21,10 @@ from sparsemor.core.separable import Amplitude, ElasticOperators, HeatBody, Movi
 from sparsemor.core.tables import LoadTable
 
 if TYPE_CHECKING:
-    from sparsemor.bodies.any_body import AnyBody
+    from sparsemor.bodies.body import Body
 
 
-def moving_body(body: AnyBody, layout: Layout, terms: Sequence[Term]) -> MovingBody | None:
+def moving_body(body: Body, layout: Layout, terms: Sequence[Term]) -> MovingBody | None:
     """The mechanical equations of one body as constant matrices and one frame kernel.
 
     None when the body neither moves nor deforms.
@@ -52,7 +52,7 @@ def moving_body(body: AnyBody, layout: Layout, terms: Sequence[Term]) -> MovingB
     )
 
 
-def _to_border(body: AnyBody, layout: Layout, frames: Sequence[FrameTerm]) -> FloatArray:
+def _to_border(body: Body, layout: Layout, frames: Sequence[FrameTerm]) -> FloatArray:
     """(b, N): rigid coordinates, its own and those that its joints read, and attachment forces
     from rigid blocks and multipliers."""
     n_rigid = sum(b.size for b in layout if b.field == "rigid")
@@ -73,7 +73,7 @@ def _to_border(body: AnyBody, layout: Layout, frames: Sequence[FrameTerm]) -> Fl
 
 
 def _operators(
-    body: AnyBody, layout: Layout, frames: Sequence[FrameTerm], inertia: FrameTerm,
+    body: Body, layout: Layout, frames: Sequence[FrameTerm], inertia: FrameTerm,
     terms: Sequence[Term], elastic: IntArray,
 ) -> ElasticOperators:
     """frames: what acts through the frame; inertia: one of them, unless the frame is at rest."""
@@ -104,7 +104,7 @@ def _operators(
     )
 
 
-def heat_body(body: AnyBody, layout: Layout, terms: Sequence[Term]) -> HeatBody | None:
+def heat_body(body: Body, layout: Layout, terms: Sequence[Term]) -> HeatBody | None:
     """The thermal equations of one body; local terms are kept as they are."""
     thermal = body.position(layout, "thermal")
     if not len(thermal):

@@ -16,7 +16,7 @@ from sparsemor.core.stage import SurfaceLoads
 from sparsemor.core.tables import LoadTable, Table
 
 if TYPE_CHECKING:
-    from sparsemor.bodies.body_part import PlanarBody
+    from sparsemor.bodies.body import Body
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,7 +79,7 @@ class TableTerm:
 
 
 def surface_terms(
-    body: PlanarBody, layout: Layout, source: str, loads: SurfaceLoads, times: FloatArray
+    body: Body, layout: Layout, source: str, loads: SurfaceLoads, times: FloatArray
 ) -> Sequence[TableTerm]:
     """Forces on the elastic and heat on the thermal unknowns of the loaded nodes.
 
@@ -88,10 +88,11 @@ def surface_terms(
     names = [f"{source}, node {n}" for n in loads.nodes.tolist()]
     terms: list[TableTerm] = []
     if body.elasticity is not None:
-        dofs = (2 * loads.nodes[:, None] + np.arange(2)).ravel()
+        d = loads.force.shape[2]
+        dofs = (d * loads.nodes[:, None] + np.arange(d)).ravel()
         force = loads.force.reshape(len(times), -1)
         terms += _term(body, layout, "elastic", body.elasticity.free, dofs, source,
-                       [f"{n}, {axis}" for n in names for axis in "xy"], Table(times, force))
+                       [f"{n}, {axis}" for n in names for axis in "xyz"[:d]], Table(times, force))
     if body.heat is not None:
         terms += _term(body, layout, "thermal", body.heat.free, loads.nodes, source, names,
                        Table(times, loads.heat))
@@ -99,7 +100,7 @@ def surface_terms(
 
 
 def _term(
-    body: PlanarBody, layout: Layout, field: str, free: IntArray, places: IntArray, source: str,
+    body: Body, layout: Layout, field: str, free: IntArray, places: IntArray, source: str,
     names: Sequence[str], table: Table,
 ) -> Sequence[TableTerm]:
     """Column i of the table acts on place number places[i] of a field; where that is no unknown

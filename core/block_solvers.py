@@ -1,8 +1,8 @@
 """Which linear solver serves which block of a model, and what each of them did."""
 
 import time
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
 
 from sparsemor.core.arrays import Csr, FloatArray
 from sparsemor.core.choose import chosen
@@ -59,6 +59,11 @@ class BlockSolvers:
         one.count += 1
         one.seconds += seconds
         one.memory = max(one.memory, made.memory)
+
+
+def told_in(phase: str, log: Iterable[Factored]) -> list[Factored]:
+    """The same, made in another phase of the run."""
+    return [replace(f, purpose=f"{phase}, {f.purpose}") for f in log]
 
 
 def solved(

@@ -4,7 +4,9 @@ import hashlib
 import json
 import logging
 import os
+import platform
 import shutil
+import tempfile
 import uuid
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -18,6 +20,7 @@ Arrays = Mapping[str, NDArray[Any]]
 
 _MAPPED_BYTES = 2**24
 _MANIFEST = "manifest.json"
+_SCRATCH = ".scratch."
 _log = logging.getLogger(__name__)
 
 
@@ -94,7 +97,11 @@ def _save(place: Path, arrays: Arrays) -> None:
     try:
         files = {name: f"{i:03d}.npy" for i, name in enumerate(arrays)}
         for name, file in files.items():
-            np.save(fresh / file, arrays[name], allow_pickle=False)
+            written = _scratch_file(arrays[name])
+            if written is None:
+                np.save(fresh / file, arrays[name], allow_pickle=False)
+            else:
+                shutil.move(written, fresh / file)
         (fresh / _MANIFEST).write_text(json.dumps(files), encoding="utf-8")
         try:
             os.rename(fresh, place)
@@ -103,6 +110,42 @@ def _save(place: Path, arrays: Arrays) -> None:
                 raise
     finally:
         shutil.rmtree(fresh, ignore_errors=True)
+
+
+def scratch_folder(root: Path | None) -> Path:
+    """A folder beside the cache's entries, or for temporary files, that nobody else writes to.
+
+    A process that was killed leaves its own behind: those of processes that are gone are removed.
+    """
+    if root is None:
+        return Path(tempfile.mkdtemp(prefix=_SCRATCH))
+    host = platform.node().replace(".", "-")
+    for old in root.glob(f"{_SCRATCH}{host}.*"):
+        pid = old.name.split(".")[3]
+        if pid.isdigit() and not _alive(int(pid)):
+            shutil.rmtree(old, ignore_errors=True)
+    place = root / f"{_SCRATCH}{host}.{os.getpid()}.{uuid.uuid4().hex}"
+    place.mkdir(parents=True)
+    return place
+
+
+def _alive(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    except OSError:
+        pass
+    return True
+
+
+def _scratch_file(array: NDArray[Any]) -> str | None:
+    """The file of an array that was written to a scratch folder as a whole."""
+    name = getattr(array, "filename", None)
+    if name is None or not Path(name).parent.name.startswith(_SCRATCH):
+        return None
+    whole = getattr(array, "offset", 0) + array.nbytes == os.stat(name).st_size
+    return str(name) if whole else None
 
 
 def _load(place: Path) -> dict[str, NDArray[Any]]:

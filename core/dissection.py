@@ -38,6 +38,14 @@ def dissect(A: Csr, places: Places) -> Dissection:
     return Dissection(np.argsort(position[node], kind="stable"), int(entries))
 
 
+def expected_entries(A: Csr, places: Places | None) -> int:
+    """Entries of the Cholesky factor; without positions a cautious guess for a compact body."""
+    if places is not None:
+        return dissect(A, places).entries
+    n = A.shape[0]
+    return int(min(n * (n + 1) / 2, 2 * n**1.6))
+
+
 def node_numbers(places: Places) -> IntArray:
     """(n,) number of each unknown's node: a new one where components start again."""
     new = np.ones(len(places.component), dtype=np.bool_)

@@ -4,12 +4,13 @@ import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, fields, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.assemble import assemble
+from sparsemor.core.block_solvers import told_in
 from sparsemor.core.cache import Cache, digest
 from sparsemor.core.hooks import Manager, RunStart, new_manager
 from sparsemor.core.initial import consistent_state
@@ -17,8 +18,12 @@ from sparsemor.core.model import Model, StepFactors
 from sparsemor.core.products import Products
 from sparsemor.core.protocols import Basis, BlockData, Dictionary, Integrator, State, StepSolver
 from sparsemor.core.scene import Scene
+from sparsemor.core.snapshots import SnapshotWriter, stretches
 from sparsemor.core.status import SolveFailed
 from sparsemor.core.step_control import controlled, step_of
+
+if TYPE_CHECKING:
+    from sparsemor.core.estimate import Estimate
 
 TRAINING = "training run"
 """How the detail of a failure begins that happened in the training run."""
@@ -40,7 +45,7 @@ class Offline:
     """What reducers are prepared from, kept among its `products`.
 
     snapshots(name) (n, M): unknowns of a block over the training run, in columns; recording: how
-    they were taken, None when they were given.
+    they were taken, None when they were given; expected: what a run will hold in memory, once told.
     """
 
     def __init__(
@@ -51,6 +56,7 @@ class Offline:
         self._snapshots: Mapping[str, FloatArray] | None = None
         self.manager, self.recording = manager or new_manager(), recording
         self.products = Products(cache)
+        self.expected: Estimate | None = None
 
     @classmethod
     def of(cls, model: Model, snapshots: Mapping[str, FloatArray]) -> "Offline":
@@ -69,6 +75,11 @@ class Offline:
         """Arrays of one product: from the cache, or made and kept there."""
         key = "" if self.products.cache is None else digest(self._key, *depends)
         return self.products.remember(kind, key, make)
+
+    def has(self, kind: str, depends: Sequence[Any] = ()) -> bool:
+        """Whether a product is in the cache."""
+        cache = self.products.cache
+        return cache is not None and cache.place(kind, digest(self._key, *depends)).exists()
 
     def serving(self, model: Model) -> "Offline":
         """The same products for another model of the same scene."""
@@ -119,12 +130,13 @@ def largest_coefficient(d: Dictionary, snapshots: FloatArray) -> float:
     A, k = d.atoms, d.atoms.shape[1]
     if not snapshots.size or not k:
         return 0.0
-    S = snapshots - d.offset[:, None]
-    if k <= len(A) and np.abs(A.T @ A - np.eye(k)).max() < 1e-8:
-        return float(np.abs(A.T @ S).max())
-    from numpy.linalg import lstsq
-
-    return float(np.abs(lstsq(A, S, rcond=None)[0]).max())
+    orthonormal = k <= len(A) and np.abs(A.T @ A - np.eye(k)).max() < 1e-8
+    top = 0.0
+    for _, values in stretches(snapshots):
+        S = values - d.offset[:, None]
+        c = A.T @ S if orthonormal else np.linalg.lstsq(A, S, rcond=None)[0]
+        top = max(top, float(np.abs(c).max()))
+    return top
 
 
 def offline_of(scene: Scene, model: Model, cache: Cache, manager: Manager) -> Offline:
@@ -159,18 +171,29 @@ def train(
 
         model = staged(scene, products or Products(None), manager)
     h, steps = scene.time.step, step_count(scene)
-    every = scene.training.every
+    every, products = scene.training.every, products or Products(None)
     # a second-order rule carries the first accelerations on: its snapshots must span them too
     extra = int(scene.integrator.order > 1)
-    kept = {n: np.empty((steps // every + 1 + extra, model.layout[n].stop - model.layout[n].start))
+    kept = {n: SnapshotWriter(n, steps // every + 1 + extra, model.layout[n].stop
+                              - model.layout[n].start, products.scratch)
             for n in model.reducible()}
-    for n, state in enumerate(full_run(scene, model, Offline.of(model, {}), manager, TRAINING)):
-        for name, rows in kept.items():
+    first = np.zeros(0)
+    try:
+        for n, state in enumerate(
+                full_run(scene, model, Offline.of(model, {}), manager, TRAINING)):
+            if n == 0:
+                first = state.x + h * h * state.a
             if n % every == 0:
-                rows[n // every] = state.x[model.layout[name]]
-            if n == 0 and extra:
-                rows[-1] = (state.x + h * h * state.a)[model.layout[name]]
-    return kept
+                for name, rows in kept.items():
+                    rows.append(state.x[model.layout[name]])
+        for name, rows in kept.items():
+            if extra:
+                rows.append(first[model.layout[name]])
+        return {name: rows.finished() for name, rows in kept.items()}
+    finally:
+        for rows in kept.values():
+            rows.close()
+        products.told += told_in(TRAINING, model.solvers.log)
 
 
 def full_run(

@@ -38,6 +38,13 @@ def turned(pose: FloatArray, z: FloatArray) -> FloatArray:
     return placed(at_origin, np.broadcast_to(z, (len(pose), d)))
 
 
+def unit_attitude(pose: FloatArray) -> FloatArray:
+    """The same pose (n,) with a quaternion, if it has one, of length 1."""
+    if len(pose) != FREE:
+        return pose
+    return np.concatenate([pose[:3], pose[3:] / np.linalg.norm(pose[3:])])
+
+
 def turned_by(pose: FloatArray) -> FloatArray:
     """(j,) angle of the rotation from the first of poses (j, 7) to each, 0 to pi rad."""
     (p0, *e0), p, e = pose[0, 3:], pose[:, 3], pose[:, 4:]

@@ -2,6 +2,7 @@
 
 from sparsemor.core.cache import Cache
 from sparsemor.core.checks import checked_model
+from sparsemor.core.estimate import fitting
 from sparsemor.core.hooks import Manager
 from sparsemor.core.model import Model
 from sparsemor.core.offline import Offline, offline_of
@@ -12,11 +13,15 @@ from sparsemor.core.scene import Scene
 def prepared(scene: Scene, cache: Cache, manager: Manager) -> tuple[Model, Offline]:
     """The model that a reducer is prepared for. A rigid stage is run here, or found in the cache.
 
-    Raises InputError as `checked_model` does, SolveFailed where the rigid stage stops early.
+    Raises InputError as `checked_model` does, and where the run would not fit in memory;
+    SolveFailed where the rigid stage stops early.
     """
     model = checked_model(scene)
     offline = offline_of(scene, model, cache, manager)
     if scene.rigid_stage is None:
+        offline.expected = fitting(scene, model, offline)
         return model, offline
     model = staged(scene, offline.products, manager)
-    return model, offline.serving(model)
+    offline = offline.serving(model)
+    offline.expected = fitting(scene, model, offline)
+    return model, offline

@@ -140,7 +140,8 @@ class FrictionLaw(Protocol):
     @property
     def breaks(self) -> tuple[float, ...]: ...
     def ratio(self, slip: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Of the sign of the slip velocity (m/s), which it opposes; and its derivative, s/m."""
+        """Of the sign of the slip velocity (m/s), which it opposes; and its derivative, s/m. In
+        space it is asked with the slip's speed, at least 0, and acts along the slip."""
         ...
 
 
@@ -442,7 +443,8 @@ class StepSolver(Protocol):
     `response(step, x)` -> (n, 2 n) how the solution x of a step answers to changes of [r1; r2],
     where the solver knows that better than differences tell. Optional, for error-controlled steps:
     `memory.moved(x)`, told that the next step starts at x. Optional, where blocks are solved by
-    iteration: `linear_iterations(memory)` -> block -> iterations since `start`.
+    iteration: `linear_iterations(memory)` -> block -> iterations since `start`. Optional:
+    `acting(memory)`, terms whose resultants are kept at the stored steps (core/acting.py).
     """
 
     @property
@@ -480,7 +482,12 @@ class Resampling(Protocol):
 
 
 class Reducer(Protocol):
-    """How one step is solved. model: a `core.model.Model`; offline: a `core.offline.Offline`."""
+    """How one step is solved. model: a `core.model.Model`; offline: a `core.offline.Offline`.
+
+    Optional, for the estimate of memory: `basis`, `bases` (pattern -> basis) and `force_basis` say
+    whether a training run is needed; `snapshot_copies`: how many arrays as large as a block's
+    snapshots it holds at once, where it reads them as a whole.
+    """
 
     def prepare(
         self, model: Any, integrator: Integrator, h: float, offline: Any, rng: np.random.Generator

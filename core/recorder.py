@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from sparsemor.core.acting import acting_of, resultants
 from sparsemor.core.arrays import BoolArray
 from sparsemor.core.checkpoint import Checkpoint
 from sparsemor.core.errors import InputError
@@ -21,12 +22,15 @@ from sparsemor.core.probes import ProbeReader
 from sparsemor.core.protocols import State, StepSolver
 from sparsemor.core.run_header import RunHeader
 from sparsemor.core.scene import Scene
+from sparsemor.core.served import Held, solvers_summary
 from sparsemor.core.status import Status
 from sparsemor.core.store import ChunkOfSteps, ResultWriter
 
 STORE = "result.zarr"
 CHUNK, SECONDS = 256, 2.0
 """Rows, or seconds, after which what was computed is committed to disk."""
+BUFFER = 2**26
+"""Bytes of rows after which it is, too."""
 
 
 @dataclass
@@ -69,8 +73,12 @@ class Recorder:
                         for p in model.probes]
         self.warnings: tuple[str, ...] = ()  # what was found before the first step
         self.stability: Mapping[str, Any] = {}
+        self.memory: Held | None = None
         self._every, self._saved = scene.output.every, time.perf_counter()
+        # along a rigid stage histories are kept already; what acts besides is conduction alone
+        self._tells = model.stage is None
         self._rows: list[tuple[float, Any, int, float]] = []
+        self._contacts: list[Mapping[str, float]] = []
         self._supports: list[Mapping[str, BoolArray]] = []
 
     @classmethod
@@ -96,30 +104,35 @@ class Recorder:
         tally.offline += fresh.offline
         return State(float(a["t"]), a["x"], a["v"], a["a"], a["memory"]), memory, tally
 
-    def start(self, state: State, supports: Mapping[str, BoolArray]) -> None:
-        self._keep(state, 0, 0.0, supports)
+    def start(self, state: State, supports: Mapping[str, BoolArray], memory: Any) -> None:
+        self._keep(state, 0, 0.0, supports, memory)
 
-    def take(self, state: State, tally: Tally, supports: Mapping[str, BoolArray]) -> bool:
+    def take(
+        self, state: State, tally: Tally, supports: Mapping[str, BoolArray], memory: Any
+    ) -> bool:
         """Keep an accepted step when it is one to store; True when it is time to save."""
         if tally.done % self._every and tally.done != self.steps:
             return False
-        self._keep(state, tally.iterations[-1], tally.last, supports)
-        return (len(self._rows) >= CHUNK
+        self._keep(state, tally.iterations[-1], tally.last, supports, memory)
+        return (len(self._rows) >= CHUNK or len(self._rows) * state.x.nbytes >= BUFFER
                 or time.perf_counter() - self._saved > SECONDS)
 
     def keep_last(
-        self, state: State, tally: Tally, supports: Mapping[str, BoolArray]
+        self, state: State, tally: Tally, supports: Mapping[str, BoolArray], memory: Any
     ) -> None:
         """Commit everything up to the last accepted step, also where it is none to store."""
         if tally.done % self._every:
-            self._keep(state, tally.iterations[-1], tally.last, supports)
+            self._keep(state, tally.iterations[-1], tally.last, supports, memory)
         self.flush()
 
     def _keep(
-        self, state: State, iterations: int, seconds: float, supports: Mapping[str, BoolArray]
+        self, state: State, iterations: int, seconds: float, supports: Mapping[str, BoolArray],
+        memory: Any,
     ) -> None:
         self._rows.append((state.t, state.x, iterations, seconds))
         self._supports.append(dict(supports))
+        told = acting_of(self.solver, memory) if self._tells else ()
+        self._contacts.append(resultants(told, state))
 
     def save(self, state: State, memory: Any, tally: Tally) -> None:
         """Commit the buffered steps and a checkpoint."""
@@ -139,8 +152,9 @@ class Recorder:
                     for name in self._supports[0]}
         self.writer.append(ChunkOfSteps(
             times, X, np.array(iterations), np.array(seconds), supports,
-            {p.name: p(times, X) for p in self._probes}))
-        self._rows, self._supports = [], []
+            {p.name: p(times, X) for p in self._probes},
+            {name: np.array([c[name] for c in self._contacts]) for name in self._contacts[0]}))
+        self._rows, self._supports, self._contacts = [], [], []
 
     def finish(self, status: Status, summary: Mapping[str, Any]) -> None:
         self.writer.finish(status, summary)
@@ -175,9 +189,19 @@ class Recorder:
             "offline_whole_s": self.offline.products.spent.whole(tally.offline),
             "notes": [*start_notes(self.model), *solver.notes, *self.warnings],
             "stability": dict(self.stability),
+            "linear_solvers": solvers_summary(
+                [*self.model.solvers.log, *self.offline.products.told],
+                _iterations(solver, memory), done),
+            "memory": {} if self.memory is None else self.memory.summary(),
             "facts": finite(dict(solver.facts)),  # dependent columns: no finite condition
             "out": str(self.store.parent),
         }
+
+
+def _iterations(solver: Any, memory: Any) -> Mapping[str, int]:
+    """Of linear solvers in the steps, by block."""
+    told = getattr(solver, "linear_iterations", None)
+    return {} if told is None else dict(told(memory))
 
 
 def admit(scene: Scene, out: Path, resume: bool) -> None:
@@ -217,4 +241,6 @@ def _header(scene: Scene, model: Model, solver: StepSolver, steps: int) -> RunHe
         probes=tuple(ProbeReader.of(p, solver.layout, solver.dictionaries).header()
                      for p in model.probes),
         budgets=dump["reducer"].get("budgets", {}), stage=model.stage,
+        contacts={a.name: a.term.histories for a in acting_of(solver, None)}
+        if model.stage is None else {},
     )

@@ -6,11 +6,10 @@ from typing import Any
 import numpy as np
 
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.run_header import UNITS
+from sparsemor.core.run_header import CONTACT_UNITS, UNITS
 from sparsemor.core.stage import FrameHistory, Stage
 
 TIME = "stage.time"
-_CONTACT_UNITS = {"normal": "N", "friction": "N", "power": "W", "length": "m", "pressure": "Pa"}
 
 
 def stage_attributes(stage: Stage | None) -> dict[str, Any] | None:
@@ -29,14 +28,14 @@ def stage_arrays(
     yield TIME, (TIME,), {"units": "s"}, stage.times
     for name, h in stage.frames.items():
         motion = np.stack([h.pose, h.rate, h.acceleration], axis=1)
-        yield (f"stage.{name}.frame", (TIME, "stage.derivative", "stage.coordinate"),
+        yield (f"stage.{name}.frame", (TIME, "stage.derivative", f"stage.{name}.coordinate"),
                {"units": UNITS["rigid"], "long_name": "pose, rate and acceleration"}, motion)
     for name, forces in stage.reactions.items():
         yield (f"stage.{name}.reaction", (TIME, f"stage.{name}.multiplier"),
                {"units": UNITS["multiplier"]}, forces)
     for name, histories in stage.contacts.items():
         for what, values in histories.items():
-            yield (f"stage.{name}.{what}", (TIME,), {"units": _CONTACT_UNITS.get(what, "")}, values)
+            yield (f"stage.{name}.{what}", (TIME,), {"units": CONTACT_UNITS.get(what, "")}, values)
 
 
 def read_stage(names: Mapping[str, Any] | None, data: Any) -> Stage | None:

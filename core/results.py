@@ -1,6 +1,6 @@
 """Reading a result: labelled data, full fields rebuilt for the steps that are asked for."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -229,6 +229,21 @@ class RunResult:
     @cached_property
     def _stage(self) -> Stage | None:
         return read_stage(self._data.attrs.get("stage"), self._data)
+
+    def contacts(self) -> Mapping[str, Mapping[str, FloatArray]]:
+        """Contact -> name -> (T,): "time" s; "normal", "friction" N, the sizes of the resultants;
+        "power" W; "length" m in contact; "pressure" Pa, the largest.
+
+        At the times of the rigid stage, where there was one, else at the stored steps; without
+        contacts that the run did not evaluate as a whole.
+        """
+        stage = self.stage()
+        if stage is not None:
+            return {name: {"time": stage.times, **kept} for name, kept in stage.contacts.items()}
+        told = self._data.attrs.get("contacts", {})
+        return {name: {"time": self.times}
+                | {what: self._whole(f"contact.{name}.{what}") for what in kept}
+                for name, kept in told.items()}
 
     def to_xarray(self) -> "xr.Dataset":
         """All that is stored, lazily, with dimension names and units."""

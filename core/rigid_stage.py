@@ -21,10 +21,14 @@ from sparsemor.core.offline import Offline, full_run
 from sparsemor.core.products import Products
 from sparsemor.core.scene import Scene
 from sparsemor.core.stage import Followed, FrameHistory, Idle, Stage, SurfaceLoads
+from sparsemor.core.status import SolveFailed, Status
 
 STAGE = "rigid stage"
 """How the detail of a failure begins that happened in the rigid stage."""
 _LABEL = "rigid_stage.overrides"
+_OWN_STEPS = ("the stage follows how bodies swing on their contacts: raise time.control.rigid "
+              "above that swing, or keep fixed steps there, "
+              "rigid_stage: {overrides: {time.control: null}}")
 
 
 def rigid_scene(scene: Scene) -> Scene:
@@ -119,9 +123,16 @@ class _Imported(Followed):
 
 @np.errstate(all="ignore")  # overflow is a status of the step, not a warning
 def _run(scene: Scene, model: Model, manager: Manager) -> dict[str, Any]:
-    """Times, per body pose, rate and acceleration (T, 3, 3), per joint (T, l) multipliers."""
+    """Times; per body pose, rate and acceleration (T, 3, n); per joint (T, l) multipliers and, from
+    `handed_on(times, multipliers, poses)` where it has that, what the flexible stage is told."""
     layout = model.layout
-    kept = list(full_run(scene, model, Offline.of(model, {}), manager, STAGE))
+    try:
+        kept = list(full_run(scene, model, Offline.of(model, {}), manager, STAGE))
+    except SolveFailed as failure:
+        if failure.status is not Status.STEP_TOO_LONG:
+            raise
+        raise SolveFailed(failure.status, failure.time, failure.block,
+                          f"{failure.detail}; {_OWN_STEPS}") from None
     times = np.array([s.t for s in kept])
     frames = {b.owner: np.stack([np.stack([s.x, s.v, s.a])[:, layout[b.name]] for s in kept])
               for b in layout if b.field == "rigid"}
@@ -131,8 +142,14 @@ def _run(scene: Scene, model: Model, manager: Manager) -> dict[str, Any]:
         if name not in frames and pose is not None:
             frames[name] = np.stack([pose, 0 * pose, 0 * pose])[None].repeat(len(times), axis=0)
     made |= {f"frame.{name}": values for name, values in frames.items()}
-    return made | {f"reaction.{b.owner}": np.stack([s.x[layout[b.name]] for s in kept])
-                   for b in layout if b.field == "multiplier"}
+    poses = {name: values[:, 0] for name, values in frames.items()}
+    for b in layout:
+        if b.field == "multiplier" and b.owner in scene.joints:
+            made[f"reaction.{b.owner}"] = known = np.stack([s.x[layout[b.name]] for s in kept])
+            joint: Any = model.parts[b.owner]
+            if hasattr(joint, "handed_on"):
+                made[f"handed.{b.owner}"] = joint.handed_on(times, known, poses)
+    return made
 
 
 def _stage(arrays: Mapping[str, Any]) -> Stage:
@@ -140,7 +157,7 @@ def _stage(arrays: Mapping[str, Any]) -> Stage:
     frames = {n: FrameHistory(times, *(np.ascontiguousarray(m[:, i]) for i in range(3)))
               for n, m in _under("frame", arrays).items()}
     return Stage(times, frames, frozenset(str(n) for n in arrays["moves"]),
-                 _under("reaction", arrays), {})
+                 _under("reaction", arrays), {}, _under("handed", arrays))
 
 
 def _under(group: str, arrays: Mapping[str, Any]) -> dict[str, Any]:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from sparsemor.core.results import RunResult
+from sparsemor.core.served import solvers_in_words
 from sparsemor.core.status import Status
 
 
@@ -16,7 +17,8 @@ class RunFacts:
 
     offline_seconds: of this run; offline_whole_seconds: had nothing been in the cache.
     atoms: dictionary columns; active_atoms: mean number in use. rows: sampled rows. None: not
-    known. end: last stored time, s.
+    known. end: last stored time, s. linear_solvers: of the steps, by block, in words; peak_gb: the
+    most that its process had held by its end.
     """
 
     reducer: str
@@ -31,6 +33,8 @@ class RunFacts:
     active_atoms: float
     rows: int
     end: float = 0.0
+    linear_solvers: str = ""
+    peak_gb: float | None = None
 
     @property
     def atoms_text(self) -> str:
@@ -65,6 +69,8 @@ def run_facts(run: RunResult) -> RunFacts:
         if len(run.times) else 0.0,
         rows=sum(run.rows(b.name).size for b in run.layout),
         end=float(run.times[-1]) if len(run.times) else 0.0,
+        linear_solvers="; ".join(solvers_in_words(summary.get("linear_solvers", ()))),
+        peak_gb=summary.get("memory", {}).get("peak_gb"),
     )
 
 

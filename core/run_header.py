@@ -10,6 +10,8 @@ from sparsemor.core.protocols import Dictionary
 from sparsemor.core.stage import Stage
 
 UNITS = {"rigid": "m, rad", "elastic": "m", "thermal": "K", "multiplier": "N, N m"}
+CONTACT_UNITS = {"normal": "N", "friction": "N", "power": "W", "length": "m", "area": "m2",
+                 "pressure": "Pa"}
 """Units of a block's entries. Planar rigid blocks are (Rx, Ry, theta)."""
 
 
@@ -54,7 +56,8 @@ class RunHeader:
     layout: the solver's own unknowns; full_layout: the full-order ones. dictionaries: block ->
     map back to full unknowns (absent: the block is kept as it is). rows: block -> sampled rows.
     step: s. versions: distribution -> version. scene: the plain dump of the scene. stage: the
-    histories that the run follows.
+    histories that the run follows. contacts: contact -> names of the resultants that are kept at
+    the stored steps.
     """
 
     scene: Mapping[str, Any]
@@ -72,6 +75,7 @@ class RunHeader:
     probes: tuple[Probe, ...] = ()
     budgets: Mapping[str, Any] = field(default_factory=dict)
     stage: Stage | None = None
+    contacts: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     def attributes(self) -> dict[str, Any]:
         """The part of the header that is not arrays, as plain data."""
@@ -89,6 +93,7 @@ class RunHeader:
             "budgets": dict(self.budgets),
             "step": self.step,
             "steps_planned": self.steps_planned,
+            "contacts": {name: list(kept) for name, kept in self.contacts.items()},
         }
 
 

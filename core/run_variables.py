@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsemor.core.result_stage import stage_arrays
-from sparsemor.core.run_header import UNITS, BodyShape, RunHeader
+from sparsemor.core.run_header import CONTACT_UNITS, UNITS, BodyShape, RunHeader
 from sparsemor.core.zarr_files import array_metadata
 
 TIME = "time"
@@ -50,6 +50,9 @@ def time_arrays(header: RunHeader) -> dict[str, dict[str, Any]]:
             f"probe.{p.name}", "float64", inner, units=", ".join(p.units), body=p.body,
             components=list(p.components), position=[float(v) for v in p.position],
         )
+    for name, kept in header.contacts.items():
+        for what in kept:
+            add(f"contact.{name}.{what}", "float64", (), units=CONTACT_UNITS.get(what, ""))
     return made
 
 

@@ -13,12 +13,14 @@ from sparsemor.core.errors import InputError
 from sparsemor.core.hooks import Manager, RunStart, new_manager
 from sparsemor.core.initial import consistent_state
 from sparsemor.core.interrupt import Interrupt
+from sparsemor.core.memory import peak
 from sparsemor.core.offline import step_count
 from sparsemor.core.prepared import prepared
 from sparsemor.core.protocols import Resampling, State, StepSolver
 from sparsemor.core.recorder import Recorder, Tally, admit
 from sparsemor.core.results import RunResult
 from sparsemor.core.scene import Scene
+from sparsemor.core.served import Held
 from sparsemor.core.stability import check_run
 from sparsemor.core.status import SolveFailed, Status
 from sparsemor.core.step_control import ControlledSteps, controlled, step_of
@@ -54,6 +56,7 @@ def simulate(
         recorder = Recorder.open(
             scene, model, solver, offline, path, resume, step_count(scene))
         recorder.warnings, recorder.stability = warnings, stability
+        recorder.memory = Held(offline.expected, peak())
         if recorder.checkpoint is not None:
             state, memory, tally = recorder.restored(tally)
         told = solver.rows_at(memory) if isinstance(solver, Resampling) else solver.rows
@@ -79,7 +82,7 @@ class _Run:
             self.scene.title, recorder.reducer, self.state.t, self.scene.time.end,
             self.steps - tally.done))
         if recorder.checkpoint is None:  # from here on a killed run can be resumed
-            recorder.start(self.state, self.solver.supports(self.memory))
+            recorder.start(self.state, self.solver.supports(self.memory), self.memory)
             recorder.save(self.state, self.memory, tally)
         self._begun = time.perf_counter() - tally.online
         with Interrupt() as interrupt:
@@ -90,7 +93,8 @@ class _Run:
         elif failure.status is Status.INTERRUPTED:
             recorder.save(self.state, self.memory, tally)
         else:
-            recorder.keep_last(self.state, tally, self.solver.supports(self.memory))
+            recorder.keep_last(
+                self.state, tally, self.solver.supports(self.memory), self.memory)
             hook.on_failure(status=failure.status, t=failure.time, block=failure.block,
                             detail=failure.detail)
         return self._finish(failure)
@@ -131,7 +135,7 @@ class _Run:
             tally.add(time.perf_counter() - start, outcome.iterations)
             supports = solver.supports(self.memory)
             tally.count_atoms(supports)
-            if self.recorder.take(self.state, tally, supports):
+            if self.recorder.take(self.state, tally, supports, self.memory):
                 tally.online = time.perf_counter() - self._begun
                 self.recorder.save(self.state, self.memory, tally)
             if watched:

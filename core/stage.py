@@ -1,12 +1,13 @@
 """What a rigid stage hands to the flexible one: motion, reactions and surface loads."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core.placement import unit_attitude
 from sparsemor.core.tables import Table, blended, place
 
 
@@ -14,8 +15,9 @@ from sparsemor.core.tables import Table, blended, place
 class FrameHistory:
     """The motion of one body frame at increasing `times` (T,), s.
 
-    pose (T, 3): position of the origin (m) and angle (rad); rate, acceleration (T, 3): its rates
-    as the integrator gave them, which are not derivatives of one another to round-off.
+    pose (T, n): position of the origin (m), then angle (rad) or unit quaternion (core/placement.py:
+    n = 3, 4 or 7); rate, acceleration (T, n): its rates as the integrator gave them, which are not
+    derivatives of one another to round-off.
     """
 
     times: FloatArray
@@ -31,18 +33,18 @@ class FrameHistory:
         return cls(t, still + pose, still, still)
 
     def at(self, t: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """(3,) pose, rate and acceleration at t, s: those of the table at a tabled time, on a
-        straight line between two, constant outside."""
+        """(n,) pose, rate and acceleration at t, s: those of the table at a tabled time, on a
+        straight line between two (quaternions brought back to length 1), constant outside."""
         i, w = place(self.times, t)
-        return (blended(self.pose, i, w), blended(self.rate, i, w),
-                blended(self.acceleration, i, w))
+        return (unit_attitude(blended(self.pose, i, w)) if w else self.pose[i],
+                blended(self.rate, i, w), blended(self.acceleration, i, w))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SurfaceLoads:
     """Loads on the points of one body's surface at the times of the motion they were made from.
 
-    nodes (j,); force (T, j, 2): consistent nodal forces in body axes, N; heat (T, j), W.
+    nodes (j,); force (T, j, d): consistent nodal forces in body axes, N; heat (T, j), W.
     """
 
     nodes: IntArray
@@ -55,8 +57,9 @@ class Stage:
     """Histories of a rigid stage at its times (T,), s, the start first.
 
     frames: of every body; moves: which of them move; reactions: joint -> (T, l) multipliers, N and
-    N m; contacts: contact -> name of a history ("normal" N, "friction" N, "power" W, "length" m,
-    "pressure" Pa, the largest) -> (T,).
+    N m; contacts: contact -> name of a history ("normal" N, "friction" N, "power" W, "length" m
+    or "area" m2 in contact, "pressure" Pa, the largest) -> (T,). handed: joint -> what its
+    `known` takes, (T, columns), where that is not the multipliers.
     """
 
     times: FloatArray
@@ -64,6 +67,7 @@ class Stage:
     moves: frozenset[str]
     reactions: Mapping[str, FloatArray]
     contacts: Mapping[str, Mapping[str, FloatArray]]
+    handed: Mapping[str, FloatArray] = field(default_factory=dict)
 
 
 class Given:
@@ -77,7 +81,7 @@ class Given:
         return None
 
     def reactions(self, name: str, joint: Any) -> Table | None:
-        """A joint's multipliers (T, l), N and N m, which then act as given forces."""
+        """A joint's forces, N and N m, as its `known` takes them, which then are given."""
         return None
 
     def motion(self, bodies: Mapping[str, Any]) -> Mapping[str, FrameHistory] | None:
@@ -111,7 +115,8 @@ class AtStart(Given):
 
     def reactions(self, name: str, joint: Any) -> Table | None:
         size = sum(block.size for block in joint.blocks())
-        return Table(np.zeros(1), np.zeros((1, size))) if size else None
+        columns = getattr(joint, "handed", size)
+        return Table(np.zeros(1), np.zeros((1, columns))) if size else None
 
     def motion(self, bodies: Mapping[str, Any]) -> Mapping[str, FrameHistory] | None:
         return {n: FrameHistory.standing(b.pose) for n, b in bodies.items()}
@@ -127,7 +132,7 @@ class Followed(Given):
         return self.stage.frames[name] if name in self.stage.moves else None
 
     def reactions(self, name: str, joint: Any) -> Table | None:
-        known = self.stage.reactions.get(name)
+        known = self.stage.handed.get(name, self.stage.reactions.get(name))
         return None if known is None else Table(self.stage.times, known)
 
     def motion(self, bodies: Mapping[str, Any]) -> Mapping[str, FrameHistory] | None:

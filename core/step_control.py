@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from sparsemor.core.acting import Acting, acting_of
 from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.layout import Layout
@@ -149,6 +150,11 @@ class ControlledSteps:
     def notes(self) -> tuple[str, ...]:
         return self.base.notes
 
+    def acting(self, memory: ControlMemory | None) -> tuple[Acting, ...]:
+        if memory is None:
+            return acting_of(self.base, None)
+        return acting_of(self._solver(memory.fine), memory.levels[memory.fine])
+
     def start(self, state: State) -> tuple[State, ControlMemory]:
         self._full = state
         reduced, memory = self.base.start(state)
@@ -176,6 +182,14 @@ class ControlledSteps:
             for name, count in self._solver(level).counters(inner).items():
                 total[name] = total.get(name, 0) + count
         return total
+
+    def linear_iterations(self, memory: ControlMemory) -> Mapping[str, int]:
+        found: dict[str, int] = {}
+        for level, inner in memory.levels.items():
+            told = getattr(self._solver(level), "linear_iterations", None)
+            for name, count in ({} if told is None else told(inner)).items():
+                found[name] = found.get(name, 0) + count
+        return found
 
     def summary(self, memory: ControlMemory) -> dict[str, Any]:
         """What a run reports. Seconds; `largest_error`: estimate over its share, at most 1."""

@@ -37,7 +37,7 @@ class ChunkOfSteps:
 
     times (j,) s; x (j, n) in the solver's layout; iterations (j,); step_seconds (j,) s;
     supports: block -> (j, k) active atoms (a dictionary's block left out has all in use);
-    probes: name -> (j, components).
+    probes: name -> (j, components); contacts: `contact.history` -> (j,).
     """
 
     times: FloatArray
@@ -46,6 +46,7 @@ class ChunkOfSteps:
     step_seconds: FloatArray
     supports: Mapping[str, BoolArray] = field(default_factory=dict)
     probes: Mapping[str, FloatArray] = field(default_factory=dict)
+    contacts: Mapping[str, FloatArray] = field(default_factory=dict)
 
 
 class ResultWriter:
@@ -161,6 +162,7 @@ class ResultWriter:
                 everything = np.ones(values.shape, dtype=np.bool_)
                 columns[f"{b.name}.active"] = steps.supports.get(b.name, everything)
         columns |= {f"probe.{name}": values for name, values in steps.probes.items()}
+        columns |= {f"contact.{name}": values for name, values in steps.contacts.items()}
         if columns.keys() != self._arrays.keys():
             odd = ", ".join(sorted(columns.keys() ^ self._arrays.keys()))
             raise ValueError(f"the steps and the header disagree on: {odd}")

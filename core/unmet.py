@@ -1,4 +1,5 @@
-"""Contacts whose surfaces never met in a run: most often a mistake of the scene, told as a note."""
+"""Contacts that a run casts doubt on, told as notes: surfaces that never met, which is most often a
+mistake of the scene, and forces that do not settle."""
 
 import numpy as np
 
@@ -9,18 +10,20 @@ from sparsemor.core.stage import FrameHistory
 
 def unmet(model: Model, result: RunResult) -> tuple[str, ...]:
     """A sentence for each part with a method `missed(motion)` that has something to say of how the
-    bodies moved: along the rigid stage where there was one, else in the stored steps."""
+    bodies moved, along the rigid stage where there was one, else in the stored steps; and for each
+    with a method `unsettled(history)` that has of the contact's history at all steps."""
     asked = [missed for part in model.parts.values()
              if (missed := getattr(part, "missed", None)) is not None]
-    if not asked:
-        return ()
-    told = (str(missed(_motion(model, result))) for missed in asked)
+    told = [str(missed(_motion(model, result))) for missed in asked]
+    if model.stage is not None or result.scene["output"]["every"] == 1:
+        told += [str(unsettled(history)) for name, history in result.contacts().items()
+                 if (unsettled := getattr(model.parts[name], "unsettled", None)) is not None]
     return tuple(text for text in told if text)
 
 
 def _motion(model: Model, result: RunResult) -> dict[str, FrameHistory]:
     if model.stage is not None:
         return dict(model.stage.frames)
-    still = np.zeros((len(result.times), 3))
-    return {b.owner: FrameHistory(result.times, result.block(b.name), still, still)
-            for b in result.layout if b.field == "rigid"}
+    moved = {b.owner: result.block(b.name) for b in result.layout if b.field == "rigid"}
+    return {name: FrameHistory(result.times, pose, np.zeros_like(pose), np.zeros_like(pose))
+            for name, pose in moved.items()}

@@ -21,6 +21,7 @@ KINDS = {
     "integrator": "integrator", "reducer": "reducer", "basis": "basis and bases of a reducer",
     "sampler": "sampler of a reducer", "preconditioner": "preconditioner of a reducer",
     "sparse_solver": "solver of a reducer",
+    "linear_solver": "linear_solver and linear_solvers",
 }
 """Kinds of plugin that a scene can name, and where."""
 UNITS = (

@@ -1,12 +1,13 @@
-"""Writes the tables of docs/ablations.md from the tables of the packaged studies.
+"""Writes the tables of ablations.md and slider-plate.md from those of the packaged studies.
 
     sparsemor study samplers --out runs/samplers
     python docs/make_studies.py runs/samplers/table.csv     # copies it to docs/measured/studies
     python docs/make_studies.py                             # writes all tables anew
 
 A table stands between `<!-- study NAME: MEASURE by COLUMN, .. -->` and `<!-- end -->`: one line a
-value of the first columns, one column a value of the last. Over seeds it shows the median and the
-worst, and how many runs did not end well.
+value of the first columns, one column a value of the last; of several measures, one line a value of
+all columns and one column a measure. Over seeds it shows the median and the worst, and how many
+runs did not end well.
 """
 
 import csv
@@ -18,8 +19,10 @@ from pathlib import Path
 from statistics import median
 
 HERE = Path(__file__).parent
-PAGE, TABLES = HERE / "ablations.md", HERE / "measured" / "studies"
-MARK = re.compile(r"(<!-- study (\w+): (\w+) by ([^>]+?) -->\n).*?(<!-- end -->)", re.DOTALL)
+PAGES = (HERE / "ablations.md", HERE / "slider-plate.md")
+TABLES = HERE / "measured" / "studies"
+MARK = re.compile(
+    r"(<!-- study (\w+): (\w+(?:, \w+)*) by ([^>]+?) -->\n).*?(<!-- end -->)", re.DOTALL)
 Row = Mapping[str, str]
 
 
@@ -39,6 +42,18 @@ def table(rows: Sequence[Row], measure: str, columns: Sequence[str]) -> str:
         here = [r for r in rows if tuple(r[c] for c in down) == line]
         cells = [cell([r for r in here if r[across] == h], measure) for h in heads]
         out.append("| " + " | ".join([*map(name, line), *cells]) + " |")
+    return "\n".join(out) + "\n"
+
+
+def beside(rows: Sequence[Row], measures: Sequence[str], columns: Sequence[str]) -> str:
+    """Markdown: lines by all columns, measures side by side, and how each ended."""
+    lines = list(dict.fromkeys(tuple(r[c] for c in columns) for r in rows))
+    heads = [m.replace("start_up", "start-up").replace("_", " ") for m in measures]
+    out = ["| " + " | ".join([*map(short, columns), *heads]) + " |",
+           "|" + "---|" * (len(columns) + len(heads))]
+    for line in lines:
+        here = [r for r in rows if tuple(r[c] for c in columns) == line]
+        out.append("| " + " | ".join([*map(name, line), *(cell(here, m) for m in measures)]) + " |")
     return "\n".join(out) + "\n"
 
 
@@ -77,8 +92,11 @@ def page(text: str, folder: Path = TABLES) -> str:
     """The page with every table made anew."""
     def made(match: re.Match[str]) -> str:
         head, study, measure, columns, end = match.groups()
-        names = [c.strip() for c in columns.split(",")]
-        return head + table(rows_of(study, folder), measure, names) + end
+        names, measures = ([c.strip() for c in text.split(",")] for text in (columns, measure))
+        rows = rows_of(study, folder)
+        if len(measures) > 1:
+            return head + beside(rows, measures, names) + end
+        return head + table(rows, measure, names) + end
 
     return MARK.sub(made, text)
 
@@ -87,7 +105,8 @@ def main(given: Sequence[str]) -> None:
     TABLES.mkdir(parents=True, exist_ok=True)
     for file in map(Path, given):
         shutil.copyfile(file, TABLES / f"{file.parent.name}.csv")
-    PAGE.write_text(page(PAGE.read_text(encoding="utf-8")), encoding="utf-8")
+    for file in PAGES:
+        file.write_text(page(file.read_text(encoding="utf-8")), encoding="utf-8")
 
 
 if __name__ == "__main__":

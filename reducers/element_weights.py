@@ -19,6 +19,7 @@ import numpy as np
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.integrals import ElasticIntegrals, HeatIntegrals, WeighedTerm
 from sparsemor.core.protocols import Dictionary
+from sparsemor.core.snapshots import stretches
 from sparsemor.reducers.nnls import Weights, nonnegative
 
 ROUND_OFF = 1e-11
@@ -36,9 +37,9 @@ class Trained:
     @classmethod
     def of(cls, dictionary: Dictionary, snapshots: FloatArray, t: FloatArray) -> "Trained":
         """From snapshots (n, M): their least-squares projection on the atoms."""
-        centred = snapshots - dictionary.offset[:, None]
-        c = np.linalg.pinv(dictionary.atoms) @ centred
-        return cls(dictionary, np.asarray(c, dtype=np.float64), t)
+        inverse = np.linalg.pinv(dictionary.atoms)
+        c = [inverse @ (part - dictionary.offset[:, None]) for _, part in stretches(snapshots)]
+        return cls(dictionary, np.asarray(np.concatenate(c, axis=1), dtype=np.float64), t)
 
     @property
     def with_offset(self) -> FloatArray:

@@ -14,6 +14,7 @@ import numpy as np
 from scipy.sparse import csc_array
 from scipy.sparse.linalg import splu
 
+from sparsemor.core.acting import Acting, acting
 from sparsemor.core.arrays import BoolArray, Csr, FloatArray, IntArray
 from sparsemor.core.equations import jacobian, residual
 from sparsemor.core.layout import Layout
@@ -140,6 +141,9 @@ class GeneralStepper:
         outcome = solve(self.equations, step, memory, self.tolerances)
         terms = ((t, t.columns) for t in self.model.terms)
         return doubted(outcome, terms, step, self.layout), memory
+
+    def acting(self, memory: NewtonMemory | None) -> tuple[Acting, ...]:
+        return acting((t, t.columns) for t in self.model.terms)
 
     def supports(self, memory: NewtonMemory) -> Mapping[str, BoolArray]:
         return memory.supports

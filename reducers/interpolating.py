@@ -1,7 +1,7 @@
 """What DEIM and GNAT have in common: modes of what has to be seen, and points that see it."""
 
 from collections.abc import Sequence
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 from pydantic import Field
@@ -21,6 +21,9 @@ HINT = "take required: true, or more points"
 
 class Interpolating(Projected):
     """The options of reducers that see a few rows of each block, the points."""
+
+    snapshot_copies: ClassVar[int] = 6
+    """Arrays as large as a block's snapshots that forces are found from, all at once."""
 
     force_basis: Annotated[Basis, Slot("basis")] = slot_default("pod")
     """Modes of each block's forces in the training run. The published criterion is

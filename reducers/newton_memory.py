@@ -26,7 +26,8 @@ class NewtonMemory:
 
     place: where the kept factor was made: after unpickling it is made there again, so that a
     resumed run repeats every digit. top (blocks,): largest value of each block so far; order: of
-    the extrapolation that foretold the last step best.
+    the extrapolation that foretold the last step best. near: number of a term -> its copy for
+    states near one (following.py), stored as that state; searches: how many were made.
     """
 
     def __init__(self, x: FloatArray, points: int, blocks: int) -> None:
@@ -36,10 +37,19 @@ class NewtonMemory:
         self.factor: Any = None
         self.size: Any = None
         self.factorizations, self.support_changes = 0, 0
+        self.near: dict[int, Any] = {}
+        self.searches = 0
         self.supports: dict[str, BoolArray] = {}
 
     def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "factor": None, "size": None}
+        near = {i: getattr(kept, "at", kept) for i, kept in self.near.items()}
+        return {**self.__dict__, "factor": None, "size": None, "near": near}
+
+    def beside(self) -> "NewtonMemory":
+        """Another one with the same copies of terms, for a look at the last state."""
+        other = NewtonMemory(self.ring.rows[self.ring.newest], 1, len(self.top))
+        other.near = dict(self.near)
+        return other
 
     def moved(self, x: FloatArray) -> None:
         """The next step starts at x, after steps of another size that another solver took."""
@@ -48,4 +58,5 @@ class NewtonMemory:
         self.order = 1
 
     def counters(self) -> Mapping[str, int]:
-        return {"factorizations": self.factorizations, "support_changes": self.support_changes}
+        return {"factorizations": self.factorizations, "support_changes": self.support_changes,
+                "searches": self.searches}

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from sparsemor.core.acting import Acting, acting, untold
 from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
 from sparsemor.core.equations import rate_factors
 from sparsemor.core.layout import Layout
@@ -22,6 +23,7 @@ from sparsemor.reducers.bordered import Tolerances
 from sparsemor.reducers.consistent import least
 from sparsemor.reducers.dense import Coupled, Dense, DenseBody, DenseHeat
 from sparsemor.reducers.doubt import doubted
+from sparsemor.reducers.following import following
 from sparsemor.reducers.general import coupling, elements
 from sparsemor.reducers.newton import solve
 from sparsemor.reducers.newton_memory import NewtonMemory
@@ -69,8 +71,10 @@ class ReducedGeneral:
         return state, NewtonMemory(state.x, self.points, len(self.layout.blocks))
 
     def solve(self, step: StepFormula, memory: NewtonMemory) -> tuple[StepOutcome, NewtonMemory]:
-        outcome = solve(self.equations, step, memory, self.tolerances)
-        terms = ((c.term, c.columns) for c in self.equations.coupled)
+        coupled = following(self.equations.coupled, memory)
+        outcome = solve(
+            replace(self.equations, coupled=coupled), step, memory, self.tolerances)
+        terms = ((c.term, c.columns) for c in coupled)
         outcome = doubted(outcome, terms, step, self.layout)
         return (self._sane(outcome) if outcome.status.ok else outcome), memory
 
@@ -99,6 +103,12 @@ class ReducedGeneral:
         C, M = equations.jacobian(*at, one, zero) - K, equations.jacobian(*at, zero, one) - K
         factor = equations.factorize(equations.jacobian(*at, c1, c2))
         return np.asarray(-factor.solve(np.hstack([C, M])))
+
+    def acting(self, memory: NewtonMemory | None) -> tuple[Acting, ...]:
+        coupled = self.equations.coupled
+        if memory is not None:  # what is told must not change how the run goes on
+            coupled = following(coupled, memory.beside())
+        return acting((c.term, c.columns) for c in coupled)
 
     def supports(self, memory: NewtonMemory) -> Mapping[str, BoolArray]:
         return memory.supports
@@ -133,8 +143,9 @@ def reduced_general(
     names = ", ".join(sorted({n for n, _ in equations.named if n})) or "a term"
     told = (f"{names} couples blocks inside the step: all unknowns are solved together, and each "
             f"evaluation visits {count} elements",) if seen else ()
+    told = (*notes, *told, *untold(c.term for c in coupled))
     return ReducedGeneral(equations, dictionaries, rows, visited, tolerances, points,
-                          limits or {}, (*notes, *told), facts or {})
+                          limits or {}, told, facts or {})
 
 
 def _bodies(model: Model, layout: Layout, seen: Mapping[str, Seen]) -> list[DenseBody]:

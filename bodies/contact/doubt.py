@@ -4,8 +4,9 @@ from typing import Any
 
 import numpy as np
 
+from sparsemor.bodies.contact.near import Near
 from sparsemor.bodies.contact.side import Points
-from sparsemor.bodies.contact.surface import Near, Surface, plane, tree_of
+from sparsemor.bodies.contact.surface import Surface, plane, tree_of
 from sparsemor.bodies.planar.motion import ComplexArray
 from sparsemor.core.arrays import FloatArray, IntArray
 

@@ -5,13 +5,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sparsemor.bodies.contact.near import Near
 from sparsemor.bodies.contact.pieces import Overlaps, Pairs, Pieces
 from sparsemor.bodies.contact.projection import nearest
 from sparsemor.bodies.contact.quadrature import gauss
+from sparsemor.bodies.contact.resultants import Resultants, restless
 from sparsemor.bodies.contact.side import Side
-from sparsemor.bodies.contact.surface import Near, Surface, plane
+from sparsemor.bodies.contact.surface import Surface, plane
 from sparsemor.bodies.contact.term import ContactTerm
-from sparsemor.bodies.contact.tractions import Interface, Samples, nodal
+from sparsemor.bodies.contact.tractions import Interface, nodal
 from sparsemor.bodies.planar.motion import ComplexArray
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.layout import Block, Layout
@@ -74,6 +76,15 @@ class ContactPart:
                 f"they came is {gap:.3g} m: check the poses, and that the sets name the sides that "
                 "face each other")
 
+    def unsettled(self, history: Mapping[str, FloatArray]) -> str:
+        """What a user should know of the contact's history at the steps of a run; "" if nothing."""
+        size = restless(history["normal"])
+        return "" if size == 0.0 else (
+            f"contact {self.name}: to the end its normal force changes by {100 * size:.2g} % from "
+            "step to step, back and forth: the step does not resolve the motion on the foundation, "
+            "and the integrator does not damp it; forces, and friction above all, are not to be "
+            "trusted: take a smaller time.step, or bdf1, bdf2 or a smaller rho_inf")
+
     def _closest(self, motion: Mapping[str, FrameHistory]) -> float:
         """Smallest distance of a point of either surface from the other, at 100 of the times."""
         a, b = (_Path(s, motion) for s in (self.first, self.second))
@@ -109,27 +120,12 @@ class ContactPart:
             for p, f, h in zip(sides, force, heat, strict=True)}
 
     def history(self, motion: Mapping[str, FrameHistory]) -> Mapping[str, FloatArray]:
-        """Over the times (T,) of the motion: "normal" and "friction" N, the sizes of the
-        resultants of pressure and of friction; "power" W; "length" m in contact; "pressure" Pa,
-        the largest."""
-        steps = _steps(motion)
-        normal, friction = np.zeros(steps, complex), np.zeros(steps, complex)
-        power, length, pressure = np.zeros(steps), np.zeros(steps), np.zeros(steps)
+        """Resultants at the times (T,) of the motion (see `Resultants`)."""
+        summed = Resultants(_steps(motion))
         a, b = (_Path(s, motion) for s in (self.first, self.second))
         for m in self._meetings(a, b, self.face):
-            f, _, q = nodal(m.overlaps, m.pieces, self.face, None)
-            W = (m.pieces.stop - m.pieces.start)[:, None] * self.face.weights
-            push = q.p * q.measure * W
-            np.add.at(normal, m.time, (push * q.t).sum(axis=1))
-            np.add.at(friction, m.time, (push * q.ratio * q.t).sum(axis=1))
-            np.add.at(power, m.time, (push * q.ratio * q.slip).sum(axis=1))
-            span = (m.pieces.stop - m.pieces.start) * q.measure[:, 0] / self.face.width
-            np.add.at(length, m.time, np.where(push.any(axis=1), span, 0.0))
-            ends = np.stack([m.pieces.start, m.pieces.stop], axis=1)
-            top = Samples.at(m.overlaps, m.pieces.of, ends, self.face).p.max(axis=1)
-            np.maximum.at(pressure, m.time, top)
-        return {"normal": np.abs(normal), "friction": np.abs(friction), "power": power,
-                "length": length, "pressure": pressure}
+            summed.add(m.time, m.overlaps, m.pieces, self.face)
+        return summed.found()
 
     def _meetings(self, a: "_Path", b: "_Path", face: Interface) -> Iterator["_Meeting"]:
         """Pieces in contact at some of the times at once."""
@@ -140,7 +136,7 @@ class ContactPart:
             (za, va), (zb, vb) = a.points(now), b.points(now)
             seen = (za - b.origin(now)) * b.turned(now).conj()
             middles = seen[:, i].mean(axis=2)
-            here, g = self.near.pairs(middles.ravel(), self.second.tree)
+            here, g = self.near.pairs(plane(middles.ravel()), self.second.tree)
             k, f = np.divmod(here, len(i))
             k1, k2 = k[:, None] % len(za), k[:, None] % len(zb)
             pairs = Pairs(np.concatenate([za[k1, i[f]], zb[k2, j[g]]], axis=1),

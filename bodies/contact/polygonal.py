@@ -6,13 +6,21 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
+from sparsemor.bodies.any_body import AnyBody
 from sparsemor.bodies.body_part import PlanarBody
+from sparsemor.bodies.contact.near import Near
 from sparsemor.bodies.contact.part import ContactPart
 from sparsemor.bodies.contact.quadrature import enough_points, gauss
+from sparsemor.bodies.contact.spatial import quadrature as triangles
+from sparsemor.bodies.contact.spatial import start as spatial_start
+from sparsemor.bodies.contact.spatial.part import SpatialContact
+from sparsemor.bodies.contact.spatial.surface import Surface as SpatialSurface
 from sparsemor.bodies.contact.start import check_start
-from sparsemor.bodies.contact.surface import Near, Surface
+from sparsemor.bodies.contact.surface import Surface
 from sparsemor.bodies.contact.tractions import Interface
+from sparsemor.bodies.spatial.body import SpatialBody
 from sparsemor.bodies.targets import find_target
+from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.errors import Fault, Gather, InputError
 from sparsemor.core.plugin import Plugin
 from sparsemor.core.protocols import FrictionLaw, NormalLaw, Part
@@ -33,7 +41,8 @@ class Polygonal(Plugin):
     """Surfaces that press on and rub against each other; all laws are per area (Pa, N/m3, W/m2).
 
     The first surface is integrated over. Penetration and slip are those along the nearest facet of
-    the second. Both bodies need a mesh: a rigid one is a flexible body with `fields: []`.
+    the second. Both bodies need a mesh, both in the plane or both in space: a rigid one is a
+    flexible body with `fields: []`.
     """
 
     between: tuple[str, str]
@@ -51,43 +60,71 @@ class Polygonal(Plugin):
     """Part of the resultants that quadrature may leave open, Gauss points being added until twice
     as many change less."""
 
-    def build(self, name: str, parts: Mapping[str, Part]) -> ContactPart:
-        first, second = self._surfaces(parts)
-        self._check_motion(first.body, second.body)
+    def build(self, name: str, parts: Mapping[str, Part]) -> ContactPart | SpatialContact:
+        first, second = self._bodies(parts)
+        if first[0].name == second[0].name:
+            raise InputError(f"both surfaces are on body {first[0].name!r}: contact of a body "
+                             "with itself is not looked for", "between")
+        self._check_motion(first[0], second[0])
+        if isinstance(first[0], PlanarBody) and isinstance(second[0], PlanarBody):
+            return self._planar(name, Surface.of(first[0], first[1]),
+                                Surface.of(second[0], second[1]))
+        if isinstance(first[0], SpatialBody) and isinstance(second[0], SpatialBody):
+            return self._spatial(name, SpatialSurface.of(first[0], first[1]),
+                                 SpatialSurface.of(second[0], second[1]))
+        flat, solid = (b.name for b in sorted(
+            (first[0], second[0]), key=lambda b: isinstance(b, SpatialBody)))
+        raise InputError(f"body {flat!r} is in the plane and body {solid!r} in space: give both "
+                         "in the plane or both in space", "between")
+
+    def _planar(self, name: str, first: Surface, second: Surface) -> ContactPart:
         check_start(first, second)
-        points, weights = gauss(enough_points(self.normal, self.friction, self.tolerance))
-        width = min(first.body.thickness, second.body.thickness)
-        conductance = 0.0 if self.heat is None else self.heat.conductance
-        face = Interface(self.normal, self.friction, width, self._share(first.body, second.body),
-                         conductance, points, weights)
+        rule = gauss(enough_points(self.normal, self.friction, self.tolerance))
+        face = self._face(first.body, second.body, rule)
         # half a facet: farther in, the nearest facet is not the one that was crossed
         reach = 0.5 * float(min(first.sizes.min(), second.sizes.min()))
         return ContactPart(name, first, second, face, Near.of(first, second, reach), reach,
                            self.surfaces == "deformed", self.heat is not None)
 
-    def _surfaces(self, parts: Mapping[str, Part]) -> tuple[Surface, Surface]:
-        def find(text: str, key: str) -> Surface:
+    def _spatial(
+        self, name: str, first: SpatialSurface, second: SpatialSurface
+    ) -> SpatialContact:
+        spatial_start.check_start(first, second)
+        rule = triangles.triangle_rule(
+            triangles.enough_points(self.normal, self.friction, self.tolerance))
+        face = self._face(first.body, second.body, rule)
+        reach = 0.5 * float(min(first.sizes.min(), second.sizes.min()))
+        return SpatialContact(name, first, second, face, Near.of(first, second, reach), reach,
+                              self.surfaces == "deformed", self.heat is not None)
+
+    def _face(
+        self, first: AnyBody, second: AnyBody, rule: tuple[FloatArray, FloatArray]
+    ) -> Interface:
+        width = min(first.thickness, second.thickness)
+        conductance = 0.0 if self.heat is None else self.heat.conductance
+        return Interface(self.normal, self.friction, width, self._share(first, second),
+                         conductance, *rule)
+
+    def _bodies(
+        self, parts: Mapping[str, Part]
+    ) -> tuple[tuple[AnyBody, IntArray], tuple[AnyBody, IntArray]]:
+        """Both bodies with the facets of their surfaces."""
+        def find(text: str, key: str) -> tuple[AnyBody, IntArray]:
             target = find_target(parts, text, key)
             body = target.body
-            if not isinstance(body, PlanarBody):
-                raise InputError(f"{text!r}: body {body.name!r} is in space, and the surfaces of "
-                                 "this contact are the outlines of plane bodies", key)
             if body.mesh is None:
                 raise InputError(
                     f"{text!r}: body {body.name!r} has no mesh, so it has no surface that "
                     "could touch; give its shape as a flexible body with `fields: []`", key)
-            return Surface.of(body, target.facets(key))
+            return body, target.facets(key)
 
         gather = Gather()
         found = [gather("", find, text, f"between.{i}") for i, text in enumerate(self.between)]
         gather.check()
-        first, second = (s for s in found if s is not None)
-        if first.body.name == second.body.name:
-            raise InputError(f"both surfaces are on body {first.body.name!r}: contact of a body "
-                             "with itself is not looked for", "between")
+        first, second = (f for f in found if f is not None)
         return first, second
 
-    def _check_motion(self, first: PlanarBody, second: PlanarBody) -> None:
+    def _check_motion(self, first: AnyBody, second: AnyBody) -> None:
         bodies = (first, second)
         if self.surfaces == "deformed" and all(b.elasticity is None for b in bodies):
             raise InputError("neither body has an elastic field, so no surface deforms: take "
@@ -108,7 +145,7 @@ class Polygonal(Plugin):
         if faults:
             raise InputError(faults)
 
-    def _share(self, first: PlanarBody, second: PlanarBody) -> float:
+    def _share(self, first: AnyBody, second: AnyBody) -> float:
         if self.heat is None:
             return 0.0
         if self.heat.share != "effusivity":
@@ -119,7 +156,7 @@ class Polygonal(Plugin):
         return a / (a + b)
 
 
-def effusivity(body: PlanarBody) -> float:
+def effusivity(body: AnyBody) -> float:
     """sqrt(k rho c), W s^(1/2) / (m2 K)."""
     assert body.heat is not None and body.heat.constants is not None
     stored, conducted = body.heat.constants

@@ -89,6 +89,13 @@ class Side:
             (np.flatnonzero(np.isin(surface.nodes, at)), f.value) for at, f in heat.prescribed)
         return cls(surface, places, places, motion, held)
 
+    def some(self, chosen: IntArray) -> "Side":
+        """The same with some of the facets; places stay what they are."""
+        surface, used = self.surface.some(chosen)
+        columns, rows = (replace(p, u=p.u[used], T=p.T[used]) for p in (self.columns, self.rows))
+        given = [(np.flatnonzero(np.isin(used, at)), f) for at, f in self.given]
+        return Side(surface, columns, rows, self.motion, given)
+
     def points(self, x: FloatArray, v: FloatArray, t: float) -> Points:
         """At unknowns and rates x, v (n,) of the term's columns."""
         at = self.columns

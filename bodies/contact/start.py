@@ -1,5 +1,7 @@
 """Whether two surfaces can begin as they are placed."""
 
+from typing import NoReturn
+
 import numpy as np
 
 from sparsemor.bodies.body_part import PlanarBody
@@ -27,11 +29,17 @@ def check_start(first: Surface, second: Surface) -> None:
         worst = int(np.argmax(depth))
         if depth[worst] > OVERLAP * size:
             at = z[inside[worst]]
-            raise InputError(
-                f"bodies {one.body.name!r} and {other.body.name!r} overlap at the start: a point "
-                f"of {one.body.name!r} at ({at.real:.6g}, {at.imag:.6g}) m is {depth[worst]:.3g} m "
-                f"below the surface of {other.body.name!r}, more than {OVERLAP:g} of the smallest "
-                f"facet ({size:.3g} m); correct a pose", "between")
+            overlapping(one.body.name, other.body.name, np.array([at.real, at.imag]),
+                        float(depth[worst]), size)
+
+
+def overlapping(one: str, other: str, at: FloatArray, depth: float, size: float) -> NoReturn:
+    """InputError: a point of body `one` at (d,) is `depth` below the surface of `other`, in m."""
+    place = ", ".join(f"{x:.6g}" for x in at)
+    raise InputError(
+        f"bodies {one!r} and {other!r} overlap at the start: a point of {one!r} at ({place}) m is "
+        f"{depth:.3g} m below the surface of {other!r}, more than {OVERLAP:g} of the smallest "
+        f"facet ({size:.3g} m); correct a pose", "between")
 
 
 def placed(body: PlanarBody, X: ComplexArray) -> ComplexArray:

@@ -71,6 +71,14 @@ class Surface:
         is_open = np.stack([before, after], axis=1) < 0
         return np.asarray(is_open | (np.abs(self.turns) > 1e-12))
 
+    def some(self, chosen: IntArray) -> tuple["Surface", IntArray]:
+        """Some of the facets with the cells that they have among all, and which nodes are theirs.
+        """
+        used = np.unique(self.facets[chosen])
+        part = Surface(self.body, self.nodes[used], np.searchsorted(used, self.facets[chosen]))
+        part.__dict__.update(turns=self.turns[chosen], bent=self.bent[chosen], radius=self.radius)
+        return part, used
+
     @cached_property
     def _neighbours(self) -> tuple[IntArray, IntArray]:
         """(F,) number of the facet before and after each one, -1 where there is none."""
@@ -88,28 +96,3 @@ def tree_of(z: ComplexArray, facets: IntArray) -> Any:
 def plane(z: ComplexArray) -> FloatArray:
     """(..., 2) real coordinates of complex numbers (...)."""
     return np.stack([z.real, z.imag], axis=-1)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Near:
-    """The broad phase: pairs of facets whose circles, widened by `reach` (m), touch.
-
-    radius: search radius, m; most: facets of the second surface that one ball can hold.
-    """
-
-    radius: float
-    most: int
-
-    @classmethod
-    def of(cls, first: Surface, second: Surface, reach: float) -> "Near":
-        radius = first.radius + second.radius + reach
-        # a ball that holds one middle at all lies in the ball of twice the radius about it
-        held = second.tree.query_ball_point(second.tree.data, 2.0 * radius, return_length=True)
-        return cls(radius, int(held.max()))
-
-    def pairs(self, middles: ComplexArray, tree: Any) -> tuple[IntArray, IntArray]:
-        """Positions in `middles` (m,) and numbers of the tree's facets, one a pair, sorted."""
-        _, found = tree.query(plane(middles), k=np.arange(1, self.most + 1),
-                              distance_upper_bound=self.radius)
-        here, rank = np.nonzero(found < tree.n)
-        return here, found[here, rank]

@@ -7,9 +7,12 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from sparsemor.bodies.contact.doubt import too_deep
+from sparsemor.bodies.contact.follow import FollowedContact
+from sparsemor.bodies.contact.near import Near
 from sparsemor.bodies.contact.pieces import Overlaps, Pairs, Pieces
+from sparsemor.bodies.contact.resultants import HISTORIES, Resultants
 from sparsemor.bodies.contact.side import Points, Side, picked
-from sparsemor.bodies.contact.surface import Near, tree_of
+from sparsemor.bodies.contact.surface import plane, tree_of
 from sparsemor.bodies.contact.tractions import Interface, Slopes, as_real, nodal
 from sparsemor.bodies.local import CompressedLocal
 from sparsemor.core.arrays import BoolArray, Csr, FloatArray, IntArray
@@ -78,7 +81,7 @@ class ContactTerm:
         else:  # in the second body's axes its tree never changes
             middles = ((a.z - b.R) * np.conj(b.e))[first.facets].mean(axis=1)
             tree = second.tree
-        f, g = self.near.pairs(middles, tree)
+        f, g = self.near.pairs(plane(middles), tree)
         if not (self.active[0].all() or self.active[1].all()):
             wanted = self.active[0][f] | self.active[1][g]
             f, g = f[wanted], g[wanted]
@@ -150,6 +153,17 @@ class ContactTerm:
                 f"({self.reach:.2g} m): the step is too long for this contact, or its foundation "
                 "too soft")
 
+    @property
+    def histories(self) -> tuple[str, ...]:
+        """Names of the resultants that this term knows: none where it leaves facets out."""
+        return HISTORIES if self.active[0].all() or self.active[1].all() else ()
+
+    def resultants(self, x: FloatArray, v: FloatArray, t: float) -> dict[str, float]:
+        """The contact at one moment: see `Resultants`."""
+        now, summed = self._touch(x, v, t), Resultants(1)
+        summed.add(np.zeros(len(now.pieces.of), np.int64), now.overlaps, now.pieces, self.face)
+        return {name: float(value[0]) for name, value in summed.found().items()}
+
     # ------------------------------------------------------------------ reduction
 
     def restrict(self, keep: IntArray) -> "ContactTerm":
@@ -176,8 +190,23 @@ class ContactTerm:
         at = side.columns
         return replace(at, u=at.u[nodes], T=at.T[nodes]).all()
 
-    def compress(self, trial: Trial, left: FloatArray) -> CompressedLocal:
-        return CompressedLocal.of(self, trial, left)
+    def among(
+        self, first: IntArray, second: IntArray
+    ) -> tuple["ContactTerm", IntArray, IntArray]:
+        """The contact of some facets of either surface with each other alone, and which of the
+        columns and of the rows are theirs."""
+        sides = [s.some(chosen) for s, chosen in zip(self.sides, (first, second), strict=True)]
+        columns, rows = (np.unique(np.concatenate(found)) for found in (
+            [s.columns.all() for s in sides], [s.rows.all() for s in sides]))
+        a, b = (replace(s, columns=s.columns.found_in(columns), rows=s.rows.found_in(rows))
+                for s in sides)
+        active = self.active[0][first], self.active[1][second]
+        return replace(self, rows=self.rows[rows], columns=self.columns[columns], sides=(a, b),
+                       active=active), columns, rows
+
+    def compress(self, trial: Trial, left: FloatArray) -> CompressedLocal | FollowedContact:
+        local = CompressedLocal.of(self, trial, left)
+        return FollowedContact.of(local) if self.deforms else local
 
 
 def _kept(places: Any, keep: IntArray, size: int) -> Any:

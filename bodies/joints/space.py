@@ -51,6 +51,12 @@ class Rows:
     def other(self) -> Side:
         return self.first if self.own is self.second else self.second
 
+    @property
+    def given(self) -> bool:
+        """Whether nothing is solved: the motion of a side is given and none is unknown."""
+        bodies = [s.body for s in (self.first, self.second) if s.body is not None]
+        return any(b.guide is not None for b in bodies) and not any(b.moves for b in bodies)
+
     def meet(
         self, which: Sequence[int] = (0, 1, 2), follow: Sequence[Amplitude] = ()
     ) -> None:
@@ -78,7 +84,7 @@ class Rows:
         side, far = self.own, self.other
         body = side.body
         assert body is not None
-        if side.about_z and far.about_z:
+        if side.about_z and far.about_z and not self.given:
             own, other = _about_z(own, other)
             if not own:
                 return
@@ -128,7 +134,9 @@ class Rows:
             wide = np.zeros((self.count, C.shape[1]))
             wide[first : first + len(C)] = C
             conditions.append(Condition(body, item, vectors, wide, reads))
-        return SpaceJoint(self.name, tuple(conditions), tuple(self.targets), frame)
+        ends = (self.first if self.weld is None else self.weld.first, self.second)
+        sides = tuple(s for s in ends if s.body is not None)
+        return SpaceJoint(self.name, sides, tuple(conditions), tuple(self.targets), frame)
 
     def _add(
         self, body: SpatialBody, item: Item, vectors: FloatArray | None, C: FloatArray, reads: str

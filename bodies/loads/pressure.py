@@ -3,28 +3,46 @@
 from collections.abc import Mapping
 from typing import Annotated
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
-from sparsemor.bodies.fe.surface import surface_normal_load
+from sparsemor.bodies.fe.surface import facet_measures, surface_normal_load
 from sparsemor.bodies.loads.amplitude import Quantity
 from sparsemor.bodies.loads.part import LoadPart
 from sparsemor.bodies.loads.vectors import body_force
 from sparsemor.bodies.targets import find_surfaces
+from sparsemor.core.errors import InputError
 from sparsemor.core.plugin import Plugin
 from sparsemor.core.protocols import Part
 
 
 class Pressure(Plugin):
-    """Force per area -p n over the boundary facets of each set; positive pushes inwards."""
+    """Force per area -p n over the boundary facets of each set; positive pushes inwards.
+
+    Give the pressure, or the force that it amounts to on the mesh's own area.
+    """
 
     on: Annotated[list[str], Field(min_length=1)]
     """Surfaces `body:set`."""
-    pressure: Quantity
+    pressure: Quantity | None = None
     """Pressure, Pa, a number or a function of time."""
+    force: Quantity | None = None
+    """In place of it: pressure times the area of all sets, N, a number or a function of time. A
+    polygon is smaller than the curve that it follows: so all meshes carry the same."""
+
+    @model_validator(mode="after")
+    def _one(self) -> "Pressure":
+        if (self.pressure is None) is (self.force is None):
+            raise InputError("give `pressure` (Pa) or `force` (N)", "pressure")
+        return self
 
     def build(self, name: str, parts: Mapping[str, Part]) -> LoadPart:
-        loads = []
-        for body, mesh, facets in find_surfaces(parts, self.on, "mechanical"):
-            loads.append((body, -surface_normal_load(mesh, facets, body.thickness)))
+        surfaces = find_surfaces(parts, self.on, "mechanical")
+        size = self.pressure or self.force
+        assert size is not None
+        area = 1.0 if self.force is None else sum(
+            body.thickness * float(facet_measures(mesh, facets).sum())
+            for body, mesh, facets in surfaces)
+        loads = [(body, -surface_normal_load(mesh, facets, body.thickness) / area)
+                 for body, mesh, facets in surfaces]
         return LoadPart(name, lambda layout: [
-            body_force(b, layout, w, self.pressure.value) for b, w in loads])
+            body_force(b, layout, w, size.value) for b, w in loads])

@@ -16,6 +16,7 @@ from sparsemor.bodies.spatial.motion import Motion, Sums
 from sparsemor.bodies.spatial.pairs import Facing, Slide
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.separable import Amplitude
+from sparsemor.core.tables import Table
 
 AXES = ("x", "y", "z")
 EYE = np.eye(3)
@@ -142,4 +143,34 @@ class Attachment:
             out.sigma_y[mine, at] = out.tau[mine, at] = m.A
 
 
-Item = Inertia | UnitLength | SpaceForce | BodyForce | Attachment | Facing | Slide
+@dataclass(frozen=True, slots=True, eq=False)
+class Reaction:
+    """A joint's force (N) on the mean point of a set and, where `turns`, its moment (N m) on the
+    mean rotation, space axes, (T, 6): known, on a frame that is known. So the frame's own
+    equations, which nobody solves, are left out.
+    """
+
+    forces_at: Table
+    turns: bool
+    others = 0
+    forces = 0
+
+    @property
+    def directions(self) -> int:
+        return 6 if self.turns else 3
+
+    def names(self, source: str) -> tuple[str, ...]:
+        what = ("", "turn ") if self.turns else ("",)
+        return tuple(f"{source} {w}{a}" for w in what for a in AXES)
+
+    def shifted(self, s: FloatArray, quadratic: FloatArray) -> "Reaction":
+        return self
+
+    def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
+        if m.elastic:
+            known = self.forces_at.at(m.t)
+            for i in range(0, self.directions, 3):
+                out.sigma[j + i : j + i + 3] = m.A.T.dot(known[i : i + 3])
+
+
+Item = Inertia | UnitLength | SpaceForce | BodyForce | Attachment | Facing | Slide | Reaction

@@ -53,7 +53,8 @@ class Facing:
     def shifted(self, s: FloatArray, quadratic: FloatArray) -> "Facing":
         return replace(self, turned=self.turned + s) if self.turns else self
 
-    def _faces(self, t: float) -> FloatArray:
+    def faces(self, t: float) -> FloatArray:
+        """(l, 3) e at t, s."""
         if self.turn is None or self.axis is None:
             return self.other
         turned = rot.rotation(rot.about(self.axis.tolist(), self.turn(t)))
@@ -67,7 +68,7 @@ class Facing:
             turned = turned + m.s[at]
             out.sigma[at] = 0.0
             out.sigma_y[:, at] = 0.0
-        for i, (d0, e) in enumerate(zip(self.own, self._faces(m.t), strict=True)):
+        for i, (d0, e) in enumerate(zip(self.own, self.faces(m.t), strict=True)):
             lam, d, f = m.y[k + i], d0 + rot.cross(turned, d0), far.A.dot(e)
             D, D_o = m.turn.of_body(d), far.of_body(e)
             self._own_rows(m, k + i, lam, d, f, D, out)

@@ -60,14 +60,12 @@ def write_run_charts(
 
 
 def _of_reference(run: "RunResult", times: Sequence[float] | None) -> "dict[str, Figure | None]":
-    figures = {"deformation": deformation_figure(run, "elastic", times),
-               "temperature": deformation_figure(run, "thermal", times),
-               "probe_displacement": probe_displacement_figure(run),
-               "probe_temperature": probe_temperature_figure(run), **surface_figures(run, times)}
-    stage = run.stage()
-    if stage is not None:
-        figures["contact_forces"] = contact_forces_figure(stage)
-    return figures | {"positions": positions_figure(moving_bodies(run))}
+    return {"deformation": deformation_figure(run, "elastic", times),
+            "temperature": deformation_figure(run, "thermal", times),
+            "probe_displacement": probe_displacement_figure(run),
+            "probe_temperature": probe_temperature_figure(run), **surface_figures(run, times),
+            "contact_forces": contact_forces_figure(run.contacts()),
+            "positions": positions_figure(moving_bodies(run))}
 
 
 def _save_all(

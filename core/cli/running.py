@@ -23,6 +23,7 @@ from sparsemor.core.cli.common import (
     warn,
 )
 from sparsemor.core.scene import Scene
+from sparsemor.core.served import solvers_in_words
 
 
 def run(
@@ -66,6 +67,11 @@ def in_words(summary: Mapping[str, Any]) -> str:
     iterations = summary.get("newton_iterations")
     lines.append(("iterations", None if iterations is None else f"{_short(iterations)} a step"))
     lines.append(("factorized", summary.get("factorizations")))
+    lines += [("linear solver", told) for told in solvers_in_words(
+        summary.get("linear_solvers", ()))]
+    held = summary.get("memory")
+    if held:
+        lines.append(("memory", f"{held['peak_gb']:.2g} GB at most"))
     for name in ("rows", "atoms", "atoms_active", "elements_touched", "probes"):
         lines += [(name.replace("_", " "), f"{k}: {_short(v)}")
                   for k, v in _entries(summary.get(name))]

@@ -9,21 +9,25 @@ MEASURES = ("joint", "rigid", "elastic", "thermal", "angle_rad")
 OUTCOME = ("reducer", "status", "message", "reference_status")
 ERRORS = tuple(f"error_{m}" for m in MEASURES)
 LATE = tuple(f"late_{m}" for m in MEASURES)
+PHASES = tuple(f"{when}_{m}" for when in ("start_up", "steady") for m in MEASURES)
+"""Errors in the first 2 % of the time span, and in the rest."""
+SERIES = "error_over_time"
 COUNTS = ("steps", "t_end", "iterations", "atoms_all", "atoms_active", "rows_sampled",
           "factorizations", "support_changes", "elements_touched", "notes", "facts")
 TIMES = ("ms_per_step", "reference_ms_per_step", "speed_up", "offline_s", "offline_total_s",
          "offline_cache", "online_s", "pays_after", "repeats", "workers")
 """The only columns that may differ between two executions of a study."""
 
-RESERVED = frozenset({"run", "status", "message", "reference_status", *ERRORS, *LATE, *COUNTS,
-                      *TIMES})
+RESERVED = frozenset({"run", "status", "message", "reference_status", *ERRORS, *LATE, *PHASES,
+                      SERIES, *COUNTS, *TIMES})
 """No axis may have such a name. `reducer` and `seed` may be one: it then stands for the column."""
 
 
-def columns_of(settings: Sequence[str], late: bool) -> list[str]:
+def columns_of(settings: Sequence[str], late: bool, over_time: bool = False) -> list[str]:
     """Names in the order of the table."""
     given = ["run", *settings]
-    own = [*OUTCOME, "seed", *ERRORS, *(LATE if late else ()), *COUNTS, *TIMES]
+    own = [*OUTCOME, "seed", *ERRORS, *(LATE if late else ()), *PHASES,
+           *((SERIES,) if over_time else ()), *COUNTS, *TIMES]
     return [*given, *(name for name in own if name not in given)]
 
 

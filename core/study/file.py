@@ -58,6 +58,8 @@ class StudyFile(Plugin):
     """The column along a line of the chart."""
     errors_from: float = Field(default=0.0, ge=0)
     """From when on the late errors are counted, s."""
+    over_time: bool = False
+    """Keep each run's error over time, and draw it: one line a method."""
 
     @model_validator(mode="wrap")
     @classmethod

@@ -2,11 +2,15 @@
 
 from typing import Any
 
-from sparsemor.core.error_measures import measure_errors
+import numpy as np
+
+from sparsemor.core.error_measures import Errors, measure_errors
 from sparsemor.core.errors import InputError
 from sparsemor.core.results import RunResult
 from sparsemor.core.run_facts import RunFacts, pays_after, run_facts
-from sparsemor.core.study.columns import MEASURES
+from sparsemor.core.study.columns import MEASURES, SERIES
+
+SPANS = 120
 
 
 def measured(
@@ -14,12 +18,13 @@ def measured(
 ) -> dict[str, Any]:
     """Columns of `run` against `reference`; failure: why it stopped, "" if it did not."""
     facts, base, summary = run_facts(run), run_facts(reference), run.summary
-    errors, note = _errors(reference, run, errors_from)
+    errors, note, series = _errors(reference, run, errors_from)
     return {
         "status": facts.status.value,
         "message": "; ".join(text for text in (failure, note) if text),
         "reference_status": base.status.value,
         **errors,
+        SERIES: None if series is None else thinned(series),
         "steps": facts.steps,
         "t_end": summary.get("t_end"),
         "iterations": facts.iterations,
@@ -37,17 +42,33 @@ def measured(
 
 def _errors(
     reference: RunResult, run: RunResult, errors_from: float
-) -> tuple[dict[str, float | None], str]:
+) -> tuple[dict[str, float | None], str, Errors | None]:
     try:
         errors = measure_errors(reference, run, errors_from)
     except InputError as error:
-        return {}, f"not measured: {error}"
+        return {}, f"not measured: {error}", None
     if errors.until <= float(reference.times[0]):
-        return {}, ""  # it stopped in its first step: at the start all runs are right
+        return {}, "", None  # it stopped in its first step: at the start all runs are right
     found = {f"error_{m}": errors.worst.get(m) for m in MEASURES}
     if errors_from > 0.0:
         found |= {f"late_{m}": errors.worst_late.get(m) for m in MEASURES}
-    return found, ""
+    for when, worst in (("start_up", errors.start_up), ("steady", errors.steady)):
+        found |= {f"{when}_{m}": worst.get(m) for m in MEASURES}
+    return found, "", errors
+
+
+def thinned(errors: Errors) -> dict[str, list[float]]:
+    """Errors over time in at most 120 points: the largest in each of spans that grow, so that the
+    start is seen step by step. `time` (s): the end of each span."""
+    count = len(errors.times)
+    ends = np.unique(np.geomspace(1, max(count - 1, 1), SPANS).round().astype(np.int64))
+    ends = ends[ends < count]
+    found = {"time": errors.times[ends]}
+    for m in MEASURES:
+        if m in errors.series:
+            spans = np.maximum.reduceat(errors.series[m], np.append(1, ends[:-1] + 1))
+            found[m] = spans
+    return {name: [float(f"{v:.4g}") for v in values] for name, values in found.items()}
 
 
 def _cost(run: RunResult, facts: RunFacts, base: RunFacts) -> dict[str, Any]:

@@ -82,7 +82,7 @@ class Plan:
         read.check(maker.hopeless(points))
         maker.check_scene(len(points))
         settings = setting_columns(points)
-        columns = columns_of(settings, read.file.errors_from > 0.0)
+        columns = columns_of(settings, read.file.errors_from > 0.0, read.file.over_time)
         from importlib.metadata import version
 
         about = digest(

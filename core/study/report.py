@@ -6,14 +6,17 @@ from pathlib import Path
 from statistics import median
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from sparsemor.core.status import Status
-from sparsemor.core.study.columns import ERRORS, cell
+from sparsemor.core.study.columns import ERRORS, SERIES, cell
 from sparsemor.core.study.conduct import Conducted
 from sparsemor.core.study.plan import Plan
 from sparsemor.core.text_table import text_table
 
 if TYPE_CHECKING:
     from sparsemor.core.charts.work_precision import WorkPoint
+    from sparsemor.core.error_measures import Errors
 
 SHOWN = 60
 """Most rows on a screen; the files have all."""
@@ -73,13 +76,45 @@ def _point(method: str, budget: str, rows: Sequence[Mapping[str, Any]]) -> "Work
 
 
 def draw(done: Conducted) -> list[Path]:
-    """work_precision.png and .svg in the study's folder; [] when there is nothing to draw."""
-    from sparsemor.core.charts import FORMATS
+    """work_precision and, where the study asks for it, error_over_time, PNG and SVG, in the study's
+    folder; [] when there is nothing to draw."""
+    from sparsemor.core.charts import FORMATS, error_over_time_figure
     from sparsemor.core.charts.style import save
     from sparsemor.core.charts.work_precision import work_precision_figure
 
-    figure = work_precision_figure(work_points(done.plan, done.rows), _reference(done.rows))
-    return save(figure, done.folder, CHART, FORMATS) if figure is not None else []
+    figures = {CHART: work_precision_figure(
+        work_points(done.plan, done.rows), _reference(done.rows))}
+    if done.plan.study.file.over_time:
+        figures[SERIES] = error_over_time_figure(*over_time(done.plan, done.rows))
+    return [path for name, figure in figures.items() if figure is not None
+            for path in save(figure, done.folder, name, FORMATS)]
+
+
+def over_time(
+    plan: Plan, rows: Sequence[Mapping[str, Any]]
+) -> "tuple[dict[str, Errors], dict[str, Status]]":
+    """Errors over time and status by method: of runs that differ in the seed only the first that
+    stopped, else the one with the largest joint error."""
+    from sparsemor.core.error_measures import Errors
+
+    chosen: dict[str, Mapping[str, Any]] = {}
+    for row in rows:
+        if not row.get(SERIES):
+            continue
+        name = ", ".join(cell(row[n]) for n in plan.lines if row.get(n) is not None)
+        name, kept = name or plan.study.name, chosen.get(name or plan.study.name)
+        if kept is None or _rank(row) > _rank(kept):
+            chosen[name] = row
+    made = {}
+    for name, row in chosen.items():
+        series = {m: np.array(v) for m, v in row[SERIES].items()}
+        times = series.pop("time")
+        made[name] = Errors(times, series, {}, {}, 0.0, float(times[-1]), {}, 0.0)
+    return made, {name: Status(row["status"]) for name, row in chosen.items()}
+
+
+def _rank(row: Mapping[str, Any]) -> tuple[bool, float]:
+    return row["status"] != Status.DONE.value, float(row["error_joint"] or 0.0)
 
 
 def _reference(rows: Sequence[Mapping[str, Any]]) -> "WorkPoint | None":

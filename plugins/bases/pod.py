@@ -10,12 +10,17 @@ from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.plugin import Plugin
 from sparsemor.core.protocols import BlockData, Dictionary
+from sparsemor.core.snapshots import large, stretches
+from sparsemor.plugins.bases.blocked_svd import Snapshots, leading, mean
 from sparsemor.plugins.bases.svd import held, left_singular, round_off_level, weighted
 from sparsemor.plugins.bases.windows import pooled
 
 
 class Pod(Plugin):
     """The left singular vectors of the snapshots, largest first, cut at the numerical rank.
+
+    Snapshots beyond 256 MB are read by stretches and decomposed by randomized subspace iteration;
+    `count` or `energy` must then say how many columns are kept, unless they are few.
 
     Where `energy` and `count` are both given, the one that keeps fewer columns decides. The
     entry of largest size of each atom is positive, so that equal snapshots give equal atoms.
@@ -65,7 +70,7 @@ class Pod(Plugin):
     def build(self, data: BlockData) -> Dictionary:
         """Atoms (n, k). Raises InputError for snapshots that are absent, not finite or all 0."""
         A = _checked(data)
-        offset = A.mean(axis=1) if self.centred else np.zeros(len(A))
+        offset = mean(A) if self.centred else np.zeros(len(A))
         if self.windows == 1:
             return self._decomposed(data, A, offset)
         one = self.model_copy(update={"windows": 1})
@@ -75,6 +80,8 @@ class Pod(Plugin):
 
     def _decomposed(self, data: BlockData, A: FloatArray, offset: FloatArray) -> Dictionary:
         """The POD of A (n, M) about `offset`."""
+        if large(A):
+            return self._by_stretches(data.name, A, offset)
         n, M = A.shape
         plain = A - offset[:, None] if self.centred else A
         varying = plain if self.weights == "none" else weighted(plain)
@@ -87,12 +94,9 @@ class Pod(Plugin):
         largest = max(float(s[0]), stored)
         rank = int(np.count_nonzero(s > level * largest))
         if rank == 0:
-            raise InputError(
-                f"the {M} snapshots of {data.name} do not differ from their mean by more than "
-                "round-off: nothing is left to decompose; set centred: false or train with a load"
-            )
+            raise _nothing_left(data.name, M)
         total = float(np.linalg.norm(varying)) ** 2
-        kept, cut = self._cut(s, rank, total)
+        kept, cut = self._cut(s, rank, total, 0.0)
         energy = min(1.0, float(s[:kept] @ s[:kept]) / total) if varying is plain else held(
             plain, U[:, :kept])
         atoms = self._completed(U[:, :kept]) if self.complete else U[:, :kept]
@@ -110,13 +114,44 @@ class Pod(Plugin):
             "cut": cut,
         })
 
-    def _cut(self, s: FloatArray, rank: int, total: float) -> tuple[int, str]:
-        """How many columns stay, and which option or limit decided it."""
+    def _by_stretches(self, block: str, A: FloatArray, offset: FloatArray) -> Dictionary:
+        """The same for more snapshots than are held at once: the leading columns only."""
+        n, M = A.shape
+        given = Snapshots.of(A, offset, self.weights != "none")
+        level = self.rank_rtol or round_off_level(n, M)
+        found = leading(given, self.count, self.energy, level)
+        if found is None:
+            raise InputError(
+                f"{8 * n * M / 1e9:.2g} GB of snapshots of {block} are decomposed by parts, and "
+                f"more than a third of {M} columns are asked for: say with count or energy how "
+                "many are to be kept", "count" if self.energy is None else "energy")
+        s = found.values
+        stored = float(np.sqrt(M) * np.linalg.norm(offset))
+        rank = int(np.count_nonzero(s > level * max(float(s[0]), stored)))
+        if rank == 0:
+            raise _nothing_left(block, M)
+        beyond = 0.0 if found.complete else max(given.total - float(s @ s), 0.0)
+        kept, cut = self._cut(s, rank, given.total, beyond)
+        atoms = found.U[:, :kept]
+        atoms = self._completed(atoms) if self.complete else atoms
+        names = [f"pod {i}" for i in range(kept)]
+        names += [f"completion {i}" for i in range(atoms.shape[1] - kept)]
+        return Dictionary(np.ascontiguousarray(atoms * _signs(atoms)), offset, tuple(names), {
+            "rank_at_least": rank, "kept": kept, "completed": atoms.shape[1] - kept,
+            "energy": min(1.0, float(s[:kept] @ s[:kept]) / given.total),
+            "last_singular_value": float(s[kept - 1] / s[0]), "snapshots": M, "rank_rtol": level,
+            "cut": cut, "passes": found.passes})
+
+    def _cut(
+        self, s: FloatArray, rank: int, total: float, beyond: float
+    ) -> tuple[int, str]:
+        """How many columns stay, and which option or limit decided it. beyond: energy of columns
+        that were not looked for."""
         kept, cut = rank, f"the other columns are round-off: below {s[0]:.3g} x rank_rtol"
         if rank == s.size:
             cut = "none: every column is above round-off"
         if self.energy is not None:
-            rest = np.append(np.cumsum((s * s)[::-1])[::-1][1:], 0.0)  # energy after column i
+            rest = np.append(np.cumsum((s * s)[::-1])[::-1][1:], 0.0) + beyond  # after column i
             enough = np.flatnonzero(rest <= (1.0 - self.energy) * total)
             if enough.size and enough[0] + 1 < kept:
                 kept, cut = int(enough[0]) + 1, "energy"
@@ -135,6 +170,12 @@ class Pod(Plugin):
         return np.hstack([U, np.linalg.qr(rest)[0]])
 
 
+def _nothing_left(block: str, M: int) -> InputError:
+    return InputError(
+        f"the {M} snapshots of {block} do not differ from their mean by more than "
+        "round-off: nothing is left to decompose; set centred: false or train with a load")
+
+
 def _checked(data: BlockData) -> FloatArray:
     A = data.snapshots
     if A.size == 0:
@@ -142,13 +183,14 @@ def _checked(data: BlockData) -> FloatArray:
             f"pod has no snapshots of {data.name} (shape {A.shape}): give the scene a training "
             "run, or use a basis that needs none"
         )
-    if not np.isfinite(A).all():
-        bad = int(np.flatnonzero(~np.isfinite(A).all(axis=0))[0])
+    finite = np.concatenate([np.isfinite(part).all(axis=0) for _, part in stretches(A)])
+    if not finite.all():
+        bad = int(np.flatnonzero(~finite)[0])
         raise InputError(
             f"snapshot {bad} of {data.name} holds values that are not finite: the training run "
             "failed there; repeat it with a smaller time.step"
         )
-    if not A.any():
+    if not any(part.any() for _, part in stretches(A)):
         raise InputError(
             f"all {A.shape[1]} snapshots of {data.name} are zero: nothing moved or heated it in "
             "the training run; add a load there, or leave this block out of the budgets"

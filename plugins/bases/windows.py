@@ -7,6 +7,8 @@ import numpy as np
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.protocols import Dictionary
+from sparsemor.core.snapshots import large
+from sparsemor.plugins.bases.blocked_svd import Snapshots
 from sparsemor.plugins.bases.columns import independent, merge
 from sparsemor.plugins.bases.svd import held
 
@@ -26,7 +28,7 @@ def pooled(
                          "windows")
     parts, names, ranks = list[FloatArray](), list[str](), list[int]()
     for number, columns in enumerate(np.array_split(np.arange(M), windows)):
-        part = A[:, columns]
+        part = np.asarray(A[:, columns])
         if not (part - offset[:, None]).any():
             ranks.append(0)
             continue
@@ -42,4 +44,12 @@ def pooled(
     return Dictionary(atoms, offset, said, {
         "windows": windows, "kept": atoms.shape[1], "merged": merged,
         "kept_each": ", ".join(map(str, ranks)), "numerical_rank": Q.shape[1],
-        "energy": held(A - offset[:, None], Q), "snapshots": M})
+        "energy": share(A, offset, Q), "snapshots": M})
+
+
+def share(A: FloatArray, offset: FloatArray, Q: FloatArray) -> float:
+    """Of the squares of A (n, M) less `offset`, what orthonormal Q (n, k) hold."""
+    if not large(A):
+        return held(A - offset[:, None], Q)
+    given = Snapshots.of(A, offset, False)
+    return 1.0 - given.missed(Q, given.coefficients(Q).T) ** 2 / given.total

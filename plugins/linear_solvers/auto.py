@@ -1,6 +1,5 @@
 """The linear solver that suits a matrix, chosen by counting before anything is factorized."""
 
-import os
 from dataclasses import replace
 from importlib.util import find_spec
 from typing import Any
@@ -9,9 +8,9 @@ import numpy as np
 from pydantic import Field
 
 from sparsemor.core.arrays import Csr
-from sparsemor.core.dissection import dissect
-from sparsemor.core.errors import InputError
+from sparsemor.core.dissection import expected_entries
 from sparsemor.core.linear import Solved, is_vector, unfit
+from sparsemor.core.memory import GIGA, machine
 from sparsemor.core.plugin import Plugin
 from sparsemor.core.protocols import Places
 from sparsemor.plugins.linear_solvers.cholmod import Cholmod
@@ -22,7 +21,6 @@ from sparsemor.plugins.linear_solvers.smoothed_aggregation import SmoothedAggreg
 
 SMALL = 3000
 """Unknowns up to which SuperLU serves whatever else is installed."""
-GIGA = 1e9
 PATIENCE = 300
 """Iterations of plain conjugate gradients that are accepted where factors do not fit."""
 
@@ -40,7 +38,8 @@ class Auto(Plugin):
     rtol: float = Field(default=1e-10, gt=0.0, lt=1.0)
     """Of the iterative solvers: norm of the residual, relative to the right-hand side's."""
     memory: float | None = Field(default=None, gt=0.0)
-    """What the factors of one matrix may take, GB; half of the machine's memory if left out."""
+    """What the factors of one matrix may take, GB; half of the machine's memory, or of
+    SPARSEMOR_MEMORY, if left out."""
 
     def factorize(self, A: Csr, places: Places | None = None) -> Solved:
         fault = unfit("auto", A)
@@ -70,6 +69,10 @@ class Auto(Plugin):
         return best, (f"{_name(best)}: factors of {size:.2g} GB fit in {limit:.2g} GB, and "
                       f"conjugate gradients take more than {worth} iterations")
 
+    def expected(self, A: Csr, places: Places | None = None) -> int:
+        """Bytes that the solver it takes holds while it works."""
+        return int(self.choose(A, places)[0].expected(A, places))
+
     def _iterative(self, A: Csr, places: Places | None, why: str) -> tuple[Any, str]:
         heat = places is None or not is_vector(places)
         took = self._tried(A, PATIENCE) if heat else None
@@ -89,22 +92,7 @@ class Auto(Plugin):
 
     def _limit(self) -> float:
         """GB."""
-        if self.memory is not None:
-            return self.memory
-        try:
-            return 0.5 * os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / GIGA
-        except (ValueError, OSError, AttributeError):
-            raise InputError(
-                "this machine does not say how much memory it has: give it in GB", "memory"
-            ) from None
-
-
-def expected_entries(A: Csr, places: Places | None) -> int:
-    """Entries of the Cholesky factor; without positions a cautious guess for a compact body."""
-    if places is not None:
-        return dissect(A, places).entries
-    n = A.shape[0]
-    return int(min(n * (n + 1) / 2, 2 * n**1.6))
+        return 0.5 * machine() / GIGA if self.memory is None else self.memory
 
 
 def _direct() -> Any:

@@ -5,6 +5,7 @@ from typing import Literal
 from scipy.sparse import csc_matrix
 
 from sparsemor.core.arrays import Csr
+from sparsemor.core.dissection import expected_entries
 from sparsemor.core.linear import Solved, direct, refused, unfit
 from sparsemor.core.plugin import Plugin
 from sparsemor.core.protocols import Places
@@ -38,3 +39,7 @@ class Cholmod(Plugin):
         except CholmodError as error:
             return refused("cholmod", A, Status.SINGULAR, f"not positive definite: {error}")
         return direct("cholmod", A, 12 * int(factor.L().nnz), factor)
+
+    def expected(self, A: Csr, places: Places | None = None) -> int:
+        """Bytes while it works: the factor, and as much again of fronts and copies."""
+        return 2 * 12 * expected_entries(A, places)

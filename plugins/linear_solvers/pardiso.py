@@ -8,6 +8,7 @@ import numpy as np
 from scipy.sparse import csr_matrix, triu
 
 from sparsemor.core.arrays import Csr, FloatArray
+from sparsemor.core.dissection import expected_entries
 from sparsemor.core.linear import Solved, direct, refused, unfit
 from sparsemor.core.plugin import Plugin
 from sparsemor.core.protocols import Places
@@ -46,6 +47,10 @@ class Pardiso(Plugin):
         # permanent memory of analysis and factors, kB; the wrapper keeps a copy of the matrix
         held = 1024 * int(engine.get_iparm(16) + engine.get_iparm(17)) + 2 * 12 * int(upper.nnz)
         return direct("pardiso", A, held, solve)
+
+    def expected(self, A: Csr, places: Places | None = None) -> int:
+        """Bytes while it works: the factor, and as much again of fronts and copies."""
+        return 2 * 12 * expected_entries(A, places)
 
 
 def _engine() -> Any:

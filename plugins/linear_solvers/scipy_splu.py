@@ -8,7 +8,7 @@ from scipy.sparse import csc_array
 from scipy.sparse.linalg import splu
 
 from sparsemor.core.arrays import Csr, FloatArray, IntArray
-from sparsemor.core.dissection import dissect
+from sparsemor.core.dissection import dissect, expected_entries
 from sparsemor.core.errors import InputError
 from sparsemor.core.linear import Solved, direct, refused, unfit
 from sparsemor.core.plugin import Plugin
@@ -18,6 +18,8 @@ from sparsemor.core.status import Status
 ENTRY = 12
 """Bytes of one entry of the factors: a number and its row."""
 SUPERLU = {"minimum_degree": "MMD_AT_PLUS_A", "columns": "COLAMD", "dissection": "NATURAL"}
+WORKING = 1.5
+"""Memory while SuperLU factorizes, over that of the factors."""
 WORTH = 5000
 """Unknowns from which on dissection pays in space."""
 
@@ -58,6 +60,10 @@ class Splu(Plugin):
         except RuntimeError as error:  # a pivot that is exactly zero
             return refused("splu", A, Status.SINGULAR, str(error))
         return direct("splu", A, ENTRY * int(lu.nnz), _ordered(lu.solve, order))
+
+    def expected(self, A: Csr, places: Places | None = None) -> int:
+        """Bytes while it works: SuperLU makes room for more than it fills."""
+        return int(WORKING * 2 * ENTRY * expected_entries(A, places))
 
     def _ordering(self, A: Csr, places: Places | None) -> str:
         if self.ordering != "best":

@@ -13,6 +13,9 @@ from sparsemor.core.protocols import Places
 from sparsemor.plugins.linear_solvers.conjugate_gradients import iterate
 from sparsemor.plugins.sparse_solvers.extras import require
 
+WORKING = 6
+"""Matrices as large as the given one that its hierarchy takes while it is made."""
+
 
 class SmoothedAggregation(Plugin):
     """Conjugate gradients with one multigrid cycle a step, by smoothed aggregation.
@@ -50,6 +53,10 @@ class SmoothedAggregation(Plugin):
             return iterate(A, precondition, b, start, self.rtol, self.max_iterations)
 
         return Solved("amg", A, _held(levels), column=column, rtol=self.rtol)
+
+    def expected(self, A: Csr, places: Places | None = None) -> int:
+        """Bytes while it works: what coarsening makes of the matrix on its way."""
+        return WORKING * 12 * int(A.nnz)
 
 
 def _hierarchy(whole: Any, motions: FloatArray, theta: float) -> Any:

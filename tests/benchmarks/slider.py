@@ -1,6 +1,7 @@
 """Slider on plate: every method over its four fields, in training and outside of it.
 
-    python tests/benchmarks/slider.py [--quick] [--seeds 10] [--only NAME ..] [--out slider.json]
+    python tests/benchmarks/slider.py [--quick] [--seeds 10] [--only NAME ..] [--cases NAME ..]
+        [--out slider.json]
 
 In training: the run that is repeated. Outside: a model that learned at 1 m/s and mu = 0.2 is run
 at 0.8 m/s, at mu = 0.15 and at both, one that learned on the first half of the travel on all of it.
@@ -184,6 +185,8 @@ def targets(out: report.Report, rows: Sequence[Mapping[str, Any]]) -> None:
 def elsewhere(out: report.Report, given: argparse.Namespace, base: Scene, folder: Path) -> None:
     table, best = out.table("Outside training: worst error of each field, whole run"), {}
     for case, (changes, training) in CASES.items():
+        if given.cases and case not in given.cases:
+            continue
         scene = base.using(changes)
         truth = run(scene.using({"reducer": "full"}), folder / _file(f"full-{case}"))
         assert isinstance(truth, RunResult)
@@ -277,6 +280,8 @@ def arguments() -> argparse.Namespace:
     parser = report.options("slider", __doc__)
     parser.add_argument("--seeds", type=int, default=10)
     parser.add_argument("--only", nargs="+", metavar="NAME", help="these methods alone")
+    parser.add_argument("--cases", nargs="+", choices=CASES, metavar="NAME",
+                        help="these cases outside training alone")
     parser.add_argument("--inside", action="store_true", help="only in training")
     parser.add_argument("--outside", action="store_true", help="only outside of it")
     given = parser.parse_args()

@@ -192,6 +192,19 @@ def test_slider_measures_every_field_in_and_out_of_training(run: Run) -> None:
     assert max(outside[1][f] for f in fields) > 10 * max(outside[3][f] for f in fields)
 
 
+def test_linear_solvers_are_measured_apart(run: Run) -> None:
+    found = run("linear_solvers")
+    rows = rows_of(found, "Factorization s / solve ms")
+    for field in ("T", "u"):
+        mine = {row["solver"]: row for row in rows if row["field"] == field}
+        assert {"splu", "cg", "amg", "auto"} <= set(mine)
+        assert mine["auto"]["status"].startswith("takes splu")
+        for name in ("splu", "cg", "amg"):
+            assert mine[name]["status"] == "done" and mine[name]["residual"] <= 1e-10
+            assert mine[name]["factors"] <= mine[name]["expected"]
+        assert mine["cg"]["warm"] <= mine["cg"]["iterations"]
+
+
 def test_an_interrupted_benchmark_prints_what_it_has(tmp_path: Path) -> None:
     out = tmp_path / "accuracy.json"
     with subprocess.Popen(

@@ -35,6 +35,7 @@ grid:
     hurried: {{reducer.max_iterations: 1, reducer.remaining: 1.0e-15}}
 budget: reducer.basis.count
 errors_from: 0.02
+over_time: true
 """
 
 LETHAL = '''
@@ -128,7 +129,8 @@ def test_a_run_that_cannot_be_prepared_is_not_the_failure_of_its_neighbours() ->
 
 def test_one_table_also_of_runs_that_fail() -> None:
     done = ran("six.yaml", "--out", "a")
-    for said in ("6 runs: 3 done, 3 not_converged", "work_precision.png", "table.csv"):
+    for said in ("6 runs: 3 done, 3 not_converged", "work_precision.png", "table.csv",
+                 "error_over_time.png"):
         assert said in done.stdout
     assert done.stderr.splitlines()[-1].endswith("6/6 done, 0 running, 3 failed, 0 s left")
     rows = rows_of("a")
@@ -141,6 +143,10 @@ def test_one_table_also_of_runs_that_fail() -> None:
         assert (r["status"], r["reference_status"], r["steps"], r["message"]) == (
             "done", "done", 50, "")
         assert 0 < r["late_elastic"] <= r["error_elastic"]
+        assert r["error_elastic"] == max(r["start_up_elastic"], r["steady_elastic"])
+        seen = r["error_over_time"]
+        assert seen["time"][0] == pytest.approx(1e-3) and seen["time"][-1] == pytest.approx(0.05)
+        assert max(seen["elastic"]) == pytest.approx(r["error_elastic"], rel=1e-3)
         assert r["speed_up"] == pytest.approx(r["reference_ms_per_step"] / r["ms_per_step"])
         assert r["offline_total_s"] > r["offline_s"] > 0  # training was found in the cache
         assert (r["workers"], r["repeats"]) == (0, 0)
@@ -160,7 +166,7 @@ def test_one_table_also_of_runs_that_fail() -> None:
     assert columns["status"] == [r["status"] for r in rows]
     assert {p.name for p in Path("a").iterdir()} == {
         "study.json", "runs.csv", "runs.jsonl", "runs.parquet", "table.csv", "table.jsonl",
-        "work_precision.png", "work_precision.svg"}
+        "work_precision.png", "work_precision.svg", "error_over_time.png", "error_over_time.svg"}
     assert study("six.yaml", out="a") == [
         {k: v for k, v in r.items() if not k.startswith("fact.")} for r in rows]
 

@@ -115,14 +115,25 @@ def test_a_contact_of_a_body_that_failed_is_not_blamed_too() -> None:
     assert "bodies.block.material.k" in told and "contacts" not in told
 
 
-def test_contact_of_bodies_in_space_is_refused() -> None:
-    given = tree(contact={"between": ["brick:bottom", "base:top"]})
-    given["bodies"]["brick"] = {
-        "use": "flexible", "fields": [], "material": {"rho": 1000},
-        "mesh": {"use": "block", "size": [0.1, 0.1, 0.1], "divisions": [1, 1, 1]}}
-    told = refused(given)
-    assert "contacts.sole.between.0: 'brick:bottom': body 'brick' is in space" in told
-    assert told.count("brick:bottom") == 1
+def brick(height: float = 0.0, **options: Any) -> dict[str, Any]:
+    mesh = {"use": "block", "size": [0.1, 0.1, 0.1], "divisions": [2, 2, 2]}
+    return {"use": "flexible", "fields": [], "material": {"rho": 1000}, "mesh": mesh,
+            "pose": {"position": [0.0, 0.0, height]}, **options}
+
+
+def test_a_plane_body_does_not_touch_one_in_space() -> None:
+    for between in (["brick:bottom", "base:top"], ["base:top", "brick:bottom"]):
+        told = refused(tree({"between": between}) | {"bodies": {
+            "brick": brick(), "base": plate([0.0, -0.1], frame="fixed")}})
+        assert ("contacts.sole.between: body 'base' is in the plane and body 'brick' in space"
+                in told)
+
+
+@pytest.mark.parametrize("height", [0.09, 0.02])
+def test_bodies_in_space_that_overlap_at_the_start_are_refused(height: float) -> None:
+    given = tree({"between": ["block:bottom", "base:top"]}) | {"bodies": {
+        "block": brick(height), "base": brick(frame="fixed")}}
+    assert "contacts.sole.between: bodies 'block' and 'base' overlap" in refused(given)
 
 
 def test_surfaces_that_never_meet_are_told_at_the_end(tmp_path: Path) -> None:

@@ -166,35 +166,6 @@ def test_what_two_stages_refuse(changes, key, words):
     assert any(k.startswith(key) and words in m for k, m in faults.items()), faults
 
 
-BRICK: dict[str, Any] = {
-    "use": "flexible", "material": {"rho": 1000, "E": 1e9, "nu": 0.3, "k": 45, "c": 480},
-    "mesh": {"use": "block", "size": [0.1, 0.1, 0.1], "divisions": [1, 1, 1]},
-    "reference": {"clamp": "left"}}
-PINNED = {"use": "spherical", "between": ["ground", "brick:right"]}
-
-
-@pytest.mark.parametrize(("brick", "joints", "key"), [
-    ({"fields": []}, {}, "bodies.brick"),
-    ({"fields": ["elastic"]}, {"pin": PINNED}, "bodies.brick"),
-    ({"fields": ["elastic"], "frame": "spinning"}, {}, "bodies.brick"),
-    ({"fields": ["elastic"], "frame": "fixed"}, {}, "bodies.brick"),
-    ({"fields": ["thermal"], "frame": "fixed"}, {}, "bodies.brick"),
-    ({"fields": ["elastic"], "frame": "fixed"}, {"pin": PINNED}, "joints.pin"),
-])
-def test_bodies_in_space_know_no_rigid_stage(brick, joints, key):
-    """Said once, whether they move, deform or stand still; without the stage they may be there."""
-    scene = load(SLIDER)
-    tree = scene.source.tree
-    mixed = scene.using({"bodies": {**tree["bodies"], "brick": BRICK | brick},
-                         "joints": {**tree["joints"], **joints},
-                         "loads.weight.bodies": ["slider"]})
-    with pytest.raises(InputError) as error:
-        checked_model(mixed)
-    ((where, told),) = {f.key: f.message for f in error.value.faults}.items()
-    assert where == key and "in space" in told and "drop rigid_stage" in told
-    checked_model(mixed.using({"rigid_stage": None, "contacts": {}}))
-
-
 def test_a_joint_of_bodies_that_do_not_move_stays_a_constraint(tmp_path):
     """A rigid stage cannot know its force; the flexible stage solves for it."""
     scene = load(SLIDER, SHORT)

@@ -58,7 +58,7 @@ def test_units(largest: float, si: str, expected: tuple[float, str]) -> None:
 
 
 def test_forces_of_each_contact() -> None:
-    figure = contact_forces_figure(stage(("sole", "guide")))
+    figure = contact_forces_figure(Followed(stage(("sole", "guide"))).contacts())
     assert figure is not None
     assert [axes.get_title(loc="left") for axes in figure.axes] == ["sole", "guide"]
     normal, friction = (np.asarray(line.get_ydata()) for line in figure.axes[0].lines)
@@ -72,7 +72,7 @@ def test_forces_of_each_contact() -> None:
 def test_a_contact_without_friction_has_one_line() -> None:
     whole = stage()
     bare = replace(whole, contacts={"sole": {"normal": np.full(51, -2.0e4)}})
-    figure = contact_forces_figure(bare)
+    figure = contact_forces_figure(Followed(bare).contacts())
     assert figure is not None and len(figure.axes[0].lines) == 1
     assert figure.axes[0].get_ylabel() == "force (kN)"
     assert figure.axes[0].get_ylim()[0] < -20.0 and figure.axes[0].get_ylim()[1] >= 0.0
@@ -92,10 +92,10 @@ def test_only_moving_bodies_have_a_position() -> None:
 
 def test_nothing_to_draw() -> None:
     still = replace(stage(), moves=frozenset(), contacts={})
-    assert contact_forces_figure(still) is None
+    assert contact_forces_figure(Followed(still).contacts()) is None
     assert positions_figure(moving_bodies(Followed(still))) is None
     start = replace(stage(), times=TIMES[:1], contacts={"sole": {"normal": np.zeros(1)}})
-    assert contact_forces_figure(start) is None
+    assert contact_forces_figure(Followed(start).contacts()) is None
     assert positions_figure({"slider": (TIMES[:1], np.zeros((1, 3)))}) is None
 
 
@@ -129,7 +129,7 @@ def test_a_disk_that_follows_its_stage_has_the_stages_speed() -> None:
 def test_pictures_show_something(tmp_path: Path) -> None:
     from matplotlib.image import imread
 
-    for name, figure in (("forces", contact_forces_figure(stage())),
+    for name, figure in (("forces", contact_forces_figure(Followed(stage()).contacts())),
                          ("positions", positions_figure(moving_bodies(Followed(stage()))))):
         assert figure is not None
         (file,) = save(figure, tmp_path, name, ["png"])

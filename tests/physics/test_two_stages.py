@@ -14,6 +14,7 @@ from sparsemor.core.results import RunResult
 from sparsemor.core.scene import Scene
 from sparsemor.core.stability.plan import Plan
 from sparsemor.core.stability.survey import survey
+from sparsemor.core.status import SolveFailed
 
 SLIDER = Path(__file__).parents[1] / "scenes" / "small_slider.yaml"
 POD = {"use": "pod", "count": 25}
@@ -104,6 +105,23 @@ def test_comparison_and_survey_of_a_two_stage_scene(full, cache):
     table = survey(scene, Plan(seeds=1, samplers=("deim",)), cache=cache)
     (entry,) = table.entries
     assert entry.stable == 1
+
+
+def test_both_stages_have_their_own_error_controlled_steps(cache):
+    """Where the stage cannot hold the tolerance, the advice that the failure gives is enough."""
+    short = load(SLIDER, {"time.end": 3.0e-5, "training.end": 3.0e-5})
+    run = simulate(short.using({"time.control": {"tolerance": 0.1}, "reducer": "full"}),
+                   cache=cache)
+    assert run.summary["control"]["substeps"] >= 8
+    fine = {"tolerance": 0.01, "max_halvings": 2, "rigid": 1e-6, "elastic": 1e-6}
+    tight = short.using({"time.control": fine, "reducer": "full"})
+    with pytest.raises(SolveFailed, match="rigid_stage: {overrides: {time.control: null}}") as told:
+        simulate(tight, cache=cache)
+    assert told.value.detail.startswith("rigid stage") and "time.control.rigid" in str(told.value)
+    kept = simulate(tight.using({
+        "rigid_stage.overrides": {"time.control": None}, "time.control.elastic": 1e-4}),
+        cache=cache)
+    assert kept.summary["control"]["largest_error"] <= 1.0
 
 
 @pytest.mark.parametrize(("slider", "plate"), [

@@ -1,0 +1,215 @@
+"""What a run will hold in memory, told before it starts; and a refusal where that does not fit.
+
+Counted are the large things: matrices and factors of full order, snapshots, atoms, tables and what
+is stored. What the assembled scene takes is measured, for it is there already.
+"""
+
+import shutil
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from sparsemor.core.arrays import Csr
+from sparsemor.core.choose import chosen
+from sparsemor.core.errors import InputError
+from sparsemor.core.memory import GIGA, LIMIT, ceiling, resident
+from sparsemor.core.model import Model
+from sparsemor.core.offline import Offline, step_count
+from sparsemor.core.scene import Scene
+from sparsemor.core.snapshots import HELD
+
+ENTRY = 12
+"""Bytes of an entry of a sparse matrix or factor: a number and its place."""
+VECTORS = 40
+"""Vectors of all unknowns that a run of full order carries: states, predictor, right-hand sides."""
+UNKNOWN_ATOMS = 200
+"""Atoms that are reckoned with where nothing says how many there will be."""
+COPIES = 3
+"""Arrays as large as the snapshots that are held where these are decomposed as a whole."""
+ROUGH = 0.5
+"""Where rough counts stay below this share of what there is, nothing is counted exactly."""
+
+
+@dataclass(frozen=True, slots=True)
+class Item:
+    """Something large. advice: what makes it smaller."""
+
+    what: str
+    size: float
+    advice: str
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """base: what is held already; phases: what each holds besides, not at the same time. Bytes.
+    exact: whether factors were counted, not bounded."""
+
+    base: int
+    phases: dict[str, tuple[Item, ...]]
+    exact: bool
+
+    @property
+    def largest(self) -> str:
+        return max(self.phases, key=lambda p: sum(i.size for i in self.phases[p]))
+
+    @property
+    def total(self) -> float:
+        return self.base + max(sum(i.size for i in items) for items in self.phases.values())
+
+
+def fitting(scene: Scene, model: Model, offline: Offline) -> Estimate:
+    """The estimate of a run that may start. InputError, in words, for one that would not fit in
+    memory, or whose snapshots would not fit on the disk."""
+    limit = ceiling()
+    told = estimate(scene, model, offline, exact=False)
+    if told.total > ROUGH * limit:
+        told = estimate(scene, model, offline, exact=True)
+    if told.total > limit:
+        raise InputError(_refusal(told, limit))
+    _disk(scene, model, offline)
+    return told
+
+
+def estimate(scene: Scene, model: Model, offline: Offline, exact: bool) -> Estimate:
+    training = trains(scene, model) and not offline.has("training")
+    own = str(scene.dump()["reducer"]["use"]) == "full"
+    phases = {"steps": tuple(_full(model, exact) if own else _reduced(scene, model))}
+    if training:
+        phases["training run"] = (
+            Item("the model of the training run", _matrices(model), "a coarser mesh"),
+            *_full(model, exact), *_held_snapshots(scene, model))
+    if trains(scene, model):
+        phases["bases"] = tuple(_bases(scene, model))
+    return Estimate(resident(), phases, exact)
+
+
+def trains(scene: Scene, model: Model) -> bool:
+    """Whether any basis of the reducer needs snapshots; a reducer says it all by `basis`, `bases`
+    and `force_basis`."""
+    return any(b.needs_snapshots for b in _chosen_bases(scene, model).values()) or getattr(
+        getattr(scene.reducer, "force_basis", None), "needs_snapshots", False)
+
+
+def _chosen_bases(scene: Scene, model: Model) -> dict[str, Any]:
+    default = getattr(scene.reducer, "basis", None)
+    if default is None:
+        return {}
+    others = getattr(scene.reducer, "bases", {})
+    return {name: chosen(name, others, default) for name in model.reducible()}
+
+
+def _operators(model: Model) -> Iterator[tuple[str, Csr]]:
+    """The pattern of what a step solves with, by block."""
+    for h in model.separated.heat:
+        yield h.thermal, h.capacity + h.conductivity
+    for m in model.separated.moving:
+        if m.operators is not None:
+            yield m.elastic, m.operators.stiffness + m.operators.mass
+
+
+def _full(model: Model, exact: bool) -> list[Item]:
+    found = [Item("states and right-hand sides", 8 * VECTORS * model.layout.size, "a coarser mesh")]
+    for name, A in _operators(model):
+        solver = model.solvers.of(name)
+        count = getattr(solver, "expected", None) if exact else None
+        n = A.shape[0]
+        size = (count(A, model.places(name)) if count is not None
+                else 2 * ENTRY * min(n * (n + 1) / 2, 2 * n**1.6))
+        found.append(Item(
+            f"the linear solver of {name}", size + 2 * ENTRY * A.nnz,
+            f'linear_solvers: {{"{name}": amg}} (or cg for heat), which hold no factors'))
+    return found
+
+
+def _reduced(scene: Scene, model: Model) -> list[Item]:
+    """Atoms and what the operators make of them while they are projected."""
+    found = []
+    for name, basis in _chosen_bases(scene, model).items():
+        n, k = _size(model, name), _atoms(basis, _size(model, name))
+        found.append(Item(f"{k} atoms of {name}, and operators times them", 8 * 12 * n * k,
+                          "fewer atoms (count), or a coarser mesh"))
+    return found
+
+
+def _bases(scene: Scene, model: Model) -> list[Item]:
+    """One block at a time: its snapshots, and orthonormal columns while they are found."""
+    largest: list[Item] = []
+    copies = getattr(scene.reducer, "snapshot_copies", COPIES)
+    for name, basis in _chosen_bases(scene, model).items():
+        n, k = _size(model, name), _atoms(basis, _size(model, name))
+        whole = 8 * n * _count(scene)
+        # a reducer that wants forces has them as a whole, however large
+        held = copies * whole if whole <= HELD or copies > COPIES else HELD / 2
+        one = [Item(f"snapshots of {name}", held, "a larger training.every"),
+               Item(f"{k} atoms of {name}", 8 * 6 * n * k, "fewer atoms (count)")]
+        if sum(i.size for i in one) > sum(i.size for i in largest):
+            largest = one
+    return largest
+
+
+def _held_snapshots(scene: Scene, model: Model) -> list[Item]:
+    sizes = {name: 8 * _size(model, name) * _count(scene) for name in model.reducible()}
+    return [Item(f"snapshots of {name}", size, "a larger training.every")
+            for name, size in sizes.items() if size <= HELD]
+
+
+def _disk(scene: Scene, model: Model, offline: Offline) -> None:
+    """Snapshots that go to disk must fit there."""
+    cache = offline.products.cache
+    if not trains(scene, model) or offline.has("training") or cache is None:
+        return
+    sizes = [8 * _size(model, name) * _count(scene) for name in model.reducible()]
+    wanted = sum(size for size in sizes if size > HELD)
+    place = next((p for p in (cache.root, *cache.root.absolute().parents) if p.exists()), Path("/"))
+    free = shutil.disk_usage(place).free
+    if wanted > free:
+        raise InputError(
+            f"the snapshots of the training run would take {_gb(wanted)}, and {place} has "
+            f"{_gb(free)} left: take a larger training.every, or name another place by "
+            "SPARSEMOR_CACHE")
+
+
+def _count(scene: Scene) -> int:
+    training = scene.for_training()
+    return step_count(training) // scene.training.every + 2
+
+
+def _size(model: Model, name: str) -> int:
+    at = model.layout[name]
+    return int(at.stop - at.start)
+
+
+def _atoms(basis: Any, size: int) -> int:
+    count = getattr(basis, "count", None)
+    return min(size, count if isinstance(count, int) else UNKNOWN_ATOMS)
+
+
+def _matrices(model: Model) -> int:
+    """Bytes of a second model's constant matrices."""
+    found = 0
+    for h in model.separated.heat:
+        found += _bytes(h.capacity) + _bytes(h.conductivity)
+    for m in model.separated.moving:
+        o = m.operators
+        if o is not None:
+            parts = [o.mass, o.damping, o.stiffness, *o.generators]
+            found += sum(map(_bytes, parts)) + (0 if o.coupling is None else _bytes(o.coupling))
+            found += o.directions.nbytes + o.loads.nbytes
+    return 2 * found  # terms hold them once more
+
+
+def _bytes(A: Csr) -> int:
+    return int(A.data.nbytes + A.indices.nbytes + A.indptr.nbytes)
+
+
+def _refusal(told: Estimate, limit: int) -> str:
+    items = sorted(told.phases[told.largest], key=lambda i: -i.size)[:3]
+    parts = "; ".join(f"{i.what}: {_gb(i.size)}" for i in items)
+    return (f"this run would hold about {_gb(told.total)} of memory ({told.largest}: {parts}; held "
+            f"already: {_gb(told.base)}), and {_gb(limit)} are there for it (the machine's, or "
+            f"{LIMIT}): take {items[0].advice}")
+
+
+def _gb(size: float) -> str:
+    return f"{size / GIGA:.2g} GB"

@@ -1,0 +1,119 @@
+"""How much memory this process has taken, and how much it may take. All in bytes."""
+
+import os
+import sys
+from pathlib import Path
+
+from sparsemor.core.errors import InputError
+
+LIMIT = "SPARSEMOR_MEMORY"
+"""Environment variable: the most that one process of a run may hold, GB."""
+GIGA = 1e9
+
+
+def peak() -> int:
+    """The most that this process has held in physical memory since it began, mapped files
+    included; 0 where the system does not say."""
+    try:
+        import resource
+    except ImportError:  # Windows
+        return 0
+    most = int(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+    return most if sys.platform == "darwin" else 1024 * most
+
+
+def resident() -> int:
+    """What it holds now; its peak where the system does not say."""
+    try:
+        pages = int(Path("/proc/self/statm").read_text().split()[1])
+    except (OSError, ValueError, IndexError):
+        return peak()
+    return pages * os.sysconf("SC_PAGE_SIZE")
+
+
+def ceiling() -> int:
+    """What this process can come to hold: what it holds now and what the machine, and every
+    control group that it is in, has to spare; at most SPARSEMOR_MEMORY."""
+    spare = [_mentioned("/proc/meminfo", "MemAvailable", 1024)]
+    spare += [limit - used for limit, used in _groups()]
+    known = [s for s in spare if s is not None]
+    own = [] if (given := _given()) is None else [given]
+    if known:
+        own.append(resident() + max(min(known), 0))
+    return min(own, default=machine())
+
+
+def machine() -> int:
+    """What a process could have to itself: the machine's memory or a control group's, at most
+    SPARSEMOR_MEMORY. Unlike `ceiling` it does not change from one moment to the next."""
+    found = [limit for limit, _ in _groups()]
+    given = _given()
+    if given is not None:
+        found.append(given)
+    try:
+        found.append(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
+    except (ValueError, OSError, AttributeError):
+        if not found:
+            raise InputError(f"this machine does not say how much memory it has: set {LIMIT}, in "
+                             "GB") from None
+    return min(found)
+
+
+def _given() -> int | None:
+    text = os.environ.get(LIMIT)
+    if not text:
+        return None
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 0.0 < value < 1e9:
+        raise InputError(f"{LIMIT} must be a number of GB above 0 (given: {text!r})")
+    return int(value * GIGA)
+
+
+def _groups() -> list[tuple[int, int]]:
+    """(limit, used) of each control group with a limit that this process is in."""
+    found = []
+    for folder in _folders():
+        for limit, used in (("memory.max", "memory.current"),
+                            ("memory.limit_in_bytes", "memory.usage_in_bytes")):
+            most, now = _number(folder / limit), _number(folder / used)
+            if most is not None and now is not None and most < 2**60:
+                # pages of files that nobody needs at the moment are given up first
+                idle = _mentioned(folder / "memory.stat", "inactive_file", 1) or 0
+                found.append((most, max(now - idle, 0)))
+    return found
+
+
+def _folders() -> list[Path]:
+    root = Path("/sys/fs/cgroup")
+    found = [root, root / "memory"]
+    try:
+        lines = Path("/proc/self/cgroup").read_text().splitlines()
+    except OSError:
+        return found
+    for line in lines:
+        _, controllers, path = line.split(":", 2)
+        base = root / "memory" if "memory" in controllers.split(",") else root
+        own = base / path.lstrip("/")
+        found += [own, *(p for p in own.parents if base in p.parents)]
+    return list(dict.fromkeys(found))
+
+
+def _number(file: Path) -> int | None:
+    try:
+        return int(file.read_text())
+    except (OSError, ValueError):  # no such group, or "max"
+        return None
+
+
+def _mentioned(file: str | Path, name: str, unit: int) -> int | None:
+    try:
+        for line in Path(file).read_text().splitlines():
+            words = line.replace(":", " ").split()
+            if words and words[0] == name:
+                return int(words[1]) * unit
+    except (OSError, ValueError, IndexError):
+        pass
+    return None

@@ -1,0 +1,162 @@
+"""Leading left singular vectors of more snapshots than are held at once."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.snapshots import large, stretches
+from sparsemor.plugins.bases.svd import round_off_level
+
+FIRST, BESIDE, PASSES = 64, 16, 12
+"""Columns of the first sketch without a count; columns beside those asked for; passes at most."""
+SETTLED = 1e-4
+"""Share of what the kept columns miss that another pass may still win: then no more are made."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Snapshots:
+    """(A - offset) / divisors, A (n, M): what is decomposed, by stretches of columns.
+
+    offset (n,), divisors (M,); total: sum of all squares.
+    """
+
+    A: FloatArray
+    offset: FloatArray
+    divisors: FloatArray
+    total: float
+
+    @classmethod
+    def of(cls, A: FloatArray, offset: FloatArray, weighted: bool) -> "Snapshots":
+        """weighted: each column divided by the square root of its length."""
+        norms = np.concatenate([
+            np.linalg.norm(part - offset[:, None], axis=0) for _, part in stretches(A)])
+        divisors = np.ones(len(norms))
+        if weighted:
+            divisors = np.sqrt(np.where(norms > 0.0, norms, 1.0))
+        return cls(A, offset, divisors, float(np.sum((norms / divisors) ** 2)))
+
+    def images(self, X: FloatArray) -> FloatArray:
+        """A X (n, l) of X (M, l), in one pass."""
+        Y: FloatArray = np.zeros((len(self.offset), X.shape[1]))
+        for at, part in stretches(self.A):
+            Y += self._changed(at, part) @ X[at]
+        return Y
+
+    def coefficients(self, Q: FloatArray) -> FloatArray:
+        """A^T Q (M, l) of Q (n, l), in one pass."""
+        return np.concatenate([
+            self._changed(at, part).T @ Q for at, part in stretches(self.A)])
+
+    def missed(self, Q: FloatArray, B: FloatArray) -> float:
+        """Frobenius norm of A - Q B, from the entries, in one pass."""
+        return float(np.linalg.norm([
+            np.linalg.norm(self._changed(at, part) - Q @ B[:, at])
+            for at, part in stretches(self.A)]))
+
+    def _changed(self, at: slice, part: FloatArray) -> FloatArray:
+        return np.asarray((part - self.offset[:, None]) / self.divisors[at], dtype=np.float64)
+
+
+def mean(A: FloatArray) -> FloatArray:
+    """(n,) of A (n, M)."""
+    if not large(A):
+        return np.asarray(A.mean(axis=1))
+    total: FloatArray = np.zeros(A.shape[0])
+    for _, part in stretches(A):
+        total += part.sum(axis=1)
+    return np.asarray(total / A.shape[1])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Leading:
+    """U (n, l) and values (l,), decreasing. complete: what is missing is round-off."""
+
+    U: FloatArray
+    values: FloatArray
+    complete: bool
+    passes: int
+
+
+def leading(
+    given: Snapshots, count: int | None, energy: float | None, level: float
+) -> Leading | None:
+    """By randomized subspace iteration, orthonormal after each half step: `count` columns, or as
+    many as reach `energy`, the fewer; all above round-off (`level`) where neither is given or it
+    comes first. None where they would be more than a third of the snapshots.
+
+    Halko, Martinsson and Tropp 2011, doi 10.1137/090771806, algorithm 4.4. Passes end when the kept
+    columns win no more than 1e-4 of the squares that they miss. The sketch comes from a generator
+    that depends on the shape alone: a scene's seed changes rows, and need not change atoms.
+    """
+    n, M = given.A.shape
+    rng = np.random.default_rng([n, M])
+    most = max(min(n, M) // 3, min(n, M, FIRST))
+    wanted = FIRST if count is None else count + max(BESIDE, count // 4)
+    size, passes = min(wanted, n, M), 0
+    Q: FloatArray = np.zeros((n, 0))
+    while True:
+        Q = _widened(given, Q, size, rng)
+        passes += 1
+        found, passes = _settled(given, Q, count, energy, level, passes)
+        if found.complete or (count is not None and energy is None):
+            return found
+        if energy is not None and _reached(found.values, given.total, energy):
+            return found
+        if count is not None and size >= wanted:
+            return found
+        if size >= most:
+            return None
+        size, Q = min(2 * size, most), found.U
+
+
+def _widened(
+    given: Snapshots, Q: FloatArray, size: int, rng: np.random.Generator
+) -> FloatArray:
+    """Q (n, l) and a sketch of what it misses, `size` orthonormal columns."""
+    M = given.A.shape[1]
+    Y = given.images(rng.standard_normal((M, size - Q.shape[1])))
+    for _ in range(2):  # once leaves what cancellation brings back
+        Y -= Q @ (Q.T @ Y)
+        Y = np.linalg.qr(Y)[0]
+    return np.hstack([Q, Y])
+
+
+def _settled(
+    given: Snapshots, Q: FloatArray, count: int | None, energy: float | None, level: float,
+    passes: int,
+) -> tuple[Leading, int]:
+    """Subspace iteration from Q until the kept columns hardly gain."""
+    before = -np.inf
+    limit = passes + PASSES
+    while True:
+        Z = given.coefficients(Q)
+        W, s, Vt = np.linalg.svd(Z, full_matrices=False)  # Z^T = Q^T A
+        U, passes = Q @ Vt.T, passes + 1
+        kept = _kept(s, given.total, count, energy)
+        held = float(s[:kept] @ s[:kept])
+        rest = max(given.total - held, 0.0)
+        noise = min(level, round_off_level(*given.A.shape)) * s[0]
+        if rest <= 1e-12 * given.total:  # a difference of squares tells no more than this
+            passes += 1
+            if given.missed(U, s[:, None] * W.T) <= 0.5 * noise:
+                return Leading(U, s, True, passes), passes
+        every = count is None and energy is None  # widening finds more than going on
+        if every or held - before <= SETTLED * rest or passes >= limit:
+            return Leading(U, s, False, passes), passes
+        before, passes = held, passes + 1
+        Q = np.linalg.qr(given.images(W))[0]
+
+
+def _kept(s: FloatArray, total: float, count: int | None, energy: float | None) -> int:
+    kept = len(s) if count is None else min(count, len(s))
+    if energy is not None:
+        enough = np.flatnonzero(total - np.cumsum(s * s) <= (1.0 - energy) * total)
+        kept = min(kept, int(enough[0]) + 1) if enough.size else kept
+    return kept
+
+
+def _reached(s: FloatArray, total: float, energy: float) -> bool:
+    """By columns that leave room for those beside them."""
+    inner = s[: max(len(s) - BESIDE, 1)]
+    return bool(total - float(inner @ inner) <= (1.0 - energy) * total)
