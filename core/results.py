@@ -12,7 +12,7 @@ from sparsemor.core.errors import InputError
 from sparsemor.core.layout import Layout
 from sparsemor.core.placement import KNOWN, PLANAR, SPINNING, placed, turned
 from sparsemor.core.result_stage import read_stage
-from sparsemor.core.run_header import load_layout
+from sparsemor.core.run_header import Probe, load_layout
 from sparsemor.core.stage import Stage
 from sparsemor.core.status import Status
 from sparsemor.core.zarr_files import GROUP_FILE
@@ -157,10 +157,12 @@ class RunResult:
             raise InputError(f"no probe {name!r} in this result; it has {have}", key="probe")
         return self._whole(f"probe.{name}")
 
-    def probe_columns(self, name: str) -> tuple[str, ...]:
-        """What the columns of a probe are: x, y, z, u_x, .., temperature."""
+    def probe_header(self, name: str) -> Probe:
+        """Where a probe sits, and what its columns are."""
         self.probe(name)  # says which there are
-        return tuple(self._data[f"probe.{name}"].attrs["components"])
+        a = self._data[f"probe.{name}"].attrs
+        return Probe(name, a["body"], tuple(a["position"]), tuple(a["components"]),
+                     tuple(a["units"].split(", ")))
 
     def points(self, body: str) -> FloatArray:
         """(N, d) reference positions in the body frame, m."""

@@ -284,8 +284,11 @@ def test_probes(run: RunResult) -> None:
     shown = {line.get_label(): np.asarray(line.get_ydata()) for line in heat.axes[0].lines}
     assert set(shown) == {"near", "tip"}  # the wheel has no temperature
     assert np.array_equal(shown["tip"], run.probe("tip")[:, 6])
-    assert run.probe_columns("tip") == ("x", "y", "z", "u_x", "u_y", "u_z", "temperature")
+    tip = run.probe_header("tip")
+    assert tip.components == ("x", "y", "z", "u_x", "u_y", "u_z", "temperature")
+    assert (tip.body, tip.units) == ("bar", ("m",) * 6 + ("K",))
+    assert tip.position == pytest.approx((0.4, 0.05, 0.03))
     assert bent.axes[0].get_ylabel() == "displacement |u| (µm)"
-    (tip,) = (line for line in bent.axes[0].lines if line.get_label() == "tip")
+    (line,) = (line for line in bent.axes[0].lines if line.get_label() == "tip")
     np.testing.assert_allclose(
-        np.asarray(tip.get_ydata()), 1e6 * np.linalg.norm(run.probe("tip")[:, 3:6], axis=1))
+        np.asarray(line.get_ydata()), 1e6 * np.linalg.norm(run.probe("tip")[:, 3:6], axis=1))
