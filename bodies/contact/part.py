@@ -9,7 +9,8 @@ from sparsemor.bodies.contact.near import Near
 from sparsemor.bodies.contact.pieces import Overlaps, Pairs, Pieces
 from sparsemor.bodies.contact.projection import nearest
 from sparsemor.bodies.contact.quadrature import gauss
-from sparsemor.bodies.contact.resultants import Resultants, restless
+from sparsemor.bodies.contact.restless import unsettled
+from sparsemor.bodies.contact.resultants import Resultants
 from sparsemor.bodies.contact.side import Side
 from sparsemor.bodies.contact.surface import Surface, plane
 from sparsemor.bodies.contact.term import ContactTerm
@@ -78,12 +79,7 @@ class ContactPart:
 
     def unsettled(self, history: Mapping[str, FloatArray]) -> str:
         """What a user should know of the contact's history at the steps of a run; "" if nothing."""
-        size = restless(history["normal"])
-        return "" if size == 0.0 else (
-            f"contact {self.name}: to the end its normal force changes by {100 * size:.2g} % from "
-            "step to step, back and forth: the step does not resolve the motion on the foundation, "
-            "and the integrator does not damp it; forces, and friction above all, are not to be "
-            "trusted: take a smaller time.step, or bdf1, bdf2 or a smaller rho_inf")
+        return unsettled(self.name, history["normal"])
 
     def _closest(self, motion: Mapping[str, FrameHistory]) -> float:
         """Smallest distance of a point of either surface from the other, at 100 of the times."""

@@ -9,8 +9,6 @@ from sparsemor.bodies.contact.tractions import Interface, Samples, nodal
 from sparsemor.core.arrays import FloatArray, IntArray
 
 HISTORIES = ("normal", "friction", "power", "length", "pressure")
-RESTLESS = 0.02
-"""Mean change of the normal force from step to step, over its mean, that is told."""
 
 
 class Resultants:
@@ -40,18 +38,3 @@ class Resultants:
         values = (np.abs(self._normal), np.abs(self._friction), self._power, self._length,
                   self._pressure)
         return dict(zip(HISTORIES, values, strict=True))
-
-
-def restless(normal: FloatArray) -> float:
-    """Mean change of the normal force (T,) from step to step over its mean, in the second half of a
-    run in which it goes up and down within four steps; else 0.
-
-    A motion that the steps resolve turns less often: what does not is the step's own.
-    """
-    late = normal[len(normal) // 2:]
-    change = np.diff(late)
-    if len(change) < 8 or not late.any():
-        return 0.0
-    turns = float((change[1:] * change[:-1] < 0).mean())
-    size = float(np.abs(change).mean() / late.mean())
-    return size if turns > 0.5 and size > RESTLESS else 0.0

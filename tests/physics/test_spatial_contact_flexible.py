@@ -1,13 +1,16 @@
 """Contact on deformed surfaces in space inside the step, at full order and reduced."""
 
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 from sparsemor.core.arrays import FloatArray
+from sparsemor.core.cache import Cache
 from sparsemor.core.scene import Scene
+from sparsemor.core.simulate import simulate
 from sparsemor.core.testing.run import March, march, scene_of
 from sparsemor.reducers.reduced_general import ReducedGeneral
 
@@ -95,3 +98,17 @@ def test_a_reduced_run_repeats_its_training(reducer: dict[str, Any]) -> None:
             got = np.asarray(maps[b.name].offset + got @ maps[b.name].atoms.T)
         error = np.abs(got - want)[1:].max() / np.abs(want).max()
         assert error < (1e-4 if b.field == "multiplier" else 1e-5), (b.name, error)
+
+
+def test_a_run_without_stage_keeps_the_history_of_its_contact(tmp_path: Path) -> None:
+    """The same interface as for a rigid stage and in the plane."""
+    run = simulate(scene(steps=3), out=tmp_path / "run", cache=Cache(tmp_path))
+    (sole,) = run.contacts().values()
+    assert set(sole) == {"time", "normal", "friction", "power", "area", "pressure"}
+    assert len(sole["time"]) == 4
+    assert sole["normal"][0] == pytest.approx(PRESSURE * 0.02**2, rel=1e-9)  # pressed in by 1 um
+    assert sole["area"][0] == pytest.approx(0.02**2, rel=1e-9)
+    np.testing.assert_allclose(sole["friction"][1:], MU * sole["normal"][1:], rtol=2e-3)
+    _, _, z, _ = forces(full())[full().model.layout["block.rigid"]]
+    whole = simulate(scene(), out=tmp_path / "whole", cache=Cache(tmp_path)).contacts()
+    assert next(iter(whole.values()))["normal"][-1] == pytest.approx(z, rel=0.01)

@@ -7,9 +7,11 @@ import numpy as np
 
 from sparsemor.bodies.contact.near import Near
 from sparsemor.bodies.contact.projection import nearest
+from sparsemor.bodies.contact.restless import unsettled
 from sparsemor.bodies.contact.spatial.meetings import Meeting, meetings
 from sparsemor.bodies.contact.spatial.path import Path, seen, steps
 from sparsemor.bodies.contact.spatial.pieces import pressure
+from sparsemor.bodies.contact.spatial.resultants import HISTORIES, resultants
 from sparsemor.bodies.contact.spatial.side import Side
 from sparsemor.bodies.contact.spatial.surface import Surface
 from sparsemor.bodies.contact.spatial.term import SpatialContactTerm
@@ -70,6 +72,10 @@ class SpatialContact:
                 f"they came is {gap:.3g} m: check the poses, and that the sets name the sides that "
                 "face each other")
 
+    def unsettled(self, history: Mapping[str, FloatArray]) -> str:
+        """What a user should know of the contact's history at the steps of a run; "" if nothing."""
+        return unsettled(self.name, history["normal"])
+
     def _presses(self, m: Meeting) -> bool:
         return bool((pressure(m.overlaps, m.pieces.of, m.pieces.polygons.places,
                               self.face.normal) > 0).any())
@@ -112,24 +118,13 @@ class SpatialContact:
         return np.asarray(force @ (B.transpose(0, 2, 1) @ A))
 
     def history(self, motion: Mapping[str, FrameHistory]) -> Mapping[str, FloatArray]:
-        """Over the times (T,) of the motion: "normal" and "friction" N, the sizes of the
-        resultants of pressure and of friction; "power" W; "area" m2 in contact; "pressure" Pa,
-        the largest."""
-        T = steps(motion)
-        found = {name: np.zeros(T) for name in (
-            "normal", "friction", "power", "area", "pressure")}
+        """Over the times (T,) of the motion: see `resultants`."""
+        found = {name: np.zeros(steps(motion)) for name in HISTORIES}
         for m in self._meetings(motion):
             loads = nodal(m.overlaps, m.pieces, self.face, None)
-            time, now = m.time[m.pieces.overlap], slice(m.begin, m.stop)
-            for name, vectors in (("normal", loads.push), ("friction", loads.drag)):
-                whole = [np.bincount(time, x, m.times) for x in vectors.T]
-                found[name][now] = np.linalg.norm(whole, axis=0)
-            for name, values in (("power", loads.power), ("area", loads.area)):
-                found[name][now] = np.bincount(time, values, m.times)
-            polygons = m.pieces.polygons
-            p = pressure(m.overlaps, m.pieces.of, polygons.places, self.face.normal)
-            top = np.where(polygons.used, p, 0.0).max(axis=1, initial=0.0)
-            np.maximum.at(found["pressure"], m.begin + m.time[m.pieces.of], top)
+            now = resultants(m.times, m.time, m.overlaps, m.pieces, loads, self.face.normal)
+            for name, values in now.items():
+                found[name][m.begin : m.stop] = values
         return found
 
     def _meetings(self, motion: Mapping[str, FrameHistory]) -> Iterator[Meeting]:

@@ -12,6 +12,7 @@ from sparsemor.bodies.contact.spatial.doubt import too_deep
 from sparsemor.bodies.contact.spatial.pieces import Overlaps, Pairs, Pieces
 from sparsemor.bodies.contact.spatial.placing import Placing, Sizes, dofs
 from sparsemor.bodies.contact.spatial.planes import Planes
+from sparsemor.bodies.contact.spatial.resultants import HISTORIES, resultants
 from sparsemor.bodies.contact.spatial.side import Side
 from sparsemor.bodies.contact.spatial.slopes import Slopes
 from sparsemor.bodies.contact.spatial.surface import radii_of, tree_of
@@ -191,6 +192,19 @@ class SpatialContactTerm:
                 f"surface of {second.body.name}, more than half the smallest facet "
                 f"({self.reach:.2g} m): the step is too long for this contact, or its foundation "
                 "too soft")
+
+    @property
+    def histories(self) -> tuple[str, ...]:
+        """Names of the resultants that this term knows: none where it leaves facets out."""
+        return HISTORIES if self.active[0].all() or self.active[1].all() else ()
+
+    def resultants(self, x: FloatArray, v: FloatArray, t: float) -> dict[str, float]:
+        """The contact at one moment: see `resultants`. x, v: of an accepted step."""
+        now = self._touch(x, v, t)
+        assert now is not None
+        found = resultants(1, np.zeros(len(now.nodes), np.int64), now.overlaps, now.pieces,
+                           now.loads, self.face.normal)
+        return {name: float(value[0]) for name, value in found.items()}
 
     # ------------------------------------------------------------------ reduction
 
