@@ -28,8 +28,9 @@ class Status(Enum):
 _ADVICE = {
     Status.DONE: "",
     Status.NOT_CONVERGED: (
-        "the iteration did not contract: take a smaller time.step, check that the loads are "
-        "continuous in time, and if rows are sampled keep the required ones or take more"
+        "the iteration did not contract: take a smaller time.step or a more damped integrator, "
+        "check that the loads are continuous in time, and if rows are sampled keep the required "
+        "ones or take more"
     ),
     Status.SINGULAR: (
         "the equations have no unique solution: look for a body that nothing holds, redundant "

@@ -153,7 +153,8 @@ class _Search:
     def _following(self, at: _At, anew: bool) -> _At | None:
         """The next iterate with its own change: a full step on, or less where full steps lead
         nowhere; None where no share of the change makes the residual fall."""
-        if self.stall <= PATIENCE:
+        lost = self.iterations > 2 * PATIENCE and at.change > FORETOLD  # wanders, if not in circles
+        if self.stall <= PATIENCE and not lost:
             new = self.at(at.x - at.dx)
             if np.isfinite(new.r).all():
                 self._ready(new, anew)
