@@ -20,6 +20,7 @@ class Factored:
     solver: str
     note: str
     unknowns: int
+    iterative: bool
     count: int = 0
     seconds: float = 0.0
     memory: int = 0
@@ -54,7 +55,7 @@ class BlockSolvers:
         key = (block, purpose, made.solver, unknowns)
         one = next((f for f in self.log if (f.block, f.purpose, f.solver, f.unknowns) == key), None)
         if one is None:
-            one = Factored(block, purpose, made.solver, made.note, unknowns)
+            one = Factored(block, purpose, made.solver, made.note, unknowns, made.iterative)
             self.log.append(one)
         one.count += 1
         one.seconds += seconds

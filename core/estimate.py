@@ -135,10 +135,11 @@ def _reduced(scene: Scene, model: Model) -> list[Item]:
 def _bases(scene: Scene, model: Model) -> list[Item]:
     """One block at a time: its snapshots, and orthonormal columns while they are found."""
     largest: list[Item] = []
+    M = _count(scene)
     copies = getattr(scene.reducer, "snapshot_copies", COPIES)
     for name, basis in _chosen_bases(scene, model).items():
         n, k = _size(model, name), _atoms(basis, _size(model, name))
-        whole = 8 * n * _count(scene)
+        whole = 8 * n * M
         # a reducer that wants forces has them as a whole, however large
         held = copies * whole if whole <= HELD or copies > COPIES else HELD / 2
         one = [Item(f"snapshots of {name}", held, "a larger training.every"),
@@ -149,7 +150,8 @@ def _bases(scene: Scene, model: Model) -> list[Item]:
 
 
 def _held_snapshots(scene: Scene, model: Model) -> list[Item]:
-    sizes = {name: 8 * _size(model, name) * _count(scene) for name in model.reducible()}
+    M = _count(scene)
+    sizes = {name: 8 * _size(model, name) * M for name in model.reducible()}
     return [Item(f"snapshots of {name}", size, "a larger training.every")
             for name, size in sizes.items() if size <= HELD]
 
@@ -159,7 +161,8 @@ def _disk(scene: Scene, model: Model, offline: Offline) -> None:
     cache = offline.products.cache
     if not trains(scene, model) or offline.has("training") or cache is None:
         return
-    sizes = [8 * _size(model, name) * _count(scene) for name in model.reducible()]
+    M = _count(scene)
+    sizes = [8 * _size(model, name) * M for name in model.reducible()]
     wanted = sum(size for size in sizes if size > HELD)
     place = next((p for p in (cache.root, *cache.root.absolute().parents) if p.exists()), Path("/"))
     free = shutil.disk_usage(place).free
@@ -171,6 +174,7 @@ def _disk(scene: Scene, model: Model, offline: Offline) -> None:
 
 
 def _count(scene: Scene) -> int:
+    """Snapshots of the training run, at most."""
     training = scene.for_training()
     return step_count(training) // scene.training.every + 2
 

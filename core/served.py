@@ -35,8 +35,8 @@ def solvers_summary(
             "block": f.block, "for": f.purpose, "solver": f.solver, "why": f.note,
             "unknowns": f.unknowns, "factorizations": f.count, "factor_s": f.seconds,
             "memory_gb": f.memory / GIGA}
-        if f.purpose == "steps" and f.block in iterations:
-            one["iterations_a_step"] = iterations[f.block] / max(steps, 1)
+        if f.purpose == "steps" and f.iterative:
+            one["iterations_a_step"] = iterations.get(f.block, 0) / max(steps, 1)
         found.append(one)
     return found
 

@@ -80,6 +80,7 @@ def _solves(
     law(done.status is Status.DONE, f"factorized with {done.status.value}, {done.note}: {where}")
     law(done.solver and isinstance(done.memory, int) and done.memory >= 0,
         f"solver {done.solver!r} and memory {done.memory!r} must be a name and bytes: {where}")
+    law(isinstance(done.iterative, bool), f"`iterative` must say whether a start helps: {where}")
     for b in (rng.standard_normal(n), 1e6 * rng.standard_normal((n, 3)), np.zeros(n),
               np.zeros((n, 0)), np.asfortranarray(rng.standard_normal((n, 2)))):
         what = f"b {b.shape} {where}"
@@ -109,6 +110,7 @@ def _starts(
         _honest(A, b, outcome, f"start {name}, {what}")
         law(np.array_equal(done.solve(b, start), outcome.x), f"solve differs, start {name}: {what}")
     cold, warm = done.outcome(b), done.outcome(b, true)
+    law(done.iterative or cold.iterations == 0, f"a direct solver that iterates: {what}")
     law(warm.iterations <= cold.iterations,
         f"{warm.iterations} iterations from the solution, {cold.iterations} from zero: {what}")
 

@@ -137,7 +137,8 @@ class Pod(Plugin):
         names = [f"pod {i}" for i in range(kept)]
         names += [f"completion {i}" for i in range(atoms.shape[1] - kept)]
         return Dictionary(np.ascontiguousarray(atoms * _signs(atoms)), offset, tuple(names), {
-            "rank_at_least": rank, "kept": kept, "completed": atoms.shape[1] - kept,
+            "numerical_rank" if found.complete else "rank_at_least": rank,
+            "kept": kept, "completed": atoms.shape[1] - kept,
             "energy": min(1.0, float(s[:kept] @ s[:kept]) / given.total),
             "last_singular_value": float(s[kept - 1] / s[0]), "snapshots": M, "rank_rtol": level,
             "cut": cut, "passes": found.passes})

@@ -39,8 +39,8 @@ class ConjugateGradients(Plugin):
         return Solved("cg", A, inverse.nbytes, column=column, rtol=self.rtol)
 
     def expected(self, A: Csr, places: Places | None = None) -> int:
-        """Bytes while it works: six vectors."""
-        return 48 * int(A.shape[0])
+        """Bytes while it works: vectors, and a copy of the matrix while it is checked."""
+        return 96 * int(A.shape[0]) + 12 * int(A.nnz)
 
 
 def iterate(

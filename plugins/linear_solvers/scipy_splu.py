@@ -18,7 +18,7 @@ from sparsemor.core.status import Status
 ENTRY = 12
 """Bytes of one entry of the factors: a number and its row."""
 SUPERLU = {"minimum_degree": "MMD_AT_PLUS_A", "columns": "COLAMD", "dissection": "NATURAL"}
-WORKING = 1.5
+WORKING = 1.2
 """Memory while SuperLU factorizes, over that of the factors."""
 WORTH = 5000
 """Unknowns from which on dissection pays in space."""

@@ -13,7 +13,7 @@ from sparsemor.core.protocols import Places
 from sparsemor.plugins.linear_solvers.conjugate_gradients import iterate
 from sparsemor.plugins.sparse_solvers.extras import require
 
-WORKING = 6
+WORKING = 10
 """Matrices as large as the given one that its hierarchy takes while it is made."""
 
 

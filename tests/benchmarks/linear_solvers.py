@@ -41,7 +41,7 @@ OFF = 1e-4
 def fill(out: report.Report, given: argparse.Namespace) -> None:
     out.settings |= {
         "matrices": "disk of the brake scene, h = 1 ms; heat: c1 C + K; elasticity: K + c2 M, its "
-                    "bottom and hub held",
+                    "hub held",
         "right-hand sides": f"random, {given.repeats} a case, medians; iterative ones to 1e-10",
         "memory": "factors: what the solver says it holds; peak: what its process came to hold "
                   "besides the matrix, MB",
@@ -72,7 +72,7 @@ def matrices(refine: float) -> Any:
     n = len(mesh.points)
     A = fe.capacity(mesh, STEEL.rho, STEEL.c) / STEP + fe.conductivity(mesh, STEEL.k)
     yield "T", A.tocsr(), Places(mesh.points, np.zeros(n, np.int64)), len(mesh.cells)
-    held = np.union1d(mesh.point_sets["bottom"], mesh.point_sets["hub"])
+    held = mesh.point_sets["hub"]
     free = np.setdiff1d(np.arange(3 * n), (3 * held[:, None] + np.arange(3)).ravel())
     M = sparse.kron(fe.scalar_mass(mesh, STEEL.rho), sparse.eye_array(3), format="csr")
     D = fe.elastic_stiffness(mesh, STEEL, 1.0, "solid") + M / STEP**2

@@ -83,6 +83,7 @@ def test_all_columns_above_round_off_where_they_are_few(few_held: None) -> None:
     rng = np.random.default_rng(1)
     A = rng.standard_normal((N, 9)) * 10.0 ** -np.arange(9.0) @ rng.standard_normal((9, M))
     d = Pod().build(data(A))
+    assert d.info["numerical_rank"] == 9
     assert d.atoms.shape[1] == 9 and missed(A, d) < 1e-12 * np.linalg.norm(A)
     weighted = Pod(weights="inverse_sqrt_norm").build(data(A))
     assert weighted.atoms.shape[1] == 9 and missed(A, weighted) < 1e-12 * np.linalg.norm(A)
