@@ -9,48 +9,36 @@ the surfaces have.
 """
 
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Any, Protocol, Self
 
 import numpy as np
 from scipy.spatial import cKDTree
 
-from sparsemor.bodies.contact.side import Side
-from sparsemor.bodies.contact.surface import plane
+from sparsemor.bodies.contact.near import Near
+from sparsemor.bodies.contact.pace import Mover, Pace
 from sparsemor.bodies.local import CompressedLocal
-from sparsemor.core.arrays import BoolArray, FloatArray
+from sparsemor.core.arrays import FloatArray, IntArray
 
 MARGIN = 0.1
 """Of the smaller surface's extent: a length that does not shrink with the facets."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Pace:
-    """How far points of one surface move at most with reduced unknowns: frame (3, k) the frame's
-    share, own (k,) the unknowns that displace points, gain: m a unit of their norm, arm: largest
-    distance of an undisplaced point from the frame origin, m."""
+class Followable(Protocol):
+    """A contact term of two surfaces that move with its unknowns."""
 
-    frame: FloatArray
-    own: BoolArray
-    gain: float
-    arm: float
+    @property
+    def near(self) -> Near: ...
+    @property
+    def movers(self) -> tuple[Mover, Mover]: ...
 
-    @classmethod
-    def of(cls, side: Side, atoms: FloatArray, offset: FloatArray) -> Self:
-        at, k = side.columns, atoms.shape[1]
-        frame = atoms[at.frame] if at.frame[0] >= 0 else np.zeros((3, k))
-        moves = (at.u >= 0)[:, :, None]
-        u = np.where(moves, atoms[at.u], 0.0) if len(atoms) else np.zeros((len(at.u), 2, k))
-        rest = np.where(at.u >= 0, offset[at.u], 0.0) if len(offset) else np.zeros(at.u.shape)
-        arm = float(np.abs(side.surface.X + rest[:, 0] + 1j * rest[:, 1]).max())
-        gain = float(np.sqrt((u * u).sum(axis=(1, 2))).max())
-        return cls(frame, np.any(u != 0.0, axis=(0, 1)), gain, arm)
+    def points(self, x: FloatArray, t: float) -> tuple[FloatArray, FloatArray] | None:
+        """(n1, d), (n2, d), m, in any axes that both share; None for a state that overflowed."""
+        ...
 
-    def bound(self, change: FloatArray, x: FloatArray) -> float:
-        """m, of any point, from x (k,) to x + change; of rates, m/s."""
-        X, Y, turn = self.frame @ change
-        arm = self.arm + self.gain * float(np.linalg.norm(x[self.own]))
-        return float(np.hypot(X, Y) + abs(turn) * arm
-                     + self.gain * np.linalg.norm(change[self.own]))
+    def among(self, first: IntArray, second: IntArray) -> tuple[Any, IntArray, IntArray]:
+        """The contact of some facets of either surface with each other alone, and which of the
+        columns and of the rows are theirs."""
+        ...
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,15 +46,18 @@ class FollowedContact:
     """A `ReducedTerm`: the whole contact, which makes lighter copies of itself (`near`)."""
 
     whole: CompressedLocal
+    facets: tuple[IntArray, IntArray]
     paces: tuple[Pace, Pace]
     margin: float
 
     @classmethod
     def of(cls, whole: CompressedLocal) -> Self:
         term: Any = whole.term
-        paces = [Pace.of(s, whole.atoms, whole.offset) for s in term.sides]
-        extent = min(float(np.ptp(plane(s.surface.X), axis=0).max()) for s in term.sides)
-        return cls(whole, (paces[0], paces[1]), max(MARGIN * extent, term.near.radius))
+        movers: tuple[Mover, Mover] = term.movers
+        first, second = (Pace.of(m, whole.atoms, whole.offset) for m in movers)
+        extent = min(m.extent for m in movers)
+        return cls(whole, (movers[0].facets, movers[1].facets), (first, second),
+                   max(MARGIN * extent, term.near.radius))
 
     @property
     def term(self) -> Any:
@@ -98,16 +89,19 @@ class FollowedContact:
     def doubt(self, x: FloatArray, v: FloatArray, t: float, h: float) -> str:
         return self.whole.doubt(x, v, t, h)
 
-    def moved(self, change: FloatArray, x: FloatArray) -> float:
+    def moved(self, change: FloatArray, x: FloatArray, beyond: float = 0.0) -> float:
         """m, how far points of both surfaces together move at most from x (k,) to x + change."""
-        return self.paces[0].bound(change, x) + self.paces[1].bound(change, x)
+        first, second = self.paces
+        return first.bound(change, x, beyond) + second.bound(change, x, beyond)
 
     def near(self, x: FloatArray) -> "NearContact":
         """The same at all states within the margin of x (k,)."""
-        w, term = self.whole, self.term
-        full = w.offset + w.atoms @ x
-        middles = [s.points(full, 0.0 * full, 0.0).z[s.surface.facets].mean(axis=1)
-                   for s in term.sides]
+        w = self.whole
+        term: Followable = self.term
+        points = term.points(w.offset + w.atoms @ x, 0.0)
+        if points is None:
+            return NearContact(self, x, w)
+        middles = [z[f].mean(axis=1) for z, f in zip(points, self.facets, strict=True)]
         first, second = (_beside(m, other, term.near.radius + self.margin)
                          for m, other in (middles, middles[::-1]))
         if not (len(first) and len(second)):
@@ -117,9 +111,9 @@ class FollowedContact:
             some, w.atoms[columns], w.offset[columns], np.ascontiguousarray(w.left[:, rows])))
 
 
-def _beside(middles: Any, others: Any, radius: float) -> Any:
+def _beside(middles: FloatArray, others: FloatArray, radius: float) -> IntArray:
     """Numbers of the facets that have another surface's facet within a radius."""
-    distance = cKDTree(plane(others)).query(plane(middles), distance_upper_bound=radius)[0]
+    distance = cKDTree(others).query(middles, distance_upper_bound=radius)[0]
     return np.flatnonzero(np.isfinite(distance))
 
 
@@ -157,9 +151,11 @@ class NearContact:
         return self.some.resultants(x, v, t)
 
     def doubt(self, x: FloatArray, v: FloatArray, t: float, h: float) -> str:
-        """Asked where the points were a step of h (s) before, too: the list must hold there."""
+        """Asked where the points were a step of h (s) before, too: the list must hold there. In
+        turning axes a point has the speed of what turns with them there, off the surface."""
         whole = self.of
-        reached = whole.moved(x - self.at, self.at) + 2.0 * h * whole.moved(v, x)
+        beyond = whole.margin + whole.term.near.radius
+        reached = whole.moved(x - self.at, self.at) + 2.0 * h * whole.moved(v, x, beyond)
         if not reached <= whole.margin:
             return whole.doubt(x, v, t, h)
         return "" if self.some is None else self.some.doubt(x, v, t, h)

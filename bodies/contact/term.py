@@ -9,6 +9,7 @@ from scipy.sparse import csr_array
 from sparsemor.bodies.contact.doubt import too_deep
 from sparsemor.bodies.contact.follow import FollowedContact
 from sparsemor.bodies.contact.near import Near
+from sparsemor.bodies.contact.pace import Mover
 from sparsemor.bodies.contact.pieces import Overlaps, Pairs, Pieces
 from sparsemor.bodies.contact.resultants import HISTORIES, Resultants
 from sparsemor.bodies.contact.side import Points, Side, picked
@@ -190,6 +191,18 @@ class ContactTerm:
         at = side.columns
         return replace(at, u=at.u[nodes], T=at.T[nodes]).all()
 
+    @property
+    def movers(self) -> tuple[Mover, Mover]:
+        """Both surfaces, their unknowns among the columns."""
+        first, second = (Mover(plane(s.surface.X), s.surface.facets, s.columns.frame, s.columns.u)
+                         for s in self.sides)
+        return first, second
+
+    def points(self, x: FloatArray, t: float) -> tuple[FloatArray, FloatArray] | None:
+        """(n1, 2), (n2, 2) in space, m; None where they are not finite."""
+        first, second = (plane(s.points(x, 0.0 * x, t).z) for s in self.sides)
+        return (first, second) if np.isfinite(first).all() and np.isfinite(second).all() else None
+
     def among(
         self, first: IntArray, second: IntArray
     ) -> tuple["ContactTerm", IntArray, IntArray]:
@@ -206,7 +219,7 @@ class ContactTerm:
 
     def compress(self, trial: Trial, left: FloatArray) -> CompressedLocal | FollowedContact:
         local = CompressedLocal.of(self, trial, left)
-        return FollowedContact.of(local) if self.deforms else local
+        return FollowedContact.of(local) if self.deforms and local.elements else local
 
 
 def _kept(places: Any, keep: IntArray, size: int) -> Any:

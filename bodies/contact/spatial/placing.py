@@ -1,10 +1,5 @@
-"""Where the points of both surfaces are in the second body's axes, and how unknowns move them.
+"""Where the points of both surfaces are in the second body's axes, and how unknowns move them."""
 
-The local unknowns are, in this order: the first frame's, the second's, the displacements of the
-first surface's points and of the second's; those that a side does not have are left out.
-"""
-
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -13,6 +8,7 @@ from scipy.sparse import csr_array, eye_array, hstack, kron, vstack
 
 from sparsemor.bodies.contact.spatial.side import Side
 from sparsemor.bodies.contact.spatial.turn import Turn
+from sparsemor.bodies.contact.spatial.unknowns import Sizes
 from sparsemor.bodies.spatial.rotation import LEVI_CIVITA, skew
 from sparsemor.core.arrays import Csr, FloatArray, IntArray
 
@@ -20,40 +16,6 @@ from sparsemor.core.arrays import Csr, FloatArray, IntArray
 def skews(v: FloatArray) -> FloatArray:
     """(n, 3, 3) of v (n, 3): skews(v)[i] @ w = v[i] x w."""
     return np.asarray(np.einsum("acb,nc->nab", LEVI_CIVITA, v))
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Sizes:
-    """How many local unknowns are of which kind: frames f1, f2, displacements u1, u2; and points
-    n1, n2 of the surfaces."""
-
-    f1: int
-    f2: int
-    u1: int
-    u2: int
-    n1: int
-    n2: int
-
-    @classmethod
-    def of(cls, first: Side, second: Side) -> "Sizes":
-        return cls(len(first.frame), len(second.frame), len(first.u), len(second.u),
-                   len(first.surface.nodes), len(second.surface.nodes))
-
-    @property
-    def whole(self) -> int:
-        return self.f1 + self.f2 + self.u1 + self.u2
-
-    @property
-    def frames(self) -> int:
-        return self.f1 + self.f2
-
-    def split(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """x (whole,) by kind, displacements as (n, 3), zero where there are none."""
-        a, b = self.f1, self.frames
-        c = b + self.u1
-        u1 = x[b:c].reshape(-1, 3) if self.u1 else np.zeros((self.n1, 3))
-        u2 = x[c:].reshape(-1, 3) if self.u2 else np.zeros((self.n2, 3))
-        return x[:a], x[a:b], u1, u2
 
 
 class Placing:

@@ -1,7 +1,7 @@
 """One of the two surfaces of a contact in space as the term sees it: which unknowns it reads."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
@@ -49,6 +49,13 @@ class Side:
             held = tuple((np.flatnonzero(np.isin(nodes, n)), f.value)
                          for n, f in body.heat.prescribed)
         return cls(surface, frame, u, T, motion, held)
+
+    def some(self, chosen: IntArray) -> tuple[Self, IntArray]:
+        """The same with some of the facets, and which points are theirs."""
+        surface, used = self.surface.some(chosen)
+        u = self.u.reshape(-1, 3)[used].ravel() if len(self.u) else self.u
+        given = [(np.flatnonzero(np.isin(used, at)), f) for at, f in self.given]
+        return replace(self, surface=surface, u=u, T=self.T[used], given=given), used
 
     def pose(
         self, frame: FloatArray, rate: FloatArray, t: float

@@ -28,6 +28,14 @@ class Surface:
         nodes = np.unique(facets)
         return cls(body, nodes, np.searchsorted(nodes, facets))
 
+    def some(self, chosen: IntArray) -> tuple["Surface", IntArray]:
+        """Some of the facets with the cells that they have among all, and which nodes are theirs.
+        """
+        used = np.unique(self.facets[chosen])
+        part = Surface(self.body, self.nodes[used], np.searchsorted(used, self.facets[chosen]))
+        part.__dict__.update(cells=self.cells.some(chosen), radius=self.radius)
+        return part, used
+
     @cached_property
     def X(self) -> FloatArray:
         """(n, 3) reference positions, m."""

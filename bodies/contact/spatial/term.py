@@ -1,22 +1,26 @@
 """Contact of two surfaces in space as a local term of the equations."""
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any, Self
 
 import numpy as np
 from scipy.sparse import csr_array
 
+from sparsemor.bodies.contact.follow import FollowedContact
 from sparsemor.bodies.contact.near import Near
+from sparsemor.bodies.contact.pace import Mover
 from sparsemor.bodies.contact.spatial.cells import reached
 from sparsemor.bodies.contact.spatial.doubt import too_deep
 from sparsemor.bodies.contact.spatial.pieces import Overlaps, Pairs, Pieces
-from sparsemor.bodies.contact.spatial.placing import Placing, Sizes, dofs
+from sparsemor.bodies.contact.spatial.placing import Placing, dofs
 from sparsemor.bodies.contact.spatial.planes import Planes
 from sparsemor.bodies.contact.spatial.resultants import HISTORIES, resultants
 from sparsemor.bodies.contact.spatial.side import Side
 from sparsemor.bodies.contact.spatial.slopes import Slopes
 from sparsemor.bodies.contact.spatial.surface import radii_of, tree_of
 from sparsemor.bodies.contact.spatial.tractions import Loads, nodal
+from sparsemor.bodies.contact.spatial.unknowns import Sizes, found_in, picked
 from sparsemor.bodies.contact.tractions import Interface
 from sparsemor.bodies.local import CompressedLocal
 from sparsemor.core.arrays import BoolArray, Csr, FloatArray, IntArray
@@ -41,7 +45,7 @@ class _Touch:
 class SpatialContactTerm:
     """Rows: minus the generalized forces, and minus the heat, of what acts between two surfaces.
 
-    reads, writes (local + n1 + n2,): where the local unknowns (placing.py) and then the
+    reads, writes (local + n1 + n2,): where the local unknowns (unknowns.py) and then the
     temperatures are among the columns and rows, -1: nowhere. deforms, reach, active: as in the
     plane (contact/term.py).
     """
@@ -66,7 +70,7 @@ class SpatialContactTerm:
         one, two = sides
         numbers = np.concatenate([one.frame, two.frame, one.u, two.u, one.T, two.T])
         columns = np.unique(numbers[numbers >= 0])
-        at = np.where(numbers >= 0, np.searchsorted(columns, numbers), -1)
+        at = found_in(numbers, columns)
         every = [np.ones(len(s.surface.facets), bool) for s in sides]
         return cls(columns, columns, sides, at, at, face, near, deforms, reach,
                    (every[0], every[1]))
@@ -84,7 +88,7 @@ class SpatialContactTerm:
         if not (np.isfinite(x).all() and np.isfinite(v).all()):
             return None
         local = self.reads[: Sizes.of(*self.sides).whole]
-        here = Placing(self.sides, _picked(x, local), _picked(v, local), t)
+        here = Placing(self.sides, picked(x, local), picked(v, local), t)
         return here if here.finite else None
 
     def _touch(self, x: FloatArray, v: FloatArray, t: float) -> _Touch | None:
@@ -113,7 +117,7 @@ class SpatialContactTerm:
         return _Touch(here, g, nodes, o, pieces, nodal(o, pieces, self.face, T), T)
 
     def _temperatures(self, x: FloatArray, t: float) -> FloatArray:
-        known = _picked(x, self.reads[Sizes.of(*self.sides).whole :])
+        known = picked(x, self.reads[Sizes.of(*self.sides).whole :])
         n = len(self.sides[0].T)
         return np.concatenate([self.sides[0].temperature(known[:n], t),
                                self.sides[1].temperature(known[n:], t)])
@@ -153,7 +157,7 @@ class SpatialContactTerm:
         by_z, by_rate, by_T = self._slopes(now)
         place, n = now.place, now.place.sizes
         points, local = 3 * (n.n1 + n.n2), n.whole
-        moved = by_z @ place.places + by_rate @ place.rates(_picked(c1, self.reads[:local]))
+        moved = by_z @ place.places + by_rate @ place.rates(picked(c1, self.reads[:local]))
         force, _ = self._at_points(now)
         parts = ((place.places.T @ moved[:points] + place.rows_by(force), 0, 0),
                  (moved[points:], local, 0), (by_T, local, local))
@@ -218,7 +222,7 @@ class SpatialContactTerm:
         active = self.active
         if not (writes[: n.frames] >= 0).any():
             first, second = (a & hot[s.surface.facets].any(axis=1) for a, s, hot in zip(
-                self.active, self.sides, _hot(writes, n), strict=True))
+                self.active, self.sides, n.touched(writes), strict=True))
             active = (first, second)
         read = self._read(active) & (self.reads >= 0)
         used = np.unique(self.reads[read])
@@ -245,20 +249,43 @@ class SpatialContactTerm:
             start += count
         return read
 
-    def compress(self, trial: Trial, left: FloatArray) -> CompressedLocal:
-        return CompressedLocal.of(self, trial, left)
+    @property
+    def movers(self) -> tuple[Mover, Mover]:
+        """Both surfaces, their unknowns among the columns."""
+        n = Sizes.of(*self.sides)
+        ends = np.cumsum([0, n.f1, n.f2, n.u1, n.u2])
+        places = [self.reads[i:j] for i, j in pairwise(ends)]
+        first, second = (
+            Mover(s.surface.X, s.surface.facets, frame,
+                  u.reshape(-1, 3) if len(u) else np.full(s.surface.X.shape, -1))
+            for s, frame, u in zip(self.sides, places[:2], places[2:], strict=True))
+        return first, second
 
+    def points(self, x: FloatArray, t: float) -> tuple[FloatArray, FloatArray] | None:
+        """(n1, 3), (n2, 3) in the second body's axes, m; None where they are not finite."""
+        here = self._place(x, 0.0 * x, t)
+        return None if here is None else (here.a, here.b)
 
-def _picked(x: FloatArray, at: IntArray) -> FloatArray:
-    """x at places `at`, 0 where a place is -1: nowhere."""
-    return np.where(at >= 0, x[at], 0.0) if len(x) else np.zeros(at.shape)
+    def among(
+        self, first: IntArray, second: IntArray
+    ) -> tuple["SpatialContactTerm", IntArray, IntArray]:
+        """The contact of some facets of either surface with each other alone, and which of the
+        columns and of the rows are theirs."""
+        n = Sizes.of(*self.sides)
+        (one, used1), (two, used2) = (s.some(chosen) for s, chosen in zip(
+            self.sides, (first, second), strict=True))
+        mine = n.places(used1, used2)
+        reads, writes = self.reads[mine], self.writes[mine]
+        columns, rows = np.unique(reads[reads >= 0]), np.unique(writes[writes >= 0])
+        made = replace(
+            self, rows=self.rows[rows], columns=self.columns[columns], sides=(one, two),
+            reads=found_in(reads, columns), writes=found_in(writes, rows),
+            active=(self.active[0][first], self.active[1][second]))
+        return made, columns, rows
 
-
-def _hot(writes: IntArray, n: Sizes) -> tuple[BoolArray, BoolArray]:
-    """(n1,), (n2,): points of which a row is written."""
-    _, _, u1, u2 = n.split((writes[: n.whole] >= 0).astype(np.float64))
-    T = writes[n.whole :] >= 0
-    return u1.any(axis=1) | T[: n.n1], u2.any(axis=1) | T[n.n1 :]
+    def compress(self, trial: Trial, left: FloatArray) -> CompressedLocal | FollowedContact:
+        local = CompressedLocal.of(self, trial, left)
+        return FollowedContact.of(local) if self.deforms and local.elements else local
 
 
 def _assembled(
