@@ -140,7 +140,8 @@ class FrictionLaw(Protocol):
     @property
     def breaks(self) -> tuple[float, ...]: ...
     def ratio(self, slip: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Of the sign of the slip velocity (m/s), which it opposes; and its derivative, s/m."""
+        """Of the sign of the slip velocity (m/s), which it opposes; and its derivative, s/m. In
+        space it is asked with the slip's speed, at least 0, and acts along the slip."""
         ...
 
 

@@ -10,8 +10,8 @@ from sparsemor.core.run_header import UNITS
 from sparsemor.core.stage import FrameHistory, Stage
 
 TIME = "stage.time"
-_CONTACT_UNITS = {"normal": "N", "friction": "N", "power": "W", "length": "m", "area": "m2",
-                  "pressure": "Pa"}
+_CONTACT_UNITS = {"normal": "N", "friction": "N", "power": "W", "length": "m",
+                  "area": "m2", "pressure": "Pa"}
 
 
 def stage_attributes(stage: Stage | None) -> dict[str, Any] | None:

@@ -44,7 +44,7 @@ class FrameHistory:
 class SurfaceLoads:
     """Loads on the points of one body's surface at the times of the motion they were made from.
 
-    nodes (j,); force (T, j, d): consistent nodal forces in body axes, N; heat (T, j), W.
+    nodes (j,); force (T, j, 2 or 3): consistent nodal forces in body axes, N; heat (T, j), W.
     """
 
     nodes: IntArray
@@ -57,9 +57,9 @@ class Stage:
     """Histories of a rigid stage at its times (T,), s, the start first.
 
     frames: of every body; moves: which of them move; reactions: joint -> (T, l) multipliers, N and
-    N m; contacts: contact -> name of a history ("normal" N, "friction" N, "power" W, "length" m,
-    "pressure" Pa, the largest) -> (T,). handed: joint -> what its `known` takes, (T, columns),
-    where that is not the multipliers.
+    N m; contacts: contact -> name of a history ("normal" N, "friction" N, "power" W, "length" m
+    or "area" m2 in contact, "pressure" Pa, the largest) -> (T,). handed: joint -> what its `known`
+    takes, (T, columns), where that is not the multipliers.
     """
 
     times: FloatArray

@@ -21,6 +21,6 @@ def unmet(model: Model, result: RunResult) -> tuple[str, ...]:
 def _motion(model: Model, result: RunResult) -> dict[str, FrameHistory]:
     if model.stage is not None:
         return dict(model.stage.frames)
-    still = np.zeros((len(result.times), 3))
-    return {b.owner: FrameHistory(result.times, result.block(b.name), still, still)
-            for b in result.layout if b.field == "rigid"}
+    moved = {b.owner: result.block(b.name) for b in result.layout if b.field == "rigid"}
+    return {name: FrameHistory(result.times, pose, np.zeros_like(pose), np.zeros_like(pose))
+            for name, pose in moved.items()}

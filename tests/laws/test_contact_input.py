@@ -134,6 +134,8 @@ def test_bodies_in_space_that_overlap_at_the_start_are_refused(height: float) ->
     given = tree({"between": ["block:bottom", "base:top"]}) | {"bodies": {
         "block": brick(height), "base": brick(frame="fixed")}}
     assert "contacts.sole.between: bodies 'block' and 'base' overlap" in refused(given)
+    touching = given["bodies"] | {"block": brick(0.097)}  # less than a tenth of a facet
+    checked_model(scene_of(given | {"bodies": touching}))
 
 
 def test_surfaces_that_never_meet_are_told_at_the_end(tmp_path: Path) -> None:

@@ -1,15 +1,25 @@
 """The contact term in space keeps the laws of a term on flat, bent and open surfaces."""
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from sparsemor.bodies.contact.coulomb import Coulomb
+from sparsemor.bodies.contact.elastic_foundation import ElasticFoundation
+from sparsemor.bodies.contact.spatial.cells import cells_of
+from sparsemor.bodies.contact.spatial.planes import Planes
+from sparsemor.bodies.contact.spatial.polygons import Polygons, fans
+from sparsemor.bodies.contact.spatial.quadrature import enough_points, triangle_rule
 from sparsemor.bodies.contact.spatial.term import SpatialContactTerm
+from sparsemor.bodies.mesh.block import Block
+from sparsemor.bodies.mesh.simplices import boundary
 from sparsemor.bodies.spatial.attitude import attitude
 from sparsemor.bodies.spatial.rotation import about, product
 from sparsemor.core.assemble import assemble
+from sparsemor.core.errors import InputError
 from sparsemor.core.model import Model
 from sparsemor.core.testing import check_parts, check_term
 from sparsemor.core.testing.run import scene_of
@@ -218,3 +228,65 @@ def test_a_state_that_overflowed_gives_no_traceback() -> None:
     assert np.isnan(term.residual(x, zero, zero, 0.0)).all()
     assert np.isnan(term.jacobian(x, zero, zero, 0.0, zero, zero).toarray()).all()
     assert term.doubt(x, zero, 0.0, 1e-3) == ""
+
+
+@pytest.mark.parametrize("divisions", [(1, 1, 1), (3, 2, 2)])
+def test_cells_of_a_box_tile_its_inside(divisions: tuple[int, int, int]) -> None:
+    """Down to half the smallest facet each point is in the cell of one facet, edges and corners
+    included: the nearest one."""
+    mesh = Block(size=(0.3, 0.2, 0.2), divisions=divisions).build(Path())
+    facets = boundary(mesh)
+    planes = Planes.of(mesh.points[facets])
+    cells = cells_of(mesh.points, facets, planes)
+    z = np.random.default_rng(0).random((4000, 3)) * [0.3, 0.2, 0.2]
+    away = np.minimum(z, [0.3, 0.2, 0.2] - z).min(axis=1)
+    z, away = z[away < 0.05], away[away < 0.05]
+    rel = z[None] - planes.corner[:, None]
+    depth = -(rel @ planes.n[:, :, None])[:, :, 0]
+    eta = rel @ planes.g.transpose(0, 2, 1)
+    eta[:, :, 0] += 1.0
+    inside = (cells.values(eta, depth) >= 0).all(axis=2) & (depth >= 0) & (depth < 0.05)
+    assert np.all(inside.sum(axis=0) == 1)
+    assert np.allclose(depth[inside.argmax(axis=0), np.arange(len(z))], away)
+
+
+def test_polygons_keep_what_is_on_one_side_of_each_cut() -> None:
+    """Random triangles cut by random lines: both sides together are the whole, and integrals of a
+    square over them are exact."""
+    rng = np.random.default_rng(0)
+    p = Polygons.whole(50)
+    points, weights = triangle_rule(2)
+
+    def areas(q: Polygons) -> Any:
+        of, corners, size = fans(q)
+        square = ((points @ corners)[:, :, 0] ** 2 @ weights) * size
+        return np.stack([np.bincount(of, 0.5 * size, 50), np.bincount(of, square, 50)])
+
+    assert np.allclose(areas(p), [[0.5], [1.0 / 12.0]], rtol=1e-13)
+    for tag in range(4):
+        before, values = areas(p), rng.standard_normal((50, 3))
+        kept, rest = (p.cut(p.values(sign * values), tag) for sign in (1.0, -1.0))
+        assert np.allclose(areas(kept) + areas(rest), before, rtol=0, atol=1e-13)
+        cut = (kept.edges == tag) & kept.used
+        assert cut.sum(axis=1).max() == 1
+        ends = kept.values(values)
+        assert np.abs(ends[cut]).max() < 1e-12
+        p = kept
+
+
+def test_quadrature_takes_the_points_that_the_laws_need() -> None:
+    linear = ElasticFoundation(stiffness=1e9)
+    full = ElasticFoundation(stiffness=1e9, damping=1e5, damping_depth=1e-6)
+    rubbing = Coulomb(coefficient=0.2, critical_velocity=0.1)
+    assert enough_points(linear, None, 1e-12) == 2
+    few, many = (enough_points(full, rubbing, tolerance) for tolerance in (1e-3, 1e-9))
+    assert few <= 3 < many <= 6
+
+    class Rough(ElasticFoundation):
+        """With a jump that it does not tell of."""
+
+        def pressure(self, depth: Any, rate: Any) -> Any:
+            return np.where(depth > 3.3e-7, 1.0, 0.0), 0 * depth, 0 * depth
+
+    with pytest.raises(InputError, match="not smooth between"):
+        enough_points(Rough(stiffness=1.0), None, 1e-6)

@@ -4,7 +4,8 @@ import numpy as np
 
 from sparsemor.bodies.contact.near import Near
 from sparsemor.bodies.contact.spatial.placing import Placing
-from sparsemor.bodies.contact.spatial.surface import Planes, Surface, tree_of
+from sparsemor.bodies.contact.spatial.planes import Planes
+from sparsemor.bodies.contact.spatial.surface import Surface, tree_of
 from sparsemor.core.arrays import FloatArray, IntArray
 
 
@@ -36,5 +37,6 @@ def _depth(z: FloatArray, points: FloatArray, surface: Surface, facet: IntArray)
     depth = -(planes.n[:, None] @ rel)[:, 0, 0]
     eta = (planes.g @ rel)[:, :, 0]
     eta[:, 0] += 1.0
-    inside = (eta >= surface.turns[facet] * depth[:, None]).all(axis=1)
+    borders = surface.cells.some(facet).values(eta[:, None], depth[:, None])
+    inside = (borders >= 0).all(axis=(1, 2))
     return np.where(inside, depth, -np.inf)

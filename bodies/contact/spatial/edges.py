@@ -7,21 +7,23 @@ import numpy as np
 from sparsemor.bodies.contact.spatial.pieces import DEPTH, EDGE, ETA, Overlaps, Pieces
 from sparsemor.bodies.contact.spatial.tractions import Samples, drop
 from sparsemor.bodies.contact.tractions import Interface
-from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
+from sparsemor.core.arrays import FloatArray, IntArray
 
 
 def moving_edges(
-    o: Overlaps, pieces: Pieces, face: Interface, T: FloatArray | None, bent: BoolArray
+    o: Overlaps, pieces: Pieces, face: Interface, T: FloatArray | None, deforms: bool
 ) -> Iterator[tuple[IntArray, FloatArray]]:
     """Overlaps (E,) and derivatives (E, rows, columns) of `Slopes.z`: the integrand times the
-    velocity of the edge (Leibniz), along borders of bent (P, 3) cells and, for conduction, along
-    the line of lift-off."""
+    velocity of the edge (Leibniz), along borders of cells where they may jump (all, where surfaces
+    deform) and, for conduction, along the line of lift-off."""
     conducts = T is not None and face.conductance > 0
     polygons = pieces.polygons
     tag = np.where(polygons.used, polygons.edges, -1)
     piece, k = np.nonzero(tag >= 0)
     tag, of = tag[piece, k], pieces.of[piece]
-    wanted = np.where(tag == EDGE, conducts, bent[of, np.minimum(tag, 2)])
+    lifts = tag == EDGE
+    jumps = o.pairs.cells.jumps[of, np.where(lifts, 0, tag)] | deforms
+    wanted = np.where(lifts, conducts, jumps)
     piece, k, tag, of = (x[wanted] for x in (piece, k, tag, of))
     if not len(of):
         return
@@ -58,13 +60,14 @@ def _integrand(
 
 def _velocity(o: Overlaps, q: Samples, tag: IntArray, D: int) -> FloatArray:
     """(E, q, D): how far the edge moves outwards, in barycentric numbers, by the corners."""
-    n, g, turns = o.pairs.planes.n[q.of], o.pairs.planes.g[q.of], o.pairs.turns[q.of]
-    pick, lifts = np.arange(len(tag)), tag == EDGE
-    border = np.minimum(tag, 2)
-    depth, turn = o.at[q.of][:, :, DEPTH], turns[pick, border]
-    bound = np.where(lifts[:, None], depth,
-                     o.at[q.of][:, :, ETA][pick, :, border] - turn[:, None] * depth)
-    normal = np.where(lifts[:, None], -n, g[pick, border] + turn[:, None] * n)
+    n, g, cells = o.pairs.planes.n[q.of], o.pairs.planes.g[q.of], o.pairs.cells
+    lifts = (tag == EDGE)[:, None]
+    at = q.of, np.where(lifts[:, 0], 0, tag)
+    border, lean_by = cells.borders[at], cells.leans[at][:, None]
+    depth = o.at[q.of][:, :, DEPTH]
+    bound = np.where(lifts, depth,
+                     (o.at[q.of][:, :, ETA] @ border[:, :, None])[:, :, 0] - lean_by * depth)
+    normal = np.where(lifts, -n, (border[:, None] @ g)[:, 0] + lean_by * n)
     slope = np.linalg.norm(bound[:, :2] - bound[:, 2:], axis=1)
     normal = normal / slope[:, None]
     shape = (*q.p.shape, 9)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sparsemor.bodies.contact.near import Near
+from sparsemor.bodies.contact.spatial.cells import reached
 from sparsemor.bodies.contact.spatial.path import Path, seen, steps
 from sparsemor.bodies.contact.spatial.pieces import Overlaps, Pairs, Pieces
 from sparsemor.bodies.contact.spatial.surface import Surface
@@ -40,7 +41,7 @@ def meetings(
 ) -> Iterator[Meeting]:
     """Of rigid surfaces at all times, in order."""
     one, other, all_times = Path(first, motion), Path(second, motion), steps(motion)
-    i, j, planes, turns = first.facets, second.facets, second.planes, second.turns
+    i, j, planes, cells = first.facets, second.facets, second.planes, second.cells
     begin, together = 0, 1
     while begin < all_times:
         stop = min(begin + together, all_times)
@@ -51,8 +52,10 @@ def meetings(
         middles = z[:, i].mean(axis=2)
         here, g = near.pairs(middles.reshape(-1, 3), second.tree)
         k, f = np.divmod(here, len(i))
+        some = reached(middles[k, f], first.radii[f], planes, cells, g)
+        k, f, g = k[some], f[some], g[some]
         o, kept = Overlaps.of(Pairs(z[k[:, None], i[f]], rate[k[:, None], i[f]], planes.some(g),
-                                    turns[g]))
+                                    cells.some(g)))
         nodes = np.concatenate([i[f[kept]], j[g[kept]]], axis=1)
         yield Meeting(begin, stop, k[kept], nodes, o, Pieces.cut(o, normal))
         each = max(len(i), len(here) / count)

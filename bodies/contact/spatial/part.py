@@ -62,14 +62,17 @@ class SpatialContact:
 
     def missed(self, motion: Mapping[str, FrameHistory]) -> str:
         """What a user should know when the surfaces never met; "" when they did."""
-        pressed = bool(self.history(motion)["pressure"].any())
-        gap = 0.0 if pressed else self._closest(motion)
+        gap = 0.0 if any(map(self._presses, self._meetings(motion))) else self._closest(motion)
         if gap <= (self.reach if self.deforms else 0.0):
             return ""
         one, other = self.first.body.name, self.second.body.name
         return (f"contact {self.name}: the surfaces of {one} and {other} never met; the nearest "
                 f"they came is {gap:.3g} m: check the poses, and that the sets name the sides that "
                 "face each other")
+
+    def _presses(self, m: Meeting) -> bool:
+        return bool((pressure(m.overlaps, m.pieces.of, m.pieces.polygons.places,
+                              self.face.normal) > 0).any())
 
     def _closest(self, motion: Mapping[str, FrameHistory]) -> float:
         """Smallest distance of a point of either surface from the other, at 100 of the times."""

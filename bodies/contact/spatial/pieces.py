@@ -17,13 +17,14 @@ from typing import Self
 
 import numpy as np
 
+from sparsemor.bodies.contact.spatial.cells import Cells
+from sparsemor.bodies.contact.spatial.planes import Planes
 from sparsemor.bodies.contact.spatial.polygons import NONE, Polygons, fans, joined
-from sparsemor.bodies.contact.spatial.surface import Planes
 from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
 from sparsemor.core.protocols import NormalLaw
 
-EDGE = 3
-"""Tag of an edge where the surfaces lift off; 0 to 2: the cell's border opposite that corner."""
+EDGE = 1_000_000
+"""Tag of an edge where the surfaces lift off; lower ones: the number of the cell's border."""
 DEPTH, SINK, SLIP, ETA = 0, 1, slice(2, 5), slice(5, 8)
 """Columns of `Overlaps.at`."""
 
@@ -31,18 +32,18 @@ DEPTH, SINK, SLIP, ETA = 0, 1, slice(2, 5), slice(5, 8)
 @dataclass(frozen=True, slots=True, eq=False)
 class Pairs:
     """Of pairs of facets in the second body's axes: corners a and their velocities va (P, 3, 3) of
-    the first, planes, turns (P, 3) and velocities vb (P, 3, 3; None: at rest) of the second."""
+    the first; planes, cells and velocities vb (P, 3, 3; None: at rest) of the second."""
 
     a: FloatArray
     va: FloatArray
     planes: Planes
-    turns: FloatArray
+    cells: Cells
     vb: FloatArray | None = None
 
     def some(self, chosen: IntArray) -> "Pairs":
         vb = None if self.vb is None else self.vb[chosen]
         return Pairs(self.a[chosen], self.va[chosen], self.planes.some(chosen),
-                     self.turns[chosen], vb)
+                     self.cells.some(chosen), vb)
 
     def seen(self) -> tuple[FloatArray, FloatArray]:
         """Penetration (P, 3) and eta (P, 3, 3: corner of the first, number) at the corners."""
@@ -71,13 +72,13 @@ class Overlaps:
     def of(cls, pairs: Pairs) -> tuple[Self, IntArray]:
         """The overlaps that are not empty, and which of the pairs they are of."""
         depth, eta = pairs.seen()
-        borders = eta - depth[:, :, None] * pairs.turns[:, None]
+        borders = pairs.cells.values(eta, depth)
         # surfaces that look the same way are the far sides of the bodies
         some = _reaching(depth, borders)
         some = some[pairs.some(some).measure() > 0]
         pairs, depth, eta, borders = pairs.some(some), depth[some], eta[some], borders[some]
         polygons = Polygons.whole(len(some))
-        for tag in range(3):
+        for tag in range(borders.shape[2]):
             polygons = polygons.cut(polygons.values(borders[:, :, tag]), tag)
         polygons = polygons.cut(polygons.values(depth), EDGE)
         kept = np.flatnonzero(polygons.count > 0)
@@ -98,7 +99,9 @@ def _reaching(depth: FloatArray, borders: FloatArray) -> IntArray:
     """Pairs of which no border of the overlap has all three corners outside."""
     ok = np.maximum(np.maximum(depth[:, 0], depth[:, 1]), depth[:, 2]) >= 0
     reach = np.maximum(np.maximum(borders[:, 0], borders[:, 1]), borders[:, 2]) > 0
-    return np.flatnonzero(ok & reach[:, 0] & reach[:, 1] & reach[:, 2])
+    for border in range(reach.shape[1]):
+        ok &= reach[:, border]
+    return np.flatnonzero(ok)
 
 
 def relative(pairs: Pairs, depth: FloatArray, eta: FloatArray) -> FloatArray:

@@ -143,8 +143,19 @@ class Placing:
     # ------------------------------------------------------------------ forces
 
     def rows(self, f: FloatArray) -> FloatArray:
-        """(local,) generalized forces of f (n1 + n2, 3), N, in the second body's axes."""
-        return np.asarray(self.places.T @ f.ravel())
+        """(local,) generalized forces of f (n1 + n2, 3), N, the second body's axes: places.T f."""
+        n, first = self.sizes, f[: self.sizes.n1]
+        whole, own = self.B @ first.sum(axis=0), first @ self.C
+        parts = []
+        if n.f1:
+            parts += [whole, self.one.rows(np.cross(self.y, own).sum(axis=0))]
+        if n.f2:
+            parts += [-whole, self.two.rows(-np.cross(self.a, first).sum(axis=0))]
+        if n.u1:
+            parts.append(own.ravel())
+        if n.u2:
+            parts.append(f[n.n1 :].ravel())
+        return np.concatenate([np.zeros(0), *parts])
 
     def rows_by(self, f: FloatArray) -> Csr:
         """(local, local): derivative of `rows`, the forces f held."""

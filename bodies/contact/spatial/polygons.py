@@ -51,16 +51,28 @@ class Polygons:
         """The parts where values (P, V) at the corners are at least 0; less than three corners:
         nothing is left. share (P, V): where along each edge the value vanishes; left out: where a
         linear one does."""
-        rows = np.unique(np.nonzero(self.used & (values < 0))[0])
-        if not len(rows):
+        some_in, some_out = self._signs(values)
+        if not some_out.any():
             return self
+        rows, left = np.flatnonzero(some_in & some_out), np.where(some_in, self.count, 0)
+        if not len(rows):
+            return replace(self, count=left)
         at = self.some(rows)
         parts = _cut(at, values[rows], tag, None if share is None else share[rows])
         width, new = self.edges.shape[1], parts.edges.shape[1]
         grown = self if new <= width else _widened(self, new)
-        places, edges, count = grown.places.copy(), grown.edges.copy(), grown.count.copy()
-        places[rows, :new], edges[rows, :new], count[rows] = parts.places, parts.edges, parts.count
-        return replace(self, places=places, edges=edges, count=count)
+        places, edges = grown.places.copy(), grown.edges.copy()
+        places[rows, :new], edges[rows, :new], left[rows] = parts.places, parts.edges, parts.count
+        return replace(self, places=places, edges=edges, count=left)
+
+    def _signs(self, values: FloatArray) -> tuple[BoolArray, BoolArray]:
+        """(P,) which have a corner where the value is at least 0, and one where it is below."""
+        some_in, some_out = np.zeros((2, len(values)), bool)
+        for corner, column in enumerate(values.T):  # quicker than along rows of a few numbers
+            there, inside = corner < self.count, column >= 0
+            some_in |= there & inside
+            some_out |= there & ~inside
+        return some_in, some_out
 
 
 def _cut(at: Polygons, c: FloatArray, tag: int, share: FloatArray | None) -> Polygons:

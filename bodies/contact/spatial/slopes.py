@@ -19,7 +19,7 @@ from sparsemor.bodies.contact.spatial.edges import moving_edges
 from sparsemor.bodies.contact.spatial.pieces import Overlaps, Pieces
 from sparsemor.bodies.contact.spatial.tractions import Loads, Samples, drop, weights_of
 from sparsemor.bodies.contact.tractions import Interface
-from sparsemor.core.arrays import BoolArray, FloatArray
+from sparsemor.core.arrays import FloatArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,20 +35,25 @@ class Slopes:
     @classmethod
     def of(
         cls, o: Overlaps, pieces: Pieces, face: Interface, loads: Loads, T: FloatArray | None,
-        bent: BoolArray,
+        deforms: bool, warms: bool,
     ) -> "Slopes":
-        """bent (P, 3): borders of the second facets where the traction may jump."""
+        """deforms: the traction may jump at every border of a cell; warms: rows of heats are asked
+        for, which are else zero."""
         q = Samples.at(o, pieces.overlap, pieces.samples(face.points), face)
         W = weights_of(o, pieces, face)
         answers = Answers.of(o, q, face, T)
-        z, rate = (_first_moves if o.pairs.vb is None else _both_move)(o, q, W, answers, face)
-        D = z.shape[2]
+        moves, warm = (_first_moves, _warm_first) if o.pairs.vb is None else (
+            _both_move, _warm_both)
+        forces = moves(o, q, W, answers)
+        D = forces[0].shape[2]
+        heats = warm(o, q, W, answers, face) if warms else (np.zeros((len(W), 6, D)),) * 2
+        z, rate = (np.concatenate(x, axis=1) for x in zip(forces, heats, strict=True))
         whole = np.concatenate([loads.force.reshape(len(W), 18)[:, :D], loads.heat], axis=1)
         z += whole[:, :, None] * (_measure(o)[:, :D] / o.measure[:, None])[q.of][:, None]
         sums = csr_array((np.ones(len(W)), (q.of, np.arange(len(W)))), shape=(len(o.at), len(W)))
         by_z, by_rate = (np.asarray(sums @ x.reshape(len(W), -1)).reshape(-1, D + 6, D)
                          for x in (z, rate))
-        for of, jump in moving_edges(o, pieces, face, T, bent):
+        for of, jump in moving_edges(o, pieces, face, T, deforms):
             np.add.at(by_z, of, jump[:, :, :D])
         return cls(by_z, by_rate, _conduction(o, q, W, face, sums))
 
@@ -76,8 +81,8 @@ class Answers:
         N, V = n[..., None, :], v[..., None, :]
         p, p_depth, p_sink, phi = (x[..., None] for x in (q.p, q.p_depth, q.p_sink, q.phi))
         u = n - phi * v
-        # d phi / d speed over the speed
-        moves = q.speed > 0
+        # d phi / d speed over the speed; whose square must not underflow
+        moves = q.speed > 1e-100
         bend = np.where(moves, q.ratio_slip - q.phi, 0.0) / np.where(moves, q.speed, 1.0) ** 2
         eye = np.eye(3)
         slides = p[..., None] * (phi[..., None] * eye + bend[..., None, None] * v[..., None] * V)
@@ -124,24 +129,31 @@ def _measure(o: Overlaps) -> FloatArray:
 
 
 def _first_moves(
-    o: Overlaps, q: Samples, W: FloatArray, of: Answers, face: Interface
+    o: Overlaps, q: Samples, W: FloatArray, of: Answers
 ) -> tuple[FloatArray, FloatArray]:
-    """(M, 15, 9) by position and by velocity of the first facet's corners."""
+    """Forces (M, 9, 9) by position and by velocity of the first facet's corners."""
     M, k = W.shape
     pairs = (q.s[..., :, None] * q.s[..., None, :]).reshape(M, k, 9) * W[..., None]
-    made = []
-    for force, heat, flow in ((of.force_y, of.heat_y, of.flow_y), (of.force_w, of.heat_w, None)):
-        forces = pairs.transpose(0, 2, 1) @ force.reshape(M, k, 9)
-        forces = forces.reshape(M, 3, 3, 3, 3).transpose(0, 1, 3, 2, 4).reshape(M, 9, 9)
-        columns = (q.s[..., :, None] * heat[..., None, :]).reshape(M, k, 9) * W[..., None]
-        heats = _heats(q, columns, face.share)
-        if flow is not None:
-            lost = (q.s[..., :, None] * flow[..., None, :]).reshape(M, k, 9) * W[..., None]
-            heats += _conducted(q, lost)
-            moved = _carried(o, q, of, face.share) * W[..., None, None]
-            heats[:, 3:] += np.einsum("mqja,mqi->mjia", moved, q.s).reshape(M, 3, 9)
-        made.append(np.concatenate([forces, heats], axis=1))
-    return made[0], made[1]
+    made = [pairs.transpose(0, 2, 1) @ force.reshape(M, k, 9)
+            for force in (of.force_y, of.force_w)]
+    by_z, by_rate = (f.reshape(M, 3, 3, 3, 3).transpose(0, 1, 3, 2, 4).reshape(M, 9, 9)
+                     for f in made)
+    return by_z, by_rate
+
+
+def _warm_first(
+    o: Overlaps, q: Samples, W: FloatArray, of: Answers, face: Interface
+) -> tuple[FloatArray, FloatArray]:
+    """Heats (M, 6, 9) by position and by velocity of the first facet's corners."""
+    M, k = W.shape
+
+    def columns(by: FloatArray) -> FloatArray:
+        return (q.s[..., :, None] * by[..., None, :]).reshape(M, k, 9) * W[..., None]
+
+    by_z = _heats(q, columns(of.heat_y), face.share) + _conducted(q, columns(of.flow_y))
+    moved = _carried(o, q, of, face.share) * W[..., None, None]
+    by_z[:, 3:] += np.einsum("mqja,mqi->mjia", moved, q.s).reshape(M, 3, 9)
+    return by_z, _heats(q, columns(of.heat_w), face.share)
 
 
 def _heats(q: Samples, columns: FloatArray, share: float) -> FloatArray:
@@ -175,26 +187,36 @@ def placing(o: Overlaps, q: Samples) -> FloatArray:
 
 
 def _both_move(
+    o: Overlaps, q: Samples, W: FloatArray, of: Answers
+) -> tuple[FloatArray, FloatArray]:
+    """Forces (M, 18, 18) by position and by velocity of both facets' corners."""
+    B, tilt, swing = _moves(o, q)
+    M, k = W.shape
+    by_z = of.force_y @ B + of.force_n @ tilt - of.force_w @ swing
+    back = (W[..., None, None] * B).transpose(0, 3, 1, 2).reshape(M, 18, 3 * k)
+    at_corners, by_rate = (back @ x.reshape(M, 3 * k, 18) for x in (by_z, of.force_w @ B))
+    return at_corners + _bent(o, q, W, of, B, tilt), by_rate
+
+
+def _warm_both(
     o: Overlaps, q: Samples, W: FloatArray, of: Answers, face: Interface
 ) -> tuple[FloatArray, FloatArray]:
-    """(M, 24, 18) by position and by velocity of both facets' corners."""
-    B = placing(o, q)
+    """Heats (M, 6, 18) by position and by velocity of both facets' corners."""
+    B, tilt, swing = _moves(o, q)
+
+    def columns(by: FloatArray, of_what: FloatArray) -> FloatArray:
+        return W[..., None] * (by[..., None, :] @ of_what)[..., 0, :]
+
+    heat = columns(of.heat_y, B) + columns(of.heat_n, tilt) - columns(of.heat_w, swing)
+    by_z = _heats(q, heat, face.share) + _conducted(q, columns(of.flow_y, B))
+    by_z[:, 3:] += (W[..., None, None] * (_carried(o, q, of, face.share) @ B)).sum(axis=1)
+    return by_z, _heats(q, columns(of.heat_w, B), face.share)
+
+
+def _moves(o: Overlaps, q: Samples) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """(M, q, 3, 18), (M, 1, 3, 18), (M, q, 3, 18): y, dn and d dh by both facets' corners."""
     tilt, swing = (x[q.of][:, None] for x in _tilts(o))
-    swing = q.depth[..., None, None] * swing
-    w = W[..., None, None]
-    by_z = w * (of.force_y @ B + of.force_n @ tilt - of.force_w @ swing)
-    by_rate = w * (of.force_w @ B)
-    M, k = W.shape
-    back = B.transpose(0, 3, 1, 2).reshape(M, 18, 3 * k)
-    forces = [back @ x.reshape(M, 3 * k, 18) for x in (by_z, by_rate)]
-    forces[0] += _bent(o, q, W, of, B, tilt)
-    heat, rate = ((x[..., None, :] @ B)[..., 0, :] for x in (of.heat_y, of.heat_w))
-    heat += (of.heat_n[..., None, :] @ tilt - of.heat_w[..., None, :] @ swing)[..., 0, :]
-    heats = _heats(q, W[..., None] * heat, face.share)
-    heats += _conducted(q, W[..., None] * (of.flow_y[..., None, :] @ B)[..., 0, :])
-    heats[:, 3:] += (w * (_carried(o, q, of, face.share) @ B)).sum(axis=1)
-    return (np.concatenate([forces[0], heats], axis=1),
-            np.concatenate([forces[1], _heats(q, W[..., None] * rate, face.share)], axis=1))
+    return placing(o, q), tilt, q.depth[..., None, None] * swing
 
 
 def _tilts(o: Overlaps) -> tuple[FloatArray, FloatArray]:

@@ -7,12 +7,14 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from sparsemor.bodies.contact.near import Near
+from sparsemor.bodies.contact.spatial.cells import reached
 from sparsemor.bodies.contact.spatial.doubt import too_deep
 from sparsemor.bodies.contact.spatial.pieces import Overlaps, Pairs, Pieces
 from sparsemor.bodies.contact.spatial.placing import Placing, Sizes, dofs
+from sparsemor.bodies.contact.spatial.planes import Planes
 from sparsemor.bodies.contact.spatial.side import Side
 from sparsemor.bodies.contact.spatial.slopes import Slopes
-from sparsemor.bodies.contact.spatial.surface import Planes, tree_of
+from sparsemor.bodies.contact.spatial.surface import radii_of, tree_of
 from sparsemor.bodies.contact.spatial.tractions import Loads, nodal
 from sparsemor.bodies.contact.tractions import Interface
 from sparsemor.bodies.local import CompressedLocal
@@ -91,13 +93,17 @@ class SpatialContactTerm:
         first, second = (s.surface for s in self.sides)
         moves = self.deforms and len(self.sides[1].u) > 0
         tree = tree_of(here.b, second.facets) if moves else second.tree
-        f, g = self.near.pairs(here.a[first.facets].mean(axis=1), tree)
+        corners = here.a[first.facets]
+        middles = corners.mean(axis=1)
+        f, g = self.near.pairs(middles, tree)
         if not (self.active[0].all() or self.active[1].all()):
             wanted = self.active[0][f] | self.active[1][g]
             f, g = f[wanted], g[wanted]
-        i, j = first.facets[f], second.facets[g]
-        planes = Planes.of(here.b[j]) if moves else second.planes.some(g)
-        o, kept = Overlaps.of(Pairs(here.a[i], here.va[i], planes, second.turns[g],
+        all_planes = Planes.of(here.b[second.facets]) if moves else second.planes
+        some = reached(middles[f], radii_of(corners)[f], all_planes, second.cells, g)
+        f, g = f[some], g[some]
+        i, j, planes = first.facets[f], second.facets[g], all_planes.some(g)
+        o, kept = Overlaps.of(Pairs(here.a[i], here.va[i], planes, second.cells.some(g),
                                     here.vb[j] if moves else None))
         f, g = f[kept], g[kept]
         nodes = np.concatenate([first.facets[f], len(first.nodes) + second.facets[g]], axis=1)
@@ -163,9 +169,9 @@ class SpatialContactTerm:
     def _slopes(self, now: _Touch) -> tuple[Csr, Csr, Csr]:
         """Forces, then heats, of the points (4 n) by their places and velocities (3 n), and heats
         by temperatures (n)."""
-        bent = np.ones((len(now.second), 3), bool) if self.deforms else (
-            self.sides[1].surface.bent[now.second])
-        found = Slopes.of(now.overlaps, now.pieces, self.face, now.loads, now.T, bent)
+        warms = bool((self.writes[now.place.sizes.whole :] >= 0).any())
+        found = Slopes.of(now.overlaps, now.pieces, self.face, now.loads, now.T, self.deforms,
+                          warms)
         n = now.place.sizes.n1 + now.place.sizes.n2
         columns = dofs(now.nodes)[:, : found.z.shape[2]]
         rows = np.concatenate([columns, 3 * n + now.nodes], axis=1)
