@@ -15,7 +15,7 @@ from sparsemor.bodies.separate import heat_body, moving_body
 from sparsemor.bodies.table_term import TableTerm, surface_terms
 from sparsemor.core.arrays import Csr, FloatArray, IntArray
 from sparsemor.core.errors import InputError
-from sparsemor.core.layout import Block, Layout
+from sparsemor.core.layout import Block, FieldName, Layout
 from sparsemor.core.mesh import Mesh
 from sparsemor.core.model import ProbePlace
 from sparsemor.core.protocols import Part, Term, TimeFunction
@@ -78,13 +78,13 @@ class Body:
     # ------------------------------------------------------------------ unknowns
 
     def blocks(self) -> Sequence[Block]:
-        sizes = {
+        sizes: dict[FieldName, int] = {
             "rigid": len(self.pose) if self.moves else 0,
             "elastic": 0 if self.elasticity is None else len(self.elasticity.free),
             "thermal": 0 if self.heat is None else len(self.heat.free),
             "multiplier": self.own_multipliers if self.moves else 0,
         }
-        return [Block(self.name, f, n) for f, n in sizes.items()]  # type: ignore[arg-type]
+        return [Block(self.name, f, n) for f, n in sizes.items()]
 
     def initial(self) -> Mapping[str, tuple[FloatArray, FloatArray]]:
         """Block name -> (x, v) at the start: undeformed, at the given pose and temperature."""

@@ -33,7 +33,7 @@ class ResampledMemory:
         self.inner, self.step, self.turn = inner, 0, 0
         self.streams = deepcopy(dict(streams))
         self.rows: Mapping[str, IntArray] | None = None
-        self.current: Any = None
+        self.current: StepSolver | None = None
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "current": None}
@@ -48,8 +48,8 @@ class Resampled:
     looks at the candidates of the mesh; the step itself reads only the rows that were drawn.
     """
 
-    first: Any
-    sets: tuple[Any, ...]
+    first: StepSolver
+    sets: tuple[StepSolver, ...]
     every: int
     draw: Draw | None
     fresh: Callable[[Mapping[str, IntArray], int], StepSolver] | None
@@ -57,16 +57,16 @@ class Resampled:
 
     @property
     def layout(self) -> Layout:
-        return self.first.layout  # type: ignore[no-any-return]
+        return self.first.layout
 
     @property
     def dictionaries(self) -> Mapping[str, Dictionary]:
-        return self.first.dictionaries  # type: ignore[no-any-return]
+        return self.first.dictionaries
 
     @property
     def rows(self) -> Mapping[str, IntArray]:
         """Those of the start."""
-        return self.first.rows  # type: ignore[no-any-return]
+        return self.first.rows
 
     @property
     def elements_touched(self) -> Mapping[str, int]:
@@ -76,7 +76,7 @@ class Resampled:
 
     @property
     def facts(self) -> Facts:
-        return self.first.facts  # type: ignore[no-any-return]
+        return self.first.facts
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -112,7 +112,7 @@ class Resampled:
             if self.draw is not None:
                 inner.forget()
 
-    def at_rows(self, memory: ResampledMemory) -> Any:
+    def at_rows(self, memory: ResampledMemory) -> StepSolver:
         """The solver on the rows that `memory` is at."""
         if self.fresh is None or memory.rows is None:
             return self.sets[memory.turn % len(self.sets)]
@@ -128,10 +128,10 @@ class Resampled:
 
     def rows_at(self, memory: ResampledMemory) -> Mapping[str, IntArray]:
         """The rows in use."""
-        return self.at_rows(memory).rows  # type: ignore[no-any-return]
+        return self.at_rows(memory).rows
 
     def supports(self, memory: ResampledMemory) -> Mapping[str, BoolArray]:
-        return self.first.supports(memory.inner)  # type: ignore[no-any-return]
+        return self.first.supports(memory.inner)
 
     def counters(self, memory: ResampledMemory) -> Mapping[str, int]:
         return {**self.first.counters(memory.inner), "resamplings": memory.turn}

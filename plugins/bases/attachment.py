@@ -3,7 +3,7 @@
 from typing import Annotated
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
@@ -15,7 +15,12 @@ from sparsemor.core.slot import Slot
 from sparsemor.plugins.bases.columns import independent, oriented
 from sparsemor.plugins.bases.pooling import largest_directions, likely_states
 from sparsemor.plugins.bases.static_solve import StaticSolver, factorize
-from sparsemor.plugins.bases.unit_loads import known_step, refuse_nowhere, unit_loads
+from sparsemor.plugins.bases.unit_loads import (
+    known_step,
+    moving_loads,
+    refuse_both,
+    refuse_nowhere,
+)
 
 
 class Attachment(Plugin):
@@ -28,6 +33,9 @@ class Attachment(Plugin):
 
     patches: int | None = Field(default=None, ge=1)
     """Unit loads of each moving load and direction, evenly over its path; left out: one a node."""
+    tabled: int | None = Field(default=None, ge=1)
+    """In place of unit loads: this many of the shapes that each load has by its table, the largest
+    singular vectors over all its times. For what covers many nodes at once."""
     thermal: Annotated[Basis, Slot("basis")] | None = None
     """Add the displacements of each atom of this basis of the body's temperatures; give the one of
     the thermal block. Left out: none are added."""
@@ -44,6 +52,11 @@ class Attachment(Plugin):
     orthonormal: bool = False
     """Take from each response what the earlier ones hold of it: the same span, well conditioned,
     for reducers that choose no atoms."""
+
+    @model_validator(mode="after")
+    def _one_kind(self) -> "Attachment":
+        refuse_both(self.patches, self.tabled, "patches")
+        return self
 
     @property
     def needs_snapshots(self) -> bool:
@@ -103,7 +116,7 @@ class Attachment(Plugin):
 
     def _forces(self, data: BlockData) -> list[tuple[FloatArray, list[str]]]:
         """Right-hand sides (n, q) and what their responses are called: mechanical, thermal."""
-        forces, names = unit_loads(data, self.patches)
+        forces, names = moving_loads(data, self.patches, self.tabled)
         found = [(forces, [f"attachment {name}" for name in names])]
         if self.thermal is None or data.heat is None or data.coupling is None:
             return found
@@ -112,6 +125,6 @@ class Attachment(Plugin):
         temperatures = np.concatenate([*moved, heat.atoms], axis=1)
         said = [f"thermoelastic {p}" for p in (*["offset"] * len(moved), *heat.provenance)]
         if self.count is not None:
-            temperatures = likely_states(data.heat, temperatures)
+            temperatures = likely_states(data.heat, temperatures, self.tabled)
             said = [f"thermoelastic {i}" for i in range(temperatures.shape[1])]
         return [*found, (np.asarray(data.coupling @ temperatures), said)]

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 import numpy as np
-from pydantic import Field, field_validator
+from pydantic import Field, field_validator, model_validator
 
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.model import distinct
@@ -12,7 +12,7 @@ from sparsemor.core.protocols import BlockData, Dictionary
 from sparsemor.plugins.bases.columns import independent, oriented
 from sparsemor.plugins.bases.pooling import largest_directions, steps_of
 from sparsemor.plugins.bases.static_solve import factorize, is_thermal
-from sparsemor.plugins.bases.unit_loads import known_step, refuse_nowhere, unit_loads
+from sparsemor.plugins.bases.unit_loads import known_step, moving_loads, refuse_both, refuse_nowhere
 
 
 class Impulse(Plugin):
@@ -24,9 +24,15 @@ class Impulse(Plugin):
 
     positions: int | None = Field(default=None, ge=1)
     """Places of each moving load, evenly over its path; left out: one a node."""
+    tabled: int | None = Field(default=None, ge=1)
+    """In place of unit heat at places: this many of the shapes that each load has by its table,
+    the largest singular vectors over all its times. For what covers many nodes at once."""
     delays: tuple[int, ...] | None = Field(default=None, min_length=1)
     """Numbers of steps p, increasing. Left out: 0, 1, 2, 4, ... and the length of the load's table,
     since what a body remembers lasts as long as the run."""
+    substeps: int | None = Field(default=None, ge=1)
+    """Longer steps, this many from one delay to the next where they are more apart: nearly the
+    same temperatures at a fraction of the cost. Left out: the steps of the run."""
     count: int | None = Field(default=None, ge=1)
     """Pool the responses to this many orthonormal atoms, besides the uniform temperature and the
     start: the largest singular vectors, each response standing for the delays around its own.
@@ -42,6 +48,11 @@ class Impulse(Plugin):
             raise ValueError("numbers of steps must increase, from 0 on")
         return delays
 
+    @model_validator(mode="after")
+    def _one_kind(self) -> "Impulse":
+        refuse_both(self.positions, self.tabled, "positions")
+        return self
+
     @property
     def needs_snapshots(self) -> bool:
         return False
@@ -52,13 +63,13 @@ class Impulse(Plugin):
 
     def build(self, data: BlockData) -> Dictionary:
         """Atoms (n, k). Raises InputError where no load moves or the step is not known."""
-        forces, names = unit_loads(data, self.positions)
+        forces, names = moving_loads(data, self.positions, self.tabled)
         if not names:
             raise refuse_nowhere(data, "impulse")
         known_step(data, "impulse")
         first, first_names = _lasting(data)
         delays = np.array(self.delays or _doubling(data))
-        responses = [x for _, x in zip(delays, _responses(data, forces, delays), strict=True)]
+        responses = list(_responses(data, forces, delays, self.substeps))
         if self.count is None:
             said = [f"impulse {name}, delay {p}" for p in delays for name in names]
             found = oriented(np.concatenate([first, *responses], axis=1))
@@ -109,13 +120,18 @@ def _doubling(data: BlockData) -> list[int]:
 
 
 def _responses(
-    data: BlockData, forces: FloatArray, delays: FloatArray
+    data: BlockData, forces: FloatArray, delays: FloatArray, substeps: int | None
 ) -> Iterator[FloatArray]:
     """(n, q) at each of the delays: one solve of all columns a step."""
-    factor, carried = factorize(data.operator, data), data.operator - data.stiffness
-    x, wanted = np.asarray(factor.solve(np.ascontiguousarray(forces))), set(delays.tolist())
-    for p in range(int(delays[-1]) + 1):
-        if p:
-            x = np.asarray(factor.solve(np.ascontiguousarray(carried @ x)))
-        if p in wanted:
-            yield x
+    first, carried = factorize(data.operator, data), data.operator - data.stiffness
+    x, last = np.asarray(first.solve(np.ascontiguousarray(forces))), 0
+    for p in delays.tolist():
+        steps = p - last if substeps is None else min(p - last, substeps)
+        factor, passed = first, carried
+        if 0 < steps < p - last:  # each of them as long as several
+            passed = carried * (steps / (p - last))
+            factor = factorize(data.stiffness + passed, data)
+        for _ in range(steps):
+            x = np.asarray(factor.solve(np.ascontiguousarray(passed @ x)))
+        yield x
+        last = p

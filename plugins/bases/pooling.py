@@ -7,7 +7,7 @@ from sparsemor.core.arrays import FloatArray
 from sparsemor.core.protocols import BlockData
 from sparsemor.plugins.bases.columns import independent
 from sparsemor.plugins.bases.svd import left_singular, round_off_level
-from sparsemor.plugins.bases.unit_loads import unit_loads
+from sparsemor.plugins.bases.unit_loads import moving_loads
 
 
 def largest_directions(
@@ -30,14 +30,15 @@ def steps_of(data: BlockData) -> int:
     return max(1, round(float(span) / data.step)) if data.step else 1
 
 
-def likely_states(heat: BlockData, atoms: FloatArray) -> FloatArray:
+def likely_states(heat: BlockData, atoms: FloatArray, tabled: int | None = None) -> FloatArray:
     """X (n, k) with X X^T = sum over p of x_p x_p^T, x_p the temperatures p steps after unit heat
-    on the path, projected on the span of `atoms`: how large each of them gets.
+    on the path (or `tabled` shapes of it), projected on the span of `atoms`: how large each of them
+    gets.
 
     The sum (a controllability Gramian) over 2 N delays is that over N, W, and A^N W (A^N)^T. The
     atoms themselves where no heat moves or the step is not known.
     """
-    forces, names = unit_loads(heat, None)
+    forces, names = moving_loads(heat, None, tabled)
     if not names or not any(heat.factors):
         return atoms
     _, Q = independent(atoms, 1e-12)

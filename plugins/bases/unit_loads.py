@@ -30,6 +30,42 @@ def unit_loads(data: BlockData, patches: int | None) -> tuple[FloatArray, list[s
     return np.concatenate(columns, axis=1), list(distinct(names))
 
 
+def tabled_loads(data: BlockData, count: int) -> tuple[FloatArray, list[str]]:
+    """F (n, q) and names: at most `count` loads for each moving load, the largest singular vectors
+    of what its table says at all its times, each as large as it is there (root of mean square).
+
+    A load that covers many nodes at once has a shape that unit loads do not know: its sums are few.
+    """
+    columns, names = [np.zeros((data.size, 0))], list[str]()
+    for load in data.moving:
+        V = load.table.values
+        # the small side: times or columns; squares lose what is below 1e-8 of the largest
+        gram = V @ V.T if len(V) < V.shape[1] else V.T @ V
+        values, vectors = np.linalg.eigh(gram)
+        kept = np.flatnonzero(values > 1e-14 * max(values[-1], 1e-300))[::-1][:count]
+        if len(V) < V.shape[1]:
+            shapes = V.T @ vectors[:, kept]
+        else:
+            shapes = vectors[:, kept] * np.sqrt(values[kept])
+        columns.append(np.asarray(load.columns @ shapes) / np.sqrt(len(V)))
+        names += [f"{load.source}, tabled {i}" for i in range(len(kept))]
+    return np.concatenate(columns, axis=1), list(distinct(names))
+
+
+def moving_loads(
+    data: BlockData, patches: int | None, tabled: int | None
+) -> tuple[FloatArray, list[str]]:
+    """Unit loads, or with `tabled` loads as the tables have them."""
+    return unit_loads(data, patches) if tabled is None else tabled_loads(data, tabled)
+
+
+def refuse_both(places: int | None, tabled: int | None, option: str) -> None:
+    """InputError where unit loads and tabled ones are asked for at once."""
+    if places is not None and tabled is not None:
+        raise InputError(f"give {option} (unit loads at places) or tabled (loads as the table has "
+                         "them), not both", "tabled")
+
+
 def refuse_nowhere(data: BlockData, who: str) -> InputError:
     """What to say where no load moves."""
     return InputError(

@@ -63,8 +63,9 @@ class LinearRecovery(Plugin):
     rtol: float = Field(default=1e-8, gt=0.0, lt=1.0)
     """Largest step of each group, relative to the group (both scaled by column norms), that
     ends the iteration."""
-    max_iterations: int = Field(default=30, ge=1)
-    """Linearisations before the solve is given up as not converged."""
+    max_iterations: int = Field(default=100, ge=1)
+    """Linearisations before the solve is given up as not converged: on a support that leaves much
+    of the residual Gauss-Newton contracts slowly."""
     rank_rtol: float = Field(default=1e-12, gt=0.0, lt=1.0)
     """Reciprocal condition number at which active columns count as dependent."""
 

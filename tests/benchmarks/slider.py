@@ -222,17 +222,20 @@ def run(scene: Scene, path: Path) -> RunResult | SolveFailed | InputError:
         return failure
 
 
-def one(scene: Scene, truth: RunResult, path: Path) -> dict[str, Any]:
+def one(
+    scene: Scene, truth: RunResult, path: Path, blocks: Sequence[str] = BLOCKS
+) -> dict[str, Any]:
     """One run in numbers; None where it did not get so far."""
+    none = _nothing(blocks)
     ended = run(scene, path)
     if isinstance(ended, InputError):
-        return {**_nothing(), "status": f"refused: {ended}"}
+        return {**none, "status": f"refused: {ended}"}
     result = getattr(ended, "result", ended)
     if not isinstance(result, RunResult):
-        return {**_nothing(), "status": str(ended)}
+        return {**none, "status": str(ended)}
     facts, base, done = run_facts(result), run_facts(truth), isinstance(ended, RunResult)
     seen = result.summary.get("stability") or {}
-    row = {**_nothing(), "ms": facts.ms_per_step, "offline_s": facts.offline_whole_seconds,
+    row = {**none, "ms": facts.ms_per_step, "offline_s": facts.offline_whole_seconds,
            "atoms": facts.atoms_text, "rows": facts.rows, "radius": seen.get("radius"),
            "growth": seen.get("growth"), "stopped": not done,
            "status": "done" if done else f"{ended.status.value} at {ended.time:.3g} s "
@@ -240,19 +243,19 @@ def one(scene: Scene, truth: RunResult, path: Path) -> dict[str, Any]:
     if facts.ms_per_step and base.ms_per_step:
         row["speed_up"] = base.ms_per_step / facts.ms_per_step
     if facts.steps > 1:
-        row |= phases(measure_errors(truth, result))
+        row |= phases(measure_errors(truth, result), blocks)
     return row
 
 
-def _nothing() -> dict[str, Any]:
-    row = {f"{m} {when}": None for m in ("joint", *BLOCKS) for when in ("start-up", "steady")}
+def _nothing(blocks: Sequence[str]) -> dict[str, Any]:
+    row = {f"{m} {when}": None for m in ("joint", *blocks) for when in ("start-up", "steady")}
     more = ("ms", "speed_up", "offline_s", "atoms", "rows", "radius", "growth")
     return {**row, **dict.fromkeys(more), "stopped": True}
 
 
-def phases(e: Errors) -> dict[str, float | None]:
+def phases(e: Errors, blocks: Sequence[str]) -> dict[str, float | None]:
     found: dict[str, float | None] = {}
-    for m in ("joint", *BLOCKS):
+    for m in ("joint", *blocks):
         found[f"{m} start-up"], found[f"{m} steady"] = e.start_up.get(m), e.steady.get(m)
     return found
 

@@ -205,6 +205,17 @@ def test_linear_solvers_are_measured_apart(run: Run) -> None:
         assert mine["cg"]["warm"] <= mine["cg"]["iterations"]
 
 
+@pytest.mark.slow
+def test_brake_disk_measures_every_field_in_and_out_of_training(run: Run) -> None:
+    found = run("brake_disk")
+    inside = {row["method"]: row for row in rows_of(found, "In training")}
+    assert set(inside) == {"full", "recommended"}
+    assert inside["recommended"]["stopped"] == "0/1"
+    outside = rows_of(found, "Outside training: worst error of each field, whole run")
+    assert [(row["case"], row["status"]) for row in outside] == [
+        ("40 km/h", "done"), ("mu 0.4", "done")]
+
+
 def test_an_interrupted_benchmark_prints_what_it_has(tmp_path: Path) -> None:
     out = tmp_path / "accuracy.json"
     with subprocess.Popen(

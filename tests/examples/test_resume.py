@@ -162,10 +162,11 @@ def test_the_packaged_scene_killed_at_random_moments() -> None:
                 'reducer.budgets={"*.elastic": {rows: 240, atoms: 15}, '
                 '"*.thermal": {rows: 80, atoms: 10}}']
     environment = os.environ | {"OPENBLAS_NUM_THREADS": "1"}
-    began = time.perf_counter()
-    subprocess.run([PROGRAM, "run", "double_pendulum", *settings, "--out", "whole"], check=True,
-                   env=environment, capture_output=True)
-    took = time.perf_counter() - began  # so that a busy machine kills at the same places
+    for out in ("training", "whole"):  # the second one finds what the first has left in the cache
+        began = time.perf_counter()
+        subprocess.run([PROGRAM, "run", "double_pendulum", *settings, "--out", out], check=True,
+                       env=environment, capture_output=True)
+        took = time.perf_counter() - began  # so that a busy machine kills at the same places
     command = [PROGRAM, "run", "double_pendulum", *settings, "--out", "out"]
     kills, resume = 0, []
     while kills < 5:

@@ -1,7 +1,5 @@
-"""Recovery: true supports inside the theory, agreement with peers, and statuses that are true."""
+"""Recovery: true supports inside the theory, and agreement with peers."""
 
-import subprocess
-import sys
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -9,18 +7,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from pydantic import ValidationError
 from scipy.linalg import hadamard
 from scipy.optimize import linprog
 
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.errors import InputError
 from sparsemor.core.protocols import (
     Group,
     SparseOutcome,
-    SparseProblem,
     SparseSolver,
-    SparseStart,
 )
 from sparsemor.core.status import Status
 from sparsemor.core.testing import check_sparse_solver, installed
@@ -33,11 +27,9 @@ from sparsemor.core.testing.problems import (
     incoherent,
     tall,
 )
-from sparsemor.plugins.sparse_solvers import extras
 from sparsemor.plugins.sparse_solvers.active_set import Linearised
 from sparsemor.plugins.sparse_solvers.basis_pursuit import BasisPursuit
 from sparsemor.plugins.sparse_solvers.basis_pursuit_lp import BasisPursuitLp
-from sparsemor.plugins.sparse_solvers.cosamp import Cosamp
 from sparsemor.plugins.sparse_solvers.lasso_lars import LassoLars
 from sparsemor.plugins.sparse_solvers.newton import LinearRecovery, Recovered
 from sparsemor.plugins.sparse_solvers.omp import OrthogonalMatchingPursuit
@@ -214,254 +206,3 @@ def test_a_penalised_solution_satisfies_its_optimality_conditions() -> None:
     assert 3 < active.sum() < 60
     np.testing.assert_allclose(slope[active], penalty * np.sign(x[active]), rtol=1e-9)
     assert np.abs(slope).max() <= penalty * (1.0 + 1e-9)
-
-
-# ------------------------------------------------------------------- groups and the reduced problem
-
-
-@pytest.mark.parametrize("make", [incoherent, tall])
-def test_rotating_rows_away_changes_no_least_squares_problem(
-    make: Callable[[np.random.Generator], LeastSquares]
-) -> None:
-    rng = np.random.default_rng(6)
-    problem, b = make(rng), rng.standard_normal(60)
-    k = problem.A.shape[1]
-    linear = Linearised.at(np.zeros(k), -b, problem.A)
-    rest = Penalised.of(linear, problem.groups)
-    assert rest.A.shape == (min(56, k - 4), k - 4)
-    chosen = np.zeros(k - 4, dtype=np.bool_)
-    chosen[rng.choice(k - 4, 5, replace=False)] = True
-    whole = np.concatenate((np.ones(4, dtype=np.bool_), chosen))
-    straight = np.linalg.lstsq(linear.J[:, whole], b, rcond=None)[0][4:]
-    np.testing.assert_allclose(rest.least_squares(chosen)[chosen], straight, atol=1e-10)
-    # the correlations with what the free columns leave are the same too
-    free = linear.J[:, :4]
-    left = b - free @ np.linalg.lstsq(free, b, rcond=None)[0]
-    np.testing.assert_allclose(rest.b @ rest.A, left @ linear.J[:, 4:], atol=1e-12)
-
-
-@each
-def test_the_answer_is_least_squares_on_its_support(solver: SparseSolver) -> None:
-    rng = np.random.default_rng(7)
-    problem, noise = tall(rng), 0.1 * rng.standard_normal(60)
-    noisy = Elsewhere(problem, lambda r: r + noise)
-    outcome = empty(solver, noisy)
-    assert outcome.status is Status.DONE
-    assert outcome.support[:4].all() and outcome.residual_norm > 0.1
-    A = problem.A[:, outcome.support]
-    slope = A.T @ noisy.residual(outcome.c) / np.linalg.norm(A, axis=0)
-    assert np.abs(slope).max() < 1e-12
-
-
-@each
-def test_what_free_columns_explain_activates_nothing_else(solver: SparseSolver) -> None:
-    problem = incoherent(np.random.default_rng(8))
-    answer = np.where(np.arange(74) < 4, problem.answer, 0.0)
-    outcome = empty(solver, replace(problem, answer=answer))
-    assert outcome.status is Status.DONE
-    assert outcome.residual_norm < 1e-13
-    np.testing.assert_allclose(outcome.c, answer, atol=1e-12)
-
-
-@each_linear
-def test_a_budget_of_zero_closes_a_group(solver: SparseSolver) -> None:
-    problem = incoherent(np.random.default_rng(9))
-    free, first, second = problem.groups
-    answer = np.where(np.arange(74) < 44, problem.answer, 0.0)
-    closed = replace(problem, answer=answer, groups=(free, first, replace(second, budget=0)))
-    outcome = empty(solver, closed)
-    assert outcome.status is Status.DONE and not outcome.support[44:].any()
-    np.testing.assert_allclose(outcome.c, answer, atol=1e-10)
-
-
-@each
-def test_nothing_penalised_is_plain_newton(solver: SparseSolver) -> None:
-    rng = np.random.default_rng(10)
-    A, B = rng.standard_normal((2, 12, 12))
-    answer = rng.standard_normal(12)
-    problem = LeastSquares((Group("free", 0, 12, None),), A, B, 0.01, answer)
-    start = SparseStart(answer + 0.01 * rng.standard_normal(12), np.ones(12, dtype=np.bool_))
-    outcome = solver.solve(problem, start)
-    assert outcome.status is Status.DONE
-    np.testing.assert_allclose(outcome.c, answer, atol=1e-9)
-
-
-@each_linear
-def test_a_linear_problem_is_recovered_once(
-    solver: LinearRecovery, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    calls: list[int] = []
-    inner = type(solver).recover
-
-    def counted(self: LinearRecovery, problem: Penalised) -> Recovered:
-        calls.append(problem.size)
-        return inner(self, problem)
-
-    monkeypatch.setattr(type(solver), "recover", counted)
-    assert empty(solver, incoherent(np.random.default_rng(11))).iterations == 2
-    assert calls == [56]
-
-
-# ------------------------------------------------------------------- statuses and refusals
-
-
-@pytest.mark.parametrize("solver", PURSUITS, ids=["linprog", "clarabel", "highs"])
-def test_equations_that_contradict_each_other_are_infeasible(solver: SparseSolver) -> None:
-    problem = all_penalised(np.random.default_rng(12))
-    A = problem.A.copy()
-    A[1] = A[0]
-    apart = np.zeros(60)
-    apart[1] = 0.5
-    torn = Elsewhere(replace(problem, A=A), lambda r: r + apart)
-    assert empty(solver, torn).status is Status.INFEASIBLE
-    fitted = empty(OrthogonalMatchingPursuit(), torn)
-    assert fitted.status is Status.DONE and fitted.residual_norm > 0.3
-
-
-@pytest.mark.parametrize("solver", PURSUITS, ids=["linprog", "clarabel", "highs"])
-def test_exact_equations_are_refused_where_there_are_more_of_them_than_columns(
-    solver: SparseSolver
-) -> None:
-    problem = tall(np.random.default_rng(13))
-    with pytest.raises(InputError, match="overdetermined: more rows than"):
-        empty(solver, problem)
-
-
-class Careless(OrthogonalMatchingPursuit):
-    """Declares less than it can, and takes everything."""
-
-    lacks: frozenset[str]
-
-    @property
-    def capabilities(self) -> frozenset[str]:
-        return super().capabilities - self.lacks
-
-    def solve(self, problem: SparseProblem, start: SparseStart) -> SparseOutcome:
-        return OrthogonalMatchingPursuit().solve(problem, start)
-
-
-@pytest.mark.parametrize("lacks", ["nonlinear", "unpenalised", "overdetermined",
-                                   "underdetermined"])
-def test_the_law_finds_a_solver_that_takes_what_it_should_refuse(lacks: str) -> None:
-    with pytest.raises(AssertionError, match=f"lacks {lacks}, yet took the problem"):
-        check_sparse_solver(Careless(lacks=frozenset({lacks})), trials=1)
-
-
-class Boastful(OrthogonalMatchingPursuit):
-    @property
-    def capabilities(self) -> frozenset[str]:
-        return super().capabilities | {"magic"}
-
-
-def test_the_law_finds_a_capability_that_does_not_exist() -> None:
-    with pytest.raises(AssertionError, match=r"unknown capabilities \['magic'\]"):
-        check_sparse_solver(Boastful(), trials=1)
-
-
-@each_linear
-def test_too_few_linearisations_are_not_called_converged(solver: SparseSolver) -> None:
-    problem = incoherent(np.random.default_rng(14))
-    short = solver.model_copy(update={"max_iterations": 1})  # type: ignore[attr-defined]
-    outcome = empty(short, problem)
-    assert outcome.status is Status.NOT_CONVERGED and outcome.iterations == 1
-    norm = float(np.linalg.norm(problem.residual(outcome.c)))
-    assert outcome.residual_norm == pytest.approx(norm, abs=1e-12)
-
-
-def test_too_few_sweeps_are_not_called_converged() -> None:
-    problem = chained(np.random.default_rng(0), 60, 150, 8, 0.9)
-    assert empty(Cosamp(sweeps=1), problem).status is Status.NOT_CONVERGED
-    assert empty(Cosamp(), problem).status is Status.DONE
-
-
-@each
-def test_overflow_is_a_status(solver: SparseSolver) -> None:
-    huge = Elsewhere(incoherent(np.random.default_rng(0)), lambda r: r * 1e308 * 1e10)
-    assert empty(solver, huge).status is Status.NOT_FINITE
-
-
-@each
-def test_fewer_rows_than_unpenalised_columns_are_rank_deficient(solver: SparseSolver) -> None:
-    A = np.random.default_rng(0).standard_normal((3, 5))
-    problem = LeastSquares((Group("free", 0, 5, None),), A, np.zeros((3, 5)), 0.0, np.ones(5))
-    assert empty(solver, problem).status is Status.RANK_DEFICIENT
-
-
-@each
-def test_of_two_equal_atoms_at_most_one_is_taken(solver: SparseSolver) -> None:
-    problem = incoherent(np.random.default_rng(15))
-    one = int(np.flatnonzero(problem.answer[4:44])[0]) + 4
-    twin = int(np.flatnonzero(problem.answer[4:44] == 0.0)[0]) + 4
-    A = problem.A.copy()
-    A[:, twin] = A[:, one]
-    outcome = empty(solver, replace(problem, A=A))
-    assert outcome.status is Status.DONE and outcome.residual_norm < 1e-10
-    assert int(outcome.support[[one, twin]].sum()) == 1
-
-
-@each
-def test_atoms_no_row_sees_are_left_out(solver: SparseSolver) -> None:
-    problem = incoherent(np.random.default_rng(16))
-    dark = np.flatnonzero(problem.answer[4:44] == 0.0)[:2] + 4
-    A = problem.A.copy()
-    A[:, dark] = 0.0
-    outcome = empty(solver, replace(problem, A=A))
-    assert outcome.status is Status.DONE and not outcome.support[dark].any()
-    np.testing.assert_allclose(outcome.c, problem.answer, atol=1e-10)
-
-
-class Alternating(LeastSquares):
-    """Its Jacobian always promises that the column which is not in use removes all that is left."""
-
-    def residual(self, c: FloatArray) -> FloatArray:
-        return np.array([1.0 - c[0], 1.2 - c[1], 1.0])
-
-    def jacobian(self, c: FloatArray) -> FloatArray:
-        J = -np.eye(3)[:, :2]
-        if c.any():
-            J[:, c == 0.0] = -self.residual(c)[:, None]
-        return J
-
-
-@pytest.mark.parametrize("name", ["omp", "cosamp", "lasso_lars"])
-def test_a_cycle_of_supports_ends_on_the_better_one(name: str) -> None:
-    none = np.zeros((3, 2))
-    problem = Alternating((Group("g", 0, 2, 1),), none, none, 0.0, np.zeros(2))
-    outcome = empty(SOLVERS[name], problem)
-    assert outcome.status is Status.DONE and outcome.iterations < 10
-    np.testing.assert_allclose(outcome.c, [0.0, 1.2])
-    assert outcome.residual_norm == pytest.approx(np.sqrt(2.0))
-
-
-# ------------------------------------------------------------------- optional packages
-
-
-@pytest.mark.parametrize(("plugin", "extra"), [(BasisPursuit, "cvx"), (LassoLars, "lars")])
-def test_a_missing_package_is_named_with_its_extra(
-    plugin: type[LinearRecovery], extra: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(extras, "find_spec", lambda module: None)
-    with pytest.raises(ValidationError, match=rf"not installed: pip install 'sparsemor\[{extra}\]"):
-        plugin()
-
-
-def test_optional_packages_are_imported_when_used_only() -> None:
-    script = (
-        "import sys\n"
-        "from sparsemor.core.testing import installed\n"
-        "solvers = [plugin() for plugin in installed('sparse_solver').values()]\n"
-        "print(len(solvers), sorted({'cvxpy', 'sklearn'} & set(sys.modules)))\n")
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
-    assert done.stdout.strip() == f"{len(SOLVERS)} []", done.stderr
-
-
-def test_a_solver_of_cvxpy_that_is_not_there_is_refused() -> None:
-    with pytest.raises(ValidationError, match="no solver NOBODY here; it has .*CLARABEL"):
-        BasisPursuit(solver="NOBODY")
-
-
-def test_a_cone_is_not_given_to_a_solver_without_cones() -> None:
-    with pytest.raises(ValidationError, match="OSQP takes no cone: choose norm: largest"):
-        BasisPursuit(solver="OSQP")
-    assert empty(BasisPursuit(solver="OSQP", norm="largest"),
-                 all_penalised(np.random.default_rng(0))).status is Status.DONE

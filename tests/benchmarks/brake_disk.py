@@ -1,0 +1,176 @@
+"""Brake disk: every method over its four fields, in training and outside of it.
+
+    python tests/benchmarks/brake_disk.py [--quick] [--seeds 5] [--only NAME ..]
+                                          [--inside | --outside]
+
+In training: the run that is repeated. Outside: the same model at 40 km/h, where the car stops
+within the run, and at friction 0.4. The rigid stage of each case is its own; only what is learned
+(snapshots) comes from 60 km/h and friction 0.7. Atoms without training are made of the tables of
+the case's own rigid stage.
+"""
+
+import argparse
+import sys
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import common  # noqa: F401  # before NumPy: it limits linear algebra to one thread
+import report
+from slider import _file, _max, one, run, worst
+
+from sparsemor.core.results import RunResult
+from sparsemor.core.run_facts import run_facts
+from sparsemor.core.scene import Scene, load
+
+BLOCKS = ("disk.elastic", "pad.elastic", "disk.thermal", "pad.thermal")
+STOPPED = 1e300
+"""Stands for the error of a run that stopped before there was one."""
+POD = {"basis": {"use": "pod", "count": 100}, "bases": {"pad.*": {"use": "pod", "count": 20}}}
+MANY_POD = {"basis": {"use": "pod", "count": 200}, "bases": {"pad.*": {"use": "pod", "count": 20}}}
+
+
+def packaged() -> dict[str, Any]:
+    """The recommended reducer."""
+    own: dict[str, Any] = load("brake_disk").dump()["reducer"]
+    return own
+
+
+def published(**options: Any) -> dict[str, Any]:
+    own: dict[str, Any] = load("brake_disk_published").dump()["reducer"]
+    return {**own, **options}
+
+
+def atoms_of(reducer: Mapping[str, Any]) -> dict[str, Any]:
+    return {key: reducer[key] for key in ("basis", "bases")}
+
+
+def beside(count: int) -> dict[str, Any]:
+    """POD of the disk's temperatures in the training run, beside the packaged atoms."""
+    free = atoms_of(packaged())
+    both = {"use": "dictionary", "orthonormal": True,
+            "bases": [{"use": "pod", "count": count}, {**free["basis"], "count": 200}]}
+    return {**free, "basis": both}
+
+
+ROWS = {"disk.elastic": {"rows": 600}, "disk.thermal": {"rows": 400},
+        "pad.*": {"rows": 60}}
+RING = {"use": "deim", "method": "qr", "required": "ring"}
+
+
+def methods() -> dict[str, tuple[dict[str, Any], bool]]:
+    """Reducer by name, and whether its rows depend on the seed."""
+    drawn = {"use": "lhs", "required": False}
+    sparse = {"use": "sparse", **POD, "budgets": ROWS}
+    return {
+        "recommended": (packaged(), False),
+        "galerkin, POD 100": ({"use": "galerkin", **POD}, False),
+        "galerkin, POD 200": ({"use": "galerkin", **MANY_POD}, False),
+        "galerkin, POD and training-free": ({"use": "galerkin", **beside(100)}, False),
+        "deim, POD 100": ({"use": "deim", **POD}, False),
+        "ecsw, POD 100": ({"use": "ecsw", **POD}, False),
+        "Q-DEIM + ring, D^-1 r": (
+            {**sparse, "sampler": RING, "residual": "preconditioned", "preconditioner": "none"},
+            False),
+        "leading atoms, LHS, none": ({**sparse, "sampler": drawn, "preconditioner": "none"}, True),
+        "published, UNTF": (published(), True),
+        "published, none": (published(preconditioner="none"), True),
+    }
+
+
+LEARNED = {"bodies.disk.pose.spin": [0.0, 0.0, 66.667], "bodies.car.pose.spin": [0.0, 0.0, 66.667]}
+SLOWER = {key: [0.0, 0.0, 44.444] for key in LEARNED}
+CASES: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
+    "40 km/h": (SLOWER, {"training.overrides": LEARNED}),
+    "mu 0.4": ({"contacts.brake.friction.coefficient": 0.4},
+               {"training.overrides": {"contacts.brake.friction.coefficient": 0.7}}),
+}
+ELSEWHERE = ("recommended", "galerkin, POD 200", "galerkin, POD and training-free")
+
+
+def fill(out: report.Report, given: argparse.Namespace) -> None:
+    out.settings |= {
+        "scene": "brake_disk: 10 344 and 900 tetrahedra, 1200 steps of 1 ms, bdf1",
+        "start-up": "largest error in the first 2 % of the steps; steady: in the rest",
+        "errors": "of a field: relative to its largest change; joint: of all unknowns, "
+                  "relative to their norm at the same time, as the paper defines it",
+        "seeds": f"1 to {given.seeds} where rows are drawn; worst seed, and how many stopped",
+        "ms": "median of a step, and how often full order takes that"}
+    base = load("brake_disk", given.small)
+    folder = Path(tempfile.mkdtemp(prefix="brake-"))
+    if not given.outside:
+        inside(out, given, base, folder)
+    if not given.inside:
+        elsewhere(out, given, base, folder)
+
+
+def chosen(given: argparse.Namespace, names: Sequence[str]) -> list[str]:
+    return [n for n in names if not given.only or n in given.only]
+
+
+def inside(out: report.Report, given: argparse.Namespace, base: Scene, folder: Path) -> None:
+    table = out.table("In training")
+    truth = full_of(base, folder / "full")
+    table.add(method="full", ms=run_facts(truth).ms_per_step)
+    for name in chosen(given, list(methods())):
+        options, drawn = methods()[name]
+        rows = []
+        for seed in range(1, (given.seeds if drawn else 1) + 1):
+            scene = base.using({"reducer": options, "seed": seed})
+            rows.append(one(scene, truth, folder / _file(f"{name}-{seed}"), BLOCKS))
+            report.progress(f"{name}, seed {seed}: {rows[-1]}")
+        table.add(method=name, **worst(rows))
+        if name == "recommended":
+            top = max(largest(r) for r in rows)
+            out.at_most("recommended, in training: worst field, start-up included", top, 1e-3)
+
+
+def elsewhere(out: report.Report, given: argparse.Namespace, base: Scene, folder: Path) -> None:
+    table = out.table("Outside training: worst error of each field, whole run")
+    for case, (changes, training) in CASES.items():
+        scene = base.using(changes)
+        truth = full_of(scene, folder / _file(f"full-{case}"))
+        for name in chosen(given, ELSEWHERE):
+            reduced = scene.using({"reducer": methods()[name][0], **training})
+            row = one(reduced, truth, folder / _file(f"{case}-{name}"), BLOCKS)
+            table.add(case=case, method=name, joint=_max(row["joint start-up"],
+                                                         row["joint steady"]),
+                      **{b: _max(row[f"{b} start-up"], row[f"{b} steady"]) for b in BLOCKS},
+                      ms=row["ms"], speed_up=row["speed_up"], offline_s=row["offline_s"],
+                      atoms=row["atoms"], status=row["status"])
+            report.progress(f"{case}: {table.rows[-1]}")
+            if name == "recommended":
+                out.at_most(f"recommended, {case}: worst field", largest(row), 1e-3)
+
+
+def full_of(scene: Scene, path: Path) -> RunResult:
+    truth = run(scene.using({"reducer": "full"}), path)
+    assert isinstance(truth, RunResult)
+    return truth
+
+
+def largest(row: Mapping[str, Any]) -> float:
+    """Worst error of a field over the whole run; a short one has no start-up of its own."""
+    values = [row[f"{b} {when}"] for b in BLOCKS for when in ("start-up", "steady")]
+    return STOPPED if row["stopped"] else max(float(v) for v in values if v is not None)
+
+
+def arguments() -> argparse.Namespace:
+    parser = report.options("brake_disk", __doc__)
+    parser.add_argument("--seeds", type=int, default=5)
+    parser.add_argument("--only", nargs="+", metavar="NAME", help="these methods alone")
+    parser.add_argument("--inside", action="store_true", help="only in training")
+    parser.add_argument("--outside", action="store_true", help="only outside of it")
+    given = parser.parse_args()
+    given.small = {}
+    if given.quick:
+        given.seeds = 1
+        given.small = {"time.end": 0.01, "training.end": 0.01, "bodies.disk.mesh.refine": 0.4,
+                       "bodies.pad.mesh.refine": 0.6}
+        given.only = given.only or ["recommended"]
+    return given
+
+
+if __name__ == "__main__":
+    sys.exit(report.conduct("brake_disk", fill, arguments()))
