@@ -71,11 +71,9 @@ class Driven(Mechanics):
 
 
 def _frame(b: BodyStep, w: FrameWork, step: StepFormula) -> None:
-    """sigma and the coefficients at the step's time. They do not depend on displacements."""
+    """sigma and the coefficients at the step's time."""
     y, v, a = b.given(step.t)
-    g, zero = b.frame.generators, np.zeros
-    b.frame.evaluate(y, v, a, step.c1, step.c2, zero(b.frame.p), zero(b.frame.p), zero(b.frame.p),
-                     zero(g), zero(2 * g), step.t, w)
+    b.frame.drive(y, v, a, step.c1, step.c2, step.t, w)
 
 
 def _change(new: FloatArray, c: FloatArray, scales: list[float], i: int) -> float:

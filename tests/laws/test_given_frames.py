@@ -10,6 +10,7 @@ from sparsemor.bodies.mesh.rectangle import Rectangle
 from sparsemor.core.assemble import assemble
 from sparsemor.core.model import Model
 from sparsemor.core.scene import Scene
+from sparsemor.core.separable import FrameWork
 from sparsemor.core.stage import Followed, FrameHistory, Stage
 from sparsemor.core.testing.run import March, march, scene_of
 from sparsemor.reducers.driven_block import CompressedDriven
@@ -103,3 +104,18 @@ def test_what_a_step_reads_does_not_grow_with_the_mesh_nor_by_rows_for_the_rigid
         assert block.H.shape[0] == 5 and block.G.shape == (3, 5, 5)
         read.append(block.H.size + block.base.size + block.G.size)
     assert read[0] == read[1]
+
+
+@pytest.mark.parametrize("make, size", [(bar, 4), (plane_bar, 3)])
+def test_a_frame_gives_the_same_with_and_without_derivatives(make, size) -> None:
+    (body,) = turning(make(5e8), 60.0, size).separated.moving
+    f, guide = body.frame, body.guide
+    assert guide is not None and f.border == size
+    one, other = (FrameWork(f.p, f.border, f.generators) for _ in range(2))
+    rng, g, known = np.random.default_rng(0), f.generators, guide.at(3 * H)
+    s, forms = rng.standard_normal((3, f.p)), rng.standard_normal(3 * g)
+    f.evaluate(*known, 1e3, 1e6, *s, forms[:g], forms[g:], 3 * H, one)
+    f.drive(*known, 1e3, 1e6, 3 * H, other)
+    assert one.sigma[-1].any() and one.coefficients[:-1].any()
+    assert np.array_equal(one.sigma[-1], other.sigma[-1])
+    assert np.array_equal(one.coefficients, other.coefficients)
