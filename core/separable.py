@@ -71,6 +71,14 @@ class Frame(Protocol):
         """
         ...
 
+    def drive(
+        self, y: FloatArray, v: FloatArray, a: FloatArray, c1: float, c2: float, t: float,
+        work: FrameWork,
+    ) -> None:
+        """For a body with an elastic block whose border is known: fill the last row of
+        `work.sigma` and the coefficients, which do not depend on displacements; no more."""
+        ...
+
     def exact(
         self, v: FloatArray, a: FloatArray, c1: float, c2: float, work: FrameWork
     ) -> None:

@@ -7,12 +7,15 @@ import numpy as np
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.separable import Frame
 from sparsemor.core.stage import FrameHistory
+from sparsemor.reducers.driven_block import DrivenBlock
 from sparsemor.reducers.elastic import ElasticBlock
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BodyStep:
-    """One body in the loop: its kernel, its map to the border, and where its unknowns sit."""
+    """One body in the loop: its kernel, its map to the border, and where its unknowns sit.
+
+    block: its elastic rows beside a border; driven: where there is none (driven.py)."""
 
     name: str
     frame: Frame
@@ -23,6 +26,7 @@ class BodyStep:
     thermal: slice
     elastic_name: str
     guide: FrameHistory | None = None
+    driven: DrivenBlock | None = None
 
     @property
     def free(self) -> bool:

@@ -49,7 +49,7 @@ class Contraction:
         return twin
 
 
-class _Loop:
+class Loop:
     """What one step keeps between its iterations: `given` targets of the constraints, rates of
     the stacked borders at y = 0, the border unknowns y and their last change dy, and per body its
     unknowns c, z and |du|^2 relative to the largest |u|^2. origin: what of the stacked borders is
@@ -92,7 +92,7 @@ class Mechanics:
         self.at = [slice(i, j) for i, j in zip(edges, edges[1:], strict=False)]
         self.guided = [(slice(at.start, at.start + b.frame.rigid_size), b.guide)
                        for b, at in zip(bodies, self.at, strict=True) if b.guide is not None]
-        self.last: _Loop | None = None
+        self.last: Loop | None = None
         """What the last `solve` ended with (scratch, as `work` is)."""
         self._H, self._rows = np.zeros((edges[-1], edges[-1])), np.zeros(edges[-1])
 
@@ -110,9 +110,7 @@ class Mechanics:
                 return self._broken(iteration, loop)
             if change < 0:
                 return Status.SINGULAR, iteration, "", "the border matrix is singular"
-            if not self.size:
-                memory.ratio, memory.age = self._turning(step.c2), 0
-            elif 0 < last < inf:
+            if 0 < last < inf:
                 memory.ratio, memory.age = min(max(change / last, 1e-12), 1.0), 0
             memory.age += 1
             # an unmeasured or old ratio is not trusted: iterate once more
@@ -130,7 +128,7 @@ class Mechanics:
         detail = f"last relative change {change:.1e} after {self.tol.max_iterations} iterations"
         return Status.NOT_CONVERGED, self.tol.max_iterations, self._worst(loop), detail
 
-    def _broken(self, iteration: int, loop: _Loop) -> tuple[Status, int, str, str]:
+    def _broken(self, iteration: int, loop: Loop) -> tuple[Status, int, str, str]:
         """Why there are no numbers: a linear solver that stopped short, or overflow."""
         for b, past in zip(self.bodies, loop.history, strict=True):
             if past is not None and past.failure is not None:
@@ -145,18 +143,11 @@ class Mechanics:
                 for b, past in zip(self.bodies, self.last.history, strict=True)
                 if past is not None and past.iterations}
 
-    def _turning(self, c2: float) -> float:
-        """Contraction where no border is unknown: the iteration is then linear, and by how much
-        kappa M counts beside D >= c2 M is known (with a margin for the norm)."""
-        kappa = max((sum(map(abs, w.coefficients[: b.frame.generators].tolist()))
-                     for b, w in zip(self.bodies, self.work, strict=True)), default=0.0)
-        return min(max(10.0 * kappa / c2, 1e-12), 1.0)
-
-    def _gather(self, x: FloatArray, loop: _Loop) -> FloatArray:
+    def _gather(self, x: FloatArray, loop: Loop) -> FloatArray:
         """Border and elastic unknowns in one vector (all elastic blocks are contiguous)."""
         return np.concatenate((loop.y, x[self.elastic]))
 
-    def _scatter(self, u: FloatArray, x: FloatArray, loop: _Loop) -> None:
+    def _scatter(self, u: FloatArray, x: FloatArray, loop: Loop) -> None:
         loop.y, x[self.elastic] = u[: self.size], u[self.size :]
 
     def _weights(self, memory: Contraction) -> FloatArray:
@@ -169,8 +160,8 @@ class Mechanics:
                 weights[first : first + b.elastic.stop - b.elastic.start] = scale**-0.5
         return weights
 
-    def _begin(self, step: StepFormula, x: FloatArray) -> _Loop:
-        loop, r1, r2, nr = _Loop(), step.r1, step.r2, self.n_rigid
+    def _begin(self, step: StepFormula, x: FloatArray) -> Loop:
+        loop, r1, r2, nr = Loop(), step.r1, step.r2, self.n_rigid
         loop.history = [
             None if b.block is None else
             b.block.begin(r1[b.elastic], r2[b.elastic], x[b.thermal], step.t) for b in self.bodies]
@@ -192,7 +183,7 @@ class Mechanics:
         return loop
 
     def _iterate(
-        self, step: StepFormula, x: FloatArray, loop: _Loop, memory: Contraction
+        self, step: StepFormula, x: FloatArray, loop: Loop, memory: Contraction
     ) -> float:
         """One Newton step; the largest relative change (-1: singular)."""
         c1, c2, H, rows = step.c1, step.c2, self._H, self._rows
@@ -219,19 +210,16 @@ class Mechanics:
             loop.c[i], loop.z[i] = c, z
         return self._advance(x, loop, memory)
 
-    def _advance(self, x: FloatArray, loop: _Loop, memory: Contraction) -> float:
+    def _advance(self, x: FloatArray, loop: Loop, memory: Contraction) -> float:
         change, nr = 0.0, self.n_rigid
-        if self.size:
-            B = self.map.T.dot(self._H.dot(self.map))
-            dy, info = dgesv(B, self._rows.dot(self.map) - loop.given, 1, 1)[2:]
-            if info > 0:
-                return -1.0
-            loop.y = loop.y - dy
-            if nr:
-                d, q = dy[:nr], loop.y[:nr]
-                change = float(d.dot(d)) / max(1.0, float(q.dot(q)))
-        else:
-            dy = loop.y
+        B = self.map.T.dot(self._H.dot(self.map))
+        dy, info = dgesv(B, self._rows.dot(self.map) - loop.given, 1, 1)[2:]
+        if info > 0:
+            return -1.0
+        loop.y = loop.y - dy
+        if nr:
+            d, q = dy[:nr], loop.y[:nr]
+            change = float(d.dot(d)) / max(1.0, float(q.dot(q)))
         moved, loop.dy = self.map.dot(dy), dy
         if not memory.floor:
             memory.scale, memory.floor = [0.0] * len(self.bodies), self._floors(loop.y)
@@ -269,7 +257,7 @@ class Mechanics:
                                       w.sigma[: b.frame.rigid_size]))
                 for b, w in zip(self.bodies, self.work, strict=True)]
 
-    def _worst(self, loop: _Loop) -> str:
+    def _worst(self, loop: Loop) -> str:
         """The block whose last change was largest, or is not finite."""
         q = np.concatenate([loop.y[: self.n_rigid], [1.0]])
         sizes = {}

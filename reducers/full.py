@@ -10,6 +10,7 @@ from sparsemor.core.offline import Offline
 from sparsemor.core.plugin import Plugin
 from sparsemor.core.protocols import Integrator, StepSolver
 from sparsemor.reducers.bordered import Tolerances
+from sparsemor.reducers.driven_block import DrivenBlock, FullDriven
 from sparsemor.reducers.elastic import ElasticBlock, FullElastic
 from sparsemor.reducers.general import GeneralStepper, Summed
 from sparsemor.reducers.heat import FullHeat, HeatBlock, LocalAt
@@ -44,7 +45,8 @@ class Full(Plugin):
             return GeneralStepper(model, Summed.of(model, price=6), tol, self.predictor)
         c1, c2, c1_first = constants(model.layout, integrator, h)
         heat: dict[str, HeatBlock] = {}
-        elastic: dict[str, ElasticBlock] = {}
+        elastic: dict[str, ElasticBlock | DrivenBlock] = {}
+        kind = FullElastic if model.separated.border_size else FullDriven
         done = 0
         for b in model.separated.heat:
             at = model.layout[b.thermal]
@@ -56,6 +58,6 @@ class Full(Plugin):
             if m.operators is not None:
                 o = m.operators
                 D = o.stiffness + c1 * o.damping + c2 * o.mass
-                elastic[m.elastic] = FullElastic.of(o, model.factorize(m.elastic, D), m.elastic)
+                elastic[m.elastic] = kind.of(o, model.factorize(m.elastic, D), m.elastic)
                 done += 1
         return stepper(model, model.layout, {}, {}, heat, elastic, tol, self.predictor, done)

@@ -10,6 +10,7 @@ from sparsemor.core.layout import Layout
 from sparsemor.core.model import Model
 from sparsemor.core.protocols import Dictionary, Integrator, State
 from sparsemor.reducers.bordered import Tolerances
+from sparsemor.reducers.driven_block import DrivenBlock, FullDriven
 from sparsemor.reducers.elastic import ElasticBlock, FullElastic
 from sparsemor.reducers.heat import HeatBlock
 from sparsemor.reducers.stepper import Facts, Stepper
@@ -27,7 +28,7 @@ def constants(layout: Layout, integrator: Integrator, h: float) -> tuple[float, 
 def stepper(
     model: Model, layout: Layout, dictionaries: Mapping[str, Dictionary],
     rows: Mapping[str, IntArray], heat: Mapping[str, HeatBlock],
-    elastic: Mapping[str, ElasticBlock], tol: Tolerances,
+    elastic: Mapping[str, ElasticBlock | DrivenBlock], tol: Tolerances,
     points: int, factorizations: int, limits: Mapping[str, float] | None = None,
     notes: tuple[str, ...] = (), tested: Mapping[str, TestedElastic] | None = None,
     facts: Facts | None = None,
@@ -48,5 +49,6 @@ def stepper(
     s = Stepper(layout, dictionaries, rows, elements, model.separated, heat, elastic, frames, tol,
                 points, factorizations, limits or {}, sanity, notes, facts or {},
                 tested or {}, iterating=any(
-                    isinstance(b, FullElastic) and b.factor.iterative for b in elastic.values()))
+                    isinstance(b, FullElastic | FullDriven) and b.factor.iterative
+                    for b in elastic.values()))
     return replace(s, mechanics=s.with_mechanics())

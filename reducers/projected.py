@@ -26,6 +26,7 @@ from sparsemor.core.status import SolveFailed, Status
 from sparsemor.reducers.bordered import Tolerances
 from sparsemor.reducers.checks import pattern_faults
 from sparsemor.reducers.choose import chosen
+from sparsemor.reducers.driven_block import CompressedDriven
 from sparsemor.reducers.elastic import CompressedElastic
 from sparsemor.reducers.heat import CompressedHeat
 from sparsemor.reducers.prepare import constants, stepper
@@ -178,11 +179,12 @@ def fast(
         s, d = blocks[b.thermal], dictionaries[b.thermal]
         local = local_terms(model, b, d, s.wide(d)) if b.local else []
         heat[b.thermal] = CompressedHeat.of(s.tested, s.left, None, c1_first, local)
+    kind = CompressedElastic if model.separated.border_size else CompressedDriven
     for body in model.separated.moving:
         if body.operators is not None:
             s = blocks[body.elastic]
             tested[body.elastic] = s.tested
-            elastic[body.elastic] = CompressedElastic.of(s.tested, s.left, None)
+            elastic[body.elastic] = kind.of(s.tested, s.left, None)
     layout = model.layout.resized({n: d.atoms.shape[1] for n, d in dictionaries.items()})
     return stepper(model, layout, dictionaries, rows, heat, elastic, tolerances, points,
                    len(heat) + len(elastic), limits, notes, tested, facts)

@@ -15,6 +15,7 @@ from sparsemor.core.offline import Offline
 from sparsemor.core.protocols import Dictionary, Preconditioner, Sampler
 from sparsemor.core.separable import HeatBody
 from sparsemor.reducers.compact import compact_elastic, compact_heat
+from sparsemor.reducers.driven_block import CompressedDriven
 from sparsemor.reducers.elastic import CompressedElastic
 from sparsemor.reducers.heat import CompressedHeat
 from sparsemor.reducers.represent import local_terms
@@ -73,22 +74,24 @@ class Sampled:
 class SampledElastic:
     """tested: the sampled rows, already times the preconditioner. few: the same and B in few
     turned rows, where something is selected; first: how many of these B and the directions need
-    (compact.py)."""
+    (compact.py). driven: whether frames are given (driven.py)."""
 
     block: Sampled
     tested: TestedElastic
     few: tuple[TestedElastic, FloatArray]
     first: int
+    driven: bool
 
     @classmethod
-    def of(cls, block: Sampled, tested: TestedElastic) -> "SampledElastic":
+    def of(cls, block: Sampled, tested: TestedElastic, driven: bool) -> "SampledElastic":
         if not block.selects:
-            return cls(block, tested, (tested, block.B), len(block.B))
+            return cls(block, tested, (tested, block.B), len(block.B), driven)
         t, B, first = compact_elastic(tested, block.B)
-        return cls(block, tested, (t, B), first)
+        return cls(block, tested, (t, B), first, driven)
 
-    def prepared(self, support: IntArray | None) -> CompressedElastic:
-        return CompressedElastic.of(self.tested, self.block.left(support), support)
+    def prepared(self, support: IntArray | None) -> CompressedElastic | CompressedDriven:
+        kind = CompressedDriven if self.driven else CompressedElastic
+        return kind.of(self.tested, self.block.left(support), support)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -104,6 +104,7 @@ class Build:
         elastic: dict[str, SampledElastic] = {}
         facts: dict[str, Mapping[str, float | int | str]] = {}
         _, c1, c2, c1_first = self.step
+        driven = not self.model.separated.border_size
         for b in self.model.separated.heat:
             n = b.thermal
             th = (heat_rows(known.heat[n], rows[n]) if (known := self._known(whole, n)) else
@@ -118,7 +119,7 @@ class Build:
                   TestedElastic.of(m.operators, m.frame, self.dictionaries[n],
                                    self.dictionaries.get(m.thermal), self._map(n, rows[n])))
             block, facts[n] = self._block(n, rows[n], te.block(c1, c2))
-            elastic[n] = SampledElastic.of(block, elastic_times(block.weight, te))
+            elastic[n] = SampledElastic.of(block, elastic_times(block.weight, te), driven)
         if self.model.separated.other:
             return sampled_general(
                 self.model, self.dictionaries, self.limits, rows, {**heat, **elastic},

@@ -13,6 +13,8 @@ from sparsemor.core.status import Status
 from sparsemor.reducers.body_step import BodyStep
 from sparsemor.reducers.bordered import Contraction, Mechanics, Tolerances
 from sparsemor.reducers.consistent import consistent_start
+from sparsemor.reducers.driven import Driven
+from sparsemor.reducers.driven_block import CompressedDriven, DrivenBlock
 from sparsemor.reducers.elastic import CompressedElastic, ElasticBlock
 from sparsemor.reducers.heat import HeatBlock
 from sparsemor.reducers.predictor import Ring
@@ -55,7 +57,7 @@ class Stepper:
     elements_touched: Mapping[str, int]
     separated: Separated
     heat: Mapping[str, HeatBlock]
-    elastic: Mapping[str, ElasticBlock]
+    elastic: Mapping[str, ElasticBlock | DrivenBlock]
     frames: Mapping[str, Frame]
     tolerances: Tolerances
     points: int
@@ -71,7 +73,8 @@ class Stepper:
 
     def with_mechanics(self) -> Mechanics:
         n_rigid = sum(b.size for b in self.layout if b.field == "rigid")
-        return Mechanics(
+        kind = Mechanics if self.separated.border_size else Driven
+        return kind(
             _bodies(self), n_rigid, self.layout.algebraic, self.separated.border_targets,
             self.tolerances)
 
@@ -161,7 +164,7 @@ class Stepper:
         their r1 and r2 with everything else held: [-D^-1 D_m, -D^-1 M] under its maps."""
         found = {}
         for name, block in self.elastic.items():
-            if isinstance(block, CompressedElastic):
+            if isinstance(block, CompressedElastic | CompressedDriven):
                 at = self.layout[name]
                 use = slice(None) if block.active is None else block.active
                 found[name] = -np.hstack([w[:, use] for w in block.rates(at.stop - at.start)])
@@ -187,12 +190,15 @@ def _near(foretold: FloatArray, last: FloatArray) -> FloatArray:
 
 
 def _bodies(s: Stepper) -> Sequence[BodyStep]:
-    none = slice(0, 0)
-    return [BodyStep(
-        m.name, s.frames.get(m.name, m.frame), m.to_border, m.origin,
-        s.elastic.get(m.elastic), s.layout[m.elastic] if m.elastic else none,
-        s.layout[m.thermal] if m.thermal in s.layout else none, m.elastic, m.guide)
-        for m in s.separated.moving]
+    none, found = slice(0, 0), []
+    for m in s.separated.moving:
+        made = s.elastic.get(m.elastic)
+        block, driven = (None, made) if isinstance(made, DrivenBlock) else (made, None)
+        found.append(BodyStep(
+            m.name, s.frames.get(m.name, m.frame), m.to_border, m.origin, block,
+            s.layout[m.elastic] if m.elastic else none,
+            s.layout[m.thermal] if m.thermal in s.layout else none, m.elastic, m.guide, driven))
+    return found
 
 
 def reduce_state(

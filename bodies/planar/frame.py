@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from sparsemor.bodies.planar.items import Inertia, Item
 from sparsemor.bodies.planar.motion import Motion, Views
 from sparsemor.core.arrays import FloatArray
@@ -54,6 +56,14 @@ class PlanarFrame:
             j += item.pairs
             k += item.forces
         out.write(total)
+
+    def drive(
+        self, y: FloatArray, v: FloatArray, a: FloatArray, c1: float, c2: float, t: float,
+        work: FrameWork,
+    ) -> None:
+        # its derivatives are a few complex numbers, not worth a second way through the items
+        s, form = np.zeros(self.p), np.zeros(self.generators)
+        self.evaluate(y, v, a, c1, c2, s, s, s, form, np.zeros(2 * len(form)), t, work)
 
     def exact(
         self, v: FloatArray, a: FloatArray, c1: float, c2: float, work: FrameWork

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sparsemor.bodies.spatial.inertia import FIRST, Inertia
-from sparsemor.bodies.spatial.items import Item
+from sparsemor.bodies.spatial.items import Item, Pushing
 from sparsemor.bodies.spatial.moments import moments_of
 from sparsemor.bodies.spatial.motion import Motion, Sums
 from sparsemor.core.arrays import FloatArray
@@ -59,6 +59,19 @@ class SpatialFrame:
             item.evaluate(m, j, o, k, out)
             j, o, k = j + item.directions, o + item.others, k + item.forces
         out.finish(m)
+
+    def drive(
+        self, y: FloatArray, v: FloatArray, a: FloatArray, c1: float, c2: float, t: float,
+        work: FrameWork,
+    ) -> None:
+        out = work.views
+        if not isinstance(out, Sums):
+            out = work.views = Sums(work, self.size)
+        m, j = Motion(self.size, y, v, a, c1, c2, t), 0
+        for item in self.items:
+            if isinstance(item, Pushing):
+                item.push(m, j, out)
+            j += item.directions
 
     def exact(
         self, v: FloatArray, a: FloatArray, c1: float, c2: float, work: FrameWork

@@ -98,13 +98,21 @@ class Inertia:
                 signs * (c1 * s + s1) + c1 * m.form + m.forms[:g],
                 signs * (c2 * s + s2) + c2 * m.form + m.forms[g:])
 
+    def push(self, m: Motion, j: int, out: Sums) -> None:
+        """What acts on the displacements, without derivatives."""
+        k, at = self.moments, j + FIRST
+        factors = k.factors(m.w, m.al)
+        out.sigma[j:at], out.sigma[at : at + k.count] = m.A.T.dot(m.acc), factors
+        twice = 2.0 * k.turn.dot(m.w)  # 2 w~ as a sum of the B_g
+        out.coefficients[: k.count] = factors + m.c1 * twice
+        out.coefficients[k.count : 2 * k.count] = twice
+
     def _on_displacements(
         self, m: Motion, j: int, spin: FloatArray, wx: FloatArray, out: Sums
     ) -> None:
         c1, c2, k = m.c1, m.c2, self.moments
         first, second = slice(j, j + FIRST), slice(j + FIRST, j + FIRST + k.count)
-        factors = k.factors(m.w, m.al)
-        out.sigma[first], out.sigma[second] = m.acc_b, factors
+        self.push(m, j, out)
         out.sigma_y[:3, first], out.sigma_y[m.at, first] = c2 * m.A, m.dacc_b.T
         out.sigma_y[m.at, second] = (k.slopes(m.w).dot(m.dw) + k.turn.dot(m.dal)).T
         out.tau[:3, first] = m.A.dot(spin + (2.0 * c1) * wx + c2 * np.eye(3))
@@ -112,9 +120,6 @@ class Inertia:
         by_shape, by_rate = self._levers(m.w, m.al, wx)
         out.torque_s[:, second] = (
             k.symmetric * by_shape + k.signs * (c1 * by_rate + c2 * k.axial))
-        twice = 2.0 * k.turn.dot(m.w)  # 2 w~ as a sum of the B_g
-        out.coefficients[: k.count] = factors + c1 * twice
-        out.coefficients[k.count : 2 * k.count] = twice
 
     def _levers(
         self, w: FloatArray, al: FloatArray, wx: FloatArray

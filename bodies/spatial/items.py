@@ -73,8 +73,11 @@ class SpaceForce:
         out.H[m.at, m.at] -= m.turn.bend(f, arm)
         if m.elastic:
             at = slice(j, j + 3)
-            out.sigma[at] = -m.A.T.dot(f)
+            self.push(m, j, out)
             out.sigma_y[m.at, at] = out.tau[m.at, at] = -m.turn.of_space(f).T
+
+    def push(self, m: Motion, j: int, out: Sums) -> None:
+        out.sigma[j : j + 3] = -self.amplitude(m.t) * m.A.T.dot(self.force)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -103,8 +106,11 @@ class BodyForce:
         out.H[:3, m.at] -= g * m.turn.of_body(self.total)
         out.torque -= g * (self.arm + m.s[j + 1 : j + 4] if m.elastic else self.arm)
         if m.elastic:
-            out.sigma[j] = -g
+            self.push(m, j, out)
             out.torque_s[:, j + 1 : j + 4] = -g * EYE
+
+    def push(self, m: Motion, j: int, out: Sums) -> None:
+        out.sigma[j] = -self.amplitude(m.t)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -168,9 +174,14 @@ class Reaction:
 
     def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
         if m.elastic:
-            known = self.forces_at.at(m.t)
-            for i in range(0, self.directions, 3):
-                out.sigma[j + i : j + i + 3] = m.A.T.dot(known[i : i + 3])
+            self.push(m, j, out)
+
+    def push(self, m: Motion, j: int, out: Sums) -> None:
+        known = self.forces_at.at(m.t)
+        for i in range(0, self.directions, 3):
+            out.sigma[j + i : j + i + 3] = m.A.T.dot(known[i : i + 3])
 
 
+Pushing = Inertia | SpaceForce | BodyForce | Reaction
+"""What acts on displacements where the frame's motion is given: `push` is all of it."""
 Item = Inertia | UnitLength | SpaceForce | BodyForce | Attachment | Facing | Slide | Reaction

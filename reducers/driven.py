@@ -1,0 +1,96 @@
+"""The mechanical step where no rigid coordinate and no joint force is unknown.
+
+Frames are then given or at rest and bodies do not feel each other: each elastic block is a linear
+problem of its own (driven_block.py). Its frame is evaluated once a step. What turns with the frame
+is small beside the constant operator and iterated; the factor by which that contracts is known, so
+that no iteration is spent on finding that nothing changes any more.
+"""
+
+from math import inf, sqrt
+
+import numpy as np
+
+from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core.protocols import StepFormula
+from sparsemor.core.separable import FrameWork
+from sparsemor.core.status import Status
+from sparsemor.reducers.acceleration import Anderson
+from sparsemor.reducers.body_step import BodyStep
+from sparsemor.reducers.bordered import ROUND_OFF, SLOW, Contraction, Loop, Mechanics
+from sparsemor.reducers.driven_block import DrivenBlock, Past
+
+NONE = np.zeros(0)
+
+
+class Driven(Mechanics):
+    """The bodies one after the other."""
+
+    def solve(
+        self, step: StepFormula, x: FloatArray, memory: Contraction
+    ) -> tuple[Status, int, str, str]:
+        """Improves x in place from its guess; status, iterations, block, what was seen."""
+        self.last = loop = Loop()
+        loop.history, loop.y, loop.dy = [None] * len(self.bodies), NONE, NONE
+        if not memory.scale:
+            memory.scale, memory.floor = [0.0] * len(self.bodies), [0.0] * len(self.bodies)
+        most = 1
+        for i, (b, w) in enumerate(zip(self.bodies, self.work, strict=True)):
+            if b.driven is None:  # a rigid body: carried along
+                continue
+            _frame(b, w, step)
+            past = b.driven.begin(step.r1[b.elastic], step.r2[b.elastic], x[b.thermal], step.t, w)
+            loop.history[i] = past
+            status, n, detail = self._body(i, b, b.driven, past, x, memory)
+            most = max(most, n)
+            if not status.ok:
+                return status, n, b.elastic_name, detail
+        return Status.DONE, most, "", ""
+
+    def _body(
+        self, i: int, b: BodyStep, block: DrivenBlock, past: Past, x: FloatArray,
+        memory: Contraction,
+    ) -> tuple[Status, int, str]:
+        c = x[b.elastic] if block.active is None else x[b.elastic][block.active]
+        ratio, last, slow = block.contraction(past), inf, None
+        for iteration in range(1, self.tol.max_iterations + 1):
+            new = block.improve(c, past)
+            change = _change(new, c, memory.scale, i)
+            if not change < inf:
+                status, detail = past.failure or (Status.NOT_FINITE, "")
+                return status, iteration, detail
+            left = change * ratio / (1.0 - ratio) if ratio < 0.5 else change
+            if left <= self.tol.remaining or (change >= 0.25 * last and change <= ROUND_OFF):
+                _put(new, b.elastic, block.active, x)
+                return Status.DONE, iteration, ""
+            if slow is None and change > SLOW * last:
+                slow = Anderson()
+            c = new if slow is None else slow.mix(c, new, np.ones(len(c)))
+            last = change
+        detail = f"last relative change {last:.1e} after {self.tol.max_iterations} iterations"
+        return Status.NOT_CONVERGED, self.tol.max_iterations, detail
+
+
+def _frame(b: BodyStep, w: FrameWork, step: StepFormula) -> None:
+    """sigma and the coefficients at the step's time."""
+    y, v, a = b.given(step.t)
+    b.frame.drive(y, v, a, step.c1, step.c2, step.t, w)
+
+
+def _change(new: FloatArray, c: FloatArray, scales: list[float], i: int) -> float:
+    """|new - c| over the largest |u| of body i so far, which is kept."""
+    d = new - c
+    bent, size = float(d.dot(d)), float(new.dot(new))
+    if not size < inf:
+        return inf
+    scales[i] = max(scales[i], size)
+    if scales[i] == 0.0:
+        return 0.0 if bent == 0.0 else inf
+    return sqrt(bent / scales[i])
+
+
+def _put(new: FloatArray, at: slice, active: IntArray | None, x: FloatArray) -> None:
+    if active is None:
+        x[at] = new
+    else:
+        x[at] = 0.0
+        x[at.start + active] = new
