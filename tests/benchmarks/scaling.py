@@ -9,11 +9,11 @@ more at the end. Times are CPU time of one thread.
 """
 
 import argparse
+import dataclasses
 import json
 import subprocess
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,7 @@ import common  # noqa: F401  one thread, before NumPy is loaded
 import numpy as np
 import report
 from scaling_chart import chart
+from scaling_fits import fits, join
 
 HERE = Path(__file__).parent
 TOLERANCE = 1e-3
@@ -55,14 +56,14 @@ def methods(counts: Mapping[str, int]) -> dict[str, dict[str, Any]]:
     }
 
 
-@dataclass
+@dataclasses.dataclass
 class Mesh:
     """One mesh of the scene, as its training run tells it."""
 
     refine: float
     field: str
     steps: int
-    facts: dict[str, Any] = field(default_factory=dict)
+    facts: dict[str, Any] = dataclasses.field(default_factory=dict)
 
     @property
     def unknowns(self) -> int:
@@ -125,9 +126,10 @@ class Worker:
 def fill(out: report.Report, given: argparse.Namespace) -> None:
     out.settings |= {
         "scene": "brake_disk, bdf1, h = 1 ms, mesh.refine of disk and pad; heat: thermal alone",
-        "steps": f"{given.steps} of the 1200, from the start; training on all of them (every 1)",
+        "steps": f"{given.steps} of the 1200 (heat {given.heat_steps}); trained on all of them",
         "windows": f"full: {given.full_windows} of {given.full_steps} steps; reduced: "
-                   f"{given.windows} passes over {given.steps} steps; median of medians, CPU ms",
+                   f"{given.windows} passes over all steps; median of medians, CPU ms; exponents "
+                   "are of the least: other work on the machine only adds",
         "atoms": ", ".join(f"{n} {k}" for n, k in given.atoms.items()),
         "sparse": "Q-DEIM rows of D^-1 r, two an atom; ring: plain rows, with all around the path",
         "ecsw": f"tau 1e-2, up to {given.ecsw_up_to} tetrahedra (not run beyond)",
@@ -147,10 +149,10 @@ def fill(out: report.Report, given: argparse.Namespace) -> None:
             join(given.join, tables)
             return
         for mesh in meshes(given):
-            kept += one_mesh(mesh, given, tables)
+            one_mesh(mesh, given, tables, kept)
         for refine in given.whole:
             trained(Mesh(refine, "both", given.whole_steps), tables["offline"], tables["whole"])
-        for number in range(given.windows):
+        for number in range(1, given.windows):
             report.progress(f"reduced models of all meshes, pass {number + 1}")
             for w in kept:
                 if not w.full:
@@ -170,26 +172,28 @@ def meshes(given: argparse.Namespace) -> Iterator[Mesh]:
 
 
 def one_mesh(
-    mesh: Mesh, given: argparse.Namespace, tables: Mapping[str, report.Table]
-) -> list[Worker]:
-    """Its workers after their windows: full order has ended, reduced models go on."""
+    mesh: Mesh, given: argparse.Namespace, tables: Mapping[str, report.Table], kept: list[Worker]
+) -> None:
+    """Its workers, added to `kept` one by one: full order ends here, reduced models go on."""
     if not trained(mesh, tables["offline"], tables["atoms"]):
-        return []
-    workers = [Worker(mesh, name, reducer="full", changes=changes(overrides, mesh))
-               for name, overrides in FULL.items() if name in given.only]
+        return
+    entire = [name for name in FULL if name in given.only]
+    for name in entire:
+        kept.append(Worker(mesh, name, reducer="full", changes=changes(FULL[name], mesh)))
+    own = kept[len(kept) - len(entire):]
     for _ in range(given.full_windows):
-        for w in workers:
+        for w in own:
             w.window(given.full_steps)
-    for w in workers:
+    for w in own:
         w.end()
     counts = {n: k for n, k in given.atoms.items() if n in mesh.facts["unknowns"]}
-    workers += [
-        Worker(mesh, name, reducer=options, errors=True)
-        for name, options in methods(counts).items()
-        if name in given.only and (name != "ecsw" or mesh.facts["tetrahedra"] <= given.ecsw_up_to)]
+    for name, options in methods(counts).items():
+        small = mesh.facts["tetrahedra"] <= given.ecsw_up_to
+        if name in given.only and (small or name != "ecsw"):
+            kept.append(Worker(mesh, name, reducer=options, errors=True))
+            kept[-1].window(mesh.steps)  # at once: an interrupted run has something of each
     if mesh.field == "both" and mesh.facts["tetrahedra"] <= given.enough_up_to:
         enough(mesh, given, tables["enough"])
-    return workers
 
 
 def trained(mesh: Mesh, offline: report.Table, atoms: report.Table) -> bool:
@@ -250,40 +254,6 @@ def conclude(
             tables["solvers"].add(**w.mesh.named, method=w.method, **{
                 n: s for n, s in w.facts["solvers"].items() if n.startswith("disk")})
     fits(out, tables)
-
-
-def join(files: Sequence[Path], tables: Mapping[str, report.Table]) -> None:
-    """The rows of several runs, from coarse to fine; of what was run twice the last."""
-    for file in files:
-        found = {t["title"]: t["rows"] for t in json.loads(file.read_text())["tables"]}
-        for name, table in tables.items():
-            if name != "fits":
-                table.rows += found.get(table.title, [])
-    for table in tables.values():
-        keys = ("fields", "tetrahedra", "unknowns", "method", "block", "tried", "steps")
-        last = {tuple(row.get(k) for k in keys): row for row in table.rows}
-        table.rows[:] = sorted(last.values(), key=lambda r: (r["fields"], r["tetrahedra"]))
-
-
-def fits(out: report.Report, tables: Mapping[str, report.Table]) -> None:
-    """Exponents of time and memory over the unknowns, and what is wanted of the reduced ones."""
-    for (name, method), rows in _series(tables["steps"].rows).items():
-        n = np.log([r["unknowns"] for r in rows])
-        slope = float(np.polyfit(n, np.log([r["ms"] for r in rows]), 1)[0])
-        memory = float(np.polyfit(n, np.log([r["peak"] - r["base"] for r in rows]), 1)[0])
-        tables["fits"].add(fields=name, method=method, meshes=len(rows), exponent=slope,
-                           memory=memory)
-        if method not in FULL:
-            out.at_most(f"|online exponent| of {method}, {name}", abs(slope), 0.1)
-
-
-def _series(rows: Sequence[Mapping[str, Any]]) -> dict[tuple[str, str], list[Mapping[str, Any]]]:
-    """Rows that were timed, by fields and method; those with at least two meshes."""
-    found: dict[tuple[str, str], list[Mapping[str, Any]]] = {}
-    for r in rows:
-        if r["ms"] is not None:
-            found.setdefault((r["fields"], r["method"]), []).append(r)
-    return {key: rows for key, rows in found.items() if len(rows) > 1}
 
 
 def arguments() -> argparse.Namespace:

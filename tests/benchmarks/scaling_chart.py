@@ -17,7 +17,7 @@ from sparsemor.core.charts.style import (
 )
 
 TITLES = {"both": "displacements and heat", "heat": "heat alone"}
-QUANTITIES = {"ms": "CPU ms a step", "peak": "largest memory, GB"}
+QUANTITIES = {"least": "CPU ms a step", "peak": "largest memory, GB"}
 
 
 def chart(rows: Sequence[Mapping[str, Any]], file: Path) -> None:
@@ -59,7 +59,7 @@ def _drawn(
     x, y = np.array([r["unknowns"] for r in rows]), np.array([r[key] for r in rows])
     (handle,) = axes.plot(x, y, color=look.colour, linestyle=look.dash, marker=look.marker,
                           markersize=3.5, linewidth=1.1, label=method)
-    if len(x) > 1 and key == "ms":
+    if len(x) > 1 and key == "least":
         slope = np.polyfit(np.log(x), np.log(y), 1)[0]
         if method.startswith("full"):  # the reduced ones lie on each other: the table has them
             axes.annotate(f"{slope:.2f}", (x[-1], y[-1]), (4, -2), textcoords="offset points",
