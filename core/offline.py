@@ -151,7 +151,8 @@ def offline_of(scene: Scene, model: Model, cache: Cache, manager: Manager) -> Of
                  [[m.points, m.cells] for m in meshes])
     recording = Recording(training.integrator, training.time.step, training.training.every)
     offline = Offline(
-        model, lambda: train(training, manager, offline.products), key, cache, manager, recording)
+        model, lambda: train(training, manager, products), key, cache, manager, recording)
+    products = offline.products  # not `offline`: a two-stage run would keep its first model with it
     return offline
 
 

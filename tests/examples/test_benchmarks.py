@@ -216,6 +216,29 @@ def test_brake_disk_measures_every_field_in_and_out_of_training(run: Run) -> Non
         ("40 km/h", "done"), ("mu 0.4", "done")]
 
 
+@pytest.mark.slow
+def test_scaling_takes_each_method_on_each_mesh_apart(run: Run) -> None:
+    found = run("scaling")
+    rows = rows_of(found, "Milliseconds a step")
+    assert {row["status"] for row in rows} == {"done"}
+    coarse, fine = ({r["method"]: r for r in rows if r["unknowns"] == n}
+                    for n in sorted({r["unknowns"] for r in rows}))
+    assert set(coarse) == set(fine) == {"full", "galerkin", "sparse"}
+    assert fine["full"]["peak"] > fine["full"]["base"] > 0.0
+    for name in ("galerkin", "sparse"):  # counted, not timed: nothing of the mesh is left in a step
+        assert fine[name]["solved"] <= sum((6, 6, 6, 6)) < 0.1 * fine["full"]["solved"]
+        assert fine[name]["elements"] == coarse[name]["elements"] == 0
+        assert fine[name]["iterations"] == pytest.approx(coarse[name]["iterations"], rel=0.3)
+    assert {row["meshes"] for row in rows_of(found, "Exponents")} == {2}
+    for row in rows_of(found, "Galerkin with the atoms for 0.001"):
+        counted = next(r for r in rows_of(found, "POD atoms for 0.001: projection, by steps "
+                                                 "trained on")
+                       if (r["unknowns"], r["block"]) == (row["unknowns"], "disk.thermal"))
+        assert row["disk.thermal"] >= counted["16"] > counted["4"] > 0
+    last = rows_of(found, "Galerkin with the atoms for 0.001")[-1]
+    assert last["error"] <= 1e-3
+
+
 def test_an_interrupted_benchmark_prints_what_it_has(tmp_path: Path) -> None:
     out = tmp_path / "accuracy.json"
     with subprocess.Popen(
