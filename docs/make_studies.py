@@ -1,4 +1,4 @@
-"""Writes the tables of ablations.md and slider-plate.md from those of the packaged studies.
+"""Writes the tables of the pages from those of the packaged studies.
 
     sparsemor study samplers --out runs/samplers
     python docs/make_studies.py runs/samplers/table.csv     # copies it to docs/measured/studies
@@ -19,7 +19,7 @@ from pathlib import Path
 from statistics import median
 
 HERE = Path(__file__).parent
-PAGES = (HERE / "ablations.md", HERE / "slider-plate.md")
+PAGES = (HERE / "ablations.md", HERE / "slider-plate.md", HERE / "brake-disk.md")
 TABLES = HERE / "measured" / "studies"
 MARK = re.compile(
     r"(<!-- study (\w+): (\w+(?:, \w+)*) by ([^>]+?) -->\n).*?(<!-- end -->)", re.DOTALL)

@@ -237,7 +237,7 @@ def one(
     seen = result.summary.get("stability") or {}
     row = {**none, "ms": facts.ms_per_step, "offline_s": facts.offline_whole_seconds,
            "atoms": facts.atoms_text, "rows": facts.rows, "radius": seen.get("radius"),
-           "growth": seen.get("growth"), "stopped": not done,
+           "growth": seen.get("growth"), "stopped": not done, "steps": facts.steps,
            "status": "done" if done else f"{ended.status.value} at {ended.time:.3g} s "
                      f"in {ended.block}"}  # type: ignore[union-attr]
     if facts.ms_per_step and base.ms_per_step:
@@ -265,7 +265,7 @@ def worst(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for key in rows[0]:
         values = [r[key] for r in rows if isinstance(r.get(key), int | float)]
-        if key in ("stopped", "status"):
+        if key in ("stopped", "status", "steps"):
             continue
         if key in ("ms", "speed_up", "offline_s", "rows"):
             found[key] = float(np.median(values)) if values else None
@@ -276,6 +276,9 @@ def worst(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     ends = [str(r["status"]) for r in rows if r["stopped"]]
     found["stopped"] = f"{len(ends)}/{len(rows)}"
     found["how"] = ends[0][:90] if ends else ""
+    steps = [r["steps"] for r in rows if r["stopped"] and r.get("steps") is not None]
+    if steps:
+        found["how"] += f"; {min(steps)} to {max(steps)} steps were taken"
     return found
 
 

@@ -214,6 +214,14 @@ def test_brake_disk_measures_every_field_in_and_out_of_training(run: Run) -> Non
     outside = rows_of(found, "Outside training: worst error of each field, whole run")
     assert [(row["case"], row["status"]) for row in outside] == [
         ("40 km/h", "done"), ("mu 0.4", "done")]
+    held = {(row["block"], row["atoms"]): row for row in rows_of(
+        found, "Best approximation of the states")}
+    few, many = (held["disk.thermal", f"{n} pulses"] for n in (100, 200))
+    for case in ("60 km/h, mu 0.7", "40 km/h", "mu 0.4"):
+        assert 0.0 < many[case] < few[case] < 1.0
+    for (block, _), row in held.items():  # nothing is nearer than the best approximation
+        if block.endswith("elastic"):
+            assert row["40 km/h"] <= row["40 km/h, by energy"] * (1 + 1e-9)
 
 
 @pytest.mark.slow
