@@ -42,7 +42,7 @@ def connect(
     values = start.tolist()
     if len(targets) == 2:
         values[:2] = [0.0, 0.0]
-    return JointPart(name=name, ends=ends, targets=tuple(constant(float(c)) for c in values))
+    return JointPart(name, ends, tuple(constant(float(c)) for c in values))
 
 
 def constant(value: float) -> Amplitude:

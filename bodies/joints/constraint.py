@@ -2,7 +2,6 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,7 +14,6 @@ from sparsemor.core.separable import Amplitude
 from sparsemor.core.tables import Table
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Constraint(ABC):
     """Rows: what the bodies do - targets(t) = 0, with as many multipliers.
 
@@ -24,10 +22,11 @@ class Constraint(ABC):
     nor a constraint.
     """
 
+    __slots__ = ()  # the fields are those of the joints, in the order that each takes them
     name: str
     targets: tuple[Amplitude, ...]
-    localized: bool = True
-    reactions: Table | None = None
+    localized: bool
+    reactions: Table | None
 
     @property
     @abstractmethod

@@ -11,6 +11,7 @@ from sparsemor.bodies.targets import Target
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.layout import Layout
 from sparsemor.core.protocols import Term
+from sparsemor.core.separable import Amplitude
 from sparsemor.core.tables import Table
 
 
@@ -27,14 +28,18 @@ class End:
         return self.target.body
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class JointPart(Constraint):
     """In the plane: sum_i C_i (position, angle of attachment i), i over the ends.
 
     A multiplier is a force (N) or moment (N m); so are reactions: multipliers (T, l).
     """
 
+    name: str
     ends: tuple[End, ...]
+    targets: tuple[Amplitude, ...]
+    localized: bool = True
+    reactions: Table | None = None
 
     def known(self, reactions: Table) -> "JointPart":
         """The same joint with multipliers (T, l) that are given, N and N m."""

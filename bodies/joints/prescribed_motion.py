@@ -59,8 +59,8 @@ class PrescribedMotion(Plugin):
         C = np.eye(3)[[i for i, _ in driven]]
         if self.angle is None:
             C = C[:, :2]
-        return JointPart(name=name, ends=(End(target, C),),
-                         targets=tuple(_shifted(start[i], f) for i, f in driven))
+        return JointPart(name, (End(target, C),),
+                         tuple(_shifted(start[i], f) for i, f in driven))
 
     def _in_space(self, name: str, parts: Mapping[str, Part]) -> SpaceJoint:
         given = {i: f for i, f in enumerate((self.x, self.y, self.z)) if f is not None}

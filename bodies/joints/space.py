@@ -136,8 +136,7 @@ class Rows:
             conditions.append(Condition(body, item, vectors, wide, reads))
         ends = (self.first if self.weld is None else self.weld.first, self.second)
         sides = tuple(s for s in ends if s.body is not None)
-        return SpaceJoint(name=self.name, sides=sides, conditions=tuple(conditions),
-                          targets=tuple(self.targets), adjusted=frame)
+        return SpaceJoint(self.name, sides, tuple(conditions), tuple(self.targets), frame)
 
     def _add(
         self, body: SpatialBody, item: Item, vectors: FloatArray | None, C: FloatArray, reads: str

@@ -16,6 +16,7 @@ from sparsemor.bodies.spatial.items import Attachment, Item, Reaction
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.layout import Layout
 from sparsemor.core.protocols import Term
+from sparsemor.core.separable import Amplitude
 from sparsemor.core.tables import Table
 
 
@@ -31,16 +32,20 @@ class Condition:
     other: str = ""
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class SpaceJoint(Constraint):
     """In space: the sum of the conditions. Multipliers are forces on the first side (N, space
     axes), then moments (N m) or forces across the lines (N). adjusted: a frame without mass between
     two flexible bodies; the rows of its weld come last. sides: those with a body; reactions: force
     and moment (wrench.py) on each of them."""
 
+    name: str
     sides: tuple[Side, ...]
     conditions: tuple[Condition, ...]
+    targets: tuple[Amplitude, ...]
     adjusted: Mapping[str, SpatialBody] = field(default_factory=dict)
+    localized: bool = True
+    reactions: Table | None = None
 
     @property
     def handed(self) -> int:
