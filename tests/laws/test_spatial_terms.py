@@ -15,9 +15,9 @@ from sparsemor.bodies.spatial.frame import SpatialFrame
 from sparsemor.core.assemble import assemble
 from sparsemor.core.equations import jacobian, residual
 from sparsemor.core.model import Model
-from sparsemor.core.protocols import Term
 from sparsemor.core.testing import check_term
 from sparsemor.core.testing.run import march, scene_of
+from term_scales import scales
 
 TURNED = {"axis": [1.0, 2.0, -0.5], "angle": 0.7}
 BAR = {
@@ -107,14 +107,6 @@ PARTS = [*everything()["bodies"], *everything()["joints"], *everything()["loads"
 @pytest.fixture(scope="module")
 def model() -> Model:
     return assemble(scene_of(everything()))
-
-
-def scales(model: Model, term: Term) -> tuple[float, ...]:
-    """Displacements are small, then as large as the body; quaternions leave the unit sphere."""
-    first = model.layout.first
-    thermal = len(term.rows) > 0 and bool(np.all((term.rows >= first.start)
-                                                 & (term.rows < first.stop)))
-    return (10.0,) if thermal else (1e-3, 1.0)
 
 
 @pytest.mark.parametrize("part", PARTS)

@@ -7,6 +7,7 @@ import pytest
 from scipy.sparse import eye_array, kron
 from scipy.sparse.linalg import eigsh
 
+from disk_fields import radial_and_hoop, rms
 from sparsemor.bodies import fe
 from sparsemor.bodies.fe import volume
 from sparsemor.bodies.fe.elements import (
@@ -175,19 +176,6 @@ def rim_growth(mesh: Mesh, u: FloatArray) -> float:
     moved = u.reshape(-1, 3)[rim, :2]
     return float(np.einsum("ij,ij->i", moved - moved.mean(axis=0), mesh.points[rim, :2]).mean()
                  / RADIUS)
-
-
-def radial_and_hoop(mesh: Mesh, sigma: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Distance of each cell's centroid from the axis, sigma_r and sigma_theta there."""
-    centroid = mesh.points[mesh.cells].mean(axis=1)[:, :2]
-    r = np.linalg.norm(centroid, axis=1)
-    along = centroid / r[:, None]
-    radial = np.einsum("ei,eij,ej->e", along, sigma[:, :2, :2], along)
-    return r, radial, sigma[:, 0, 0] + sigma[:, 1, 1] - radial
-
-
-def rms(values: FloatArray) -> float:
-    return float(np.sqrt(np.mean(values**2)))
 
 
 def test_spinning_disk(disk: Mesh, stiffness: Csr) -> None:
