@@ -19,7 +19,7 @@ from sparsemor.core.testing import check_term
 from sparsemor.core.testing.run import march, scene_of
 from term_scales import scales
 
-TURNED = {"axis": [1.0, 2.0, -0.5], "angle": 0.7}
+TURNED: dict[str, Any] = {"axis": [1.0, 2.0, -0.5], "angle": 0.7}
 BAR = {
     "use": "flexible", "fields": ["elastic", "thermal"],
     "mesh": Block(size=(0.4, 0.1, 0.06), divisions=(3, 1, 1)),
@@ -32,7 +32,7 @@ POINTS = {"a": [0.0, 0.0, 0.0], "b": [0.2, 0.05, 0.0]}
 
 def at(place: list[float]) -> list[float]:
     """Where a point of a body at TURNED is."""
-    A = rot.rotation(rot.about(TURNED["axis"], TURNED["angle"]))  # type: ignore[arg-type]
+    A = rot.rotation(rot.about(TURNED["axis"], TURNED["angle"]))
     return [float(c) for c in A @ np.array(place)]
 
 

@@ -1,6 +1,7 @@
 """Tetrahedra against closed forms: patch tests, disks that spin or are heated, slab, cantilever."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -262,12 +263,12 @@ def quadratic(mesh: Mesh) -> FloatArray:
     basis = skfem.Basis(solid, skfem.ElementVector(skfem.ElementTetP2()))
 
     @skfem.BilinearForm
-    def k(u, v, w):  # type: ignore[no-untyped-def]
+    def k(u: Any, v: Any, w: Any) -> Any:
         e, f = sym_grad(u), sym_grad(v)
         return s.lam * trace(e) * trace(f) + 2 * s.mu * ddot(e, f)
 
     @skfem.BilinearForm
-    def m(u, v, w):  # type: ignore[no-untyped-def]
+    def m(u: Any, v: Any, w: Any) -> Any:
         return ALLOY.rho * dot(u, v)
 
     held = basis.get_dofs(lambda x: x[0] < 1e-9).all()

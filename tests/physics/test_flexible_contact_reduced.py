@@ -79,7 +79,8 @@ def pushed(columns: int) -> March:
 
 def followed(run: March) -> tuple[Any, FloatArray, FloatArray]:
     """The contact of a Galerkin run, and its unknowns and rates at all states."""
-    (coupled,) = run.solver.equations.coupled  # type: ignore[attr-defined]
+    solver: Any = run.solver
+    (coupled,) = solver.equations.coupled
     return coupled.term, run.x[:, coupled.columns], run.v[:, coupled.columns]
 
 
