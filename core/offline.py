@@ -21,6 +21,7 @@ from sparsemor.core.scene import Scene
 from sparsemor.core.snapshots import SnapshotWriter, stretches
 from sparsemor.core.status import SolveFailed
 from sparsemor.core.step_control import controlled, step_of
+from sparsemor.core.workshop import Workshop
 
 if TYPE_CHECKING:
     from sparsemor.core.estimate import Estimate
@@ -139,8 +140,11 @@ def largest_coefficient(d: Dictionary, snapshots: FloatArray) -> float:
     return top
 
 
-def offline_of(scene: Scene, model: Model, cache: Cache, manager: Manager) -> Offline:
-    """The offline products of a scene. The key holds the training scene and every mesh."""
+def offline_of(
+    scene: Scene, model: Model, cache: Cache, manager: Manager, shop: Workshop | None = None
+) -> Offline:
+    """The offline products of a scene. The key holds the training scene and every mesh. shop: what
+    was built for the model, for the training run's."""
     training = scene.for_training()
     from importlib.metadata import version
 
@@ -151,14 +155,15 @@ def offline_of(scene: Scene, model: Model, cache: Cache, manager: Manager) -> Of
                  [[m.points, m.cells] for m in meshes])
     recording = Recording(training.integrator, training.time.step, training.training.every)
     offline = Offline(
-        model, lambda: train(training, manager, products), key, cache, manager, recording)
+        model, lambda: train(training, manager, products, shop), key, cache, manager, recording)
     products = offline.products  # not `offline`: a two-stage run would keep its first model with it
     return offline
 
 
 @np.errstate(all="ignore")  # overflow is a status of the step, not a warning
 def train(
-    scene: Scene, manager: Manager, products: Products | None = None
+    scene: Scene, manager: Manager, products: Products | None = None,
+    shop: Workshop | None = None,
 ) -> dict[str, FloatArray]:
     """Full-order run of the training scene; block -> (M, n) unknowns at the start and after
     every `training.every` steps, and for second-order integrators x + h^2 a of the start.
@@ -166,11 +171,11 @@ def train(
     Raises SolveFailed when it stops before its end, or its rigid stage does.
     """
     if scene.rigid_stage is None:
-        model = assemble(scene)
+        model = assemble(scene, shop=shop)
     else:  # which is a run of its own, by this module's means
         from sparsemor.core.rigid_stage import staged
 
-        model = staged(scene, products or Products(None), manager)
+        model = staged(scene, products or Products(None), manager, shop or Workshop())
     h, steps = scene.time.step, step_count(scene)
     every, products = scene.training.every, products or Products(None)
     # a second-order rule carries the first accelerations on: its snapshots must span them too

@@ -8,6 +8,7 @@ from sparsemor.core.model import Model
 from sparsemor.core.offline import Offline, offline_of
 from sparsemor.core.rigid_stage import staged
 from sparsemor.core.scene import Scene
+from sparsemor.core.workshop import Workshop
 
 
 def prepared(scene: Scene, cache: Cache, manager: Manager) -> tuple[Model, Offline]:
@@ -16,12 +17,13 @@ def prepared(scene: Scene, cache: Cache, manager: Manager) -> tuple[Model, Offli
     Raises InputError as `checked_model` does, and where the run would not fit in memory;
     SolveFailed where the rigid stage stops early.
     """
-    model = checked_model(scene)
-    offline = offline_of(scene, model, cache, manager)
+    shop = Workshop()
+    model = checked_model(scene, shop)
+    offline = offline_of(scene, model, cache, manager, shop)
     if scene.rigid_stage is None:
         offline.expected = fitting(scene, model, offline)
         return model, offline
-    model = staged(scene, offline.products, manager)
+    model = staged(scene, offline.products, manager, shop)
     offline = offline.serving(model)
     offline.expected = fitting(scene, model, offline)
     return model, offline
