@@ -5,6 +5,7 @@ import math
 from sparsemor.core.assemble import assemble
 from sparsemor.core.choose import misfits
 from sparsemor.core.errors import Fault, Gather, InputError
+from sparsemor.core.foretold import foretell
 from sparsemor.core.model import Model
 from sparsemor.core.offline import step_count
 from sparsemor.core.rigid_stage import check_rigid, stage_faults
@@ -23,6 +24,10 @@ def checked_model(scene: Scene, shop: Workshop | None = None) -> Model:
     """
     gather, shop = Gather(), shop or Workshop()
     gather.faults += time_faults(scene)
+    before = len(gather.faults)
+    gather("", foretell, scene)
+    if len(gather.faults) > before:  # what does not fit is not meshed
+        gather.check()
     faults = gather("", stage_faults, scene)
     gather.faults += faults or []
     if scene.rigid_stage is None:

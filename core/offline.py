@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from copy import copy
 from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +10,7 @@ import numpy as np
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.assemble import assemble
 from sparsemor.core.block_solvers import told_in
-from sparsemor.core.cache import Cache, digest
+from sparsemor.core.cache import digest
 from sparsemor.core.hooks import Manager, RunStart, new_manager
 from sparsemor.core.initial import consistent_state
 from sparsemor.core.model import Model, StepFactors
@@ -51,19 +50,19 @@ class Offline:
 
     def __init__(
         self, model: Model, train: Callable[[], Mapping[str, FloatArray]], key: str,
-        cache: Cache | None, manager: Manager | None = None, recording: Recording | None = None,
+        products: Products, manager: Manager | None = None, recording: Recording | None = None,
     ) -> None:
         self._model, self._train, self._key = model, train, key
         self._snapshots: Mapping[str, FloatArray] | None = None
         self.manager, self.recording = manager or new_manager(), recording
-        self.products = Products(cache)
+        self.products = products
         self.expected: Estimate | None = None
 
     @classmethod
     def of(cls, model: Model, snapshots: Mapping[str, FloatArray]) -> "Offline":
         """Given snapshots (n, M) a block, no cache: for scripts and tests."""
         rows = {name: s.T for name, s in snapshots.items()}
-        return cls(model, lambda: rows, "", None)
+        return cls(model, lambda: rows, "", Products(None))
 
     def snapshots(self, name: str) -> FloatArray:
         if self._snapshots is None:
@@ -81,12 +80,6 @@ class Offline:
         """Whether a product is in the cache."""
         cache = self.products.cache
         return cache is not None and cache.place(kind, digest(self._key, *depends)).exists()
-
-    def serving(self, model: Model) -> "Offline":
-        """The same products for another model of the same scene."""
-        twin = copy(self)
-        twin._model = model
-        return twin
 
     def dictionary(
         self, name: str, basis: Basis, step: StepFactors | None = None
@@ -141,7 +134,7 @@ def largest_coefficient(d: Dictionary, snapshots: FloatArray) -> float:
 
 
 def offline_of(
-    scene: Scene, model: Model, cache: Cache, manager: Manager, shop: Workshop | None = None
+    scene: Scene, model: Model, products: Products, manager: Manager, shop: Workshop | None = None
 ) -> Offline:
     """The offline products of a scene. The key holds the training scene and every mesh. shop: what
     was built for the model, for the training run's."""
@@ -154,10 +147,8 @@ def offline_of(
     key = digest(physics.digest(), training.training.every, version("sparsemor"),
                  [[m.points, m.cells] for m in meshes])
     recording = Recording(training.integrator, training.time.step, training.training.every)
-    offline = Offline(
-        model, lambda: train(training, manager, products, shop), key, cache, manager, recording)
-    products = offline.products  # not `offline`: a two-stage run would keep its first model with it
-    return offline
+    return Offline(
+        model, lambda: train(training, manager, products, shop), key, products, manager, recording)
 
 
 @np.errstate(all="ignore")  # overflow is a status of the step, not a warning

@@ -96,12 +96,18 @@ class Part(Protocol):
 
 
 class BodyPlugin(Protocol):
-    """A body of the scene. base: folder of the scene file, for relative paths."""
+    """A body of the scene. base: folder of the scene file, for relative paths.
+
+    Optional: `expected()` -> a `core.mesh.BodySize`, or None where it cannot be known; a run that
+    would not fit in memory is then refused before anything is meshed.
+    """
 
     def build(self, name: str, base: Path) -> Part: ...
 
 
 class MeshPlugin(Protocol):
+    """A mesh of a body. Optional: `expected()` -> a `core.mesh.MeshSize`, before it is built."""
+
     def build(self, base: Path) -> Mesh: ...
 
 
@@ -409,7 +415,8 @@ class LinearSolver(Protocol):
 
     InputError when A is not square or not symmetric, or when it does not fit in memory.
     Optional: `expected(A, places)`, bytes that `factorize` holds at its largest, told beforehand;
-    without it a run is not refused on its account.
+    without it a run is not refused on its account. `direct = True`: its factors fill in, whatever
+    memory there is.
     """
 
     def factorize(self, A: Csr, places: Places | None = None) -> Factorized: ...
