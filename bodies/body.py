@@ -77,6 +77,10 @@ class Body(ABC):
         """The same body with a frame that follows a given motion and costs no unknowns."""
         return replace(self, moves=False, guide=motion)
 
+    def bare(self) -> Self:
+        """The same body without fields: rigid, with the mass and shape that it has."""
+        return replace(self, elasticity=None, heat=None)
+
     # ------------------------------------------------------------------ unknowns
 
     def blocks(self) -> Sequence[Block]:

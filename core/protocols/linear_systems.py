@@ -61,7 +61,8 @@ class LinearSolver(Protocol):
 
     InputError when A is not square or not symmetric, or when it does not fit in memory.
     Optional: `expected(A, places)`, bytes that `factorize` holds at its largest, told beforehand;
-    without it a run is not refused on its account.
+    without it a run is not refused on its account. `direct = True`: its factors fill in, whatever
+    memory there is.
     """
 
     def factorize(self, A: Csr, places: Places | None = None) -> Factorized: ...

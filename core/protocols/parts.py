@@ -19,12 +19,18 @@ class Part(Protocol):
 
 
 class BodyPlugin(Protocol):
-    """A body of the scene. base: folder of the scene file, for relative paths."""
+    """A body of the scene. base: folder of the scene file, for relative paths.
+
+    Optional: `expected()` -> a `core.mesh.BodySize`, or None where it cannot be known; a run that
+    would not fit in memory is then refused before anything is meshed.
+    """
 
     def build(self, name: str, base: Path) -> Part: ...
 
 
 class MeshPlugin(Protocol):
+    """A mesh of a body. Optional: `expected()` -> a `core.mesh.MeshSize`, before it is built."""
+
     def build(self, base: Path) -> Mesh: ...
 
 

@@ -15,6 +15,7 @@ from sparsemor.core.errors import InputError
 from sparsemor.core.initial import consistent_state
 from sparsemor.core.model import Model, StepFactors
 from sparsemor.core.offline import Offline
+from sparsemor.core.products import Products
 from sparsemor.core.protocols import Dictionary
 from sparsemor.core.scene import Scene
 from sparsemor.core.tables import LoadTable, Table
@@ -283,7 +284,7 @@ def test_impulses_in_a_reduced_run(reducer: dict[str, Any]) -> None:
 def test_dictionaries_depend_on_the_step_and_say_when_it_is_missing(tmp_path: Path) -> None:
     from sparsemor.core.cache import Cache
 
-    offline = Offline(heated(), snapshots, "key", Cache(tmp_path))
+    offline = Offline(heated(), snapshots, "key", Products(Cache(tmp_path)))
     basis = Impulse(delays=(0, 5))
     a, b, c = (offline.dictionary("bar.thermal", basis, s)[0].atoms for s in (
         STEP, STEP._replace(h=0.1, c1_first=10.0), STEP))
