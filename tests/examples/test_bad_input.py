@@ -89,7 +89,7 @@ FAULTS: dict[str, tuple[list[tuple[str, str]], str, str, str]] = {
         "body 'arm' has no set 'upper': sets: bottom, "),
     "reference to no set": (
         [("bottom_right]", "bottom_rihgt]")], "chord:", "bodies.arm.reference.chord",
-        "did you mean bottom_right?"),
+        "did you mean bottom_right"),
     "joint to an unknown body": (
         [('"bob:hook"]', '"bop:hook"]')], '"bop:hook"', "joints.hook.between.1",
         "no body is called 'bop': did you mean bob? bodies: arm, bob"),
