@@ -68,8 +68,8 @@ def train(task: dict[str, Any]) -> dict[str, Any]:
         spent[kind] = spent.get(kind, 0.0) + seconds
     counts = np.asarray(made["counts"])
     return {"unknowns": {b.name: b.size for b in model.layout}, "spent": spent,
-            "tetrahedra": sum(len(p.mesh.cells) for p in model.parts.values()  # type: ignore
-                              if getattr(p, "mesh", None) is not None),
+            "tetrahedra": sum(len(mesh.cells) for p in model.parts.values()
+                              if (mesh := getattr(p, "mesh", None)) is not None),
             "peak": int(made["peak"]) / GIGA,
             "counts": {n: row.tolist() for n, row in zip(names, counts, strict=True)}}
 

@@ -10,7 +10,6 @@ import pytest
 from scipy.sparse import csr_array
 
 from sparsemor import load
-from sparsemor.core.arrays import FloatArray
 from sparsemor.core.assemble import assemble
 from sparsemor.core.errors import InputError
 from sparsemor.core.initial import consistent_state
@@ -32,21 +31,11 @@ from sparsemor.reducers.checks import required_rows
 from sparsemor.reducers.inverse_rows import inverse_rows
 from sparsemor.reducers.sampled import SampledElastic, SampledHeat, choose_rows
 from sparsemor.reducers.sparse import Sparse
+from tiny_scene import BUDGETS, TINY, full, snapshots
 
-TINY = load(Path(__file__).parents[1] / "scenes" / "tiny.yaml")
 EVERYTHING = load(Path(__file__).parents[1] / "scenes" / "everything.yaml")
 FIXED = {"*.elastic": {"rows": 10}, "*.thermal": {"rows": 8}}
-BUDGETS = {"*.elastic": {"rows": 14, "atoms": 4}, "*.thermal": {"rows": 10, "atoms": 3}}
 STEP = StepFactors(1e-3, 1e3, 1e6, 1e3)
-
-
-@cache
-def full() -> March:
-    return march(TINY.using({"reducer": "full"}))
-
-
-def snapshots() -> dict[str, FloatArray]:
-    return {n: full().block(n).T for n in full().model.reducible()}
 
 
 def with_reducer(**options: Any) -> Scene:
