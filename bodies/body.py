@@ -1,6 +1,7 @@
 """What a built body is in the plane and in space alike: its unknowns and fields, and what assembly
 asks of it. PlanarBody and SpatialBody add the equations of their frames."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Self
@@ -28,7 +29,7 @@ KINDS = {2: "plane: give two", 3: "spatial: give three"}
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Body:
+class Body(ABC):
     """One body of dimension d.
 
     X: N reference points, m (body frame), as the dimension's equations have them; mass_matrix
@@ -53,13 +54,13 @@ class Body:
     guide: FrameHistory | None = None
 
     @property
+    @abstractmethod
     def coordinates(self) -> FloatArray:
         """(N, d) reference points, m (body frame)."""
-        raise NotImplementedError
 
+    @abstractmethod
     def frame_terms(self, layout: Layout) -> list[Term]:
         """Inertia, and what else the frame's own coordinates need."""
-        raise NotImplementedError
 
     @property
     def own_multipliers(self) -> int:

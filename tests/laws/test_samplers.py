@@ -140,7 +140,7 @@ class Broken(Uniform):
     ("fault", "words"),
     [
         ("own randomness", "same seed"),
-        ("clips", "were accepted"),
+        ("clips", "but it was accepted"),
         ("forgets the required", "are missing"),
         ("unsorted", "sorted and distinct"),
         ("repeats", "sorted and distinct"),
