@@ -2,8 +2,7 @@
 
 G has one row for each atom and each combination of snapshots, and one column for each element: 2 GB
 for 40 atoms at 81 thousand tetrahedra. It is never held as a whole. Weights are found from U^T G
-alone, with the few eigenvectors U of G G^T that matter; both are put together block by block, and
-where U^T G is too large still, the weights are found among a part of the elements.
+alone, with the few eigenvectors U of G G^T that matter; both are put together block by block.
 """
 
 from collections.abc import Callable, Iterator
@@ -58,29 +57,24 @@ class Equations:
         """(m, E'): those of some elements."""
         return np.concatenate([p.scale * p.make(part) for p in self.parts])
 
-    def blocks(self) -> Iterator[tuple[slice, FloatArray]]:
-        """All columns, in stretches that are no larger than `BLOCK`."""
+    def _stretches(self, elements: IntArray) -> Iterator[tuple[slice, FloatArray]]:
+        """Columns of some elements, no more at a time than `BLOCK` allows, and which they are."""
         step = max(BLOCK // max(self.rows, 1), 1)
-        for first in range(0, self.count, step):
-            part = slice(first, min(first + step, self.count))
-            yield part, self.columns(part)
-
-    def total(self) -> FloatArray:
-        """(m,): G 1."""
-        sums: FloatArray = np.zeros(self.rows)
-        for _, G in self.blocks():
-            sums += G.sum(axis=1)
-        return sums
+        for first in range(0, len(elements), step):
+            part = slice(first, first + step)
+            yield part, self.columns(elements[part])
 
     def applied(self, w: FloatArray) -> FloatArray:
         """(m,): G w; elements of weight 0 are not visited."""
         used = np.flatnonzero(w)
         sums: FloatArray = np.zeros(self.rows)
-        step = max(BLOCK // max(self.rows, 1), 1)
-        for first in range(0, len(used), step):
-            few = used[first : first + step]
-            sums += self.columns(few) @ w[few]
+        for part, G in self._stretches(used):
+            sums += G @ w[used[part]]
         return sums
+
+    def total(self) -> FloatArray:
+        """(m,): G 1."""
+        return self.applied(np.ones(self.count))
 
     def scaled(self) -> "Equations":
         """The same with rows as shares of their sums, where they are to be; those left out whose
@@ -101,10 +95,13 @@ class Equations:
             return self
         return Equations.of(np.asarray(np.linalg.qr(self.columns(slice(None)), mode="r")))
 
-    def directions(self, floor: float) -> tuple[FloatArray, FloatArray]:
-        """Singular values of G above `floor` (r,), ascending, and their left vectors (m, r)."""
-        square: FloatArray = np.zeros((self.rows, self.rows))
-        for _, G in self.blocks():
+    def directions(
+        self, elements: IntArray, total: FloatArray, floor: float
+    ) -> tuple[FloatArray, FloatArray]:
+        """Singular values above `floor` (r,), ascending, and left vectors (m, r) of the columns of
+        some elements and of `total` (m,) beside them."""
+        square = np.outer(total, total)
+        for _, G in self._stretches(elements):
             square += G @ G.T
         squares, U = eigh(square, subset_by_value=(floor**2, np.inf), overwrite_a=True)
         return np.sqrt(squares), U
@@ -112,7 +109,6 @@ class Equations:
     def along(self, U: FloatArray, elements: IntArray) -> FloatArray:
         """(r, E'): U^T G of some elements, U (m, r)."""
         A: FloatArray = np.zeros((U.shape[1], len(elements)))
-        step = max(BLOCK // max(self.rows, 1), 1)
-        for first in range(0, len(elements), step):
-            A[:, first : first + step] = U.T @ self.columns(elements[first : first + step])
+        for part, G in self._stretches(elements):
+            A[:, part] = U.T @ G
         return A

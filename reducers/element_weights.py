@@ -29,8 +29,9 @@ LEFT_OUT = (1e-2, 1e-3, 1e-4)
 """Singular values of G, as shares of tau, below which a direction is left out: tried in turn."""
 MET = 1.05
 """Where tau counts as met, as a multiple of it."""
-CANDIDATES = 50_000_000
-"""Numbers of U^T G that are held, 0.4 GB: beyond it weights are found among a part of the mesh."""
+CANDIDATES = 20_000
+"""Elements of a larger mesh among which weights are sought, by lot: what training holds and takes
+is bounded by it. The forces that they are to repeat are those of all elements."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -150,16 +151,14 @@ def train(equations: Equations, tau: float) -> Weights:
     G = equations.scaled().fewer()
     if not G.parts:
         return Weights(np.ones(G.count), 0.0)
-    size, U = G.directions(LEFT_OUT[-1] * tau)
-    total = G.total()
+    total, among = G.total(), _candidates(G.count)
+    size, U = G.directions(among, total, LEFT_OUT[-1] * tau)
     best = Weights(np.ones(G.count), np.inf)
     for share in LEFT_OUT:
         kept = U[:, size > share * tau]
-        among = _candidates(G.count, kept.shape[1])
-        # a little less, for what is left out
-        found = nonnegative(G.along(kept, among), kept.T @ total, 0.98 * tau).values
         w = np.zeros(G.count)
-        w[among] = found
+        # a little less, for what is left out
+        w[among] = nonnegative(G.along(kept, among), kept.T @ total, 0.98 * tau).values
         residual = float(np.linalg.norm(G.applied(w) - total))
         if residual < best.residual:
             best = Weights(w, residual)
@@ -168,10 +167,8 @@ def train(equations: Equations, tau: float) -> Weights:
     return best
 
 
-def _candidates(count: int, rows: int) -> IntArray:
-    """Numbers of the elements among which weights are found: all, or as many as there is room for,
-    spread evenly over the mesh."""
-    most = max(CANDIDATES // max(rows, 1), 1)
-    if count <= most:
+def _candidates(count: int) -> IntArray:
+    """Numbers of the elements among which weights are sought, sorted: the same in every call."""
+    if count <= CANDIDATES:
         return np.arange(count)
-    return np.linspace(0, count - 1, most).round().astype(np.int64)
+    return np.sort(np.random.default_rng(0).choice(count, CANDIDATES, replace=False))
