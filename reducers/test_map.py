@@ -5,7 +5,7 @@ atoms^T, the sparse method the rows Omega, DEIM atoms^T for the linear operators
 an interpolation from a few rows for its forces. All give m rows and k columns here.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,7 @@ from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.protocols import Dictionary
 from sparsemor.core.separable import Amplitude, ElasticOperators, Frame, HeatBody
 from sparsemor.core.tables import Table, seen_by
+from sparsemor.reducers.natural import diagonal
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -100,6 +101,10 @@ class TestedElastic:
             functional=P.T @ T, amplitudes=ops.amplitudes, tables=seen_by(ops.tables, push),
         )
 
+    def in_modes(self) -> "TestedElastic":
+        """The same under the natural modes of its span, where mass and stiffness are diagonal."""
+        return replace(self, mass=diagonal(self.mass), stiffness=diagonal(self.stiffness))
+
     def block(self, c1: float, c2: float) -> FloatArray:
         """D = K + c1 D + c2 M under both maps, (m, k)."""
         return np.asarray(self.stiffness + c1 * self.damping + c2 * self.mass)
@@ -129,6 +134,11 @@ class TestedHeat:
             np.asarray(test(heat.capacity) @ T), np.asarray(K @ T),
             np.asarray(push(heat.constant) - K @ o), np.asarray(push(heat.loads)),
             heat.amplitudes, seen_by(heat.tables, push))
+
+    def in_modes(self) -> "TestedHeat":
+        """The same under the natural modes of its span, where both operators are diagonal."""
+        return replace(
+            self, capacity=diagonal(self.capacity), conductivity=diagonal(self.conductivity))
 
     def block(self, c1: float) -> FloatArray:
         """B = c1 C + K under both maps, (m, k)."""
