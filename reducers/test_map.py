@@ -6,11 +6,12 @@ an interpolation from a few rows for its forces. All give m rows and k columns h
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core.arrays import Csr, FloatArray, IntArray
 from sparsemor.core.protocols import Dictionary
 from sparsemor.core.separable import Amplitude, ElasticOperators, Frame, HeatBody
 from sparsemor.core.tables import Table, seen_by
@@ -39,6 +40,22 @@ class TestMap:
         return wide
 
 
+@dataclass(frozen=True, eq=False)
+class Forms:
+    """The quadratic forms of the trial displacements, made when first asked for: where frames are
+    given nothing asks, and of a complete basis of 7000 atoms they take minutes and a gigabyte."""
+
+    atoms: FloatArray
+    generators: tuple[Csr, ...]
+
+    @cached_property
+    def matrices(self) -> FloatArray:
+        """(g, k, k) = atoms^T M_g atoms."""
+        T, k = self.atoms, self.atoms.shape[1]
+        found = [T.T @ np.asarray(M @ T) for M in self.generators]
+        return np.stack(found) if found else np.zeros((0, k, k))
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class TestedElastic:
     """m tested rows, k atoms, p directions, g generators, kt thermal columns, j given loads.
@@ -47,7 +64,7 @@ class TestedElastic:
           + directions sigma + sum_g kappa_g generators_g c + mu_g generators_g r1
           - coupling cT - loads amplitudes(t) - tables(t) + constant.
     The first line is under the map `test`; all else, the forces, under `force` where it is given.
-    quadratic (g, k, k) = atoms^T M_g atoms; functional (p, k) = directions^T atoms.
+    functional (p, k) = directions^T atoms.
     """
 
     frame: Frame
@@ -59,7 +76,7 @@ class TestedElastic:
     coupling: FloatArray
     loads: FloatArray
     constant: FloatArray
-    quadratic: FloatArray
+    forms: Forms
     functional: FloatArray
     amplitudes: tuple[Amplitude, ...]
     tables: tuple[Table, ...] = ()
@@ -97,13 +114,18 @@ class TestedElastic:
             generators=np.stack([np.asarray(push(A)) for A in MT]) if MT else none,
             directions=np.asarray(push(P)), coupling=coupling, loads=np.asarray(push(ops.loads)),
             constant=np.asarray(constant),
-            quadratic=np.stack([T.T @ A for A in MT]) if MT else np.zeros((0, k, k)),
-            functional=P.T @ T, amplitudes=ops.amplitudes, tables=seen_by(ops.tables, push),
+            forms=Forms(T, ops.generators), functional=P.T @ T, amplitudes=ops.amplitudes,
+            tables=seen_by(ops.tables, push),
         )
 
     def in_modes(self) -> "TestedElastic":
         """The same under the natural modes of its span, where mass and stiffness are diagonal."""
         return replace(self, mass=diagonal(self.mass), stiffness=diagonal(self.stiffness))
+
+    @property
+    def quadratic(self) -> FloatArray:
+        """(g, k, k) = atoms^T M_g atoms."""
+        return self.forms.matrices
 
     def block(self, c1: float, c2: float) -> FloatArray:
         """D = K + c1 D + c2 M under both maps, (m, k)."""
