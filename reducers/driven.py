@@ -19,8 +19,6 @@ from sparsemor.reducers.bordered import ROUND_OFF, SLOW, Contraction, Loop, Mech
 from sparsemor.reducers.driven_block import DrivenBlock, Past
 
 NONE = np.zeros(0)
-UNSEEN = 0.1
-"""Share of the error that may remain, by which what is hardly seen need not be multiplied."""
 
 
 class Driven(Mechanics):
@@ -55,7 +53,7 @@ class Driven(Mechanics):
         c = x[b.elastic] if block.active is None else x[b.elastic][block.active]
         ratio, last, slow = block.contraction(past), inf, None
         for iteration in range(1, self.tol.max_iterations + 1):
-            new = block.improve(c, past, UNSEEN * self.tol.remaining * sqrt(memory.scale[i]))
+            new = block.improve(c, past)
             change = _change(new, c, memory.scale, i)
             if not change < inf:
                 status, detail = past.failure or (Status.NOT_FINITE, "")

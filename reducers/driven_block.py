@@ -28,15 +28,16 @@ from sparsemor.reducers.natural import carried, dense, times
 from sparsemor.reducers.softest import Softest
 from sparsemor.reducers.test_map import TestedElastic
 
-LEADING = (16, 64, 128)
-"""How many soft modes are multiplied alone where the others no longer count."""
+LEADING = 64
+"""Soft modes in which a product is worth a second one."""
 
 
 class Past(History):
     """One step's constants. kappa, mu (g,); u: the last iterate's image, c: that iterate, None at
-    the start; r1: what mu acts on, None when that is done; reach: see `CompressedDriven`."""
+    the start; r1: what mu acts on, None when that is done; weights: kappa as an array; bound: on
+    the factor by which errors shrink."""
 
-    __slots__ = ("c", "kappa", "mu", "r1", "reach", "u")
+    __slots__ = ("bound", "c", "kappa", "mu", "r1", "u", "weights")
 
     def __init__(self, known: FloatArray, g: int, r1: FloatArray) -> None:
         super().__init__()
@@ -47,7 +48,8 @@ class Past(History):
     kappa: list[float]
     mu: list[float]
     u: FloatArray
-    reach: list[float]
+    weights: FloatArray
+    bound: float
 
 
 class DrivenBlock(ABC):
@@ -66,8 +68,8 @@ class DrivenBlock(ABC):
         """known: what `known` has at t."""
 
     @abstractmethod
-    def improve(self, c: FloatArray, past: Past, slack: float) -> FloatArray:
-        """b - sum_g kappa_g D^-1 M_g c: one step of the iteration, right to `slack` (2-norm)."""
+    def improve(self, c: FloatArray, past: Past) -> FloatArray:
+        """b - sum_g kappa_g D^-1 M_g c, and the same once more in the softest modes."""
 
     @abstractmethod
     def contraction(self, past: Past) -> float:
@@ -114,7 +116,7 @@ class FullDriven(DrivenBlock):
         past.h = h
         return past
 
-    def improve(self, c: FloatArray, past: Past, slack: float) -> FloatArray:
+    def improve(self, c: FloatArray, past: Past) -> FloatArray:
         right = past.h
         for M, kappa in zip(self.ops.generators, past.kappa, strict=True):
             if kappa:
@@ -139,9 +141,9 @@ class CompressedDriven(DrivenBlock):
 
     What b is made of: inertia and damping times r2 and r1, (s, k) or diagonals (natural.py),
     damping None where there is none; coupling (s, kt) times xT; base; E (s, p) times sigma; loads
-    (s, j) times amplitudes, and tables. G (g, s, k): the D^-1 M_g. reach (1 + 2 l, g): their
-    Frobenius norms, those of all but their first r rows for each r of `levels` (l,), and those of
-    these rows without their first r columns. No levels where some atoms are not active.
+    (s, j) times amplitudes, and tables. G (g, s, k): the D^-1 M_g; leading (g r, r): their first
+    rows and columns, of soft modes, r = 0 where some atoms are not active; sizes (g, 3): Frobenius
+    norms of all of each, of these, and of what is beyond.
     """
 
     inertia: FloatArray
@@ -151,8 +153,8 @@ class CompressedDriven(DrivenBlock):
     E: FloatArray
     loads: FloatArray
     G: FloatArray
-    levels: tuple[int, ...]
-    reach: FloatArray
+    leading: FloatArray
+    sizes: tuple[tuple[float, float, float], ...]
     active: IntArray | None
     amplitudes: tuple[Any, ...]
     tables: tuple[Moving, ...] = ()
@@ -164,14 +166,16 @@ class CompressedDriven(DrivenBlock):
         """left (s, m): what turns tested rows into D^-1 times the rows, left @ D_S = 1."""
         G = np.stack([left @ A for A in b.generators]) if len(b.generators) else np.zeros(
             (0, len(left), b.mass.shape[1]))
-        levels = tuple(r for r in LEADING if r < len(left)) if support is None else ()
-        own = G if support is None else G[:, :, support]
-        parts = [own, *(own[:, r:] for r in levels), *(own[:, :r, r:] for r in levels)]
+        r = min(LEADING, len(left)) if support is None else 0
+        sizes = []
+        for A in G if support is None else G[:, :, support]:
+            all_of_it, lead = float(np.sum(A**2)), float(np.sum(A[:r, :r] ** 2))
+            sizes.append((sqrt(all_of_it), sqrt(lead), _beyond(A, r)))
         return cls(
             carried(-left @ b.mass), carried(-left @ b.damping) if b.damping.any() else None,
             np.ascontiguousarray(left @ b.coupling), -left @ b.constant, -left @ b.directions,
-            left @ b.loads, G, levels, np.stack([np.sqrt((A**2).sum((1, 2))) for A in parts]),
-            support, b.amplitudes, felt(b.tables, left, support is None))
+            left @ b.loads, G, G[:, :r, :r].reshape(len(G) * r, r), tuple(sizes), support,
+            b.amplitudes, felt(b.tables, left, support is None))
 
     def rates(self, k: int) -> tuple[FloatArray, FloatArray]:
         """(s, k) each, k atoms: D^-1 D_m and D^-1 M, the block's own answer to -r1 and -r2."""
@@ -199,7 +203,8 @@ class CompressedDriven(DrivenBlock):
     ) -> Past:
         g = len(self.G)
         past = Past(known, g, r1)
-        past.reach = self.reach.dot(np.abs(known[:g])).tolist()
+        past.weights = known[:g]
+        past.bound = self._bound(past.kappa)
         past.u = times(self.inertia, r2) + known[2 * g + self.E.shape[1] :]
         if self.damping is not None:
             past.u += times(self.damping, r1)
@@ -207,19 +212,30 @@ class CompressedDriven(DrivenBlock):
             past.u += self.coupling.dot(xT)
         return past
 
-    def improve(self, c: FloatArray, past: Past, slack: float) -> FloatArray:
-        u, r1, r = past.u.copy(), past.r1, len(self.base)
+    def improve(self, c: FloatArray, past: Past) -> FloatArray:
         d = c if past.c is None else c - past.c  # only what is new is multiplied
-        if self.levels and past.c is not None:  # and of that what counts
-            r = self._counting(d, past.reach, slack)
-        d = self._wide(d) if r == len(u) else d[:r]
+        d, u, r1 = self._wide(d), past.u, past.r1
         for G, kappa, mu in zip(self.G, past.kappa, past.mu, strict=True):
             if mu and r1 is not None:
-                u -= G.dot(kappa * d + mu * r1)
+                u = u - G.dot(kappa * d + mu * r1)
             elif kappa:
-                u[:r] -= G[:r, : len(d)].dot(kappa * d)
+                u = u - G.dot(kappa * d)
         past.c, past.u, past.r1 = c, u, None
-        return u
+        r = self.leading.shape[1]
+        if not r or not past.bound:
+            return u
+        new = u.copy()
+        new[:r] -= past.weights.dot(self.leading.dot(u[:r] - c[:r])
+                                      .reshape(len(self.G), r))
+        return new
+
+    def _bound(self, kappa: Sequence[float]) -> float:
+        """With E all of sum_g kappa_g D^-1 M_g and L its leading part: |E - L| + |L| |E|."""
+        whole, lead, rest = 0.0, 0.0, 0.0
+        for k, (E, L, R) in zip(kappa, self.sizes, strict=True):
+            if k:
+                whole, lead, rest = whole + abs(k) * E, lead + abs(k) * L, rest + abs(k) * R
+        return rest + lead * whole
 
     def _wide(self, d: FloatArray) -> FloatArray:
         """Of active unknowns, all of them."""
@@ -229,15 +245,10 @@ class CompressedDriven(DrivenBlock):
         wide[self.active] = d
         return wide
 
-    def _counting(self, d: FloatArray, reach: Sequence[float], slack: float) -> int:
-        """How many first unknowns are enough of a change d where `slack` may be left out."""
-        size, most = sqrt(float(d.dot(d))), len(self.levels)
-        for i, r in enumerate(self.levels, 1):
-            if reach[i] * size <= slack:
-                beyond = d[r:]
-                if reach[i] * size + reach[i + most] * sqrt(float(beyond.dot(beyond))) <= slack:
-                    return r
-        return len(d)
-
     def contraction(self, past: Past) -> float:
-        return past.reach[0]
+        return past.bound
+
+
+def _beyond(A: FloatArray, r: int) -> float:
+    """Frobenius norm of A (s, s) without its first r rows and columns."""
+    return sqrt(float(np.sum(A[r:] ** 2)) + float(np.sum(A[:r, r:] ** 2)))

@@ -17,6 +17,9 @@ from sparsemor.core.separable import Amplitude, ElasticOperators, Frame, HeatBod
 from sparsemor.core.tables import Table, seen_by
 from sparsemor.reducers.natural import diagonal
 
+PROPORTIONAL = 1e-8
+"""Share of damping that couples natural modes and is taken for round-off."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TestMap:
@@ -119,8 +122,13 @@ class TestedElastic:
         )
 
     def in_modes(self) -> "TestedElastic":
-        """The same under the natural modes of its span, where mass and stiffness are diagonal."""
-        return replace(self, mass=diagonal(self.mass), stiffness=diagonal(self.stiffness))
+        """The same under the natural modes of its span, where mass and stiffness are diagonal, and
+        damping in proportion to them."""
+        d = diagonal(self.damping)
+        size = np.sqrt(np.abs(np.diagonal(d)))
+        alone = (np.abs(self.damping - d) <= PROPORTIONAL * np.outer(size, size)).all()
+        return replace(self, mass=diagonal(self.mass), stiffness=diagonal(self.stiffness),
+                       damping=d if alone else self.damping)
 
     @property
     def quadratic(self) -> FloatArray:
