@@ -165,13 +165,9 @@ class Body(ABC):
         if self.mesh is None:
             return None
         e, h = self.elasticity, self.heat
-        held = None if h is None or not h.prescribed else self.T0
-        if held is not None and h is not None:
-            held = held.copy()
-            for nodes, function in h.prescribed:
-                held[nodes] = function.value(0.0)
         return BodyShape(self.mesh.points, self.mesh.cells, None if e is None else e.free,
-                         None if h is None else h.free, None, held, self.pose)
+                         None if h is None else h.free, pose=self.pose,
+                         given=() if h is None else h.prescribed)
 
     # ------------------------------------------------------------------ sets and probes
 

@@ -11,6 +11,7 @@ from sparsemor.core.arrays import FloatArray
 from sparsemor.core.assemble import assemble
 from sparsemor.core.block_solvers import told_in
 from sparsemor.core.cache import digest
+from sparsemor.core.coefficients import coefficients
 from sparsemor.core.hooks import Manager, RunStart, new_manager
 from sparsemor.core.initial import consistent_state
 from sparsemor.core.model import Model, StepFactors
@@ -121,16 +122,10 @@ def largest_coefficient(d: Dictionary, snapshots: FloatArray) -> float:
     Of orthonormal atoms the projection, of others the least-squares solution of least norm:
     correlations with coherent atoms would be off by any factor.
     """
-    A, k = d.atoms, d.atoms.shape[1]
-    if not snapshots.size or not k:
+    if not snapshots.size or not d.atoms.shape[1]:
         return 0.0
-    orthonormal = k <= len(A) and np.abs(A.T @ A - np.eye(k)).max() < 1e-8
-    top = 0.0
-    for _, values in stretches(snapshots):
-        S = values - d.offset[:, None]
-        c = A.T @ S if orthonormal else np.linalg.lstsq(A, S, rcond=None)[0]
-        top = max(top, float(np.abs(c).max()))
-    return top
+    return max(float(np.abs(coefficients(d.atoms, values - d.offset[:, None])).max())
+               for _, values in stretches(snapshots))
 
 
 def offline_of(

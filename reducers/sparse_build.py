@@ -166,12 +166,14 @@ class Build:
         # D^-1 brings every load to every row
         plain = {n: r for n, r in rows.items() if not self.options.preconditions(n)}
         o, sizes = self.options, {n: d.atoms.shape[1] for n, d in self.dictionaries.items()}
+        fixed = len(hot) == len(heat) and len(bent) == len(elastic)
         base = stepper(
             self.model, self.model.layout.resized(sizes), self.dictionaries, rows, hot, bent,
             Tolerances(o.remaining, o.max_iterations), o.predictor, len(hot) + len(bent),
-            self.limits, missed_loads(self.model, plain),
+            (self.step.c1, self.step.c2), fixed and self.offline is not None, self.limits,
+            missed_loads(self.model, plain),
             {n: e.tested for n, e in elastic.items()}, facts)
-        if len(hot) == len(heat) and len(bent) == len(elastic):
+        if fixed:
             return base
         # elastic blocks are selected in one joint problem: all of them take part in it
         choosing = {} if len(bent) == len(elastic) else elastic

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
+from sparsemor.core.coefficients import coefficients
 from sparsemor.core.layout import Layout
 from sparsemor.core.protocols import Dictionary, State, StepFormula, StepOutcome
 from sparsemor.core.separable import Frame, Separated
@@ -17,6 +18,7 @@ from sparsemor.reducers.driven import Driven
 from sparsemor.reducers.driven_block import CompressedDriven, DrivenBlock
 from sparsemor.reducers.elastic import CompressedElastic, ElasticBlock
 from sparsemor.reducers.heat import HeatBlock
+from sparsemor.reducers.known import Known
 from sparsemor.reducers.predictor import Ring
 from sparsemor.reducers.test_map import TestedElastic
 
@@ -68,6 +70,8 @@ class Stepper:
     facts: Facts = field(default_factory=dict)
     tested: Mapping[str, TestedElastic] = field(default_factory=dict)
     mechanics: Mechanics | None = None
+    drives: Mapping[str, Known] = field(default_factory=dict)
+    """Body -> how its frame drives it, where that is given."""
     iterating: bool = False
     """Whether any elastic block has a linear solver that iterates."""
 
@@ -75,7 +79,7 @@ class Stepper:
         n_rigid = sum(b.size for b in self.layout if b.field == "rigid")
         kind = Mechanics if self.separated.border_size else Driven
         return kind(
-            _bodies(self), n_rigid, self.layout.algebraic, self.separated.border_targets,
+            bodies(self), n_rigid, self.layout.algebraic, self.separated.border_targets,
             self.tolerances)
 
     def start(self, state: State) -> tuple[State, Memory]:
@@ -189,15 +193,17 @@ def _near(foretold: FloatArray, last: FloatArray) -> FloatArray:
     return last if far else foretold
 
 
-def _bodies(s: Stepper) -> Sequence[BodyStep]:
+def bodies(s: Stepper) -> Sequence[BodyStep]:
     none, found = slice(0, 0), []
     for m in s.separated.moving:
         made = s.elastic.get(m.elastic)
         block, driven = (None, made) if isinstance(made, DrivenBlock) else (made, None)
+        drive = s.drives.get(m.name)
         found.append(BodyStep(
             m.name, s.frames.get(m.name, m.frame), m.to_border, m.origin, block,
             s.layout[m.elastic] if m.elastic else none,
-            s.layout[m.thermal] if m.thermal in s.layout else none, m.elastic, m.guide, driven))
+            s.layout[m.thermal] if m.thermal in s.layout else none, m.elastic, m.guide, driven,
+            driven.known(drive) if driven is not None and drive is not None else None))
     return found
 
 
@@ -207,8 +213,6 @@ def reduce_state(
     """Least-squares coefficients of a full-order state and its rates."""
     if not dictionaries:
         return state
-    from numpy.linalg import lstsq
-
     full = Layout([type(b)(b.owner, b.field, len(dictionaries[b.name].offset))
                    if b.name in dictionaries else b for b in layout])
     x, v, a = (np.zeros(layout.size) for _ in range(3))
@@ -219,5 +223,5 @@ def reduce_state(
             continue
         d = dictionaries[b.name]
         given = np.stack([state.x[there] - d.offset, state.v[there], state.a[there]], axis=1)
-        x[here], v[here], a[here] = lstsq(d.atoms, given, rcond=None)[0].T
+        x[here], v[here], a[here] = coefficients(d.atoms, given).T
     return State(state.t, x, v, a, state.memory)
