@@ -99,7 +99,8 @@ def test_without_a_coupling_term_both_paths_are_one(options: Mapping[str, Any]) 
     assert isinstance(general.solver, ReducedGeneral)
     assert not isinstance(fast.solver, ReducedGeneral)
     for b in fast.solver.layout:
-        one, other = fast.block(b.name)[1:], general.block(b.name)[1:]
+        # in full unknowns: the fast path may count its atoms in modes of their own
+        one, other = (decoded(run, b.name)[1:] for run in (fast, general))
         tolerance = 1e-6 if b.field == "multiplier" else 1e-9
         assert np.abs(one - other).max() < tolerance * np.abs(one).max(), b.name
 
