@@ -113,7 +113,7 @@ def test_consistent_start_of_a_second_order_integrator() -> None:
     fast = march(scene, model=full.model, snapshots=learnt(full))
     general = march(scene, model=with_other(full.model, Nothing()), snapshots=learnt(full))
     for b in fast.solver.layout:
-        one, other = fast.block(b.name), general.block(b.name)
+        one, other = decoded(fast, b.name), decoded(general, b.name)
         tolerance = 1e-4 if b.field == "multiplier" else 1e-8
         assert np.abs(one - other).max() < tolerance * np.abs(one).max(), b.name
 
