@@ -1,6 +1,7 @@
 """What a built body is in the plane and in space alike: its unknowns and fields, and what assembly
 asks of it. PlanarBody and SpatialBody add the equations of their frames."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Self
@@ -28,7 +29,7 @@ KINDS = {2: "plane: give two", 3: "spatial: give three"}
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Body:
+class Body(ABC):
     """One body of dimension d.
 
     X: N reference points, m (body frame), as the dimension's equations have them; mass_matrix
@@ -53,13 +54,13 @@ class Body:
     guide: FrameHistory | None = None
 
     @property
+    @abstractmethod
     def coordinates(self) -> FloatArray:
         """(N, d) reference points, m (body frame)."""
-        raise NotImplementedError
 
+    @abstractmethod
     def frame_terms(self, layout: Layout) -> list[Term]:
         """Inertia, and what else the frame's own coordinates need."""
-        raise NotImplementedError
 
     @property
     def own_multipliers(self) -> int:
@@ -74,6 +75,10 @@ class Body:
     def guided(self, motion: FrameHistory) -> Self:
         """The same body with a frame that follows a given motion and costs no unknowns."""
         return replace(self, moves=False, guide=motion)
+
+    def bare(self) -> Self:
+        """The same body without fields: rigid, with the mass and shape that it has."""
+        return replace(self, elasticity=None, heat=None)
 
     # ------------------------------------------------------------------ unknowns
 
@@ -159,13 +164,9 @@ class Body:
         if self.mesh is None:
             return None
         e, h = self.elasticity, self.heat
-        held = None if h is None or not h.prescribed else self.T0
-        if held is not None and h is not None:
-            held = held.copy()
-            for nodes, function in h.prescribed:
-                held[nodes] = function.value(0.0)
         return BodyShape(self.mesh.points, self.mesh.cells, None if e is None else e.free,
-                         None if h is None else h.free, None, held, self.pose)
+                         None if h is None else h.free, pose=self.pose,
+                         given=() if h is None else h.prescribed)
 
     # ------------------------------------------------------------------ probes
 

@@ -44,6 +44,8 @@ def consistent_start(
     n, nr = mechanics.size, mechanics.n_rigid
     if not mechanics.bodies:
         return state
+    if not n:
+        return _driven_start(mechanics, tested, state)
     A, r = np.zeros((n, n)), -_target_accelerations(mechanics, state.t)
     parts = []
     for body, t in zip(mechanics.bodies, tested, strict=True):
@@ -58,6 +60,20 @@ def consistent_start(
         if body.block is not None or len(p.base):
             a[body.elastic] = -(p.base + p.S @ (body.to_border @ z))
     return replace(state, x=x, a=a)
+
+
+def _driven_start(
+    mechanics: Mechanics, tested: Sequence[TestedElastic | None], state: State
+) -> State:
+    """The same where all frames are given or at rest: each elastic block by itself."""
+    a = state.a.copy()
+    for body, t in zip(mechanics.bodies, tested, strict=True):
+        if t is not None:
+            w = FrameWork(body.frame.p, body.frame.border, body.frame.generators)
+            body.frame.drive(*body.given(state.t), 0.0, 0.0, state.t, w)
+            rows = _elastic_rows(body, t, w, state)
+            a[body.elastic] = -np.linalg.lstsq(t.mass, rows, rcond=None)[0]
+    return replace(state, a=a)
 
 
 def least(A: FloatArray, r: FloatArray) -> FloatArray:

@@ -17,6 +17,7 @@ from sparsemor.core.initial import consistent_state
 from sparsemor.core.layout import Block, Layout
 from sparsemor.core.offline import Recording
 from sparsemor.core.protocols import Basis, BlockData, Dictionary, Sampler, State
+from sparsemor.core.svd import svd
 from sparsemor.reducers.projected import Reducible, deficient
 
 DETERMINED = 1e-12
@@ -157,7 +158,7 @@ def interpolation(name: str, U: FloatArray, points: IntArray) -> tuple[FloatArra
     f, m = U.shape[1], len(points)
     if not f:
         return np.zeros((0, m)), {"points": m}
-    W, s, Vt = np.linalg.svd(U[points], full_matrices=False)
+    W, s, Vt = svd(U[points])
     whole = float(np.linalg.norm(U, 2))
     if not s[-1] > DETERMINED * whole:
         raise deficient(name, f"its {m} points cannot tell its {f} modes apart: take more points, "

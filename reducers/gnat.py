@@ -13,6 +13,7 @@ from sparsemor.core.arrays import FloatArray
 from sparsemor.core.block_solvers import solved
 from sparsemor.core.errors import InputError
 from sparsemor.core.protocols import Dictionary
+from sparsemor.core.svd import svd
 from sparsemor.reducers.forces import choose_points, force_modes, interpolation
 from sparsemor.reducers.interpolating import Interpolating
 from sparsemor.reducers.projected import Maps, Projected, Reducible, deficient
@@ -77,7 +78,7 @@ def _images(block: Reducible) -> FloatArray:
 
 def residual_modes(B: FloatArray, F: FloatArray) -> FloatArray:
     """Orthonormal (n, q) for the span of D atoms B (n, k) and force modes F (n, f)."""
-    U, s, _ = np.linalg.svd(np.hstack([B, F]), full_matrices=False)
+    U, s, _ = svd(np.hstack([B, F]))
     return np.asarray(U[:, s > KEPT * s[0]])
 
 

@@ -160,6 +160,9 @@ class MechanicsProblem:
         given = p.body.given(step.t)
         yb = T @ y + given[0]
         v, a = T @ (c1 * y + rates[0]) + given[1], T @ (c2 * y + rates[1]) + given[2]
+        if not self.border:  # nothing rigid to solve for, and so no equations of it
+            f.drive(yb, v, a, c1, c2, step.t, w)
+            return w
         if p.few is None:
             none = np.zeros(0)
             f.evaluate(yb, v, a, c1, c2, none, none, none, none, none, step.t, w)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
+from sparsemor.core.coefficients import coefficients
 from sparsemor.core.layout import Layout
 from sparsemor.core.protocols import Dictionary, State, StepFormula, StepOutcome
 from sparsemor.core.separable import Frame, Separated
@@ -212,8 +213,6 @@ def reduce_state(
     """Least-squares coefficients of a full-order state and its rates."""
     if not dictionaries:
         return state
-    from numpy.linalg import lstsq
-
     full = Layout([type(b)(b.owner, b.field, len(dictionaries[b.name].offset))
                    if b.name in dictionaries else b for b in layout])
     x, v, a = (np.zeros(layout.size) for _ in range(3))
@@ -224,5 +223,5 @@ def reduce_state(
             continue
         d = dictionaries[b.name]
         given = np.stack([state.x[there] - d.offset, state.v[there], state.a[there]], axis=1)
-        x[here], v[here], a[here] = lstsq(d.atoms, given, rcond=None)[0].T
+        x[here], v[here], a[here] = coefficients(d.atoms, given).T
     return State(state.t, x, v, a, state.memory)

@@ -50,7 +50,8 @@ class TestedElastic:
           + directions sigma + sum_g kappa_g generators_g c + mu_g generators_g r1
           - coupling cT - loads amplitudes(t) - tables(t) + constant.
     The first line is under the map `test`; all else, the forces, under `force` where it is given.
-    quadratic (g, k, k) = atoms^T M_g atoms; functional (p, k) = directions^T atoms.
+    functional (p, k) = directions^T atoms; quadratic (g, k, k) = atoms^T M_g atoms, none (0, k, k)
+    where no rigid equation reads them.
     """
 
     frame: Frame
@@ -70,11 +71,13 @@ class TestedElastic:
     @classmethod
     def of(
         cls, ops: ElasticOperators, frame: Frame, atoms: Dictionary, heat: Dictionary | None,
-        test: TestMap, force: TestMap | None = None,
+        test: TestMap, force: TestMap | None = None, rigid: bool = True,
     ) -> "TestedElastic":
         """heat: the dictionary of the body's thermal block, None when it has no such block.
 
         force: the map of everything but mass, damping and stiffness; `test` when not given.
+        rigid: False where frames are given and no rigid equation reads the quadratic forms: of a
+        complete basis of 7000 atoms these take minutes and a gigabyte.
         """
         push = test if force is None else force
         T, o = atoms.atoms, atoms.offset
@@ -100,8 +103,9 @@ class TestedElastic:
             generators=np.stack([np.asarray(push(A)) for A in MT]) if MT else none,
             directions=np.asarray(push(P)), coupling=coupling, loads=np.asarray(push(ops.loads)),
             constant=np.asarray(constant),
-            quadratic=np.stack([T.T @ A for A in MT]) if MT else np.zeros((0, k, k)),
-            functional=P.T @ T, amplitudes=ops.amplitudes, tables=seen_by(ops.tables, push),
+            quadratic=np.stack([T.T @ A for A in MT]) if MT and rigid else np.zeros((0, k, k)),
+            functional=P.T @ T, amplitudes=ops.amplitudes,
+            tables=seen_by(ops.tables, push),
         )
 
     def in_modes(self) -> "TestedElastic":

@@ -6,6 +6,7 @@ import numpy as np
 
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.snapshots import large, stretches
+from sparsemor.core.svd import svd
 from sparsemor.plugins.bases.svd import round_off_level
 
 FIRST, BESIDE, PASSES = 64, 16, 12
@@ -131,7 +132,7 @@ def _settled(
     limit = passes + PASSES
     while True:
         Z = given.coefficients(Q)
-        W, s, Vt = np.linalg.svd(Z, full_matrices=False)  # Z^T = Q^T A
+        W, s, Vt = svd(Z)  # Z^T = Q^T A
         U, passes = Q @ Vt.T, passes + 1
         kept = _kept(s, given.total, count, energy)
         held = float(s[:kept] @ s[:kept])

@@ -1,9 +1,9 @@
 """Left singular vectors of a snapshot matrix, down to its round-off, at a bounded cost."""
 
 import numpy as np
-from scipy import linalg
 
 from sparsemor.core.arrays import FloatArray
+from sparsemor.core.svd import svd
 
 _FIRST_SKETCH = 64
 _CHUNK = 1 << 22
@@ -85,5 +85,5 @@ def _dense(A: FloatArray) -> tuple[FloatArray, FloatArray]:
     Q = None
     if n > 2 * M:
         Q, A = np.linalg.qr(A)
-    U, s, _ = linalg.svd(A, full_matrices=False, lapack_driver="gesdd", check_finite=False)
+    U, s, _ = svd(A)
     return (U if Q is None else Q @ U), s

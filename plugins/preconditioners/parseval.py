@@ -1,11 +1,11 @@
 """Parseval frame: rows made orthonormal among themselves."""
 
 import numpy as np
-from scipy import linalg
 
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.plugin import Plugin
+from sparsemor.core.svd import svd
 
 
 class Parseval(Plugin):
@@ -33,7 +33,7 @@ class Parseval(Plugin):
         if reason:
             raise InputError(reason)
         # by singular values: A A^T would square the condition number
-        U, s, _ = linalg.svd(A, full_matrices=False, check_finite=False)
+        U, s, _ = svd(A)
         rank = int(np.count_nonzero(s > k * np.finfo(np.float64).eps * s.max(initial=0.0)))
         if rank < m:
             raise InputError(

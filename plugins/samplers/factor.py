@@ -3,6 +3,7 @@
 import numpy as np
 
 from sparsemor.core.arrays import FloatArray
+from sparsemor.core.svd import svd
 
 EPS = float(np.finfo(np.float64).eps)
 
@@ -28,7 +29,7 @@ class RowFactor:
         j = columns
         if self.R.shape[0] == 0:
             return np.zeros(0), np.eye(j), 0
-        _, s, Vt = np.linalg.svd(self.R[:j, :j], full_matrices=True)
+        _, s, Vt = svd(self.R[:j, :j], full_matrices=True)
         return s, Vt.T, int(np.count_nonzero(s > EPS * j * s[0]))
 
 

@@ -17,6 +17,7 @@ import numpy as np
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.cache import Cache
 from sparsemor.core.errors import InputError
+from sparsemor.core.foretold import foretold
 from sparsemor.core.hooks import new_manager
 from sparsemor.core.initial import consistent_state
 from sparsemor.core.memory import GIGA, peak, resident
@@ -71,8 +72,8 @@ def train(task: dict[str, Any]) -> dict[str, Any]:
         spent[kind] = spent.get(kind, 0.0) + seconds
     counts = np.asarray(made["counts"])
     return {"unknowns": {b.name: b.size for b in model.layout}, "spent": spent,
-            "tetrahedra": sum(len(p.mesh.cells) for p in model.parts.values()  # type: ignore
-                              if getattr(p, "mesh", None) is not None),
+            "tetrahedra": sum(len(mesh.cells) for p in model.parts.values()
+                              if (mesh := getattr(p, "mesh", None)) is not None),
             "peak": int(made["peak"]) / GIGA,
             "counts": {n: row.tolist() for n, row in zip(names, counts, strict=True)}}
 
@@ -99,7 +100,7 @@ class Way:
     def __init__(self, task: dict[str, Any]) -> None:
         self.task, self.scene = task, scene_of(task)
         self.full = task["reducer"] == "full"
-        begun = time.process_time()
+        early, begun = foretold(self.scene), time.process_time()
         model, offline = prepared(self.scene, Cache(), new_manager())
         before = time.process_time()
         self.solver: StepSolver = self.scene.reducer.prepare(
@@ -122,7 +123,10 @@ class Way:
                 if f.purpose == "steps"}
         elif task["errors"]:
             self.facts["errors"] = self.errors(offline)
-        self.facts["peak"], self.facts["base"] = peak() / GIGA, BASE / GIGA
+        told = offline.expected
+        assert told is not None and early is not None
+        self.facts |= {"peak": peak() / GIGA, "base": BASE / GIGA, "told": told.total / GIGA,
+                       "foretold": early.total / GIGA}
 
     def window(self, steps: int) -> dict[str, Any]:
         """CPU ms of each step, mean iterations; full order goes on, reduced models begin anew."""
