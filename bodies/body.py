@@ -1,6 +1,7 @@
 """What a built body is in the plane and in space alike: its unknowns and fields, and what assembly
 asks of it. PlanarBody and SpatialBody add the equations of their frames."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Self
@@ -19,6 +20,7 @@ from sparsemor.core.layout import Block, FieldName, Layout
 from sparsemor.core.mesh import Mesh
 from sparsemor.core.model import ProbePlace
 from sparsemor.core.protocols import Part, Term, TimeFunction
+from sparsemor.core.registry import near
 from sparsemor.core.run_header import BodyShape
 from sparsemor.core.separable import Amplitude, HeatBody, MovingBody
 from sparsemor.core.stage import FrameHistory, SurfaceLoads
@@ -28,7 +30,7 @@ KINDS = {2: "plane: give two", 3: "spatial: give three"}
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Body:
+class Body(ABC):
     """One body of dimension d.
 
     X: N reference points, m (body frame), as the dimension's equations have them; mass_matrix
@@ -53,13 +55,13 @@ class Body:
     guide: FrameHistory | None = None
 
     @property
+    @abstractmethod
     def coordinates(self) -> FloatArray:
         """(N, d) reference points, m (body frame)."""
-        raise NotImplementedError
 
+    @abstractmethod
     def frame_terms(self, layout: Layout) -> list[Term]:
         """Inertia, and what else the frame's own coordinates need."""
-        raise NotImplementedError
 
     @property
     def own_multipliers(self) -> int:
@@ -74,6 +76,10 @@ class Body:
     def guided(self, motion: FrameHistory) -> Self:
         """The same body with a frame that follows a given motion and costs no unknowns."""
         return replace(self, moves=False, guide=motion)
+
+    def bare(self) -> Self:
+        """The same body without fields: rigid, with the mass and shape that it has."""
+        return replace(self, elasticity=None, heat=None)
 
     # ------------------------------------------------------------------ unknowns
 
@@ -159,15 +165,18 @@ class Body:
         if self.mesh is None:
             return None
         e, h = self.elasticity, self.heat
-        held = None if h is None or not h.prescribed else self.T0
-        if held is not None and h is not None:
-            held = held.copy()
-            for nodes, function in h.prescribed:
-                held[nodes] = function.value(0.0)
         return BodyShape(self.mesh.points, self.mesh.cells, None if e is None else e.free,
-                         None if h is None else h.free, None, held, self.pose)
+                         None if h is None else h.free, pose=self.pose,
+                         given=() if h is None else h.prescribed)
 
-    # ------------------------------------------------------------------ probes
+    # ------------------------------------------------------------------ sets and probes
+
+    def named(self, which: str, key: str) -> IntArray:
+        """Points of a named set; InputError under `key` that names the sets there are."""
+        if which not in self.points:
+            raise InputError(f"body {self.name!r} has no set {which!r}: "
+                             f"{near(which, sorted(self.points), 'sets')}", key)
+        return self.points[which]
 
     def probe(self, name: str, at: str | Sequence[float]) -> ProbePlace:
         """A material point: the mean of a named set, or the node nearest to body coordinates."""
@@ -188,10 +197,8 @@ class Body:
         """(N,) weights and (d,) the point, m (body frame)."""
         points, weights = self.coordinates, np.zeros(len(self.X))
         if isinstance(at, str):
-            if at not in self.points:
-                raise InputError(f"body {self.name!r} has no set {at!r}; it has "
-                                 f"{', '.join(sorted(self.points)) or 'none'}", "at")
-            weights[self.points[at]] = 1.0 / len(self.points[at])
+            nodes = self.named(at, "at")
+            weights[nodes] = 1.0 / len(nodes)
         elif len(at) != points.shape[1]:
             raise InputError(
                 f"body {self.name!r} is {KINDS[points.shape[1]]} coordinates", "at")

@@ -166,8 +166,8 @@ class _Evaluator:
 
     def of(self, node: ast.expr) -> Any:
         match node:
-            case ast.Constant(value=value):
-                return np.float64(value)  # type: ignore[arg-type]
+            case ast.Constant(value=int() | float() as value):
+                return np.float64(value)
             case ast.Name(id=name):
                 return np.float64(np.pi) if name == "pi" else self.coordinate(name)
             case ast.UnaryOp(op=ast.Not(), operand=operand):

@@ -26,7 +26,7 @@ from sparsemor.bodies.spatial.inertia import of_mesh
 from sparsemor.bodies.spatial.moments import moments_of
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.errors import Fault, Gather, InputError
-from sparsemor.core.mesh import Mesh
+from sparsemor.core.mesh import BodySize, Mesh
 from sparsemor.core.plugin import Plugin
 from sparsemor.core.protocols import MeshPlugin
 from sparsemor.core.slot import Slot
@@ -70,6 +70,12 @@ class Flexible(Plugin):
     """Stress-free temperature, K."""
     initial_temperature: float | FormulaText | None = None
     """K, a number or a formula in x, y (and z); the reference temperature when not given."""
+
+    def expected(self) -> BodySize | None:
+        """Its size, told before it is meshed; None where the mesh does not know it."""
+        count = getattr(self.mesh, "expected", None)
+        return None if count is None else BodySize(
+            count(), "elastic" in self.fields, "thermal" in self.fields)
 
     def build(self, name: str, base: Path) -> AnyBody:
         gather = Gather()

@@ -8,8 +8,9 @@ The matrices are sparse for a full-order term and small and dense for a compress
 are the same, so both are this one class (law: compress == left @ residual).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from scipy.sparse import csr_array, issparse
@@ -24,6 +25,22 @@ def _dense(matrix: Any) -> FloatArray:
     return np.asarray(matrix.toarray() if issparse(matrix) else matrix, dtype=np.float64)
 
 
+class Item(Protocol):
+    """A part of a frame's equations: inertia, a force, an attachment."""
+
+    def names(self, source: str) -> tuple[str, ...]:
+        """What each of its directions is a load of; "" where it only serves the frame's rows."""
+        ...
+
+
+class BodyFrame(Frame, Protocol):
+    """A frame whose equations are a sum of items."""
+
+    @property
+    def items(self) -> Sequence[Item]: ...
+    def shifted(self, s: FloatArray, quadratic: FloatArray) -> "BodyFrame": ...
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class FrameEquations:
     """The sum above for n columns and m rows. b border unknowns, p directions, g generators.
@@ -33,7 +50,7 @@ class FrameEquations:
     motion of a frame that is given, added to y = Y x + y0 and its rates.
     """
 
-    frame: Frame
+    frame: BodyFrame
     Y: Any
     y0: FloatArray
     D: Any

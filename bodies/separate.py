@@ -37,7 +37,7 @@ def moving_body(body: Body, layout: Layout, terms: Sequence[Term]) -> MovingBody
     inertia = next((t for t in frames if t.equations.V), None)
     if not body.moves and body.guide is None:  # at rest: nothing of the mass but M u''
         frames = [t for t in frames if t is not inertia]
-    items = tuple(i for t in frames for i in t.equations.frame.items)  # type: ignore[attr-defined]
+    items = tuple(i for t in frames for i in t.equations.frame.items)
     frame = replace(first, items=items)
     operators = None
     if len(elastic) and inertia is not None:
@@ -78,9 +78,9 @@ def _operators(
 ) -> ElasticOperators:
     """frames: what acts through the frame; inertia: one of them, unless the frame is at rest."""
     n, first = len(elastic), int(elastic[0])
-    P, directions = [np.zeros((n, 0))], []
+    P, directions = [np.zeros((n, 0))], list[str]()
     for t in frames:
-        for item in t.equations.frame.items:  # type: ignore[attr-defined]
+        for item in t.equations.frame.items:
             directions += item.names(t.source)
         here = (t.rows >= first) & (t.rows < first + n)
         D = np.zeros((n, t.equations.frame.p))

@@ -16,13 +16,14 @@ from sparsemor.core.protocols import Term
 from sparsemor.core.scene import Scene
 from sparsemor.core.separable import Separated
 from sparsemor.core.stage import NOTHING, FrameHistory, Given
+from sparsemor.core.workshop import Workshop
 
 
-def assemble(scene: Scene, given: Given = NOTHING) -> Model:
+def assemble(scene: Scene, given: Given = NOTHING, shop: Workshop | None = None) -> Model:
     """Builds every body, joint, contact and load. Raises InputError with all faults found, as
     dotted keys of the scene (`joints.A.between.0`). given: motion, reactions and surface loads that
-    are not solved for."""
-    bodies, joints, contacts, loads, probes = _build(scene, given)
+    are not solved for. shop: where bodies are that were built before."""
+    bodies, joints, contacts, loads, probes = _build(scene, given, shop or Workshop())
     connectors = {**joints, **contacts, **loads}
     parts = {**bodies, **connectors}
     layout = Layout([b for part in parts.values() for b in part.blocks()])
@@ -50,7 +51,7 @@ def assemble(scene: Scene, given: Given = NOTHING) -> Model:
 
 
 def _build(
-    scene: Scene, given: Given
+    scene: Scene, given: Given, shop: Workshop
 ) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any], dict[str, Any], tuple[ProbePlace, ...]]:
     """Bodies, joints, contacts, loads and probes. What mentions a body that failed is not tried:
     its own faults would only repeat those of the body."""
@@ -58,7 +59,7 @@ def _build(
     base = scene.source.folder or Path()
     bodies: dict[str, Any] = {}
     for name, plugin in scene.bodies.items():
-        body = gather(f"bodies.{name}", _body, plugin, name, base, given)
+        body = gather(f"bodies.{name}", _body, shop, plugin, name, base, given)
         if body is not None:
             bodies[name] = body
     failed = set(scene.bodies) - set(bodies)
@@ -79,9 +80,9 @@ def _build(
             tuple(p for p in probes if p))
 
 
-def _body(plugin: Any, name: str, base: Path, given: Given) -> Any:
+def _body(shop: Workshop, plugin: Any, name: str, base: Path, given: Given) -> Any:
     """A body, guided where its motion is given."""
-    body = plugin.build(name, base)
+    body = shop.body(plugin, name, base)
     motion = given.frame(name, body)
     return body if motion is None else body.guided(motion)
 

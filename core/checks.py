@@ -5,30 +5,37 @@ import math
 from sparsemor.core.assemble import assemble
 from sparsemor.core.choose import misfits
 from sparsemor.core.errors import Fault, Gather, InputError
+from sparsemor.core.foretold import foretell
 from sparsemor.core.model import Model
 from sparsemor.core.offline import step_count
 from sparsemor.core.rigid_stage import check_rigid, stage_faults
 from sparsemor.core.scene import Scene
 from sparsemor.core.stage import AtStart
+from sparsemor.core.workshop import Workshop
 
 
-def checked_model(scene: Scene) -> Model:
+def checked_model(scene: Scene, shop: Workshop | None = None) -> Model:
     """The assembled scene, before the rigid stage if it has one (everything as it is at the start).
-    Raises InputError with every fault that is known without a step.
+    Raises InputError with every fault that is known without a step. shop: for those who go on to
+    run the scene.
 
     A reducer may add its own with a method `check(model) -> Sequence[Fault]`, keys relative to
     itself (`budgets.*.elastic.rows`).
     """
-    gather = Gather()
+    gather, shop = Gather(), shop or Workshop()
     gather.faults += time_faults(scene)
+    before = len(gather.faults)
+    gather("", foretell, scene)
+    if len(gather.faults) > before:  # what does not fit is not meshed
+        gather.check()
     faults = gather("", stage_faults, scene)
     gather.faults += faults or []
     if scene.rigid_stage is None:
-        model = gather("", assemble, scene)
+        model = gather("", assemble, scene, shop=shop)
     else:
-        model = gather("", assemble, scene, AtStart())
+        model = gather("", assemble, scene, AtStart(), shop)
         if model is not None and faults == []:
-            gather("", check_rigid, scene)
+            gather("", check_rigid, scene, shop)
     if model is not None:
         gather.faults += misfits(model.layout, "linear_solvers", scene.linear_solvers)
     check = getattr(scene.reducer, "check", None)

@@ -30,12 +30,13 @@ def jacobian(
     for term in terms:
         j = term.columns
         J = coo_array(term.jacobian(x[j], v[j], a[j], t, c1[j], c2[j]))
-        rows.append(term.rows[J.row])
-        columns.append(j[J.col])
+        # short numbers: this is what takes most memory at the start of a large run
+        rows.append(term.rows.astype(np.int32)[J.row])
+        columns.append(j.astype(np.int32)[J.col])
         values.append(J.data)
     n = layout.size
-    return csc_array(
-        (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))), shape=(n, n))
+    places = np.concatenate(rows), np.concatenate(columns)
+    return csc_array((np.concatenate(values), places), shape=(n, n))
 
 
 def rate_factors(

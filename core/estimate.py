@@ -1,11 +1,12 @@
 """What a run will hold in memory, told before it starts; and a refusal where that does not fit.
 
 Counted are the large things: matrices and factors of full order, snapshots, atoms, tables and what
-is stored. What the assembled scene takes is measured, for it is there already.
+is stored. What the assembled scene takes is measured, for it is there already; what it will take is
+told from counts by `core/foretold.py`, before it is assembled.
 """
 
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,8 @@ from sparsemor.core.snapshots import HELD
 
 ENTRY = 12
 """Bytes of an entry of a sparse matrix or factor: a number and its place."""
+START = 5
+"""How often each entry of all operators is held beside them while the start is made consistent."""
 VECTORS = 40
 """Vectors of all unknowns that a run of full order carries: states, predictor, right-hand sides."""
 UNKNOWN_ATOMS = 200
@@ -66,37 +69,45 @@ def fitting(scene: Scene, model: Model, offline: Offline) -> Estimate:
     if told.total > ROUGH * limit:
         told = estimate(scene, model, offline, exact=True)
     if told.total > limit:
-        raise InputError(_refusal(told, limit))
+        raise InputError(refusal(told, limit))
     _disk(scene, model, offline)
     return told
 
 
 def estimate(scene: Scene, model: Model, offline: Offline, exact: bool) -> Estimate:
-    training = trains(scene, model) and not offline.has("training")
-    own = str(scene.dump()["reducer"]["use"]) == "full"
-    phases = {"steps": tuple(_full(model, exact) if own else _reduced(scene, model))}
-    if training:
+    blocks = _sizes(model)
+    trained, own = trains(scene, blocks), str(scene.dump()["reducer"]["use"]) == "full"
+    start = _start(model)
+    phases = {"steps": (*_full(model, exact), start) if own else tuple(reduced(scene, blocks))}
+    if not own:
+        phases["start"] = (start,)
+    if trained and not offline.has("training"):
         phases["training run"] = (
             Item("the model of the training run", _matrices(model), "a coarser mesh"),
-            *_full(model, exact), *_held_snapshots(scene, model))
-    if trains(scene, model):
-        phases["bases"] = tuple(_bases(scene, model))
+            *_full(model, exact), start, *_held_snapshots(scene, blocks))
+    if trained:
+        phases["bases"] = tuple(bases(scene, blocks))
     return Estimate(resident(), phases, exact)
 
 
-def trains(scene: Scene, model: Model) -> bool:
+def trains(scene: Scene, blocks: Mapping[str, int]) -> bool:
     """Whether any basis of the reducer needs snapshots; a reducer says it all by `basis`, `bases`
     and `force_basis`."""
-    return any(b.needs_snapshots for b in _chosen_bases(scene, model).values()) or getattr(
+    return any(b.needs_snapshots for b in _chosen_bases(scene, blocks).values()) or getattr(
         getattr(scene.reducer, "force_basis", None), "needs_snapshots", False)
 
 
-def _chosen_bases(scene: Scene, model: Model) -> dict[str, Any]:
+def _sizes(model: Model) -> dict[str, int]:
+    """Unknowns of each reducible block."""
+    return {n: int(model.layout[n].stop - model.layout[n].start) for n in model.reducible()}
+
+
+def _chosen_bases(scene: Scene, blocks: Mapping[str, int]) -> dict[str, Any]:
     default = getattr(scene.reducer, "basis", None)
     if default is None:
         return {}
     others = getattr(scene.reducer, "bases", {})
-    return {name: chosen(name, others, default) for name in model.reducible()}
+    return {name: chosen(name, others, default) for name in blocks}
 
 
 def _operators(model: Model) -> Iterator[tuple[str, Csr]]:
@@ -109,7 +120,7 @@ def _operators(model: Model) -> Iterator[tuple[str, Csr]]:
 
 
 def _full(model: Model, exact: bool) -> list[Item]:
-    found = [Item("states and right-hand sides", 8 * VECTORS * model.layout.size, "a coarser mesh")]
+    found = [states(model.layout.size)]
     for name, A in _operators(model):
         solver = model.solvers.of(name)
         count = getattr(solver, "expected", None) if exact else None
@@ -122,23 +133,35 @@ def _full(model: Model, exact: bool) -> list[Item]:
     return found
 
 
-def _reduced(scene: Scene, model: Model) -> list[Item]:
+def _start(model: Model) -> Item:
+    """Two Jacobians of the whole model and what they are summed up from (core/initial.py)."""
+    entries = sum(A.nnz for _, A in _operators(model))
+    entries += sum(m.operators.coupling.nnz for m in model.separated.moving
+                   if m.operators is not None and m.operators.coupling is not None)
+    return Item("all operators once more, at the start", START * ENTRY * entries, "a coarser mesh")
+
+
+def states(size: int) -> Item:
+    return Item("states and right-hand sides", 8 * VECTORS * size, "a coarser mesh")
+
+
+def reduced(scene: Scene, blocks: Mapping[str, int]) -> list[Item]:
     """Atoms and what the operators make of them while they are projected."""
     found = []
-    for name, basis in _chosen_bases(scene, model).items():
-        n, k = _size(model, name), _atoms(basis, _size(model, name))
+    for name, basis in _chosen_bases(scene, blocks).items():
+        n, k = blocks[name], _atoms(basis, blocks[name])
         found.append(Item(f"{k} atoms of {name}, and operators times them", 8 * 12 * n * k,
                           "fewer atoms (count), or a coarser mesh"))
     return found
 
 
-def _bases(scene: Scene, model: Model) -> list[Item]:
+def bases(scene: Scene, blocks: Mapping[str, int]) -> list[Item]:
     """One block at a time: its snapshots, and orthonormal columns while they are found."""
     largest: list[Item] = []
     M = _count(scene)
     copies = getattr(scene.reducer, "snapshot_copies", COPIES)
-    for name, basis in _chosen_bases(scene, model).items():
-        n, k = _size(model, name), _atoms(basis, _size(model, name))
+    for name, basis in _chosen_bases(scene, blocks).items():
+        n, k = blocks[name], _atoms(basis, blocks[name])
         whole = 8 * n * M
         # a reducer that wants forces has them as a whole, however large
         held = copies * whole if whole <= HELD or copies > COPIES else HELD / 2
@@ -149,9 +172,9 @@ def _bases(scene: Scene, model: Model) -> list[Item]:
     return largest
 
 
-def _held_snapshots(scene: Scene, model: Model) -> list[Item]:
+def _held_snapshots(scene: Scene, blocks: Mapping[str, int]) -> list[Item]:
     M = _count(scene)
-    sizes = {name: 8 * _size(model, name) * M for name in model.reducible()}
+    sizes = {name: 8 * n * M for name, n in blocks.items()}
     return [Item(f"snapshots of {name}", size, "a larger training.every")
             for name, size in sizes.items() if size <= HELD]
 
@@ -159,10 +182,11 @@ def _held_snapshots(scene: Scene, model: Model) -> list[Item]:
 def _disk(scene: Scene, model: Model, offline: Offline) -> None:
     """Snapshots that go to disk must fit there."""
     cache = offline.products.cache
-    if not trains(scene, model) or offline.has("training") or cache is None:
+    blocks = _sizes(model)
+    if not trains(scene, blocks) or offline.has("training") or cache is None:
         return
     M = _count(scene)
-    sizes = [8 * _size(model, name) * M for name in model.reducible()]
+    sizes = [8 * n * M for n in blocks.values()]
     wanted = sum(size for size in sizes if size > HELD)
     place = next((p for p in (cache.root, *cache.root.absolute().parents) if p.exists()), Path("/"))
     free = shutil.disk_usage(place).free
@@ -177,11 +201,6 @@ def _count(scene: Scene) -> int:
     """Snapshots of the training run, at most."""
     training = scene.for_training()
     return step_count(training) // scene.training.every + 2
-
-
-def _size(model: Model, name: str) -> int:
-    at = model.layout[name]
-    return int(at.stop - at.start)
 
 
 def _atoms(basis: Any, size: int) -> int:
@@ -207,7 +226,7 @@ def _bytes(A: Csr) -> int:
     return int(A.data.nbytes + A.indices.nbytes + A.indptr.nbytes)
 
 
-def _refusal(told: Estimate, limit: int) -> str:
+def refusal(told: Estimate, limit: int) -> str:
     items = sorted(told.phases[told.largest], key=lambda i: -i.size)[:3]
     parts = "; ".join(f"{i.what}: {_gb(i.size)}" for i in items)
     return (f"this run would hold about {_gb(told.total)} of memory ({told.largest}: {parts}; held "
@@ -216,4 +235,4 @@ def _refusal(told: Estimate, limit: int) -> str:
 
 
 def _gb(size: float) -> str:
-    return f"{size / GIGA:.2g} GB"
+    return f"{size / GIGA:.0f} GB" if size >= 10 * GIGA else f"{size / GIGA:.2g} GB"

@@ -26,13 +26,13 @@ def consistent_state(model: Model, t: float = 0.0) -> State:
     x, v, a = model.x0.copy(), model.v0.copy(), np.zeros(n)
     algebraic, first, second = layout.algebraic, layout.first, layout.second
     K = jacobian(layout, model.terms, x, v, a, t, np.zeros(n), np.zeros(n))
-    MC, C = (_derivative(model, K, State(t, x, v, a, x), rate) for rate in (2, 1))
-    held = K[:, algebraic]
+    M, C = (_derivative(model, K, State(t, x, v, a, x), rate)[part][:, part]
+            for rate, part in ((2, second), (1, first)))
+    held, across = K[:, algebraic], K[algebraic][:, second]
+    del K  # beside A: as large as all operators of the model
     A = block_array([
-        [MC[second][:, second], None, held[second]],
-        [None, C[first][:, first], held[first]],
-        [K[algebraic][:, second], None, held[algebraic]],
-    ], format="csr")
+        [M, None, held[second]], [None, C, held[first]], [across, None, held[algebraic]]],
+        format="csr")
     r = residual(layout, model.terms, x, v, a, t)
     r[algebraic] = _curvature(model, x, v, t)
     try:

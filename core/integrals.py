@@ -32,6 +32,11 @@ class Integrals:
         """Number of elements E."""
         return len(self.values)
 
+    def part(self, elements: slice | IntArray) -> "Integrals":
+        """Those of some elements: a slice, or numbers."""
+        return Integrals(self.rows[elements], self.columns[elements], self.values[elements],
+                         self.shape)
+
     def weighted(self, weights: FloatArray) -> Csr:
         """(n, m): sum of the integrals times weights (E,); elements of weight 0 are not visited."""
         used = np.flatnonzero(weights)

@@ -22,3 +22,40 @@ class Mesh:
     @property
     def dimension(self) -> int:
         return int(self.points.shape[1])
+
+
+@dataclass(frozen=True, slots=True)
+class MeshSize:
+    """What a mesh will have: points, cells, and its dimension (2 or 3)."""
+
+    points: int
+    cells: int
+    dimension: int
+
+    @property
+    def pairs(self) -> int:
+        """At least how many entries a matrix of one unknown a point has: each point with itself,
+        and twice every edge. By Euler's formula, but for the edges' share of the boundary."""
+        return 3 * self.points + 2 * self.cells
+
+
+@dataclass(frozen=True, slots=True)
+class BodySize:
+    """What a flexible body will have: its mesh, and which fields on it."""
+
+    mesh: MeshSize
+    elastic: bool
+    thermal: bool
+
+    @property
+    def unknowns(self) -> dict[str, int]:
+        """Of each field, those that are held or given included."""
+        found = {"elastic": self.mesh.dimension * self.mesh.points} if self.elastic else {}
+        return found | ({"thermal": self.mesh.points} if self.thermal else {})
+
+    @property
+    def entries(self) -> int:
+        """Of its operators, each once: stiffness, thermal forces, mass, capacity, conduction."""
+        d, thermal = self.mesh.dimension, int(self.thermal)
+        elastic = d * d + d * thermal if self.elastic else 0
+        return self.mesh.pairs * (1 + elastic + 2 * thermal)

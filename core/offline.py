@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from copy import copy
 from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +10,7 @@ import numpy as np
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.assemble import assemble
 from sparsemor.core.block_solvers import told_in
-from sparsemor.core.cache import Cache, digest
+from sparsemor.core.cache import digest
 from sparsemor.core.coefficients import coefficients
 from sparsemor.core.hooks import Manager, RunStart, new_manager
 from sparsemor.core.initial import consistent_state
@@ -22,6 +21,7 @@ from sparsemor.core.scene import Scene
 from sparsemor.core.snapshots import SnapshotWriter, stretches
 from sparsemor.core.status import SolveFailed
 from sparsemor.core.step_control import controlled, step_of
+from sparsemor.core.workshop import Workshop
 
 if TYPE_CHECKING:
     from sparsemor.core.estimate import Estimate
@@ -51,19 +51,19 @@ class Offline:
 
     def __init__(
         self, model: Model, train: Callable[[], Mapping[str, FloatArray]], key: str,
-        cache: Cache | None, manager: Manager | None = None, recording: Recording | None = None,
+        products: Products, manager: Manager | None = None, recording: Recording | None = None,
     ) -> None:
         self._model, self._train, self._key = model, train, key
         self._snapshots: Mapping[str, FloatArray] | None = None
         self.manager, self.recording = manager or new_manager(), recording
-        self.products = Products(cache)
+        self.products = products
         self.expected: Estimate | None = None
 
     @classmethod
     def of(cls, model: Model, snapshots: Mapping[str, FloatArray]) -> "Offline":
         """Given snapshots (n, M) a block, no cache: for scripts and tests."""
         rows = {name: s.T for name, s in snapshots.items()}
-        return cls(model, lambda: rows, "", None)
+        return cls(model, lambda: rows, "", Products(None))
 
     def snapshots(self, name: str) -> FloatArray:
         if self._snapshots is None:
@@ -81,12 +81,6 @@ class Offline:
         """Whether a product is in the cache."""
         cache = self.products.cache
         return cache is not None and cache.place(kind, digest(self._key, *depends)).exists()
-
-    def serving(self, model: Model) -> "Offline":
-        """The same products for another model of the same scene."""
-        twin = copy(self)
-        twin._model = model
-        return twin
 
     def dictionary(
         self, name: str, basis: Basis, step: StepFactors | None = None
@@ -134,8 +128,11 @@ def largest_coefficient(d: Dictionary, snapshots: FloatArray) -> float:
                for _, values in stretches(snapshots))
 
 
-def offline_of(scene: Scene, model: Model, cache: Cache, manager: Manager) -> Offline:
-    """The offline products of a scene. The key holds the training scene and every mesh."""
+def offline_of(
+    scene: Scene, model: Model, products: Products, manager: Manager, shop: Workshop | None = None
+) -> Offline:
+    """The offline products of a scene. The key holds the training scene and every mesh. shop: what
+    was built for the model, for the training run's."""
     training = scene.for_training()
     from importlib.metadata import version
 
@@ -145,15 +142,14 @@ def offline_of(scene: Scene, model: Model, cache: Cache, manager: Manager) -> Of
     key = digest(physics.digest(), training.training.every, version("sparsemor"),
                  [[m.points, m.cells] for m in meshes])
     recording = Recording(training.integrator, training.time.step, training.training.every)
-    offline = Offline(
-        model, lambda: train(training, manager, products), key, cache, manager, recording)
-    products = offline.products  # not `offline`: a two-stage run would keep its first model with it
-    return offline
+    return Offline(
+        model, lambda: train(training, manager, products, shop), key, products, manager, recording)
 
 
 @np.errstate(all="ignore")  # overflow is a status of the step, not a warning
 def train(
-    scene: Scene, manager: Manager, products: Products | None = None
+    scene: Scene, manager: Manager, products: Products | None = None,
+    shop: Workshop | None = None,
 ) -> dict[str, FloatArray]:
     """Full-order run of the training scene; block -> (M, n) unknowns at the start and after
     every `training.every` steps, and for second-order integrators x + h^2 a of the start.
@@ -161,11 +157,11 @@ def train(
     Raises SolveFailed when it stops before its end, or its rigid stage does.
     """
     if scene.rigid_stage is None:
-        model = assemble(scene)
+        model = assemble(scene, shop=shop)
     else:  # which is a run of its own, by this module's means
         from sparsemor.core.rigid_stage import staged
 
-        model = staged(scene, products or Products(None), manager)
+        model = staged(scene, products or Products(None), manager, shop or Workshop())
     h, steps = scene.time.step, step_count(scene)
     every, products = scene.training.every, products or Products(None)
     # a second-order rule carries the first accelerations on: its snapshots must span them too

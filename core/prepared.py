@@ -6,8 +6,10 @@ from sparsemor.core.estimate import fitting
 from sparsemor.core.hooks import Manager
 from sparsemor.core.model import Model
 from sparsemor.core.offline import Offline, offline_of
+from sparsemor.core.products import Products
 from sparsemor.core.rigid_stage import staged
 from sparsemor.core.scene import Scene
+from sparsemor.core.workshop import Workshop
 
 
 def prepared(scene: Scene, cache: Cache, manager: Manager) -> tuple[Model, Offline]:
@@ -16,12 +18,12 @@ def prepared(scene: Scene, cache: Cache, manager: Manager) -> tuple[Model, Offli
     Raises InputError as `checked_model` does, and where the run would not fit in memory;
     SolveFailed where the rigid stage stops early.
     """
-    model = checked_model(scene)
-    offline = offline_of(scene, model, cache, manager)
+    shop, products = Workshop(), Products(cache)
     if scene.rigid_stage is None:
-        offline.expected = fitting(scene, model, offline)
-        return model, offline
-    model = staged(scene, offline.products, manager)
-    offline = offline.serving(model)
+        model = checked_model(scene, shop)
+    else:
+        checked_model(scene, shop)  # which is not held beside the one that is run
+        model = staged(scene, products, manager, shop)
+    offline = offline_of(scene, model, products, manager, shop)
     offline.expected = fitting(scene, model, offline)
     return model, offline

@@ -20,7 +20,7 @@ from sparsemor.core.offline import Offline
 from sparsemor.core.plain import finite
 from sparsemor.core.probes import ProbeReader
 from sparsemor.core.protocols import State, StepSolver
-from sparsemor.core.run_header import RunHeader
+from sparsemor.core.run_header import BodyShape, RunHeader
 from sparsemor.core.scene import Scene
 from sparsemor.core.served import Held, solvers_summary
 from sparsemor.core.status import Status
@@ -71,6 +71,7 @@ class Recorder:
         self.reducer = str(scene.dump()["reducer"]["use"])
         self._probes = [ProbeReader.of(p, solver.layout, solver.dictionaries)
                         for p in model.probes]
+        self._given = {n: shape for n, shape in shapes(model).items() if shape.given}
         self.warnings: tuple[str, ...] = ()  # what was found before the first step
         self.stability: Mapping[str, Any] = {}
         self.memory: Held | None = None
@@ -153,7 +154,8 @@ class Recorder:
         self.writer.append(ChunkOfSteps(
             times, X, np.array(iterations), np.array(seconds), supports,
             {p.name: p(times, X) for p in self._probes},
-            {name: np.array([c[name] for c in self._contacts]) for name in self._contacts[0]}))
+            {name: np.array([c[name] for c in self._contacts]) for name in self._contacts[0]},
+            {body: shape.given_at(times) for body, shape in self._given.items()}))
         self._rows, self._supports, self._contacts = [], [], []
 
     def finish(self, status: Status, summary: Mapping[str, Any]) -> None:
@@ -220,6 +222,12 @@ def admit(scene: Scene, out: Path, resume: bool) -> None:
         raise InputError(f"{out}: nothing can be written to {place}: name another directory", "out")
 
 
+def shapes(model: Model) -> dict[str, BodyShape]:
+    """The shape of each body that has a mesh."""
+    return {n: shape for n, p in model.parts.items()
+            if hasattr(p, "shape") and (shape := p.shape()) is not None}
+
+
 def _header(scene: Scene, model: Model, solver: StepSolver, steps: int) -> RunHeader:
     from importlib.metadata import entry_points
 
@@ -236,8 +244,7 @@ def _header(scene: Scene, model: Model, solver: StepSolver, steps: int) -> RunHe
         reducer=str(dump["reducer"]["use"]), layout=solver.layout, full_layout=model.layout,
         step=scene.time.step, steps_planned=steps, dictionaries=solver.dictionaries,
         rows=solver.rows,
-        bodies={n: shape for n, p in model.parts.items()
-                if hasattr(p, "shape") and (shape := p.shape()) is not None},
+        bodies=shapes(model),
         probes=tuple(ProbeReader.of(p, solver.layout, solver.dictionaries).header()
                      for p in model.probes),
         budgets=dump["reducer"].get("budgets", {}), stage=model.stage,

@@ -181,6 +181,10 @@ class RunResult:
     def nodal_temperature(self, body: str, step: int) -> FloatArray:
         """(N,) temperatures, K."""
         temperature = self._at_nodes(body, "temperature", self.points(body).shape[:1])
+        if f"{body}.given" in self._data:  # an older result knows those of the start alone
+            which = self._data[f"{body}.given_of"].to_numpy()
+            told = self._read(f"{body}.given", self._only(step))[0]
+            temperature[which >= 0] = told[which[which >= 0]]
         self._fill(temperature, f"{body}.thermal", step)
         return temperature
 
@@ -232,7 +236,7 @@ class RunResult:
 
     def contacts(self) -> Mapping[str, Mapping[str, FloatArray]]:
         """Contact -> name -> (T,): "time" s; "normal", "friction" N, the sizes of the resultants;
-        "power" W; "length" m in contact; "pressure" Pa, the largest.
+        "power" W; "length" m, in space "area" m2, in contact; "pressure" Pa, the largest.
 
         At the times of the rigid stage, where there was one, else at the stored steps; without
         contacts that the run did not evaluate as a whole.

@@ -22,6 +22,7 @@ from sparsemor.core.products import Products
 from sparsemor.core.scene import Scene
 from sparsemor.core.stage import Followed, FrameHistory, Idle, Stage, SurfaceLoads
 from sparsemor.core.status import SolveFailed, Status
+from sparsemor.core.workshop import Workshop
 
 STAGE = "rigid stage"
 """How the detail of a failure begins that happened in the rigid stage."""
@@ -76,23 +77,23 @@ def stage_faults(scene: Scene) -> list[Fault]:
     return faults
 
 
-def rigid_model(scene: Scene) -> Model:
-    """The model of a rigid stage's scene."""
-    return assemble(scene, Idle())
+def rigid_model(scene: Scene, shop: Workshop) -> Model:
+    """The model of a rigid stage's scene, assembled once a workshop."""
+    return shop.model(scene.digest(), lambda: assemble(scene, Idle(), shop))
 
 
-def staged(scene: Scene, products: Products, manager: Manager) -> Model:
+def staged(scene: Scene, products: Products, manager: Manager, shop: Workshop) -> Model:
     """The flexible model of a two-stage scene, after its rigid stage has run or been found.
 
     Raises SolveFailed, with a detail that begins with "rigid stage", where that stops early.
     """
     rigid = rigid_scene(scene)
-    model = rigid_model(rigid)
+    model = rigid_model(rigid, shop)
     meshes = [m for p in model.parts.values() if (m := getattr(p, "mesh", None)) is not None]
     key = digest(rigid.digest(), version("sparsemor"), [[m.points, m.cells] for m in meshes])
     arrays = products.remember("rigid_stage", key, lambda: _run(rigid, model, manager))
     imported = _Imported(_stage(arrays), products, key, scene)
-    flexible = assemble(scene, imported)
+    flexible = assemble(scene, imported, shop)
     return replace(flexible, stage=replace(imported.stage, contacts=imported.histories))
 
 
@@ -166,11 +167,11 @@ def _under(group: str, arrays: Mapping[str, Any]) -> dict[str, Any]:
             if n.partition(".")[0] == group}
 
 
-def check_rigid(scene: Scene) -> None:
+def check_rigid(scene: Scene, shop: Workshop) -> None:
     """Builds the model of the rigid stage. Raises InputError with keys of the scene itself where
     they are the same, else under `rigid_stage`."""
     try:
-        rigid_model(rigid_scene(scene))
+        rigid_model(rigid_scene(scene), shop)
     except InputError as error:
         raise InputError([Fault(f.key, f"in the rigid stage: {f.message}")
                           for f in error.faults]) from None

@@ -4,9 +4,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.layout import Block, Layout
-from sparsemor.core.protocols import Dictionary
+from sparsemor.core.protocols import Dictionary, TimeFunction
 from sparsemor.core.stage import Stage
 
 UNITS = {"rigid": "m, rad", "elastic": "m", "thermal": "K", "multiplier": "N, N m"}
@@ -22,8 +24,10 @@ class BodyShape:
     points (N, d) reference positions, m; cells (E, d + 1). elastic_dofs (n,): flat position
     `d * node + component` of each elastic unknown; thermal_nodes (n,): node of each thermal
     unknown; None where the body has no such field. Nodes without an unknown take
-    `eliminated_displacement` (N, d), m, or 0; `eliminated_temperature` (N,), K, or 0. pose: of the
-    body's frame at the start, where a frame without unknowns stays unless it follows a stage.
+    `eliminated_displacement` (N, d), m, or 0; `eliminated_temperature` (N,), K, or 0, unless they
+    are among those of `given`: nodes, and the function of time that their temperature follows.
+    pose: of the body's frame at the start, where a frame without unknowns stays unless it follows
+    a stage.
     """
 
     points: FloatArray
@@ -33,6 +37,19 @@ class BodyShape:
     eliminated_displacement: FloatArray | None = None
     eliminated_temperature: FloatArray | None = None
     pose: FloatArray | None = None
+    given: tuple[tuple[IntArray, TimeFunction], ...] = ()
+
+    def given_at(self, times: FloatArray) -> FloatArray:
+        """(j, functions) given temperatures at times (j,), s."""
+        return np.array([[f.value(float(t)) for _, f in self.given] for t in times])
+
+    @property
+    def given_of(self) -> IntArray:
+        """(N,): which of `given` each node follows, -1 for none."""
+        which: IntArray = np.full(len(self.points), -1, np.int64)
+        for i, (nodes, _) in enumerate(self.given):
+            which[nodes] = i
+        return which
 
 
 @dataclass(frozen=True, slots=True)

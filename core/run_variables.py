@@ -50,6 +50,10 @@ def time_arrays(header: RunHeader) -> dict[str, dict[str, Any]]:
             f"probe.{p.name}", "float64", inner, units=", ".join(p.units), body=p.body,
             components=list(p.components), position=[float(v) for v in p.position],
         )
+    for body, shape in header.bodies.items():
+        if shape.given:
+            add(f"{body}.given", "float64", ((f"{body}.function", len(shape.given)),), units="K",
+                long_name="given temperatures")
     for name, kept in header.contacts.items():
         for what in kept:
             add(f"contact.{name}.{what}", "float64", (), units=CONTACT_UNITS.get(what, ""))
@@ -100,6 +104,9 @@ def _body_arrays(
                 shape.points.shape[:1])
         yield (f"{body}.eliminated_temperature", (node,), {"units": "K"},
                shape.eliminated_temperature)
+    if shape.given:
+        yield (f"{body}.given_of", (node,), {"long_name": "given temperature of the node, or -1"},
+               shape.given_of)
     if shape.pose is not None:
         yield (f"{body}.pose", (f"{body}.coordinate",),
                {"units": UNITS["rigid"], "long_name": "frame at the start"}, shape.pose)

@@ -48,7 +48,8 @@ class SnapshotWriter:
         if self._rows is not None:
             return self._rows
         self._file.close()
-        return np.load(self._path, mmap_mode="r")  # type: ignore[no-any-return]
+        rows: FloatArray = np.load(self._path, mmap_mode="r")
+        return rows
 
     def close(self) -> None:
         """After a run that failed."""

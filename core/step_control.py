@@ -15,12 +15,11 @@ from typing import Any
 import numpy as np
 
 from sparsemor.core.acting import Acting, acting_of
-from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
+from sparsemor.core.around_steps import AroundSteps
+from sparsemor.core.arrays import BoolArray, FloatArray
 from sparsemor.core.errors import InputError
-from sparsemor.core.layout import Layout
 from sparsemor.core.model import Model
 from sparsemor.core.protocols import (
-    Dictionary,
     Integrator,
     Resampling,
     State,
@@ -104,7 +103,7 @@ class _Judged:
         return sqrt(max(float(square), 0.0) / self.n)
 
 
-class ControlledSteps:
+class ControlledSteps(AroundSteps[StepSolver]):
     """StepSolver of the output grid over step solvers of H, H/2, H/4, ..., each prepared when it
     is first asked for and kept.
 
@@ -119,36 +118,13 @@ class ControlledSteps:
             raise InputError("the rows of this reducer change with the steps, so steps of "
                              "different size cannot be compared: keep its rows, or leave out "
                              "time.control", "time.control")
-        self.base, self.integrator, self.h, self.control = base, integrator, h, control
+        super().__init__(base)
+        self.integrator, self.h, self.control = integrator, h, control
         self.share = control.tolerance * h / end
         self._prepare, self._solvers = prepare, {0: base}
         self._full: State | None = None
         self.judged = tuple(
             _judged(b.name, b.field, base, control) for b in base.layout if b.field != "multiplier")
-
-    @property
-    def layout(self) -> Layout:
-        return self.base.layout
-
-    @property
-    def dictionaries(self) -> Mapping[str, Dictionary]:
-        return self.base.dictionaries
-
-    @property
-    def rows(self) -> Mapping[str, IntArray]:
-        return self.base.rows
-
-    @property
-    def elements_touched(self) -> Mapping[str, int]:
-        return self.base.elements_touched
-
-    @property
-    def facts(self) -> Mapping[str, Mapping[str, float | int | str]]:
-        return self.base.facts
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        return self.base.notes
 
     def acting(self, memory: ControlMemory | None) -> tuple[Acting, ...]:
         if memory is None:

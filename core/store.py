@@ -37,7 +37,8 @@ class ChunkOfSteps:
 
     times (j,) s; x (j, n) in the solver's layout; iterations (j,); step_seconds (j,) s;
     supports: block -> (j, k) active atoms (a dictionary's block left out has all in use);
-    probes: name -> (j, components); contacts: `contact.history` -> (j,).
+    probes: name -> (j, components); contacts: `contact.history` -> (j,); given: body -> (j,
+    functions) its given temperatures, K.
     """
 
     times: FloatArray
@@ -47,6 +48,7 @@ class ChunkOfSteps:
     supports: Mapping[str, BoolArray] = field(default_factory=dict)
     probes: Mapping[str, FloatArray] = field(default_factory=dict)
     contacts: Mapping[str, FloatArray] = field(default_factory=dict)
+    given: Mapping[str, FloatArray] = field(default_factory=dict)
 
 
 class ResultWriter:
@@ -163,6 +165,7 @@ class ResultWriter:
                 columns[f"{b.name}.active"] = steps.supports.get(b.name, everything)
         columns |= {f"probe.{name}": values for name, values in steps.probes.items()}
         columns |= {f"contact.{name}": values for name, values in steps.contacts.items()}
+        columns |= {f"{body}.given": values for body, values in steps.given.items()}
         if columns.keys() != self._arrays.keys():
             odd = ", ".join(sorted(columns.keys() ^ self._arrays.keys()))
             raise ValueError(f"the steps and the header disagree on: {odd}")

@@ -12,7 +12,6 @@ import numpy as np
 
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.protocols import StepFormula
-from sparsemor.core.separable import FrameWork
 from sparsemor.core.status import Status
 from sparsemor.reducers.acceleration import Anderson
 from sparsemor.reducers.body_step import BodyStep
@@ -35,10 +34,11 @@ class Driven(Mechanics):
             memory.scale, memory.floor = [0.0] * len(self.bodies), [0.0] * len(self.bodies)
         most = 1
         for i, (b, w) in enumerate(zip(self.bodies, self.work, strict=True)):
-            if b.driven is None:  # a rigid body: carried along
+            if b.driven is None or b.known is None:  # a rigid body: carried along
                 continue
-            _frame(b, w, step)
-            past = b.driven.begin(step.r1[b.elastic], step.r2[b.elastic], x[b.thermal], step.t, w)
+            at, known, g = b.elastic, b.known.at(step.t), len(w.coefficients) - 1
+            w.coefficients[:g], w.sigma[-1] = known[:g], known[g : g + w.sigma.shape[1]]
+            past = b.driven.begin(step.r1[at], step.r2[at], x[b.thermal], step.t, known)
             loop.history[i] = past
             status, n, detail = self._body(i, b, b.driven, past, x, memory)
             most = max(most, n)
@@ -54,6 +54,9 @@ class Driven(Mechanics):
         ratio, last, slow = block.contraction(past), inf, None
         for iteration in range(1, self.tol.max_iterations + 1):
             new = block.improve(c, past)
+            if ratio == 0.0 and past.failure is None:  # nothing turns: that was all
+                _put(new, b.elastic, block.active, x)
+                return Status.DONE, iteration, ""
             change = _change(new, c, memory.scale, i)
             if not change < inf:
                 status, detail = past.failure or (Status.NOT_FINITE, "")
@@ -68,12 +71,6 @@ class Driven(Mechanics):
             last = change
         detail = f"last relative change {last:.1e} after {self.tol.max_iterations} iterations"
         return Status.NOT_CONVERGED, self.tol.max_iterations, detail
-
-
-def _frame(b: BodyStep, w: FrameWork, step: StepFormula) -> None:
-    """sigma and the coefficients at the step's time."""
-    y, v, a = b.given(step.t)
-    b.frame.drive(y, v, a, step.c1, step.c2, step.t, w)
 
 
 def _change(new: FloatArray, c: FloatArray, scales: list[float], i: int) -> float:

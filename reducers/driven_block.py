@@ -9,40 +9,47 @@ time alone (core/separable.py), so moments and quadratic forms of u are not need
 """
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
+from math import sqrt
 from typing import Any
 
 import numpy as np
 
 from sparsemor.core.arrays import FloatArray, IntArray
-from sparsemor.core.block_solvers import short, solved
+from sparsemor.core.block_solvers import short
 from sparsemor.core.protocols import Factorized
-from sparsemor.core.separable import ElasticOperators, FrameWork, evaluate_amplitudes
+from sparsemor.core.separable import ElasticOperators, evaluate_amplitudes
 from sparsemor.core.tables import total
 from sparsemor.reducers.elastic import History
 from sparsemor.reducers.felt import Moving, felt
+from sparsemor.reducers.known import Known
+from sparsemor.reducers.natural import carried, dense, times
+from sparsemor.reducers.softest import Softest
 from sparsemor.reducers.test_map import TestedElastic
 
-POWER, MARGIN = 8, 2.0
-"""Steps of the power method that estimates how much M counts beside D, and the margin on it."""
+LEADING = 64
+"""Soft modes in which a product is worth a second one."""
 
 
 class Past(History):
     """One step's constants. kappa, mu (g,); u: the last iterate's image, c: that iterate, None at
-    the start; r1: what mu acts on, None when that is done."""
+    the start; r1: what mu acts on, None when that is done; weights: kappa as an array; bound: on
+    the factor by which errors shrink."""
 
-    __slots__ = ("c", "kappa", "mu", "r1", "u")
+    __slots__ = ("bound", "c", "kappa", "mu", "r1", "u", "weights")
 
-    def __init__(self, work: FrameWork, r1: FloatArray) -> None:
+    def __init__(self, known: FloatArray, g: int, r1: FloatArray) -> None:
         super().__init__()
-        g = len(work.coefficients) // 2
-        self.kappa, self.mu = work.coefficients[:g].tolist(), work.coefficients[g:-1].tolist()
+        self.kappa, self.mu = known[:g].tolist(), known[g : 2 * g].tolist()
         self.r1: FloatArray | None = r1
         self.c: FloatArray | None = None
 
     kappa: list[float]
     mu: list[float]
     u: FloatArray
+    weights: FloatArray
+    bound: float
 
 
 class DrivenBlock(ABC):
@@ -51,13 +58,18 @@ class DrivenBlock(ABC):
     active: IntArray | None
 
     @abstractmethod
+    def known(self, drive: Known) -> Known:
+        """Of kappa, mu and sigma at all times: these, and what else time decides of a step."""
+
+    @abstractmethod
     def begin(
-        self, r1: FloatArray, r2: FloatArray, xT: FloatArray, t: float, work: FrameWork
-    ) -> Past: ...
+        self, r1: FloatArray, r2: FloatArray, xT: FloatArray, t: float, known: FloatArray
+    ) -> Past:
+        """known: what `known` has at t."""
 
     @abstractmethod
     def improve(self, c: FloatArray, past: Past) -> FloatArray:
-        """b - sum_g kappa_g D^-1 M_g c: one step of the iteration."""
+        """b - sum_g kappa_g D^-1 M_g c, and the same once more in the softest modes."""
 
     @abstractmethod
     def contraction(self, past: Past) -> float:
@@ -66,23 +78,26 @@ class DrivenBlock(ABC):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FullDriven(DrivenBlock):
-    """Full order: D made ready, one right-hand side an iteration. softness: the largest
-    eigenvalue of D^-1 M, where M_g turns."""
+    """Full order: D made ready, one right-hand side an iteration, then its softest modes."""
 
     ops: ElasticOperators
     factor: Factorized
-    softness: float
+    softest: Softest
     active: IntArray | None = None
 
     @classmethod
     def of(cls, ops: ElasticOperators, factor: Factorized, block: str) -> "FullDriven":
         """Raises SolveFailed, naming the block, where an iteration stops short."""
-        return cls(ops, factor, softness(ops, factor, block) if ops.generators else 0.0)
+        return cls(ops, factor, Softest.of(ops, factor, block))
+
+    def known(self, drive: Known) -> Known:
+        return drive
 
     def begin(
-        self, r1: FloatArray, r2: FloatArray, xT: FloatArray, t: float, work: FrameWork
+        self, r1: FloatArray, r2: FloatArray, xT: FloatArray, t: float, known: FloatArray
     ) -> Past:
-        o, past = self.ops, Past(work, r1)
+        o, g = self.ops, len(self.ops.generators)
+        past = Past(known, g, r1)
         h = o.mass @ r2 - o.constant
         if o.damping.nnz:
             h += o.damping @ r1
@@ -92,7 +107,7 @@ class FullDriven(DrivenBlock):
             h -= o.loads @ evaluate_amplitudes(o.amplitudes, t)
         if o.tables:
             h -= total(o.tables, t)
-        sigma = work.sigma[-1]
+        sigma = known[2 * g :]
         if sigma.any():
             h += o.directions @ sigma
         for M, mu in zip(o.generators, past.mu, strict=True):
@@ -107,7 +122,8 @@ class FullDriven(DrivenBlock):
             if kappa:
                 right = right + M @ (kappa * c)
         if not self.factor.iterative:
-            return -self.factor.solve(right)
+            u = -self.factor.solve(right)
+            return u + self.softest.correction(u - c, past.kappa) if any(past.kappa) else u
         found = self.factor.outcome(right, -c)
         past.iterations += found.iterations
         if found.status.ok:
@@ -116,22 +132,29 @@ class FullDriven(DrivenBlock):
         return np.full(len(right), np.nan)
 
     def contraction(self, past: Past) -> float:
-        return self.softness * sum(map(abs, past.kappa))
+        return self.softest.left * sum(map(abs, past.kappa))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CompressedDriven(DrivenBlock):
     """s active atoms: every operator is dense, small and prepared; no length of the mesh is left.
 
-    H: what b is made of (s, [k] + k + kt + j + p), of [r1], r2, xT, amplitudes and sigma, where r1
-    is left out without damping; G (g, s, k): D^-1 M_g with Frobenius norms `sizes` (g,).
+    What b is made of: inertia and damping times r2 and r1, (s, k) or diagonals (natural.py),
+    damping None where there is none; coupling (s, kt) times xT; base; E (s, p) times sigma; loads
+    (s, j) times amplitudes, and tables. G (g, s, k): the D^-1 M_g; leading (g r, r): their first
+    rows and columns, of soft modes, r = 0 where some atoms are not active; sizes (g, 3): Frobenius
+    norms of all of each, of these, and of what is beyond.
     """
 
-    H: FloatArray
+    inertia: FloatArray
+    damping: FloatArray | None
+    coupling: FloatArray
     base: FloatArray
+    E: FloatArray
+    loads: FloatArray
     G: FloatArray
-    sizes: tuple[float, ...]
-    damped: bool
+    leading: FloatArray
+    sizes: tuple[tuple[float, float, float], ...]
     active: IntArray | None
     amplitudes: tuple[Any, ...]
     tables: tuple[Moving, ...] = ()
@@ -141,59 +164,94 @@ class CompressedDriven(DrivenBlock):
         cls, b: TestedElastic, left: FloatArray, support: IntArray | None
     ) -> "CompressedDriven":
         """left (s, m): what turns tested rows into D^-1 times the rows, left @ D_S = 1."""
-        damped = bool(b.damping.any())
-        parts = [*([-b.damping] if damped else []), -b.mass, b.coupling, b.loads, -b.directions]
         G = np.stack([left @ A for A in b.generators]) if len(b.generators) else np.zeros(
             (0, len(left), b.mass.shape[1]))
-        use = slice(None) if support is None else support
-        return cls(np.ascontiguousarray(left @ np.hstack(parts)), -left @ b.constant, G,
-                   tuple(float(np.linalg.norm(A[:, use])) for A in G), damped, support,
-                   b.amplitudes, felt(b.tables, left, support is None))
+        r = min(LEADING, len(left)) if support is None else 0
+        sizes = []
+        for A in G if support is None else G[:, :, support]:
+            all_of_it, lead = float(np.sum(A**2)), float(np.sum(A[:r, :r] ** 2))
+            sizes.append((sqrt(all_of_it), sqrt(lead), _beyond(A, r)))
+        return cls(
+            carried(-left @ b.mass), carried(-left @ b.damping) if b.damping.any() else None,
+            np.ascontiguousarray(left @ b.coupling), -left @ b.constant, -left @ b.directions,
+            left @ b.loads, G, G[:, :r, :r].reshape(len(G) * r, r), tuple(sizes), support,
+            b.amplitudes, felt(b.tables, left, support is None))
 
     def rates(self, k: int) -> tuple[FloatArray, FloatArray]:
         """(s, k) each, k atoms: D^-1 D_m and D^-1 M, the block's own answer to -r1 and -r2."""
-        if self.damped:
-            return -self.H[:, :k], -self.H[:, k : 2 * k]
-        return np.zeros((len(self.H), k)), -self.H[:, :k]
+        none = np.zeros((len(self.base), k))
+        return none if self.damping is None else -dense(self.damping), -dense(self.inertia)
+
+    def known(self, drive: Known) -> Known:
+        """kappa, mu, sigma, the bound on the contraction, and all of b that does not depend on
+        unknowns."""
+        g = 2 * len(self.G)
+
+        def at(t: float) -> FloatArray:
+            row = drive.at(t)
+            b = self.base + self.E.dot(row[g:])
+            if self.amplitudes:
+                b += self.loads.dot(evaluate_amplitudes(self.amplitudes, t))
+            if self.tables:
+                b += total(self.tables, t)
+            return np.concatenate((row, [self._bound(row[: len(self.G)].tolist())], b))
+
+        # a support that may change with the next step does not pay for all times
+        return Known.of(at, np.array(drive.times)) if self.active is None else Known(at)
 
     def begin(
-        self, r1: FloatArray, r2: FloatArray, xT: FloatArray, t: float, work: FrameWork
+        self, r1: FloatArray, r2: FloatArray, xT: FloatArray, t: float, known: FloatArray
     ) -> Past:
-        past = Past(work, r1)
-        parts = [r1, r2, xT] if self.damped else [r2, xT]
-        if self.amplitudes:
-            parts.append(evaluate_amplitudes(self.amplitudes, t))
-        parts.append(work.sigma[-1])
-        past.u = self.H.dot(np.concatenate(parts)) + self.base
-        if self.tables:
-            past.u += total(self.tables, t)
+        g = len(self.G)
+        past, n = Past(known, g, r1), 2 * g + self.E.shape[1]
+        past.weights, past.bound = known[:g], float(known[n])
+        past.u = times(self.inertia, r2)
+        past.u += known[n + 1 :]
+        if self.damping is not None:
+            past.u += times(self.damping, r1)
+        if len(xT):
+            past.u += self.coupling.dot(xT)
         return past
 
     def improve(self, c: FloatArray, past: Past) -> FloatArray:
+        if not past.bound and not any(past.mu):  # nothing turns
+            return past.u
         d = c if past.c is None else c - past.c  # only what is new is multiplied
-        if self.active is not None:
-            wide = np.zeros(self.G.shape[2])
-            wide[self.active] = d
-            d = wide
-        u, r1 = past.u, past.r1
+        d, u, r1 = self._wide(d), past.u, past.r1
         for G, kappa, mu in zip(self.G, past.kappa, past.mu, strict=True):
             if mu and r1 is not None:
                 u = u - G.dot(kappa * d + mu * r1)
             elif kappa:
                 u = u - G.dot(kappa * d)
         past.c, past.u, past.r1 = c, u, None
-        return u
+        r = self.leading.shape[1]
+        if not r:
+            return u
+        new = u.copy()
+        new[:r] -= past.weights.dot(self.leading.dot(u[:r] - c[:r])
+                                      .reshape(len(self.G), r))
+        return new
+
+    def _bound(self, kappa: Sequence[float]) -> float:
+        """With E all of sum_g kappa_g D^-1 M_g and L its leading part: |E - L| + |L| |E|."""
+        whole, lead, rest = 0.0, 0.0, 0.0
+        for k, (E, L, R) in zip(kappa, self.sizes, strict=True):
+            if k:
+                whole, lead, rest = whole + abs(k) * E, lead + abs(k) * L, rest + abs(k) * R
+        return rest + lead * whole
+
+    def _wide(self, d: FloatArray) -> FloatArray:
+        """Of active unknowns, all of them."""
+        if self.active is None:
+            return d
+        wide = np.zeros(self.G.shape[2])
+        wide[self.active] = d
+        return wide
 
     def contraction(self, past: Past) -> float:
-        return sum(abs(k) * size for k, size in zip(past.kappa, self.sizes, strict=True))
+        return past.bound
 
 
-def softness(ops: ElasticOperators, factor: Factorized, block: str) -> float:
-    """The largest eigenvalue of D^-1 M, s^2, by the power method, with a margin."""
-    x, found = np.random.default_rng(0).standard_normal(len(ops.constant)), 0.0
-    for _ in range(POWER):
-        Mx = ops.mass @ x
-        y = solved(factor, Mx, block)
-        found = float(y @ Mx) / float(x @ Mx)
-        x = y / np.linalg.norm(y)
-    return MARGIN * found
+def _beyond(A: FloatArray, r: int) -> float:
+    """Frobenius norm of A (s, s) without its first r rows and columns."""
+    return sqrt(float(np.sum(A[r:] ** 2)) + float(np.sum(A[:r, r:] ** 2)))

@@ -15,6 +15,7 @@ from sparsemor.core.model import Model
 from sparsemor.core.offline import Offline
 from sparsemor.core.protocols import Dictionary, Integrator, StepSolver, Term
 from sparsemor.core.separable import ElasticOperators, HeatBody, MovingBody
+from sparsemor.reducers.element_equations import Equations
 from sparsemor.reducers.element_weights import (
     Trained,
     elastic_equations,
@@ -133,13 +134,13 @@ class Training:
         weighted: Term = term.weighted(self._weights(name, "facets", G))
         return weighted
 
-    def _weights(self, name: str, kind: str, G: FloatArray) -> FloatArray:
+    def _weights(self, name: str, kind: str, G: Equations) -> FloatArray:
         """(E,) trained (cached), and the facts of the block counted up."""
         def make() -> dict[str, Any]:
             found = train(G, self.tau)
             return {"weights": found.values, "residual": np.array(found.residual)}
 
-        made = self.offline.remember("weights", (name, self.tau, G), make)
+        made = self.offline.remember("weights", (name, self.tau, *G.content), make)
         w, fact = np.asarray(made["weights"]), self.facts.setdefault(name, {"tau": self.tau})
         fact[kind] = int(fact.get(kind, 0)) + len(w)
         fact[f"{kind}_kept"] = int(fact.get(f"{kind}_kept", 0)) + int(np.count_nonzero(w))

@@ -5,7 +5,8 @@ the atoms, the projected forces that all elements give with weight 1: G w = G 1,
 each atom and snapshot (Farhat, Avery, Chapman, Cortial 2014, doi 10.1002/nme.4668, Eq. 15-19).
 
 Forces of elements are linear in the unknowns here, so 4000 snapshots are first replaced by the few
-combinations of them that have the same products (a QR factorisation, exact). Rows are measured by
+combinations of them that have the same products (a QR factorisation, exact), and those in turn by
+the few that matter (`Equations.compressed`). Rows are measured by
 what they do: elastic forces by the displacement they cause in K, heat by the rate of temperature
 it causes in C. Without that the stiff atoms take all the attention, and the elastic error was ten
 times larger with as many elements.
@@ -13,17 +14,24 @@ times larger with as many elements.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
-from sparsemor.core.arrays import FloatArray
-from sparsemor.core.integrals import ElasticIntegrals, HeatIntegrals, WeighedTerm
+from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core.integrals import ElasticIntegrals, HeatIntegrals, Integrals, WeighedTerm
 from sparsemor.core.protocols import Dictionary
 from sparsemor.core.snapshots import stretches
+from sparsemor.reducers.element_equations import Equations, Part, Rows
 from sparsemor.reducers.nnls import Weights, nonnegative
 
-ROUND_OFF = 1e-11
-"""Forces this much smaller than the sums that they are made of are what is left of rounding."""
+LEFT_OUT = (1e-2, 1e-3, 1e-4)
+"""Singular values of G, as shares of tau, below which a direction is left out: tried in turn."""
+MET = 1.05
+"""Where tau counts as met, as a multiple of it."""
+CANDIDATES = 20_000
+"""Elements of a larger mesh among which weights are sought, by lot: what training holds and takes
+is bounded by it. The forces that they are to repeat are those of all elements."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,53 +68,48 @@ class Trained:
 
 def elastic_equations(
     integrals: ElasticIntegrals, u: Trained, heat: Trained | None, flexibility: FloatArray
-) -> FloatArray:
+) -> Equations:
     """G (m, E): static displacements that stiffness and thermal forces cause, as shares of |c|.
 
     flexibility (k, k): inverse of the projected stiffness. Both parts are trained, not only their
     sum, which is small: it would be met by a body that is neither stiff nor expands.
     """
-    A, L = u.dictionary.atoms, flexibility.T
-    size = float(np.linalg.norm(u.c))
+    count, size = integrals.stiffness.count, float(np.linalg.norm(u.c))
     if size == 0.0:
-        return np.zeros((0, integrals.stiffness.count))
+        return Equations(count, (), ())
+    left = u.dictionary.atoms @ flexibility.T / size
     known = _given(integrals.amplitudes, u.t)
-    thermal, factors = [integrals.given.projected(A @ L, np.eye(len(known)))], [known]
+    thermal, factors = [(integrals.given, np.eye(len(known)))], [known]
     if integrals.coupling is not None and heat is not None:
-        thermal.append(integrals.coupling.projected(A @ L, heat.with_offset))
+        thermal.append((integrals.coupling, heat.with_offset))
         factors.append(heat.homogeneous)
-    stiff = integrals.stiffness.projected(A @ L, u.with_offset)
-    return np.concatenate([
-        _rows(stiff, u.homogeneous) / size,
-        _rows(np.concatenate(thermal, axis=2), np.concatenate(factors)) / size])
+    return _equations(count, [
+        (left, [(integrals.stiffness, u.with_offset)], u.homogeneous, None),
+        (left, thermal, np.concatenate(factors), None)])
 
 
-def heat_equations(integrals: HeatIntegrals, T: Trained, inertness: FloatArray) -> FloatArray:
+def heat_equations(integrals: HeatIntegrals, T: Trained, inertness: FloatArray) -> Equations:
     """G (m, E): rates of temperature that conduction and changes of heat cause, each as a share of
     its own. inertness (k, k): inverse of the projected capacity."""
     left = T.dictionary.atoms @ inertness.T
     known = _given(integrals.amplitudes, T.t)
-    conduction = np.concatenate([
-        integrals.conductivity.projected(left, T.with_offset),
-        -integrals.given.projected(left, np.eye(len(known)))], axis=2)
-    kept, rates = integrals.capacity.projected(left, T.dictionary.atoms), T.rates()
     # what conduction and changes are differences of: below its round-off there is nothing to learn
     top = np.abs(T.with_offset) @ np.abs(T.homogeneous).max(axis=1)
     K = abs(integrals.conductivity.weighted(np.ones(integrals.conductivity.count)))
     flow = float(np.linalg.norm(np.abs(left).T @ (K @ top)))
     change = float(np.linalg.norm(np.abs(T.c).max(axis=1))) / float(np.abs(np.diff(T.t)).max())
-    return np.concatenate([
-        _normalised(_rows(conduction, np.concatenate([T.homogeneous, known])), flow),
-        _normalised(_rows(kept, rates), change)])
+    conduction = [(integrals.conductivity, T.with_offset), (integrals.given, -np.eye(len(known)))]
+    return _equations(integrals.capacity.count, [
+        (left, conduction, np.concatenate([T.homogeneous, known]), flow),
+        (left, [(integrals.capacity, T.dictionary.atoms)], T.rates(), change)])
 
 
 def local_equations(
     term: WeighedTerm, left: FloatArray, x: FloatArray, t: FloatArray
-) -> FloatArray:
+) -> Equations:
     """G (m, F) of a local term: left (k, m) times each element's share at states x (n, M)."""
     shares = term.contributions(left, x, t)
-    G = shares.reshape(len(shares), -1).T
-    return _normalised(G, float(np.abs(G).sum()))
+    return Equations.of(shares.reshape(len(shares), -1).T, float(np.abs(shares).sum()))
 
 
 def _given(amplitudes: Sequence[Callable[[float], float]], t: FloatArray) -> FloatArray:
@@ -115,30 +118,57 @@ def _given(amplitudes: Sequence[Callable[[float], float]], t: FloatArray) -> Flo
     return np.array([np.ones(len(t)), *values])
 
 
-def _rows(tensor: FloatArray, factors: FloatArray) -> FloatArray:
-    """(k r, E) from (E, k, z) and factors (z, M): r <= z combinations in place of M columns."""
-    few = np.asarray(np.linalg.qr(factors.T, mode="r")).T
+Shares = tuple[FloatArray, Sequence[tuple[Integrals, FloatArray]], FloatArray, float | None]
+"""Rows of G: left (n, k); integrals with what they are applied to, side by side (m, z); what that
+is multiplied by at the snapshots (z, M); and what their sum is made of (see `Rows`)."""
+
+
+def _equations(count: int, shares: Sequence[Shares]) -> Equations:
+    parts, content = [], list[object]()
+    for left, pairs, factors, against in shares:
+        # r <= z combinations in place of M columns
+        few = np.asarray(np.linalg.qr(factors.T, mode="r")).T
+        parts.append(Rows(left.shape[1] * few.shape[1], partial(_made, left, pairs, few), against))
+        content += [left, few, against]
+        content += [a for g, right in pairs for a in (g.rows, g.columns, g.values, right)]
+    return Equations(count, tuple(parts), tuple(content))
+
+
+def _made(
+    left: FloatArray, pairs: Sequence[tuple[Integrals, FloatArray]], few: FloatArray, part: Part
+) -> FloatArray:
+    """(k r, E'): the columns of some elements."""
+    tensor = np.concatenate([g.part(part).projected(left, right) for g, right in pairs], axis=2)
     return np.ascontiguousarray((tensor @ few).reshape(len(tensor), -1).T)
 
 
-def _normalised(G: FloatArray, against: float) -> FloatArray:
-    """G as a share of G 1; without rows where that is round-off of sums of size `against`."""
-    size = float(np.linalg.norm(G.sum(axis=1)))
-    if not size > ROUND_OFF * against:
-        return np.zeros((0, G.shape[1]))
-    return np.asarray(G / size)
+def train(equations: Equations, tau: float) -> Weights:
+    """w (E,) >= 0 with |G w - G 1| <= tau, few of them not zero; all 1 where G has no rows.
+
+    Directions in which all elements together cannot differ by what matters are left out; where few
+    weights of a large mesh, which are large, made more of them, fewer are left out.
+    """
+    G = equations.scaled().fewer()
+    if not G.parts:
+        return Weights(np.ones(G.count), 0.0)
+    total, among = G.total(), _candidates(G.count)
+    size, U = G.directions(among, total, LEFT_OUT[-1] * tau)
+    best = Weights(np.ones(G.count), np.inf)
+    for share in LEFT_OUT:
+        kept = U[:, size > share * tau]
+        w = np.zeros(G.count)
+        # a little less, for what is left out
+        w[among] = nonnegative(G.along(kept, among), kept.T @ total, 0.98 * tau).values
+        residual = float(np.linalg.norm(G.applied(w) - total))
+        if residual < best.residual:
+            best = Weights(w, residual)
+        if best.residual <= MET * tau:
+            break
+    return best
 
 
-def train(G: FloatArray, tau: float) -> Weights:
-    """w (E,) >= 0 with |G w - G 1| <= tau, few of them not zero; all 1 where G has no rows."""
-    E = G.shape[1]
-    if not len(G):
-        return Weights(np.ones(E), 0.0)
-    if len(G) > 2 * E:
-        G = np.asarray(np.linalg.qr(G, mode="r"))
-    # directions in which all elements together cannot differ by what matters
-    values, U = np.linalg.eigh(G @ G.T)
-    A = U[:, values > (1e-2 * tau) ** 2].T @ G
-    # a little less, for what was left out of A
-    w = nonnegative(A, A.sum(axis=1), 0.98 * tau).values
-    return Weights(w, float(np.linalg.norm(G @ (w - 1.0))))
+def _candidates(count: int) -> IntArray:
+    """Numbers of the elements among which weights are sought, sorted: the same in every call."""
+    if count <= CANDIDATES:
+        return np.arange(count)
+    return np.sort(np.random.default_rng(0).choice(count, CANDIDATES, replace=False))

@@ -60,4 +60,5 @@ class Full(Plugin):
                 D = o.stiffness + c1 * o.damping + c2 * o.mass
                 elastic[m.elastic] = kind.of(o, model.factorize(m.elastic, D), m.elastic)
                 done += 1
-        return stepper(model, model.layout, {}, {}, heat, elastic, tol, self.predictor, done)
+        return stepper(model, model.layout, {}, {}, heat, elastic, tol, self.predictor, done,
+                       (c1, c2))

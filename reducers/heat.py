@@ -7,7 +7,7 @@ method where that contracts poorly.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from scipy.sparse import coo_array, csr_array
@@ -19,7 +19,9 @@ from sparsemor.core.separable import HeatBody, evaluate_amplitudes
 from sparsemor.core.status import Status
 from sparsemor.core.tables import total
 from sparsemor.reducers.factor import factorize
-from sparsemor.reducers.felt import Moving, felt
+from sparsemor.reducers.felt import felt
+from sparsemor.reducers.known import Known
+from sparsemor.reducers.natural import carried, times
 from sparsemor.reducers.test_map import TestedHeat
 
 STUCK = 1e-7
@@ -141,16 +143,14 @@ class FullHeat:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CompressedHeat:
-    """s active atoms. history (s, k + j) maps [r1; amplitudes] to the linear solution; tables: what
-    heat that moves adds to it."""
+    """s active atoms. The linear solution is past r1 + given(t): past (s, k) or a diagonal
+    (natural.py), given what loads, tables of heat that moves and what is constant make of it."""
 
-    history: FloatArray
-    base: FloatArray
-    amplitudes: tuple[Any, ...]
+    past: FloatArray
+    given: Known
     active: IntArray | None
     local: tuple[ReducedTerm, ...]
     c1: float
-    tables: tuple[Moving, ...] = ()
     rtol: float = 1e-13
     max_iterations: int = 50
 
@@ -164,14 +164,22 @@ class CompressedHeat:
         local: Sequence[ReducedTerm] = (),
     ) -> "CompressedHeat":
         """left (s, m) with left @ B_S = 1; local terms come already times `left`."""
-        return cls(np.hstack([-left @ b.capacity, left @ b.loads]), left @ b.constant,
-                   b.amplitudes, support, tuple(local), c1, felt(b.tables, left, support is None))
+        base, loads, tables = left @ b.constant, left @ b.loads, felt(
+            b.tables, left, support is None)
+
+        def given(t: float) -> FloatArray:
+            x = base
+            if b.amplitudes:
+                x = x + loads.dot(evaluate_amplitudes(b.amplitudes, t))
+            return np.asarray(x + total(tables, t) if tables else x)
+
+        # a support that may change with the next step does not pay for all times
+        times = b.tables[0].times if b.tables and support is None else np.zeros(0)
+        return cls(carried(-left @ b.capacity), Known.of(given, times), support, tuple(local), c1)
 
     def solve(self, r1: FloatArray, t: float, guess: FloatArray) -> HeatOutcome:
-        given = np.concatenate((r1, evaluate_amplitudes(self.amplitudes, t)))
-        base = self.history.dot(given) + self.base
-        if self.tables:
-            base = base + total(self.tables, t)
+        base = times(self.past, r1)
+        base += self.given.at(t)
         if not self.local:
             return HeatOutcome(base, Status.DONE, 1)
         return self._iterate(base, r1, t, guess)

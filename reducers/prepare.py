@@ -5,15 +5,18 @@ from dataclasses import replace
 
 import numpy as np
 
-from sparsemor.core.arrays import IntArray
+from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.layout import Layout
 from sparsemor.core.model import Model
 from sparsemor.core.protocols import Dictionary, Integrator, State
+from sparsemor.core.separable import MovingBody
+from sparsemor.reducers.body_step import Drive
 from sparsemor.reducers.bordered import Tolerances
 from sparsemor.reducers.driven_block import DrivenBlock, FullDriven
 from sparsemor.reducers.elastic import ElasticBlock, FullElastic
 from sparsemor.reducers.heat import HeatBlock
-from sparsemor.reducers.stepper import Facts, Stepper
+from sparsemor.reducers.known import Known
+from sparsemor.reducers.stepper import Facts, Stepper, bodies
 from sparsemor.reducers.test_map import TestedElastic
 
 
@@ -29,13 +32,16 @@ def stepper(
     model: Model, layout: Layout, dictionaries: Mapping[str, Dictionary],
     rows: Mapping[str, IntArray], heat: Mapping[str, HeatBlock],
     elastic: Mapping[str, ElasticBlock | DrivenBlock], tol: Tolerances,
-    points: int, factorizations: int, limits: Mapping[str, float] | None = None,
+    points: int, factorizations: int, rates: tuple[float, float], ahead: bool = True,
+    limits: Mapping[str, float] | None = None,
     notes: tuple[str, ...] = (), tested: Mapping[str, TestedElastic] | None = None,
     facts: Facts | None = None,
 ) -> Stepper:
     """A Stepper with its mechanics set up, and the elements that one step visits.
 
-    tested: the elastic blocks under their maps, for consistent rates at the start.
+    rates: c1 and c2 of its steps; ahead: whether what time alone decides is evaluated now, for all
+    times of given motion and loads; tested: the elastic blocks under their maps, for
+    consistent rates at the start.
     """
     # constant matrices were assembled once: only local terms visit elements in a step
     elements = {name: 0 for name in model.reducible()}
@@ -51,4 +57,16 @@ def stepper(
                 tested or {}, iterating=any(
                     isinstance(b, FullElastic | FullDriven) and b.factor.iterative
                     for b in elastic.values()))
+    if not model.separated.border_size:
+        s = replace(s, drives={
+            b.name: Known.of(Drive.of(b, *rates), _times(m) if ahead else np.zeros(0))
+            for b, m in zip(bodies(s), model.separated.moving, strict=True) if b.elastic_name})
     return replace(s, mechanics=s.with_mechanics())
+
+
+def _times(body: MovingBody) -> FloatArray:
+    """Those at which a body's motion or its loads are tabled."""
+    if body.guide is not None:
+        return body.guide.times
+    loads = () if body.operators is None else body.operators.tables
+    return loads[0].table.times if loads else np.zeros(0)

@@ -125,6 +125,13 @@ class Projected(Plugin, ABC):
         cheaper operators in place of a body's own."""
         return model, {}
 
+    def in_modes(
+        self, model: Model, dictionaries: Mapping[str, Dictionary]
+    ) -> Mapping[str, tuple[Dictionary, float]]:
+        """Blocks whose own operators are diagonal in other atoms of the same span: these, and by
+        how much more than before a coefficient can be at most."""
+        return {}
+
     def check(self, model: Model) -> Sequence[Fault]:
         """What can be refused by counting, before any training; keys relative to the reducer."""
         return pattern_faults(model, "bases", self.bases)
@@ -138,6 +145,9 @@ class Projected(Plugin, ABC):
         dictionaries, limits = represent(
             offline, {n: chosen(n, self.bases, self.basis) for n in model.reducible()},
             StepFactors(h, c1, c2, c1_first))
+        modes = self.in_modes(model, dictionaries)
+        dictionaries |= {n: d for n, (d, _) in modes.items()}
+        limits = {n: top * modes[n][1] if n in modes else top for n, top in limits.items()}
         model, seen = self.seen(model, dictionaries, offline, h)
         own = dict(zip(dictionaries, rng.spawn(len(dictionaries)), strict=True))
         maps, blocks = {}, {}
@@ -151,30 +161,33 @@ class Projected(Plugin, ABC):
         for b in model.separated.heat:
             m = mapped(b.thermal, b)
             th = TestedHeat.of(b, dictionaries[b.thermal], m.test, m.force)
+            th = th.in_modes() if b.thermal in modes else th
             blocks[b.thermal] = Seen(th, left_inverse(b.thermal, th.block(c1_first)), m.forces)
         for body in model.separated.moving:
             if body.operators is None:
                 continue
             n, m = body.elastic, mapped(body.elastic, body)
             te = TestedElastic.of(body.operators, body.frame, dictionaries[n],
-                                  dictionaries.get(body.thermal), m.test, m.force)
+                                  dictionaries.get(body.thermal), m.test, m.force,
+                                  model.separated.rigid_equations)
+            te = te.in_modes() if n in modes else te
             blocks[n] = Seen(te, left_inverse(n, te.block(c1, c2)), m.forces)
         rows = {n: m.rows for n, m in maps.items() if m.rows is not None}
         notes = tuple(note for m in maps.values() for note in m.notes)
         facts = {**seen, **{n: m.facts for n, m in maps.items() if m.facts}}
-        made = reduced_general if model.separated.other else partial(fast, c1_first)
+        made = reduced_general if model.separated.other else partial(fast, (c1, c2, c1_first))
         return made(model, dictionaries, rows, blocks,
                     Tolerances(self.remaining, self.max_iterations), self.predictor, limits, notes,
                     facts)
 
 
 def fast(
-    c1_first: float, model: Model, dictionaries: Mapping[str, Dictionary],
+    rates: tuple[float, float, float], model: Model, dictionaries: Mapping[str, Dictionary],
     rows: Mapping[str, IntArray], blocks: Mapping[str, Seen], tolerances: Tolerances, points: int,
     limits: Mapping[str, float], notes: tuple[str, ...], facts: Facts,
 ) -> StepSolver:
     """The step of a model whose blocks are solved one after the other."""
-    heat, elastic, tested = {}, {}, {}
+    (c1, c2, c1_first), heat, elastic, tested = rates, {}, {}, {}
     for b in model.separated.heat:
         s, d = blocks[b.thermal], dictionaries[b.thermal]
         local = local_terms(model, b, d, s.wide(d)) if b.local else []
@@ -187,7 +200,7 @@ def fast(
             elastic[body.elastic] = kind.of(s.tested, s.left, None)
     layout = model.layout.resized({n: d.atoms.shape[1] for n, d in dictionaries.items()})
     return stepper(model, layout, dictionaries, rows, heat, elastic, tolerances, points,
-                   len(heat) + len(elastic), limits, notes, tested, facts)
+                   len(heat) + len(elastic), (c1, c2), True, limits, notes, tested, facts)
 
 
 def left_inverse(name: str, A: FloatArray, rtol: float = RANK_RTOL) -> FloatArray:

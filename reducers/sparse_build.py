@@ -73,7 +73,8 @@ class Whole:
         heat = {b.thermal: TestedHeat.of(b, dictionaries[b.thermal], TestMap())
                 for b in model.separated.heat}
         elastic = {m.elastic: TestedElastic.of(
-            m.operators, m.frame, dictionaries[m.elastic], dictionaries.get(m.thermal), TestMap())
+            m.operators, m.frame, dictionaries[m.elastic], dictionaries.get(m.thermal), TestMap(),
+            rigid=model.separated.rigid_equations)
             for m in model.separated.moving if m.operators is not None}
         return cls(heat, elastic)
 
@@ -117,7 +118,8 @@ class Build:
             n = m.elastic
             te = (elastic_rows(known.elastic[n], rows[n]) if (known := self._known(whole, n)) else
                   TestedElastic.of(m.operators, m.frame, self.dictionaries[n],
-                                   self.dictionaries.get(m.thermal), self._map(n, rows[n])))
+                                   self.dictionaries.get(m.thermal), self._map(n, rows[n]),
+                                   rigid=self.model.separated.rigid_equations))
             block, facts[n] = self._block(n, rows[n], te.block(c1, c2))
             elastic[n] = SampledElastic.of(block, elastic_times(block.weight, te), driven)
         if self.model.separated.other:
@@ -166,12 +168,14 @@ class Build:
         # D^-1 brings every load to every row
         plain = {n: r for n, r in rows.items() if not self.options.preconditions(n)}
         o, sizes = self.options, {n: d.atoms.shape[1] for n, d in self.dictionaries.items()}
+        fixed = len(hot) == len(heat) and len(bent) == len(elastic)
         base = stepper(
             self.model, self.model.layout.resized(sizes), self.dictionaries, rows, hot, bent,
             Tolerances(o.remaining, o.max_iterations), o.predictor, len(hot) + len(bent),
-            self.limits, missed_loads(self.model, plain),
+            (self.step.c1, self.step.c2), fixed and self.offline is not None, self.limits,
+            missed_loads(self.model, plain),
             {n: e.tested for n, e in elastic.items()}, facts)
-        if len(hot) == len(heat) and len(bent) == len(elastic):
+        if fixed:
             return base
         # elastic blocks are selected in one joint problem: all of them take part in it
         choosing = {} if len(bent) == len(elastic) else elastic

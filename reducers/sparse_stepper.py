@@ -6,10 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
-from sparsemor.core.layout import Layout
+from sparsemor.core.around_steps import AroundSteps
+from sparsemor.core.arrays import BoolArray, FloatArray
 from sparsemor.core.protocols import (
-    Dictionary,
     SparseOutcome,
     SparseSolver,
     SparseStart,
@@ -22,11 +21,11 @@ from sparsemor.reducers.sampled import RankDeficient, SampledElastic, SampledHea
 from sparsemor.reducers.screens import Screens
 from sparsemor.reducers.selection import HeatProblem, MechanicsProblem
 from sparsemor.reducers.sparse_memory import SparseMemory
-from sparsemor.reducers.stepper import Facts, Stepper
+from sparsemor.reducers.stepper import Stepper
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SparseStepper:
+class SparseStepper(AroundSteps[Stepper]):
     """StepSolver that carries a support. base: a Stepper whose blocks without selection are
     prepared; heat, elastic: the blocks where a budget is smaller than the dictionary.
 
@@ -36,7 +35,6 @@ class SparseStepper:
     its rows among others of the run.
     """
 
-    base: Stepper
     heat: Mapping[str, SampledHeat]
     elastic: Mapping[str, SampledElastic]
     solver: SparseSolver
@@ -45,30 +43,6 @@ class SparseStepper:
     polish: bool
     screen: bool = False
     row_set: int = 0
-
-    @property
-    def layout(self) -> Layout:
-        return self.base.layout
-
-    @property
-    def dictionaries(self) -> Mapping[str, Dictionary]:
-        return self.base.dictionaries
-
-    @property
-    def rows(self) -> Mapping[str, IntArray]:
-        return self.base.rows
-
-    @property
-    def elements_touched(self) -> Mapping[str, int]:
-        return self.base.elements_touched
-
-    @property
-    def facts(self) -> Facts:
-        return self.base.facts
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        return self.base.notes
 
     def start(self, state: State) -> tuple[State, SparseMemory]:
         reduced = self.base.reduced(state)

@@ -18,6 +18,7 @@ from sparsemor.reducers.driven import Driven
 from sparsemor.reducers.driven_block import CompressedDriven, DrivenBlock
 from sparsemor.reducers.elastic import CompressedElastic, ElasticBlock
 from sparsemor.reducers.heat import HeatBlock
+from sparsemor.reducers.known import Known
 from sparsemor.reducers.predictor import Ring
 from sparsemor.reducers.test_map import TestedElastic
 
@@ -69,6 +70,8 @@ class Stepper:
     facts: Facts = field(default_factory=dict)
     tested: Mapping[str, TestedElastic] = field(default_factory=dict)
     mechanics: Mechanics | None = None
+    drives: Mapping[str, Known] = field(default_factory=dict)
+    """Body -> how its frame drives it, where that is given."""
     iterating: bool = False
     """Whether any elastic block has a linear solver that iterates."""
 
@@ -76,7 +79,7 @@ class Stepper:
         n_rigid = sum(b.size for b in self.layout if b.field == "rigid")
         kind = Mechanics if self.separated.border_size else Driven
         return kind(
-            _bodies(self), n_rigid, self.layout.algebraic, self.separated.border_targets,
+            bodies(self), n_rigid, self.layout.algebraic, self.separated.border_targets,
             self.tolerances)
 
     def start(self, state: State) -> tuple[State, Memory]:
@@ -190,15 +193,17 @@ def _near(foretold: FloatArray, last: FloatArray) -> FloatArray:
     return last if far else foretold
 
 
-def _bodies(s: Stepper) -> Sequence[BodyStep]:
+def bodies(s: Stepper) -> Sequence[BodyStep]:
     none, found = slice(0, 0), []
     for m in s.separated.moving:
         made = s.elastic.get(m.elastic)
         block, driven = (None, made) if isinstance(made, DrivenBlock) else (made, None)
+        drive = s.drives.get(m.name)
         found.append(BodyStep(
             m.name, s.frames.get(m.name, m.frame), m.to_border, m.origin, block,
             s.layout[m.elastic] if m.elastic else none,
-            s.layout[m.thermal] if m.thermal in s.layout else none, m.elastic, m.guide, driven))
+            s.layout[m.thermal] if m.thermal in s.layout else none, m.elastic, m.guide, driven,
+            driven.known(drive) if driven is not None and drive is not None else None))
     return found
 
 

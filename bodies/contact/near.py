@@ -1,20 +1,12 @@
 """The broad phase: which facets of two surfaces are near each other."""
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
+from sparsemor.bodies.contact.facets import Facets
 from sparsemor.core.arrays import FloatArray, IntArray
-
-
-class Facets(Protocol):
-    """radius: largest distance of a facet's point from its middle, m; tree: over the middles."""
-
-    @property
-    def radius(self) -> float: ...
-    @property
-    def tree(self) -> Any: ...
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -28,7 +20,7 @@ class Near:
     most: int
 
     @classmethod
-    def of(cls, first: Facets, second: Facets, reach: float) -> "Near":
+    def of(cls, first: Facets[Any], second: Facets[Any], reach: float) -> "Near":
         radius = first.radius + second.radius + reach
         # a ball that holds one middle at all lies in the ball of twice the radius about it
         held = second.tree.query_ball_point(second.tree.data, 2.0 * radius, return_length=True)

@@ -9,7 +9,7 @@ and resultants are smooth functions of the motion although the edge of contact w
 """
 
 from dataclasses import dataclass
-from typing import Self
+from typing import Self, TypeVar
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from sparsemor.bodies.planar.motion import ComplexArray
 from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
 from sparsemor.core.protocols import FrictionLaw, NormalLaw
 
+Values = TypeVar("Values", FloatArray, ComplexArray)
 NONE, AT_A, AT_B, EDGE = -1, 0, 1, 2
 """What bounds an overlap: the facet's own end, a border of the second facet's cell, lift-off."""
 
@@ -121,7 +122,7 @@ class Pieces:
                    np.concatenate([ends, stop[mixed]]))
 
 
-def along(values: FloatArray, of: IntArray, s: FloatArray) -> FloatArray:
+def along(values: Values, of: IntArray, s: FloatArray) -> Values:
     """values (P, 2) of overlaps `of` at s, both (N,) or (N, q)."""
     v = values[of]
     if s.ndim == 2:

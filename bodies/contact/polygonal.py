@@ -9,13 +9,13 @@ from pydantic import Field
 from sparsemor.bodies.any_body import AnyBody
 from sparsemor.bodies.body_part import PlanarBody
 from sparsemor.bodies.contact.near import Near
-from sparsemor.bodies.contact.part import ContactPart
+from sparsemor.bodies.contact.planar_part import PlanarContact
 from sparsemor.bodies.contact.quadrature import enough_points, gauss
 from sparsemor.bodies.contact.spatial import quadrature as triangles
 from sparsemor.bodies.contact.spatial import start as spatial_start
 from sparsemor.bodies.contact.spatial.part import SpatialContact
 from sparsemor.bodies.contact.spatial.surface import Surface as SpatialSurface
-from sparsemor.bodies.contact.start import check_start
+from sparsemor.bodies.contact.start import check_start, deepest
 from sparsemor.bodies.contact.surface import Surface
 from sparsemor.bodies.contact.tractions import Interface
 from sparsemor.bodies.spatial.body import SpatialBody
@@ -60,7 +60,7 @@ class Polygonal(Plugin):
     """Part of the resultants that quadrature may leave open, Gauss points being added until twice
     as many change less."""
 
-    def build(self, name: str, parts: Mapping[str, Part]) -> ContactPart | SpatialContact:
+    def build(self, name: str, parts: Mapping[str, Part]) -> PlanarContact | SpatialContact:
         first, second = self._bodies(parts)
         if first[0].name == second[0].name:
             raise InputError(f"both surfaces are on body {first[0].name!r}: contact of a body "
@@ -77,19 +77,19 @@ class Polygonal(Plugin):
         raise InputError(f"body {flat!r} is in the plane and body {solid!r} in space: give both "
                          "in the plane or both in space", "between")
 
-    def _planar(self, name: str, first: Surface, second: Surface) -> ContactPart:
-        check_start(first, second)
+    def _planar(self, name: str, first: Surface, second: Surface) -> PlanarContact:
+        check_start(first, second, deepest)
         rule = gauss(enough_points(self.normal, self.friction, self.tolerance))
         face = self._face(first.body, second.body, rule)
         # half a facet: farther in, the nearest facet is not the one that was crossed
         reach = 0.5 * float(min(first.sizes.min(), second.sizes.min()))
-        return ContactPart(name, first, second, face, Near.of(first, second, reach), reach,
+        return PlanarContact(name, first, second, face, Near.of(first, second, reach), reach,
                            self.surfaces == "deformed", self.heat is not None)
 
     def _spatial(
         self, name: str, first: SpatialSurface, second: SpatialSurface
     ) -> SpatialContact:
-        spatial_start.check_start(first, second)
+        check_start(first, second, spatial_start.deepest)
         rule = triangles.triangle_rule(
             triangles.enough_points(self.normal, self.friction, self.tolerance))
         face = self._face(first.body, second.body, rule)

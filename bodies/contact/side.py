@@ -1,16 +1,22 @@
 """One of the two surfaces of a contact as the term sees it: unknowns in, positions out."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
 
+from sparsemor.bodies.contact.numbers import (
+    Held,
+    elastic_numbers,
+    found_in,
+    picked,
+    renumbered,
+    thermal_numbers,
+)
 from sparsemor.bodies.contact.surface import Surface
 from sparsemor.bodies.planar.motion import ComplexArray
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.layout import Layout
-from sparsemor.core.separable import Amplitude
 from sparsemor.core.stage import FrameHistory
 
 
@@ -27,23 +33,20 @@ class Places:
         """Global numbers of the blocks that are asked for."""
         body, nodes = surface.body, surface.nodes
         rigid = body.position(layout, "rigid") if frame else np.zeros(0, np.int64)
-        at_u = np.full(2 * len(body.X), -1)
-        if u and body.elasticity is not None:
-            at_u[body.elasticity.free] = body.position(layout, "elastic")
-        at_T = np.full(len(body.X), -1)
-        if T and body.heat is not None:
-            at_T[body.heat.free] = body.position(layout, "thermal")
-        return cls(rigid if len(rigid) else np.full(3, -1), at_u.reshape(-1, 2)[nodes], at_T[nodes])
+        n = len(nodes)
+        return cls(rigid if len(rigid) else np.full(3, -1),
+                   elastic_numbers(body, layout, nodes) if u else np.full((n, 2), -1),
+                   thermal_numbers(body, layout, nodes) if T else np.full(n, -1))
 
-    def found_in(self, sorted_numbers: IntArray) -> Self:
+    def found_in(self, among: IntArray) -> Self:
         """The same places counted in a sorted list of numbers; -1 where the list lacks them."""
-        def find(numbers: IntArray) -> IntArray:
-            if not len(sorted_numbers):
-                return np.full(numbers.shape, -1)
-            at = np.minimum(np.searchsorted(sorted_numbers, numbers), len(sorted_numbers) - 1)
-            return np.where((numbers >= 0) & (sorted_numbers[at] == numbers), at, -1)
+        return replace(self, frame=found_in(self.frame, among), u=found_in(self.u, among),
+                       T=found_in(self.T, among))
 
-        return replace(self, frame=find(self.frame), u=find(self.u), T=find(self.T))
+    def kept(self, keep: IntArray, size: int) -> Self:
+        """The same places, of a list of `size`, in the list of those that are kept."""
+        return replace(self, frame=renumbered(self.frame, keep, size),
+                       u=renumbered(self.u, keep, size), T=renumbered(self.T, keep, size))
 
     def all(self) -> IntArray:
         """Those that are somewhere."""
@@ -69,13 +72,13 @@ class Points:
 @dataclass(frozen=True, slots=True, eq=False)
 class Side:
     """columns: where the unknowns are among the term's columns; rows: among its rows. motion: of
-    the frame, when it is told; given: (points, T(t)) of temperatures that are no unknowns."""
+    the frame, when it is told."""
 
     surface: Surface
     columns: Places
     rows: Places
     motion: FrameHistory | None
-    given: Sequence[tuple[IntArray, Amplitude]]
+    held: Held
 
     @classmethod
     def of(
@@ -84,17 +87,14 @@ class Side:
     ) -> Self:
         """Places are still global numbers. moves: the frame's unknowns take part."""
         places = Places.of(surface, layout, moves, deforms, conducts)
-        heat = surface.body.heat
-        held = () if heat is None or not conducts else tuple(
-            (np.flatnonzero(np.isin(surface.nodes, at)), f.value) for at, f in heat.prescribed)
+        held = Held.of(surface.body, surface.nodes) if conducts else Held()
         return cls(surface, places, places, motion, held)
 
     def some(self, chosen: IntArray) -> "Side":
         """The same with some of the facets; places stay what they are."""
         surface, used = self.surface.some(chosen)
         columns, rows = (replace(p, u=p.u[used], T=p.T[used]) for p in (self.columns, self.rows))
-        given = [(np.flatnonzero(np.isin(used, at)), f) for at, f in self.given]
-        return Side(surface, columns, rows, self.motion, given)
+        return Side(surface, columns, rows, self.motion, self.held.some(used))
 
     def points(self, x: FloatArray, v: FloatArray, t: float) -> Points:
         """At unknowns and rates x, v (n,) of the term's columns."""
@@ -113,18 +113,7 @@ class Side:
             slide = e * _pairs(v, at.u)
         slide = slide + 1j * spin * r
         return Points(R, e, spin, r, R + r, complex(rate[0], rate[1]) + slide, slide,
-                      self._temperature(x, t))
-
-    def _temperature(self, x: FloatArray, t: float) -> FloatArray:
-        T = picked(x, self.columns.T)
-        for at, function in self.given:
-            T[at] = function(t)
-        return T
-
-
-def picked(x: FloatArray, at: IntArray) -> FloatArray:
-    """x at places `at`, 0 where a place is -1: nowhere."""
-    return np.where(at >= 0, x[at], 0.0) if len(x) else np.zeros(at.shape)
+                      self.held.filled(picked(x, at.T), t))
 
 
 def _pairs(x: FloatArray, at: IntArray) -> ComplexArray:

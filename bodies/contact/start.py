@@ -1,10 +1,12 @@
 """Whether two surfaces can begin as they are placed."""
 
-from typing import NoReturn
+from collections.abc import Callable
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 
 from sparsemor.bodies.body_part import PlanarBody
+from sparsemor.bodies.contact.facets import Facets
 from sparsemor.bodies.contact.projection import nearest
 from sparsemor.bodies.contact.surface import Surface, plane
 from sparsemor.bodies.mesh.simplices import boundary
@@ -12,34 +14,41 @@ from sparsemor.bodies.planar.motion import ComplexArray
 from sparsemor.core.arrays import BoolArray, FloatArray
 from sparsemor.core.errors import InputError
 
+S = TypeVar("S", bound=Facets[Any])
 OVERLAP = 0.1
 """Largest penetration at the start, as a share of the smallest facet of both surfaces."""
 
 
-def check_start(first: Surface, second: Surface) -> None:
+Deepest: TypeAlias = Callable[[S, S, float], tuple[FloatArray, float] | None]
+"""(one, other, allowed) -> the point (d,) of the surface `one` that is deepest inside the other
+body, and its depth, m; None where none is deeper than allowed."""
+
+
+def check_start(first: S, second: S, deepest: Deepest[S]) -> None:
     """InputError (key `between`) when a point of either surface is inside the other body by more
     than `OVERLAP` of the smallest facet."""
     size = float(min(first.sizes.min(), second.sizes.min()))
     for one, other in ((first, second), (second, first)):
-        z = placed(one.body, one.X)
-        inside = np.flatnonzero(within(other.body, z))
-        if not len(inside):
+        found = deepest(one, other, OVERLAP * size)
+        if found is None:
             continue
-        depth = distance(z[inside], other)
-        worst = int(np.argmax(depth))
-        if depth[worst] > OVERLAP * size:
-            at = z[inside[worst]]
-            overlapping(one.body.name, other.body.name, np.array([at.real, at.imag]),
-                        float(depth[worst]), size)
+        place = ", ".join(f"{x:.6g}" for x in found[0])
+        a, b = one.body.name, other.body.name
+        raise InputError(
+            f"bodies {a!r} and {b!r} overlap at the start: a point of {a!r} at ({place}) m is "
+            f"{found[1]:.3g} m below the surface of {b!r}, more than {OVERLAP:g} of the smallest "
+            f"facet ({size:.3g} m); correct a pose", "between")
 
 
-def overlapping(one: str, other: str, at: FloatArray, depth: float, size: float) -> NoReturn:
-    """InputError: a point of body `one` at (d,) is `depth` below the surface of `other`, in m."""
-    place = ", ".join(f"{x:.6g}" for x in at)
-    raise InputError(
-        f"bodies {one!r} and {other!r} overlap at the start: a point of {one!r} at ({place}) m is "
-        f"{depth:.3g} m below the surface of {other!r}, more than {OVERLAP:g} of the smallest "
-        f"facet ({size:.3g} m); correct a pose", "between")
+def deepest(one: Surface, other: Surface, allowed: float) -> tuple[FloatArray, float] | None:
+    """See `Deepest`, in the plane."""
+    z = placed(one.body, one.X)
+    z = z[within(other.body, z)]
+    if not len(z):
+        return None
+    depth = distance(z, other)
+    worst = int(np.argmax(depth))
+    return (plane(z[worst]), float(depth[worst])) if depth[worst] > allowed else None
 
 
 def placed(body: PlanarBody, X: ComplexArray) -> ComplexArray:

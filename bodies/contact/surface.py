@@ -1,5 +1,6 @@
 """A surface of a planar body, ready for contact: facets in the complex plane and their cells."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -8,24 +9,14 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from sparsemor.bodies.body_part import PlanarBody
+from sparsemor.bodies.contact.facets import Facets
 from sparsemor.bodies.planar.motion import ComplexArray
 from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True, eq=False)
-class Surface:
-    """nodes (n,): sorted point numbers of the body; facets (F, 2): positions in `nodes`, ordered
-    so that the body is on the left of a -> b."""
-
-    body: PlanarBody
-    nodes: IntArray
-    facets: IntArray
-
-    @classmethod
-    def of(cls, body: PlanarBody, facets: IntArray) -> "Surface":
-        """facets (F, 2): point numbers, outward ordered (fe/surface.py)."""
-        nodes = np.unique(facets)
-        return cls(body, nodes, np.searchsorted(nodes, facets))
+class Surface(Facets[PlanarBody]):
+    """Facets (F, 2): the body is on the left of a -> b."""
 
     @cached_property
     def X(self) -> ComplexArray:
@@ -71,13 +62,8 @@ class Surface:
         is_open = np.stack([before, after], axis=1) < 0
         return np.asarray(is_open | (np.abs(self.turns) > 1e-12))
 
-    def some(self, chosen: IntArray) -> tuple["Surface", IntArray]:
-        """Some of the facets with the cells that they have among all, and which nodes are theirs.
-        """
-        used = np.unique(self.facets[chosen])
-        part = Surface(self.body, self.nodes[used], np.searchsorted(used, self.facets[chosen]))
-        part.__dict__.update(turns=self.turns[chosen], bent=self.bent[chosen], radius=self.radius)
-        return part, used
+    def _cells_of(self, chosen: IntArray) -> Mapping[str, Any]:
+        return {"turns": self.turns[chosen], "bent": self.bent[chosen]}
 
     @cached_property
     def _neighbours(self) -> tuple[IntArray, IntArray]:

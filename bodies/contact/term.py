@@ -1,23 +1,22 @@
-"""Contact of two surfaces as a local term of the equations."""
+"""Contact of two surfaces in the plane as a local term of the equations."""
 
 from dataclasses import dataclass, replace
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from scipy.sparse import csr_array
 
 from sparsemor.bodies.contact.doubt import too_deep
-from sparsemor.bodies.contact.follow import FollowedContact
 from sparsemor.bodies.contact.near import Near
+from sparsemor.bodies.contact.numbers import picked
 from sparsemor.bodies.contact.pace import Mover
 from sparsemor.bodies.contact.pieces import Overlaps, Pairs, Pieces
 from sparsemor.bodies.contact.resultants import HISTORIES, Resultants
-from sparsemor.bodies.contact.side import Points, Side, picked
+from sparsemor.bodies.contact.side import Places, Points, Side
 from sparsemor.bodies.contact.surface import plane, tree_of
+from sparsemor.bodies.contact.surface_term import SurfaceTerm, every
 from sparsemor.bodies.contact.tractions import Interface, Slopes, as_real, nodal
-from sparsemor.bodies.local import CompressedLocal
 from sparsemor.core.arrays import BoolArray, Csr, FloatArray, IntArray
-from sparsemor.core.protocols import Trial
 
 ENDS = 14
 """Unknowns of a pair besides temperatures: two frames, two displacements at each of four ends."""
@@ -36,23 +35,11 @@ class _Touch:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ContactTerm:
-    """Rows: minus the generalized forces, and minus the heat, of what acts between two surfaces.
-
-    deforms: points move with the displacements, so that facets are looked for where they are;
-    reach: deepest penetration (m) that is trusted; active: facets (F,) of each surface that are
-    evaluated (against all of the other).
+class ContactTerm(SurfaceTerm[Side]):
+    """In the plane: each piece of an overlap with the 14 unknowns, and 4 temperatures, of its ends.
     """
 
-    rows: IntArray
-    columns: IntArray
-    sides: tuple[Side, Side]
-    face: Interface
-    near: Near
-    deforms: bool
-    reach: float
-    active: tuple[BoolArray, BoolArray]
-    source: str = ""
+    RESULTANTS: ClassVar[tuple[str, ...]] = HISTORIES
 
     @classmethod
     def of(
@@ -62,15 +49,7 @@ class ContactTerm:
         columns = np.unique(np.concatenate([s.columns.all() for s in sides]))
         first, second = (replace(s, columns=s.columns.found_in(columns),
                                  rows=s.rows.found_in(columns)) for s in sides)
-        every = [np.ones(len(s.surface.facets), bool) for s in sides]
-        return cls(columns, columns, (first, second), face, near, deforms, reach,
-                   (every[0], every[1]))
-
-    @property
-    def elements(self) -> int:
-        """Facets of the first surface that are evaluated, each against those near it."""
-        first, second = (int(a.sum()) for a in self.active)
-        return min(len(self.active[0]), first + second)
+        return cls(columns, columns, (first, second), face, near, deforms, reach, every(sides))
 
     # ------------------------------------------------------------------ evaluation
 
@@ -82,10 +61,7 @@ class ContactTerm:
         else:  # in the second body's axes its tree never changes
             middles = ((a.z - b.R) * np.conj(b.e))[first.facets].mean(axis=1)
             tree = second.tree
-        f, g = self.near.pairs(plane(middles), tree)
-        if not (self.active[0].all() or self.active[1].all()):
-            wanted = self.active[0][f] | self.active[1][g]
-            f, g = f[wanted], g[wanted]
+        f, g = self._pairs(plane(middles), tree)
         i, j = first.facets[f], second.facets[g]
         pairs = Pairs(np.concatenate([a.z[i], b.z[j]], axis=1),
                       np.concatenate([a.rate[i], b.rate[j]], axis=1), second.turns[g])
@@ -142,34 +118,20 @@ class ContactTerm:
         u = np.concatenate([a.u[i].reshape(n, 4), b.u[j].reshape(n, 4)], axis=1)
         return np.concatenate([frames, u, a.T[i], b.T[j]], axis=1)
 
-    def doubt(self, x: FloatArray, v: FloatArray, t: float, h: float) -> str:
-        """Why the state at the end of a step of about h (s) is not to be trusted; "" if it is."""
+    def _too_deep(self, x: FloatArray, v: FloatArray, t: float, h: float) -> float:
         a, b = (s.points(x, v, t) for s in self.sides)
         first, second = (s.surface for s in self.sides)
-        depth = too_deep(first, second, a, b, h, self.reach, self.near)
-        if depth == 0.0:
-            return ""
-        return (f"contact {self.source}: a point of {first.body.name} went {depth:.2g} m below the "
-                f"surface of {second.body.name}, more than half the smallest facet "
-                f"({self.reach:.2g} m): the step is too long for this contact, or its foundation "
-                "too soft")
-
-    @property
-    def histories(self) -> tuple[str, ...]:
-        """Names of the resultants that this term knows: none where it leaves facets out."""
-        return HISTORIES if self.active[0].all() or self.active[1].all() else ()
+        return too_deep(first, second, a, b, h, self.reach, self.near)
 
     def resultants(self, x: FloatArray, v: FloatArray, t: float) -> dict[str, float]:
-        """The contact at one moment: see `Resultants`."""
         now, summed = self._touch(x, v, t), Resultants(1)
         summed.add(np.zeros(len(now.pieces.of), np.int64), now.overlaps, now.pieces, self.face)
         return {name: float(value[0]) for name, value in summed.found().items()}
 
     # ------------------------------------------------------------------ reduction
 
-    def restrict(self, keep: IntArray) -> "ContactTerm":
-        """Only facets that touch the kept rows, and what those and their partners read."""
-        rows = tuple(_kept(s.rows, keep, len(self.rows)) for s in self.sides)
+    def restrict(self, keep: IntArray) -> Self:
+        rows = tuple(s.rows.kept(keep, len(self.rows)) for s in self.sides)
         whole = any((r.frame >= 0).any() for r in rows)
         active = [a if whole else a & _touched(s, r)
                   for a, s, r in zip(self.active, self.sides, rows, strict=True)]
@@ -193,21 +155,15 @@ class ContactTerm:
 
     @property
     def movers(self) -> tuple[Mover, Mover]:
-        """Both surfaces, their unknowns among the columns."""
         first, second = (Mover(plane(s.surface.X), s.surface.facets, s.columns.frame, s.columns.u)
                          for s in self.sides)
         return first, second
 
     def points(self, x: FloatArray, t: float) -> tuple[FloatArray, FloatArray] | None:
-        """(n1, 2), (n2, 2) in space, m; None where they are not finite."""
         first, second = (plane(s.points(x, 0.0 * x, t).z) for s in self.sides)
         return (first, second) if np.isfinite(first).all() and np.isfinite(second).all() else None
 
-    def among(
-        self, first: IntArray, second: IntArray
-    ) -> tuple["ContactTerm", IntArray, IntArray]:
-        """The contact of some facets of either surface with each other alone, and which of the
-        columns and of the rows are theirs."""
+    def among(self, first: IntArray, second: IntArray) -> tuple[Self, IntArray, IntArray]:
         sides = [s.some(chosen) for s, chosen in zip(self.sides, (first, second), strict=True)]
         columns, rows = (np.unique(np.concatenate(found)) for found in (
             [s.columns.all() for s in sides], [s.rows.all() for s in sides]))
@@ -217,19 +173,8 @@ class ContactTerm:
         return replace(self, rows=self.rows[rows], columns=self.columns[columns], sides=(a, b),
                        active=active), columns, rows
 
-    def compress(self, trial: Trial, left: FloatArray) -> CompressedLocal | FollowedContact:
-        local = CompressedLocal.of(self, trial, left)
-        return FollowedContact.of(local) if self.deforms and local.elements else local
 
-
-def _kept(places: Any, keep: IntArray, size: int) -> Any:
-    new = np.full(size + 1, -1)
-    new[keep] = np.arange(len(keep))
-    new[-1] = -1
-    return replace(places, frame=new[places.frame], u=new[places.u], T=new[places.T])
-
-
-def _touched(side: Side, rows: Any) -> BoolArray:
+def _touched(side: Side, rows: Places) -> BoolArray:
     hot = (rows.u >= 0).any(axis=1) | (rows.T >= 0)
     return np.asarray(hot[side.surface.facets].any(axis=1))
 

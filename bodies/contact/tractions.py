@@ -65,7 +65,7 @@ class Samples:
         z = o.pairs.z[of]
         e = z[:, 3:] - z[:, 2:3]
         t = e / np.abs(e)
-        zeta = along(o.pairs.zeta(), of, s)  # type: ignore[arg-type]
+        zeta = along(o.pairs.zeta(), of, s)
         depth, sink, slip = (along(v, of, s) for v in (o.depth, o.sink, o.slip))
         depth = np.maximum(depth, 0.0)
         p, p_depth, p_sink = face.normal.pressure(depth, sink)

@@ -1,17 +1,16 @@
 """Constraints between attachments: what a built joint is."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
+from sparsemor.bodies.any_body import AnyBody
 from sparsemor.bodies.body_part import PlanarBody
-from sparsemor.bodies.linear_term import LinearEquations, LinearTerm
+from sparsemor.bodies.joints.constraint import Constraint
 from sparsemor.bodies.planar.items import Reaction
 from sparsemor.bodies.targets import Target
-from sparsemor.core.arrays import FloatArray
-from sparsemor.core.layout import Block, Layout
-from sparsemor.core.protocols import Part, Term
+from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core.layout import Layout
+from sparsemor.core.protocols import Term
 from sparsemor.core.separable import Amplitude
 from sparsemor.core.tables import Table
 
@@ -30,12 +29,10 @@ class End:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class JointPart:
-    """Rows sum_i C_i (position, angle of attachment i) - targets(t) = 0, with l multipliers.
+class JointPart(Constraint):
+    """In the plane: sum_i C_i (position, angle of attachment i), i over the ends.
 
-    A multiplier is a force (N) or moment (N m). localized: its rows are kept when rows are
-    sampled, because a joint's reaction acts on few unknowns. reactions: multipliers (T, l) that are
-    known: then they are forces on each side, and there is neither an unknown nor a constraint.
+    A multiplier is a force (N) or moment (N m); so are reactions: multipliers (T, l).
     """
 
     name: str
@@ -49,33 +46,18 @@ class JointPart:
         return replace(self, reactions=reactions)
 
     @property
-    def inert(self) -> bool:
-        """Whether no unknown could satisfy its constraints: in a rigid stage, a joint of bodies
-        that do not move there. The flexible stage then has it as a constraint."""
-        bodies = [end.target.body for end in self.ends]
-        return not any(b.moves or b.elasticity is not None for b in bodies)
+    def bodies(self) -> Sequence[AnyBody]:
+        return [end.target.body for end in self.ends]
 
-    def blocks(self) -> Sequence[Block]:
-        if self.reactions is not None or self.inert:
-            return ()
-        return [Block(self.name, "multiplier", len(self.targets))]
-
-    def terms(self, layout: Layout, parts: Mapping[str, Part]) -> Sequence[Term]:
-        if self.inert:
-            return []
-        if self.reactions is not None:
-            return [_reaction(end, self.reactions, layout) for end in self.ends]
-        lam = np.arange(layout.size)[layout[f"{self.name}.multiplier"]]
+    def _holding(self, layout: Layout, multipliers: IntArray) -> Sequence[Term]:
         terms: list[Term] = []
         for end in self.ends:
-            body = end.body
-            item, vectors = body.attachment(end.target.mean(), end.C.shape[1] == 3)
-            terms.append(body.frame_term(layout, item, vectors, lam, end.C))
-        n = len(self.targets)
-        empty = np.zeros((n, 0))
-        terms.append(LinearTerm(self.name, lam, np.zeros(0, np.int64), LinearEquations(
-            empty, empty, np.zeros(n), np.eye(n), self.targets)))
+            item, vectors = end.body.attachment(end.target.mean(), end.C.shape[1] == 3)
+            terms.append(end.body.frame_term(layout, item, vectors, multipliers, end.C))
         return terms
+
+    def _acting(self, layout: Layout, reactions: Table) -> Sequence[Term]:
+        return [_reaction(end, reactions, layout) for end in self.ends]
 
 
 def _reaction(end: End, multipliers: Table, layout: Layout) -> Term:

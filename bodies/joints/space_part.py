@@ -5,16 +5,17 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from sparsemor.bodies.any_body import AnyBody
 from sparsemor.bodies.body import NO_NUMBERS
+from sparsemor.bodies.joints.constraint import Constraint
 from sparsemor.bodies.joints.sides import Side
 from sparsemor.bodies.joints.wrench import SIZE, wrenches
-from sparsemor.bodies.linear_term import LinearEquations, LinearTerm
 from sparsemor.bodies.spatial import nodal
 from sparsemor.bodies.spatial.body import SpatialBody
 from sparsemor.bodies.spatial.items import Attachment, Item, Reaction
-from sparsemor.core.arrays import FloatArray
-from sparsemor.core.layout import Block, Layout
-from sparsemor.core.protocols import Part, Term
+from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core.layout import Layout
+from sparsemor.core.protocols import Term
 from sparsemor.core.separable import Amplitude
 from sparsemor.core.tables import Table
 
@@ -32,12 +33,11 @@ class Condition:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SpaceJoint:
-    """Rows: sum of the conditions - targets(t) = 0, with as many multipliers: forces on the first
-    side (N, space axes), then moments (N m) or forces across the lines (N). adjusted: a frame
-    without mass between two flexible bodies; the rows of its weld come last. sides: those with a
-    body; reactions: force and moment (wrench.py) on each of them that are known: then they act,
-    and there is neither an unknown nor a constraint."""
+class SpaceJoint(Constraint):
+    """In space: the sum of the conditions. Multipliers are forces on the first side (N, space
+    axes), then moments (N m) or forces across the lines (N). adjusted: a frame without mass between
+    two flexible bodies; the rows of its weld come last. sides: those with a body; reactions: force
+    and moment (wrench.py) on each of them."""
 
     name: str
     sides: tuple[Side, ...]
@@ -63,32 +63,19 @@ class SpaceJoint:
         return replace(self, reactions=reactions, adjusted={})
 
     @property
-    def inert(self) -> bool:
-        """Whether no unknown could satisfy its constraints (as JointPart.inert)."""
-        bodies = [side.body for side in self.sides if side.body is not None]
-        return not any(b.moves or b.elasticity is not None for b in bodies)
+    def bodies(self) -> Sequence[AnyBody]:
+        return [side.body for side in self.sides if side.body is not None]
 
-    def blocks(self) -> Sequence[Block]:
-        if self.reactions is not None or self.inert:
-            return ()
-        return [Block(self.name, "multiplier", len(self.targets))]
-
-    def terms(self, layout: Layout, parts: Mapping[str, Part]) -> Sequence[Term]:
-        if self.inert:
-            return []
-        if self.reactions is not None:
-            return [t for i, side in enumerate(self.sides)
-                    for t in self._reaction(layout, side, i, self.reactions)]
-        lam = np.arange(layout.size)[layout[f"{self.name}.multiplier"]]
+    def _holding(self, layout: Layout, multipliers: IntArray) -> Sequence[Term]:
         terms: list[Term] = []
         for c in self.conditions:
             read = np.arange(layout.size)[layout[f"{c.other}.rigid"]] if c.other else NO_NUMBERS
-            terms.append(c.body.frame_term(layout, c.item, c.vectors, lam, c.C, read))
-        n = len(self.targets)
-        empty = np.zeros((n, 0))
-        terms.append(LinearTerm(self.name, lam, np.zeros(0, np.int64), LinearEquations(
-            empty, empty, np.zeros(n), np.eye(n), self.targets)))
+            terms.append(c.body.frame_term(layout, c.item, c.vectors, multipliers, c.C, read))
         return terms
+
+    def _acting(self, layout: Layout, reactions: Table) -> Sequence[Term]:
+        return [t for i, side in enumerate(self.sides)
+                for t in self._reaction(layout, side, i, reactions)]
 
     def _reaction(
         self, layout: Layout, side: Side, number: int, reactions: Table

@@ -1,6 +1,7 @@
 """A box of tetrahedra."""
 
 from itertools import permutations, product
+from math import prod
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -8,7 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from sparsemor.core.arrays import IntArray
-from sparsemor.core.mesh import Mesh
+from sparsemor.core.mesh import Mesh, MeshSize
 from sparsemor.core.plugin import Plugin
 
 Positive = Annotated[float, Field(gt=0)]
@@ -35,9 +36,16 @@ class Block(Plugin):
     refine: float = Field(default=1.0, gt=0, le=100)
     """Factor on each of the divisions, rounded."""
 
+    def _divisions(self) -> list[int]:
+        return [max(1, round(n * self.refine)) for n in self.divisions]
+
+    def expected(self) -> MeshSize:
+        n = self._divisions()
+        return MeshSize(prod(k + 1 for k in n), 6 * prod(n), 3)
+
     def build(self, base: Path) -> Mesh:
         """The mesh; `base` is not used."""
-        divisions = [max(1, round(n * self.refine)) for n in self.divisions]
+        divisions = self._divisions()
         axes = [low + np.linspace(0.0, length, n + 1)
                 for low, length, n in zip(self.lower, self.size, divisions, strict=True)]
         points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=3).reshape(-1, 3)

@@ -6,11 +6,11 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field, model_validator
 
-from sparsemor.bodies.mesh.extrude import extrude
+from sparsemor.bodies.mesh.extrude import extrude, extruded
 from sparsemor.bodies.mesh.plan import interior_points, plan_mesh
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.errors import InputError
-from sparsemor.core.mesh import Mesh
+from sparsemor.core.mesh import Mesh, MeshSize
 from sparsemor.core.plugin import Plugin
 
 Positive = Annotated[float, Field(gt=0)]
@@ -65,6 +65,9 @@ class Disk(Plugin):
         rim = max(8, 4 * round(self.rim * self.refine / 4))
         half = max(round(self.triangles * self.refine**2 / 2), rim // 2 + len(self._fixed()))
         return rim, 2 * half, max(1, round(self.layers * self.refine))
+
+    def expected(self) -> MeshSize:
+        return extruded(*self.counts())
 
     def build(self, base: Path) -> Mesh:
         """The mesh; `base` is not used."""

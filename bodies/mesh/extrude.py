@@ -3,6 +3,7 @@
 import numpy as np
 
 from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core.mesh import MeshSize
 
 
 def extrude(
@@ -36,3 +37,8 @@ def _is_odd(rank: IntArray) -> IntArray:
     a, b, c = rank.T
     exchanges = (a > b).astype(np.int64) + (a > c) + (b > c)
     return np.flatnonzero(exchanges % 2 == 1)
+
+
+def extruded(outline: int, triangles: int, layers: int) -> MeshSize:
+    """Of a plan of so many triangles and points on its outline, pulled up in so many layers."""
+    return MeshSize((layers + 1) * (triangles + 2 + outline) // 2, 3 * triangles * layers, 3)

@@ -9,7 +9,7 @@ from pydantic import Field, field_validator, model_validator
 from sparsemor.bodies.mesh.quads import grid_quads, shorter_diagonal, split_quads
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.errors import InputError
-from sparsemor.core.mesh import Mesh
+from sparsemor.core.mesh import Mesh, MeshSize
 from sparsemor.core.plugin import Plugin
 
 REGULAR = 1280
@@ -59,6 +59,11 @@ class Link(Plugin):
                 "a link: the bore must be smaller than the height, the height than the length"
             )
         return self
+
+    def expected(self) -> MeshSize:
+        around, radial, along = self._quads()
+        rings, middle = 2 * (radial + 1) * 4 * around, (along - 1) * (around + 1)
+        return MeshSize(rings + middle, 2 * (8 * around * radial + around * along), 2)
 
     def build(self, base: Path) -> Mesh:
         """The mesh; `base` is not used."""

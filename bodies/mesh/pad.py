@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 from pydantic import Field, model_validator
 
-from sparsemor.bodies.mesh.extrude import extrude
+from sparsemor.bodies.mesh.extrude import extrude, extruded
 from sparsemor.bodies.mesh.plan import interior_points, plan_mesh
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.mesh import Mesh
+from sparsemor.core.mesh import Mesh, MeshSize
 from sparsemor.core.plugin import Plugin
 
 OUTER = np.array([[0.0, 0.135], [0.02, 0.135], [0.05, 0.13], [0.04, 0.105]])
@@ -48,6 +48,9 @@ class Pad(Plugin):
         outline = max(12, 2 * round(self.outline * self.refine / 2))
         half = max(round(self.triangles * self.refine**2 / 2), outline // 2)
         return outline, 2 * half, max(1, round(self.layers * self.refine))
+
+    def expected(self) -> MeshSize:
+        return extruded(*self.counts())
 
     def build(self, base: Path) -> Mesh:
         """The mesh; `base` is not used."""

@@ -8,7 +8,7 @@ from pydantic import Field
 
 from sparsemor.bodies.mesh.quads import checkerboard, grid_quads, split_quads
 from sparsemor.core.arrays import BoolArray, IntArray
-from sparsemor.core.mesh import Mesh
+from sparsemor.core.mesh import Mesh, MeshSize
 from sparsemor.core.plugin import Plugin
 
 Positive = Annotated[float, Field(gt=0)]
@@ -30,6 +30,10 @@ class Rectangle(Plugin):
     diagonal: Literal["uniform", "alternating"] = "uniform"
     """uniform: every quad from lower left to upper right; alternating: like a checkerboard, which
     has no preferred direction."""
+
+    def expected(self) -> MeshSize:
+        nx, ny = self.divisions
+        return MeshSize((nx + 1) * (ny + 1), 2 * nx * ny, 2)
 
     def build(self, base: Path) -> Mesh:
         """The mesh; `base` is not used."""

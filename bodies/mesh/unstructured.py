@@ -11,7 +11,7 @@ from scipy.spatial import Delaunay, QhullError
 from sparsemor.bodies.mesh.simplices import signed_measures
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.errors import InputError
-from sparsemor.core.mesh import Mesh
+from sparsemor.core.mesh import Mesh, MeshSize
 from sparsemor.core.plugin import Plugin
 
 Positive = Annotated[float, Field(gt=0)]
@@ -63,6 +63,10 @@ class Unstructured(Plugin):
     @property
     def _outline_points(self) -> int:
         return 2 * sum(self.divisions)
+
+    def expected(self) -> MeshSize:
+        cells, outline = self.elements * 4**self.refine, self._outline_points * 2**self.refine
+        return MeshSize((cells + 2 + outline) // 2, cells, 2)
 
     def build(self, base: Path) -> Mesh:
         """The mesh; `base` is not used. InputError (key `elements`) when the triangles would be

@@ -13,6 +13,7 @@ from sparsemor.core.arrays import BoolArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.model import Model, StepFactors
 from sparsemor.core.offline import Offline
+from sparsemor.core.products import Products
 from sparsemor.core.protocols import Basis, Dictionary, Integrator, State, StepSolver
 from sparsemor.core.registry import Registry
 from sparsemor.core.status import SolveFailed, Status
@@ -31,7 +32,7 @@ class _Given(Offline):
     """Offline products that are there already: these dictionaries."""
 
     def __init__(self, model: Model, dictionaries: Mapping[str, Dictionary]) -> None:
-        super().__init__(model, dict, "", None)
+        super().__init__(model, dict, "", Products(None))
         self._given = dictionaries
 
     def dictionary(

@@ -1,5 +1,6 @@
 """Random but repeatable inputs for the laws."""
 
+from collections.abc import Callable
 from dataclasses import fields, replace
 from typing import Any
 
@@ -7,6 +8,7 @@ import numpy as np
 from scipy import sparse
 
 from sparsemor.core.arrays import Csr, FloatArray
+from sparsemor.core.errors import InputError
 from sparsemor.core.path import path_rows, ring
 from sparsemor.core.protocols import BlockData, Dictionary
 from sparsemor.core.tables import LoadTable, Table
@@ -16,6 +18,17 @@ def law(holds: object, message: str) -> None:
     """An assert that python -O keeps."""
     if not holds:
         raise AssertionError(message)
+
+
+def refused(what: str, attempt: Callable[[], object]) -> None:
+    """AssertionError unless the attempt is refused with an InputError."""
+    try:
+        attempt()
+    except InputError:
+        return
+    except Exception as error:  # whatever else a plugin's code raises, the law is broken
+        raise AssertionError(f"{what}: expected an InputError, got {error!r}") from error
+    raise AssertionError(f"{what}: expected an InputError, but it was accepted")
 
 
 def random_block(rng: np.random.Generator, name: str = "body.field") -> BlockData:

@@ -5,27 +5,27 @@ from collections.abc import Sequence
 import numpy as np
 
 from sparsemor.core.arrays import FloatArray, IntArray
-from sparsemor.core.frames import unit_columns
-
-
-def oriented(A: FloatArray) -> FloatArray:
-    """A (n, k) with columns of length 1 whose entry of largest size is positive.
-
-    Of entries equal to 1e-8 the first decides, so that round-off does not turn a symmetric one.
-    """
-    size = np.abs(A)
-    first = (size >= (1.0 - 1e-8) * size.max(axis=0)).argmax(axis=0)
-    sign = np.where(A[first, np.arange(A.shape[1])] < 0.0, -1.0, 1.0)
-    return np.ascontiguousarray(unit_columns(A) * sign)
 
 
 def independent(A: FloatArray, rtol: float) -> tuple[IntArray, FloatArray]:
     """Numbers of the columns of A (n, k), unit, that add something to those before them, and
     what each of them adds: orthonormal columns (n, r) of the same span.
 
-    A column is left out when what earlier ones leave of it is at most `rtol` long. Twice is
-    enough (Giraud, Langou, Rozloznik 2005, doi 10.1016/j.camwa.2005.08.009).
+    A column is left out when what earlier ones leave of it is at most `rtol` long.
     """
+    n, k = A.shape
+    if 0 < k <= n:
+        # Householder: what is left of each column stands on the diagonal, where all were kept
+        Q, R = np.linalg.qr(A)
+        left = np.diagonal(R)
+        if np.abs(left).min() > 2.0 * rtol:
+            return np.arange(k), Q * np.where(left < 0.0, -1.0, 1.0)
+    return _one_by_one(A, rtol)
+
+
+def _one_by_one(A: FloatArray, rtol: float) -> tuple[IntArray, FloatArray]:
+    """The same where some are left out. Projecting twice is enough (Giraud, Langou, Rozloznik
+    2005, doi 10.1016/j.camwa.2005.08.009)."""
     Q, kept = np.zeros(A.shape), list[int]()
     for i, a in enumerate(A.T):
         basis = Q[:, : len(kept)]
@@ -48,9 +48,10 @@ def merge(
     """
     kept: list[int] = []
     absorbed: dict[int, list[str]] = {}
+    all_cosines = A.T @ A
     for i, a in enumerate(A.T):
         if kept:
-            cosines = A[:, kept].T @ a
+            cosines = all_cosines[kept, i]
             nearest = int(np.abs(cosines).argmax())
             b = kept[nearest]
             if np.linalg.norm(a - cosines[nearest] * A[:, b]) <= tolerance:

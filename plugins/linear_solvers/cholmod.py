@@ -1,6 +1,6 @@
 """Cholesky factors by CHOLMOD of SuiteSparse."""
 
-from typing import Literal
+from typing import ClassVar, Literal
 
 from scipy.sparse import csc_matrix
 
@@ -19,6 +19,8 @@ class Cholmod(Plugin):
     Needs the extra `cholmod`: scikit-sparse, built against SuiteSparse (libsuitesparse-dev). Chen,
     Davis, Hager and Rajamanickam 2008, doi 10.1145/1391989.1391995.
     """
+
+    direct: ClassVar[bool] = True
 
     ordering: Literal["default", "amd", "metis", "nesdis"] = "default"
     """Elimination order; default lets CHOLMOD try several."""

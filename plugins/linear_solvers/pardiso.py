@@ -2,7 +2,7 @@
 
 import weakref
 from copy import copy
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from scipy.sparse import csr_matrix, triu
@@ -25,6 +25,8 @@ class Pardiso(Plugin):
     Needs the extra `pardiso`, about 1 GB of Intel's libraries; MKL_NUM_THREADS says how many
     threads. Schenk and Gaertner 2004, doi 10.1016/j.future.2003.07.011.
     """
+
+    direct: ClassVar[bool] = True
 
     def factorize(self, A: Csr, places: Places | None = None) -> Solved:
         require("pypardiso", "pardiso", "pardiso")

@@ -1,7 +1,7 @@
 """Sparse LU of SciPy (SuperLU), told that the matrix is symmetric positive definite."""
 
 from collections.abc import Callable
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from scipy.sparse import csc_array
@@ -29,6 +29,8 @@ class Splu(Plugin):
 
     Demmel, Eisenstat, Gilbert, Li and Liu 1999, doi 10.1137/S0895479895291765.
     """
+
+    direct: ClassVar[bool] = True
 
     ordering: Literal["best", "dissection", "minimum_degree", "columns"] = "best"
     """Order of elimination: nested dissection of the nodes' positions; minimum degree on the

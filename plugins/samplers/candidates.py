@@ -39,21 +39,15 @@ def free_rows(n: int, m: int, required: IntArray, name: str) -> BoolArray:
 
 
 def sample_rows(
-    draw: Draw,
-    coordinates: FloatArray,
-    m: int,
-    required: IntArray,
-    unit: Unit,
-    rng: np.random.Generator,
-    name: str,
+    draw: Draw, block: BlockData, m: int, kept: IntArray, unit: Unit, rng: np.random.Generator
 ) -> IntArray:
-    """`required` and m rows more, sorted. coordinates (n, d): node of each row, m."""
-    free = free_rows(coordinates.shape[0], m, required, name)
+    """The rows that are kept and m more, sorted."""
+    free = free_rows(block.size, m, kept, block.name)
     candidates = np.flatnonzero(free)
     if unit == "dof":
         chosen = candidates[draw(candidates.size, m, rng)]
     else:
-        chosen = candidates[_whole_nodes(draw, coordinates[candidates], m, rng)]
+        chosen = candidates[_whole_nodes(draw, block.coordinates[candidates], m, rng)]
     return np.union1d(np.flatnonzero(~free), chosen)
 
 

@@ -8,23 +8,17 @@ from pydantic import Field
 
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.errors import InputError
-from sparsemor.core.plugin import Plugin
 from sparsemor.core.protocols import BlockData, Dictionary
-from sparsemor.plugins.samplers.candidates import Required, Rows, Unit, free_rows, kept_rows
+from sparsemor.plugins.samplers.candidates import Rows, free_rows
 from sparsemor.plugins.samplers.factor import EPS
+from sparsemor.plugins.samplers.row_sampler import RowSampler
 
 Of = Literal["operator", "atoms"]
 
 
-class SpanSampler(Plugin):
+class SpanSampler(RowSampler):
     """Options and frame of all samplers that look at the atoms; a subclass fills `choose`."""
 
-    required: Required = True
-    """Keep the rows that carry joints and localized loads (`ring`: and those of all elements along
-    the path of loads that move), and choose the others given that they are there. False treats
-    them like any other row."""
-    unit: Unit = "dof"
-    """`dof` takes single rows; `node` takes the rows of a node together."""
     of: Of = "operator"
     """Vectors whose rows are compared: `operator` is what the sampled equations see, D atoms with
     the operator D of a step; `atoms` takes the atoms themselves."""
@@ -33,17 +27,11 @@ class SpanSampler(Plugin):
     capacity / h for temperatures. Left out: the operator of the scene's own step and integrator.
     A tenth or ten times the true one serves nearly as well."""
 
-    def sample(
-        self,
-        block: BlockData,
-        m: int,
-        dictionary: Dictionary,
+    def rows_beside(
+        self, kept: IntArray, block: BlockData, m: int, dictionary: Dictionary,
         rng: np.random.Generator,
-        required: IntArray,
     ) -> IntArray:
-        """Sorted distinct rows: the required ones and m more. InputError when there are fewer."""
-        forced = kept_rows(self.required, block, required)
-        free = free_rows(block.size, m, forced, block.name)
+        free = free_rows(block.size, m, kept, block.name)
         rows = Rows.of(block.coordinates, free, m, self.unit)
         self.choose(orthonormal(self._vectors(block, dictionary), block.name), rows, rng)
         return rows.numbers()

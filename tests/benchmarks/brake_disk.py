@@ -19,15 +19,23 @@ from typing import Any
 import brake_projections
 import common  # noqa: F401  # before NumPy: it limits linear algebra to one thread
 import report
-from slider import _file, _max, one, run, worst
+from method_runs import (
+    MEANINGS,
+    STOPPED,
+    elsewhere_columns,
+    one,
+    over_seeds,
+    run,
+    seeds_told,
+    worst,
+)
+from method_runs import file_name as _file
 
 from sparsemor.core.results import RunResult
 from sparsemor.core.run_facts import run_facts
 from sparsemor.core.scene import Scene, load
 
 BLOCKS = ("disk.elastic", "pad.elastic", "disk.thermal", "pad.thermal")
-STOPPED = 1e300
-"""Stands for the error of a run that stopped before there was one."""
 POD = {"basis": {"use": "pod", "count": 100}, "bases": {"pad.*": {"use": "pod", "count": 20}}}
 FEW_POD = {"basis": {"use": "pod", "count": 40}, "bases": {
     "disk.elastic": {"use": "pod", "count": 30}, "pad.*": {"use": "pod", "count": 10}}}
@@ -123,11 +131,7 @@ ELSEWHERE = ("recommended", "galerkin, POD 200", "galerkin, POD and training-fre
 def fill(out: report.Report, given: argparse.Namespace) -> None:
     out.settings |= {
         "scene": "brake_disk: 10 344 and 900 tetrahedra, 1200 steps of 1 ms, bdf1",
-        "start-up": "largest error in the first 2 % of the steps; steady: in the rest",
-        "errors": "of a field: relative to its largest change; joint: of all unknowns, "
-                  "relative to their norm at the same time, as the paper defines it",
-        "seeds": f"1 to {given.seeds} where rows are drawn; worst seed, and how many stopped",
-        "ms": "median of a step, and how often full order takes that"}
+        "seeds": seeds_told(given.seeds), **MEANINGS}
     base = load("brake_disk", given.small)
     folder = Path(tempfile.mkdtemp(prefix="brake-"))
     every = not (given.inside or given.outside or given.projections)
@@ -149,11 +153,7 @@ def inside(out: report.Report, given: argparse.Namespace, base: Scene, folder: P
     table.add(method="full", ms=run_facts(truth).ms_per_step)
     for name in chosen(given, list(methods())):
         options, drawn = methods()[name]
-        rows = []
-        for seed in range(1, (given.seeds if drawn else 1) + 1):
-            scene = base.using({"reducer": options, "seed": seed})
-            rows.append(one(scene, truth, folder / _file(f"{name}-{seed}"), BLOCKS))
-            report.progress(f"{name}, seed {seed}: {rows[-1]}")
+        rows = over_seeds(base, truth, folder, BLOCKS, name, options, given.seeds if drawn else 1)
         table.add(method=name, **worst(rows))
         if name == "recommended":
             top = max(largest(r) for r in rows)
@@ -168,11 +168,7 @@ def elsewhere(out: report.Report, given: argparse.Namespace, base: Scene, folder
         for name in chosen(given, ELSEWHERE):
             reduced = scene.using({"reducer": methods()[name][0], **training})
             row = one(reduced, truth, folder / _file(f"{case}-{name}"), BLOCKS)
-            table.add(case=case, method=name, joint=_max(row["joint start-up"],
-                                                         row["joint steady"]),
-                      **{b: _max(row[f"{b} start-up"], row[f"{b} steady"]) for b in BLOCKS},
-                      ms=row["ms"], speed_up=row["speed_up"], offline_s=row["offline_s"],
-                      atoms=row["atoms"], status=row["status"])
+            table.add(case=case, method=name, **elsewhere_columns(row, BLOCKS))
             report.progress(f"{case}: {table.rows[-1]}")
             if name == "recommended":
                 out.at_most(f"recommended, {case}: worst field", largest(row), 1e-3)

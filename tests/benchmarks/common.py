@@ -26,6 +26,7 @@ from sparsemor.core.hooks import new_manager
 from sparsemor.core.initial import consistent_state
 from sparsemor.core.model import Model
 from sparsemor.core.offline import Offline, offline_of
+from sparsemor.core.products import Products
 from sparsemor.core.protocols import State, StepSolver
 from sparsemor.core.scene import Scene, load
 from sparsemor.core.status import SolveFailed
@@ -183,7 +184,7 @@ class Case:
     def of(cls, scene: Scene, steps: int | None = None) -> "Case":
         """Training run through the cache; one training run and one basis serve every seed."""
         model = assemble(scene)
-        offline = offline_of(scene, model, Cache(), new_manager())
+        offline = offline_of(scene, model, Products(Cache()), new_manager())
         count = steps or round(scene.time.end / scene.time.step)
         full = scene.using({"reducer": "full"})
 

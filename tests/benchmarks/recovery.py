@@ -77,13 +77,14 @@ class Score:
 
 
 def solvers() -> dict[str, SparseSolver]:
-    registry, made = Registry(), {}
+    registry = Registry()
+    made: dict[str, Any] = {}
     for name, (plugin, options) in SOLVERS.items():
         try:
             made[name] = registry.get("sparse_solver", plugin)(**options)
         except InputError as error:
             report.progress(f"{name}: {error}")
-    return made  # type: ignore[return-value]
+    return made
 
 
 def fill(out: report.Report, given: argparse.Namespace) -> None:

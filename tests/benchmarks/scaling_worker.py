@@ -17,6 +17,7 @@ import numpy as np
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.cache import Cache
 from sparsemor.core.errors import InputError
+from sparsemor.core.foretold import foretold
 from sparsemor.core.hooks import new_manager
 from sparsemor.core.initial import consistent_state
 from sparsemor.core.memory import GIGA, peak, resident
@@ -25,6 +26,9 @@ from sparsemor.core.prepared import prepared
 from sparsemor.core.protocols import StepSolver
 from sparsemor.core.scene import Scene, load
 from sparsemor.core.status import SolveFailed
+from sparsemor.reducers.heat import CompressedHeat
+from sparsemor.reducers.known import Known
+from sparsemor.reducers.stepper import Stepper
 
 BASE = resident()
 """What the interpreter and its libraries hold."""
@@ -68,8 +72,8 @@ def train(task: dict[str, Any]) -> dict[str, Any]:
         spent[kind] = spent.get(kind, 0.0) + seconds
     counts = np.asarray(made["counts"])
     return {"unknowns": {b.name: b.size for b in model.layout}, "spent": spent,
-            "tetrahedra": sum(len(p.mesh.cells) for p in model.parts.values()  # type: ignore
-                              if getattr(p, "mesh", None) is not None),
+            "tetrahedra": sum(len(mesh.cells) for p in model.parts.values()
+                              if (mesh := getattr(p, "mesh", None)) is not None),
             "peak": int(made["peak"]) / GIGA,
             "counts": {n: row.tolist() for n, row in zip(names, counts, strict=True)}}
 
@@ -96,7 +100,7 @@ class Way:
     def __init__(self, task: dict[str, Any]) -> None:
         self.task, self.scene = task, scene_of(task)
         self.full = task["reducer"] == "full"
-        begun = time.process_time()
+        early, begun = foretold(self.scene), time.process_time()
         model, offline = prepared(self.scene, Cache(), new_manager())
         before = time.process_time()
         self.solver: StepSolver = self.scene.reducer.prepare(
@@ -110,7 +114,8 @@ class Way:
             "prepare_s": spent, "cpu_s": time.process_time() - begun,
             "reduced": self.solver.layout.size,
             "rows": sum(len(r) for r in self.solver.rows.values()),
-            "elements": sum(self.solver.elements_touched.values())}
+            "elements": sum(self.solver.elements_touched.values()),
+            "ahead_ms": ahead(self.solver)}
         if self.full:
             self.window(WARM)
             self.facts["solvers"] = {
@@ -118,7 +123,10 @@ class Way:
                 if f.purpose == "steps"}
         elif task["errors"]:
             self.facts["errors"] = self.errors(offline)
-        self.facts["peak"], self.facts["base"] = peak() / GIGA, BASE / GIGA
+        told = offline.expected
+        assert told is not None and early is not None
+        self.facts |= {"peak": peak() / GIGA, "base": BASE / GIGA, "told": told.total / GIGA,
+                       "foretold": early.total / GIGA}
 
     def window(self, steps: int) -> dict[str, Any]:
         """CPU ms of each step, mean iterations; full order goes on, reduced models begin anew."""
@@ -151,6 +159,23 @@ class Way:
                 size[j] = np.linalg.norm(truth - S[:, 0])
             found[name] = float(off.max() / size.max())
         return found
+
+
+def ahead(solver: StepSolver, times: int = 50) -> float:
+    """CPU ms that what time alone decides takes for each time, which is done before the steps."""
+    if not isinstance(solver, Stepper) or solver.mechanics is None:
+        return 0.0
+    known: list[Known | None] = [*solver.drives.values(), *(h.given for h in solver.heat.values()
+                                        if isinstance(h, CompressedHeat))]
+    known += [b.known for b in solver.mechanics.bodies if b.known not in known]
+    spent = 0.0
+    for k in known:
+        asked = () if k is None else k.times[:times]
+        begun = time.process_time()
+        for t in asked:
+            k.source(t)
+        spent += (time.process_time() - begun) / max(len(asked), 1)
+    return 1e3 * spent
 
 
 def serve(task: dict[str, Any]) -> None:

@@ -15,20 +15,25 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
+import common  # noqa: F401  # before NumPy: it limits linear algebra to one thread
 import report
+from method_runs import (
+    MEANINGS,
+    STOPPED,
+    elsewhere_columns,
+    file_name,
+    full_of,
+    one,
+    options,
+    over_seeds,
+    over_whole_run,
+    seeds_told,
+    worst,
+)
 
-from sparsemor.core.compare import measure_errors
-from sparsemor.core.error_measures import Errors
-from sparsemor.core.errors import InputError
-from sparsemor.core.results import RunResult
 from sparsemor.core.run_facts import run_facts
 from sparsemor.core.scene import Scene, load
-from sparsemor.core.simulate import simulate
-from sparsemor.core.status import SolveFailed
 
-STOPPED = 1e300
-"""Stands for the error of a run that stopped before there was one."""
 BLOCKS = ("slider.elastic", "plate.elastic", "slider.thermal", "plate.thermal")
 POD = {"basis": {"use": "pod", "count": 100}, "bases": {
     "plate.elastic": {"use": "pod", "count": 80},
@@ -139,12 +144,8 @@ def outside() -> dict[str, dict[str, Any]]:
 def fill(out: report.Report, given: argparse.Namespace) -> None:
     out.settings |= {
         "scene": "slider_plate: 1336 and 2034 triangles, 1000 steps of 3.75e-6 s, bdf1",
-        "start-up": "largest error in the first 2 % of the steps; steady: in the rest",
-        "errors": "of a field: relative to its largest change; joint: of all unknowns, "
-                  "relative to their norm at the same time, as the paper defines it",
         "growth": "(spectral radius - 1) x steps of the worst of the states that are looked at",
-        "seeds": f"1 to {given.seeds} where rows are drawn; worst seed, and how many stopped",
-        "ms": "median of a step, and how often full order takes that"}
+        "seeds": seeds_told(given.seeds), **MEANINGS}
     base = load("slider_plate", given.small)
     folder = Path(tempfile.mkdtemp(prefix="slider-"))
     if not given.outside:
@@ -155,17 +156,12 @@ def fill(out: report.Report, given: argparse.Namespace) -> None:
 
 def inside(out: report.Report, given: argparse.Namespace, base: Scene, folder: Path) -> None:
     table = out.table("In training")
-    truth = run(base.using({"reducer": "full"}), folder / "full")
-    assert isinstance(truth, RunResult)
+    truth = full_of(base, folder / "full")
     table.add(method="full", ms=run_facts(truth).ms_per_step)
-    for name, (options, drawn) in methods().items():
+    for name, (reducer, drawn) in methods().items():
         if given.only and name not in given.only:
             continue
-        rows = []
-        for seed in range(1, (given.seeds if drawn else 1) + 1):
-            scene = base.using({"reducer": options, "seed": seed})
-            rows.append(one(scene, truth, folder / _file(f"{name}-{seed}")))
-            report.progress(f"{name}, seed {seed}: {rows[-1]}")
+        rows = over_seeds(base, truth, folder, BLOCKS, name, reducer, given.seeds if drawn else 1)
         table.add(method=name, **worst(rows))
         if name == "recommended":
             targets(out, rows)
@@ -183,113 +179,31 @@ def targets(out: report.Report, rows: Sequence[Mapping[str, Any]]) -> None:
 
 
 def elsewhere(out: report.Report, given: argparse.Namespace, base: Scene, folder: Path) -> None:
-    table, best = out.table("Outside training: worst error of each field, whole run"), {}
+    table = out.table("Outside training: worst error of each field, whole run")
+    best: dict[str, float] = {}
     for case, (changes, training) in CASES.items():
         if given.cases and case not in given.cases:
             continue
         scene = base.using(changes)
-        truth = run(scene.using({"reducer": "full"}), folder / _file(f"full-{case}"))
-        assert isinstance(truth, RunResult)
-        for name, options in outside().items():
+        truth = full_of(scene, folder / file_name(f"full-{case}"))
+        for name, reducer in outside().items():
             if given.only and name not in given.only:
                 continue
-            reduced = scene.using({"reducer": options, **training})
-            row = one(reduced, truth, folder / _file(f"{case}-{name}"))
-            errors = {b: _max(row[f"{b} start-up"], row[f"{b} steady"]) for b in BLOCKS}
-            top = max(STOPPED if e is None else e for e in errors.values())
+            reduced = scene.using({"reducer": reducer, **training})
+            row = one(reduced, truth, folder / file_name(f"{case}-{name}"), BLOCKS)
+            errors = [over_whole_run(row, b) for b in BLOCKS]
+            top = max(STOPPED if e is None else e for e in errors)
             best[name] = max(best.get(name, 0.0), top)
-            table.add(case=case, method=name, **errors, joint=_max(
-                row["joint start-up"], row["joint steady"]), ms=row["ms"], speed_up=row["speed_up"],
-                offline_s=row["offline_s"], atoms=row["atoms"], status=row["status"])
+            table.add(case=case, method=name, **elsewhere_columns(row, BLOCKS))
             report.progress(f"{case}: {table.rows[-1]}")
     if best:
         out.at_most("least worst error of a method over all cases", min(best.values()), 1e-3)
 
 
-def _file(text: str) -> str:
-    return text.replace(" ", "_").replace("/", "")
-
-
-def _max(a: float | None, b: float | None) -> float | None:
-    known = [v for v in (a, b) if v is not None]
-    return max(known) if known else None
-
-
-def run(scene: Scene, path: Path) -> RunResult | SolveFailed | InputError:
-    try:
-        return simulate(scene, out=path)
-    except (SolveFailed, InputError) as failure:
-        return failure
-
-
-def one(
-    scene: Scene, truth: RunResult, path: Path, blocks: Sequence[str] = BLOCKS
-) -> dict[str, Any]:
-    """One run in numbers; None where it did not get so far."""
-    none = _nothing(blocks)
-    ended = run(scene, path)
-    if isinstance(ended, InputError):
-        return {**none, "status": f"refused: {ended}"}
-    result = getattr(ended, "result", ended)
-    if not isinstance(result, RunResult):
-        return {**none, "status": str(ended)}
-    facts, base, done = run_facts(result), run_facts(truth), isinstance(ended, RunResult)
-    seen = result.summary.get("stability") or {}
-    row = {**none, "ms": facts.ms_per_step, "offline_s": facts.offline_whole_seconds,
-           "atoms": facts.atoms_text, "rows": facts.rows, "radius": seen.get("radius"),
-           "growth": seen.get("growth"), "stopped": not done, "steps": facts.steps,
-           "status": "done" if done else f"{ended.status.value} at {ended.time:.3g} s "
-                     f"in {ended.block}"}  # type: ignore[union-attr]
-    if facts.ms_per_step and base.ms_per_step:
-        row["speed_up"] = base.ms_per_step / facts.ms_per_step
-    if facts.steps > 1:
-        row |= phases(measure_errors(truth, result), blocks)
-    return row
-
-
-def _nothing(blocks: Sequence[str]) -> dict[str, Any]:
-    row = {f"{m} {when}": None for m in ("joint", *blocks) for when in ("start-up", "steady")}
-    more = ("ms", "speed_up", "offline_s", "atoms", "rows", "radius", "growth")
-    return {**row, **dict.fromkeys(more), "stopped": True}
-
-
-def phases(e: Errors, blocks: Sequence[str]) -> dict[str, float | None]:
-    found: dict[str, float | None] = {}
-    for m in ("joint", *blocks):
-        found[f"{m} start-up"], found[f"{m} steady"] = e.start_up.get(m), e.steady.get(m)
-    return found
-
-
-def worst(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """The worst seed of each number, and in words how runs ended that stopped."""
-    found: dict[str, Any] = {}
-    for key in rows[0]:
-        values = [r[key] for r in rows if isinstance(r.get(key), int | float)]
-        if key in ("stopped", "status", "steps"):
-            continue
-        if key in ("ms", "speed_up", "offline_s", "rows"):
-            found[key] = float(np.median(values)) if values else None
-        elif key == "atoms":
-            found[key] = rows[0][key]
-        else:
-            found[key] = max(values) if values else None
-    ends = [str(r["status"]) for r in rows if r["stopped"]]
-    found["stopped"] = f"{len(ends)}/{len(rows)}"
-    found["how"] = ends[0][:90] if ends else ""
-    steps = [r["steps"] for r in rows if r["stopped"] and r.get("steps") is not None]
-    if steps:
-        found["how"] += f"; {min(steps)} to {max(steps)} steps were taken"
-    return found
-
-
 def arguments() -> argparse.Namespace:
-    parser = report.options("slider", __doc__)
-    parser.add_argument("--seeds", type=int, default=10)
-    parser.add_argument("--only", nargs="+", metavar="NAME", help="these methods alone")
+    parser = options("slider", __doc__, seeds=10)
     parser.add_argument("--cases", nargs="+", choices=CASES, metavar="NAME",
                         help="these cases outside training alone")
-    parser.add_argument("--inside", action="store_true", help="only in training")
-    parser.add_argument("--outside", action="store_true", help="only outside of it")
     given = parser.parse_args()
     given.small = {}
     if given.quick:

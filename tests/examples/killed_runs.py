@@ -54,7 +54,7 @@ def die_before_replace(number: int) -> None:
             die()
         replace(source, target)
 
-    os.replace = counted  # type: ignore[assignment]
+    vars(os)["replace"] = counted
 
 
 def run(scene: str, out: str, settings: dict[str, Any], moment: str) -> None:

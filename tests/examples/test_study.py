@@ -104,7 +104,7 @@ def started_and_committed(count: int, *arguments: object) -> "subprocess.Popen[s
     """The program in a process of its own, as soon as `count` runs are in its table."""
     process = subprocess.Popen(command(*arguments), stdout=subprocess.PIPE, stderr=subprocess.PIPE,
                                text=True)
-    lines = Path(arguments[-1], "runs.jsonl")  # type: ignore[arg-type]
+    lines = Path(str(arguments[-1]), "runs.jsonl")
     for _ in range(12000):
         if process.poll() is not None or (
                 lines.exists() and lines.read_bytes().count(b"\n") >= count):

@@ -155,11 +155,11 @@ def test_a_step_never_reads_the_full_operators(reducer: str) -> None:
 def bare(solver: Any) -> Any:
     """The same solver without matrices, dictionaries and rows."""
     if isinstance(solver, SparseStepper):
-        heat = {n: replace(h, model=None,  # type: ignore[arg-type]
-                           body=bare_heat(h.body),
-                           block=replace(h.block, dictionary=None))  # type: ignore[arg-type]
+        nothing: Any = None
+        heat = {n: replace(h, model=nothing, body=bare_heat(h.body),
+                           block=replace(h.block, dictionary=nothing))
                 for n, h in solver.heat.items()}
-        elastic = {n: replace(e, block=replace(e.block, dictionary=None))  # type: ignore[arg-type]
+        elastic = {n: replace(e, block=replace(e.block, dictionary=nothing))
                    for n, e in solver.elastic.items()}
         return replace(solver, base=bare(solver.base), heat=heat, elastic=elastic)
     assert isinstance(solver, Stepper)

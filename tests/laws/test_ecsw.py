@@ -16,6 +16,7 @@ from sparsemor.core.integrals import WeighedTerm
 from sparsemor.core.scene import Scene, load
 from sparsemor.core.testing.run import March, march, scene_of
 from sparsemor.reducers.ecsw import Ecsw
+from sparsemor.reducers.element_equations import Equations
 from sparsemor.reducers.element_weights import train
 from sparsemor.reducers.nnls import nonnegative
 
@@ -66,7 +67,7 @@ def test_repeated_columns_are_not_taken_twice() -> None:
 
 
 def test_without_forces_every_element_counts_once() -> None:
-    np.testing.assert_array_equal(train(np.zeros((0, 7)), 1e-6).values, np.ones(7))
+    np.testing.assert_array_equal(train(Equations.of(np.zeros((0, 7))), 1e-6).values, np.ones(7))
 
 
 # --------------------------------------------------------------------------- elements

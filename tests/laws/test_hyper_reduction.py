@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from reduced_runs import decoded
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.equations import residual
 from sparsemor.core.errors import InputError
@@ -55,12 +56,6 @@ def repeated(name: str, reducer: Any, seed: int = 1) -> March:
         KNOWN[key] = march(scene.using({"reducer": reducer, "seed": seed}), model=full.model,
                            snapshots=snapshots)
     return KNOWN[key]
-
-
-def decoded(run: March, name: str) -> FloatArray:
-    """(M, n) full unknowns of one block."""
-    x, maps = run.block(name), run.solver.dictionaries
-    return x if name not in maps else np.asarray(maps[name].offset + x @ maps[name].atoms.T)
 
 
 def errors(run: March, reference: March) -> dict[str, float]:

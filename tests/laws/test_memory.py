@@ -94,13 +94,13 @@ def _step_matrix(model: Any, name: str) -> Any:
 def test_phases_of_a_reduced_run(tmp_path: Path) -> None:
     scene, model, offline = asked(tmp_path)
     told = estimate(scene, model, offline, exact=False)
-    assert set(told.phases) == {"steps", "training run", "bases"}
+    assert set(told.phases) == {"start", "steps", "training run", "bases"}
     simulate(scene, cache=Cache(tmp_path))
     after = estimate(scene, model, offline, exact=False)
-    assert set(after.phases) == {"steps", "bases"}  # the training run is in the cache
+    assert set(after.phases) == {"start", "steps", "bases"}  # the training run is in the cache
     free = load(SCENE, {"bodies.disk.mesh.refine": 0.5, "reducer.basis": "static"})
     model, offline = prepared(free, Cache(tmp_path), new_manager())
-    assert set(estimate(free, model, offline, exact=False).phases) == {"steps"}
+    assert set(estimate(free, model, offline, exact=False).phases) == {"start", "steps"}
 
 
 def test_results_say_what_was_held(tmp_path: Path) -> None:

@@ -10,12 +10,12 @@ import pytest
 from scipy.sparse import csr_array
 
 from sparsemor import load
-from sparsemor.core.arrays import FloatArray
 from sparsemor.core.assemble import assemble
 from sparsemor.core.errors import InputError
 from sparsemor.core.initial import consistent_state
 from sparsemor.core.model import Model, StepFactors
 from sparsemor.core.offline import Offline
+from sparsemor.core.products import Products
 from sparsemor.core.protocols import Dictionary
 from sparsemor.core.scene import Scene
 from sparsemor.core.tables import LoadTable, Table
@@ -31,21 +31,11 @@ from sparsemor.reducers.checks import required_rows
 from sparsemor.reducers.inverse_rows import inverse_rows
 from sparsemor.reducers.sampled import SampledElastic, SampledHeat, choose_rows
 from sparsemor.reducers.sparse import Sparse
+from tiny_scene import BUDGETS, TINY, full, snapshots
 
-TINY = load(Path(__file__).parents[1] / "scenes" / "tiny.yaml")
 EVERYTHING = load(Path(__file__).parents[1] / "scenes" / "everything.yaml")
 FIXED = {"*.elastic": {"rows": 10}, "*.thermal": {"rows": 8}}
-BUDGETS = {"*.elastic": {"rows": 14, "atoms": 4}, "*.thermal": {"rows": 10, "atoms": 3}}
 STEP = StepFactors(1e-3, 1e3, 1e6, 1e3)
-
-
-@cache
-def full() -> March:
-    return march(TINY.using({"reducer": "full"}))
-
-
-def snapshots() -> dict[str, FloatArray]:
-    return {n: full().block(n).T for n in full().model.reducible()}
 
 
 def with_reducer(**options: Any) -> Scene:
@@ -294,7 +284,7 @@ def test_impulses_in_a_reduced_run(reducer: dict[str, Any]) -> None:
 def test_dictionaries_depend_on_the_step_and_say_when_it_is_missing(tmp_path: Path) -> None:
     from sparsemor.core.cache import Cache
 
-    offline = Offline(heated(), snapshots, "key", Cache(tmp_path))
+    offline = Offline(heated(), snapshots, "key", Products(Cache(tmp_path)))
     basis = Impulse(delays=(0, 5))
     a, b, c = (offline.dictionary("bar.thermal", basis, s)[0].atoms for s in (
         STEP, STEP._replace(h=0.1, c1_first=10.0), STEP))

@@ -10,20 +10,18 @@ from hypothesis import strategies as st
 from scipy.linalg import hadamard
 from scipy.optimize import linprog
 
+from recovery import SOLVERS, each, empty
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.protocols import (
     Group,
-    SparseOutcome,
     SparseSolver,
 )
 from sparsemor.core.status import Status
-from sparsemor.core.testing import check_sparse_solver, installed
+from sparsemor.core.testing import check_sparse_solver
 from sparsemor.core.testing.problems import (
-    Elsewhere,
     LeastSquares,
     all_penalised,
     chained,
-    empty_start,
     incoherent,
     tall,
 )
@@ -35,9 +33,6 @@ from sparsemor.plugins.sparse_solvers.newton import LinearRecovery, Recovered
 from sparsemor.plugins.sparse_solvers.omp import OrthogonalMatchingPursuit
 from sparsemor.plugins.sparse_solvers.penalised import Penalised
 
-SOLVERS: dict[str, SparseSolver] = {
-    name: plugin() for name, plugin in installed("sparse_solver").items()}  # type: ignore[misc]
-LINEAR = {name: s for name, s in SOLVERS.items() if isinstance(s, LinearRecovery)}
 VARIANTS: dict[str, SparseSolver] = {
     "lp, equations": BasisPursuitLp(tolerance=0.0),
     "lp, interior point": BasisPursuitLp(method="highs-ipm"),
@@ -45,13 +40,6 @@ VARIANTS: dict[str, SparseSolver] = {
     "cvxpy, SCIPY": BasisPursuit(solver="SCIPY", norm="largest"),
     "lars, at a penalty": LassoLars(penalty=0.05),
 }
-each = pytest.mark.parametrize("solver", SOLVERS.values(), ids=list(SOLVERS))
-each_linear = pytest.mark.parametrize("solver", LINEAR.values(), ids=list(LINEAR))
-
-
-def empty(solver: SparseSolver, problem: LeastSquares | Elsewhere) -> SparseOutcome:
-    k = max(g.stop for g in problem.groups)
-    return solver.solve(problem, empty_start(k))
 
 
 # ------------------------------------------------------------------- inside and outside the theory

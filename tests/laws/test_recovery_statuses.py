@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from sparsemor.core.arrays import FloatArray
+from recovery import SOLVERS, Tempting, each, each_linear, empty
 from sparsemor.core.errors import InputError
 from sparsemor.core.protocols import (
     Group,
@@ -19,13 +19,12 @@ from sparsemor.core.protocols import (
     SparseStart,
 )
 from sparsemor.core.status import Status
-from sparsemor.core.testing import check_sparse_solver, installed
+from sparsemor.core.testing import check_sparse_solver
 from sparsemor.core.testing.problems import (
     Elsewhere,
     LeastSquares,
     all_penalised,
     chained,
-    empty_start,
     incoherent,
     tall,
 )
@@ -39,19 +38,9 @@ from sparsemor.plugins.sparse_solvers.newton import LinearRecovery, Recovered
 from sparsemor.plugins.sparse_solvers.omp import OrthogonalMatchingPursuit
 from sparsemor.plugins.sparse_solvers.penalised import Penalised
 
-SOLVERS: dict[str, SparseSolver] = {
-    name: plugin() for name, plugin in installed("sparse_solver").items()}  # type: ignore[misc]
-LINEAR = {name: s for name, s in SOLVERS.items() if isinstance(s, LinearRecovery)}
 PURSUITS: list[LinearRecovery] = [
     BasisPursuitLp(tolerance=0.0), BasisPursuit(tolerance=0.0),
     BasisPursuit(tolerance=0.0, solver="SCIPY")]
-each = pytest.mark.parametrize("solver", SOLVERS.values(), ids=list(SOLVERS))
-each_linear = pytest.mark.parametrize("solver", LINEAR.values(), ids=list(LINEAR))
-
-
-def empty(solver: SparseSolver, problem: LeastSquares | Elsewhere) -> SparseOutcome:
-    k = max(g.stop for g in problem.groups)
-    return solver.solve(problem, empty_start(k))
 
 
 # ------------------------------------------------------------------- groups and the reduced problem
@@ -199,7 +188,7 @@ def test_the_law_finds_a_capability_that_does_not_exist() -> None:
 @each_linear
 def test_too_few_linearisations_are_not_called_converged(solver: SparseSolver) -> None:
     problem = incoherent(np.random.default_rng(14))
-    short = solver.model_copy(update={"max_iterations": 1})  # type: ignore[attr-defined]
+    short = solver.model_copy(update={"max_iterations": 1})
     outcome = empty(short, problem)
     assert outcome.status is Status.NOT_CONVERGED and outcome.iterations == 1
     norm = float(np.linalg.norm(problem.residual(outcome.c)))
@@ -250,24 +239,9 @@ def test_atoms_no_row_sees_are_left_out(solver: SparseSolver) -> None:
     np.testing.assert_allclose(outcome.c, problem.answer, atol=1e-10)
 
 
-class Alternating(LeastSquares):
-    """Its Jacobian always promises that the column which is not in use removes all that is left."""
-
-    def residual(self, c: FloatArray) -> FloatArray:
-        return np.array([1.0 - c[0], 1.2 - c[1], 1.0])
-
-    def jacobian(self, c: FloatArray) -> FloatArray:
-        J = -np.eye(3)[:, :2]
-        if c.any():
-            J[:, c == 0.0] = -self.residual(c)[:, None]
-        return J
-
-
 @pytest.mark.parametrize("name", ["omp", "cosamp", "lasso_lars"])
 def test_a_cycle_of_supports_ends_on_the_better_one(name: str) -> None:
-    none = np.zeros((3, 2))
-    problem = Alternating((Group("g", 0, 2, 1),), none, none, 0.0, np.zeros(2))
-    outcome = empty(SOLVERS[name], problem)
+    outcome = empty(SOLVERS[name], Tempting())
     assert outcome.status is Status.DONE and outcome.iterations < 10
     np.testing.assert_allclose(outcome.c, [0.0, 1.2])
     assert outcome.residual_norm == pytest.approx(np.sqrt(2.0))

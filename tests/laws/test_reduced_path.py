@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sparsemor.core.arrays import FloatArray
+from reduced_runs import decoded
 from sparsemor.core.assemble import assemble
 from sparsemor.core.scene import load
 from sparsemor.core.testing.run import March, march
@@ -21,14 +21,6 @@ ROWS = {"*.elastic": {"rows": 8}, "*.thermal": {"rows": 0}}
 @cache
 def full() -> March:
     return march(EVERYTHING)
-
-
-def decoded(run: March, name: str) -> FloatArray:
-    """(M, n) full unknowns of one block."""
-    x, maps = run.block(name), run.solver.dictionaries
-    if name not in maps:
-        return x
-    return np.asarray(maps[name].offset + x @ maps[name].atoms.T)
 
 
 @pytest.mark.parametrize("centred", [False, True], ids=["plain", "centred"])

@@ -1,47 +1,26 @@
 """Rows that are drawn anew: when, which, and that a stopped run goes on with the same ones."""
 
 import pickle
-from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from sparsemor import load, simulate
-from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor import simulate
+from sparsemor.core.arrays import IntArray
 from sparsemor.core.hooks import hookimpl
 from sparsemor.core.initial import consistent_state
-from sparsemor.core.offline import Offline
 from sparsemor.core.protocols import Resampling, StepSolver
 from sparsemor.core.scene import Scene
-from sparsemor.core.testing.run import March, march
+from sparsemor.core.testing.run import march
 from sparsemor.reducers.resampled import Resampled
-
-TINY = load(Path(__file__).parents[1] / "scenes" / "tiny.yaml")
-BUDGETS = {"*.elastic": {"rows": 14, "atoms": 4}, "*.thermal": {"rows": 10, "atoms": 3}}
-FIXED = {"*.elastic": {"rows": 14}, "*.thermal": {"rows": 10}}
-
-
-@cache
-def full() -> March:
-    return march(TINY.using({"reducer": "full"}))
+from tiny_scene import BUDGETS, FIXED, TINY, full, prepared, snapshots
 
 
 def reduced(**options: Any) -> Scene:
     return TINY.using({"reducer": {
         "use": "sparse", "basis": {"use": "pod", "count": 14}, "budgets": FIXED, **options}})
-
-
-def snapshots() -> dict[str, FloatArray]:
-    return {n: full().block(n).T for n in full().model.reducible()}
-
-
-def prepared(scene: Scene) -> StepSolver:
-    solver: StepSolver = scene.reducer.prepare(
-        full().model, scene.integrator, scene.time.step,
-        Offline.of(full().model, snapshots()), np.random.default_rng(3))
-    return solver
 
 
 class Going:

@@ -1,7 +1,7 @@
 """Samplers that look at the atoms: deim, leverage, s_opt. Against definitions, bounds and pyMOR."""
 
 from dataclasses import replace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -145,8 +145,8 @@ def test_no_pivot_repeats_a_required_row() -> None:
     """Rows come in equal pairs; with one of each pair required, the others say nothing new."""
     U = np.linalg.qr(np.repeat(np.random.default_rng(0).standard_normal((20, 8)), 2, axis=0))[0]
     required = np.array([0, 6, 12])
-    for method in ("qr", "greedy"):
-        rows = rows_of(Deim(of="atoms", method=method), U, 5, required)  # type: ignore[arg-type]
+    for kind in (Deim(of="atoms", method="qr"), Deim(of="atoms", method="greedy")):
+        rows = rows_of(kind, U, 5, required)
         assert np.unique(rows // 2).size == 8
 
 
@@ -265,7 +265,7 @@ def test_atoms_that_vanish_under_the_operator_are_refused_in_words() -> None:
 
 def test_a_sampler_without_a_rule_cannot_be_made() -> None:
     with pytest.raises(TypeError, match="choose"):
-        SpanSampler()  # type: ignore[abstract]
+        cast(Any, SpanSampler)()
 
 
 def test_orthonormal_keeps_leading_spans_and_drops_repetitions() -> None:

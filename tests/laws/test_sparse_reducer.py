@@ -1,7 +1,6 @@
 """What the sparse reducer refuses, preconditions and tells; turned rows keep every norm."""
 
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -15,45 +14,27 @@ from sparsemor.core.errors import InputError
 from sparsemor.core.frames import coherence, condition_number, unit_columns
 from sparsemor.core.initial import consistent_state
 from sparsemor.core.offline import Offline
-from sparsemor.core.protocols import SparseOutcome, StepSolver
+from sparsemor.core.protocols import SparseOutcome
 from sparsemor.core.scene import Scene
 from sparsemor.core.status import Status
-from sparsemor.core.testing.run import March, march
+from sparsemor.core.testing.run import march
 from sparsemor.plugins.sparse_solvers.greedy_gauss_newton import GreedyGaussNewton
 from sparsemor.reducers import test_map
 from sparsemor.reducers.compact import compact_elastic
 from sparsemor.reducers.rows import elastic_rows, elastic_times
 from sparsemor.reducers.sparse import Sparse
 from sparsemor.reducers.sparse_build import Whole
+from tiny_scene import BUDGETS, FIXED, TINY, full, prepared, snapshots
 
-TINY = load(Path(__file__).parents[1] / "scenes" / "tiny.yaml")
 EVERYTHING = load(Path(__file__).parents[1] / "scenes" / "everything.yaml")
-BUDGETS = {"*.elastic": {"rows": 14, "atoms": 4}, "*.thermal": {"rows": 10, "atoms": 3}}
 WIDE = {"*.elastic": {"rows": 8, "atoms": 6}, "*.thermal": {"rows": 4, "atoms": 3}}
 """With the required ones fewer rows than atoms, as UNTF and Parseval frames ask."""
-FIXED = {"*.elastic": {"rows": 14}, "*.thermal": {"rows": 10}}
-
-
-@cache
-def full() -> March:
-    return march(TINY.using({"reducer": "full"}))
 
 
 def reduced(**options: Any) -> Scene:
     return TINY.using({"reducer": {
         "use": "sparse", "basis": {"use": "pod", "count": 14}, "budgets": FIXED,
         "bases": {"*.thermal": {"use": "pod", "count": 8}}, **options}})
-
-
-def snapshots() -> dict[str, FloatArray]:
-    return {n: full().block(n).T for n in full().model.reducible()}
-
-
-def prepared(scene: Scene, seed: int = 3) -> StepSolver:
-    solver: StepSolver = scene.reducer.prepare(
-        full().model, scene.integrator, scene.time.step,
-        Offline.of(full().model, snapshots()), np.random.default_rng(seed))
-    return solver
 
 
 # ------------------------------------------------------------------------ refusals

@@ -1,13 +1,14 @@
 """Every installed sparse solver keeps the laws; recovery, statuses and cycles of the greedy one."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from importlib.metadata import EntryPoint, entry_points
 
 import numpy as np
 import pytest
 
-from sparsemor.core.arrays import BoolArray, FloatArray
+from recovery import Tempting
+from sparsemor.core.arrays import BoolArray
 from sparsemor.core.protocols import Group, SparseOutcome, SparseProblem, SparseStart
 from sparsemor.core.status import Status
 from sparsemor.core.testing import check_sparse_solver
@@ -183,23 +184,6 @@ def test_too_few_iterations_are_not_called_converged() -> None:
     assert outcome.residual_norm == pytest.approx(
         float(np.linalg.norm(problem.residual(outcome.c))), abs=1e-12
     )
-
-
-@dataclass(frozen=True)
-class Tempting:
-    """residual = (1, 1.2, 1) - (c0, c1, 0), one atom allowed; its Jacobian always promises that
-    the other atom would remove all that is left, so that the supports alternate for ever."""
-
-    groups: tuple[Group, ...] = (Group("g", 0, 2, 1),)
-
-    def residual(self, c: FloatArray) -> FloatArray:
-        return np.array([1.0 - c[0], 1.2 - c[1], 1.0])
-
-    def jacobian(self, c: FloatArray) -> FloatArray:
-        J = -np.eye(3)[:, :2]
-        if c.any():
-            J[:, c == 0.0] = -self.residual(c)[:, None]
-        return J
 
 
 def test_a_cycle_of_supports_ends_on_the_better_one() -> None:

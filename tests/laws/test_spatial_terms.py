@@ -15,11 +15,11 @@ from sparsemor.bodies.spatial.frame import SpatialFrame
 from sparsemor.core.assemble import assemble
 from sparsemor.core.equations import jacobian, residual
 from sparsemor.core.model import Model
-from sparsemor.core.protocols import Term
 from sparsemor.core.testing import check_term
 from sparsemor.core.testing.run import march, scene_of
+from term_scales import scales
 
-TURNED = {"axis": [1.0, 2.0, -0.5], "angle": 0.7}
+TURNED: dict[str, Any] = {"axis": [1.0, 2.0, -0.5], "angle": 0.7}
 BAR = {
     "use": "flexible", "fields": ["elastic", "thermal"],
     "mesh": Block(size=(0.4, 0.1, 0.06), divisions=(3, 1, 1)),
@@ -32,7 +32,7 @@ POINTS = {"a": [0.0, 0.0, 0.0], "b": [0.2, 0.05, 0.0]}
 
 def at(place: list[float]) -> list[float]:
     """Where a point of a body at TURNED is."""
-    A = rot.rotation(rot.about(TURNED["axis"], TURNED["angle"]))  # type: ignore[arg-type]
+    A = rot.rotation(rot.about(TURNED["axis"], TURNED["angle"]))
     return [float(c) for c in A @ np.array(place)]
 
 
@@ -107,14 +107,6 @@ PARTS = [*everything()["bodies"], *everything()["joints"], *everything()["loads"
 @pytest.fixture(scope="module")
 def model() -> Model:
     return assemble(scene_of(everything()))
-
-
-def scales(model: Model, term: Term) -> tuple[float, ...]:
-    """Displacements are small, then as large as the body; quaternions leave the unit sphere."""
-    first = model.layout.first
-    thermal = len(term.rows) > 0 and bool(np.all((term.rows >= first.start)
-                                                 & (term.rows < first.stop)))
-    return (10.0,) if thermal else (1e-3, 1.0)
 
 
 @pytest.mark.parametrize("part", PARTS)

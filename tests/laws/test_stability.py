@@ -16,6 +16,7 @@ from sparsemor.core.errors import InputError
 from sparsemor.core.hooks import new_manager
 from sparsemor.core.initial import consistent_state
 from sparsemor.core.offline import offline_of
+from sparsemor.core.products import Products
 from sparsemor.core.protocols import StepSolver
 from sparsemor.core.results import RunResult
 from sparsemor.core.scene import Scene, load
@@ -59,7 +60,7 @@ def prepared(integrator: str, reducer: str) -> tuple[Scene, StepSolver, Any]:
     model = checked_model(scene)
     solver = scene.reducer.prepare(
         model, scene.integrator, scene.time.step,
-        offline_of(scene, model, Cache(), new_manager()), np.random.default_rng(1))
+        offline_of(scene, model, Products(Cache()), new_manager()), np.random.default_rng(1))
     return scene, solver, model
 
 
@@ -133,7 +134,7 @@ def test_a_selecting_model_is_linearised_on_the_support_that_it_takes() -> None:
     model = checked_model(scene)
     solver = scene.reducer.prepare(
         model, scene.integrator, scene.time.step,
-        offline_of(scene, model, Cache(), new_manager()), np.random.default_rng(1))
+        offline_of(scene, model, Products(Cache()), new_manager()), np.random.default_rng(1))
     step = step_map(solver, scene.integrator, scene.time.step,
                     *started(solver, scene.integrator, consistent_state(model)))
     sizes = {b.name: b.size for b in step.layout}

@@ -18,15 +18,8 @@ from sparsemor.core.study.plan import Plan
 from sparsemor.core.study.pools import Ended
 from sparsemor.core.study.progress import duration, in_words
 from sparsemor.core.study.schedule import Row, Schedule, State
+from toy_scene import TOY_SCENE
 
-SCENE = """\
-format: 1
-bodies:
-  a: {use: ball, mass: 1}
-time: {end: 1.0, step: 1e-3}
-integrator: still
-reducer: {use: tuned, sampler: {use: grid, mix: 0.25}, budgets: {a: 5}}
-"""
 HEAD = "scene: scene.yaml\nreference: {reducer: direct}\n"
 GRID = HEAD + """\
 grid:
@@ -44,7 +37,7 @@ pytestmark = pytest.mark.usefixtures("toys")
 @pytest.fixture(autouse=True)
 def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    Path("scene.yaml").write_text(SCENE)
+    Path("scene.yaml").write_text(TOY_SCENE)
 
 
 def planned(text: str) -> Plan:
@@ -116,7 +109,7 @@ def test_a_combination_that_only_some_values_refuse_is_a_refused_run() -> None:
     (HEAD + "gird: {seed: [1]}\n", "study.yaml:3:1: gird: no such option: did you mean grid"),
     (HEAD + "set: {time.stop: 1}\ngrid: {seed: [1]}\n",
      "study.yaml:3:7: set.time.stop: no such option"),
-    (HEAD + "set: [1]\ngrid: {seed: [1]}\n", "study.yaml:3:1: set: Input should be a valid dict"),
+    (HEAD + "set: [1]\ngrid: {seed: [1]}\n", "study.yaml:3:1: set: Input should be keys with"),
     (HEAD + "grid: {}\n", "study.yaml:3:1: grid: Dictionary should have at least 1 item"),
     (HEAD + "grid:\n  bodies.a.mass: []\n", "study.yaml:4:3: grid.bodies.a.mass: an axis is a"),
     (HEAD + "grid:\n  bodies.a.mass: 3\n", "study.yaml:4:3: grid.bodies.a.mass: an axis is a"),
@@ -158,7 +151,7 @@ def test_faults_have_their_place(text: str, expected: str) -> None:
 
 
 def test_faults_of_the_scene_are_told_where_they_are() -> None:
-    Path("scene.yaml").write_text(SCENE.replace("mass: 1", "mass: -1"))
+    Path("scene.yaml").write_text(TOY_SCENE.replace("mass: 1", "mass: -1"))
     with pytest.raises(InputError) as caught:
         planned(HEAD + "grid: {seed: [1, 2]}\n")
     assert str(caught.value).splitlines() == [
@@ -210,7 +203,7 @@ def test_the_folder_of_another_study_is_refused() -> None:
     for changed in (HEAD + "grid: {seed: [1, 3]}\n", HEAD + "grid: {seed: [2, 1]}\n"):
         with pytest.raises(InputError, match="holds another study"):
             Journal.open(Path("out"), planned(changed))
-    Path("scene.yaml").write_text(SCENE.replace("mass: 1", "mass: 2"))
+    Path("scene.yaml").write_text(TOY_SCENE.replace("mass: 1", "mass: 2"))
     with pytest.raises(InputError, match="holds another study"):
         Journal.open(Path("out"), planned(HEAD + "grid: {seed: [1, 2]}\n"))
     Path("mine").mkdir()

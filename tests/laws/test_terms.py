@@ -12,9 +12,9 @@ from sparsemor.bodies.planar.frame import PlanarFrame
 from sparsemor.core.assemble import assemble
 from sparsemor.core.equations import jacobian, residual
 from sparsemor.core.model import Model
-from sparsemor.core.protocols import Term
 from sparsemor.core.scene import load
 from sparsemor.core.testing import check_term
+from term_scales import scales
 
 EVERYTHING = load(Path(__file__).parents[1] / "scenes" / "everything.yaml")
 PARTS = [*EVERYTHING.bodies, *EVERYTHING.joints, *EVERYTHING.loads]
@@ -23,14 +23,6 @@ PARTS = [*EVERYTHING.bodies, *EVERYTHING.joints, *EVERYTHING.loads]
 @pytest.fixture(scope="module")
 def model() -> Model:
     return assemble(EVERYTHING)
-
-
-def scales(model: Model, term: Term) -> tuple[float, ...]:
-    """Temperatures stay above 0 K; displacements are small, then as large as the body."""
-    first = model.layout.first
-    thermal = len(term.rows) > 0 and bool(np.all((term.rows >= first.start)
-                                                 & (term.rows < first.stop)))
-    return (10.0,) if thermal else (1e-3, 1.0)
 
 
 @pytest.mark.parametrize("part", PARTS)

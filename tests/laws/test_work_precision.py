@@ -105,7 +105,8 @@ def test_runs_that_never_stepped_are_named_too() -> None:
 def test_no_label_covers_another_or_leaves_its_panel(points: list[WorkPoint]) -> None:
     figure = work_precision_figure(points, FULL)
     assert figure is not None
-    renderer = figure.canvas.get_renderer()  # type: ignore[attr-defined]
+    canvas: Any = figure.canvas  # Agg's, which the base class does not know
+    renderer = canvas.get_renderer()
     for axes in panels(figure).values():
         frame = axes.get_window_extent(renderer)
         words = [t for t in axes.texts if isinstance(t, Annotation)]

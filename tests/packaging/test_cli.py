@@ -13,15 +13,8 @@ from sparsemor.core.cli import app
 from sparsemor.core.errors import InputError
 from sparsemor.core.scene import Scene, load
 from sparsemor.core.status import SolveFailed, Status
+from toy_scene import TOY_SCENE
 
-TEXT = """\
-format: 1
-bodies:
-  a: {use: ball, mass: 1}
-time: {end: 1.0, step: 1e-3}
-integrator: still
-reducer: {use: tuned, sampler: {use: grid, mix: 0.25}, budgets: {a: 5}}
-"""
 SUMMARY = {"status": "done", "scene": "scene", "reducer": "tuned", "steps": 3, "t_end": 1.0,
            "wall_s": {"offline": 0.2, "online": 0.3}, "ms_per_step": 2.0, "rows": {"a.elastic": 12}}
 
@@ -33,7 +26,7 @@ def here(tmp_path, monkeypatch) -> Path:
     place = tmp_path / "here"
     place.mkdir()
     monkeypatch.chdir(place)
-    Path("scene.yaml").write_text(TEXT)
+    Path("scene.yaml").write_text(TOY_SCENE)
     return place
 
 
@@ -117,7 +110,7 @@ def test_bad_input_has_code_2_and_writes_nothing(runs, here):
         assert (done.code, done.out) == (2, "")
         assert done.err.startswith(expected)
         assert "Traceback" not in done.err
-    Path("scene.yaml").write_text(TEXT.replace("mass: 1", "mass: 1e3"))
+    Path("scene.yaml").write_text(TOY_SCENE.replace("mass: 1", "mass: 1e3"))
     assert sparsemor("run", "scene.yaml").err == (
         "scene.yaml:3:18: bodies.a.mass: too heavy to hold\n")
     assert sorted(here.rglob("*")) == before
@@ -169,7 +162,7 @@ def test_validate_also_builds_the_parts(monkeypatch):
 
 
 def test_settings_are_applied_before_the_scene_is_checked():
-    Path("scene.yaml").write_text(TEXT.replace("use: tuned", "use: gone"))
+    Path("scene.yaml").write_text(TOY_SCENE.replace("use: tuned", "use: gone"))
     assert sparsemor("run", "scene.yaml").code == 2
     assert load("scene.yaml", {"reducer": "direct"}).dump()["reducer"] == {"use": "direct"}
 

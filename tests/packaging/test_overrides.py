@@ -8,13 +8,9 @@ import pytest
 from sparsemor.core.errors import InputError
 from sparsemor.core.overrides import parse_settings
 from sparsemor.core.scene import Scene, load
+from toy_scene import HEAD
 
-TEXT = """\
-format: 1
-bodies:
-  a: {use: ball, mass: 1}
-time: {end: 1.0, step: 1e-3}
-integrator: still
+TEXT = HEAD + """\
 reducer:
   use: tuned
   sampler: {use: grid, mix: 0.25}

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sparsemor.bodies.contact.part import ContactPart
+from sparsemor.bodies.contact.planar_part import PlanarContact
 from sparsemor.bodies.contact.term import ContactTerm
 from sparsemor.core.assemble import assemble
 from sparsemor.core.cache import Cache
@@ -85,13 +85,13 @@ def test_a_braked_block_turns_its_energy_into_heat(share: float | str) -> None:
     gained = {}
     for name, material in (("block", STEEL), ("base", BRASS)):
         T = found.block(f"{name}.thermal")[-1]
-        body = found.model.parts[name]
-        capacity = body.heat.capacity  # type: ignore[attr-defined]
+        body: Any = found.model.parts[name]
+        capacity = body.heat.capacity
         assert capacity.sum() == pytest.approx(
             material["rho"] * material["c"] * WIDTH * SIDE**2)
         gained[name] = float(np.asarray(capacity @ T).sum())
     part = found.model.parts["sole"]
-    assert isinstance(part, ContactPart)
+    assert isinstance(part, PlanarContact)
     at = found.solver.layout["block.rigid"]
     motion = FrameHistory(found.t, found.x[:, at], found.v[:, at], found.a[:, at])
     power = part.history({"block": motion})["power"]
@@ -117,7 +117,7 @@ def test_conduction_along_a_known_motion_is_that_of_the_same_place() -> None:
     motion = {"block": FrameHistory(np.array([0.0, 2.0]), np.stack([0 * pose, 2 * pose]),
                                     np.ones((2, 3)), np.zeros((2, 3)))}
     part = told.parts["sole"]
-    assert isinstance(part, ContactPart)
+    assert isinstance(part, PlanarContact)
     (term,) = part.conduction(told.layout, motion)
     (free,) = moving.parts["sole"].terms(moving.layout, moving.parts)
     assert isinstance(free, ContactTerm)

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sparsemor.bodies.contact.part import ContactPart
+from sparsemor.bodies.contact.planar_part import PlanarContact
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.stage import FrameHistory
 from sparsemor.core.status import SolveFailed, Status
@@ -52,7 +52,7 @@ def history(found: March, body: str = "block", contact: str = "sole") -> Mapping
     at = found.solver.layout[f"{body}.rigid"]
     motion = FrameHistory(found.t, found.x[:, at], found.v[:, at], found.a[:, at])
     part = found.model.parts[contact]
-    assert isinstance(part, ContactPart)
+    assert isinstance(part, PlanarContact)
     return part.history({body: motion})
 
 
@@ -205,7 +205,7 @@ def test_the_slider_on_the_plate_of_the_paper() -> None:
 def test_the_leading_edge_of_the_slider_carries_the_largest_pressure() -> None:
     found = slider(60)
     part = found.model.parts["sole"]
-    assert isinstance(part, ContactPart)
+    assert isinstance(part, PlanarContact)
     at = found.solver.layout["slider.rigid"]
     motion = FrameHistory(found.t, found.x[:, at], found.v[:, at], found.a[:, at])
     loads = part.imported({"slider": motion})["slider"]

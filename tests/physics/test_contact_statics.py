@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sparsemor.bodies.contact.part import ContactPart
+from sparsemor.bodies.contact.planar_part import PlanarContact
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.assemble import assemble
 from sparsemor.core.mesh import Mesh
@@ -37,7 +37,7 @@ def rectangle(lower: list[float], size: list[float], divisions: list[int]) -> di
     return {"use": "rectangle", "lower": lower, "size": size, "divisions": divisions}
 
 
-def contact_of(mesh: Any, surface: str, swap: bool = False, **options: Any) -> ContactPart:
+def contact_of(mesh: Any, surface: str, swap: bool = False, **options: Any) -> PlanarContact:
     """`mesh` above a plate whose top is y = 0 in 7 facets."""
     thing = {"use": "flexible", "mesh": mesh, "thickness": WIDTH, "fields": [],
              "material": {"rho": 1000},
@@ -52,7 +52,7 @@ def contact_of(mesh: Any, surface: str, swap: bool = False, **options: Any) -> C
             "use": "polygonal", "between": between[::-1] if swap else between,
             "normal": {"use": "elastic_foundation", "stiffness": K}, **options}}}))
     part = model.parts["touch"]
-    assert isinstance(part, ContactPart)
+    assert isinstance(part, PlanarContact)
     return part
 
 

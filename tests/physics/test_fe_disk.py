@@ -5,6 +5,7 @@ import pytest
 from scipy.sparse.linalg import spsolve
 from scipy.spatial import Delaunay
 
+from disk_fields import radial_and_hoop, rms
 from sparsemor.bodies import fe
 from sparsemor.bodies.material import Material
 from sparsemor.bodies.mesh.check import check_mesh
@@ -43,19 +44,6 @@ def rim_displacement(mesh: Mesh, force: FloatArray) -> tuple[FloatArray, float]:
     moved = u.reshape(-1, 2)[rim]
     radial = np.einsum("ij,ij->i", moved - moved.mean(axis=0), mesh.points[rim]) / RADIUS
     return u, float(radial.mean())
-
-
-def radial_and_hoop(mesh: Mesh, sigma: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Distance of each cell's centroid from the axis, sigma_r and sigma_theta there."""
-    centroid = mesh.points[mesh.cells].mean(axis=1)
-    r = np.linalg.norm(centroid, axis=1)
-    along = centroid / r[:, None]
-    radial = np.einsum("ei,eij,ej->e", along, sigma[:, :2, :2], along)
-    return r, radial, sigma[:, 0, 0] + sigma[:, 1, 1] - radial
-
-
-def rms(values: FloatArray) -> float:
-    return float(np.sqrt(np.mean(values**2)))
 
 
 def test_spinning_disk(mesh: Mesh) -> None:

@@ -1,12 +1,14 @@
 """Tetrahedra against closed forms: patch tests, disks that spin or are heated, slab, cantilever."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy.sparse import eye_array, kron
 from scipy.sparse.linalg import eigsh
 
+from disk_fields import radial_and_hoop, rms
 from sparsemor.bodies import fe
 from sparsemor.bodies.fe import volume
 from sparsemor.bodies.fe.elements import (
@@ -177,19 +179,6 @@ def rim_growth(mesh: Mesh, u: FloatArray) -> float:
                  / RADIUS)
 
 
-def radial_and_hoop(mesh: Mesh, sigma: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Distance of each cell's centroid from the axis, sigma_r and sigma_theta there."""
-    centroid = mesh.points[mesh.cells].mean(axis=1)[:, :2]
-    r = np.linalg.norm(centroid, axis=1)
-    along = centroid / r[:, None]
-    radial = np.einsum("ei,eij,ej->e", along, sigma[:, :2, :2], along)
-    return r, radial, sigma[:, 0, 0] + sigma[:, 1, 1] - radial
-
-
-def rms(values: FloatArray) -> float:
-    return float(np.sqrt(np.mean(values**2)))
-
-
 def test_spinning_disk(disk: Mesh, stiffness: Csr) -> None:
     """V6: thin disk, free faces; plane stress holds in the mean over the thickness."""
     mass = fe.scalar_mass(disk, 7850.0)
@@ -274,12 +263,12 @@ def quadratic(mesh: Mesh) -> FloatArray:
     basis = skfem.Basis(solid, skfem.ElementVector(skfem.ElementTetP2()))
 
     @skfem.BilinearForm
-    def k(u, v, w):  # type: ignore[no-untyped-def]
+    def k(u: Any, v: Any, w: Any) -> Any:
         e, f = sym_grad(u), sym_grad(v)
         return s.lam * trace(e) * trace(f) + 2 * s.mu * ddot(e, f)
 
     @skfem.BilinearForm
-    def m(u, v, w):  # type: ignore[no-untyped-def]
+    def m(u: Any, v: Any, w: Any) -> Any:
         return ALLOY.rho * dot(u, v)
 
     held = basis.get_dofs(lambda x: x[0] < 1e-9).all()

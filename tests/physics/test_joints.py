@@ -5,21 +5,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from joint_runs import run
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.testing.run import March, march, scene_of
+from sparsemor.core.testing.run import March
 
-ALPHA = {"use": "generalized_alpha", "rho_inf": 0.8}
 ROD = {"use": "rigid", "mass": 2.0, "inertia": 0.05, "center": [0.3, 0.1],
        "points": {"a": [0, 0], "b": [0.6, 0.0]}}
 GRAVITY = {"gravity": {"use": "gravity", "g": [0.0, -9.81]}}
-
-
-def run(
-    bodies: dict[str, Any], joints: dict[str, Any], end: float, h: float,
-    loads: dict[str, Any] | None = None, integrator: Any = ALPHA,
-) -> March:
-    return march(scene_of({"bodies": bodies, "joints": joints, "loads": loads or {},
-                           "time": {"end": end, "step": h}, "integrator": integrator}))
 
 
 def test_imposed_motion_is_followed_and_its_force_is_the_inertia_force() -> None:

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sparsemor.bodies.contact.part import ContactPart
+from sparsemor.bodies.contact.planar_part import PlanarContact
 from sparsemor.bodies.contact.spatial.meetings import AT_ONCE
 from sparsemor.bodies.contact.spatial.part import SpatialContact
 from sparsemor.bodies.mesh.block import Block
@@ -232,7 +232,7 @@ def test_a_plane_problem_in_space_has_the_resultants_of_the_plane() -> None:
         "time": {"end": 1.0, "step": 0.1}, "contacts": {"touch": {
             "use": "polygonal", "between": ["thing:bottom", "plate:top"], "normal": normal,
             "friction": COULOMB}}})).parts["touch"]
-    assert isinstance(plane, ContactPart)
+    assert isinstance(plane, PlanarContact)
     solid = contact_of(Block(size=(SIDE, 1.0, SIDE), divisions=(3, 2, 1)), "bottom",
                        plate=Block(lower=(-0.2, -0.5, -0.1), size=(0.4, 2.0, 0.1),
                                    divisions=(7, 3, 1)), normal=normal, friction=COULOMB)

@@ -5,27 +5,19 @@ from typing import Any
 import numpy as np
 import pytest
 
+from joint_runs import run
 from sparsemor.bodies.spatial import rotation as rot
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.assemble import assemble
 from sparsemor.core.errors import InputError
-from sparsemor.core.testing.run import March, march, scene_of
+from sparsemor.core.testing.run import March, scene_of
 
-ALPHA = {"use": "generalized_alpha", "rho_inf": 0.8}
 TILT: dict[str, Any] = {"axis": [1.0, -2.0, 0.5], "angle": 1.1}
 R = rot.rotation(rot.about(TILT["axis"], TILT["angle"]))
 G = np.array([1.0, -9.81, 0.0])
 ROD: dict[str, Any] = {
     "use": "rigid", "mass": 2.0, "inertia": [0.03, 0.06, 0.05], "center": [0.3, 0.1, -0.05],
     "points": {"a": [0.0, 0.0, 0.0], "b": [0.6, 0.0, 0.2]}}
-
-
-def run(
-    bodies: dict[str, Any], joints: dict[str, Any], end: float, h: float,
-    loads: dict[str, Any] | None = None, integrator: Any = ALPHA,
-) -> March:
-    return march(scene_of({"bodies": bodies, "joints": joints, "loads": loads or {},
-                           "time": {"end": end, "step": h}, "integrator": integrator}))
 
 
 def listed(v: FloatArray) -> list[float]:

@@ -73,9 +73,9 @@ def test_a_spinning_frame_and_a_free_one_on_a_hinge_move_alike() -> None:
         ends = []
         for frame in ("spinning", "floating"):
             spin = {"spin": [0.0, 0.0, 40.0]}
-            hub = assemble(scene_of({"bodies": {"plate": PLATE},
-                                     "time": {"end": 1.0, "step": h}})).parts["plate"]
-            middle = hub.X[hub.points["hub"]].mean(axis=0).tolist()  # type: ignore[attr-defined]
+            hub: Any = assemble(scene_of({
+                "bodies": {"plate": PLATE}, "time": {"end": 1.0, "step": h}})).parts["plate"]
+            middle = hub.X[hub.points["hub"]].mean(axis=0).tolist()
             wheel = {**WHEEL, "frame": frame, "inertia": [0.1, 0.1, 0.05], "pose": spin,
                      "points": {"axle": [0.0, 0.0, 0.0], "flange": middle}}
             got = march(scene_of({

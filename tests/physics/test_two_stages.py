@@ -90,11 +90,12 @@ def test_a_step_does_not_grow_with_the_loaded_surface(cache):
         model, offline = prepared(scene, cache, new_manager())
         solver: Any = scene.reducer.prepare(
             model, scene.integrator, scene.time.step, offline, np.random.default_rng(0))
-        tables = [b.tables for b in (*solver.elastic.values(), *solver.heat.values())]
-        widths.append([[t.values.shape for t in group] for group in tables])
+        known = [*(b.known for b in solver.mechanics.bodies if b.known is not None),
+                 *(b.given for b in solver.heat.values())]
+        widths.append([k.rows.shape for k in known])
         nodes.append([t.columns.shape[1] for b in model.separated.heat for t in b.tables])
     assert widths[0] == widths[1]
-    assert all(len(group) == 1 for group in widths[0])
+    assert len(widths[0]) == 4
     assert nodes[1][1] > 1.5 * nodes[0][1]
 
 

@@ -1,18 +1,18 @@
 """The pieces in contact at many times of a known motion, a few times at once."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from sparsemor.bodies.contact.near import Near
+from sparsemor.bodies.contact.part import Motion, steps
 from sparsemor.bodies.contact.spatial.cells import reached
-from sparsemor.bodies.contact.spatial.path import Path, seen, steps
+from sparsemor.bodies.contact.spatial.path import Path, seen
 from sparsemor.bodies.contact.spatial.pieces import Overlaps, Pairs, Pieces
 from sparsemor.bodies.contact.spatial.surface import Surface
 from sparsemor.core.arrays import IntArray
 from sparsemor.core.protocols import NormalLaw
-from sparsemor.core.stage import FrameHistory
 
 AT_ONCE = 60_000
 """Pairs of facets, about, that are evaluated together: memory for some tens of MB."""
@@ -37,7 +37,7 @@ class Meeting:
 
 def meetings(
     first: Surface, second: Surface, near: Near, normal: NormalLaw,
-    motion: Mapping[str, FrameHistory],
+    motion: Motion,
 ) -> Iterator[Meeting]:
     """Of rigid surfaces at all times, in order."""
     one, other, all_times = Path(first, motion), Path(second, motion), steps(motion)

@@ -1,15 +1,13 @@
 """A built contact of bodies in space: its loads and histories along a known motion."""
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
-from sparsemor.bodies.contact.near import Near
-from sparsemor.bodies.contact.projection import nearest
-from sparsemor.bodies.contact.restless import unsettled
+from sparsemor.bodies.contact.part import ContactPart, Motion, steps
 from sparsemor.bodies.contact.spatial.meetings import Meeting, meetings
-from sparsemor.bodies.contact.spatial.path import Path, seen, steps
+from sparsemor.bodies.contact.spatial.path import Path, seen
 from sparsemor.bodies.contact.spatial.pieces import pressure
 from sparsemor.bodies.contact.spatial.resultants import HISTORIES, resultants
 from sparsemor.bodies.contact.spatial.side import Side
@@ -18,82 +16,37 @@ from sparsemor.bodies.contact.spatial.term import SpatialContactTerm
 from sparsemor.bodies.contact.spatial.tractions import nodal
 from sparsemor.bodies.contact.tractions import Interface
 from sparsemor.core.arrays import FloatArray, IntArray
-from sparsemor.core.layout import Block, Layout
-from sparsemor.core.protocols import Part, Term
-from sparsemor.core.stage import FrameHistory, SurfaceLoads
+from sparsemor.core.layout import Layout
+from sparsemor.core.stage import SurfaceLoads
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SpatialContact:
-    """reach: deepest penetration (m) that is followed; deforms: surfaces move with the
-    displacements; heats: friction heat and conduction enter the bodies that have temperatures."""
+class SpatialContact(ContactPart[Surface]):
+    """In space: see `ContactPart`."""
 
-    name: str
-    first: Surface
-    second: Surface
-    face: Interface
-    near: Near
-    reach: float
-    deforms: bool
-    heats: bool
-    localized: bool = True
-    moving: bool = True
+    def _term(
+        self, layout: Layout, motion: Motion, face: Interface, *, moves: bool, deforms: bool,
+        conducts: bool,
+    ) -> SpatialContactTerm:
+        first, second = (
+            Side.of(s, layout, moves=moves, deforms=deforms, conducts=conducts,
+                    motion=motion.get(s.body.name)) for s in (self.first, self.second))
+        return SpatialContactTerm.of((first, second), face, self.near, deforms, self.reach)
 
-    def blocks(self) -> Sequence[Block]:
-        return ()
-
-    def terms(self, layout: Layout, parts: Mapping[str, Part]) -> Sequence[Term]:
-        """The contact inside the step, at the unknowns of the layout."""
-        sides = [Side.of(s, layout, moves=True, deforms=self.deforms, conducts=self.heats)
-                 for s in (self.first, self.second)]
-        term = SpatialContactTerm.of(
-            (sides[0], sides[1]), self.face, self.near, self.deforms, self.reach)
-        return [term] if len(term.rows) else []
-
-    def conduction(
-        self, layout: Layout, motion: Mapping[str, FrameHistory]
-    ) -> Sequence[Term]:
-        """Conduction between surfaces whose frames move as told; friction heat is not in it."""
-        if self.face.conductance == 0:
-            return []
-        sides = [Side.of(s, layout, moves=False, deforms=False, conducts=True,
-                         motion=motion.get(s.body.name)) for s in (self.first, self.second)]
-        face = replace(self.face, friction=None)
-        term = SpatialContactTerm.of((sides[0], sides[1]), face, self.near, False, self.reach)
-        return [term] if len(term.rows) else []
-
-    def missed(self, motion: Mapping[str, FrameHistory]) -> str:
-        """What a user should know when the surfaces never met; "" when they did."""
-        gap = 0.0 if any(map(self._presses, self._meetings(motion))) else self._closest(motion)
-        if gap <= (self.reach if self.deforms else 0.0):
-            return ""
-        one, other = self.first.body.name, self.second.body.name
-        return (f"contact {self.name}: the surfaces of {one} and {other} never met; the nearest "
-                f"they came is {gap:.3g} m: check the poses, and that the sets name the sides that "
-                "face each other")
-
-    def unsettled(self, history: Mapping[str, FloatArray]) -> str:
-        """What a user should know of the contact's history at the steps of a run; "" if nothing."""
-        return unsettled(self.name, history["normal"])
+    def _pressed(self, motion: Motion) -> bool:
+        return any(map(self._presses, self._meetings(motion)))
 
     def _presses(self, m: Meeting) -> bool:
         return bool((pressure(m.overlaps, m.pieces.of, m.pieces.polygons.places,
                               self.face.normal) > 0).any())
 
-    def _closest(self, motion: Mapping[str, FrameHistory]) -> float:
-        """Smallest distance of a point of either surface from the other, at 100 of the times."""
+    def _points(self, motion: Motion) -> Callable[[slice], tuple[FloatArray, FloatArray]]:
         one, other = Path(self.first, motion), Path(self.second, motion)
-        found = np.inf
-        for k in np.unique(np.linspace(0, steps(motion) - 1, 100).astype(int)):
-            z, _ = seen(one, other, self.first.X, slice(k, k + 1))
-            back = ((z[0], self.second.X[self.second.facets]),
-                    (self.second.X, z[0][self.first.facets]))
-            found = min(found, *(float(nearest(p, q).distance.min()) for p, q in back))
-        return found
+        return lambda now: (seen(one, other, self.first.X, now)[0][0], self.second.X)
 
     # ------------------------------------------------------------------ along a known motion
 
-    def imported(self, motion: Mapping[str, FrameHistory]) -> Mapping[str, SurfaceLoads]:
+    def imported(self, motion: Motion) -> Mapping[str, SurfaceLoads]:
         """Body -> nodal forces in its own axes (N) and nodal friction heat (W) at each time, on
         the points that are touched at any of them (all, where none is)."""
         n = len(self.first.nodes), len(self.second.nodes)
@@ -112,12 +65,12 @@ class SpatialContact:
             found[surface.body.name] = SurfaceLoads(surface.nodes[touched], force, heat)
         return found
 
-    def _in_first(self, force: FloatArray, motion: Mapping[str, FrameHistory]) -> FloatArray:
+    def _in_first(self, force: FloatArray, motion: Motion) -> FloatArray:
         """(T, j, 3) in the first body's axes of forces in the second's."""
         A, B = (Path(s, motion).A for s in (self.first, self.second))
         return np.asarray(force @ (B.transpose(0, 2, 1) @ A))
 
-    def history(self, motion: Mapping[str, FrameHistory]) -> Mapping[str, FloatArray]:
+    def history(self, motion: Motion) -> Mapping[str, FloatArray]:
         """Over the times (T,) of the motion: see `resultants`."""
         found = {name: np.zeros(steps(motion)) for name in HISTORIES}
         for m in self._meetings(motion):
@@ -127,7 +80,7 @@ class SpatialContact:
                 found[name][m.begin : m.stop] = values
         return found
 
-    def _meetings(self, motion: Mapping[str, FrameHistory]) -> Iterator[Meeting]:
+    def _meetings(self, motion: Motion) -> Iterator[Meeting]:
         return meetings(self.first, self.second, self.near, self.face.normal, motion)
 
 

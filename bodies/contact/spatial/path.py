@@ -1,20 +1,18 @@
 """Rigid surfaces along a known motion, seen from the second body's axes."""
 
-from collections.abc import Mapping
-
 import numpy as np
 
+from sparsemor.bodies.contact.part import Motion
 from sparsemor.bodies.contact.spatial.surface import Surface
 from sparsemor.bodies.spatial.attitude import attitude
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.stage import FrameHistory
 
 
 class Path:
     """Frame of one body at all times: origin R and its velocity (T, 3), A (T, 3, 3), angular
     velocity w (T, 3) in body axes, rad/s. One row for all times where the body stands still."""
 
-    def __init__(self, surface: Surface, motion: Mapping[str, FrameHistory]) -> None:
+    def __init__(self, surface: Surface, motion: Motion) -> None:
         history = motion.get(surface.body.name)
         pose = surface.body.pose[None] if history is None else history.pose
         rate = np.zeros_like(pose) if history is None else history.rate
@@ -47,8 +45,3 @@ def seen(first: Path, second: Path, X: FloatArray, now: slice) -> tuple[FloatArr
 def _turned(B: FloatArray, x: FloatArray) -> FloatArray:
     """(T, 3) of space vectors x in the axes B."""
     return np.asarray((x[:, None] @ B)[:, 0])
-
-
-def steps(motion: Mapping[str, FrameHistory]) -> int:
-    """Number of times of a motion."""
-    return max((len(h.times) for h in motion.values()), default=1)

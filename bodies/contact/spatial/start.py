@@ -1,10 +1,9 @@
-"""Whether two surfaces in space can begin as they are placed."""
+"""How deep a surface in space is in the other body at the start."""
 
 import numpy as np
 
 from sparsemor.bodies.contact.projection import nearest
 from sparsemor.bodies.contact.spatial.surface import Surface
-from sparsemor.bodies.contact.start import OVERLAP, overlapping
 from sparsemor.bodies.mesh.simplices import boundary
 from sparsemor.bodies.spatial.body import SpatialBody
 from sparsemor.core.arrays import BoolArray, FloatArray
@@ -13,22 +12,20 @@ AT_ONCE = 2_000_000
 """Points times facets that are looked at together."""
 
 
-def check_start(first: Surface, second: Surface) -> None:
-    """InputError (key `between`) when a point of either surface is inside the other body by more
-    than `OVERLAP` of the smallest facet."""
-    size = float(min(first.sizes.min(), second.sizes.min()))
-    for one, other in ((first, second), (second, first)):
-        z = placed(one.body, one.X)
-        corners = placed(other.body, other.X)[other.facets]
-        z = z[_in_box(other.body, z)]
-        if not len(z):
-            continue
-        depth = nearest(z, corners).distance
-        z, depth = z[depth > OVERLAP * size], depth[depth > OVERLAP * size]
-        inside = within(other.body, z)
-        if inside.any():
-            worst = int(np.argmax(np.where(inside, depth, -1.0)))
-            overlapping(one.body.name, other.body.name, z[worst], float(depth[worst]), size)
+def deepest(one: Surface, other: Surface, allowed: float) -> tuple[FloatArray, float] | None:
+    """The point (3,) of `one` that is deepest inside the other body, and its depth, m; None where
+    none is deeper than allowed."""
+    z = placed(one.body, one.X)
+    z = z[_in_box(other.body, z)]
+    if not len(z):
+        return None
+    depth = nearest(z, placed(other.body, other.X)[other.facets]).distance
+    z, depth = z[depth > allowed], depth[depth > allowed]  # `within` looks at every facet
+    inside = within(other.body, z)
+    if not inside.any():
+        return None
+    worst = int(np.argmax(np.where(inside, depth, -1.0)))
+    return z[worst], float(depth[worst])
 
 
 def placed(body: SpatialBody, X: FloatArray) -> FloatArray:

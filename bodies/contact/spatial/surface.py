@@ -1,12 +1,14 @@
 """A surface of a body in space, ready for contact: triangles and the borders of their cells."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 from scipy.spatial import cKDTree
 
+from sparsemor.bodies.contact.facets import Facets
 from sparsemor.bodies.contact.spatial.cells import Cells, cells_of
 from sparsemor.bodies.contact.spatial.planes import Planes
 from sparsemor.bodies.spatial.body import SpatialBody
@@ -14,27 +16,11 @@ from sparsemor.core.arrays import FloatArray, IntArray
 
 
 @dataclass(frozen=True, eq=False)
-class Surface:
-    """nodes (n,): sorted point numbers of the body; facets (F, 3): positions in `nodes`, ordered
-    so that the normal points out of the body."""
+class Surface(Facets[SpatialBody]):
+    """Facets (F, 3): the normal points out of the body."""
 
-    body: SpatialBody
-    nodes: IntArray
-    facets: IntArray
-
-    @classmethod
-    def of(cls, body: SpatialBody, facets: IntArray) -> Self:
-        """facets (F, 3): point numbers, outward ordered (fe/surface.py)."""
-        nodes = np.unique(facets)
-        return cls(body, nodes, np.searchsorted(nodes, facets))
-
-    def some(self, chosen: IntArray) -> tuple["Surface", IntArray]:
-        """Some of the facets with the cells that they have among all, and which nodes are theirs.
-        """
-        used = np.unique(self.facets[chosen])
-        part = Surface(self.body, self.nodes[used], np.searchsorted(used, self.facets[chosen]))
-        part.__dict__.update(cells=self.cells.some(chosen), radius=self.radius)
-        return part, used
+    def _cells_of(self, chosen: IntArray) -> Mapping[str, Any]:
+        return {"cells": self.cells.some(chosen)}
 
     @cached_property
     def X(self) -> FloatArray:

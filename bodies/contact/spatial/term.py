@@ -1,14 +1,14 @@
 """Contact of two surfaces in space as a local term of the equations."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from scipy.sparse import csr_array
 
-from sparsemor.bodies.contact.follow import FollowedContact
 from sparsemor.bodies.contact.near import Near
+from sparsemor.bodies.contact.numbers import found_in, picked, renumbered
 from sparsemor.bodies.contact.pace import Mover
 from sparsemor.bodies.contact.spatial.cells import reached
 from sparsemor.bodies.contact.spatial.doubt import too_deep
@@ -20,11 +20,10 @@ from sparsemor.bodies.contact.spatial.side import Side
 from sparsemor.bodies.contact.spatial.slopes import Slopes
 from sparsemor.bodies.contact.spatial.surface import radii_of, tree_of
 from sparsemor.bodies.contact.spatial.tractions import Loads, nodal
-from sparsemor.bodies.contact.spatial.unknowns import Sizes, found_in, picked
+from sparsemor.bodies.contact.spatial.unknowns import Sizes
+from sparsemor.bodies.contact.surface_term import SurfaceTerm, every
 from sparsemor.bodies.contact.tractions import Interface
-from sparsemor.bodies.local import CompressedLocal
 from sparsemor.core.arrays import BoolArray, Csr, FloatArray, IntArray
-from sparsemor.core.protocols import Trial
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,25 +41,17 @@ class _Touch:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SpatialContactTerm:
-    """Rows: minus the generalized forces, and minus the heat, of what acts between two surfaces.
+class SpatialContactTerm(SurfaceTerm[Side]):
+    """In space: forces at all points of both surfaces, then those of the unknowns.
 
     reads, writes (local + n1 + n2,): where the local unknowns (unknowns.py) and then the
-    temperatures are among the columns and rows, -1: nowhere. deforms, reach, active: as in the
-    plane (contact/term.py).
+    temperatures are among the columns and rows, -1: nowhere.
     """
 
-    rows: IntArray
-    columns: IntArray
-    sides: tuple[Side, Side]
-    reads: IntArray
-    writes: IntArray
-    face: Interface
-    near: Near
-    deforms: bool
-    reach: float
-    active: tuple[BoolArray, BoolArray]
-    source: str = ""
+    RESULTANTS: ClassVar[tuple[str, ...]] = HISTORIES
+
+    reads: IntArray = field(kw_only=True)
+    writes: IntArray = field(kw_only=True)
 
     @classmethod
     def of(
@@ -71,15 +62,8 @@ class SpatialContactTerm:
         numbers = np.concatenate([one.frame, two.frame, one.u, two.u, one.T, two.T])
         columns = np.unique(numbers[numbers >= 0])
         at = found_in(numbers, columns)
-        every = [np.ones(len(s.surface.facets), bool) for s in sides]
-        return cls(columns, columns, sides, at, at, face, near, deforms, reach,
-                   (every[0], every[1]))
-
-    @property
-    def elements(self) -> int:
-        """Facets of the first surface that are evaluated, each against those near it."""
-        first, second = (int(a.sum()) for a in self.active)
-        return min(len(self.active[0]), first + second)
+        return cls(columns, columns, sides, face, near, deforms, reach, every(sides), reads=at,
+                   writes=at)
 
     # ------------------------------------------------------------------ evaluation
 
@@ -100,10 +84,7 @@ class SpatialContactTerm:
         tree = tree_of(here.b, second.facets) if moves else second.tree
         corners = here.a[first.facets]
         middles = corners.mean(axis=1)
-        f, g = self.near.pairs(middles, tree)
-        if not (self.active[0].all() or self.active[1].all()):
-            wanted = self.active[0][f] | self.active[1][g]
-            f, g = f[wanted], g[wanted]
+        f, g = self._pairs(middles, tree)
         all_planes = Planes.of(here.b[second.facets]) if moves else second.planes
         some = reached(middles[f], radii_of(corners)[f], all_planes, second.cells, g)
         f, g = f[some], g[some]
@@ -118,9 +99,9 @@ class SpatialContactTerm:
 
     def _temperatures(self, x: FloatArray, t: float) -> FloatArray:
         known = picked(x, self.reads[Sizes.of(*self.sides).whole :])
-        n = len(self.sides[0].T)
-        return np.concatenate([self.sides[0].temperature(known[:n], t),
-                               self.sides[1].temperature(known[n:], t)])
+        first, second = self.sides
+        n = len(first.T)
+        return np.concatenate([first.held.filled(known[:n], t), second.held.filled(known[n:], t)])
 
     def residual(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> FloatArray:
         if not self.elements:
@@ -185,25 +166,12 @@ class SpatialContactTerm:
                 _assembled(found.rate, rows, columns, shape),
                 _assembled(found.T, now.nodes, now.nodes, (n, n)))
 
-    def doubt(self, x: FloatArray, v: FloatArray, t: float, h: float) -> str:
-        """Why the state at the end of a step of about h (s) is not to be trusted; "" if it is."""
+    def _too_deep(self, x: FloatArray, v: FloatArray, t: float, h: float) -> float:
         first, second = (s.surface for s in self.sides)
         here = self._place(x, v, t)
-        depth = 0.0 if here is None else too_deep(first, second, here, h, self.reach, self.near)
-        if depth == 0.0:
-            return ""
-        return (f"contact {self.source}: a point of {first.body.name} went {depth:.2g} m below the "
-                f"surface of {second.body.name}, more than half the smallest facet "
-                f"({self.reach:.2g} m): the step is too long for this contact, or its foundation "
-                "too soft")
-
-    @property
-    def histories(self) -> tuple[str, ...]:
-        """Names of the resultants that this term knows: none where it leaves facets out."""
-        return HISTORIES if self.active[0].all() or self.active[1].all() else ()
+        return 0.0 if here is None else too_deep(first, second, here, h, self.reach, self.near)
 
     def resultants(self, x: FloatArray, v: FloatArray, t: float) -> dict[str, float]:
-        """The contact at one moment: see `resultants`. x, v: of an accepted step."""
         now = self._touch(x, v, t)
         assert now is not None
         found = resultants(1, np.zeros(len(now.nodes), np.int64), now.overlaps, now.pieces,
@@ -212,12 +180,8 @@ class SpatialContactTerm:
 
     # ------------------------------------------------------------------ reduction
 
-    def restrict(self, keep: IntArray) -> "SpatialContactTerm":
-        """Only facets that touch the kept rows, and what those and their partners read."""
-        new = np.full(len(self.rows) + 1, -1)
-        new[keep] = np.arange(len(keep))
-        new[-1] = -1
-        writes = new[self.writes]
+    def restrict(self, keep: IntArray) -> Self:
+        writes = renumbered(self.writes, keep, len(self.rows))
         n = Sizes.of(*self.sides)
         active = self.active
         if not (writes[: n.frames] >= 0).any():
@@ -226,11 +190,8 @@ class SpatialContactTerm:
             active = (first, second)
         read = self._read(active) & (self.reads >= 0)
         used = np.unique(self.reads[read])
-        at = np.full(len(self.columns) + 1, -1)
-        at[used] = np.arange(len(used))
-        at[-1] = -1
         return replace(self, rows=self.rows[keep], columns=self.columns[used], writes=writes,
-                       reads=at[self.reads], active=active)
+                       reads=renumbered(self.reads, used, len(self.columns)), active=active)
 
     def _read(self, active: tuple[BoolArray, BoolArray]) -> BoolArray:
         """Which local unknowns and temperatures active facets and their partners read."""
@@ -251,7 +212,6 @@ class SpatialContactTerm:
 
     @property
     def movers(self) -> tuple[Mover, Mover]:
-        """Both surfaces, their unknowns among the columns."""
         n = Sizes.of(*self.sides)
         ends = np.cumsum([0, n.f1, n.f2, n.u1, n.u2])
         places = [self.reads[i:j] for i, j in pairwise(ends)]
@@ -262,15 +222,10 @@ class SpatialContactTerm:
         return first, second
 
     def points(self, x: FloatArray, t: float) -> tuple[FloatArray, FloatArray] | None:
-        """(n1, 3), (n2, 3) in the second body's axes, m; None where they are not finite."""
         here = self._place(x, 0.0 * x, t)
         return None if here is None else (here.a, here.b)
 
-    def among(
-        self, first: IntArray, second: IntArray
-    ) -> tuple["SpatialContactTerm", IntArray, IntArray]:
-        """The contact of some facets of either surface with each other alone, and which of the
-        columns and of the rows are theirs."""
+    def among(self, first: IntArray, second: IntArray) -> tuple[Self, IntArray, IntArray]:
         n = Sizes.of(*self.sides)
         (one, used1), (two, used2) = (s.some(chosen) for s, chosen in zip(
             self.sides, (first, second), strict=True))
@@ -282,10 +237,6 @@ class SpatialContactTerm:
             reads=found_in(reads, columns), writes=found_in(writes, rows),
             active=(self.active[0][first], self.active[1][second]))
         return made, columns, rows
-
-    def compress(self, trial: Trial, left: FloatArray) -> CompressedLocal | FollowedContact:
-        local = CompressedLocal.of(self, trial, left)
-        return FollowedContact.of(local) if self.deforms and local.elements else local
 
 
 def _assembled(

@@ -62,13 +62,3 @@ class Sizes:
         _, _, u1, u2 = self.split(some[: self.whole].astype(np.float64))
         T = some[self.whole :]
         return u1.any(axis=1) | T[: self.n1], u2.any(axis=1) | T[self.n1 :]
-
-
-def picked(x: FloatArray, at: IntArray) -> FloatArray:
-    """x at places `at`, 0 where a place is -1: nowhere."""
-    return np.where(at >= 0, x[at], 0.0) if len(x) else np.zeros(at.shape)
-
-
-def found_in(numbers: IntArray, among: IntArray) -> IntArray:
-    """Where numbers are in a sorted list that holds them, -1 where they are -1."""
-    return np.where(numbers >= 0, np.searchsorted(among, numbers), -1)

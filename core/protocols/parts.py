@@ -1,0 +1,44 @@
+"""What the entries of a scene build: bodies, meshes, joints, contacts and loads."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Protocol
+
+from sparsemor.core.layout import Block, Layout
+from sparsemor.core.mesh import Mesh
+from sparsemor.core.protocols.terms import Term
+
+
+class Part(Protocol):
+    """A built body, joint or load: the numbers behind one entry of the scene."""
+
+    @property
+    def name(self) -> str: ...
+    def blocks(self) -> Sequence[Block]: ...
+    def terms(self, layout: Layout, parts: Mapping[str, "Part"]) -> Sequence[Term]: ...
+
+
+class BodyPlugin(Protocol):
+    """A body of the scene. base: folder of the scene file, for relative paths.
+
+    Optional: `expected()` -> a `core.mesh.BodySize`, or None where it cannot be known; a run that
+    would not fit in memory is then refused before anything is meshed.
+    """
+
+    def build(self, name: str, base: Path) -> Part: ...
+
+
+class MeshPlugin(Protocol):
+    """A mesh of a body. Optional: `expected()` -> a `core.mesh.MeshSize`, before it is built."""
+
+    def build(self, base: Path) -> Mesh: ...
+
+
+class ConnectorPlugin(Protocol):
+    """A joint, contact or load of the scene, built once the bodies stand.
+
+    InputError keys are relative to its own entry in the scene (`between`, `on`). A class attribute
+    `acts_on = "thermal"` says that the motion does not depend on it: a rigid stage leaves it out.
+    """
+
+    def build(self, name: str, parts: Mapping[str, Part]) -> Part: ...

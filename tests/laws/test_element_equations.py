@@ -1,0 +1,95 @@
+"""The equations of element weights are summed up a few elements at a time, and never held."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sparsemor.reducers import element_equations, element_weights
+from sparsemor.reducers.element_equations import Equations, Rows
+from sparsemor.reducers.element_weights import train
+
+
+def positive(seed: int, shape: tuple[int, int] = (12, 90)) -> np.ndarray[Any, Any]:
+    return np.asarray(np.random.default_rng(seed).random(shape))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_sums_over_blocks_are_those_of_the_whole(
+    seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    G = positive(seed)
+    monkeypatch.setattr(element_equations, "BLOCK", 12 * 7)
+    e = Equations.of(G)
+    w = np.where(np.arange(90) % 3 == 0, 2.0, 0.0)
+    np.testing.assert_allclose(e.total(), G.sum(axis=1), rtol=1e-13)
+    np.testing.assert_allclose(e.applied(w), G @ w, rtol=1e-13)
+    values, U = e.directions(np.arange(90), e.total(), 0.3)
+    true = np.linalg.svd(np.column_stack([G, G.sum(axis=1)]), compute_uv=False)
+    np.testing.assert_allclose(np.sort(values)[::-1], true[true > 0.3], rtol=1e-9)
+    some = np.array([3, 17, 50, 51, 52, 53, 54, 55, 56, 89])
+    np.testing.assert_allclose(e.along(U, some), U.T @ G[:, some], rtol=1e-9, atol=1e-12)
+
+
+def test_no_more_columns_are_made_at_a_time_than_a_block_holds(
+    monkeypatch: pytest.MonkeyPatch
+) -> None:
+    G, asked = positive(9), list[int]()
+
+    def make(part: Any) -> Any:
+        found = G[:, part]
+        asked.append(found.shape[1])
+        return found
+
+    monkeypatch.setattr(element_equations, "BLOCK", 12 * 10)
+    w = train(Equations(90, (Rows(12, make),), ()), 1e-6)
+    assert w.residual < 1e-6 and max(asked) == 10
+    whole = train(Equations.of(G), 1e-6)
+    np.testing.assert_allclose(w.values, whole.values, atol=1e-6)
+
+
+def test_rows_are_shares_of_their_sums_and_round_off_is_left_out() -> None:
+    G, zero = positive(2), 1e-14 * positive(3)
+    e = Equations(90, (Rows(12, lambda p: G[:, p], 1.0), Rows(12, lambda p: zero[:, p], 1.0),
+                       Rows(12, lambda p: G[:, p])), ()).scaled()
+    assert [p.count for p in e.parts] == [12, 12]
+    assert np.linalg.norm(e.total()[:12]) == pytest.approx(1.0)
+    np.testing.assert_allclose(e.total()[12:], G.sum(axis=1))
+    assert not Equations.of(zero, 1.0).scaled().parts
+
+
+def test_many_rows_are_replaced_by_as_few_as_do() -> None:
+    G = np.random.default_rng(5).standard_normal((400, 20))
+    few = Equations.of(G).fewer()
+    assert few.rows == 20
+    w = np.random.default_rng(6).random(20)
+    assert np.linalg.norm(few.applied(w)) == pytest.approx(np.linalg.norm(G @ w))
+
+
+def test_weights_are_found_among_a_part_of_a_large_mesh(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The forces of all elements are repeated all the same, and the residual is that of all."""
+    G = positive(11, (6, 4000)) / 4000
+    all_of_them = train(Equations.of(G), 1e-3)
+    monkeypatch.setattr(element_weights, "CANDIDATES", 250)
+    few = train(Equations.of(G), 1e-3)
+    among = element_weights._candidates(4000)
+    assert len(np.unique(among)) == 250 and np.isin(np.flatnonzero(few.values), among).all()
+    for found in (few, all_of_them):
+        b = G.sum(axis=1)
+        assert found.residual == pytest.approx(float(np.linalg.norm(G @ found.values - b)))
+        assert found.residual <= 1.05e-3
+
+
+def test_directions_that_large_weights_bring_out_are_taken_in() -> None:
+    """Below the first floor all elements together make 9e-3 tau in direction 2; few of them would
+    make hundreds of times that."""
+    tau, E = 1e-2, 20_000
+    rng = np.random.default_rng(1)
+    small = rng.standard_normal(E)
+    small *= 0.9e-2 * tau / np.linalg.norm(small)
+    G = np.vstack([1.0 + 0.1 * rng.random(E), small])
+    G[0] /= G[0].sum()
+    found = train(Equations.of(G), tau)
+    assert found.residual <= 1.05 * tau
+    # one element would do without it
+    assert np.count_nonzero(found.values) == 2

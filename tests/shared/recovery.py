@@ -1,0 +1,42 @@
+"""The installed sparse solvers, and problems that several tests of them solve."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.protocols import Group, SparseOutcome, SparseSolver
+from sparsemor.core.testing import installed
+from sparsemor.core.testing.problems import Elsewhere, LeastSquares, empty_start
+from sparsemor.plugins.sparse_solvers.newton import LinearRecovery
+
+SOLVERS: dict[str, Any] = {name: plugin() for name, plugin in installed("sparse_solver").items()}
+LINEAR = {name: s for name, s in SOLVERS.items() if isinstance(s, LinearRecovery)}
+each = pytest.mark.parametrize("solver", SOLVERS.values(), ids=list(SOLVERS))
+each_linear = pytest.mark.parametrize("solver", LINEAR.values(), ids=list(LINEAR))
+
+
+def empty(solver: SparseSolver, problem: "LeastSquares | Elsewhere | Tempting") -> SparseOutcome:
+    """Solved from an empty support."""
+    k = max(g.stop for g in problem.groups)
+    return solver.solve(problem, empty_start(k))
+
+
+@dataclass(frozen=True)
+class Tempting:
+    """residual = (1, 1.2, 1) - (c0, c1, 0), one atom allowed; its Jacobian always promises that
+    the other atom would remove all that is left, so that the supports alternate for ever."""
+
+    groups: tuple[Group, ...] = (Group("g", 0, 2, 1),)
+    needs: frozenset[str] = frozenset()
+
+    def residual(self, c: FloatArray) -> FloatArray:
+        return np.array([1.0 - c[0], 1.2 - c[1], 1.0])
+
+    def jacobian(self, c: FloatArray) -> FloatArray:
+        J = -np.eye(3)[:, :2]
+        if c.any():
+            J[:, c == 0.0] = -self.residual(c)[:, None]
+        return J
