@@ -71,7 +71,7 @@ def wanted(
     for name, reducer in beside.items():
         yield "disk.thermal", name, dict(reducer), ()
     for block in ("disk.elastic", "pad.elastic", "disk.thermal", "pad.thermal"):
-        yield block, "as packaged: {}", dict(packaged), ()
+        yield block, "as packaged", dict(packaged), ()
 
 
 def leading(d: Dictionary, count: int) -> Dictionary:

@@ -218,7 +218,7 @@ def test_brake_disk_measures_every_field_in_and_out_of_training(run: Run) -> Non
         found, "Best approximation of the states")}
     few, many = (held["disk.thermal", f"{n} pulses"] for n in (100, 200))
     for case in ("60 km/h, mu 0.7", "40 km/h", "mu 0.4"):
-        assert 0.0 < many[case] < few[case] < 1.0
+        assert 0.0 <= many[case] <= few[case] < 1e-6  # ten steps: 100 hold them
     for (block, _), row in held.items():  # nothing is nearer than the best approximation
         if block.endswith("elastic"):
             assert row["40 km/h"] <= row["40 km/h, by energy"] * (1 + 1e-9)
