@@ -20,6 +20,7 @@ from sparsemor.core.layout import Block, FieldName, Layout
 from sparsemor.core.mesh import Mesh
 from sparsemor.core.model import ProbePlace
 from sparsemor.core.protocols import Part, Term, TimeFunction
+from sparsemor.core.registry import near
 from sparsemor.core.run_header import BodyShape
 from sparsemor.core.separable import Amplitude, HeatBody, MovingBody
 from sparsemor.core.stage import FrameHistory, SurfaceLoads
@@ -168,7 +169,14 @@ class Body(ABC):
                          None if h is None else h.free, pose=self.pose,
                          given=() if h is None else h.prescribed)
 
-    # ------------------------------------------------------------------ probes
+    # ------------------------------------------------------------------ sets and probes
+
+    def named(self, which: str, key: str) -> IntArray:
+        """Points of a named set; InputError under `key` that names the sets there are."""
+        if which not in self.points:
+            raise InputError(f"body {self.name!r} has no set {which!r}: "
+                             f"{near(which, sorted(self.points), 'sets')}", key)
+        return self.points[which]
 
     def probe(self, name: str, at: str | Sequence[float]) -> ProbePlace:
         """A material point: the mean of a named set, or the node nearest to body coordinates."""
@@ -189,10 +197,8 @@ class Body(ABC):
         """(N,) weights and (d,) the point, m (body frame)."""
         points, weights = self.coordinates, np.zeros(len(self.X))
         if isinstance(at, str):
-            if at not in self.points:
-                raise InputError(f"body {self.name!r} has no set {at!r}; it has "
-                                 f"{', '.join(sorted(self.points)) or 'none'}", "at")
-            weights[self.points[at]] = 1.0 / len(self.points[at])
+            nodes = self.named(at, "at")
+            weights[nodes] = 1.0 / len(nodes)
         elif len(at) != points.shape[1]:
             raise InputError(
                 f"body {self.name!r} is {KINDS[points.shape[1]]} coordinates", "at")

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from difflib import get_close_matches
 
 import numpy as np
 
@@ -12,6 +11,7 @@ from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.errors import Gather, InputError
 from sparsemor.core.mesh import Mesh
 from sparsemor.core.protocols import Part
+from sparsemor.core.registry import near
 
 GROUND = "ground"
 
@@ -45,9 +45,7 @@ def find_body(parts: Mapping[str, Part], name: str, key: str) -> AnyBody:
     body = parts.get(name)
     if not isinstance(body, AnyBody):
         known = [n for n, p in parts.items() if isinstance(p, AnyBody)]
-        near = get_close_matches(name, known, n=1)
-        hint = f" (did you mean {near[0]}?)" if near else ""
-        raise InputError(f"there is no body {name!r}{hint}; the bodies are {', '.join(known)}", key)
+        raise InputError(f"no body is called {name!r}: {near(name, known, 'bodies')}", key)
     return body
 
 
@@ -57,13 +55,7 @@ def find_target(parts: Mapping[str, Part], text: str, key: str) -> Target:
     if not colon or not which:
         raise InputError(f"give it as body:set, such as link1:top (given: {text!r})", key)
     body = find_body(parts, name, key)
-    if which not in body.points:
-        known = sorted(body.points)
-        near = get_close_matches(which, known, n=1)
-        hint = f" (did you mean {near[0]}?)" if near else ""
-        has = ", ".join(known) if known else "none"
-        raise InputError(f"body {name!r} has no set {which!r}{hint}; it has {has}", key)
-    return Target(body, body.points[which], text)
+    return Target(body, body.named(which, key), text)
 
 
 def find_surfaces(

@@ -120,13 +120,20 @@ def _may_be_default(node: object, part: str | int) -> bool:
 _BRANCHES = {"int", "float", "str", "bool", "none", "is_instance", "literal", "date", "constrained"}
 
 
+_PLAIN = {
+    **dict.fromkeys(("dict_type", "model_type", "model_attributes_type", "mapping_type"),
+                    "Input should be keys with values, such as {key: value}"),
+    **dict.fromkeys(("list_type", "tuple_type"), "Input should be a list, such as [a, b]")}
+"""In place of pydantic's words, which name Python's types and our classes."""
+
+
 def _messages(e: ErrorDetails) -> list[tuple[str, str]]:
     cause = e.get("ctx", {}).get("error")
     if isinstance(cause, InputError):
         return [(f.key, f.message) for f in cause.faults]
     if e["type"] == "custom":
         return [("", e["ctx"]["text"])]
-    text = str(cause) if cause is not None else e["msg"]
+    text = str(cause) if cause is not None else _PLAIN.get(e["type"], e["msg"])
     if e["type"] == "missing":
         return [("", "is missing, and has no default")]
     return [("", f"{text} (given: {shown(e['input'])})")]

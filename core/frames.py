@@ -11,6 +11,17 @@ def unit_columns(A: FloatArray) -> FloatArray:
     return np.asarray(A / np.where(norms > 0.0, norms, 1.0))
 
 
+def oriented(A: FloatArray) -> FloatArray:
+    """A (n, k) with columns of length 1 whose entry of largest size is positive.
+
+    Of entries equal to 1e-8 the first decides, so that round-off does not turn a symmetric one.
+    """
+    size = np.abs(A)
+    first = (size >= (1.0 - 1e-8) * size.max(axis=0)).argmax(axis=0)
+    sign = np.where(A[first, np.arange(A.shape[1])] < 0.0, -1.0, 1.0)
+    return np.ascontiguousarray(unit_columns(A) * sign)
+
+
 def coherence(A: FloatArray) -> float:
     """Largest |cosine| between two different columns of A (m, k); 0 for fewer than two."""
     if A.shape[1] < 2:

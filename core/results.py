@@ -236,7 +236,7 @@ class RunResult:
 
     def contacts(self) -> Mapping[str, Mapping[str, FloatArray]]:
         """Contact -> name -> (T,): "time" s; "normal", "friction" N, the sizes of the resultants;
-        "power" W; "length" m in contact; "pressure" Pa, the largest.
+        "power" W; "length" m, in space "area" m2, in contact; "pressure" Pa, the largest.
 
         At the times of the rigid stage, where there was one, else at the stored steps; without
         contacts that the run did not evaluate as a whole.

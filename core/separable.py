@@ -179,6 +179,11 @@ class Separated:
     border_targets: tuple[tuple[int, Amplitude], ...]
     other: tuple[Term, ...]
 
+    @property
+    def rigid_equations(self) -> bool:
+        """Is anything rigid unknown, or may a term ask for it?"""
+        return bool(self.border_size or self.other)
+
 
 def evaluate_amplitudes(amplitudes: Sequence[Amplitude], t: float) -> FloatArray:
     return np.array([f(t) for f in amplitudes], dtype=np.float64)

@@ -38,11 +38,14 @@ class BodyStep:
 
     def given(self, t: float) -> tuple[FloatArray, FloatArray, FloatArray]:
         """(b,) each: what the map leaves out of border unknowns and their rates at t, s."""
-        zero = np.zeros(len(self.origin))
         if self.guide is None:
+            zero = np.zeros(len(self.origin))
             return self.origin, zero, zero
-        y, v, a = self.origin.copy(), zero, zero.copy()
-        for values, known in zip((y, v, a), self.guide.at(t), strict=True):
+        pose, rate, acceleration = self.guide.at(t)
+        if len(pose) == len(self.origin):
+            return self.origin + pose, rate, acceleration
+        y, v, a = self.origin.copy(), np.zeros(len(self.origin)), np.zeros(len(self.origin))
+        for values, known in ((y, pose), (v, rate), (a, acceleration)):
             values[: len(known)] += known
         return y, v, a
 

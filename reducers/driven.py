@@ -54,6 +54,9 @@ class Driven(Mechanics):
         ratio, last, slow = block.contraction(past), inf, None
         for iteration in range(1, self.tol.max_iterations + 1):
             new = block.improve(c, past)
+            if ratio == 0.0 and past.failure is None:  # nothing turns: that was all
+                _put(new, b.elastic, block.active, x)
+                return Status.DONE, iteration, ""
             change = _change(new, c, memory.scale, i)
             if not change < inf:
                 status, detail = past.failure or (Status.NOT_FINITE, "")

@@ -183,7 +183,8 @@ class CompressedDriven(DrivenBlock):
         return none if self.damping is None else -dense(self.damping), -dense(self.inertia)
 
     def known(self, drive: Known) -> Known:
-        """kappa, mu, sigma and all of b that does not depend on unknowns."""
+        """kappa, mu, sigma, the bound on the contraction, and all of b that does not depend on
+        unknowns."""
         g = 2 * len(self.G)
 
         def at(t: float) -> FloatArray:
@@ -193,7 +194,7 @@ class CompressedDriven(DrivenBlock):
                 b += self.loads.dot(evaluate_amplitudes(self.amplitudes, t))
             if self.tables:
                 b += total(self.tables, t)
-            return np.concatenate((row, b))
+            return np.concatenate((row, [self._bound(row[: len(self.G)].tolist())], b))
 
         # a support that may change with the next step does not pay for all times
         return Known.of(at, np.array(drive.times)) if self.active is None else Known(at)
@@ -202,10 +203,10 @@ class CompressedDriven(DrivenBlock):
         self, r1: FloatArray, r2: FloatArray, xT: FloatArray, t: float, known: FloatArray
     ) -> Past:
         g = len(self.G)
-        past = Past(known, g, r1)
-        past.weights = known[:g]
-        past.bound = self._bound(past.kappa)
-        past.u = times(self.inertia, r2) + known[2 * g + self.E.shape[1] :]
+        past, n = Past(known, g, r1), 2 * g + self.E.shape[1]
+        past.weights, past.bound = known[:g], float(known[n])
+        past.u = times(self.inertia, r2)
+        past.u += known[n + 1 :]
         if self.damping is not None:
             past.u += times(self.damping, r1)
         if len(xT):
@@ -213,6 +214,8 @@ class CompressedDriven(DrivenBlock):
         return past
 
     def improve(self, c: FloatArray, past: Past) -> FloatArray:
+        if not past.bound and not any(past.mu):  # nothing turns
+            return past.u
         d = c if past.c is None else c - past.c  # only what is new is multiplied
         d, u, r1 = self._wide(d), past.u, past.r1
         for G, kappa, mu in zip(self.G, past.kappa, past.mu, strict=True):
@@ -222,7 +225,7 @@ class CompressedDriven(DrivenBlock):
                 u = u - G.dot(kappa * d)
         past.c, past.u, past.r1 = c, u, None
         r = self.leading.shape[1]
-        if not r or not past.bound:
+        if not r:
             return u
         new = u.copy()
         new[:r] -= past.weights.dot(self.leading.dot(u[:r] - c[:r])

@@ -13,6 +13,7 @@ import numpy as np
 from scipy import linalg
 
 from sparsemor.core.arrays import Csr, FloatArray
+from sparsemor.core.frames import oriented
 from sparsemor.core.model import distinct
 from sparsemor.core.protocols import Dictionary
 
@@ -40,12 +41,12 @@ def natural(d: Dictionary, K: Csr, M: Csr, unit: str) -> tuple[Dictionary, float
     values, V = linalg.eigh(mass, stiff)
     values, V = values[::-1], V[:, ::-1]
     turned = A @ V
-    lengths = np.linalg.norm(turned, axis=0)
-    back = (V.T @ stiff) * lengths[:, None]
+    # coefficients of old atoms times V^-1 = V^T stiff, and by how much the atoms become shorter
+    back = np.linalg.norm(turned, axis=0)[:, None] * (V.T @ stiff)
     rates = np.maximum(1.0 / np.maximum(values, 1e-300) - shift, 0.0)
     at = np.sqrt(rates) / (2.0 * np.pi) if unit == "Hz" else rates
     return replace(
-        d, atoms=np.ascontiguousarray(turned / lengths),
+        d, atoms=oriented(turned),
         provenance=distinct([f"mode at {value:.4g} {unit}" for value in at]),
         info={**d.info, "coordinates": "natural modes of the span"},
     ), float(np.abs(back).sum(axis=1).max())

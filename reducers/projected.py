@@ -168,7 +168,8 @@ class Projected(Plugin, ABC):
                 continue
             n, m = body.elastic, mapped(body.elastic, body)
             te = TestedElastic.of(body.operators, body.frame, dictionaries[n],
-                                  dictionaries.get(body.thermal), m.test, m.force)
+                                  dictionaries.get(body.thermal), m.test, m.force,
+                                  model.separated.rigid_equations)
             te = te.in_modes() if n in modes else te
             blocks[n] = Seen(te, left_inverse(n, te.block(c1, c2)), m.forces)
         rows = {n: m.rows for n, m in maps.items() if m.rows is not None}

@@ -73,7 +73,8 @@ class Whole:
         heat = {b.thermal: TestedHeat.of(b, dictionaries[b.thermal], TestMap())
                 for b in model.separated.heat}
         elastic = {m.elastic: TestedElastic.of(
-            m.operators, m.frame, dictionaries[m.elastic], dictionaries.get(m.thermal), TestMap())
+            m.operators, m.frame, dictionaries[m.elastic], dictionaries.get(m.thermal), TestMap(),
+            rigid=model.separated.rigid_equations)
             for m in model.separated.moving if m.operators is not None}
         return cls(heat, elastic)
 
@@ -117,7 +118,8 @@ class Build:
             n = m.elastic
             te = (elastic_rows(known.elastic[n], rows[n]) if (known := self._known(whole, n)) else
                   TestedElastic.of(m.operators, m.frame, self.dictionaries[n],
-                                   self.dictionaries.get(m.thermal), self._map(n, rows[n])))
+                                   self.dictionaries.get(m.thermal), self._map(n, rows[n]),
+                                   rigid=self.model.separated.rigid_equations))
             block, facts[n] = self._block(n, rows[n], te.block(c1, c2))
             elastic[n] = SampledElastic.of(block, elastic_times(block.weight, te), driven)
         if self.model.separated.other:

@@ -6,12 +6,11 @@ an interpolation from a few rows for its forces. All give m rows and k columns h
 """
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from sparsemor.core.arrays import Csr, FloatArray, IntArray
+from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.protocols import Dictionary
 from sparsemor.core.separable import Amplitude, ElasticOperators, Frame, HeatBody
 from sparsemor.core.tables import Table, seen_by
@@ -43,22 +42,6 @@ class TestMap:
         return wide
 
 
-@dataclass(frozen=True, eq=False)
-class Forms:
-    """The quadratic forms of the trial displacements, made when first asked for: where frames are
-    given nothing asks, and of a complete basis of 7000 atoms they take minutes and a gigabyte."""
-
-    atoms: FloatArray
-    generators: tuple[Csr, ...]
-
-    @cached_property
-    def matrices(self) -> FloatArray:
-        """(g, k, k) = atoms^T M_g atoms."""
-        T, k = self.atoms, self.atoms.shape[1]
-        found = [T.T @ np.asarray(M @ T) for M in self.generators]
-        return np.stack(found) if found else np.zeros((0, k, k))
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class TestedElastic:
     """m tested rows, k atoms, p directions, g generators, kt thermal columns, j given loads.
@@ -67,7 +50,8 @@ class TestedElastic:
           + directions sigma + sum_g kappa_g generators_g c + mu_g generators_g r1
           - coupling cT - loads amplitudes(t) - tables(t) + constant.
     The first line is under the map `test`; all else, the forces, under `force` where it is given.
-    functional (p, k) = directions^T atoms.
+    functional (p, k) = directions^T atoms; quadratic (g, k, k) = atoms^T M_g atoms, none (0, k, k)
+    where no rigid equation reads them.
     """
 
     frame: Frame
@@ -79,7 +63,7 @@ class TestedElastic:
     coupling: FloatArray
     loads: FloatArray
     constant: FloatArray
-    forms: Forms
+    quadratic: FloatArray
     functional: FloatArray
     amplitudes: tuple[Amplitude, ...]
     tables: tuple[Table, ...] = ()
@@ -87,11 +71,13 @@ class TestedElastic:
     @classmethod
     def of(
         cls, ops: ElasticOperators, frame: Frame, atoms: Dictionary, heat: Dictionary | None,
-        test: TestMap, force: TestMap | None = None,
+        test: TestMap, force: TestMap | None = None, rigid: bool = True,
     ) -> "TestedElastic":
         """heat: the dictionary of the body's thermal block, None when it has no such block.
 
         force: the map of everything but mass, damping and stiffness; `test` when not given.
+        rigid: False where frames are given and no rigid equation reads the quadratic forms: of a
+        complete basis of 7000 atoms these take minutes and a gigabyte.
         """
         push = test if force is None else force
         T, o = atoms.atoms, atoms.offset
@@ -117,7 +103,8 @@ class TestedElastic:
             generators=np.stack([np.asarray(push(A)) for A in MT]) if MT else none,
             directions=np.asarray(push(P)), coupling=coupling, loads=np.asarray(push(ops.loads)),
             constant=np.asarray(constant),
-            forms=Forms(T, ops.generators), functional=P.T @ T, amplitudes=ops.amplitudes,
+            quadratic=np.stack([T.T @ A for A in MT]) if MT and rigid else np.zeros((0, k, k)),
+            functional=P.T @ T, amplitudes=ops.amplitudes,
             tables=seen_by(ops.tables, push),
         )
 
@@ -129,11 +116,6 @@ class TestedElastic:
         alone = (np.abs(self.damping - d) <= PROPORTIONAL * np.outer(size, size)).all()
         return replace(self, mass=diagonal(self.mass), stiffness=diagonal(self.stiffness),
                        damping=d if alone else self.damping)
-
-    @property
-    def quadratic(self) -> FloatArray:
-        """(g, k, k) = atoms^T M_g atoms."""
-        return self.forms.matrices
 
     def block(self, c1: float, c2: float) -> FloatArray:
         """D = K + c1 D + c2 M under both maps, (m, k)."""

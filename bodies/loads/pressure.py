@@ -32,7 +32,7 @@ class Pressure(Plugin):
     @model_validator(mode="after")
     def _one(self) -> "Pressure":
         if (self.pressure is None) is (self.force is None):
-            raise InputError("give `pressure` (Pa) or `force` (N)", "pressure")
+            raise InputError("give either `pressure` (Pa) or `force` (N), one of them", "pressure")
         return self
 
     def build(self, name: str, parts: Mapping[str, Part]) -> LoadPart:

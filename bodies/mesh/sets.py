@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
-from difflib import get_close_matches
 
 import numpy as np
 from pydantic import model_validator
@@ -12,6 +11,7 @@ from sparsemor.core.arrays import IntArray
 from sparsemor.core.errors import Fault, InputError
 from sparsemor.core.mesh import Mesh
 from sparsemor.core.plugin import Plugin
+from sparsemor.core.registry import near
 
 
 class PointSet(Plugin):
@@ -85,11 +85,9 @@ def find_set(mesh: Mesh, name: str, key: str) -> IntArray:
     """Point numbers of a named set; InputError under `key` listing the sets there are."""
     if name in mesh.point_sets:
         return mesh.point_sets[name]
-    near = get_close_matches(name, mesh.point_sets, n=3)
-    known = [*near, *sorted(set(mesh.point_sets) - set(near))]
-    listing = f"it has {', '.join(known)}" if known else "it has none; declare it under `sets`"
-    hint = f" (did you mean {near[0]}?)" if near else ""
-    raise InputError(f"the mesh has no set '{name}'{hint}: {listing}", key)
+    advice = "" if mesh.point_sets else "; declare it under `sets`"
+    raise InputError(f"the mesh has no set {name!r}: "
+                     f"{near(name, sorted(mesh.point_sets), 'sets')}{advice}", key)
 
 
 def _same_dimension(given: int, mesh: Mesh, key: str) -> None:

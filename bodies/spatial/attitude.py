@@ -38,10 +38,14 @@ class Free:
         """(n, n): second derivative of f . A b."""
         return rot.bend(f, b)
 
+    def turning(self, q1: FloatArray, q2: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """w and alpha alone."""
+        return 2.0 * self.G.dot(q1), 2.0 * self.G.dot(q2)
+
     def rates(self, q1: FloatArray, q2: FloatArray, c1: float, c2: float) -> Rates:
         """G is linear in p and G(p) q = -G(q) p."""
         G = self.G
-        return (2.0 * G.dot(q1), 2.0 * G.dot(q2), (2.0 * c1) * G - 2.0 * rot.to_body(q1),
+        return (*self.turning(q1, q2), (2.0 * c1) * G - 2.0 * rot.to_body(q1),
                 (2.0 * c2) * G - 2.0 * rot.to_body(q2))
 
     def lever(self) -> FloatArray:
@@ -76,8 +80,11 @@ class Spin:
     def bend(self, f: FloatArray, b: FloatArray) -> FloatArray:
         return np.array([[-f.dot(self.A.dot([b[0], b[1], 0.0]))]])
 
+    def turning(self, q1: FloatArray, q2: FloatArray) -> tuple[FloatArray, FloatArray]:
+        return np.array([0.0, 0.0, q1[0]]), np.array([0.0, 0.0, q2[0]])
+
     def rates(self, q1: FloatArray, q2: FloatArray, c1: float, c2: float) -> Rates:
-        return (np.array([0.0, 0.0, q1[0]]), np.array([0.0, 0.0, q2[0]]), c1 * Z, c2 * Z)
+        return (*self.turning(q1, q2), c1 * Z, c2 * Z)
 
     def lever(self) -> FloatArray:
         return Z.T

@@ -67,7 +67,7 @@ class SpatialFrame:
         out = work.views
         if not isinstance(out, Sums):
             out = work.views = Sums(work, self.size)
-        m, j = Motion(self.size, y, v, a, c1, c2, t), 0
+        m, j = Motion(self.size, y, v, a, c1, c2, t, derivatives=False), 0
         for item in self.items:
             if isinstance(item, Pushing):
                 item.push(m, j, out)

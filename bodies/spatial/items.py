@@ -177,9 +177,9 @@ class Reaction:
             self.push(m, j, out)
 
     def push(self, m: Motion, j: int, out: Sums) -> None:
-        known = self.forces_at.at(m.t)
-        for i in range(0, self.directions, 3):
-            out.sigma[j + i : j + i + 3] = m.A.T.dot(known[i : i + 3])
+        n = self.directions
+        known = self.forces_at.at(m.t)[:n].reshape(-1, 3)
+        out.sigma[j : j + n] = known.dot(m.A).ravel()  # A^T of each
 
 
 Pushing = Inertia | SpaceForce | BodyForce | Reaction

@@ -30,13 +30,17 @@ class Motion:
 
     def __init__(
         self, size: int, y: FloatArray, v: FloatArray, a: FloatArray, c1: float, c2: float,
-        t: float,
+        t: float, derivatives: bool = True,
     ) -> None:
+        """derivatives: by q; left out where q is given."""
         self.y, self.c1, self.c2, self.t, self.elastic = y, c1, c2, t, False
         self.at = at = slice(3, size)
         self.R, self.acc, self.turn = y[:3], a[:3], attitude(y[at])
         self.A = self.turn.A
-        self.w, self.al, self.dw, self.dal = self.turn.rates(v[at], a[at], c1, c2)
+        if derivatives:
+            self.w, self.al, self.dw, self.dal = self.turn.rates(v[at], a[at], c1, c2)
+        else:
+            self.w, self.al = self.turn.turning(v[at], a[at])
 
 
 class Sums:

@@ -18,12 +18,13 @@ from sparsemor.core.status import SolveFailed
 from sparsemor.core.yaml_source import LocatedError
 
 SceneName = Annotated[
-    str, typer.Argument(metavar="SCENE", help="A packaged scene's name, or a scene file.")]
+    str, typer.Argument(metavar="SCENE", help="A packaged scene's name (`sparsemor plugins scene` "
+                        "lists them), or a scene file.")]
 Settings = Annotated[
     list[str] | None, typer.Option(
         "--set", metavar="KEY=VALUE",
-        help="Change the scene: time.end=0.5, reducer=full, reducer.sampler.use=random.")]
-Out = Annotated[Path | None, typer.Option("--out", help="Directory for the result.")]
+        help="Change the scene: time.end=0.5, reducer=full, reducer.sampler.use=random. As often "
+             "as there are changes.")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
 Resume = Annotated[bool, typer.Option("--resume", help="Go on with an interrupted run.")]
@@ -31,6 +32,11 @@ Force = Annotated[bool, typer.Option("--force", help="Replace an earlier result.
 
 FAILED, BAD_INPUT = 1, 2
 _OPTIONS = ("out", "resume")
+
+
+def out_option(otherwise: str) -> Any:
+    """`--out`, and where the result goes without it."""
+    return typer.Option("--out", help=f"Directory for the result; {otherwise} if not given.")
 
 
 def load_with(scene: str, settings: Sequence[str] | None) -> Scene:

@@ -10,7 +10,6 @@ from sparsemor.core.cli.common import (
     FAILED,
     Force,
     Json,
-    Out,
     Quiet,
     Resume,
     SceneName,
@@ -20,6 +19,7 @@ from sparsemor.core.cli.common import (
     leave,
     load_with,
     located_in,
+    out_option,
     place_for_result,
     print_json,
     progress,
@@ -29,6 +29,8 @@ from sparsemor.core.errors import InputError
 from sparsemor.core.registry import Registry
 from sparsemor.core.scene import Scene
 from sparsemor.core.status import SolveFailed, Status
+
+Out = Annotated[Path | None, out_option("runs/SCENE-compare")]
 
 
 def compare(

@@ -2,14 +2,13 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import typer
 
 from sparsemor.core.cli.common import (
     Force,
     Json,
-    Out,
     Quiet,
     Resume,
     SceneName,
@@ -17,6 +16,7 @@ from sparsemor.core.cli.common import (
     exit_codes,
     load_with,
     located_in,
+    out_option,
     place_for_result,
     print_json,
     progress,
@@ -24,6 +24,8 @@ from sparsemor.core.cli.common import (
 )
 from sparsemor.core.scene import Scene
 from sparsemor.core.served import solvers_in_words
+
+Out = Annotated[Path | None, out_option("runs/SCENE-REDUCER")]
 
 
 def run(

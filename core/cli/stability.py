@@ -10,13 +10,13 @@ import typer
 from sparsemor.core.cli.common import (
     Force,
     Json,
-    Out,
     Quiet,
     SceneName,
     Settings,
     exit_codes,
     load_with,
     located_in,
+    out_option,
     print_json,
     progress,
 )
@@ -29,24 +29,31 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
+Out = Annotated[Path | None, out_option("only printed")]
+
 
 def stability(
     scene: SceneName, settings: Settings = None,
     seeds: Annotated[int, typer.Option(min=1, help="Seeds 1, 2, .. of each variant.")] = 10,
-    samplers: Annotated[str | None, typer.Option(help="Such as lhs,random.")] = None,
+    samplers: Annotated[str | None, typer.Option(help="Samplers, such as lhs,random.")] = None,
     required: Annotated[str | None, typer.Option(
-        help="Rows of joints and loads: true, false or both.")] = None,
-    rows: Annotated[str | None, typer.Option(help="Elastic/thermal, such as 30/20,60/40.")] = None,
-    atoms: Annotated[str | None, typer.Option(help="Elastic/thermal, such as 30/20.")] = None,
+        help="Whether rows of joints and loads are kept: true, false or both.")] = None,
+    rows: Annotated[str | None, typer.Option(
+        help="Rows drawn of elastic/thermal blocks, such as 30/20,60/40.")] = None,
+    atoms: Annotated[str | None, typer.Option(
+        help="Atoms of elastic/thermal blocks, such as 30/20.")] = None,
     step: Annotated[str | None, typer.Option(help="Step sizes in s, such as 1e-3,2.5e-4.")] = None,
     integrators: Annotated[str | None, typer.Option(
-        help="Such as 'bdf1,{use: generalized_alpha, rho_inf: 1}'.")] = None,
+        help="Integrators, such as 'bdf1,{use: generalized_alpha, rho_inf: 1}'.")] = None,
     at: Annotated[str | None, typer.Option(
         help="Times in s along the projected model's run, such as 0 (the start only); when not "
              "given five from start to end under rules of first order, else the start.")] = None,
     out: Out = None, force: Force = False, as_json: Json = False, quiet: Quiet = False,
 ) -> None:
-    """Tabulate spectral radii of the coupled one-step map over seeds, rows, atoms and steps."""
+    """Tabulate spectral radii of the coupled one-step map over seeds, rows, atoms and steps.
+
+    What is not given is as in the scene.
+    """
     with exit_codes(as_json):
         loaded = load_with(scene, settings)
         plan = plan_of(seeds, samplers, required, rows, atoms, step, integrators, at)

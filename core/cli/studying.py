@@ -25,8 +25,9 @@ _OPTIONS = ("out", "workers", "scheduler")
 
 
 def study(
-    file: Annotated[str, typer.Argument(metavar="STUDY",
-                                        help="A packaged study's name, or a study file.")],
+    file: Annotated[str, typer.Argument(
+        metavar="STUDY", help="A packaged study's name (`sparsemor plugins study` lists them), or "
+                              "a study file.")],
     out: Annotated[Path | None, typer.Option("--out", help="Folder for the table; runs/NAME if not "
                                              "given. The same again goes on where it stopped.")
                    ] = None,

@@ -7,12 +7,12 @@ from pydantic import Field, model_validator
 
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
-from sparsemor.core.frames import unit_columns
+from sparsemor.core.frames import oriented, unit_columns
 from sparsemor.core.model import distinct
 from sparsemor.core.plugin import Plugin
 from sparsemor.core.protocols import Basis, BlockData, Dictionary
 from sparsemor.core.slot import Slot
-from sparsemor.plugins.bases.columns import independent, oriented
+from sparsemor.plugins.bases.columns import independent
 from sparsemor.plugins.bases.pooling import largest_directions, likely_states
 from sparsemor.plugins.bases.static_solve import StaticSolver, factorize
 from sparsemor.plugins.bases.unit_loads import (

@@ -5,18 +5,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from sparsemor.core.arrays import FloatArray, IntArray
-from sparsemor.core.frames import unit_columns
-
-
-def oriented(A: FloatArray) -> FloatArray:
-    """A (n, k) with columns of length 1 whose entry of largest size is positive.
-
-    Of entries equal to 1e-8 the first decides, so that round-off does not turn a symmetric one.
-    """
-    size = np.abs(A)
-    first = (size >= (1.0 - 1e-8) * size.max(axis=0)).argmax(axis=0)
-    sign = np.where(A[first, np.arange(A.shape[1])] < 0.0, -1.0, 1.0)
-    return np.ascontiguousarray(unit_columns(A) * sign)
 
 
 def independent(A: FloatArray, rtol: float) -> tuple[IntArray, FloatArray]:

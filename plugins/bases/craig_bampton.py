@@ -3,9 +3,10 @@
 import numpy as np
 from pydantic import Field
 
+from sparsemor.core.frames import oriented
 from sparsemor.core.plugin import Plugin
 from sparsemor.core.protocols import BlockData, Dictionary
-from sparsemor.plugins.bases.columns import independent, oriented
+from sparsemor.plugins.bases.columns import independent
 from sparsemor.plugins.bases.eigenmodes import lowest_modes
 from sparsemor.plugins.bases.modal import joint_columns, load_names, mode_info
 from sparsemor.plugins.bases.static_solve import StaticSolver

@@ -7,12 +7,12 @@ import numpy as np
 from pydantic import Field
 
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.frames import coherence
+from sparsemor.core.frames import coherence, oriented
 from sparsemor.core.model import distinct
 from sparsemor.core.plugin import Plugin
 from sparsemor.core.protocols import Basis, BlockData, Dictionary
 from sparsemor.core.slot import Slot
-from sparsemor.plugins.bases.columns import independent, merge, oriented
+from sparsemor.plugins.bases.columns import independent, merge
 
 
 class Overcomplete(Plugin):

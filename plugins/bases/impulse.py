@@ -6,10 +6,11 @@ import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from sparsemor.core.arrays import FloatArray
+from sparsemor.core.frames import oriented
 from sparsemor.core.model import distinct
 from sparsemor.core.plugin import Plugin
 from sparsemor.core.protocols import BlockData, Dictionary
-from sparsemor.plugins.bases.columns import independent, oriented
+from sparsemor.plugins.bases.columns import independent
 from sparsemor.plugins.bases.pooling import largest_directions, steps_of
 from sparsemor.plugins.bases.static_solve import factorize, is_thermal
 from sparsemor.plugins.bases.unit_loads import known_step, moving_loads, refuse_both, refuse_nowhere

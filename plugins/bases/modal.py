@@ -7,9 +7,10 @@ from pydantic import Field
 
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
+from sparsemor.core.frames import oriented
 from sparsemor.core.plugin import Plugin
 from sparsemor.core.protocols import BlockData, Dictionary
-from sparsemor.plugins.bases.columns import independent, oriented
+from sparsemor.plugins.bases.columns import independent
 from sparsemor.plugins.bases.eigenmodes import Modes, lowest_modes
 from sparsemor.plugins.bases.static_solve import StaticSolver, is_thermal
 

@@ -7,10 +7,11 @@ from pydantic import Field
 
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
+from sparsemor.core.frames import oriented
 from sparsemor.core.plugin import Plugin
 from sparsemor.core.protocols import Basis, BlockData, Dictionary
 from sparsemor.core.slot import Slot
-from sparsemor.plugins.bases.columns import independent, oriented
+from sparsemor.plugins.bases.columns import independent
 from sparsemor.plugins.bases.modal import load_names
 from sparsemor.plugins.bases.static_solve import StaticSolver, factorize, is_thermal
 

@@ -5,7 +5,8 @@
 
 Full order and the packaged reducer, with as many thermal atoms as this mesh needs, are a process
 each, as in scaling.py, and their windows of steps take turns. Errors are over all steps, start-up
-included, against full order. Times are CPU time of one thread.
+included, against full order. Times are CPU time of one thread; `ahead`: ms that frames and loads
+take for each time, evaluated before the first step and not in the ms of a step.
 """
 
 import argparse
@@ -60,8 +61,9 @@ def fill(out: report.Report, given: argparse.Namespace) -> None:
         timed = report.quantiles(w.ms) if w.ms else {}
         steps.add(method=w.method, ms=timed.get("median"), least=timed.get("least"),
                   most=timed.get("most"), iterations=w.iterations or None,
-                  solved=w.facts.get("reduced"), prepare_s=w.facts.get("prepare_s"),
-                  peak=w.facts.get("peak"), status=w.facts.get("failed", "done"))
+                  ahead=w.facts.get("ahead_ms"), solved=w.facts.get("reduced"),
+                  prepare_s=w.facts.get("prepare_s"), peak=w.facts.get("peak"),
+                  status=w.facts.get("failed", "done"))
     full, reduced = workers
     if full.ms and reduced.ms:
         found = reduced.facts["errors"]

@@ -86,13 +86,13 @@ FAULTS: dict[str, tuple[list[tuple[str, str]], str, str, str]] = {
         "there is no file 'arm.msh'; paths start at the folder of the scene"),
     "mesh without the named set": (
         [('["arm:top"]', '["arm:upper"]')], '"arm:upper"', "loads.sun.on.0",
-        "body 'arm' has no set 'upper'; it has bottom, "),
+        "body 'arm' has no set 'upper': sets: bottom, "),
     "reference to no set": (
         [("bottom_right]", "bottom_rihgt]")], "chord:", "bodies.arm.reference.chord",
-        "did you mean bottom_right?"),
+        "did you mean bottom_right"),
     "joint to an unknown body": (
         [('"bob:hook"]', '"bop:hook"]')], '"bop:hook"', "joints.hook.between.1",
-        "there is no body 'bop' (did you mean bob?); the bodies are arm, bob"),
+        "no body is called 'bop': did you mean bob? bodies: arm, bob"),
     "no reference condition": (
         [("    reference: {chord: [bottom_left, bottom_right]}\n", "")], "arm:\n",
         "bodies.arm.reference", "needs a reference condition, such as {clamp: left}"),

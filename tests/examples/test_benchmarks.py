@@ -217,6 +217,18 @@ def test_brake_disk_measures_every_field_in_and_out_of_training(run: Run) -> Non
 
 
 @pytest.mark.slow
+def test_the_fine_brake_disk_is_measured_against_full_order(run: Run) -> None:
+    found = run("brake_disk_fine")
+    times = {row["method"]: row for row in rows_of(found, "Milliseconds a step")}
+    assert {row["status"] for row in times.values()} == {"done"}
+    assert times["recommended"]["solved"] < 0.2 * times["full"]["solved"]
+    (errors,) = rows_of(found, "Errors of the recommended reducer")
+    worst, ratio = found["targets"]
+    assert worst["measured"] == max(errors.values()) < 1e-3 and worst["verdict"] == "met"
+    assert ratio["measured"] > 1.0 and len(errors) == 4
+
+
+@pytest.mark.slow
 def test_scaling_takes_each_method_on_each_mesh_apart(run: Run) -> None:
     found = run("scaling")
     rows = rows_of(found, "Milliseconds a step")

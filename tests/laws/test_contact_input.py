@@ -45,7 +45,7 @@ def refused(given: dict[str, Any]) -> str:
 @pytest.mark.parametrize(("contact", "words"), [
     ({"between": ["ball:low", "base:top"]},
      "contacts.sole.between.0: 'ball:low': body 'ball' has no mesh"),
-    ({"between": ["block:botom", "base:top"]}, "did you mean bottom?"),
+    ({"between": ["block:botom", "base:top"]}, "did you mean bottom"),
     ({"between": ["bloc:bottom", "base:top"]}, "did you mean block?"),
     ({"between": ["block:bottom", "block:top"]},
      "contacts.sole.between: both surfaces are on body 'block'"),

@@ -59,6 +59,13 @@ def errors(run: March, reference: March) -> dict[str, float]:
                           / np.abs(reference.block(b.name)).max()) for b in reference.model.layout}
 
 
+def changes(run: March, name: str) -> FloatArray:
+    """A block in its full unknowns, temperatures less what they start from: Galerkin's coordinates
+    in a span are its own choice."""
+    d = run.solver.dictionaries.get(name)
+    return run.block(name) if d is None else run.block(name) @ d.atoms.T
+
+
 def whole(model: Model) -> dict[str, FloatArray]:
     """Snapshots whose POD spans each block completely."""
     rng = np.random.default_rng(0)
@@ -99,7 +106,7 @@ def test_without_a_coupling_term_both_paths_are_one(options: Mapping[str, Any]) 
     assert isinstance(general.solver, ReducedGeneral)
     assert not isinstance(fast.solver, ReducedGeneral)
     for b in fast.solver.layout:
-        one, other = fast.block(b.name)[1:], general.block(b.name)[1:]
+        one, other = changes(fast, b.name)[1:], changes(general, b.name)[1:]
         tolerance = 1e-6 if b.field == "multiplier" else 1e-9
         assert np.abs(one - other).max() < tolerance * np.abs(one).max(), b.name
 
@@ -112,7 +119,7 @@ def test_consistent_start_of_a_second_order_integrator() -> None:
     fast = march(scene, model=full.model, snapshots=learnt(full))
     general = march(scene, model=with_other(full.model, Nothing()), snapshots=learnt(full))
     for b in fast.solver.layout:
-        one, other = fast.block(b.name), general.block(b.name)
+        one, other = changes(fast, b.name), changes(general, b.name)
         tolerance = 1e-4 if b.field == "multiplier" else 1e-8
         assert np.abs(one - other).max() < tolerance * np.abs(one).max(), b.name
 

@@ -75,7 +75,7 @@ def test_set_declarations_refused(options: dict[str, object], words: str) -> Non
 
 
 def test_unknown_set_names_the_near_one_first() -> None:
-    words = "no set 'botom' \\(did you mean bottom\\?\\): it has bottom"
+    words = "no set 'botom': did you mean bottom"
     with pytest.raises(InputError, match=words):
         find_set(plate(), "botom", "loads.flux.on")
     with pytest.raises(InputError, match="declare it under `sets`") as caught:

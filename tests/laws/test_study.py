@@ -109,7 +109,7 @@ def test_a_combination_that_only_some_values_refuse_is_a_refused_run() -> None:
     (HEAD + "gird: {seed: [1]}\n", "study.yaml:3:1: gird: no such option: did you mean grid"),
     (HEAD + "set: {time.stop: 1}\ngrid: {seed: [1]}\n",
      "study.yaml:3:7: set.time.stop: no such option"),
-    (HEAD + "set: [1]\ngrid: {seed: [1]}\n", "study.yaml:3:1: set: Input should be a valid dict"),
+    (HEAD + "set: [1]\ngrid: {seed: [1]}\n", "study.yaml:3:1: set: Input should be keys with"),
     (HEAD + "grid: {}\n", "study.yaml:3:1: grid: Dictionary should have at least 1 item"),
     (HEAD + "grid:\n  bodies.a.mass: []\n", "study.yaml:4:3: grid.bodies.a.mass: an axis is a"),
     (HEAD + "grid:\n  bodies.a.mass: 3\n", "study.yaml:4:3: grid.bodies.a.mass: an axis is a"),
