@@ -24,11 +24,13 @@ from sparsemor.core.memory import ceiling, resident
 from sparsemor.core.mesh import BodySize
 from sparsemor.core.scene import Scene
 
-CELL = {2: 400, 3: 700}
+CELL = {2: 400, 3: 500}
 """Bytes a cell: numbers of its points, facets while the mesh is checked and loads are placed."""
 HELD = 7
-"""How often each entry of the operators is held: by its body, by terms, taken apart, and what the
-process does not give back of the memory it was made in."""
+"""How often each entry of elastic operators is held: by its body, by terms, taken apart, and what
+the process does not give back of the memory it was made in."""
+SCALAR = 4
+"""The same of mass, capacity and conduction, the start included."""
 
 
 def foretell(scene: Scene) -> None:
@@ -49,7 +51,7 @@ def foretold(scene: Scene) -> Estimate | None:
               for field, n in size.unknowns.items()}
     assembled = [item for name, size in bodies.items() for item in _assembled(name, size)]
     start = [Item("all operators once more, at the start", START * ENTRY * sum(
-        b.entries for b in bodies.values()), "a coarser mesh")]
+        b.elastic_entries for b in bodies.values()), "a coarser mesh")]
     if str(scene.dump()["reducer"]["use"]) == "full":
         factors = [i for name, size in bodies.items() for i in _factors(scene, name, size)]
         phases = {"steps": [*assembled, states(sum(blocks.values())), *factors, *start]}
@@ -70,7 +72,9 @@ def _assembled(name: str, size: BodySize) -> list[Item]:
     return [
         Item(f"the mesh of {name}, {size.mesh.cells} cells",
              CELL[size.mesh.dimension] * size.mesh.cells, "a coarser mesh"),
-        Item(f"the operators of {name}", HELD * ENTRY * size.entries, "a coarser mesh")]
+        Item(f"the operators of {name}",
+             ENTRY * (HELD * size.elastic_entries + SCALAR * size.scalar_entries),
+             "a coarser mesh")]
 
 
 def _factors(scene: Scene, name: str, size: BodySize) -> list[Item]:

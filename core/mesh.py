@@ -54,8 +54,12 @@ class BodySize:
         return found | ({"thermal": self.mesh.points} if self.thermal else {})
 
     @property
-    def entries(self) -> int:
-        """Of its operators, each once: stiffness, thermal forces, mass, capacity, conduction."""
-        d, thermal = self.mesh.dimension, int(self.thermal)
-        elastic = d * d + d * thermal if self.elastic else 0
-        return self.mesh.pairs * (1 + elastic + 2 * thermal)
+    def elastic_entries(self) -> int:
+        """Of stiffness and thermal forces, each once."""
+        d = self.mesh.dimension
+        return self.mesh.pairs * (d * d + d * self.thermal) if self.elastic else 0
+
+    @property
+    def scalar_entries(self) -> int:
+        """Of mass, capacity and conduction, each once."""
+        return self.mesh.pairs * (1 + 2 * self.thermal)

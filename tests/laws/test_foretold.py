@@ -126,4 +126,6 @@ def test_unknowns_of_a_body() -> None:
     mesh = mesh_of({"use": "disk"}).expected()
     assert BodySize(mesh, True, True).unknowns == {"elastic": 8145, "thermal": 2715}
     assert BodySize(mesh, False, True).unknowns == {"thermal": 2715}
-    assert BodySize(mesh, False, False).entries == mesh.pairs
+    assert BodySize(mesh, False, False).scalar_entries == mesh.pairs
+    assert BodySize(mesh, False, True).elastic_entries == 0
+    assert BodySize(mesh, True, True).elastic_entries == 12 * mesh.pairs
