@@ -52,11 +52,11 @@ class Contraction:
 class Loop:
     """What one step keeps between its iterations: `given` targets of the constraints, rates of
     the stacked borders at y = 0, the border unknowns y and their last change dy, and per body its
-    unknowns c, z and |du|^2 relative to the largest |u|^2. origin: what of the stacked borders is
-    no unknown."""
+    unknowns c, z, what multiplies its directions (sigma) and |du|^2 relative to the largest |u|^2.
+    origin: what of the stacked borders is no unknown."""
 
-    __slots__ = ("acceleration", "c", "dy", "given", "history", "moved", "origin", "velocity",
-                 "y", "z")
+    __slots__ = ("acceleration", "c", "dy", "given", "history", "moved", "origin", "sigma",
+                 "velocity", "y", "z")
 
     history: list[History | None]
     given: FloatArray
@@ -68,6 +68,7 @@ class Loop:
     moved: list[float]
     c: list[FloatArray]
     z: list[FloatArray]
+    sigma: list[FloatArray]
 
 
 class Mechanics:
@@ -166,6 +167,7 @@ class Mechanics:
             None if b.block is None else
             b.block.begin(r1[b.elastic], r2[b.elastic], x[b.thermal], step.t) for b in self.bodies]
         loop.c, loop.z = [_NONE] * len(self.bodies), [_NONE] * len(self.bodies)
+        loop.sigma = [_NONE] * len(self.bodies)
         loop.moved, loop.dy = [0.0] * len(self.bodies), _NONE
         loop.given = np.zeros(self.size)
         for i, f in self.targets:
@@ -226,7 +228,8 @@ class Mechanics:
         for i, (b, w, at) in enumerate(zip(self.bodies, self.work, self.at, strict=True)):
             if b.block is None:
                 continue
-            new = b.block.update(loop.z[i], w.sigma[-1] - moved[at].dot(w.sigma[:-1]))
+            loop.sigma[i] = w.sigma[-1] - moved[at].dot(w.sigma[:-1])
+            new = b.block.update(loop.z[i], loop.sigma[i])
             d = new - loop.c[i]
             bent, size = float(d.dot(d)), float(new.dot(new))
             scale = memory.scale[i]

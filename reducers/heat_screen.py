@@ -1,106 +1,107 @@
 """Does an exchange of atoms pay in a thermal block? Heat is linear, so the answer is exact."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 
 from sparsemor.core.arrays import BoolArray, FloatArray
 from sparsemor.core.layout import Layout
 from sparsemor.core.protocols import Group, StepFormula
-from sparsemor.core.screening import Screen, Screening, Tolerance
+from sparsemor.core.screening import Error, Quadratic, Screen, Screening
 from sparsemor.core.separable import evaluate_amplitudes
-from sparsemor.core.tables import Table, total
+from sparsemor.core.tables import total
 from sparsemor.reducers.sampled import SampledHeat
-from sparsemor.reducers.screen_rows import diagonal, folded, group, joined, with_rest
+from sparsemor.reducers.screen_rows import Together, diagonal, joined, squares
 
-EXACT = 1e-6
-"""Tolerance of decisions that are exact but for rounding and the stop rule of the step."""
+EXACT = Error(1e-6, 0.0)
+"""Rows are exact but for the stop rule of the step."""
 ONE = np.ones(1)
 
 
-class Together:
-    """Supports of some groups as one (k,), made anew only when one of them is another object."""
+class HeatRows:
+    """One block in turned rows (compact.py): rows (m, j) on (c, r1, amplitudes, 1), over the
+    block's size. J (first, k): what columns reach, over their lengths."""
 
-    def __init__(self, groups: Sequence[Group]) -> None:
-        self.groups = tuple(groups)
-        self._parts: list[BoolArray] = []
-        self._whole = np.zeros(0, dtype=np.bool_)
+    def __init__(self, s: SampledHeat) -> None:
+        T, J = s.few
+        size = float(np.linalg.norm(J, axis=0).max())
+        self.name, self.budget, self.first = s.block.name, s.block.budget, s.first
+        self.parts = tuple(a / size for a in (J, T.capacity, -T.loads, -T.constant[:, None]))
+        self.rows, self.k = np.hstack(self.parts), J.shape[1]
+        self.tables = tuple(t.over(size) for t in T.tables)
+        self.amplitudes = T.amplitudes
+        near = self.parts[0][: self.first]
+        self.seen: BoolArray = squares(near) > 0.0
+        self.lengths = np.where(self.seen, np.sqrt(squares(near)), 1.0)
+        self.J = near / self.lengths
+        self.gram, self.one = np.asfortranarray(self.J.T @ self.J), np.ones(self.k)
 
-    def of(self, supports: Mapping[str, BoolArray]) -> BoolArray:
-        parts = [supports[g.name] for g in self.groups]
-        if len(parts) != len(self._parts) or any(
-                a is not b for a, b in zip(parts, self._parts, strict=True)):
-            self._parts, self._whole = parts, np.concatenate(parts)
-        return self._whole
+    def group(self, start: int) -> Group:
+        return Group(self.name, start, start + self.k, self.budget)
+
+    def at(self, c: FloatArray, r1: FloatArray, t: float) -> Quadratic:
+        """The rows around c."""
+        known = evaluate_amplitudes(self.amplitudes, t)
+        r = self.rows.dot(np.concatenate((c, r1, known, ONE)))
+        if self.tables:
+            r = r - total(self.tables, t)
+        slope = self.J.T.dot(r[: self.first])
+        return Quadratic(self.gram, slope, self.lengths * c, self.one, EXACT, None,
+                         lambda: (float(r.dot(r)), 0.0))
+
+    def tabled(self, t: float) -> FloatArray:
+        """(first,) heat that moves, in the rows that columns reach."""
+        return total(self.tables, t)[: self.first] if self.tables else np.zeros(self.first)
 
 
 class HeatScreen:
-    """All selecting thermal blocks: first asked at once whether they stay, then one by one.
-
-    In turned rows (compact.py) the residual of a block is rows @ (c, r1, amplitudes, 1); J reaches
-    the first `first` of them, of the others only the norm counts. tables: heat that moves.
-    """
+    """All selecting thermal blocks: first asked at once whether they stay, then one by one."""
 
     def __init__(
         self, heat: Mapping[str, SampledHeat], layout: Layout, solver: Screening
     ) -> None:
-        self.at = {n: layout[n] for n in heat}
-        self.rows: dict[str, FloatArray] = {}
-        self.screens: dict[str, Screen] = {}
-        self.amplitudes = {n: s.few[0].amplitudes for n, s in heat.items()}
-        self.first = {n: s.first for n, s in heat.items()}
-        self.tables: dict[str, tuple[Table, ...]] = {}
-        groups: list[Group] = []
-        stacks: tuple[list[FloatArray], ...] = ([], [], [], [])
-        for n, s in heat.items():
-            T, J = s.few
-            size = float(np.linalg.norm(J, axis=0).max())
-            J, past, load, constant = (
-                a / size for a in (J, T.capacity, T.loads, T.constant[:, None]))
-            self.rows[n] = np.hstack([J, past, -load, -constant])
-            if T.tables:
-                self.tables[n] = tuple(t.over(size) for t in T.tables)
-            alone = with_rest(J, s.first)
-            self.screens[n] = solver.screen(
-                alone, np.linalg.norm(alone, axis=0), (group(n, 0, s.block.budget, J),), len(J))
-            start = groups[-1].stop if groups else 0
-            groups.append(group(n, start, s.block.budget, J))
-            for parts, a in zip(stacks, (J, past, load, constant), strict=True):
-                parts.append(a[: s.first])
-        J, past, load = (diagonal(parts) for parts in stacks[:3])
-        self.all = np.hstack([J, past, -load, -np.vstack(stacks[3])])
-        self.together = Together(groups)
-        self.places = joined(list(self.at.values()))
-        self.functions = tuple(f for a in self.amplitudes.values() for f in a)
+        self.where = {n: layout[n] for n in heat}
+        self.blocks = {n: HeatRows(s) for n, s in heat.items()}
+        blocks, groups = list(self.blocks.values()), list[Group]()
+        for b in blocks:
+            groups.append(b.group(groups[-1].stop if groups else 0))
+        self.screens: dict[str, Screen] = {
+            b.name: solver.screen((b.group(0),), b.seen, len(b.rows)) for b in blocks}
         # side by side no block may lack the rows that its own exchange needs
         enough = all(len(s.block.B) >= 2 * s.block.budget for s in heat.values())
         rows = sum(len(s.block.B) for s in heat.values()) if enough else 0
-        self.screen = solver.screen(J, np.linalg.norm(J, axis=0), groups, rows)
+        self.screen = solver.screen(groups, np.concatenate([b.seen for b in blocks]), rows)
+        J, past, load = (diagonal([b.parts[i][: b.first] for b in blocks]) for i in range(3))
+        self.near = np.hstack([J, past, load, np.vstack([b.parts[3][: b.first] for b in blocks])])
+        self.Jt = np.ascontiguousarray(diagonal([b.J for b in blocks]).T)
+        self.gram = np.asfortranarray(self.Jt @ self.Jt.T)
+        self.lengths = np.concatenate([b.lengths for b in blocks])
+        self.one, self.together = np.ones(len(self.gram)), Together(groups)
+        self.places = joined(list(self.where.values()))
+        self.functions = tuple(f for b in blocks for f in b.amplitudes)
+        self.tabled = any(b.tables for b in blocks)
 
     def stay(
         self, step: StepFormula, x: FloatArray, supports: Mapping[str, BoolArray]
     ) -> bool:
         """Is it sure that no block would change at the solution x (n,) of a step?"""
         c, known = x[self.places], evaluate_amplitudes(self.functions, step.t)
-        r = self.all.dot(np.concatenate((c, step.r1[self.places], known, ONE)))
-        if self.tables:
-            r = r - self._tabled(step.t)
-        return self.screen.stays(r, c, self.together.of(supports), EXACT)
+        r = self.near.dot(np.concatenate((c, step.r1[self.places], known, ONE)))
+        if self.tabled:
+            r = r - np.concatenate([b.tabled(step.t) for b in self.blocks.values()])
+        return self.screen.stays(
+            Quadratic(self.gram, self.Jt.dot(r), self.lengths * c, self.one, EXACT,
+                      None, _untold), self.together.of(supports))
 
     def supports(
         self, name: str, step: StepFormula, x: FloatArray, support: BoolArray
     ) -> BoolArray | None:
         """Where the solver would end for one block from the solution x of a step."""
-        at = self.at[name]
-        known = evaluate_amplitudes(self.amplitudes[name], step.t)
-        r = self.rows[name].dot(np.concatenate((x[at], step.r1[at], known, ONE)))
-        if name in self.tables:
-            r = r - total(self.tables[name], step.t)
-        r = folded(r, self.first[name])
-        return self.screens[name].settle(r, x[at], support, 0.0, Tolerance(EXACT, EXACT))
+        where = self.where[name]
+        at = self.blocks[name].at(x[where], step.r1[where], step.t)
+        return self.screens[name].settle(at, support)
 
-    def _tabled(self, t: float) -> FloatArray:
-        """The rows of `all` of heat that moves."""
-        return np.concatenate([
-            total(self.tables[n], t)[:first] if n in self.tables else np.zeros(first)
-            for n, first in self.first.items()])
+
+def _untold() -> tuple[float, float]:
+    """Side by side no norms are asked for."""
+    return np.nan, np.nan

@@ -1,12 +1,27 @@
-"""Small matrices that the screens of a step are made of."""
+"""Small parts that the screens of a step are made of."""
 
-from collections.abc import Sequence
-from math import sqrt
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
 from sparsemor.core.protocols import Group
+
+
+class Together:
+    """Supports of some groups as one (k,), made anew only when one of them is another object."""
+
+    def __init__(self, groups: Sequence[Group]) -> None:
+        self.groups = tuple(groups)
+        self._parts: list[BoolArray] = []
+        self._whole = np.zeros(0, dtype=np.bool_)
+
+    def of(self, supports: Mapping[str, BoolArray]) -> BoolArray:
+        parts = [supports[g.name] for g in self.groups]
+        if len(parts) != len(self._parts) or any(
+                a is not b for a, b in zip(parts, self._parts, strict=True)):
+            self._parts, self._whole = parts, np.concatenate(parts)
+        return self._whole
 
 
 def joined(parts: Sequence[slice]) -> slice | IntArray:
@@ -16,29 +31,9 @@ def joined(parts: Sequence[slice]) -> slice | IntArray:
     return np.concatenate([np.arange(s.start, s.stop) for s in parts])
 
 
-def group(name: str, start: int, budget: int | None, J: FloatArray) -> Group:
-    return Group(name, start, start + J.shape[1], budget)
-
-
-def with_rest(J: FloatArray, first: int) -> FloatArray:
-    """The first rows of J, and a row of zeros for what is folded into one number."""
-    return np.vstack([J[:first], np.zeros((1, J.shape[1]))])
-
-
-def folded(r: FloatArray, first: int) -> FloatArray:
-    """(first + 1,): the rows that columns reach, and the norm of the others."""
-    out, rest = np.empty(first + 1), r[first:]
-    out[:first], out[first] = r[:first], norm(rest)
-    return out
-
-
 def squares(A: FloatArray) -> FloatArray:
     """(k,) squared lengths of the columns of A (m, k)."""
     return np.asarray(np.einsum("ij,ij->j", A, A))
-
-
-def norm(v: FloatArray) -> float:
-    return sqrt(float(v.dot(v)))
 
 
 def diagonal(blocks: Sequence[FloatArray]) -> FloatArray:

@@ -1,14 +1,8 @@
 """Does an exchange of atoms pay in this step? Asked before the sparse solver is run.
 
-Heat is linear: its screen is exact. Mechanics: at the solution on the carried support the border
-rows hold, and they are so stiff against the sampled rows that the joint least squares is, to
-`softness`, that of the sampled rows with rigid coordinates and multipliers eliminated:
-
-    residual(c + d) = r + (B - P Z F) d,   Z = S H^-1 T,
-
-P directions, F functionals of the displacements, S, H, T the border's derivatives. P, F, B are
-constant; Z changes slowly. It is taken anew where a decision is closer than what its age may have
-changed, which is measured whenever it is taken anew.
+Heat is linear: its screen is exact. Mechanics: the rows are linear once the border is eliminated
+(eliminated.py). How that is done changes slowly: it is made anew where a decision is too close,
+and after a time that is measured each time it is made anew.
 """
 
 from collections.abc import Mapping
@@ -18,126 +12,52 @@ from typing import Any
 import numpy as np
 
 from sparsemor.core.arrays import BoolArray, FloatArray
+from sparsemor.core.layout import Layout
 from sparsemor.core.protocols import Group, StepFormula
-from sparsemor.core.screening import Screen, Screening, Tolerance
-from sparsemor.core.separable import evaluate_amplitudes
-from sparsemor.core.tables import total
+from sparsemor.core.screening import Error, Quadratic, Screening
 from sparsemor.reducers.bordered import Mechanics
-from sparsemor.reducers.heat_screen import EXACT, HeatScreen, Together
+from sparsemor.reducers.eliminated import Constants, Eliminated
+from sparsemor.reducers.heat_screen import HeatScreen
 from sparsemor.reducers.sampled import SampledElastic, SampledHeat
-from sparsemor.reducers.screen_rows import diagonal, group, norm, squares, with_rest
-from sparsemor.reducers.selection import BORDER
+from sparsemor.reducers.screen_rows import Together, joined
+from sparsemor.reducers.seen import Seen
 from sparsemor.reducers.stepper import Stepper
 
-SAFETY = 10.0
-"""Tolerance over the estimated error of eliminating the border and of leaving kappa G out of B."""
-CARE = 3.0
-"""Tolerance over the rate at which old derivatives were seen to change decisions, where that rate
-does not grow."""
-GROWTH = 4.0
-"""By how much more the rate may have grown since: from rest, or as it was last seen to grow."""
-OLD = 50
-"""Steps after which derivatives are taken anew in any case: a rate that was measured at rest says
-nothing of what follows."""
-UNKNOWN, TINY = Tolerance(np.inf, np.inf), 1e-300
-
-
-class Seen:
-    """One selecting body: u = (G c and G r1 combined, r1, xT, amplitudes, 1, sigma, c) to rows.
-
-    near (first, j): the operators on u in the turned rows that columns reach, over the block's
-    size; far: in the others, where sigma and c do not act. u and views of it are scratch.
-    """
-
-    def __init__(self, number: int, s: SampledElastic) -> None:
-        T, B = s.few
-        size = float(np.linalg.norm(B, axis=0).max())
-        self.number, self.first, self.amplitudes = number, s.first, T.amplitudes
-        self.tables = tuple(t.over(size) for t in T.tables)
-        self.still = not len(T.generators)
-        matrices, damped = [T.mass] if self.still else T.generators, bool(T.damping.any())
-        self.k, g = B.shape[1], len(matrices)
-        parts = [*matrices, *([T.damping] if damped else []), -T.coupling, -T.loads,
-                 T.constant[:, None], T.directions, B]
-        rows = np.hstack(parts) / size
-        self.near, self.problem_rows = np.ascontiguousarray(rows[: s.first]), len(rows)
-        self.far = np.ascontiguousarray(rows[s.first :, : -T.directions.shape[1] - self.k])
-        self.B, self.P, self.F = B[: s.first] / size, T.directions[: s.first] / size, T.functional
-        whole = float(np.linalg.norm(B))
-        self.turning = np.array([float(np.linalg.norm(G)) / whole for G in T.generators])
-        self.group = group(s.block.name, 0, s.block.budget, B)
-        self.u, self.pair = np.zeros(rows.shape[1]), np.zeros((2, self.k))
-        self.past = self.u[: self.far.shape[1]]
-        self.combined = self.u[: g * self.k].reshape(g, self.k)
-        widths = [p.shape[1] for p in parts[g:]]
-        edges = (g * self.k + np.cumsum([0, *widths])).tolist()
-        where = [slice(i, j) for i, j in zip(edges, edges[1:], strict=False)]
-        self.damping = where.pop(0) if damped else None
-        self.temperature, self.known, one, self.sigma, self.c = where
-        self.u[one] = 1.0
-
-    def residual(
-        self, step: StepFormula, x: FloatArray, mechanics: Mechanics, moved: FloatArray
-    ) -> FloatArray:
-        """(first + 1,) at the solution x of the step that `mechanics` has just solved."""
-        b, w, u = mechanics.bodies[self.number], mechanics.work[self.number], self.u
-        pair, G = self.pair, self.combined
-        pair[0], pair[1] = x[b.elastic], step.r1[b.elastic]
-        if self.still:
-            G[0] = 0.0
-        else:
-            np.dot(w.coefficients[:-1].reshape(2, -1).T, pair, out=G)
-        G[0] += step.r2[b.elastic]
-        if self.damping is not None:
-            u[self.damping] = pair[1]
-        if self.amplitudes:
-            u[self.known] = evaluate_amplitudes(self.amplitudes, step.t)
-        u[self.temperature] = x[b.thermal]
-        u[self.sigma] = w.sigma[-1] - moved[mechanics.at[self.number]].dot(w.sigma[:-1])
-        u[self.c] = pair[0]
-        out = np.empty(self.first + 1)
-        near, far = self.near.dot(u), self.far.dot(self.past)
-        if self.tables:
-            moving = total(self.tables, step.t)
-            near, far = near - moving[: self.first], far - moving[self.first :]
-        out[:-1], out[-1] = near, norm(far)
-        return out
+ROUGH = Error(3e-3, 1e-7)
+"""What is allowed to taking the border for infinitely stiff and to leaving out of B what turns with
+the frame. Seen on the packaged scene: 1e-3 and 5e-9. Closer decisions are made without either."""
+AGED = Error(5e-2, 1e-6)
+"""What age may add to that."""
+EXACT = Error(1e-6, 1e-12)
+"""What is left of it where neither is done."""
+CARE, GROWTH, TINY = 3.0, 2.0, 1e-300
+"""How much faster derivatives may change than they were seen to, and by how much they may be kept
+longer than before."""
+IDLE = 32
+"""Steps without another measurement of what would not last to the next step."""
 
 
 class ElasticScreen:
-    """All selecting bodies in one problem, the border eliminated with its last derivatives."""
+    """All selecting bodies in one problem."""
 
     def __init__(
-        self, mechanics: Mechanics, elastic: Mapping[str, SampledElastic], solver: Screening
+        self, mechanics: Mechanics, elastic: Mapping[str, SampledElastic], layout: Layout,
+        solver: Screening,
     ) -> None:
-        self.solver = solver
         self.bodies = [Seen(i, elastic[b.elastic_name]) for i, b in enumerate(mechanics.bodies)
                        if b.elastic_name in elastic]
         groups: list[Group] = []
         for s in self.bodies:
             start = groups[-1].stop if groups else 0
-            groups.append(Group(s.group.name, start, start + s.k, s.group.budget))
+            groups.append(Group(s.name, start, start + s.k, s.budget))
         self.groups, self.together = tuple(groups), Together(groups)
-        self.problem_rows = sum(s.problem_rows for s in self.bodies)
-        self.B = diagonal([with_rest(s.B, s.first) for s in self.bodies])
-        self.P = diagonal([with_rest(s.P, s.first) for s in self.bodies])
-        self.F = diagonal([s.F for s in self.bodies])
-        self.lengths, self.stiff = squares(self.B), np.zeros(0)
-        self.screen: Screen | None = None
-        self.given = np.zeros((0, 0)), np.zeros(0)
-        self.age, self.floor, self.rate, self.care = 0, 0.0, UNKNOWN, CARE
-
-    def state(self) -> dict[str, Any] | None:
-        """What later decisions depend on, for a checkpoint; None before the first decision."""
-        if self.screen is None:
-            return None
-        return {n: getattr(self, n) for n in ("given", "stiff", "age", "floor", "rate", "care")}
-
-    def restore(self, state: Mapping[str, Any]) -> None:
-        """As if this screen had come so far itself: the same bits."""
-        for name, value in state.items():
-            setattr(self, name, value)
-        self.screen = self.solver.screen(*self.given, self.groups, self.problem_rows)
+        self.places = joined([layout[g.name] for g in groups])
+        self.still = Constants(self.bodies)
+        rows = sum(s.problem_rows for s in self.bodies)
+        self.screen = solver.screen(groups, self.still.seen, rows)
+        self.kept: Eliminated | None = None
+        self.rate = AGED
+        self.since, self.until, self.asked, self.idle = 0.0, 0.0, 0.0, 0
 
     def supports(
         self, step: StepFormula, x: FloatArray, mechanics: Mechanics,
@@ -145,60 +65,83 @@ class ElasticScreen:
     ) -> dict[str, BoolArray] | None:
         """The supports where the solver would end from the solution x of a step, {} if those
         before; None if it cannot be told."""
-        loop = mechanics.last
-        assert loop is not None
-        moved = mechanics.map.dot(loop.dy)
-        r = np.concatenate([s.residual(step, x, mechanics, moved) for s in self.bodies])
-        c = np.concatenate([s.pair[0] for s in self.bodies])
-        support, old, found = self.together.of(before), self.screen, None
-        self.age += 1
-        if old is not None and self.age < OLD and self.rate.sizes < np.inf:
-            beyond = self.care * self.age
-            tolerance = Tolerance(*(self.floor + beyond * rate for rate in self.rate))
-            found = old.settle(r, c, support, norm(self.stiff * loop.y), tolerance)
+        look = Look(self, step, x, mechanics)
+        support, found = self.together.of(before), None
+        if self.kept is not None and self.since < step.t < self.until:
+            found = self.screen.settle(look.around(self.kept, self._aged(step.t)), support)
         if found is None:
-            age, screen = self.age, self._renewed(mechanics)
-            if old is not None:
-                self._learn(screen.unlike(old, r, c, support), age)
-            found = screen.settle(r, c, support, norm(self.stiff * loop.y),
-                                  Tolerance(self.floor, self.floor))
+            new = Eliminated.of(mechanics, self.still)
+            if new is None:
+                return None
+            at = look.around(new, ROUGH)
+            self._renew(new, at, look, support, step.t)
+            found = self.screen.settle(at, support)
+        self.asked = step.t
         if found is None or found is support:
             return None if found is None else {}
         return {g.name: found[g.start : g.stop] for g in self.groups}
 
-    def _learn(self, unlike: Tolerance, age: int) -> None:
-        """The rate at which decisions changed in `age` steps, and how much it may grow from here.
-        It may grow at once, but has to prove that it shrinks."""
-        before, seen = self.rate, Tolerance(*(new / age for new in unlike))
-        if before.sizes < np.inf:
-            grown = seen.sizes / max(before.sizes, TINY)
-            self.care = CARE * min(max(grown, 1.0), GROWTH)
-            seen = Tolerance(*(max(n, 0.7 * b) for n, b in zip(seen, before, strict=True)))
-        else:
-            self.care = CARE * GROWTH
-        self.rate = seen
+    def _renew(
+        self, new: Eliminated, at: Quadratic, look: "Look", support: BoolArray, t: float
+    ) -> None:
+        """Keeps what was made in the step to t, for as long as the last one would have lasted."""
+        old, age, step, lasts = self.kept, t - self.since, t - self.asked, 0.0
+        self.kept, self.since = new, t
+        if self.idle > 0:
+            self.idle -= 1
+        elif old is not None and age > 0.0:
+            unlike = self.screen.unlike(look.around(old, AGED), at, support)
+            self.rate = Error(*(CARE * u / age for u in unlike))
+            lasts = min(GROWTH * age, *(a / max(u, TINY)
+                                        for a, u in zip(AGED, self.rate, strict=True)))
+            self.idle = IDLE if lasts < step else 0
+        self.until = t + lasts
 
-    def _renewed(self, mechanics: Mechanics) -> Screen:
-        """A screen with the derivatives of the border as the step has just left them."""
-        works, bodies, H = mechanics.work, mechanics.bodies, np.zeros((mechanics.size,) * 2)
-        for b, w in zip(bodies, works, strict=True):
-            H += b.to_border.T @ w.border[:, :-1] @ b.to_border
-        S = np.concatenate([works[s.number].sigma[:-1].T @ bodies[s.number].to_border
-                            for s in self.bodies])
-        TF = np.hstack([bodies[s.number].to_border.T @ works[s.number].tau
-                        for s in self.bodies]) @ self.F
-        scale = BORDER / np.sqrt(squares(TF.T) + squares(H.T))
-        PS = self.P @ S
-        PSH = np.linalg.solve(H.T, PS.T).T
-        norms = np.sqrt(self.lengths + squares(scale[:, None] * TF))
-        self.stiff = np.sqrt(squares(PS) + squares(scale[:, None] * H))
-        softness = float(np.linalg.norm(PSH / scale)) ** 2
-        turning = max(float(np.abs(works[s.number].coefficients[: len(s.turning)]) @ s.turning)
-                      for s in self.bodies)
-        self.given = self.B - PSH @ TF, norms
-        self.screen = self.solver.screen(*self.given, self.groups, self.problem_rows)
-        self.age, self.floor = 0, EXACT + SAFETY * (softness + turning)
-        return self.screen
+    def _aged(self, t: float) -> Error:
+        """Of what is kept, in a step to t."""
+        age = t - self.since
+        return Error(*(a + age * u for a, u in zip(ROUGH, self.rate, strict=True)))
+
+
+class Look:
+    """The sampled rows at the solution x of a step that `mechanics` has just solved."""
+
+    def __init__(
+        self, screen: ElasticScreen, step: StepFormula, x: FloatArray, mechanics: Mechanics
+    ) -> None:
+        loop = mechanics.last
+        assert loop is not None
+        self.screen, self.mechanics, self.t, self.y = screen, mechanics, step.t, loop.y
+        self.r = np.concatenate([s.residual(step, x, mechanics) for s in screen.bodies])
+        self.c = x[screen.places] * screen.still.lengths
+
+    def around(self, e: Eliminated, error: Error) -> Quadratic:
+        """With the border eliminated by e, which may be older than the step."""
+
+        def left() -> tuple[float, float]:
+            square = float(self.r.dot(self.r))
+            for s in self.screen.bodies:
+                far = s.rest(self.t)
+                square += float(far.dot(far))
+            return square, e.hidden(self.y)
+
+        at = Quadratic(e.gram, e.slope(self.r), self.c, e.lengths, error, None, left)
+        return at if error is not ROUGH else at._replace(exact=lambda: self._exact(e, at))
+
+    def _exact(self, e: Eliminated, at: Quadratic) -> Quadratic:
+        """Without the two simplifications."""
+        V, VJ = e.gives()
+        gram, slope = at.gram - VJ.T.dot(VJ), at.slope - V.dot(self.r).dot(VJ)
+        row, screen = 0, self.screen
+        for s, g in zip(screen.bodies, screen.groups, strict=True):
+            own, rows = slice(g.start, g.stop), slice(row, row + s.first)
+            near, far = (A / screen.still.lengths[own] for A in s.turning(self.mechanics))
+            part = screen.still.Bt[own, rows].dot(near)
+            gram[own, own] += part + part.T
+            slope[own] += self.r[rows].dot(near) + s.rest(self.t).dot(far)
+            row = rows.stop
+        return Quadratic(
+            np.asfortranarray(gram), slope, at.c, at.lengths, EXACT, None, at.left)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -220,4 +163,4 @@ class Screens:
         if not elastic:
             return cls(hot, None)
         assert base.mechanics is not None
-        return cls(hot, ElasticScreen(base.mechanics, elastic, solver))
+        return cls(hot, ElasticScreen(base.mechanics, elastic, base.layout, solver))

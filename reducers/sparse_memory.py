@@ -14,8 +14,7 @@ KEPT = 64
 class SparseMemory(Memory):
     """Adds the stepper of the current supports; prepared arrays are rebuilt after unpickling.
 
-    Keys of what is kept begin with the number of the set of rows. screened: how far the screens
-    of an interrupted run had come, so that a resumed one decides by the same bits.
+    Keys of what is kept begin with the number of the set of rows.
     """
 
     def __init__(self, x: FloatArray, points: int) -> None:
@@ -23,19 +22,15 @@ class SparseMemory(Memory):
         self.step = 0
         self.prepared: dict[tuple[int, str, bytes], Any] = {}
         self.screens: dict[int, Screens | None] = {}
-        self.screened: dict[int, dict[str, Any]] = {}
         self.steppers: dict[tuple[int, bytes], Stepper] = {}
         self.current: Stepper | None = None
 
     def __getstate__(self) -> dict[str, Any]:
-        states = {n: s.elastic.state() for n, s in self.screens.items() if s and s.elastic}
-        return {**self.__dict__, "prepared": {}, "screens": {}, "steppers": {}, "current": None,
-                "screened": {**self.screened, **{n: s for n, s in states.items() if s}}}
+        return {**self.__dict__, "prepared": {}, "screens": {}, "steppers": {}, "current": None}
 
     def forget(self) -> None:
         """Everything that was prepared for supports: the rows are others now."""
         self.prepared, self.screens, self.steppers, self.current = {}, {}, {}, None
-        self.screened = {}
 
     def kept(self, key: tuple[int, str, bytes], make: Callable[[], Any]) -> Any:
         """Prepared arrays, made when they are not there; the oldest go when there are many."""

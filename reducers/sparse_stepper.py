@@ -163,11 +163,8 @@ class SparseStepper(AroundSteps[Stepper]):
         if not self.screen:
             return None
         if self.row_set not in memory.screens:
-            made = Screens.of(self.base, self.heat, self.elastic, self.solver)
-            memory.screens[self.row_set] = made
-            state = memory.screened.pop(self.row_set, None)
-            if state is not None and made is not None and made.elastic is not None:
-                made.elastic.restore(state)
+            memory.screens[self.row_set] = Screens.of(
+                self.base, self.heat, self.elastic, self.solver)
         return memory.screens[self.row_set]
 
     def _select(self, step: StepFormula, memory: SparseMemory) -> StepOutcome:

@@ -25,7 +25,7 @@ from sparsemor.plugins.sparse_solvers.iterates import (
     small_step,
     within_budget,
 )
-from sparsemor.plugins.sparse_solvers.screen import LinearScreen, Rule
+from sparsemor.plugins.sparse_solvers.screen import ExchangeScreen, Rule
 from sparsemor.plugins.sparse_solvers.visits import Visits
 
 
@@ -62,13 +62,11 @@ class GreedyGaussNewton(Plugin):
             c, support = within_budget(problem, start)
             return self._iterate(problem, c, support)
 
-    def screen(
-        self, J: FloatArray, norms: FloatArray, groups: Sequence[Group], rows: int
-    ) -> LinearScreen:
-        """Steps 2 to 5 on a Jacobian that stays (`core.screening`)."""
-        everyone = self.candidates == "all" and J.shape[1] <= rows
-        rule = Rule(everyone, self.growth, self.gain, self.rank_rtol, self.max_iterations)
-        return LinearScreen(rule, J, norms, groups, rows)
+    def screen(self, groups: Sequence[Group], seen: BoolArray, rows: int) -> ExchangeScreen:
+        """Steps 2 to 5 where the residual is linear (`core.screening`)."""
+        everyone = self.candidates == "all" and len(seen) <= rows
+        rule = Rule(everyone, self.growth, self.gain, self.max_iterations)
+        return ExchangeScreen(rule, groups, seen, rows)
 
     def _iterate(self, problem: SparseProblem, c: FloatArray, support: BoolArray) -> SparseOutcome:
         groups, visits, explore = problem.groups, Visits(), True

@@ -3,11 +3,23 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 
 from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
 from sparsemor.core.protocols import Group
+
+
+class Tolerance(NamedTuple):
+    """By how much one entry has to exceed another to be surely the larger one."""
+
+    relative: float
+    absolute: float = 0.0
+
+    def over(self, size: float) -> float:
+        """What surely exceeds `size`."""
+        return (1.0 + self.relative) * size + self.absolute
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,14 +54,17 @@ class Largest:
         starts = np.cumsum([0, *(len(o) for o in order[:-1])])
         return cls(np.concatenate([np.zeros(0, np.int64), *order]), starts)
 
-    def holds(self, sizes: FloatArray, tolerance: float) -> bool:
-        """Are the active entries of each group larger than its others, by more than that?"""
+    def holds(self, sizes: FloatArray, tolerance: Tolerance) -> bool:
+        """Are the active entries of each group surely larger than its others?"""
         if not len(self.order):
             return True
-        a = sizes[self.order]
-        least = np.minimum.reduceat(a, self.starts)[::2]
-        most = np.maximum.reduceat(a, self.starts)[1::2]
-        return bool((least > (1.0 + tolerance) * most).all())
+        a, (relative, absolute) = sizes.take(self.order), tolerance
+        least = np.minimum.reduceat(a, self.starts).tolist()[::2]
+        most = np.maximum.reduceat(a, self.starts).tolist()[1::2]
+        for n, m in zip(least, most, strict=True):
+            if not n > (1.0 + relative) * m + absolute:
+                return False
+        return True
 
 
 def first(sizes: FloatArray, count: int) -> BoolArray:
@@ -59,17 +74,17 @@ def first(sizes: FloatArray, count: int) -> BoolArray:
     return chosen
 
 
-def largest(sizes: FloatArray, count: int, tolerance: float) -> list[BoolArray]:
+def largest(sizes: FloatArray, count: int, tolerance: Tolerance) -> list[BoolArray]:
     """The `count` largest entries: one way, two where the last one is unsure, none if more."""
     if count >= len(sizes):
         return [sizes > 0.0]
     order = np.argsort(-sizes, kind="stable")
-    a, edge = sizes[order], 1.0 + tolerance
+    a, over = sizes[order], tolerance.over
     chosen = first(sizes, count)
-    if count == 0 or a[count - 1] > edge * a[count]:
+    if count == 0 or a[count - 1] > over(a[count]):
         return [chosen]
-    clear_above = count < 2 or a[count - 2] > edge * a[count]
-    clear_below = count + 1 >= len(a) or a[count - 1] > edge * a[count + 1]
+    clear_above = count < 2 or a[count - 2] > over(a[count])
+    clear_below = count + 1 >= len(a) or a[count - 1] > over(a[count + 1])
     if not (clear_above and clear_below):
         return []
     second = chosen.copy()
@@ -77,15 +92,16 @@ def largest(sizes: FloatArray, count: int, tolerance: float) -> list[BoolArray]:
     return [chosen, second]
 
 
-def within_reach(sizes: FloatArray, count: int, tolerance: float) -> BoolArray:
+def within_reach(sizes: FloatArray, count: int, tolerance: Tolerance) -> BoolArray:
     """All entries that may be among the `count` largest."""
     if not 0 < count < len(sizes):
         return np.asarray(sizes > 0.0) if count else np.zeros(len(sizes), dtype=np.bool_)
     last = float(np.partition(sizes, len(sizes) - count)[len(sizes) - count])
-    return np.asarray((sizes > 0.0) & ((1.0 + tolerance) * sizes >= last))
+    return np.asarray((sizes > 0.0) & (
+        (1.0 + tolerance.relative) * sizes + tolerance.absolute >= last))
 
 
-def reach(sizes: FloatArray, groups: Sequence[Group], tolerance: float) -> BoolArray:
+def reach(sizes: FloatArray, groups: Sequence[Group], tolerance: Tolerance) -> BoolArray:
     """The same for each group, as many as it has room for. If all of them together fit no better
     than a support, no choice of them does."""
     return np.concatenate([within_reach(sizes[g.start : g.stop], g.budget or 0, tolerance)
@@ -93,14 +109,14 @@ def reach(sizes: FloatArray, groups: Sequence[Group], tolerance: float) -> BoolA
 
 
 def choices(
-    sizes: FloatArray, groups: Sequence[Group], tolerance: float
+    sizes: FloatArray, groups: Sequence[Group], tolerance: Tolerance
 ) -> list[BoolArray]:
     """The `budget` largest of each group: all ways that may be meant, none if there are many."""
     ways = [largest(sizes[g.start : g.stop], g.budget or 0, tolerance) for g in groups]
     return [np.concatenate(parts) for parts in product(*ways)]
 
 
-def within(sizes: FloatArray, count: int, tolerance: float) -> list[BoolArray] | None:
+def within(sizes: FloatArray, count: int, tolerance: Tolerance) -> list[BoolArray] | None:
     """The same of the entries above zero; None if unsure."""
     if count >= int(np.count_nonzero(sizes > 0.0)):
         return [sizes > 0.0]

@@ -1,39 +1,38 @@
-"""The exchange of greedy Gauss-Newton on a Jacobian that stays, with its factors kept.
+"""The exchange of greedy Gauss-Newton where the residual is linear, from its Gram matrix.
 
-What a step asks most is whether the support would stay: one product, where the step before refused
-the same (standing.py).
+Fits are compared by their difference to the solution of the step, so that squared norms do not
+lose the digits that decide.
 """
 
 from collections.abc import Sequence
 from itertools import product
 from math import sqrt
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import blas
 
 from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
 from sparsemor.core.protocols import Group
-from sparsemor.core.screening import Screen, Tolerance
+from sparsemor.core.screening import Error, Quadratic
 from sparsemor.plugins.sparse_solvers.active_set import EPS
+from sparsemor.plugins.sparse_solvers.factors import Factors, room
 from sparsemor.plugins.sparse_solvers.largest import (
     Largest,
+    Tolerance,
     apart,
     choices,
     first,
     reach,
     within,
 )
-from sparsemor.plugins.sparse_solvers.normal import Columns, Everyone
-from sparsemor.plugins.sparse_solvers.standing import Refusal, Refusals, Standing
+from sparsemor.plugins.sparse_solvers.refusal import Refusal
 
-T = TypeVar("T")
-KEPT = 64
-"""Factors kept at once; a support or a proposal often comes back."""
-TINY, UNTOLD = 1e-300, Tolerance(np.inf, np.inf)
+TINY, UNTOLD = 1e-300, Error(np.inf, np.inf)
+CLOSE = 1e-6
+"""Relative difference of norms that are not told apart."""
 FEW_WAYS = 4
 """Proposals that may be meant and are still tried, all of them."""
-FEW = 12
-"""Columns that are taken out of the least squares on all of them; more: it is factorized anew."""
 
 
 class Rule(NamedTuple):
@@ -42,207 +41,220 @@ class Rule(NamedTuple):
     everyone: bool
     growth: int | None
     gain: float
-    rank_rtol: float
     exchanges: int
 
 
-class LinearScreen:
-    """Implements `core.screening.Screen`. J (m, k) is kept with columns over `norms`."""
+class Sizes(NamedTuple):
+    """(k,) sizes of coefficients as they are compared, and how close is too close."""
 
-    def __init__(
-        self, rule: Rule, J: FloatArray, norms: FloatArray, groups: Sequence[Group], rows: int
-    ) -> None:
-        self.rule, self.norms, self.groups, self.rows = rule, norms, tuple(groups), rows
-        self.J = J / np.where(norms > 0.0, norms, 1.0)
-        self.seen = norms > 0.0
-        self._everyone = Everyone.of(self.J, self.seen, rule.rank_rtol)
-        self._columns: dict[bytes, Columns | None] = {}
+    sizes: FloatArray
+    close: Tolerance
+
+
+class ExchangeScreen:
+    """Implements `core.screening.Screen`. What it keeps between steps only saves work."""
+
+    def __init__(self, rule: Rule, groups: Sequence[Group], seen: BoolArray, rows: int) -> None:
+        self.rule, self.groups, self.seen, self.rows = rule, tuple(groups), seen, rows
         self._order: dict[bytes, Largest | None] = {}
-        self._held: dict[bytes, FloatArray | None] = {}
         self._proposed: BoolArray | None = None
         self._joined: tuple[bytes, BoolArray, Largest] | None = None
-        self._refusal: Refusal | None = None
-        self._refusals = Refusals()
+        self.factors = Factors()
+        self._last: Refusal | None = None
 
-    def stays(
-        self, r: FloatArray, c: FloatArray, support: BoolArray, sizes: float
-    ) -> bool:
+    def stays(self, at: Quadratic, support: BoolArray) -> bool:
         """See `core.screening.Screen`."""
-        z, alike = self.norms * c, Tolerance(sizes, sizes)
-        if self._refusals.stands(r, z, support, 0.0, self.rule.gain, alike):
+        last = self._last
+        if last is not None and last.stands(at, support):
             return True
-        unions = self._unions(r, z, support, sizes)
-        if unions is None or len(unions) > 1 or not (
-                self.rule.everyone or self._share(support) >= 1.0):
+        if not self.rule.everyone and self._share(support) < 1.0:
             return False
-        (union,) = unions
-        found = self._sizes(r, z, union)
-        if found is None or not self._is_largest(found, support, sizes):
+        unions = self._unions(at, support)
+        if unions is None or len(unions) > 1:
             return False
-        self._stand(support, Refusal(union, support, found))
+        found = self._sizes(at, unions[0])
+        if found is None or not self._is_largest(found, support):
+            return False
+        self._refused(at, support, support, self._order.get(support.tobytes()))
         return True
 
-    def settle(
-        self, r: FloatArray, c: FloatArray, support: BoolArray, beside: float,
-        tolerance: Tolerance,
-    ) -> BoolArray | None:
-        """See `core.screening.Screen`: subspace pursuit until the support reproduces itself."""
-        z, now = self.norms * c, support
-        floor = 100.0 * EPS * sqrt(float(z.dot(z)) + beside * beside)
-        if self._refusals.stands(r, z, support, floor, self.rule.gain, tolerance):
+    def settle(self, at: Quadratic, support: BoolArray) -> BoolArray | None:
+        """See `core.screening.Screen`."""
+        last = self._last
+        if last is not None and last.stands(at, support):
             return support
+        found = self._settled(at, support)
+        if found is None and at.exact is not None:
+            return self._settled(at.exact(), support)
+        return found
+
+    def unlike(self, old: Quadratic, new: Quadratic, support: BoolArray) -> Error:
+        """See `core.screening.Screen`: of sizes near the threshold of each group, and of a rise."""
+        seen: list[list[FloatArray]] = []
+        rises: list[tuple[float, float]] = []
+        kept = support
+        for at in (old, new):
+            found = [self._sizes(at, self.seen)]
+            found += [] if self.rule.everyone else [self._correlations(at, support)]
+            if not seen and found[0] is not None:
+                kept = np.concatenate([first(found[0].sizes[g.start : g.stop], g.budget or 0)
+                                       for g in self.groups])
+            move = self.factors.move(at, support, kept)
+            if move is None or None in found:
+                return UNTOLD
+            seen.append([f.sizes for f in found if f is not None])
+            rises.append(move.rise(at))
+        (a, _), (b, error) = rises
+        return Error(
+            max(apart(n[g.start : g.stop], o[g.start : g.stop], g.budget or 0)
+                for o, n in zip(*seen, strict=True) for g in self.groups),
+            new.error.gram * abs(b - a) / max(error, TINY))
+
+    def _settled(self, at: Quadratic, support: BoolArray) -> BoolArray | None:
+        """Subspace pursuit until the support reproduces itself."""
+        now = support
         for _ in range(self.rule.exchanges):
-            self._refusal = None
-            new = self._exchange(r, z, now, floor, tolerance)
+            new = self._exchange(at, now)
             if new is None or new is now:
-                if new is support and self._refusal is not None:
-                    self._stand(support, self._refusal)
                 return new
-            gone = np.flatnonzero((z != 0.0) & ~new)  # c goes on with zeros there
-            r, now = r - self.J[:, gone].dot(z[gone]), new
-            z = np.where(new, z, 0.0)
+            at, now = _without(at, np.flatnonzero((at.c != 0.0) & ~new)), new
         return None
 
-    def _stand(self, support: BoolArray, refusal: Refusal) -> None:
-        """A refusal that follows another on the same support will be met again."""
-        met = self._refusals.again(support, refusal)
-        if met is None:
-            return
-        own, same = self._factor(support), np.array_equal(support, met.able)
-        other, W = None if same else self._factor(met.able), self._all_but(met.union)
-        if W is None:
-            f = self._factor(met.union)
-            W = None if f is None else f.inverse(len(self.norms))
-        if own is not None and W is not None and (same or other is not None):
-            self._refusals.standing = support, Standing.of(self.J, own, other, W, support, met,
-                                                           not self.rule.everyone, self.groups)
-
-    def unlike(
-        self, other: Screen, r: FloatArray, c: FloatArray, support: BoolArray
-    ) -> Tolerance:
-        """Of the sizes near the threshold of each group, and of the norm that is left."""
-        if not isinstance(other, LinearScreen):
-            return UNTOLD
-        z = self.norms * c
-        joined = self._unions(r, z, support, 0.0)
-        union = self.seen if joined is None else joined[0]
-        # the other has its own object for all columns
-        both = union if union is not self.seen else other.seen
-        a, b = self._sizes(r, z, union), other._sizes(r, other.norms * c, both)
-        if a is None or b is None:
-            return UNTOLD
-        kept = np.concatenate([first(a[g.start : g.stop], g.budget or 0) for g in self.groups])
-        left = [[s._norm_on(r, s.norms * c, on) for on in (support, kept)] for s in (self, other)]
-        if not np.isfinite(left).all():
-            return UNTOLD
-        return Tolerance(
-            max(apart(a[g.start : g.stop], b[g.start : g.stop], g.budget or 0)
-                for g in self.groups),
-            max(abs(m - n) / max(m, left[0][0], TINY) for m, n in zip(*left, strict=True)))
-
-    def _exchange(
-        self, r: FloatArray, z: FloatArray, support: BoolArray, floor: float,
-        tolerance: Tolerance,
-    ) -> BoolArray | None:
+    def _exchange(self, at: Quadratic, support: BoolArray) -> BoolArray | None:
         """The support after one exchange, the same object if none is taken, None if unsure.
 
         Where a choice on the way is closer than the tolerance, both ways are gone; they have to
         end on the same support.
         """
-        unions = self._unions(r, z, support, tolerance.sizes)
-        if unions is None:
-            return None
-        ends: list[BoolArray] = []
-        for union in unions:
-            sizes = self._sizes(r, z, union)
-            if sizes is None:
+        unions, ends = self._unions(at, support), list[BoolArray]()
+        for union in unions or ():
+            found = self._sizes(at, union)
+            if found is None:
                 return None
-            kept = self._guessed(sizes, support, tolerance.sizes)
-            if kept is None:
-                able = reach(sizes, self.groups, tolerance.sizes)
-            if kept is None and self._better(
-                    r, z, support, able, floor, tolerance.norms) is support:
-                self._refusal = Refusal(union, able, sizes) if len(unions) == 1 else None
-                if ends and not np.array_equal(support, ends[0]):
-                    return None
-                ends.append(support)
-                continue
-            if kept is None:
-                kept = choices(sizes, self.groups, tolerance.sizes)
-                self._proposed = kept[0] if len(kept) == 1 else self._proposed
-            if not 0 < len(kept) <= FEW_WAYS:
+            proposals = self._proposals(at, support, found)
+            if proposals is None:
                 return None
-            if len(unions) == len(kept) == 1:
-                self._refusal = Refusal(union, kept[0], sizes)
-            for proposal in kept:
-                end = self._better(r, z, support, proposal, floor, tolerance.norms)
+            for kept in proposals:
+                end = self._better(at, support, kept)
                 if end is None or (ends and not np.array_equal(end, ends[0])):
                     return None
                 ends.append(end)
-        return ends[0]
+        return ends[0] if ends else None
 
-    def _guessed(
-        self, sizes: FloatArray, support: BoolArray, tolerance: float
+    def _proposals(
+        self, at: Quadratic, support: BoolArray, found: Sizes
     ) -> Sequence[BoolArray] | None:
-        """The `budget` largest of each group, if they are those of the last step or the support."""
-        # what was proposed and refused in the last step is most often proposed again
-        if self._proposed is not None and self._is_largest(sizes, self._proposed, tolerance):
-            return (self._proposed,)
-        if self._is_largest(sizes, support, tolerance):
-            self._proposed = None
+        """The `budget` largest of each group, in all ways that may be meant; None: too many."""
+        # what was proposed in the last step is most often proposed again
+        for likely in (self._proposed, support):
+            if likely is not None and self._is_largest(found, likely):
+                self._proposed = likely
+                return (likely,)
+        ways = choices(found.sizes, self.groups, found.close)
+        if len(ways) == 1:
+            self._proposed = ways[0]
+            return ways
+        # all that may be meant together, if they fit no better: no choice of them does
+        able = reach(found.sizes, self.groups, found.close)
+        if self._better(at, support, able) is support:
+            likely = np.concatenate([first(found.sizes[g.start : g.stop], g.budget or 0)
+                                     for g in self.groups])
+            self._refused(at, support, able, Largest.among(likely, likely | ~able, self.groups))
             return (support,)
-        return None
+        return ways if 0 < len(ways) <= FEW_WAYS else None
 
-    def _is_largest(self, sizes: FloatArray, support: BoolArray, tolerance: float) -> bool:
-        """Are the active entries of each group its largest, by more than the tolerance?"""
+    def _is_largest(self, found: Sizes, support: BoolArray) -> bool:
+        """Are the active entries of each group its largest, for sure?"""
         key = support.tobytes()
         if key not in self._order:
-            _room(self._order)[key] = Largest.of(support, self.groups)
+            room(self._order)[key] = Largest.of(support, self.groups)
         order = self._order[key]
-        return order is not None and order.holds(sizes, tolerance)
+        return order is not None and order.holds(found.sizes, found.close)
 
     def _better(
-        self, r: FloatArray, z: FloatArray, support: BoolArray, kept: BoolArray, floor: float,
-        tolerance: float,
+        self, at: Quadratic, support: BoolArray, kept: BoolArray
     ) -> BoolArray | None:
         """`kept` when it fits enough better than `support`, which is handed back if not."""
-        if kept is support or kept.tobytes() == support.tobytes():
+        old, key = support.tobytes(), kept.tobytes()
+        if key == old:
+            self._refused(at, support, kept, self._order.get(key))
             return support
-        own, other = self._factor(support), self._factor(kept)
-        if own is None or other is None:
+        move = self.factors.move(at, support, kept)
+        if move is None:
             return None
-        base = own.norm(r)
+        rise, error = move.rise(at)
+        if rise > error:
+            self._refused(at, support, kept, self._order.get(key))
+            return support  # worse than the step's solution, which its own fit does not exceed
+        return self._compared(at, support, kept, rise, error)
+
+    def _refused(
+        self, at: Quadratic, support: BoolArray, kept: BoolArray, order: Largest | None
+    ) -> None:
+        """Steps that follow with the same Gram matrix most often refuse the same."""
+        everyone, move = self.factors.known(self.seen), None
+        if not self.rule.everyone or everyone is None or order is None or not self.seen.all():
+            return
+        if kept is not support and kept.tobytes() != support.tobytes():
+            move = self.factors.move(at, support, kept)
+        self._last = Refusal(at.gram, support, everyone, order, move, self.factors.longest)
+
+    def _compared(
+        self, at: Quadratic, support: BoolArray, kept: BoolArray, rise: float, error: float
+    ) -> BoolArray | None:
+        """The same from the norms themselves; `kept` leaves the squared norm at `at` and rise."""
+        own = self.factors.fitted(at, support)
+        if own is None:
+            return None
+        square, hidden = at.left()
+        z, fallen = at.lengths * at.c, float(at.slope[support].dot(own[1]))
+        floor = 100.0 * EPS * sqrt(float(z.dot(z)) + hidden)
+        base, new = (sqrt(max(s, 0.0)) for s in (square - fallen, square + rise))
         if 0.5 * floor < base < 2.0 * floor:
             return None
-        new = other.norm(self._without(r, z, kept))
         least = base - max(self.rule.gain * base, floor)
-        if base > floor and not abs(new - least) > tolerance * max(base, new):
+        top = max(base, new)
+        close = CLOSE * top + at.error.sizes * floor
+        if base > floor and not abs(new - least) * top > close * top + error:
             return None
         return support if base <= floor or new >= least else kept
 
     def _unions(
-        self, r: FloatArray, z: FloatArray, support: BoolArray, tolerance: float
+        self, at: Quadratic, support: BoolArray
     ) -> Sequence[BoolArray] | None:
         """The support and the columns that correlate most with what it leaves, or all columns."""
         if self.rule.everyone:
             return (self.seen,)
-        if (f := self._factor(support)) is None:
+        found = self._correlations(at, support)
+        if found is None:
             return None
-        correlation, key, last = np.abs(f.left(r).dot(self.J)), support.tobytes(), self._joined
-        if last is not None and last[0] == key and last[2].holds(correlation, tolerance):
+        key, last, close = support.tobytes(), self._joined, found.close
+        if last is not None and last[0] == key and last[2].holds(found.sizes, close):
             return (last[1],)
         share, growth, ways = self._share(support), self.rule.growth, []
         for g in self.groups:
-            active = support[g.start : g.stop]
-            part = np.where(active, 0.0, correlation[g.start : g.stop])
-            some = within(part, int(share * min(g.budget or 0, growth or g.budget or 0)), tolerance)
+            active, part = support[g.start : g.stop], found.sizes[g.start : g.stop]
+            some = within(part, int(share * min(g.budget or 0, growth or g.budget or 0)), close)
             if some is None:
                 return None
             ways.append([active | more for more in some])
-        found = [np.concatenate(p) for p in product(*ways)]
-        if len(found) == 1:
-            self._joined = key, found[0], Largest.among(found[0], ~support, self.groups)
-        return found if len(found) <= 2 else None
+        unions = [np.concatenate(p) for p in product(*ways)]
+        if len(unions) == 1:
+            self._joined = key, unions[0], Largest.among(unions[0], ~support, self.groups)
+        return unions if len(unions) <= 2 else None
+
+    def _correlations(self, at: Quadratic, support: BoolArray) -> Sizes | None:
+        """(k,) of all columns with what least squares on the support leaves, zero on it."""
+        own = self.factors.fitted(at, support)
+        if own is None:
+            return None
+        columns, step, _ = own
+        full = np.zeros(len(at.c))
+        full[columns] = step
+        left = blas.dsymv(-1.0, at.gram, full, 1.0, at.slope)
+        left[columns] = 0.0
+        return Sizes(np.abs(left / at.lengths), Tolerance(
+            at.error.sizes, EPS * len(full) * sqrt(float(step.dot(step)))))
 
     def _share(self, support: BoolArray) -> float:
         """Share of the wanted columns that there are rows for."""
@@ -250,51 +262,30 @@ class LinearScreen:
         wanted = sum(min(g.budget or 0, growth or g.budget or 0) for g in self.groups)
         return min(1.0, (self.rows - int(np.count_nonzero(support))) / max(1, wanted))
 
-    def _sizes(self, r: FloatArray, z: FloatArray, union: BoolArray) -> FloatArray | None:
-        """(k,) sizes of the coefficients of least squares on `union`, zero elsewhere; z is zero
-        there, too."""
-        W = self._all_but(union)
-        if W is not None:
-            return np.asarray(np.abs(z - W.dot(r)))
-        f = self._factor(union)
-        if f is None:
+    def _sizes(self, at: Quadratic, union: BoolArray) -> Sizes | None:
+        """Of the coefficients of least squares on `union`, zero elsewhere; c is zero there, too."""
+        own = self.factors.fitted(at, union)
+        if own is None:
             return None
-        sizes = np.zeros(len(z))
-        sizes[f.columns] = np.abs(z[f.columns] - f.step(r))
-        return sizes
-
-    def _all_but(self, union: BoolArray) -> FloatArray | None:
-        """(k, m) what takes z to the least squares on a union that leaves out few; else None."""
-        e = self._everyone
-        if e is None or union is self.seen:
-            return None if e is None else e.W
-        key = union.tobytes()
-        if key not in self._held:
-            out: IntArray = np.flatnonzero(~union)
-            _room(self._held)[key] = e.holding(out) if len(out) <= FEW else None
-        return self._held[key]
-
-    def _norm_on(self, r: FloatArray, z: FloatArray, support: BoolArray) -> float:
-        """What least squares on `support` leaves of r at z; inf for dependent columns."""
-        f = self._factor(support)
-        return np.inf if f is None else f.norm(self._without(r, z, support))
-
-    def _without(self, r: FloatArray, z: FloatArray, support: BoolArray) -> FloatArray:
-        """(m,) the residual without the columns that are not in the support."""
-        gone: IntArray = np.flatnonzero((z != 0.0) & ~support)
-        return r - self.J[:, gone].dot(z[gone]) if len(gone) else r
-
-    def _factor(self, support: BoolArray) -> Columns | None:
-        """None when the columns are dependent."""
-        key = support.tobytes()
-        if key not in self._columns:
-            _room(self._columns)[key] = Columns.of(
-                self.J, np.flatnonzero(support), self.rule.rank_rtol)
-        return self._columns[key]
+        columns, step, rounding = own
+        if len(columns) == len(at.c):
+            z = at.c - step
+        else:
+            z = np.zeros(len(at.c))
+            z[columns] = at.c[columns] - step
+        return Sizes(np.abs(at.lengths * z), Tolerance(
+            at.error.sizes, rounding * self.factors.longest))
 
 
-def _room(kept: dict[bytes, T]) -> dict[bytes, T]:
-    """The same dictionary, the oldest entry dropped when it is full."""
-    if len(kept) >= KEPT:
-        kept.pop(next(iter(kept)))
-    return kept
+def _without(at: Quadratic, columns: IntArray) -> Quadratic:
+    """The same where these coefficients are zero."""
+    c, step = at.c.copy(), np.zeros(len(at.c))
+    c[columns], step[columns] = 0.0, -at.c[columns]
+    bent = blas.dsymv(1.0, at.gram, step)
+    rise = float(step.dot(2.0 * at.slope + bent))
+
+    def left() -> tuple[float, float]:
+        square, hidden = at.left()
+        return square + rise, hidden
+
+    return at._replace(slope=at.slope + bent, c=c, left=left)

@@ -1,0 +1,119 @@
+"""Least squares on some columns, from the Gram matrix of all of them."""
+
+from dataclasses import dataclass
+from math import sqrt
+
+import numpy as np
+from scipy.linalg import blas, lapack
+
+from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
+from sparsemor.core.screening import Quadratic
+from sparsemor.plugins.sparse_solvers.active_set import EPS
+
+NEARLY = 1e-12
+"""Square of a unit column's distance from the others below which its coefficient is rounding."""
+
+
+OFTEN = 2
+"""Solutions with one factor after which its inverse is made: a product is several times as fast as
+two triangular solves of this size, and as exact as normal equations are."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Part:
+    """Some columns (s) of k: `flat` (s, s) is where their Gram matrix lies in that of all, upper
+    triangle in Fortran order; None: all columns."""
+
+    columns: IntArray
+    flat: IntArray | None
+
+    @classmethod
+    def of(cls, columns: IntArray, k: int) -> "Part":
+        if len(columns) == k:
+            return cls(columns, None)
+        return cls(columns, places(columns, columns, k))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Swap:
+    """The columns of a new support, `kept` of them, and behind them those that leave the old one:
+    `flat` as above."""
+
+    columns: IntArray
+    flat: IntArray
+    kept: int
+
+    @classmethod
+    def of(cls, old: BoolArray, new: BoolArray) -> "Swap":
+        columns = np.concatenate([np.flatnonzero(new), np.flatnonzero(old & ~new)])
+        return cls(columns, places(columns, columns, len(old)), int(np.count_nonzero(new)))
+
+
+class Normal:
+    """Normal equations factorized: R (s, s) upper, low the smallest squared pivot."""
+
+    __slots__ = ("R", "inverse", "low", "solved")
+
+    def __init__(self, R: FloatArray, low: float) -> None:
+        self.R, self.low, self.solved = R, low, 0
+        self.inverse: FloatArray | None = None
+
+    @classmethod
+    def of(cls, gram: FloatArray, overwrite: bool) -> "Normal | None":
+        """gram (s, s), upper triangle; None where rounding decides."""
+        R, failed = lapack.dpotrf(gram, 0, 0, overwrite)
+        if failed:
+            return None
+        low = float(R.diagonal().min()) ** 2
+        return cls(R, low) if low > NEARLY else None
+
+    def solve(self, right: FloatArray) -> FloatArray:
+        self.solved += 1
+        if self.solved == OFTEN:
+            self.inverse = lapack.dpotri(self.R)[0]
+        if self.inverse is None:
+            return np.asarray(lapack.dpotrs(self.R, right)[0])
+        return np.asarray(blas.dsymv(1.0, self.inverse, right))
+
+    def rounding(self, x: FloatArray) -> float:
+        """Absolute error of the coefficients x that rounding of the Gram matrix makes."""
+        return EPS * len(x) / self.low * sqrt(float(x.dot(x)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Move:
+    """An exchange of a support: gone (s + d, d) are the columns that leave, in the rows of a Swap
+    with s kept ones; normal: least squares on these."""
+
+    swap: Swap
+    gone: FloatArray
+    normal: Normal
+
+    @classmethod
+    def of(cls, gram: FloatArray, swap: Swap) -> "Move | None":
+        part, n = gathered(gram, swap.flat), swap.kept
+        normal = Normal.of(part[:n, :n].T, False)
+        return None if normal is None else cls(swap, part[:, n:], normal)
+
+    def rise(self, at: Quadratic) -> tuple[float, float]:
+        """By how much the squared norm rises from that at c to that of least squares on the new
+        support, and the error of that."""
+        n, columns = self.swap.kept, self.swap.columns
+        slope, c = at.slope.take(columns), at.c.take(columns[n:])
+        left = slope - self.gone.dot(c)
+        kept = left[:n]
+        step = self.normal.solve(kept)
+        rise = -float(c.dot(slope[n:] + left[n:])) - float(step.dot(kept))
+        moved = float(step.dot(step)) + float(c.dot(c))
+        return rise, (EPS * n + at.error.gram) * moved
+
+
+def places(rows: IntArray, columns: IntArray, k: int) -> IntArray:
+    """Where gram[rows, columns] lies in the upper triangle (k, k) in Fortran order."""
+    i, j = rows[:, None], columns[None, :]
+    found: IntArray = np.minimum(i, j) + k * np.maximum(i, j)
+    return found
+
+
+def gathered(gram: FloatArray, flat: IntArray) -> FloatArray:
+    return gram.ravel("K").take(flat)
