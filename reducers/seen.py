@@ -79,6 +79,6 @@ class Seen:
         kappa = mechanics.work[self.number].coefficients[: len(self.combined)]
         factors = 0.0 * kappa if self.still else kappa
         near, far = (np.tensordot(
-            A[:, : self.combined.size].reshape(len(A), -1, self.k), factors, (1, 0))
+            A[:, : self.combined.size].reshape(len(A), *self.combined.shape), factors, (1, 0))
             for A in (self.near, self.far))
         return near, far
