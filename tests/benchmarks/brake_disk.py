@@ -23,13 +23,12 @@ from method_runs import (
     MEANINGS,
     STOPPED,
     elsewhere_columns,
-    one,
+    file_name,
     over_seeds,
     run,
     seeds_told,
     worst,
 )
-from method_runs import file_name as _file
 
 from sparsemor.core.results import RunResult
 from sparsemor.core.run_facts import run_facts
@@ -125,7 +124,9 @@ CASES: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
                {"training.overrides": {"contacts.brake.friction.coefficient": 0.7}}),
 }
 ELSEWHERE = ("recommended", "galerkin, POD 200", "galerkin, POD and training-free",
-             "D^-1 r, Q-DEIM, POD 200", "D^-1 r, Q-DEIM, POD and training-free")
+             "D^-1 r, Q-DEIM, POD 200", "D^-1 r, Q-DEIM, POD and training-free",
+             "deim, POD 100, 400 of force", "ecsw, POD 30 and 40", "leading atoms, LHS + ring",
+             "published heat, UNTF", "published heat, none")
 
 
 def fill(out: report.Report, given: argparse.Namespace) -> None:
@@ -164,14 +165,17 @@ def elsewhere(out: report.Report, given: argparse.Namespace, base: Scene, folder
     table = out.table("Outside training: worst error of each field, whole run")
     for case, (changes, training) in CASES.items():
         scene = base.using(changes)
-        truth = full_of(scene, folder / _file(f"full-{case}"))
+        truth = full_of(scene, folder / file_name(f"full-{case}"))
         for name in chosen(given, ELSEWHERE):
-            reduced = scene.using({"reducer": methods()[name][0], **training})
-            row = one(reduced, truth, folder / _file(f"{case}-{name}"), BLOCKS)
-            table.add(case=case, method=name, **elsewhere_columns(row, BLOCKS))
+            options, drawn = methods()[name]
+            rows = over_seeds(scene.using(training), truth, folder, BLOCKS, f"{case}-{name}",
+                              options, given.seeds if drawn else 1)
+            row = worst(rows) | {"status": "; ".join(sorted({str(r["status"]) for r in rows}))}
+            table.add(case=case, method=name, **elsewhere_columns(row, BLOCKS),
+                      radius=row["radius"])
             report.progress(f"{case}: {table.rows[-1]}")
             if name == "recommended":
-                out.at_most(f"recommended, {case}: worst field", largest(row), 1e-3)
+                out.at_most(f"recommended, {case}: worst field", max(map(largest, rows)), 1e-3)
 
 
 def projections(out: report.Report, base: Scene, folder: Path) -> None:
@@ -179,7 +183,7 @@ def projections(out: report.Report, base: Scene, folder: Path) -> None:
         case: base.using({**changes, **training}) for case, (changes, training) in CASES.items()}
     brake_projections.fill(
         out.table("Best approximation of the states", **dict.fromkeys(cases, ".2g")),
-        {case: (scene, full_of(scene, folder / _file(f"full-{case}-projected")))
+        {case: (scene, full_of(scene, folder / file_name(f"full-{case}-projected")))
          for case, scene in cases.items()},
         packaged(), {f"POD 100 and {n} pulses": beside(100, n)
                      for n in (100, 200)})
