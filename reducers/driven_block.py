@@ -9,7 +9,6 @@ time alone (core/separable.py), so moments and quadratic forms of u are not need
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
 from dataclasses import dataclass
 from math import sqrt
 from typing import Any
@@ -19,8 +18,8 @@ import numpy as np
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.block_solvers import short
 from sparsemor.core.protocols import Factorized
-from sparsemor.core.separable import ElasticOperators, evaluate_amplitudes
-from sparsemor.core.tables import total
+from sparsemor.core.separable import ElasticOperators, amplitudes_along, evaluate_amplitudes
+from sparsemor.core.tables import total, total_along
 from sparsemor.reducers.elastic import History
 from sparsemor.reducers.felt import Moving, felt
 from sparsemor.reducers.known import Known
@@ -154,7 +153,7 @@ class CompressedDriven(DrivenBlock):
     loads: FloatArray
     G: FloatArray
     leading: FloatArray
-    sizes: tuple[tuple[float, float, float], ...]
+    sizes: FloatArray
     active: IntArray | None
     amplitudes: tuple[Any, ...]
     tables: tuple[Moving, ...] = ()
@@ -174,7 +173,8 @@ class CompressedDriven(DrivenBlock):
         return cls(
             carried(-left @ b.mass), carried(-left @ b.damping) if b.damping.any() else None,
             np.ascontiguousarray(left @ b.coupling), -left @ b.constant, -left @ b.directions,
-            left @ b.loads, G, G[:, :r, :r].reshape(len(G) * r, r), tuple(sizes), support,
+            left @ b.loads, G, G[:, :r, :r].reshape(len(G) * r, r),
+            np.array(sizes).reshape(len(G), 3), support,
             b.amplitudes, felt(b.tables, left, support is None))
 
     def rates(self, k: int) -> tuple[FloatArray, FloatArray]:
@@ -185,19 +185,23 @@ class CompressedDriven(DrivenBlock):
     def known(self, drive: Known) -> Known:
         """kappa, mu, sigma, the bound on the contraction, and all of b that does not depend on
         unknowns."""
-        g = 2 * len(self.G)
+        g, n = 2 * len(self.G), 2 * len(self.G) + self.E.shape[1]
 
-        def at(t: float) -> FloatArray:
-            row = drive.at(t)
-            b = self.base + self.E.dot(row[g:])
+        def along(times: FloatArray) -> FloatArray:
+            rows = np.empty((len(times), n + 1 + len(self.base)))
+            rows[:, :n] = drive.along(times)
+            rows[:, n] = self._bounds(rows[:, : len(self.G)])
+            b = rows[:, n + 1 :]
+            b[:] = rows[:, g:n].dot(self.E.T)
+            b += self.base
             if self.amplitudes:
-                b += self.loads.dot(evaluate_amplitudes(self.amplitudes, t))
+                b += amplitudes_along(self.amplitudes, times).dot(self.loads.T)
             if self.tables:
-                b += total(self.tables, t)
-            return np.concatenate((row, [self._bound(row[: len(self.G)].tolist())], b))
+                b += total_along(self.tables, times)
+            return rows
 
         # a support that may change with the next step does not pay for all times
-        return Known.of(at, np.array(drive.times)) if self.active is None else Known(at)
+        return Known.of(along, np.array(drive.times)) if self.active is None else Known(along)
 
     def begin(
         self, r1: FloatArray, r2: FloatArray, xT: FloatArray, t: float, known: FloatArray
@@ -232,13 +236,11 @@ class CompressedDriven(DrivenBlock):
                                       .reshape(len(self.G), r))
         return new
 
-    def _bound(self, kappa: Sequence[float]) -> float:
-        """With E all of sum_g kappa_g D^-1 M_g and L its leading part: |E - L| + |L| |E|."""
-        whole, lead, rest = 0.0, 0.0, 0.0
-        for k, (E, L, R) in zip(kappa, self.sizes, strict=True):
-            if k:
-                whole, lead, rest = whole + abs(k) * E, lead + abs(k) * L, rest + abs(k) * R
-        return rest + lead * whole
+    def _bounds(self, kappa: FloatArray) -> FloatArray:
+        """Of kappa (T, g). With E all of sum_g kappa_g D^-1 M_g and L its leading part:
+        |E - L| + |L| |E|."""
+        whole, lead, rest = np.abs(kappa).dot(self.sizes).T
+        return np.asarray(rest + lead * whole)
 
     def _wide(self, d: FloatArray) -> FloatArray:
         """Of active unknowns, all of them."""
