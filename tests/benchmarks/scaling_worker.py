@@ -13,6 +13,7 @@ from typing import Any
 
 import common
 import numpy as np
+from scaling_atoms import projections
 
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.cache import Cache
@@ -163,7 +164,7 @@ class Way:
 
 def ahead(solver: StepSolver, repeats: int = 5) -> float:
     """CPU ms that what time alone decides takes for each time, which is done for all times before
-    the steps: the least of some repeats."""
+    the steps: the median of some repeats."""
     if not isinstance(solver, Stepper) or solver.mechanics is None:
         return 0.0
     known: list[Known | None] = [*solver.drives.values(), *(h.given for h in solver.heat.values()
@@ -177,7 +178,7 @@ def ahead(solver: StepSolver, repeats: int = 5) -> float:
             begun = time.process_time()
             source(times)
             spent[-1] += (time.process_time() - begun) / len(times)
-    return 1e3 * min(spent)
+    return 1e3 * float(np.median(spent))
 
 
 def serve(task: dict[str, Any]) -> None:
@@ -200,6 +201,10 @@ if __name__ == "__main__":
         with np.errstate(all="ignore"):
             if given["method"] == "training":
                 tell(train(given))
+            elif given["method"] == "projections":
+                asked = scene_of(given)
+                tell(projections(asked, *prepared(asked, Cache(), new_manager()),
+                                 given["tabled"], given["counts"]))
             else:
                 serve(given)
     except (SolveFailed, InputError) as failure:
