@@ -1,6 +1,5 @@
 """Reading a result: labelled data, full fields rebuilt for the steps that are asked for."""
 
-import json
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
@@ -16,7 +15,7 @@ from sparsemor.core.result_stage import read_stage
 from sparsemor.core.run_header import Probe, load_layout
 from sparsemor.core.stage import Stage
 from sparsemor.core.status import Status
-from sparsemor.core.zarr_files import GROUP_FILE
+from sparsemor.core.zarr_files import GROUP_FILE, read_group
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -47,16 +46,14 @@ class RunResult:
     def _data(self) -> "xr.Dataset":
         import xarray as xr
 
-        data: xr.Dataset = xr.open_zarr(
-            self.path, chunks=None, consolidated=True, decode_cf=False)
+        data: xr.Dataset = xr.open_zarr(self.path, chunks=None, consolidated=True, decode_cf=False)
         self._attributes = dict(data.attrs)  # of the same moment as the arrays
         return data
 
     @cached_property
     def _attributes(self) -> dict[str, Any]:
         """Read from the one file that has them: importing xarray takes longer than a short run."""
-        group: dict[str, Any] = json.loads((self.path / GROUP_FILE).read_bytes())
-        return dict(group["attributes"])
+        return dict(read_group(self.path)["attributes"])
 
     @property
     def attributes(self) -> dict[str, Any]:
@@ -240,8 +237,7 @@ class RunResult:
 
     @cached_property
     def _stage(self) -> Stage | None:
-        told = self._attributes.get("stage")
-        return None if told is None else read_stage(told, self._data)
+        return read_stage(told, self._data) if (told := self._attributes.get("stage")) else None
 
     def contacts(self) -> Mapping[str, Mapping[str, FloatArray]]:
         """Contact -> name -> (T,): "time" s; "normal", "friction" N, the sizes of the resultants;
@@ -253,10 +249,9 @@ class RunResult:
         stage = self.stage()
         if stage is not None:
             return {name: {"time": stage.times, **kept} for name, kept in stage.contacts.items()}
-        told = self._attributes.get("contacts", {})
         return {name: {"time": self.times}
                 | {what: self._whole(f"contact.{name}.{what}") for what in kept}
-                for name, kept in told.items()}
+                for name, kept in self._attributes.get("contacts", {}).items()}
 
     def to_xarray(self) -> "xr.Dataset":
         """All that is stored, lazily, with dimension names and units."""
