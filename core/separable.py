@@ -76,7 +76,12 @@ class Frame(Protocol):
         work: FrameWork,
     ) -> None:
         """For a body with an elastic block whose border is known: fill the last row of
-        `work.sigma` and the coefficients, which do not depend on displacements; no more."""
+        `work.sigma` and the coefficients, which do not depend on displacements; no more.
+
+        Optional: `drive_along(y, v, a, c1, c2, times) -> (T, 2 g + p)`, at times (T,) all at once:
+        kappa, mu, sigma in a row for border unknowns and rates (T, b). Else `drive` is asked once
+        for each time.
+        """
         ...
 
     def exact(
@@ -187,6 +192,12 @@ class Separated:
 
 def evaluate_amplitudes(amplitudes: Sequence[Amplitude], t: float) -> FloatArray:
     return np.array([f(t) for f in amplitudes], dtype=np.float64)
+
+
+def amplitudes_along(amplitudes: Sequence[Amplitude], times: FloatArray) -> FloatArray:
+    """(T, j) at times (T,), s: they are functions of one time."""
+    values = [[f(t) for f in amplitudes] for t in times.tolist()]
+    return np.array(values, dtype=np.float64).reshape(len(times), len(amplitudes))
 
 
 def positions(local: IntArray, chosen: IntArray) -> IntArray:

@@ -39,6 +39,13 @@ class FrameHistory:
         return (unit_attitude(blended(self.pose, i, w)) if w else self.pose[i],
                 blended(self.rate, i, w), blended(self.acceleration, i, w))
 
+    def along(self, times: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """(T, n) each: the same at times (T,), s; at its own times the tables, not copies."""
+        if np.array_equal(times, self.times):
+            return self.pose, self.rate, self.acceleration
+        pose, rate, acceleration = zip(*(self.at(t) for t in times.tolist()), strict=True)
+        return np.stack(pose), np.stack(rate), np.stack(acceleration)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SurfaceLoads:

@@ -41,6 +41,12 @@ class Table:
         """(j,) values at t, s. At a tabled time they are exactly those of the table."""
         return blended(self.values, *place(self.times, t))
 
+    def along(self, times: FloatArray) -> FloatArray:
+        """(T, j) values at times (T,), s; at its own times the table itself, not a copy."""
+        if np.array_equal(times, self.times):
+            return self.values
+        return np.array([self.at(t) for t in times.tolist()])
+
     def columns(self, chosen: IntArray) -> "Table":
         """The columns number `chosen`, copied."""
         return Table(self.times, np.ascontiguousarray(self.values[:, chosen]))
@@ -82,6 +88,12 @@ class Tabled(Protocol):
     def at(self, t: float) -> FloatArray: ...
 
 
+class TabledAlong(Protocol):
+    """Anything with values at many times (T,), s."""
+
+    def along(self, times: FloatArray) -> FloatArray: ...
+
+
 def seen_by(tables: Sequence[LoadTable], test: Callable[[Any], Any]) -> tuple[Table, ...]:
     """What a linear map `test` of the block's rows sees of all loads, one table for equal times."""
     found: list[Table] = []
@@ -101,4 +113,12 @@ def total(tables: Sequence[Tabled], t: float) -> FloatArray:
     value = tables[0].at(t)
     for table in tables[1:]:
         value = value + table.at(t)
+    return value
+
+
+def total_along(tables: Sequence[TabledAlong], times: FloatArray) -> FloatArray:
+    """The same at times (T,), s: (T, n), not to be written to."""
+    value = tables[0].along(times)
+    for table in tables[1:]:
+        value = value + table.along(times)
     return value

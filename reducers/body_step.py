@@ -41,19 +41,33 @@ class BodyStep:
         if self.guide is None:
             zero = np.zeros(len(self.origin))
             return self.origin, zero, zero
-        pose, rate, acceleration = self.guide.at(t)
-        if len(pose) == len(self.origin):
+        return self._filled(*self.guide.at(t))
+
+    def given_along(self, times: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """(T, b) each: the same at times (T,), s."""
+        if self.guide is None:
+            zero = np.zeros((len(times), len(self.origin)))
+            return zero + self.origin, zero, zero
+        return self._filled(*self.guide.along(times))
+
+    def _filled(
+        self, pose: FloatArray, rate: FloatArray, acceleration: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Of what the guide tells, (..., n): with the rest of the border."""
+        n, b = pose.shape[-1], len(self.origin)
+        if n == b:
             return self.origin + pose, rate, acceleration
-        y, v, a = self.origin.copy(), np.zeros(len(self.origin)), np.zeros(len(self.origin))
+        y, v, a = (np.zeros((*pose.shape[:-1], b)) for _ in range(3))
+        y += self.origin
         for values, known in ((y, pose), (v, rate), (a, acceleration)):
-            values[: len(known)] += known
+            values[..., :n] += known
         return y, v, a
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Drive:
-    """A frame that is given, in steps with these c1 and c2: time -> kappa, mu (g,) each and sigma
-    (p,), which do not depend on displacements (core/separable.py). work: scratch."""
+    """A frame that is given, in steps with these c1 and c2: times (T,) -> kappa, mu, sigma, which
+    do not depend on displacements (core/separable.py), (T, 2 g + p). work: scratch."""
 
     body: BodyStep
     c1: float
@@ -65,7 +79,13 @@ class Drive:
         f = body.frame
         return cls(body, c1, c2, FrameWork(f.p, f.border, f.generators))
 
-    def __call__(self, t: float) -> FloatArray:
-        y, v, a = self.body.given(t)
-        self.body.frame.drive(y, v, a, self.c1, self.c2, t, self.work)
+    def __call__(self, times: FloatArray) -> FloatArray:
+        along = getattr(self.body.frame, "drive_along", None)
+        if along is None or len(times) == 1:
+            return np.array([self._at(t) for t in times.tolist()])
+        rows: FloatArray = along(*self.body.given_along(times), self.c1, self.c2, times)
+        return rows
+
+    def _at(self, t: float) -> FloatArray:
+        self.body.frame.drive(*self.body.given(t), self.c1, self.c2, t, self.work)
         return np.concatenate((self.work.coefficients[:-1], self.work.sigma[-1]))

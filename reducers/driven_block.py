@@ -9,7 +9,6 @@ time alone (core/separable.py), so moments and quadratic forms of u are not need
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
 from dataclasses import dataclass
 from math import sqrt
 from typing import Any
@@ -19,8 +18,8 @@ import numpy as np
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.block_solvers import short
 from sparsemor.core.protocols import Factorized
-from sparsemor.core.separable import ElasticOperators, evaluate_amplitudes
-from sparsemor.core.tables import total
+from sparsemor.core.separable import ElasticOperators, amplitudes_along, evaluate_amplitudes
+from sparsemor.core.tables import total, total_along
 from sparsemor.reducers.elastic import History
 from sparsemor.reducers.felt import Moving, felt
 from sparsemor.reducers.known import Known
@@ -34,10 +33,11 @@ LEADING = 64
 
 class Past(History):
     """One step's constants. kappa, mu (g,); u: the last iterate's image, c: that iterate, None at
-    the start; r1: what mu acts on, None when that is done; weights: kappa as an array; bound: on
-    the factor by which errors shrink."""
+    the start; r1: what mu acts on, None when that is done; weights, rates: kappa and mu as arrays;
+    turning: the first and after the last that is not zero; bound: on the factor by which errors
+    shrink."""
 
-    __slots__ = ("bound", "c", "kappa", "mu", "r1", "u", "weights")
+    __slots__ = ("bound", "c", "kappa", "mu", "r1", "rates", "turning", "u", "weights")
 
     def __init__(self, known: FloatArray, g: int, r1: FloatArray) -> None:
         super().__init__()
@@ -49,6 +49,8 @@ class Past(History):
     mu: list[float]
     u: FloatArray
     weights: FloatArray
+    rates: FloatArray
+    turning: tuple[int, int]
     bound: float
 
 
@@ -141,9 +143,10 @@ class CompressedDriven(DrivenBlock):
 
     What b is made of: inertia and damping times r2 and r1, (s, k) or diagonals (natural.py),
     damping None where there is none; coupling (s, kt) times xT; base; E (s, p) times sigma; loads
-    (s, j) times amplitudes, and tables. G (g, s, k): the D^-1 M_g; leading (g r, r): their first
-    rows and columns, of soft modes, r = 0 where some atoms are not active; sizes (g, 3): Frobenius
-    norms of all of each, of these, and of what is beyond.
+    (s, j) times amplitudes, and tables. G (g, k, s): the D^-1 M_g transposed, so that those that
+    act together are one matrix; leading (g r, r): their first rows and columns, of soft modes,
+    r = 0 where some atoms are not active; sizes (g, 3): Frobenius norms of all of each, of these,
+    and of what is beyond.
     """
 
     inertia: FloatArray
@@ -154,7 +157,7 @@ class CompressedDriven(DrivenBlock):
     loads: FloatArray
     G: FloatArray
     leading: FloatArray
-    sizes: tuple[tuple[float, float, float], ...]
+    sizes: FloatArray
     active: IntArray | None
     amplitudes: tuple[Any, ...]
     tables: tuple[Moving, ...] = ()
@@ -166,6 +169,7 @@ class CompressedDriven(DrivenBlock):
         """left (s, m): what turns tested rows into D^-1 times the rows, left @ D_S = 1."""
         G = np.stack([left @ A for A in b.generators]) if len(b.generators) else np.zeros(
             (0, len(left), b.mass.shape[1]))
+        below = np.ascontiguousarray(G.transpose(0, 2, 1))
         r = min(LEADING, len(left)) if support is None else 0
         sizes = []
         for A in G if support is None else G[:, :, support]:
@@ -174,7 +178,8 @@ class CompressedDriven(DrivenBlock):
         return cls(
             carried(-left @ b.mass), carried(-left @ b.damping) if b.damping.any() else None,
             np.ascontiguousarray(left @ b.coupling), -left @ b.constant, -left @ b.directions,
-            left @ b.loads, G, G[:, :r, :r].reshape(len(G) * r, r), tuple(sizes), support,
+            left @ b.loads, below, G[:, :r, :r].reshape(len(G) * r, r),
+            np.array(sizes).reshape(len(G), 3), support,
             b.amplitudes, felt(b.tables, left, support is None))
 
     def rates(self, k: int) -> tuple[FloatArray, FloatArray]:
@@ -185,26 +190,32 @@ class CompressedDriven(DrivenBlock):
     def known(self, drive: Known) -> Known:
         """kappa, mu, sigma, the bound on the contraction, and all of b that does not depend on
         unknowns."""
-        g = 2 * len(self.G)
+        g, n = 2 * len(self.G), 2 * len(self.G) + self.E.shape[1]
 
-        def at(t: float) -> FloatArray:
-            row = drive.at(t)
-            b = self.base + self.E.dot(row[g:])
+        def along(times: FloatArray) -> FloatArray:
+            rows = np.empty((len(times), n + 1 + len(self.base)))
+            rows[:, :n] = drive.along(times)
+            rows[:, n] = self._bounds(rows[:, : len(self.G)])
+            b = rows[:, n + 1 :]
+            b[:] = rows[:, g:n].dot(self.E.T)
+            b += self.base
             if self.amplitudes:
-                b += self.loads.dot(evaluate_amplitudes(self.amplitudes, t))
+                b += amplitudes_along(self.amplitudes, times).dot(self.loads.T)
             if self.tables:
-                b += total(self.tables, t)
-            return np.concatenate((row, [self._bound(row[: len(self.G)].tolist())], b))
+                b += total_along(self.tables, times)
+            return rows
 
         # a support that may change with the next step does not pay for all times
-        return Known.of(at, np.array(drive.times)) if self.active is None else Known(at)
+        return Known.of(along, np.array(drive.times)) if self.active is None else Known(along)
 
     def begin(
         self, r1: FloatArray, r2: FloatArray, xT: FloatArray, t: float, known: FloatArray
     ) -> Past:
         g = len(self.G)
         past, n = Past(known, g, r1), 2 * g + self.E.shape[1]
-        past.weights, past.bound = known[:g], float(known[n])
+        past.weights, past.rates, past.bound = known[:g], known[g : 2 * g], float(known[n])
+        acts = [i for i, k in enumerate(zip(past.kappa, past.mu, strict=True)) if any(k)]
+        past.turning = (acts[0], acts[-1] + 1) if acts else (0, 0)
         past.u = times(self.inertia, r2)
         past.u += known[n + 1 :]
         if self.damping is not None:
@@ -217,12 +228,12 @@ class CompressedDriven(DrivenBlock):
         if not past.bound and not any(past.mu):  # nothing turns
             return past.u
         d = c if past.c is None else c - past.c  # only what is new is multiplied
-        d, u, r1 = self._wide(d), past.u, past.r1
-        for G, kappa, mu in zip(self.G, past.kappa, past.mu, strict=True):
-            if mu and r1 is not None:
-                u = u - G.dot(kappa * d + mu * r1)
-            elif kappa:
-                u = u - G.dot(kappa * d)
+        lo, hi = past.turning
+        push = np.multiply.outer(past.weights[lo:hi], self._wide(d))
+        if past.r1 is not None:
+            push += np.multiply.outer(past.rates[lo:hi], past.r1)
+        turned: FloatArray = push.ravel().dot(self.G[lo:hi].reshape(push.size, -1))
+        u = past.u - turned
         past.c, past.u, past.r1 = c, u, None
         r = self.leading.shape[1]
         if not r:
@@ -232,19 +243,17 @@ class CompressedDriven(DrivenBlock):
                                       .reshape(len(self.G), r))
         return new
 
-    def _bound(self, kappa: Sequence[float]) -> float:
-        """With E all of sum_g kappa_g D^-1 M_g and L its leading part: |E - L| + |L| |E|."""
-        whole, lead, rest = 0.0, 0.0, 0.0
-        for k, (E, L, R) in zip(kappa, self.sizes, strict=True):
-            if k:
-                whole, lead, rest = whole + abs(k) * E, lead + abs(k) * L, rest + abs(k) * R
-        return rest + lead * whole
+    def _bounds(self, kappa: FloatArray) -> FloatArray:
+        """Of kappa (T, g). With E all of sum_g kappa_g D^-1 M_g and L its leading part:
+        |E - L| + |L| |E|."""
+        whole, lead, rest = np.abs(kappa).dot(self.sizes).T
+        return np.asarray(rest + lead * whole)
 
     def _wide(self, d: FloatArray) -> FloatArray:
         """Of active unknowns, all of them."""
         if self.active is None:
             return d
-        wide = np.zeros(self.G.shape[2])
+        wide = np.zeros(self.G.shape[1])
         wide[self.active] = d
         return wide
 

@@ -20,6 +20,10 @@ class Felt:
         """(s,)"""
         return np.asarray(self.left.dot(self.table.at(t)))
 
+    def along(self, times: FloatArray) -> FloatArray:
+        """(T, s)"""
+        return np.asarray(self.table.along(times).dot(self.left.T))
+
 
 Moving = Table | Felt
 """What has a value (s,) `at` each time."""

@@ -15,9 +15,9 @@ from scipy.sparse import coo_array, csr_array
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.block_solvers import short
 from sparsemor.core.protocols import Factorized, ReducedTerm, Term
-from sparsemor.core.separable import HeatBody, evaluate_amplitudes
+from sparsemor.core.separable import HeatBody, amplitudes_along, evaluate_amplitudes
 from sparsemor.core.status import Status
-from sparsemor.core.tables import total
+from sparsemor.core.tables import total, total_along
 from sparsemor.reducers.factor import factorize
 from sparsemor.reducers.felt import felt
 from sparsemor.reducers.known import Known
@@ -167,11 +167,13 @@ class CompressedHeat:
         base, loads, tables = left @ b.constant, left @ b.loads, felt(
             b.tables, left, support is None)
 
-        def given(t: float) -> FloatArray:
-            x = base
+        def given(times: FloatArray) -> FloatArray:
+            rows = np.zeros((len(times), len(base))) + base
             if b.amplitudes:
-                x = x + loads.dot(evaluate_amplitudes(b.amplitudes, t))
-            return np.asarray(x + total(tables, t) if tables else x)
+                rows += amplitudes_along(b.amplitudes, times).dot(loads.T)
+            if tables:
+                rows += total_along(tables, times)
+            return rows
 
         # a support that may change with the next step does not pay for all times
         times = b.tables[0].times if b.tables and support is None else np.zeros(0)

@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sparsemor.bodies.spatial.course import Course, Pushes
 from sparsemor.bodies.spatial.inertia import FIRST, Inertia
 from sparsemor.bodies.spatial.items import Item, Pushing
 from sparsemor.bodies.spatial.moments import moments_of
@@ -72,6 +73,19 @@ class SpatialFrame:
             if isinstance(item, Pushing):
                 item.push(m, j, out)
             j += item.directions
+
+    def drive_along(
+        self, y: FloatArray, v: FloatArray, a: FloatArray, c1: float, c2: float,
+        times: FloatArray,
+    ) -> FloatArray:
+        """(T, 2 g + p): what `drive` gives, at all times (T,) at once."""
+        m, j = Course(self.size, y, v, a, c1, times), 0
+        out = Pushes(len(times), self.p, self.generators)
+        for item in self.items:
+            if isinstance(item, Pushing):
+                item.push(m, j, out)
+            j += item.directions
+        return np.hstack([out.coefficients, out.sigma])
 
     def exact(
         self, v: FloatArray, a: FloatArray, c1: float, c2: float, work: FrameWork

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from sparsemor.bodies.spatial import rotation as rot
+from sparsemor.bodies.spatial.course import Moved, Pushed
 from sparsemor.bodies.spatial.moments import FREE, Moments
 from sparsemor.bodies.spatial.motion import Motion, Sums
 from sparsemor.core.arrays import Csr, FloatArray
@@ -98,14 +99,15 @@ class Inertia:
                 signs * (c1 * s + s1) + c1 * m.form + m.forms[:g],
                 signs * (c2 * s + s2) + c2 * m.form + m.forms[g:])
 
-    def push(self, m: Motion, j: int, out: Sums) -> None:
+    def push(self, m: Moved, j: int, out: Pushed) -> None:
         """What acts on the displacements, without derivatives."""
         k, at = self.moments, j + FIRST
         factors = k.factors(m.w, m.al)
-        out.sigma[j:at], out.sigma[at : at + k.count] = m.A.T.dot(m.acc), factors
-        twice = 2.0 * k.turn.dot(m.w)  # 2 w~ as a sum of the B_g
-        out.coefficients[: k.count] = factors + m.c1 * twice
-        out.coefficients[k.count : 2 * k.count] = twice
+        out.sigma[..., j:at] = m.in_body(m.acc)
+        out.sigma[..., at : at + k.count] = factors
+        twice = 2.0 * m.w.dot(k.turn.T)  # 2 w~ as a sum of the B_g
+        out.coefficients[..., : k.count] = factors + m.c1 * twice
+        out.coefficients[..., k.count : 2 * k.count] = twice
 
     def _on_displacements(
         self, m: Motion, j: int, spin: FloatArray, wx: FloatArray, out: Sums

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sparsemor.bodies.spatial.course import Moved, Pushed
 from sparsemor.bodies.spatial.inertia import Inertia
 from sparsemor.bodies.spatial.motion import Motion, Sums
 from sparsemor.bodies.spatial.pairs import Facing, Slide
@@ -76,8 +77,8 @@ class SpaceForce:
             self.push(m, j, out)
             out.sigma_y[m.at, at] = out.tau[m.at, at] = -m.turn.of_space(f).T
 
-    def push(self, m: Motion, j: int, out: Sums) -> None:
-        out.sigma[j : j + 3] = -self.amplitude(m.t) * m.A.T.dot(self.force)
+    def push(self, m: Moved, j: int, out: Pushed) -> None:
+        out.sigma[..., j : j + 3] = -m.factor(self.amplitude) * m.in_body(self.force)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -109,8 +110,8 @@ class BodyForce:
             self.push(m, j, out)
             out.torque_s[:, j + 1 : j + 4] = -g * EYE
 
-    def push(self, m: Motion, j: int, out: Sums) -> None:
-        out.sigma[j] = -self.amplitude(m.t)
+    def push(self, m: Moved, j: int, out: Pushed) -> None:
+        out.sigma[..., j : j + 1] = -m.factor(self.amplitude)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -176,12 +177,13 @@ class Reaction:
         if m.elastic:
             self.push(m, j, out)
 
-    def push(self, m: Motion, j: int, out: Sums) -> None:
-        n = self.directions
-        known = self.forces_at.at(m.t)[:n].reshape(-1, 3)
-        out.sigma[j : j + n] = known.dot(m.A).ravel()  # A^T of each
+    def push(self, m: Moved, j: int, out: Pushed) -> None:
+        known = m.tabled(self.forces_at)
+        for i in range(0, self.directions, 3):
+            out.sigma[..., j + i : j + i + 3] = m.in_body(known[..., i : i + 3])
 
 
 Pushing = Inertia | SpaceForce | BodyForce | Reaction
-"""What acts on displacements where the frame's motion is given: `push` is all of it."""
+"""What acts on displacements where the frame's motion is given: `push` is all of it, at one time or
+many."""
 Item = Inertia | UnitLength | SpaceForce | BodyForce | Attachment | Facing | Slide | Reaction

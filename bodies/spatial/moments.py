@@ -23,7 +23,7 @@ class Moments:
 
     tensor (3, 3, g): moments of inertia J = tensor N(z); levers (3, g, 3) the same numbers; axial
     (3, g): sum z x m y = axial N(y). factors(w, al) (g,): sum_g factor_g B_g = w~ w~ + al~ in body
-    axes; slopes(w) (g, 3): their derivative by w; turn (g, 3): by al.
+    axes, (T, g) of rates (T, 3); slopes(w) (g, 3): their derivative by w; turn (g, 3): by al.
     """
 
     B: FloatArray
@@ -62,9 +62,11 @@ def _free_matrices() -> FloatArray:
 
 
 def _free_factors(w: FloatArray, al: FloatArray) -> FloatArray:
-    a, b, c = w.tolist()
-    x, y, z = al.tolist()
-    return np.array([-a * a - b * b, x, y, z, a * a - c * c, b * b - c * c, b * c, a * c, a * b])
+    # one by one Python's own numbers are quicker
+    a, b, c = w.tolist() if w.ndim == 1 else w.T
+    x, y, z = al.tolist() if al.ndim == 1 else al.T
+    return np.array([
+        -a * a - b * b, x, y, z, a * a - c * c, b * b - c * c, b * c, a * c, a * b]).T
 
 
 def _free_slopes(w: FloatArray) -> FloatArray:
@@ -86,13 +88,19 @@ def _free() -> Moments:
                turn, ("of size", "about x", "about y", "about z", "xx", "yy", "yz", "xz", "xy"))
 
 
+def _spin_factors(w: FloatArray, al: FloatArray) -> FloatArray:
+    found = np.zeros(w.shape)
+    found[..., 1], found[..., 2] = al[..., 2], -w[..., 2] ** 2
+    return found
+
+
 def _spin() -> Moments:
     """Three matrices: what the torque about z and a turn about z ask for, no more."""
     B = np.stack([np.eye(3), TURNS[2], np.diag([1.0, 1.0, 0.0])])
     tensor, axial, turn = np.zeros((3, 3, 3)), np.zeros((3, 3)), np.zeros((3, 3))
     tensor[2, 2, 2], axial[2, 1], turn[1, 2] = 1.0, -1.0, 1.0
     return _of(
-        B, tensor, axial, lambda w, al: np.array([0.0, al[2], -w[2] ** 2]),
+        B, tensor, axial, _spin_factors,
         lambda w: np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, -2.0 * w[2]]]), turn,
         ("", "about z", "outward"))
 

@@ -8,7 +8,8 @@ import numpy as np
 
 from sparsemor.bodies.spatial.attitude import attitude
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.separable import FrameWork
+from sparsemor.core.separable import Amplitude, FrameWork
+from sparsemor.core.tables import Table
 
 
 class Motion:
@@ -41,6 +42,17 @@ class Motion:
             self.w, self.al, self.dw, self.dal = self.turn.rates(v[at], a[at], c1, c2)
         else:
             self.w, self.al = self.turn.turning(v[at], a[at])
+
+    def in_body(self, f: FloatArray) -> FloatArray:
+        """(3,) A^T f of a vector f of space."""
+        return np.asarray(self.A.T.dot(f))
+
+    def factor(self, amplitude: Amplitude) -> float:
+        return amplitude(self.t)
+
+    def tabled(self, table: Table) -> FloatArray:
+        """(j,)"""
+        return table.at(self.t)
 
 
 class Sums:

@@ -13,6 +13,7 @@ from typing import Any
 
 import common
 import numpy as np
+from scaling_atoms import projections
 
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.cache import Cache
@@ -161,21 +162,23 @@ class Way:
         return found
 
 
-def ahead(solver: StepSolver, times: int = 50) -> float:
-    """CPU ms that what time alone decides takes for each time, which is done before the steps."""
+def ahead(solver: StepSolver, repeats: int = 5) -> float:
+    """CPU ms that what time alone decides takes for each time, which is done for all times before
+    the steps: the median of some repeats."""
     if not isinstance(solver, Stepper) or solver.mechanics is None:
         return 0.0
     known: list[Known | None] = [*solver.drives.values(), *(h.given for h in solver.heat.values()
                                         if isinstance(h, CompressedHeat))]
     known += [b.known for b in solver.mechanics.bodies if b.known not in known]
-    spent = 0.0
-    for k in known:
-        asked = () if k is None else k.times[:times]
-        begun = time.process_time()
-        for t in asked:
-            k.source(t)
-        spent += (time.process_time() - begun) / max(len(asked), 1)
-    return 1e3 * spent
+    asked = [(k.source, np.array(k.times)) for k in known if k is not None and k.rows is not None]
+    spent = []
+    for _ in range(repeats):
+        spent.append(0.0)
+        for source, times in asked:
+            begun = time.process_time()
+            source(times)
+            spent[-1] += (time.process_time() - begun) / len(times)
+    return 1e3 * float(np.median(spent))
 
 
 def serve(task: dict[str, Any]) -> None:
@@ -198,6 +201,10 @@ if __name__ == "__main__":
         with np.errstate(all="ignore"):
             if given["method"] == "training":
                 tell(train(given))
+            elif given["method"] == "projections":
+                asked = scene_of(given)
+                tell(projections(asked, *prepared(asked, Cache(), new_manager()),
+                                 given["tabled"], given["counts"]))
             else:
                 serve(given)
     except (SolveFailed, InputError) as failure:

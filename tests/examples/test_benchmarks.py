@@ -236,6 +236,12 @@ def test_the_fine_brake_disk_is_measured_against_full_order(run: Run) -> None:
     worst, ratio = found["targets"]
     assert worst["measured"] == max(errors.values()) < 1e-3 and worst["verdict"] == "met"
     assert ratio["measured"] > 1.0 and len(errors) == 4
+    full, reduced = (times[n]["ms"] + times[n]["ahead"] for n in ("full", "recommended"))
+    assert ratio["measured"] == pytest.approx(full / reduced)
+    (held,) = rows_of(found, "Best approximation: as recommended")
+    (pulses,) = rows_of(found, "Best approximation: the disk's temperatures, by pulses")
+    for block, error in errors.items():  # no run is nearer than the best approximation
+        assert 0.0 < held.get(block, pulses["60"]) <= error * (1 + 1e-6)
 
 
 @pytest.mark.slow
