@@ -16,12 +16,19 @@ LOST = 1.0
 c = 1 it is known to four digits only beside elastic bodies, and accelerations to one or two."""
 
 
-def consistent_state(model: Model, t: float = 0.0) -> State:
+def consistent_state(model: Model) -> State:
     """The start with accelerations, temperature rates and multipliers that satisfy the equations.
 
-    Unknown are a (second-order), v (first-order) and the multipliers; all enter linearly. Raises
+    Unknown are a (second-order), v (first-order) and the multipliers; all enter linearly. Found
+    once a model, whose other users get the same arrays, which cannot be written to. Raises
     SolveFailed (singular) when they are not determined.
     """
+    if not model.starts:
+        model.starts.append(_solved(model, 0.0))
+    return model.starts[0]
+
+
+def _solved(model: Model, t: float) -> State:
     layout, n = model.layout, model.layout.size
     x, v, a = model.x0.copy(), model.v0.copy(), np.zeros(n)
     algebraic, first, second = layout.algebraic, layout.first, layout.second
@@ -40,6 +47,8 @@ def consistent_state(model: Model, t: float = 0.0) -> State:
     except RuntimeError:
         raise SolveFailed(Status.SINGULAR, t, "", "accelerations at the start") from None
     a[second], v[first], x[algebraic] = z[second], z[first], x[algebraic] + z[algebraic]
+    for series in (x, v, a):
+        series.flags.writeable = False
     return State(t, x, v, a, np.zeros((n, 0)))
 
 

@@ -1,7 +1,7 @@
 """An assembled scene: unknowns, equations and start, ready for any reducer."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,7 +10,7 @@ from sparsemor.core.arrays import Csr, FloatArray, IntArray
 from sparsemor.core.block_solvers import BlockSolvers
 from sparsemor.core.layout import Layout
 from sparsemor.core.path import path_rows, ring
-from sparsemor.core.protocols import BlockData, Factorized, Part, Places, Term
+from sparsemor.core.protocols import BlockData, Factorized, Part, Places, State, Term
 from sparsemor.core.separable import ElasticOperators, HeatBody, Separated
 from sparsemor.core.stage import FrameHistory, Stage
 from sparsemor.core.tables import LoadTable
@@ -52,7 +52,8 @@ class Model:
     required: local row numbers of each reducible block that joints and localized loads touch;
     loaded: the same for each load by name, so that a sample that misses one can say which. solvers:
     who solves with the blocks' constant matrices. stage: the histories that its given frames,
-    reactions and surface loads come from.
+    reactions and surface loads come from. starts: its consistent start, once that was asked for
+    (core/initial.py); a changed copy of the model has its own.
     """
 
     layout: Layout
@@ -67,6 +68,7 @@ class Model:
     geometry: Mapping[str, Any]
     solvers: BlockSolvers
     stage: Stage | None = None
+    starts: list[State] = field(default_factory=list, init=False, repr=False)
 
     def reducible(self) -> tuple[str, ...]:
         return tuple(b.name for b in self.layout if b.field in ("elastic", "thermal"))

@@ -38,10 +38,8 @@ def stage_arrays(
             yield (f"stage.{name}.{what}", (TIME,), {"units": CONTACT_UNITS.get(what, "")}, values)
 
 
-def read_stage(names: Mapping[str, Any] | None, data: Any) -> Stage | None:
-    """From the attributes and the dataset of a result; None where it had no rigid stage."""
-    if names is None:
-        return None
+def read_stage(names: Mapping[str, Any], data: Any) -> Stage:
+    """From the attribute and the dataset of a result."""
 
     def read(name: str) -> FloatArray:
         return np.asarray(data[f"stage.{name}"].to_numpy(), dtype=np.float64)

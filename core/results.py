@@ -15,7 +15,7 @@ from sparsemor.core.result_stage import read_stage
 from sparsemor.core.run_header import Probe, load_layout
 from sparsemor.core.stage import Stage
 from sparsemor.core.status import Status
-from sparsemor.core.zarr_files import GROUP_FILE
+from sparsemor.core.zarr_files import GROUP_FILE, read_group
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -46,45 +46,50 @@ class RunResult:
     def _data(self) -> "xr.Dataset":
         import xarray as xr
 
-        data: xr.Dataset = xr.open_zarr(
-            self.path, chunks=None, consolidated=True, decode_cf=False)
+        data: xr.Dataset = xr.open_zarr(self.path, chunks=None, consolidated=True, decode_cf=False)
+        self._attributes = dict(data.attrs)  # of the same moment as the arrays
         return data
+
+    @cached_property
+    def _attributes(self) -> dict[str, Any]:
+        """Read from the one file that has them: importing xarray takes longer than a short run."""
+        return dict(read_group(self.path)["attributes"])
 
     @property
     def attributes(self) -> dict[str, Any]:
         """Everything the header and the end of the run wrote, as plain data."""
-        return dict(self._data.attrs)
+        return dict(self._attributes)
 
     @property
     def summary(self) -> dict[str, Any]:
         """What the run wrote at its end; empty when it was killed."""
-        return dict(self._data.attrs["summary"])
+        return dict(self._attributes["summary"])
 
     @property
     def status(self) -> Status:
-        return Status(self._data.attrs["status"])
+        return Status(self._attributes["status"])
 
     @property
     def scene(self) -> dict[str, Any]:
-        return dict(self._data.attrs["scene"])
+        return dict(self._attributes["scene"])
 
     @property
     def reducer(self) -> str:
-        return str(self._data.attrs["reducer"])
+        return str(self._attributes["reducer"])
 
     @property
     def bodies(self) -> tuple[str, ...]:
         """Bodies whose shape is stored."""
-        return tuple(self._data.attrs["bodies"])
+        return tuple(self._attributes["bodies"])
 
     @cached_property
     def layout(self) -> Layout:
         """The full-order unknowns."""
-        return load_layout(self._data.attrs["full_layout"])
+        return load_layout(self._attributes["full_layout"])
 
     @cached_property
     def solver_layout(self) -> Layout:
-        return load_layout(self._data.attrs["layout"])
+        return load_layout(self._attributes["layout"])
 
     @property
     def times(self) -> FloatArray:
@@ -232,7 +237,7 @@ class RunResult:
 
     @cached_property
     def _stage(self) -> Stage | None:
-        return read_stage(self._data.attrs.get("stage"), self._data)
+        return read_stage(told, self._data) if (told := self._attributes.get("stage")) else None
 
     def contacts(self) -> Mapping[str, Mapping[str, FloatArray]]:
         """Contact -> name -> (T,): "time" s; "normal", "friction" N, the sizes of the resultants;
@@ -244,10 +249,9 @@ class RunResult:
         stage = self.stage()
         if stage is not None:
             return {name: {"time": stage.times, **kept} for name, kept in stage.contacts.items()}
-        told = self._data.attrs.get("contacts", {})
         return {name: {"time": self.times}
                 | {what: self._whole(f"contact.{name}.{what}") for what in kept}
-                for name, kept in told.items()}
+                for name, kept in self._attributes.get("contacts", {}).items()}
 
     def to_xarray(self) -> "xr.Dataset":
         """All that is stored, lazily, with dimension names and units."""

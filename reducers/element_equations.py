@@ -11,6 +11,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 from scipy.linalg import eigh
+from scipy.sparse import csr_array
 
 from sparsemor.core.arrays import FloatArray, IntArray
 
@@ -18,6 +19,10 @@ BLOCK = 4_000_000
 """Numbers of G that are made at a time: 32 MB, and some more on the way to them."""
 ROUND_OFF = 1e-11
 """Forces this much smaller than the sums that they are made of are what is left of rounding."""
+MOST = 4000
+"""Equations that weights are sought with: of more, so many random combinations."""
+SIGNS = 8
+"""Combinations that each equation is a part of."""
 Part: TypeAlias = slice | IntArray
 
 
@@ -94,6 +99,21 @@ class Equations:
         if self.rows <= 2 * self.count:
             return self
         return Equations.of(np.asarray(np.linalg.qr(self.columns(slice(None)), mode="r")))
+
+    def mixed(self) -> "Equations":
+        """At most `MOST` equations: random combinations that keep |G x| for the x (E,) in spaces of
+        fewer dimensions, to a factor near 1 (sparse signs, Martinsson and Tropp 2020, doi
+        10.1017/S0962492920000021, Sec. 9.2). Weights found with them are to be checked with all."""
+        if self.rows <= MOST:
+            return self
+        rng = np.random.default_rng(0)
+        stratum = MOST // SIGNS
+        where = rng.integers(stratum, size=(self.rows, SIGNS)) + stratum * np.arange(SIGNS)
+        signs = rng.choice([-1.0, 1.0], where.shape) / np.sqrt(SIGNS)
+        S = csr_array((signs.ravel(), (where.ravel(), np.arange(self.rows).repeat(SIGNS))),
+                      (MOST, self.rows))
+        rows = Rows(MOST, lambda part: np.asarray(S @ self.columns(part)))
+        return Equations(self.count, (rows,), ())
 
     def directions(
         self, elements: IntArray, total: FloatArray, floor: float

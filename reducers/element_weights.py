@@ -151,19 +151,22 @@ def train(equations: Equations, tau: float) -> Weights:
     G = equations.scaled().fewer()
     if not G.parts:
         return Weights(np.ones(G.count), 0.0)
-    total, among = G.total(), _candidates(G.count)
-    size, U = G.directions(among, total, LEFT_OUT[-1] * tau)
+    total, among, few = G.total(), _candidates(G.count), G.mixed()
+    b = few.total()
+    size, U = few.directions(among, b, LEFT_OUT[-1] * tau)
     best = Weights(np.ones(G.count), np.inf)
+    goal = 0.98 * tau  # a little less, for what is left out
     for share in LEFT_OUT:
         kept = U[:, size > share * tau]
         w = np.zeros(G.count)
-        # a little less, for what is left out
-        w[among] = nonnegative(G.along(kept, among), kept.T @ total, 0.98 * tau).values
+        w[among] = nonnegative(few.along(kept, among), kept.T @ b, goal).values
         residual = float(np.linalg.norm(G.applied(w) - total))
         if residual < best.residual:
             best = Weights(w, residual)
         if best.residual <= MET * tau:
             break
+        if few is not G:  # combinations of equations are met better than the equations
+            goal *= tau / residual
     return best
 
 

@@ -7,12 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from sparsemor.core.around_steps import AroundSteps
 from sparsemor.core.arrays import BoolArray, IntArray
-from sparsemor.core.layout import Layout
-from sparsemor.core.protocols import Dictionary, State, StepFormula, StepOutcome, StepSolver
+from sparsemor.core.protocols import State, StepFormula, StepOutcome, StepSolver
 from sparsemor.core.status import SolveFailed
 from sparsemor.reducers.sparse_memory import SparseMemory
-from sparsemor.reducers.stepper import Facts
 
 Streams = Mapping[str, np.random.Generator]
 Draw = Callable[[Streams], Mapping[str, IntArray]]
@@ -40,33 +39,19 @@ class ResampledMemory:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Resampled:
-    """StepSolver over sets of rows, each for `every` steps. first: what `rows` and `facts` tell.
+class Resampled(AroundSteps[StepSolver]):
+    """Step solvers over sets of rows, each for `every` steps. base: on the rows of the start.
 
     sets: solvers that come back in turn. draw, fresh: for rows that are always new, how they are
     drawn and made into a solver; streams: where the draws begin. A draw asks the sampler, which
     looks at the candidates of the mesh; the step itself reads only the rows that were drawn.
     """
 
-    first: StepSolver
     sets: tuple[StepSolver, ...]
     every: int
     draw: Draw | None
     fresh: Callable[[Mapping[str, IntArray], int], StepSolver] | None
     streams: Streams
-
-    @property
-    def layout(self) -> Layout:
-        return self.first.layout
-
-    @property
-    def dictionaries(self) -> Mapping[str, Dictionary]:
-        return self.first.dictionaries
-
-    @property
-    def rows(self) -> Mapping[str, IntArray]:
-        """Those of the start."""
-        return self.first.rows
 
     @property
     def elements_touched(self) -> Mapping[str, int]:
@@ -75,16 +60,12 @@ class Resampled:
         return {name: max(t[name] for t in told) for name in told[0]}
 
     @property
-    def facts(self) -> Facts:
-        return self.first.facts
-
-    @property
     def notes(self) -> tuple[str, ...]:
         """Of all sets that are known, each once."""
         return tuple(dict.fromkeys(note for s in self.sets for note in s.notes))
 
     def start(self, state: State) -> tuple[State, ResampledMemory]:
-        reduced, inner = self.first.start(state)
+        reduced, inner = self.base.start(state)
         return reduced, ResampledMemory(inner, self.streams)
 
     def solve(
@@ -131,7 +112,7 @@ class Resampled:
         return self.at_rows(memory).rows
 
     def supports(self, memory: ResampledMemory) -> Mapping[str, BoolArray]:
-        return self.first.supports(memory.inner)
+        return self.base.supports(memory.inner)
 
     def counters(self, memory: ResampledMemory) -> Mapping[str, int]:
-        return {**self.first.counters(memory.inner), "resamplings": memory.turn}
+        return {**self.base.counters(memory.inner), "resamplings": memory.turn}

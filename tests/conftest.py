@@ -1,8 +1,10 @@
-"""Distributions for tests: tiny ones made on the spot, and the third-party samples."""
+"""Distributions for tests: tiny ones made on the spot, and the third-party samples. A folder for
+the results of runs that name none."""
 
 import subprocess
 import sys
-from collections.abc import Callable, Mapping
+import tempfile
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 import pytest
@@ -90,6 +92,14 @@ TOY_NAMES = {
                 "second": "toy_plugins:Second"},
     "toy_sampler": {"grid": "toy_plugins:Grid", "dice": "toy_plugins:Dice"},
 }
+
+
+@pytest.fixture(autouse=True, scope="session")
+def temporary(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """What is written to the temporary directory goes where pytest removes it."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(tempfile, "tempdir", str(tmp_path_factory.mktemp("results")))
+        yield
 
 
 @pytest.fixture

@@ -7,7 +7,11 @@ import numpy as np
 from sparsemor.core.arrays import FloatArray
 from sparsemor.plugins.samplers.candidates import Rows
 from sparsemor.plugins.samplers.factor import EPS, RowFactor
+from sparsemor.plugins.samplers.smallest import Smallest
 from sparsemor.plugins.samplers.span import SpanSampler
+
+NEW = 1e-8
+"""A row of which less than this is not spanned says nothing new: beside another of its node."""
 
 
 class Deim(SpanSampler):
@@ -36,17 +40,22 @@ def pivots(U: FloatArray, rows: Rows) -> None:
     span is taken away first, so that no pivot repeats them.
     """
     _, V, rank = RowFactor(U[rows.taken]).singular(U.shape[1])
-    rest = U @ V[:, rank:]
-    unspanned = rest.shape[1]
-    while rows.left and unspanned > 0:
-        for i in rows.take(np.einsum("ij,ij->i", rest, rest)):
-            size = np.linalg.norm(rest[i])
-            if unspanned and size > 0.0:
-                direction = rest[i] / size
-                rest = rest - np.outer(rest @ direction, direction)
-                unspanned -= 1
-        if not rest.any():
-            break
+    W = U @ V[:, rank:]
+    # columns of W are orthonormal, and so are those of what is left of them: some row has at least
+    # 1/n left of its square until all is spanned, and the differences below keep their digits
+    left = np.einsum("ij,ij->i", W, W)
+    unspanned, found = W.shape[1], 0
+    Q = np.zeros((unspanned, unspanned))
+    while rows.left and found < unspanned:
+        for i in rows.take(left):
+            new = W[i]
+            for _ in range(2):
+                new = new - (Q[:found] @ new) @ Q[:found]
+            size = np.linalg.norm(new)
+            if found < unspanned and size > NEW:
+                Q[found] = new / size
+                left -= (W @ Q[found]) ** 2
+                found += 1
 
 
 def interpolation_points(U: FloatArray, rows: Rows) -> None:
@@ -73,16 +82,16 @@ def raise_smallest(U: FloatArray, rows: Rows) -> None:
     s_k <= s_{k-1}, the right vector w of s_k and g = s_{k-1}^2 - s_k^2:
     g + |u|^2 - sqrt((g + |u|^2)^2 - 4 g (u w)^2)  (bound of Ipsen and Nadler 2009).
     """
-    k = U.shape[1]
-    factor = RowFactor(U[rows.taken])
+    if not rows.left:
+        return
+    smallest = Smallest(U[rows.taken])
     length = np.einsum("ij,ij->i", U, U)
     while rows.left:
-        s, V, _ = factor.singular(k)
-        least = np.append(s, np.zeros(k - s.size))[-2:] ** 2
-        g, along = least[0] - least[-1], (U @ V[:, -1]) ** 2
+        above, least = smallest.s**2
+        g, along = above - least, (U @ smallest.vector) ** 2
         score = along  # what counts when only one value is smallest, or two are alike
-        if g > EPS * least[0]:
+        if np.isfinite(g) and g > EPS * above:
             # a - sqrt(a^2 - b) as b / (a + sqrt(a^2 - b)): no difference of nearly equal numbers
             a, b = g + length, 4.0 * g * along
             score = b / (a + np.sqrt(np.maximum(a * a - b, 0.0)))
-        factor.add(U[rows.take(score)])
+        smallest.add(U[rows.take(score)])

@@ -6,6 +6,9 @@ from sparsemor.core.arrays import FloatArray
 from sparsemor.core.svd import svd
 
 EPS = float(np.finfo(np.float64).eps)
+LOST = 1e4
+"""What is updated from row to row and has shrunk by this factor has lost four digits of it: it is
+computed afresh."""
 
 
 class RowFactor:

@@ -4,13 +4,11 @@ import numpy as np
 
 from sparsemor.core.arrays import FloatArray
 from sparsemor.plugins.samplers.candidates import Rows
-from sparsemor.plugins.samplers.factor import RowFactor
+from sparsemor.plugins.samplers.factor import LOST, RowFactor
 from sparsemor.plugins.samplers.span import SpanSampler
 
 TINY = 1e-300
 """Below every square that is not zero: logarithms of zero become very small, not infinite."""
-LOST = 1e4
-"""Shrinking a score by this factor costs four digits of it: compute it afresh."""
 
 
 class SOpt(SpanSampler):

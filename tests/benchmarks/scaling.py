@@ -1,7 +1,7 @@
 """Cost as the mesh grows: the brake disk from 10 thousand tetrahedra on, heat alone to a million.
 
     python tests/benchmarks/scaling.py [--quick] [--refine 1 1.5 ..] [--heat 1 1.9 ..]
-        [--chart scaling.png] [--out scaling.json]
+        [--chart scaling.png] [--out scaling.json] [--counts disk.elastic=40,disk.thermal=200]
 
 Every method on every mesh is a process of its own, so that what it holds at its largest is its own.
 Windows of the methods of one mesh take turns, and those of the reduced models of all meshes once
@@ -9,9 +9,6 @@ more at the end. Times are CPU time of one thread.
 """
 
 import argparse
-import dataclasses
-import json
-import subprocess
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -22,9 +19,8 @@ import numpy as np
 import report
 from scaling_chart import chart
 from scaling_fits import fits, join
+from scaling_meshes import TOLERANCE, Mesh, Worker
 
-HERE = Path(__file__).parent
-TOLERANCE = 1e-3
 Q_DEIM = {"use": "deim", "method": "qr"}
 FULL: dict[str, dict[str, Any]] = {
     "full": {},
@@ -56,73 +52,6 @@ def methods(counts: Mapping[str, int]) -> dict[str, dict[str, Any]]:
     }
 
 
-@dataclasses.dataclass
-class Mesh:
-    """One mesh of the scene, as its training run tells it."""
-
-    refine: float
-    field: str
-    steps: int
-    facts: dict[str, Any] = dataclasses.field(default_factory=dict)
-
-    @property
-    def unknowns(self) -> int:
-        return sum(self.facts["unknowns"].values())
-
-    @property
-    def named(self) -> dict[str, Any]:
-        return {"fields": self.field, "tetrahedra": self.facts["tetrahedra"],
-                "unknowns": self.unknowns}
-
-    def task(self, method: str, **more: Any) -> dict[str, Any]:
-        return {"method": method, "refine": self.refine, "field": self.field, "steps": self.steps,
-                "changes": {}, "reducer": "galerkin", "tolerance": TOLERANCE, **more}
-
-
-class Worker:
-    """A method on a mesh in a process of its own. ms: one entry a window."""
-
-    def __init__(self, mesh: Mesh, method: str, **more: Any) -> None:
-        self.mesh, self.method = mesh, method
-        task = json.dumps(mesh.task(method, **more))
-        self.process = subprocess.Popen(
-            [sys.executable, HERE / "scaling_worker.py", task], stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE, text=True)
-        self.facts, self.ms, self.iterations = self._read(), list[float](), 0.0
-        report.progress(f"{mesh.field} {mesh.refine:g}, {method}: {self.facts}")
-
-    @property
-    def well(self) -> bool:
-        return "failed" not in self.facts
-
-    @property
-    def full(self) -> bool:
-        return self.method in FULL
-
-    def window(self, steps: int) -> None:
-        if self.well:
-            assert self.process.stdin is not None
-            print(steps, file=self.process.stdin, flush=True)
-            told = self._read()
-            if "ms" in told:
-                self.ms.append(float(np.median(told["ms"])))
-                self.iterations = told["iterations"]
-            else:
-                self.facts |= told
-
-    def end(self) -> None:
-        assert self.process.stdin is not None
-        self.process.stdin.close()
-        self.process.wait()
-
-    def _read(self) -> dict[str, Any]:
-        assert self.process.stdout is not None
-        line = self.process.stdout.readline()
-        told: dict[str, Any] = json.loads(line) if line else {
-            "failed": f"its process ended with {self.process.wait()}"}
-        return told
-
-
 def fill(out: report.Report, given: argparse.Namespace) -> None:
     out.settings |= {
         "scene": "brake_disk, bdf1, h = 1 ms, mesh.refine of disk and pad; heat: thermal alone",
@@ -143,7 +72,8 @@ def fill(out: report.Report, given: argparse.Namespace) -> None:
         ("solvers", "Linear solvers of the disk's blocks", {}),
         ("atoms", f"POD atoms for {TOLERANCE:g}: projection, by steps trained on", {}),
         ("whole", "The same over longer runs", {}),
-        ("enough", f"Galerkin with the atoms for {TOLERANCE:g}", {}))}
+        ("enough", f"Galerkin with the atoms for {TOLERANCE:g}", {}),
+        ("given", "Galerkin with given atoms: error of each block", {}))}
     kept: list[Worker] = []
     try:
         if given.join:
@@ -156,7 +86,7 @@ def fill(out: report.Report, given: argparse.Namespace) -> None:
         for number in range(1, given.windows):
             report.progress(f"reduced models of all meshes, pass {number + 1}")
             for w in kept:
-                if not w.full:
+                if w.method not in FULL:
                     w.window(w.mesh.steps)
     finally:
         for w in kept:
@@ -195,6 +125,12 @@ def one_mesh(
             kept[-1].window(mesh.steps)  # at once: an interrupted run has something of each
     if mesh.field == "both" and mesh.facts["tetrahedra"] <= given.enough_up_to:
         enough(mesh, given, tables["enough"])
+    for counts in given.counts:
+        w = galerkin(mesh, {n: k for n, k in counts.items() if n in mesh.facts["unknowns"]})
+        tables["given"].add(
+            **mesh.named, method="galerkin", atoms=", ".join(f"{n} {k}" for n, k in counts.items()),
+            **w.facts.get("errors", {}), ms=w.ms[0] if w.ms else None,
+            status=w.facts.get("failed", "done"))
 
 
 def trained(mesh: Mesh, offline: report.Table, atoms: report.Table) -> bool:
@@ -225,9 +161,7 @@ def enough(mesh: Mesh, given: argparse.Namespace, table: report.Table) -> None:
     """Galerkin with the atoms that the projection needs, and more until the run holds it too."""
     counts = {n: c[0] for n, c in mesh.facts["counts"].items()}
     for tried in range(1, 4):
-        w = Worker(mesh, "galerkin", reducer={"use": "galerkin", **bases(counts)}, errors=True)
-        w.window(mesh.steps)
-        w.end()
+        w = galerkin(mesh, counts)
         errors = w.facts.get("errors", {})
         table.add(**mesh.named, tried=tried, **counts, error=max(errors.values(), default=None),
                   ms=w.ms[0] if w.ms else None, status=w.facts.get("failed", "done"))
@@ -236,6 +170,14 @@ def enough(mesh: Mesh, given: argparse.Namespace, table: report.Table) -> None:
             return
         for n in short:
             counts[n] = min(mesh.steps, int(np.ceil(1.15 * counts[n])) + 1)
+
+
+def galerkin(mesh: Mesh, counts: Mapping[str, int]) -> Worker:
+    """One pass over all steps at so many atoms a block."""
+    w = Worker(mesh, "galerkin", reducer={"use": "galerkin", **bases(counts)}, errors=True)
+    w.window(mesh.steps)
+    w.end()
+    return w
 
 
 def conclude(
@@ -258,6 +200,14 @@ def conclude(
     fits(out, tables)
 
 
+def counts_of(text: str) -> dict[str, int]:
+    """`disk.elastic=40,disk.thermal=200`, the other blocks as fixed."""
+    told = {n.strip(): int(k) for n, k in (part.split("=") for part in text.split(","))}
+    if unknown := set(told) - set(FIXED):
+        raise argparse.ArgumentTypeError(f"no block is called {', '.join(sorted(unknown))}")
+    return FIXED | told
+
+
 def arguments() -> argparse.Namespace:
     parser = report.options("scaling", __doc__)
     parser.add_argument("--refine", type=float, nargs="*", default=[1.0, 1.4, 1.9, 3.07])
@@ -273,6 +223,8 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--full-steps", type=int, default=3)
     parser.add_argument("--ecsw-up-to", type=int, default=100_000, metavar="TETRAHEDRA")
     parser.add_argument("--enough-up-to", type=int, default=100_000, metavar="TETRAHEDRA")
+    parser.add_argument("--counts", type=counts_of, action="append", default=[],
+                        metavar="BLOCK=ATOMS,..", help="Galerkin with these atoms too, once each")
     parser.add_argument("--join", type=Path, nargs="+", metavar="JSON",
                         help="measure nothing, put the tables of earlier runs together")
     parser.add_argument("--chart", type=Path, help="draw the chart to this file (.png, .svg)")

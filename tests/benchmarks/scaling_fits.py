@@ -17,7 +17,7 @@ def join(files: Sequence[Path], tables: Mapping[str, report.Table]) -> None:
             if name != "fits":
                 table.rows += found.get(table.title, [])
     for table in tables.values():
-        keys = ("fields", "tetrahedra", "unknowns", "method", "block", "tried", "steps")
+        keys = ("fields", "tetrahedra", "unknowns", "method", "block", "tried", "steps", "atoms")
         last = {tuple(row.get(k) for k in keys): row for row in table.rows}
         table.rows[:] = sorted(last.values(), key=lambda r: (r["fields"], r["tetrahedra"]))
 

@@ -17,7 +17,7 @@ from typing import Any
 
 from sparsemor.core import recorder
 from sparsemor.core.hooks import RunStart, hookimpl
-from sparsemor.core.scene import load
+from sparsemor.core.scene import Scene, load
 from sparsemor.core.simulate import simulate
 
 COMMIT_EVERY = 40  # rows; the default would commit a run this short twice only
@@ -57,7 +57,7 @@ def die_before_replace(number: int) -> None:
     vars(os)["replace"] = counted
 
 
-def run(scene: str, out: str, settings: dict[str, Any], moment: str) -> None:
+def run(scene: Scene, out: str, moment: str) -> None:
     recorder.CHUNK = COMMIT_EVERY
     kind, _, number = moment.partition(":")
     observers = [DiesAfter(kind, int(number))] if kind in ("step", "training") else []
@@ -66,15 +66,16 @@ def run(scene: str, out: str, settings: dict[str, Any], moment: str) -> None:
     resume = Path(out, "result.checkpoint").exists()
     if not resume:  # killed before there was anything to go on with
         shutil.rmtree(out, ignore_errors=True)
-    simulate(load(scene, settings), out=out, resume=resume, observers=observers)
+    simulate(scene, out=out, resume=resume, observers=observers)
 
 
 def main() -> None:
-    scene, out, settings, *moments = sys.argv[1:]
+    name, out, settings, *moments = sys.argv[1:]
+    scene = load(name, json.loads(settings))  # here, so that no child imports its plugins anew
     for moment in (*moments, "end"):
         child = os.fork()
         if child == 0:
-            run(scene, out, json.loads(settings), moment)
+            run(scene, out, moment)
             os._exit(0)
         print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), flush=True)
 

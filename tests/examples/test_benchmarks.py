@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
     """run(name): the JSON of one script under --quick; its table must be on standard output."""
     folder = tmp_path_factory.mktemp("benchmarks")
 
+    @cache
     def script(name: str) -> dict[str, Any]:
         out = folder / "results" / f"{name}.json"
         done = subprocess.run(
@@ -87,9 +89,9 @@ def test_selection_errors_are_those_of_compare(run: Run, tmp_path: Path) -> None
              "bases": {"*.thermal": {"use": "pod", "count": 4}}}
     scene = load("double_pendulum", {"time.end": 0.06, "training.end": 0.06,
                                      "reducer": {"use": "galerkin", **bases}})
-    cache = Cache(tmp_path / "cache")
-    full = simulate(scene.using({"reducer": "full"}), out=tmp_path / "full", cache=cache)
-    reduced = simulate(scene, out=tmp_path / "galerkin", cache=cache)
+    kept = Cache(tmp_path / "cache")
+    full = simulate(scene.using({"reducer": "full"}), out=tmp_path / "full", cache=kept)
+    reduced = simulate(scene, out=tmp_path / "galerkin", cache=kept)
     measured = compare(full, errors_from=0.03, reduced=reduced)
     assert row["angle"] == pytest.approx(measured.errors["reduced"]["angle_rad"], rel=1e-3)
     assert row["thermal"] == pytest.approx(measured.errors["reduced"]["thermal"], rel=1e-3)

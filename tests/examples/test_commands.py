@@ -10,16 +10,20 @@ import struct
 import subprocess
 import sys
 import termios
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
+from typer.testing import CliRunner
 
 from sparsemor import load, open_result, simulate
 from sparsemor.core.charts import FORMATS
+from sparsemor.core.cli import app
 
 SWING = Path(__file__).parent / "scenes" / "swing.yaml"
 PROGRAM = Path(sys.executable).with_name("sparsemor")
+Program = Callable[..., tuple[str, str]]
 BLOCKS = {"arm.elastic", "arm.thermal"}
 KEYS = {"status", "scene", "reducer", "steps", "t_end", "wall_s", "ms_per_step",
         "newton_iterations", "factorizations", "rows", "atoms", "atoms_active", "elements_touched",
@@ -34,7 +38,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("SPARSEMOR_CACHE", str(tmp_path / "cache"))
 
 
-def sparsemor(*arguments: object) -> tuple[str, str]:
+def installed(*arguments: object) -> tuple[str, str]:
     """Standard output and error of the installed program, which must succeed."""
     done = subprocess.run([PROGRAM, *map(str, arguments)], capture_output=True, text=True,
                           check=False)
@@ -42,8 +46,17 @@ def sparsemor(*arguments: object) -> tuple[str, str]:
     return done.stdout, done.stderr
 
 
-def in_json(*arguments: object) -> dict[str, Any]:
-    out, err = sparsemor(*arguments, "--json")
+def sparsemor(*arguments: object) -> tuple[str, str]:
+    """The same in this process: most of what a short command takes is to start."""
+    done = CliRunner().invoke(app, [*map(str, arguments)], prog_name="sparsemor")
+    if done.exception is not None and not isinstance(done.exception, SystemExit):
+        raise done.exception
+    assert done.exit_code == 0, done.stderr
+    return done.stdout, done.stderr
+
+
+def in_json(*arguments: object, program: Program = sparsemor) -> dict[str, Any]:
+    out, err = program(*arguments, "--json")
     assert err == ""
     shown = json.loads(out)  # one object and nothing else
     assert isinstance(shown, dict)
@@ -66,7 +79,7 @@ def assert_summary(s: dict[str, Any], reducer: str, steps: int) -> None:
 
 
 def test_run_in_json() -> None:
-    first = in_json("run", SWING)
+    first = in_json("run", SWING, program=installed)
     assert_summary(first, "sparse", 200)
     assert first["cache"] == {"training": "miss", "basis": "miss"} | {
         k: "miss" for k in first["cache"]}
@@ -81,7 +94,7 @@ def test_run_in_json() -> None:
 
 
 def test_run_in_words() -> None:
-    out, err = sparsemor("run", SWING, "--set", "time.end=0.05", "--out", "there")
+    out, err = installed("run", SWING, "--set", "time.end=0.05", "--out", "there")
     assert err == ""  # no progress bar: this is no terminal
     lines = [re.split(r"  +", line, maxsplit=1) for line in out.splitlines()]
     *table, last = lines
@@ -133,7 +146,7 @@ def test_compare_goes_on_where_it_stopped() -> None:
 
 
 def test_validate_and_schema() -> None:
-    out, err = sparsemor("validate", SWING)
+    out, err = installed("validate", SWING)
     assert (out, err) == ("swing: valid (arm, bob)\n", "")
     dump = in_json("validate", SWING)["scene"]
     assert dump == load(SWING).dump()
@@ -158,8 +171,8 @@ def test_plugins_names_every_part() -> None:
 def test_new_plugin_version_and_help() -> None:
     out, _ = sparsemor("new-plugin", "my_rows", "--kind", "sampler")
     assert "sparsemor-my-rows" in out and Path("sparsemor-my-rows/pyproject.toml").is_file()
-    assert re.fullmatch(r"\d+\.\d+\.\d+\n", sparsemor("--version")[0])
-    whole, _ = sparsemor("--help")
+    assert re.fullmatch(r"\d+\.\d+\.\d+\n", installed("--version")[0])
+    whole, _ = installed("--help")
     for command in ("run", "compare", "validate", "schema", "plugins", "new-plugin"):
         assert command in whole
         assert "Usage: sparsemor " + command in sparsemor(command, "--help")[0]

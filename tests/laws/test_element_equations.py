@@ -93,3 +93,30 @@ def test_directions_that_large_weights_bring_out_are_taken_in() -> None:
     assert found.residual <= 1.05 * tau
     # one element would do without it
     assert np.count_nonzero(found.values) == 2
+
+
+def test_random_combinations_keep_lengths(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of all vectors in a space of 10 dimensions, among 400 combinations of 3000 equations."""
+    monkeypatch.setattr(element_equations, "MOST", 400)
+    rng = np.random.default_rng(0)
+    G = rng.standard_normal((3000, 10)) * np.logspace(0, -6, 3000)[:, None]
+    few = Equations.of(G).mixed()
+    assert few.rows == 400 and Equations.of(G[:400]).mixed().rows == 400
+    R = np.linalg.qr(G, mode="r")
+    s = np.linalg.svd(np.linalg.solve(R.T, few.columns(slice(None)).T).T, compute_uv=False)
+    assert 0.6 < s[-1] <= s[0] < 1.4
+
+
+@pytest.mark.parametrize("tau", [1e-2, 1e-3])
+def test_weights_found_with_combinations_repeat_all_equations(
+    monkeypatch: pytest.MonkeyPatch, tau: float
+) -> None:
+    rng = np.random.default_rng(1)
+    G = rng.random((600, 40)) @ np.diag(0.7 ** np.arange(40)) @ rng.standard_normal((40, 900))
+    G += 3.0 * rng.random((600, 1)) @ rng.random((1, 900))
+    G /= np.linalg.norm(G.sum(axis=1))
+    monkeypatch.setattr(element_equations, "MOST", 120)
+    found = train(Equations.of(G), tau)
+    assert found.residual == pytest.approx(float(np.linalg.norm(G @ (found.values - 1.0))))
+    assert found.residual <= 1.05 * tau
+    assert 0 < np.count_nonzero(found.values) < 100 and (found.values >= 0.0).all()

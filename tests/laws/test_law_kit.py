@@ -63,8 +63,8 @@ def linear_solver(solver: Any, seed: int) -> None:
 
 
 LAWS: dict[str, Callable[[Any, int], None]] = {
-    "basis": lambda p, seed: check_basis(p, seed, trials=3),
-    "sampler": lambda p, seed: check_sampler(p, seed, trials=3),
+    "basis": lambda p, seed: check_basis(p, seed, trials=4),
+    "sampler": lambda p, seed: check_sampler(p, seed, trials=6),
     "preconditioner": lambda p, seed: check_preconditioner(p, seed, trials=3),
     "sparse_solver": lambda p, seed: check_sparse_solver(p, seed, trials=3),
     "linear_solver": linear_solver,

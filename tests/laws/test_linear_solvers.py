@@ -1,8 +1,6 @@
-"""Every installed linear solver keeps the laws; orderings, fill, choice and failures in detail."""
+"""Orderings, fill, choice and failures of linear solvers; what their law kit catches."""
 
-from contextlib import nullcontext
-from importlib.metadata import EntryPoint, entry_points
-from importlib.util import find_spec
+from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
@@ -52,15 +50,6 @@ def elastic(n: int) -> tuple[Csr, Places]:
     free = np.setdiff1d(np.arange(3 * len(mesh.points)), held)
     K = fe.elastic_stiffness(mesh, STEEL, 1.0, "solid")[free][:, free]
     return K, Places(mesh.points[free // 3], free % 3)
-
-
-@pytest.mark.parametrize(
-    "entry", entry_points(group="sparsemor.linear_solver"), ids=lambda e: e.name
-)
-def test_every_installed_linear_solver_keeps_the_laws(entry: EntryPoint) -> None:
-    lacking = find_spec(PACKAGE.get(entry.name, "numpy")) is None
-    with pytest.raises(InputError, match=PACKAGE[entry.name]) if lacking else nullcontext():
-        check_linear_solver(entry.load()())
 
 
 @pytest.mark.parametrize("solver", [

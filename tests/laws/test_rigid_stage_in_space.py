@@ -174,6 +174,14 @@ BRICK: dict[str, Any] = {
 PINNED = {"use": "spherical", "between": ["ground", "brick:right"]}
 
 
+@pytest.fixture(scope="module")
+def alone(tmp_path_factory):
+    """The cache, scene and run of the plane bodies alone."""
+    cache = Cache(tmp_path_factory.mktemp("cache"))
+    scene = load(SCENES / "small_slider.yaml", SHORT)
+    return cache, scene, simulate(scene, cache=cache)
+
+
 @pytest.mark.parametrize(("brick", "joints"), [
     ({"fields": []}, {}), ({"fields": ["elastic"]}, {"pin": PINNED}),
     ({"fields": ["elastic"], "frame": "spinning"}, {}),
@@ -181,15 +189,14 @@ PINNED = {"use": "spherical", "between": ["ground", "brick:right"]}
     ({"fields": ["thermal"], "frame": "fixed"}, {}),
     ({"fields": ["elastic"], "frame": "fixed"}, {"pin": PINNED}),
 ])
-def test_bodies_in_space_stand_beside_plane_ones_in_two_stages(brick, joints, tmp_path):
-    scene = load(SCENES / "small_slider.yaml", SHORT)
+def test_bodies_in_space_stand_beside_plane_ones_in_two_stages(brick, joints, alone):
+    cache, scene, plane = alone
     tree = scene.source.tree
     mixed = scene.using({"bodies": {**tree["bodies"], "brick": BRICK | brick},
                          "joints": {**tree["joints"], **joints},
                          "loads.weight.bodies": ["slider"]})
     checked_model(mixed)
-    run = simulate(mixed, cache=Cache(tmp_path))
-    alone = simulate(scene, cache=Cache(tmp_path))
-    for b in alone.layout:
-        x, y = run.block(b.name), alone.block(b.name)
+    run = simulate(mixed, cache=cache)
+    for b in plane.layout:
+        x, y = run.block(b.name), plane.block(b.name)
         assert np.abs(x - y).max() < 1e-4 * np.abs(y).max(), b.name  # Newton stops elsewhere

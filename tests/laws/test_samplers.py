@@ -1,7 +1,6 @@
-"""Every installed sampler keeps the laws; strata, nodes and refusals of the two first ones."""
+"""Strata, nodes and refusals of the samplers; what their law kit catches."""
 
 from dataclasses import replace
-from typing import cast
 
 import numpy as np
 import pytest
@@ -28,11 +27,6 @@ OURS = {"lhs": LatinHypercube, "random": Uniform, "deim": Deim, "leverage": Leve
 
 def test_our_own_samplers_are_installed() -> None:
     assert OURS.items() <= installed("sampler").items()
-
-
-@pytest.mark.parametrize("name", installed("sampler"))
-def test_every_installed_sampler_keeps_the_laws(name: str) -> None:
-    check_sampler(cast(Sampler, installed("sampler")[name]()))
 
 
 @pytest.mark.parametrize("kind", [LatinHypercube, Uniform])

@@ -1,0 +1,69 @@
+"""Every link of the pages leads to a file or folder that exists, and to a heading that it has."""
+
+import re
+from collections import Counter
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PAGES = [*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").rglob("*.md"))]
+_FENCE = re.compile(r"^ *```.*?^ *```[ \t]*$", re.MULTILINE | re.DOTALL)
+_CODE = re.compile(r"`[^`\n]*`")
+_LINK = re.compile(r"\[[^\[\]]*\]\(([^()\s]+)\)")
+_HEADING = re.compile(r"^#{1,6} +(.*?) *#*$", re.MULTILINE)
+
+
+def links(page: str) -> list[str]:
+    """Targets of all links to files of this repository, in a page's text without its code."""
+    text = _CODE.sub("code", _FENCE.sub("", page))
+    return [t for t in _LINK.findall(text) if "://" not in t and not t.startswith("mailto:")]
+
+
+def anchors(page: str) -> Iterator[str]:
+    """Names of a page's headings, as GitHub makes them: the second of one name ends in -1."""
+    seen: Counter[str] = Counter()
+    for heading in _HEADING.findall(_FENCE.sub("", page)):
+        shown = re.sub(r"\[([^\[\]]*)\]\([^()]*\)", r"\1", heading)
+        name = re.sub(r"[^\w\- ]", "", shown.lower()).replace(" ", "-")
+        yield f"{name}-{seen[name]}" if seen[name] else name
+        seen[name] += 1
+
+
+@cache
+def anchors_of(path: Path) -> frozenset[str]:
+    return frozenset(anchors(path.read_text(encoding="utf-8")))
+
+
+def broken(path: Path, page: str) -> list[str]:
+    """Those links of a page in the folder of `path` that lead nowhere."""
+    found = []
+    for target in links(page):
+        name, _, anchor = target.partition("#")
+        there = path.parent / name if name else path
+        if not there.exists() or anchor and anchor not in anchors_of(there):
+            found.append(target)
+    return found
+
+
+@pytest.mark.parametrize("path", PAGES, ids=lambda p: str(p.relative_to(ROOT)))
+def test_links_lead_somewhere(path: Path) -> None:
+    assert broken(path, path.read_text(encoding="utf-8")) == []
+
+
+def test_the_index_leads_to_every_page() -> None:
+    index = ROOT / "docs" / "index.md"
+    named = {(index.parent / t.partition("#")[0]).resolve()
+             for t in links(index.read_text(encoding="utf-8"))}
+    assert {p.resolve() for p in (ROOT / "docs").glob("*.md")} - named == {index.resolve()}
+
+
+def test_a_wrong_link_is_found(tmp_path: Path) -> None:
+    (tmp_path / "other.md").write_text("# Two `words`, so\n\n## Again\n\n## Again\n")
+    page = ("# Here\n[a](other.md#two-words-so) [b](other.md#again-1) [c](#here) `[d](e)`\n"
+            "[f](https://example.org/x) [g](none.md) [h](other.md#again-2) [i](#there)\n")
+    here = tmp_path / "page.md"
+    here.write_text(page)
+    assert broken(here, page) == ["none.md", "other.md#again-2", "#there"]

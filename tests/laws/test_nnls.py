@@ -1,0 +1,50 @@
+"""Non-negative least squares: the solver that weights of elements are found by."""
+
+import numpy as np
+import pytest
+from scipy.optimize import nnls
+
+from sparsemor.reducers.element_equations import Equations
+from sparsemor.reducers.element_weights import train
+from sparsemor.reducers.nnls import nonnegative
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_nonnegative_least_squares_agrees_with_scipy_when_run_to_its_end(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    A, b = rng.standard_normal((30, 20)), rng.standard_normal(30)
+    found = nonnegative(A, b, 0.0)
+    best, residual = nnls(A, b)
+    assert found.residual == pytest.approx(residual, rel=1e-10)
+    np.testing.assert_allclose(found.values, best, atol=1e-10)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_it_stops_at_the_tolerance_with_few_nonzeros(seed: int) -> None:
+    rng = np.random.default_rng(100 + seed)
+    A = rng.random((25, 200))
+    b = A.sum(axis=1)
+    counts = []
+    for tolerance in (0.3, 1e-2, 1e-6):
+        w, residual = nonnegative(A, b, tolerance * np.linalg.norm(b))
+        assert (w >= 0.0).all()
+        assert residual <= tolerance * np.linalg.norm(b)
+        assert residual == pytest.approx(float(np.linalg.norm(A @ w - b)), abs=1e-9)
+        counts.append(np.count_nonzero(w))
+    assert counts[0] <= counts[1] <= counts[2] <= 25
+
+
+def test_out_of_reach_is_told_by_the_residual() -> None:
+    w, residual = nonnegative(np.eye(3), np.array([1.0, 2.0, -3.0]), 1e-6)
+    np.testing.assert_allclose(w, [1.0, 2.0, 0.0])
+    assert residual == pytest.approx(3.0)
+
+
+def test_repeated_columns_are_not_taken_twice() -> None:
+    A = np.repeat(np.random.default_rng(3).random((6, 4)), 3, axis=1)
+    w, residual = nonnegative(A, A.sum(axis=1), 1e-12)
+    assert residual < 1e-11 and np.count_nonzero(w) <= 4
+
+
+def test_without_forces_every_element_counts_once() -> None:
+    np.testing.assert_array_equal(train(Equations.of(np.zeros((0, 7))), 1e-6).values, np.ones(7))
