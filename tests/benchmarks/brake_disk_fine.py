@@ -1,7 +1,7 @@
 """Brake disk at 72 thousand tetrahedra: the recommended reducer, exact enough and how much faster.
 
     python tests/benchmarks/brake_disk_fine.py [--quick] [--refine 1.9] [--steps 240 | --whole]
-        [--tabled 240] [--count 600] [--windows 5] [--full-steps 12] [--projections]
+        [--tabled 240] [--count 600] [--windows 15] [--full-steps 12] [--projections]
         [--out fine.json]
 
 Full order and the packaged reducer, with as many thermal atoms as this mesh needs, are a process
@@ -116,7 +116,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--whole", action="store_true", help="all 1200 steps of the scene")
     parser.add_argument("--tabled", type=int, help="shapes of the disk's heat")
     parser.add_argument("--count", type=int, help="pulses of them")
-    parser.add_argument("--windows", type=int, default=5)
+    parser.add_argument("--windows", type=int, default=15)
     parser.add_argument("--full-steps", type=int, default=12)
     parser.add_argument("--projections", action="store_true",
                         help="also what the atoms miss: some minutes more")
