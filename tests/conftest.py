@@ -103,6 +103,24 @@ def temporary(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 
 
 @pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The working directory: an empty folder of this test, with a cache of its own beside it."""
+    folder = tmp_path / "here"
+    folder.mkdir()
+    monkeypatch.chdir(folder)
+    monkeypatch.setenv("SPARSEMOR_CACHE", str(tmp_path / "cache"))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def one_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """One cache for a file whose scenes train on the same few runs."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("SPARSEMOR_CACHE", str(tmp_path_factory.mktemp("cache")))
+        yield
+
+
+@pytest.fixture
 def distribute(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Distribute:
     """distribute(name, {kind: {plugin: target}}, module=text): install it for this test."""
 

@@ -1,12 +1,13 @@
 """Brake disk: every method over its four fields, in training and outside of it.
 
     python tests/benchmarks/brake_disk.py [--quick] [--seeds 5] [--only NAME ..]
-                                          [--inside | --outside | --projections]
+                                          [--inside | --outside | --projections | --writing]
 
 In training: the run that is repeated. Outside: the same model at 40 km/h, where the car stops
 within the run, and at friction 0.4. The rigid stage of each case is its own; only what is learned
 (snapshots) comes from 60 km/h and friction 0.7. Atoms without training are made of the tables of
-the case's own rigid stage. Projections: how well the atoms hold the states of full order.
+the case's own rigid stage. Projections: how well the atoms hold the states of full order. Writing:
+what is not in the time of a step.
 """
 
 import argparse
@@ -17,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import brake_projections
+import brake_writing
 import common  # noqa: F401  # before NumPy: it limits linear algebra to one thread
 import report
 from method_runs import (
@@ -24,6 +26,7 @@ from method_runs import (
     STOPPED,
     elsewhere_columns,
     file_name,
+    full_of,
     over_seeds,
     run,
     seeds_told,
@@ -138,13 +141,15 @@ def fill(out: report.Report, given: argparse.Namespace) -> None:
         "seeds": seeds_told(given.seeds), **MEANINGS}
     base = load("brake_disk", given.small)
     folder = Path(tempfile.mkdtemp(prefix="brake-"))
-    every = not (given.inside or given.outside or given.projections)
+    every = not (given.inside or given.outside or given.projections or given.writing)
     if given.inside or every:
         inside(out, given, base, folder)
     if given.outside or every:
         elsewhere(out, given, base, folder)
     if given.projections or every:
         projections(out, base, folder)
+    if given.writing or every:
+        writing(out, base, folder)
 
 
 def chosen(given: argparse.Namespace, names: Sequence[str]) -> list[str]:
@@ -192,10 +197,12 @@ def projections(out: report.Report, base: Scene, folder: Path) -> None:
                      for n in (100, 200)})
 
 
-def full_of(scene: Scene, path: Path) -> RunResult:
-    truth = run(scene.using({"reducer": "full"}), path)
-    assert isinstance(truth, RunResult)
-    return truth
+def writing(out: report.Report, base: Scene, folder: Path) -> None:
+    table = out.table("Beside the steps: ms a step for storing, making full fields, writing them")
+    reduced = run(base, folder / "recommended-stored")
+    assert isinstance(reduced, RunResult)
+    runs = {"full": full_of(base, folder / "full-stored"), "recommended": reduced}
+    brake_writing.fill(table, runs, BLOCKS, folder)
 
 
 def largest(row: Mapping[str, Any]) -> float:
@@ -211,6 +218,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--inside", action="store_true", help="only in training")
     parser.add_argument("--outside", action="store_true", help="only outside of it")
     parser.add_argument("--projections", action="store_true", help="only the atoms themselves")
+    parser.add_argument("--writing", action="store_true", help="only storing and full fields")
     given = parser.parse_args()
     given.small = {}
     if given.quick:

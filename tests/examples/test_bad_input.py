@@ -20,12 +20,8 @@ Changed = Callable[..., Path]
 
 
 @pytest.fixture
-def changed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Changed:
+def changed(here: Path) -> Changed:
     """changed((old, new), ...): the scene `swing` with other text, in a folder of its own."""
-    folder = tmp_path / "here"
-    folder.mkdir()
-    monkeypatch.chdir(folder)
-    monkeypatch.setenv("SPARSEMOR_CACHE", str(tmp_path / "cache"))
 
     def write(*changes: tuple[str, str]) -> Path:
         text = SWING

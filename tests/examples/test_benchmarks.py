@@ -224,6 +224,9 @@ def test_brake_disk_measures_every_field_in_and_out_of_training(run: Run) -> Non
     for (block, _), row in held.items():  # nothing is nearer than the best approximation
         if block.endswith("elastic"):
             assert row["40 km/h"] <= row["40 km/h, by energy"] * (1 + 1e-9)
+    beside = rows_of(
+        found, "Beside the steps: ms a step for storing, making full fields, writing them")
+    assert [(row["run"], row["steps"]) for row in beside] == [("full", 10), ("recommended", 10)]
 
 
 @pytest.mark.slow

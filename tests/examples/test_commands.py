@@ -24,18 +24,11 @@ from sparsemor.core.cli import app
 SWING = Path(__file__).parent / "scenes" / "swing.yaml"
 PROGRAM = Path(sys.executable).with_name("sparsemor")
 Program = Callable[..., tuple[str, str]]
+pytestmark = pytest.mark.usefixtures("here")
 BLOCKS = {"arm.elastic", "arm.thermal"}
 KEYS = {"status", "scene", "reducer", "steps", "t_end", "wall_s", "ms_per_step",
         "newton_iterations", "factorizations", "rows", "atoms", "atoms_active", "elements_touched",
         "probes", "out"}
-
-
-@pytest.fixture(autouse=True)
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    folder = tmp_path / "here"
-    folder.mkdir()
-    monkeypatch.chdir(folder)
-    monkeypatch.setenv("SPARSEMOR_CACHE", str(tmp_path / "cache"))
 
 
 def installed(*arguments: object) -> tuple[str, str]:

@@ -16,12 +16,8 @@ from swing_study import PROGRAM, STUDY, SWING, command, rows_of
 
 
 @pytest.fixture(autouse=True)
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    folder = tmp_path / "here"
-    folder.mkdir()
-    monkeypatch.chdir(folder)
-    monkeypatch.setenv("SPARSEMOR_CACHE", str(tmp_path / "cache"))
-    Path("six.yaml").write_text(STUDY)
+def six(here: Path) -> None:
+    (here / "six.yaml").write_text(STUDY)
 
 
 def ran(*arguments: object, code: int = 0) -> subprocess.CompletedProcess[str]:

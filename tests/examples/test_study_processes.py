@@ -47,12 +47,8 @@ class Lethal(Plugin):
 
 
 @pytest.fixture(autouse=True)
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    folder = tmp_path / "here"
-    folder.mkdir()
-    monkeypatch.chdir(folder)
-    monkeypatch.setenv("SPARSEMOR_CACHE", str(tmp_path / "cache"))
-    Path("six.yaml").write_text(STUDY)
+def six(here: Path) -> None:
+    (here / "six.yaml").write_text(STUDY)
 
 
 @pytest.fixture(scope="module")

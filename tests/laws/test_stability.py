@@ -24,15 +24,9 @@ from sparsemor.core.stability.differences import packed, unpacked
 from sparsemor.core.stability.reference import course, course_times, started
 from sparsemor.core.testing.installed import installed
 
+pytestmark = pytest.mark.usefixtures("one_cache")
+
 INTEGRATORS = sorted(installed("integrator"))
-
-
-@pytest.fixture(autouse=True, scope="module")
-def kept(tmp_path_factory: pytest.TempPathFactory) -> Any:
-    """One cache for this file: all its scenes train on the same few runs."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("SPARSEMOR_CACHE", str(tmp_path_factory.mktemp("cache")))
-        yield
 
 
 @cache

@@ -17,13 +17,7 @@ from sparsemor.core.stability.plan import Plan, variants
 from sparsemor.core.stability.survey import Entry, Finding, Survey, survey
 from sparsemor.core.status import SolveFailed
 
-
-@pytest.fixture(autouse=True, scope="module")
-def kept(tmp_path_factory: pytest.TempPathFactory) -> Any:
-    """One cache for this file: all its scenes train on the same few runs."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("SPARSEMOR_CACHE", str(tmp_path_factory.mktemp("cache")))
-        yield
+pytestmark = pytest.mark.usefixtures("one_cache")
 
 
 @cache

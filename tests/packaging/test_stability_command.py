@@ -10,16 +10,10 @@ from typer.testing import CliRunner
 
 from sparsemor.core.cli import app
 
+pytestmark = pytest.mark.usefixtures("one_cache")
+
 SMALL = {"bodies.link1.mesh.elements": 320, "bodies.link2.mesh.elements": 320,
          "time.end": 0.1, "training.end": 0.1}
-
-
-@pytest.fixture(autouse=True, scope="module")
-def kept(tmp_path_factory: pytest.TempPathFactory) -> Any:
-    """One cache for this file."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("SPARSEMOR_CACHE", str(tmp_path_factory.mktemp("cache")))
-        yield
 
 
 def invoke(*arguments: str) -> Any:
