@@ -40,6 +40,24 @@ class Quadratic(NamedTuple):
     left: Callable[[], tuple[float, float]]
 
 
+class Reason(Protocol):
+    """Why a support stays as long as gram is the same, from linear functions of slope and c:
+    values = slope @ at.slope + c @ at.c, with these two (m, k)."""
+
+    @property
+    def slope(self) -> FloatArray: ...
+    @property
+    def c(self) -> FloatArray: ...
+    @property
+    def parts(self) -> tuple[slice, ...]:
+        """Values of one kind each."""
+        ...
+
+    def holds(self, values: FloatArray, relative: float, absolute: Sequence[float]) -> bool:
+        """Does the support stay, for sure? relative: error of sizes; absolute: of each part."""
+        ...
+
+
 class Screen(Protocol):
     """The exchanges of one solver where the residual is linear, answered from its Gram matrix."""
 
@@ -54,6 +72,10 @@ class Screen(Protocol):
         """The support (k,) on which the solver would end, started from c on `support`, which is
         handed back itself if it stays. None when a decision on the way is closer than the error:
         run the solver."""
+        ...
+
+    def reason(self, at: Quadratic, support: BoolArray) -> Reason | None:
+        """Why the support has just stayed; None where that cannot be said so."""
         ...
 
     def unlike(self, old: Quadratic, new: Quadratic, support: BoolArray) -> Error:

@@ -6,8 +6,9 @@ leaves out the terms quadratic in u, so the iteration contracts linearly and fas
 error that is estimated to remain, not on the size of the last change.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from copy import copy
+from dataclasses import dataclass, replace
 from math import inf, sqrt
 
 import numpy as np
@@ -19,7 +20,7 @@ from sparsemor.core.separable import Amplitude, FrameWork
 from sparsemor.core.status import Status
 from sparsemor.reducers.acceleration import Anderson
 from sparsemor.reducers.body_step import BodyStep
-from sparsemor.reducers.elastic import History
+from sparsemor.reducers.elastic import ElasticBlock, History
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,15 +88,28 @@ class Mechanics:
         self.work = [FrameWork(b.frame.p, b.frame.border, b.frame.generators) for b in bodies]
         self.map = np.concatenate([np.zeros((0, self.size)), *(b.to_border for b in bodies)])
         self.origin = np.concatenate([np.zeros(0), *(b.origin for b in bodies)])
-        elastic = [b.elastic for b in bodies if b.block is not None]
-        self.elastic = slice(elastic[0].start, elastic[-1].stop) if elastic else slice(0, 0)
         edges = np.cumsum([0, *(b.frame.border for b in bodies)]).tolist()
-        self.at = [slice(i, j) for i, j in zip(edges, edges[1:], strict=False)]
+        self.at = list(map(slice, edges, edges[1:]))
         self.guided = [(slice(at.start, at.start + b.frame.rigid_size), b.guide)
                        for b, at in zip(bodies, self.at, strict=True) if b.guide is not None]
         self.last: Loop | None = None
         """What the last `solve` ended with (scratch, as `work` is)."""
         self._H, self._rows = np.zeros((edges[-1], edges[-1])), np.zeros(edges[-1])
+
+    @property
+    def elastic(self) -> slice:
+        """Where all elastic blocks lie, which follow each other."""
+        at = [b.elastic for b in self.bodies if b.block is not None] or [slice(0, 0)]
+        return slice(at[0].start, at[-1].stop)
+
+    def with_blocks(self, blocks: Mapping[str, ElasticBlock]) -> "Mechanics":
+        """The same equations with these elastic blocks, by name, and scratch of its own."""
+        twin = copy(self)
+        twin.bodies = tuple(
+            replace(b, block=blocks.get(b.elastic_name, b.block)) for b in self.bodies)
+        twin.work = [FrameWork(b.frame.p, b.frame.border, b.frame.generators) for b in self.bodies]
+        twin._H, twin._rows, twin.last = self._H.copy(), self._rows.copy(), None
+        return twin
 
     def solve(
         self, step: StepFormula, x: FloatArray, memory: Contraction

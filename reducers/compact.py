@@ -3,10 +3,11 @@
 All operators of a block have few columns, so that their m rows live in a space of fewer
 dimensions. In an orthonormal basis of it, ordered as [range of B | directions besides | rest],
 every residual has the same norm and every least-squares problem the same solution. B and the
-directions are zero in the rest.
+directions are zero in the rest. Where columns of B depend on others, QR adds orthonormal ones that
+do no harm.
 """
 
-from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from scipy import linalg
@@ -19,30 +20,42 @@ DEPENDENT = 1e-14
 """Length of a unit column beyond the others, below which it is rounding."""
 
 
-def compact_elastic(t: TestedElastic, B: FloatArray) -> tuple[TestedElastic, FloatArray, int]:
-    """The operators and B (m, k) in the new rows, and how many rows B and directions need."""
-    rest = [*t.generators, t.damping, t.coupling, t.loads, t.constant[:, None], t.mass,
-            *(table.values.T for table in t.tables)]
-    Z, first = _basis([B, t.directions], rest)
-    return elastic_times(Z.T, t), Z.T @ B, first
+class CompactElastic(NamedTuple):
+    """The operators and B (l, k) in the new rows; B needs the first `reach` rows, the directions
+    beside it the first `first`."""
+
+    tested: TestedElastic
+    B: FloatArray
+    reach: int
+    first: int
 
 
-def compact_heat(t: TestedHeat, B: FloatArray) -> tuple[TestedHeat, FloatArray, int]:
-    """The same for heat; B alone comes first."""
-    Z, first = _basis([B], [t.capacity, t.loads, t.constant[:, None],
-                            *(table.values.T for table in t.tables)])
-    return heat_times(Z.T, t), Z.T @ B, first
+class CompactHeat(NamedTuple):
+    """The same for heat, where B alone comes first. turn (m, reach): the rows that it needs, in
+    old ones."""
+
+    tested: TestedHeat
+    B: FloatArray
+    turn: FloatArray
 
 
-def _basis(first: Sequence[FloatArray], rest: Sequence[FloatArray]) -> tuple[FloatArray, int]:
-    """Orthonormal columns (m, l) that span all, those of `first` in front, and how many these are.
+def compact_elastic(t: TestedElastic, B: FloatArray) -> CompactElastic:
+    """B (m, k) and the operators of the same rows."""
+    Z = np.linalg.qr(_unit(B))[0]
+    reach, Z = Z.shape[1], _joined(Z, t.directions)
+    first = Z.shape[1]
+    Z = _joined(Z, np.hstack([
+        *t.generators, t.damping, t.coupling, t.loads, t.constant[:, None], t.mass,
+        *(table.values.T for table in t.tables)]))
+    return CompactElastic(elastic_times(Z.T, t), Z.T @ B, reach, first)
 
-    Where columns of first[0] depend on others, QR adds orthonormal ones that do no harm.
-    """
-    Z = np.linalg.qr(_unit(first[0]))[0]
-    for part in first[1:]:
-        Z = _joined(Z, part)
-    return _joined(Z, np.hstack(rest)), Z.shape[1]
+
+def compact_heat(t: TestedHeat, B: FloatArray) -> CompactHeat:
+    """B (m, k) and the operators of the same rows."""
+    turn = np.linalg.qr(_unit(B))[0]
+    Z = _joined(turn, np.hstack([
+        t.capacity, t.loads, t.constant[:, None], *(table.values.T for table in t.tables)]))
+    return CompactHeat(heat_times(Z.T, t), Z.T @ B, turn)
 
 
 def _joined(Z: FloatArray, A: FloatArray) -> FloatArray:

@@ -158,28 +158,27 @@ class CompressedElastic:
         cls, b: TestedElastic, left: FloatArray, support: IntArray | None
     ) -> "CompressedElastic":
         """left (s, m): what turns tested rows into D^-1 times the rows, left @ D_S = 1."""
-        k, p, g, zero = b.mass.shape[1], b.functional.shape[0], len(b.generators), np.zeros
+        k, p, g = b.mass.shape[1], b.functional.shape[0], len(b.generators)
         use = np.arange(k) if support is None else support
-        s = len(use)
-        F = b.functional[:, use]
+        s, kt, j = len(use), b.coupling.shape[1], b.loads.shape[1]
+        F, w = b.functional[:, use], len(use) + p
         both = np.concatenate([left, F @ left])  # [D^-1; P^T D^-1] of tested rows
-        gen = np.concatenate([zero((0, k)), *(both @ A for A in b.generators)])  # (g (s + p), k)
+        gen = (both @ b.generators).reshape(g * w, k)
         quad = b.quadratic[:, use, :].reshape(g * s, k)
-        kt, j = b.coupling.shape[1], b.loads.shape[1]
-        H = np.concatenate([
-            np.hstack([gen, zero((len(gen), k + kt + j))]),
-            np.hstack([both @ b.damping, both @ b.mass, -both @ b.coupling, -both @ b.loads]),
-            np.hstack([quad, zero((g * s, k + kt + j))]),
-            np.hstack([zero((g * s, k)), quad, zero((g * s, kt + j))]),
-            np.hstack([b.functional, zero((p, k + kt + j))]),
-            np.hstack([zero((p, k)), b.functional, zero((p, kt + j))]),
-        ])
-        base = zero(len(H))
-        base[len(gen) : len(gen) + s + p] = both @ b.constant
+        rows = both @ np.hstack([
+            b.damping, b.mass, -b.coupling, -b.loads, b.directions, b.constant[:, None]])
+        # rows of the history: M_g r1 | h | u.M_g r1, u.M_g r2 | P^T r1, P^T r2
+        sizes = (g * w, w, g * s, g * s, p, p)
+        H, base = np.zeros((sum(sizes), 2 * k + kt + j)), np.zeros(sum(sizes))
+        at = np.cumsum(sizes).tolist()
+        H[: at[0], :k] = gen
+        H[at[0] : at[1]] = rows[:, : H.shape[1]]
+        base[at[0] : at[1]] = rows[:, -1]
+        H[at[1] : at[2], :k] = H[at[2] : at[3], k : 2 * k] = quad
+        H[at[3] : at[4], :k] = H[at[4] :, k : 2 * k] = b.functional
         S = np.concatenate([gen[:, use], F, quad[:, use]])
-        E = both @ b.directions
-        return cls(np.ascontiguousarray(H), base, np.ascontiguousarray(S),
-                   np.ascontiguousarray(E[:s]), np.ascontiguousarray(E[s:]), support,
+        E = rows[:, H.shape[1] : -1]
+        return cls(H, base, S, np.ascontiguousarray(E[:s]), np.ascontiguousarray(E[s:]), support,
                    b.amplitudes, (s, p, g), felt(b.tables, both, support is None))
 
     def rates(self, k: int) -> tuple[FloatArray, FloatArray]:

@@ -7,7 +7,7 @@ import numpy as np
 from sparsemor.core.arrays import BoolArray, FloatArray
 from sparsemor.core.layout import Layout
 from sparsemor.core.protocols import Group, StepFormula
-from sparsemor.core.screening import Error, Quadratic, Screen, Screening
+from sparsemor.core.screening import Error, Quadratic, Reason, Screen, Screening
 from sparsemor.core.separable import evaluate_amplitudes
 from sparsemor.core.tables import total
 from sparsemor.reducers.sampled import SampledHeat
@@ -15,6 +15,7 @@ from sparsemor.reducers.screen_rows import Together, diagonal, joined, squares
 
 EXACT = Error(1e-6, 0.0)
 """Rows are exact but for the stop rule of the step."""
+ROUNDING = 8.0 * float(np.finfo(np.float64).eps)
 ONE = np.ones(1)
 
 
@@ -54,6 +55,21 @@ class HeatRows:
         return total(self.tables, t)[: self.first] if self.tables else np.zeros(self.first)
 
 
+class Standing:
+    """A reason why all supports stay, asked of what it depends on: u (j,), of which slope and c are
+    `slope` and `c` (k, j)."""
+
+    def __init__(self, why: Reason, slope: FloatArray, c: FloatArray) -> None:
+        self.why, self.rows = why, why.slope @ slope + why.c @ c
+        # products of products: each is as exact as its largest terms
+        terms = np.abs(why.slope) @ np.abs(slope) + np.abs(why.c) @ np.abs(c)
+        self.terms = ROUNDING * np.stack([terms[p].max(axis=0) for p in why.parts])
+
+    def holds(self, u: FloatArray) -> bool:
+        absolute = self.terms.dot(np.abs(u)).tolist()
+        return self.why.holds(self.rows.dot(u), EXACT.sizes, absolute)
+
+
 class HeatScreen:
     """All selecting thermal blocks: first asked at once whether they stay, then one by one."""
 
@@ -72,26 +88,42 @@ class HeatScreen:
         rows = sum(len(s.block.B) for s in heat.values()) if enough else 0
         self.screen = solver.screen(groups, np.concatenate([b.seen for b in blocks]), rows)
         J, past, load = (diagonal([b.parts[i][: b.first] for b in blocks]) for i in range(3))
-        self.near = np.hstack([J, past, load, np.vstack([b.parts[3][: b.first] for b in blocks])])
-        self.Jt = np.ascontiguousarray(diagonal([b.J for b in blocks]).T)
-        self.gram = np.asfortranarray(self.Jt @ self.Jt.T)
-        self.lengths = np.concatenate([b.lengths for b in blocks])
+        near = np.hstack([J, past, load, np.vstack([b.parts[3][: b.first] for b in blocks])])
+        if any(b.tables for b in blocks):
+            near = np.hstack([near, -np.eye(len(near))])
+        Jt = diagonal([b.J for b in blocks]).T
+        lengths = np.concatenate([b.lengths for b in blocks])
+        self.slope, self.c = Jt @ near, np.zeros((len(Jt), near.shape[1]))
+        self.c[:, : len(Jt)] = np.diag(lengths)
+        self.near, self.Jt, self.lengths = near, np.ascontiguousarray(Jt), lengths
+        self.gram = np.asfortranarray(Jt @ Jt.T)
         self.one, self.together = np.ones(len(self.gram)), Together(groups)
         self.places = joined(list(self.where.values()))
         self.functions = tuple(f for b in blocks for f in b.amplitudes)
         self.tabled = any(b.tables for b in blocks)
+        self.support: BoolArray | None = None
+        self.standing: Standing | None = None
 
     def stay(
         self, step: StepFormula, x: FloatArray, supports: Mapping[str, BoolArray]
     ) -> bool:
         """Is it sure that no block would change at the solution x (n,) of a step?"""
-        c, known = x[self.places], evaluate_amplitudes(self.functions, step.t)
-        r = self.near.dot(np.concatenate((c, step.r1[self.places], known, ONE)))
+        c, support = x[self.places], self.together.of(supports)
+        parts = [c, step.r1[self.places], evaluate_amplitudes(self.functions, step.t), ONE]
         if self.tabled:
-            r = r - np.concatenate([b.tabled(step.t) for b in self.blocks.values()])
-        return self.screen.stays(
-            Quadratic(self.gram, self.Jt.dot(r), self.lengths * c, self.one, EXACT,
-                      None, _untold), self.together.of(supports))
+            parts += [b.tabled(step.t) for b in self.blocks.values()]
+        u = np.concatenate(parts)
+        same = support is self.support
+        if same and self.standing is not None and self.standing.holds(u):
+            return True
+        at = Quadratic(self.gram, self.Jt.dot(self.near.dot(u)), self.lengths * c, self.one, EXACT,
+                       None, _untold)
+        stays = self.screen.stays(at, support)
+        if stays and not (same and self.standing):
+            why = self.screen.reason(at, support)
+            self.support = support
+            self.standing = None if why is None else Standing(why, self.slope, self.c)
+        return stays
 
     def supports(
         self, name: str, step: StepFormula, x: FloatArray, support: BoolArray

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import lapack, solve_triangular
+from scipy.linalg import lapack
 from scipy.sparse import eye_array
 
 from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
@@ -19,6 +19,8 @@ from sparsemor.reducers.driven_block import CompressedDriven
 from sparsemor.reducers.elastic import CompressedElastic
 from sparsemor.reducers.heat import CompressedHeat
 from sparsemor.reducers.represent import local_terms
+from sparsemor.reducers.rows import elastic_rows, heat_rows
+from sparsemor.reducers.screen_rows import squares
 from sparsemor.reducers.test_map import TestedElastic, TestedHeat
 
 RANK_RTOL = 1e-13
@@ -57,51 +59,66 @@ class Sampled:
 
     def left(self, support: IntArray | None) -> FloatArray:
         """(s, m): least squares on the support, left @ B_S = 1. Raises RankDeficient."""
-        A = self.B if support is None else self.B[:, support]
-        if A.shape[1] > A.shape[0]:
-            raise RankDeficient(self.name, f"{A.shape[1]} active atoms, {A.shape[0]} rows")
-        norms = np.linalg.norm(A, axis=0)
-        if not norms.all():
-            raise RankDeficient(self.name, f"{int((norms == 0).sum())} atoms vanish on the rows")
-        Q, R = np.linalg.qr(A / norms)
-        rcond = float(lapack.dtrcon(R)[0])
-        if not rcond > RANK_RTOL:
-            raise RankDeficient(self.name, f"reciprocal condition {rcond:.1e}")
-        return np.asarray(solve_triangular(R, Q.T) / norms[:, None])
+        return left_inverse(self.name, self.B, support)
+
+
+def left_inverse(name: str, B: FloatArray, support: IntArray | None) -> FloatArray:
+    """(s, m): least squares on the columns of B (m, k) in the support. Raises RankDeficient."""
+    A = B if support is None else B[:, support]
+    if A.shape[1] > A.shape[0]:
+        raise RankDeficient(name, f"{A.shape[1]} active atoms, {A.shape[0]} rows")
+    norms = np.sqrt(squares(A))
+    if not norms.all():
+        raise RankDeficient(name, f"{int((norms == 0).sum())} atoms vanish on the rows")
+    # LAPACK without wrappers: half of what an exchange of atoms costs would be theirs
+    packed, tau = lapack.dgeqrf(A / norms)[:2]
+    R = packed[: A.shape[1]]
+    rcond = float(lapack.dtrcon(R)[0])
+    if not rcond > RANK_RTOL:
+        raise RankDeficient(name, f"reciprocal condition {rcond:.1e}")
+    Q = lapack.dorgqr(packed, tau)[0]
+    return np.asarray(lapack.dtrtrs(R, Q.T)[0] / norms[:, None])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SampledElastic:
     """tested: the sampled rows, already times the preconditioner. few: the same and B in few
     turned rows, where something is selected; first: how many of these B and the directions need
-    (compact.py). driven: whether frames are given (driven.py)."""
+    (compact.py); reached: the rows of `few` that B needs, which least squares on any support sees
+    alone. driven: whether frames are given (driven.py)."""
 
     block: Sampled
     tested: TestedElastic
     few: tuple[TestedElastic, FloatArray]
     first: int
+    reached: tuple[TestedElastic, FloatArray]
     driven: bool
 
     @classmethod
     def of(cls, block: Sampled, tested: TestedElastic, driven: bool) -> "SampledElastic":
         if not block.selects:
-            return cls(block, tested, (tested, block.B), len(block.B), driven)
-        t, B, first = compact_elastic(tested, block.B)
-        return cls(block, tested, (t, B), first, driven)
+            whole = tested, block.B
+            return cls(block, tested, whole, len(block.B), whole, driven)
+        t, B, reach, first = compact_elastic(tested, block.B)
+        near = np.arange(reach)
+        return cls(block, tested, (t, B), first, (elastic_rows(t, near), B[near]), driven)
 
     def prepared(self, support: IntArray | None) -> CompressedElastic | CompressedDriven:
-        kind = CompressedDriven if self.driven else CompressedElastic
-        return kind.of(self.tested, self.block.left(support), support)
+        kind, (t, B) = CompressedDriven if self.driven else CompressedElastic, self.reached
+        return kind.of(t, left_inverse(self.block.name, B, support), support)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SampledHeat:
-    """tested: the sampled rows, already times the preconditioner. few, first: as above."""
+    """tested: the sampled rows, already times the preconditioner. few, first, reached: as above.
+    turn (m, first): the rows of `reached` in sampled ones, None where they are these."""
 
     block: Sampled
     tested: TestedHeat
     few: tuple[TestedHeat, FloatArray]
     first: int
+    reached: tuple[TestedHeat, FloatArray]
+    turn: FloatArray | None
     model: Model
     body: HeatBody
     c1: float
@@ -111,19 +128,24 @@ class SampledHeat:
         cls, block: Sampled, tested: TestedHeat, model: Model, body: HeatBody, c1: float
     ) -> "SampledHeat":
         if not block.selects:
-            return cls(block, tested, (tested, block.B), len(block.B), model, body, c1)
-        t, B, first = compact_heat(tested, block.B)
-        return cls(block, tested, (t, B), first, model, body, c1)
+            whole = tested, block.B
+            return cls(block, tested, whole, len(block.B), whole, None, model, body, c1)
+        t, B, turn = compact_heat(tested, block.B)
+        near = np.arange(turn.shape[1])
+        return cls(block, tested, (t, B), len(near), (heat_rows(t, near), B[near]), turn, model,
+                   body, c1)
 
     def prepared(self, support: IntArray | None) -> CompressedHeat:
-        left = self.block.left(support)
+        t, B = self.reached
+        left = left_inverse(self.block.name, B, support)
         local = []
         if self.body.local:
+            rows = left if self.turn is None else left @ self.turn.T
             wide = np.zeros((len(left), self.block.dictionary.atoms.shape[0]))
             P = self.block.weight
-            wide[:, self.block.rows] = left if P is None else left @ P
+            wide[:, self.block.rows] = rows if P is None else rows @ P
             local = local_terms(self.model, self.body, self.block.dictionary, wide)
-        return CompressedHeat.of(self.tested, left, support, self.c1, local)
+        return CompressedHeat.of(t, left, support, self.c1, local)
 
 
 def choose_rows(

@@ -1,7 +1,7 @@
 """The paper's step: select atoms, then solve on the support with prepared arrays."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -239,13 +239,9 @@ class SparseStepper(AroundSteps[Stepper]):
         return memory.stepper(key, lambda: self._made(memory, supports))
 
     def _made(self, memory: SparseMemory, supports: Mapping[str, BoolArray]) -> Stepper:
-        heat, elastic = dict(self.base.heat), dict(self.base.elastic)
-        for name, h in self.heat.items():
-            heat[name] = self._block(name, h, memory, supports[name])
-        for name, e in self.elastic.items():
-            elastic[name] = self._block(name, e, memory, supports[name])
-        s = replace(self.base, heat=heat, elastic=elastic)
-        return replace(s, mechanics=s.with_mechanics())
+        return self.base.with_blocks(
+            {n: self._block(n, h, memory, supports[n]) for n, h in self.heat.items()},
+            {n: self._block(n, e, memory, supports[n]) for n, e in self.elastic.items()})
 
     def _block(
         self, name: str, source: Any, memory: SparseMemory, support: BoolArray

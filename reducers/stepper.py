@@ -1,7 +1,7 @@
 """One step of a separated model: heat first, then mechanics. Shared by every reducer."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -81,6 +81,16 @@ class Stepper:
         return kind(
             bodies(self), n_rigid, self.layout.algebraic, self.separated.border_targets,
             self.tolerances)
+
+    def with_blocks(
+        self, heat: Mapping[str, HeatBlock], elastic: Mapping[str, ElasticBlock | DrivenBlock]
+    ) -> "Stepper":
+        """The same step with these blocks in place of its own, by name."""
+        made = replace(self, heat={**self.heat, **heat}, elastic={**self.elastic, **elastic})
+        if self.mechanics is None or isinstance(self.mechanics, Driven):
+            return replace(made, mechanics=made.with_mechanics())
+        bordered = {n: b for n, b in elastic.items() if not isinstance(b, DrivenBlock)}
+        return replace(made, mechanics=self.mechanics.with_blocks(bordered))
 
     def start(self, state: State) -> tuple[State, Memory]:
         reduced = self.reduced(state)

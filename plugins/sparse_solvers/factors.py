@@ -46,6 +46,17 @@ class Factors:
         step = normal.solve(at.slope if part.flat is None else at.slope.take(part.columns))
         return part.columns, step, normal.rounding(step)
 
+    def inverse(self, at: Quadratic, columns: BoolArray) -> FloatArray | None:
+        """(k, k) that takes a slope to what least squares on these columns takes off c; None for
+        columns that are nearly dependent."""
+        if self.fitted(at, columns) is None:
+            return None
+        key, whole = columns.tobytes(), np.zeros((len(at.c), len(at.c)))
+        normal, use = self._normal[key], self._parts[key].columns
+        assert normal is not None
+        whole[np.ix_(use, use)] = normal.inverted()
+        return whole
+
     def move(self, at: Quadratic, support: BoolArray, kept: BoolArray) -> Move | None:
         """From the support to `kept`; None for columns that are nearly dependent."""
         self._remember(at)
@@ -55,10 +66,6 @@ class Factors:
                 room(self._swaps)[key] = Swap.of(support, kept)
             self._moves[key] = Move.of(at.gram, self._swaps[key])
         return self._moves[key]
-
-    def known(self, columns: BoolArray) -> Normal | None:
-        """The factor of these columns, if there is one."""
-        return self._normal.get(columns.tobytes())
 
     def _remember(self, at: Quadratic) -> None:
         if at.gram is not self._gram:

@@ -75,6 +75,14 @@ class Normal:
             return np.asarray(lapack.dpotrs(self.R, right)[0])
         return np.asarray(blas.dsymv(1.0, self.inverse, right))
 
+    def inverted(self) -> FloatArray:
+        """(s, s) the whole inverse."""
+        if self.inverse is None:
+            self.inverse = lapack.dpotri(self.R)[0]
+        upper = np.triu(self.inverse)
+        whole: FloatArray = upper + np.triu(upper, 1).T
+        return whole
+
     def rounding(self, x: FloatArray) -> float:
         """Absolute error of the coefficients x that rounding of the Gram matrix makes."""
         return EPS * len(x) / self.low * sqrt(float(x.dot(x)))

@@ -46,13 +46,17 @@ class GreedyGaussNewton(Plugin):
     """Linearisations before the solve is given up as not converged."""
     growth: int | None = Field(default=None, ge=1)
     """Most atoms that may enter a group in one iteration; left out: as many as its budget."""
-    candidates: Literal["correlated", "all"] = "correlated"
-    """Which atoms may enter: those that correlate most with what is left (Eq. 25), or all of them
-    while there are rows for all. Where active columns are so alike that together they imitate a
-    missing one, nothing is left that correlates with it, and only `all` finds it."""
+    candidates: Literal["correlated", "all"] = "all"
+    """Which atoms may enter: all of them while there are rows for all, or those that correlate most
+    with what is left, as published (Eq. 25). Where active columns are so alike that together they
+    imitate a missing one, nothing is left that correlates with it, and only `all` finds it."""
     gain: float = Field(default=1e-8, ge=0.0, lt=1.0)
     """Fraction by which an exchange must lower the linearised residual norm: keeps atoms that
     fit round-off from changing places for ever."""
+    hysteresis: float = Field(default=0.3, ge=0.0, lt=1.0)
+    """The same for an exchange that leaves the support which the solve was given, when that is not
+    empty. A carried support that is about as good as another is kept: each exchange is a jump in
+    velocities that takes steps to die out. 0: `gain` alone."""
     rank_rtol: float = Field(default=1e-12, gt=0.0, lt=1.0)
     """Reciprocal condition number at which active columns count as dependent."""
 
@@ -65,11 +69,13 @@ class GreedyGaussNewton(Plugin):
     def screen(self, groups: Sequence[Group], seen: BoolArray, rows: int) -> ExchangeScreen:
         """Steps 2 to 5 where the residual is linear (`core.screening`)."""
         everyone = self.candidates == "all" and len(seen) <= rows
-        rule = Rule(everyone, self.growth, self.gain, self.max_iterations)
+        rule = Rule(everyone, self.growth, self.gain, max(self.gain, self.hysteresis),
+                    self.max_iterations)
         return ExchangeScreen(rule, groups, seen, rows)
 
     def _iterate(self, problem: SparseProblem, c: FloatArray, support: BoolArray) -> SparseOutcome:
         groups, visits, explore = problem.groups, Visits(), True
+        given = support if _used(support, groups) else None
         good = SparseOutcome(c, support, Status.NOT_FINITE, 0, float("inf"))
         for iteration in range(1, self.max_iterations + 1):
             r = problem.residual(c)
@@ -82,7 +88,9 @@ class GreedyGaussNewton(Plugin):
                 explore, good = False, visits.best()
                 c, support = good.c, good.support
                 continue
-            found = self._step(linear, support & _visible(linear, groups), groups, explore)
+            stays = given is not None and np.array_equal(support, given)
+            found = self._step(linear, support & _visible(linear, groups), groups, explore,
+                               max(self.gain, self.hysteresis) if stays else self.gain)
             if found is None:
                 return replace(good, status=Status.RANK_DEFICIENT, iterations=iteration)
             settled = np.array_equal(found.active, support) and small_step(
@@ -98,7 +106,8 @@ class GreedyGaussNewton(Plugin):
         return replace(visits.best(), status=last.status, iterations=last.iterations)
 
     def _step(
-        self, linear: Linearised, support: BoolArray, groups: Sequence[Group], explore: bool
+        self, linear: Linearised, support: BoolArray, groups: Sequence[Group], explore: bool,
+        gain: float,
     ) -> Fit | None:
         """Steps 2 to 5 on one linearisation; None when the active columns are dependent."""
         base = fit(linear, support, self.rank_rtol)
@@ -118,8 +127,13 @@ class GreedyGaussNewton(Plugin):
             return base
         kept = pruned(wide.z, union, groups)
         new = fit(linear, kept, self.rank_rtol)
-        least = base.norm - max(self.gain * base.norm, base.round_off)
+        least = base.norm - max(gain * base.norm, base.round_off)
         return base if new is None or new.norm >= least else new
+
+
+def _used(support: BoolArray, groups: Sequence[Group]) -> bool:
+    """Is something active in each group with a budget?"""
+    return all(support[g.start : g.stop].any() for g in groups if g.budget)
 
 
 def _visible(linear: Linearised, groups: Sequence[Group]) -> BoolArray:

@@ -22,13 +22,29 @@ class Tolerance(NamedTuple):
         return (1.0 + self.relative) * size + self.absolute
 
 
+class Sizes(NamedTuple):
+    """(k,) sizes of coefficients as they are compared, and how close is too close."""
+
+    sizes: FloatArray
+    close: Tolerance
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Largest:
     """`order` lists each group's active columns, then its other ones; `starts` where each list
-    begins."""
+    begins; signs: 1 for active ones, -1 for others."""
 
     order: IntArray
     starts: IntArray
+    signs: FloatArray
+
+    @classmethod
+    def listed(cls, sides: Sequence[IntArray]) -> "Largest":
+        """Active columns, other columns, active ones of the next group, and so on."""
+        lengths = [len(side) for side in sides]
+        signs = np.repeat(np.resize([1.0, -1.0], len(lengths)), lengths)
+        return cls(np.concatenate([np.zeros(0, np.int64), *sides]),
+                   np.cumsum([0, *lengths[:-1]]), signs)
 
     @classmethod
     def of(cls, support: BoolArray, groups: Sequence[Group]) -> "Largest | None":
@@ -39,8 +55,7 @@ class Largest:
             if int(np.count_nonzero(part)) != g.budget or not 0 < g.budget < len(part):
                 return None
             order += [np.flatnonzero(part) + g.start, np.flatnonzero(~part) + g.start]
-        starts = np.cumsum([0, *(len(o) for o in order[:-1])])
-        return cls(np.concatenate(order), starts)
+        return cls.listed(order)
 
     @classmethod
     def among(cls, chosen: BoolArray, of: BoolArray, groups: Sequence[Group]) -> "Largest":
@@ -51,18 +66,17 @@ class Largest:
             sides = [np.flatnonzero(side & some) + g.start for side in (part, ~part)]
             if all(len(side) for side in sides):
                 order += sides
-        starts = np.cumsum([0, *(len(o) for o in order[:-1])])
-        return cls(np.concatenate([np.zeros(0, np.int64), *order]), starts)
+        return cls.listed(order)
 
     def holds(self, sizes: FloatArray, tolerance: Tolerance) -> bool:
         """Are the active entries of each group surely larger than its others?"""
         if not len(self.order):
             return True
-        a, (relative, absolute) = sizes.take(self.order), tolerance
-        least = np.minimum.reduceat(a, self.starts).tolist()[::2]
-        most = np.maximum.reduceat(a, self.starts).tolist()[1::2]
-        for n, m in zip(least, most, strict=True):
-            if not n > (1.0 + relative) * m + absolute:
+        relative, absolute = tolerance
+        # the least of the active ones, and the largest of the others times -1
+        ends = np.minimum.reduceat(sizes.take(self.order) * self.signs, self.starts).tolist()
+        for least, most in zip(ends[::2], ends[1::2], strict=True):
+            if not least > absolute - (1.0 + relative) * most:
                 return False
         return True
 
@@ -78,9 +92,9 @@ def largest(sizes: FloatArray, count: int, tolerance: Tolerance) -> list[BoolArr
     """The `count` largest entries: one way, two where the last one is unsure, none if more."""
     if count >= len(sizes):
         return [sizes > 0.0]
-    order = np.argsort(-sizes, kind="stable")
+    order, chosen = (-sizes).argsort(kind="stable"), np.zeros(len(sizes), dtype=np.bool_)
+    chosen[order[:count]] = True
     a, over = sizes[order], tolerance.over
-    chosen = first(sizes, count)
     if count == 0 or a[count - 1] > over(a[count]):
         return [chosen]
     clear_above = count < 2 or a[count - 2] > over(a[count])

@@ -5,7 +5,6 @@ lose the digits that decide.
 """
 
 from collections.abc import Sequence
-from itertools import product
 from math import sqrt
 from typing import NamedTuple
 
@@ -14,23 +13,24 @@ from scipy.linalg import blas
 
 from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
 from sparsemor.core.protocols import Group
-from sparsemor.core.screening import Error, Quadratic
+from sparsemor.core.screening import Error, Quadratic, Reason
 from sparsemor.plugins.sparse_solvers.active_set import EPS
 from sparsemor.plugins.sparse_solvers.factors import Factors, room
+from sparsemor.plugins.sparse_solvers.fits import Fits
+from sparsemor.plugins.sparse_solvers.joining import Joining
 from sparsemor.plugins.sparse_solvers.largest import (
     Largest,
+    Sizes,
     Tolerance,
     apart,
     choices,
     first,
     reach,
-    within,
 )
-from sparsemor.plugins.sparse_solvers.refusal import Refusal
+from sparsemor.plugins.sparse_solvers.reasons import OfAll, OfJoined
+from sparsemor.plugins.sparse_solvers.refusal import Refusal, Refusals
 
 TINY, UNTOLD = 1e-300, Error(np.inf, np.inf)
-CLOSE = 1e-6
-"""Relative difference of norms that are not told apart."""
 FEW_WAYS = 4
 """Proposals that may be meant and are still tried, all of them."""
 
@@ -41,14 +41,15 @@ class Rule(NamedTuple):
     everyone: bool
     growth: int | None
     gain: float
+    hysteresis: float
     exchanges: int
 
 
-class Sizes(NamedTuple):
-    """(k,) sizes of coefficients as they are compared, and how close is too close."""
+class Proposal(NamedTuple):
+    """Columns that may be better than the support; order: what makes them the largest."""
 
-    sizes: FloatArray
-    close: Tolerance
+    kept: BoolArray
+    order: Largest | None
 
 
 class ExchangeScreen:
@@ -58,16 +59,15 @@ class ExchangeScreen:
         self.rule, self.groups, self.seen, self.rows = rule, tuple(groups), seen, rows
         self._order: dict[bytes, Largest | None] = {}
         self._proposed: BoolArray | None = None
-        self._joined: tuple[bytes, BoolArray, Largest] | None = None
-        self.factors = Factors()
-        self._last: Refusal | None = None
+        self.joining = Joining(groups, seen, rows, rule.growth)
+        self.factors, self.refusals = Factors(), Refusals()
+        self.fits = Fits(self.factors)
 
     def stays(self, at: Quadratic, support: BoolArray) -> bool:
         """See `core.screening.Screen`."""
-        last = self._last
-        if last is not None and last.stands(at, support):
+        if self._stands(at, support):
             return True
-        if not self.rule.everyone and self._share(support) < 1.0:
+        if not self.rule.everyone and self.joining.share(support) < 1.0:
             return False
         unions = self._unions(at, support)
         if unions is None or len(unions) > 1:
@@ -75,13 +75,26 @@ class ExchangeScreen:
         found = self._sizes(at, unions[0])
         if found is None or not self._is_largest(found, support):
             return False
-        self._refused(at, support, support, self._order.get(support.tobytes()))
+        self._refused(at, support, Proposal(support, self._largest(support)))
         return True
+
+    def reason(self, at: Quadratic, support: BoolArray) -> Reason | None:
+        """See `core.screening.Screen`."""
+        order, others = self._largest(support), self.joining.others(support)
+        inverse = self.factors.inverse(at, self.seen)
+        if order is None or others is None or inverse is None:
+            return None
+        if self.rule.everyone:
+            last = self.refusals.of(at, support)
+            return OfAll.of(inverse, at.lengths, order) if last and last[0].move is None else None
+        own = self.factors.inverse(at, support)
+        whole = np.triu(at.gram) + np.triu(at.gram, 1).T
+        return None if own is None else OfJoined.of(
+            whole, own, inverse, at.lengths, order, others)
 
     def settle(self, at: Quadratic, support: BoolArray) -> BoolArray | None:
         """See `core.screening.Screen`."""
-        last = self._last
-        if last is not None and last.stands(at, support):
+        if self._stands(at, support):
             return support
         found = self._settled(at, support)
         if found is None and at.exact is not None:
@@ -110,17 +123,49 @@ class ExchangeScreen:
                 for o, n in zip(*seen, strict=True) for g in self.groups),
             new.error.gram * abs(b - a) / max(error, TINY))
 
+    def _stands(self, at: Quadratic, support: BoolArray) -> bool:
+        """Is one of the last reasons why the support stays true again?"""
+        reasons = self.refusals.of(at, support)
+        found = self._sizes(at, self.seen) if reasons else None
+        if found is None:
+            return False
+        for why in reasons:
+            if not why.order.holds(found.sizes, found.close):
+                continue
+            if why.move is not None:
+                rise, error = why.move.rise(at)
+                if not rise > error and self.fits.compared(
+                        at, support, why.kept, (rise, error), self.rule.hysteresis) is not support:
+                    continue
+            self.refusals.first(why)
+            return True
+        return False
+
+    def _refused(self, at: Quadratic, support: BoolArray, what: Proposal) -> None:
+        """Steps that follow with the same Gram matrix most often refuse the same."""
+        if not self.rule.everyone or what.order is None:
+            return
+        same = what.kept is support or np.array_equal(what.kept, support)
+        move = None if same else self.factors.move(at, support, what.kept)
+        if same or move is not None:
+            self.refusals.remember(at, support, Refusal(what.kept, what.order, move))
+
     def _settled(self, at: Quadratic, support: BoolArray) -> BoolArray | None:
         """Subspace pursuit until the support reproduces itself."""
-        now = support
-        for _ in range(self.rule.exchanges):
-            new = self._exchange(at, now)
+        now, rule = support, self.rule
+        if rule.everyone and self.fits.hopeless(at, support, self.seen, rule.hysteresis):
+            return support
+        for _ in range(rule.exchanges):
+            given = now is support or np.array_equal(now, support)
+            new = self._exchange(at, now, rule.hysteresis if given else rule.gain)
             if new is None or new is now:
                 return new
             at, now = _without(at, np.flatnonzero((at.c != 0.0) & ~new)), new
         return None
 
-    def _exchange(self, at: Quadratic, support: BoolArray) -> BoolArray | None:
+    def _exchange(
+        self, at: Quadratic, support: BoolArray, gain: float
+    ) -> BoolArray | None:
         """The support after one exchange, the same object if none is taken, None if unsure.
 
         Where a choice on the way is closer than the tolerance, both ways are gone; they have to
@@ -131,93 +176,54 @@ class ExchangeScreen:
             found = self._sizes(at, union)
             if found is None:
                 return None
-            proposals = self._proposals(at, support, found)
+            proposals = self._proposals(at, support, found, gain)
             if proposals is None:
                 return None
-            for kept in proposals:
-                end = self._better(at, support, kept)
+            for what in proposals:
+                end = self.fits.better(at, support, what.kept, gain)
                 if end is None or (ends and not np.array_equal(end, ends[0])):
                     return None
                 ends.append(end)
+                if end is support and len(proposals) == 1:
+                    self._refused(at, support, what)
         return ends[0] if ends else None
 
     def _proposals(
-        self, at: Quadratic, support: BoolArray, found: Sizes
-    ) -> Sequence[BoolArray] | None:
+        self, at: Quadratic, support: BoolArray, found: Sizes, gain: float
+    ) -> Sequence[Proposal] | None:
         """The `budget` largest of each group, in all ways that may be meant; None: too many."""
         # what was proposed in the last step is most often proposed again
         for likely in (self._proposed, support):
             if likely is not None and self._is_largest(found, likely):
-                self._proposed = likely
-                return (likely,)
+                return self._proposal(likely)
         ways = choices(found.sizes, self.groups, found.close)
         if len(ways) == 1:
-            self._proposed = ways[0]
-            return ways
+            return self._proposal(ways[0])
         # all that may be meant together, if they fit no better: no choice of them does
         able = reach(found.sizes, self.groups, found.close)
-        if self._better(at, support, able) is support:
+        if self.fits.better(at, support, able, gain) is support:
             likely = np.concatenate([first(found.sizes[g.start : g.stop], g.budget or 0)
                                      for g in self.groups])
-            self._refused(at, support, able, Largest.among(likely, likely | ~able, self.groups))
-            return (support,)
-        return ways if 0 < len(ways) <= FEW_WAYS else None
+            return (Proposal(able, Largest.among(likely, likely | ~able, self.groups)),)
+        if not 0 < len(ways) <= FEW_WAYS:
+            return None
+        return [Proposal(way, None) for way in ways]
 
-    def _is_largest(self, found: Sizes, support: BoolArray) -> bool:
-        """Are the active entries of each group its largest, for sure?"""
+    def _proposal(self, likely: BoolArray) -> Sequence[Proposal]:
+        """The only one."""
+        self._proposed = likely
+        return (Proposal(likely, self._largest(likely)),)
+
+    def _largest(self, support: BoolArray) -> Largest | None:
         key = support.tobytes()
         if key not in self._order:
             room(self._order)[key] = Largest.of(support, self.groups)
-        order = self._order[key]
+        return self._order[key]
+
+    def _is_largest(self, found: Sizes, support: BoolArray) -> bool:
+        """Are the active entries of each group its largest, for sure?"""
+        order = self._largest(support)
         return order is not None and order.holds(found.sizes, found.close)
-
-    def _better(
-        self, at: Quadratic, support: BoolArray, kept: BoolArray
-    ) -> BoolArray | None:
-        """`kept` when it fits enough better than `support`, which is handed back if not."""
-        old, key = support.tobytes(), kept.tobytes()
-        if key == old:
-            self._refused(at, support, kept, self._order.get(key))
-            return support
-        move = self.factors.move(at, support, kept)
-        if move is None:
-            return None
-        rise, error = move.rise(at)
-        if rise > error:
-            self._refused(at, support, kept, self._order.get(key))
-            return support  # worse than the step's solution, which its own fit does not exceed
-        return self._compared(at, support, kept, rise, error)
-
-    def _refused(
-        self, at: Quadratic, support: BoolArray, kept: BoolArray, order: Largest | None
-    ) -> None:
-        """Steps that follow with the same Gram matrix most often refuse the same."""
-        everyone, move = self.factors.known(self.seen), None
-        if not self.rule.everyone or everyone is None or order is None or not self.seen.all():
-            return
-        if kept is not support and kept.tobytes() != support.tobytes():
-            move = self.factors.move(at, support, kept)
-        self._last = Refusal(at.gram, support, everyone, order, move, self.factors.longest)
-
-    def _compared(
-        self, at: Quadratic, support: BoolArray, kept: BoolArray, rise: float, error: float
-    ) -> BoolArray | None:
-        """The same from the norms themselves; `kept` leaves the squared norm at `at` and rise."""
-        own = self.factors.fitted(at, support)
-        if own is None:
-            return None
-        square, hidden = at.left()
-        z, fallen = at.lengths * at.c, float(at.slope[support].dot(own[1]))
-        floor = 100.0 * EPS * sqrt(float(z.dot(z)) + hidden)
-        base, new = (sqrt(max(s, 0.0)) for s in (square - fallen, square + rise))
-        if 0.5 * floor < base < 2.0 * floor:
-            return None
-        least = base - max(self.rule.gain * base, floor)
-        top = max(base, new)
-        close = CLOSE * top + at.error.sizes * floor
-        if base > floor and not abs(new - least) * top > close * top + error:
-            return None
-        return support if base <= floor or new >= least else kept
 
     def _unions(
         self, at: Quadratic, support: BoolArray
@@ -228,20 +234,7 @@ class ExchangeScreen:
         found = self._correlations(at, support)
         if found is None:
             return None
-        key, last, close = support.tobytes(), self._joined, found.close
-        if last is not None and last[0] == key and last[2].holds(found.sizes, close):
-            return (last[1],)
-        share, growth, ways = self._share(support), self.rule.growth, []
-        for g in self.groups:
-            active, part = support[g.start : g.stop], found.sizes[g.start : g.stop]
-            some = within(part, int(share * min(g.budget or 0, growth or g.budget or 0)), close)
-            if some is None:
-                return None
-            ways.append([active | more for more in some])
-        unions = [np.concatenate(p) for p in product(*ways)]
-        if len(unions) == 1:
-            self._joined = key, unions[0], Largest.among(unions[0], ~support, self.groups)
-        return unions if len(unions) <= 2 else None
+        return self.joining.unions(found, support)
 
     def _correlations(self, at: Quadratic, support: BoolArray) -> Sizes | None:
         """(k,) of all columns with what least squares on the support leaves, zero on it."""
@@ -255,12 +248,6 @@ class ExchangeScreen:
         left[columns] = 0.0
         return Sizes(np.abs(left / at.lengths), Tolerance(
             at.error.sizes, EPS * len(full) * sqrt(float(step.dot(step)))))
-
-    def _share(self, support: BoolArray) -> float:
-        """Share of the wanted columns that there are rows for."""
-        growth = self.rule.growth
-        wanted = sum(min(g.budget or 0, growth or g.budget or 0) for g in self.groups)
-        return min(1.0, (self.rows - int(np.count_nonzero(support))) / max(1, wanted))
 
     def _sizes(self, at: Quadratic, union: BoolArray) -> Sizes | None:
         """Of the coefficients of least squares on `union`, zero elsewhere; c is zero there, too."""

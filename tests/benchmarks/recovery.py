@@ -25,9 +25,10 @@ from sparsemor.core.registry import Registry
 from sparsemor.core.status import Status
 from sparsemor.core.testing.problems import LeastSquares, chained, empty_start
 
+PUBLISHED = {"candidates": "correlated", "hysteresis": 0.0}
 SOLVERS: dict[str, tuple[str, dict[str, Any]]] = {
-    "greedy_gauss_newton": ("greedy_gauss_newton", {}),
-    "greedy_gauss_newton, growth: 1": ("greedy_gauss_newton", {"growth": 1}),
+    "greedy_gauss_newton": ("greedy_gauss_newton", PUBLISHED),
+    "greedy_gauss_newton, growth: 1": ("greedy_gauss_newton", {**PUBLISHED, "growth": 1}),
     "omp": ("omp", {}),
     "cosamp": ("cosamp", {}),
     "basis_pursuit": ("basis_pursuit", {}),
@@ -38,7 +39,8 @@ SOLVERS: dict[str, tuple[str, dict[str, Any]]] = {
     "lasso_lars, penalty: 0.01": ("lasso_lars", {"penalty": 0.01}),
 }
 IN_SCENES: dict[str, tuple[str, dict[str, Any]]] = {
-    "greedy_gauss_newton, candidates: all": ("greedy_gauss_newton", {"candidates": "all"}),
+    "greedy_gauss_newton, candidates: all": (
+        "greedy_gauss_newton", {"candidates": "all", "hysteresis": 0.0}),
 }
 """Variants that differ where there are more rows than columns."""
 

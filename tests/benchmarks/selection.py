@@ -1,6 +1,6 @@
 """Real selection: few atoms active of all that the basis holds, chosen while the run goes.
 
-    python tests/benchmarks/selection.py [--quick] [--out selection.json]
+    python tests/benchmarks/selection.py [--quick] [--hysteresis H ...] [--out selection.json]
 
 The dictionary is the whole POD basis (cut at its numerical rank). Beside it stand the same number
 of atoms without a choice: the leading POD columns, sampled and projected. The second table sets a
@@ -17,19 +17,29 @@ import numpy as np
 import report
 
 ROWS = (240, 80)
+SOLVERS: dict[str, dict[str, Any]] = {
+    "default": {"use": "greedy_gauss_newton"},
+    "no hysteresis": {"use": "greedy_gauss_newton", "hysteresis": 0.0},
+    "published": {"use": "greedy_gauss_newton", "candidates": "correlated", "hysteresis": 0.0},
+}
+"""How atoms are chosen."""
 
 
-def variants(active: tuple[int, int]) -> dict[str, dict[str, Any]]:
-    """Reducer options by name; active: elastic and thermal atoms at once."""
-    whole = (None, None)
-    all_enter = {"use": "greedy_gauss_newton", "candidates": "all"}
+def variants(active: tuple[int, int], hysteresis: list[float]) -> dict[str, dict[str, Any]]:
+    """Reducer options by name; active: elastic and thermal atoms at once; hysteresis: values
+    beside the default one and none."""
+    whole, chosen = (None, None), {}
+    for name, solver in SOLVERS.items():
+        for when, options in (("each step", {}), ("every 10", {"every": 10}),
+                              ("each step, from none", {"carried": False})):
+            chosen[f"{name}, {when}"] = common.sparse(
+                ROWS, whole, active=active, solver=solver, **options)
+    del chosen["no hysteresis, each step, from none"]  # there is none without a carried support
+    for h in hysteresis:
+        chosen[f"hysteresis {h:g}, each step"] = common.sparse(
+            ROWS, whole, active=active, solver={**SOLVERS["default"], "hysteresis": h})
     return {
-        "carried, each step": common.sparse(ROWS, whole, active=active),
-        "from none, each step": common.sparse(ROWS, whole, active=active, carried=False),
-        "carried, every 10": common.sparse(ROWS, whole, active=active, every=10),
-        "candidates all, each step": common.sparse(ROWS, whole, active=active, solver=all_enter),
-        "candidates all, every 10": common.sparse(
-            ROWS, whole, active=active, solver=all_enter, every=10),
+        **chosen,
         "leading atoms, sampled": common.sparse(ROWS, active),
         "leading atoms, galerkin": common.galerkin(*active),
         "all atoms, sampled": common.sparse(ROWS, whole),
@@ -42,7 +52,8 @@ def fill(out: report.Report, given: argparse.Namespace) -> None:
         "active": f"{given.active[0]}/{given.active[1]} elastic/thermal atoms of the whole POD "
                   "basis, first support empty",
         "rows": f"{ROWS[0]}/{ROWS[1]} by lhs, and the required ones",
-        "solver": "greedy_gauss_newton, its defaults where not said; preconditioner none",
+        "solver": "greedy_gauss_newton; published: candidates correlated, hysteresis 0; "
+                  "preconditioner none",
         "seeds": given.seeds,
         "errors": "largest over time: angle in rad; elastic (from 0.1 s on) and thermal relative "
                   "to the block's largest change, worse link"}
@@ -51,7 +62,7 @@ def fill(out: report.Report, given: argparse.Namespace) -> None:
         return
     table = out.table("Selection", iterations=".2f")
     case = common.Case.of(common.scene_at(1280, given.end))
-    for name, options in variants(given.active).items():
+    for name, options in variants(given.active, given.hysteresis).items():
         for seed in given.seeds if options["use"] == "sparse" else given.seeds[:1]:
             run = case.run(options, seed)
             if isinstance(run, common.Trajectory):
@@ -73,7 +84,7 @@ def cost(out: report.Report, given: argparse.Namespace) -> None:
     """
     table = out.table("A selection in each step beside a carried support", changes="d")
     case = common.Case.of(common.scene_at(1280, given.end))
-    for who in ("correlated", "all"):
+    for who in SOLVERS:
         ways = {"each step": {}, "each step, screen off": {"screen": False},
                 "carried": {"every": CARRIED}}
         if given.pair:
@@ -93,7 +104,7 @@ def cost(out: report.Report, given: argparse.Namespace) -> None:
         for name, way in going.items():
             t, same = times[name], bool(np.array_equal(way.state.x, going["each step"].state.x))
             table.add(
-                candidates=who, way=name, median_ms=float(np.median(t)), mean_ms=float(t.mean()),
+                chosen=who, way=name, median_ms=float(np.median(t)), mean_ms=float(t.mean()),
                 tenth_ratio=float(np.quantile(t, 0.1) / np.quantile(alone, 0.1)),
                 median_ratio=float(np.median(t) / np.median(alone)),
                 mean_ratio=float(t.mean() / alone.mean()),
@@ -101,8 +112,9 @@ def cost(out: report.Report, given: argparse.Namespace) -> None:
                 same_end_as_each_step="yes" if same else "no")
         ratio = times["each step"].mean() / alone.mean()
         median = np.median(times["each step"]) / np.median(alone)
-        out.at_most(f"{who}: each step to carried, median", float(median), 2.0)
-        out.at_most(f"{who}: each step to carried, mean", float(ratio), 2.0)
+        if who != "no hysteresis":  # an ablation of the default
+            out.at_most(f"{who}: each step to carried, median", float(median), 2.0)
+            out.at_most(f"{who}: each step to carried, mean", float(ratio), 2.0)
         report.progress(f"{who}: {median:.2f} in the median, {ratio:.2f} in the mean")
 
 
@@ -110,8 +122,7 @@ def _going(
     case: common.Case, given: argparse.Namespace, who: str, options: dict[str, Any]
 ) -> common.Stepping:
     reducer = common.sparse(
-        ROWS, (None, None), active=given.active,
-        solver={"use": "greedy_gauss_newton", "candidates": who}, **options)
+        ROWS, (None, None), active=given.active, solver=SOLVERS[who], **options)
     scene = case.scene.using({"reducer": reducer})
     return common.Stepping.begin(scene, case.model, case.prepared(reducer, given.seeds[0]))
 
@@ -139,6 +150,8 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--seeds", type=int, nargs="+", default=[1, 2, 3])
     parser.add_argument("--active", type=int, nargs=2, default=(15, 10), metavar="N",
                         help="elastic and thermal atoms")
+    parser.add_argument("--hysteresis", type=float, nargs="+", default=[], metavar="H",
+                        help="more values to run with")
     parser.add_argument("--pair", action="store_true",
                         help="only a selection in each step and a carried support, in turn")
     parser.add_argument("--window", type=int, default=100, metavar="N",

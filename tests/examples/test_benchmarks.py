@@ -72,7 +72,8 @@ def test_accuracy_meets_its_targets_on_a_short_run(run: Run) -> None:
 
 def test_selection_keeps_to_its_budget_and_changes_supports(run: Run) -> None:
     rows = {row["variant"]: row for row in rows_of(run("selection"), "Selection")}
-    for name in ("carried, each step", "from none, each step", "carried, every 10"):
+    for name in (f"{who}, {when}" for who in ("default", "published")
+                 for when in ("each step", "each step, from none", "every 10")):
         elastic, thermal = (float(n) for n in rows[name]["active"].split("/"))
         whole = [float(n) for n in rows[name]["atoms"].split("/")]
         assert elastic <= 6 < whole[0] and thermal <= 4 < whole[1]

@@ -68,9 +68,10 @@ class Linear:
                          lambda: (float(r @ r), hidden))
 
 
-SOLVERS = [GreedyGaussNewton(candidates=who, growth=growth)
-           for who in ("correlated", "all") for growth in (None, 1)]
-NAMES = ["correlated", "correlated, one by one", "all", "all, one by one"]
+SOLVERS = [GreedyGaussNewton(candidates=who, growth=growth, hysteresis=hysteresis)
+           for hysteresis in (0.0, 0.3) for who in ("correlated", "all") for growth in (None, 1)]
+NAMES = [f"{who}{what}" for what in ("", ", hysteresis") for who in (
+    "correlated", "correlated, one by one", "all", "all, one by one")]
 
 
 @pytest.mark.parametrize("solver", SOLVERS, ids=NAMES)
@@ -115,13 +116,56 @@ def test_a_refusal_that_stands_is_one(solver: GreedyGaussNewton) -> None:
             now, new = replace(problem, b=b), problem.screen(solver)
             at = now.around(c, gram=gram)
             gram = at.gram
-            last = screen._last
-            stood += last is not None and last.stands(at, support)
+            stood += screen._stands(at, support)
             found, want = screen.settle(at, support), new.settle(now.around(c), support)
             assert (found is support) == (want is support)
             if found is not None and want is not None:
                 np.testing.assert_array_equal(found, want)
     assert stood >= 100 if solver.candidates == "all" else stood == 0, "of 480"
+
+
+@pytest.mark.parametrize("solver", SOLVERS, ids=NAMES)
+def test_a_reason_that_holds_is_one(solver: GreedyGaussNewton) -> None:
+    """Told once as functions of slope and c, it is asked of others than those it was told for."""
+    asked = held = 0
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        problem = Linear.drawn(rng)
+        support = solver.solve(problem, SparseStart(problem.c, problem.support)).support
+        screen, c = problem.screen(solver), np.zeros(len(support))
+        c[support] = np.linalg.lstsq(problem.J[:, support], problem.b, rcond=None)[0]
+        at = problem.around(c)
+        why = screen.reason(at, support) if screen.stays(at, support) else None
+        if why is None:
+            continue
+        assert [p.stop for p in why.parts][-1] == len(why.slope) == len(why.c)
+        for size in (0.0, 0.003, 0.03):
+            b = problem.b + size * np.linalg.norm(problem.b) * rng.standard_normal(
+                len(problem.b)) / len(problem.b) ** 0.5
+            c[support] = np.linalg.lstsq(problem.J[:, support], b, rcond=None)[0]
+            new = replace(problem, b=b).around(c)
+            asked += 1
+            if why.holds(why.slope @ new.slope + why.c @ new.c, 1e-9, [1e-14] * len(why.parts)):
+                held += 1
+                assert problem.screen(solver).settle(new, support) is support
+    assert asked >= 6 and 2 <= held <= asked
+
+
+def test_an_exchange_that_no_choice_makes_worth_while() -> None:
+    """All columns together lower the norm by less: the support stays whatever is chosen."""
+    hopeless = 0
+    for seed in range(40):
+        problem = Linear.drawn(np.random.default_rng(seed))
+        screen = problem.screen(SOLVERS[-2])
+        at, everyone = problem.around(problem.c), np.ones(len(problem.c), dtype=np.bool_)
+        base = np.linalg.norm(problem.residual(problem.c))
+        best = np.linalg.norm(problem.residual(np.linalg.lstsq(problem.J, problem.b)[0]))
+        for gain in (0.05, 0.3, 0.9):
+            found = screen.fits.hopeless(at, problem.support, everyone, gain)
+            assert found == bool(best > (1.0 - gain) * base)
+            hopeless += found
+        assert not screen.fits.hopeless(at, problem.support, everyone, 1e-8), "not worth asking"
+    assert 5 <= hopeless <= 115
 
 
 def test_what_is_closer_than_the_tolerance_is_not_told() -> None:

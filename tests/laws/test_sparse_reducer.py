@@ -21,9 +21,12 @@ from sparsemor.core.testing.run import march
 from sparsemor.plugins.sparse_solvers.greedy_gauss_newton import GreedyGaussNewton
 from sparsemor.reducers import test_map
 from sparsemor.reducers.compact import compact_elastic
+from sparsemor.reducers.elastic import CompressedElastic
 from sparsemor.reducers.rows import elastic_rows, elastic_times
+from sparsemor.reducers.sampled import Sampled, SampledElastic
 from sparsemor.reducers.sparse import Sparse
 from sparsemor.reducers.sparse_build import Whole
+from sparsemor.reducers.sparse_stepper import SparseStepper
 from tiny_scene import BUDGETS, FIXED, TINY, full, prepared, snapshots
 
 EVERYTHING = load(Path(__file__).parents[1] / "scenes" / "everything.yaml")
@@ -188,7 +191,7 @@ def elastic() -> tuple[test_map.TestedElastic, FloatArray, IntArray]:
 
 def test_turned_rows_keep_every_norm_and_product() -> None:
     t, B, _ = elastic()
-    few, C, first = compact_elastic(t, B)
+    few, C, reach, first = compact_elastic(t, B)
     assert len(C) <= len(B)
     whole, turned = (np.hstack([b, *s.generators, s.damping, s.coupling, s.loads, s.directions,
                                 s.constant[:, None]]) for s, b in ((t, B), (few, C)))
@@ -199,6 +202,49 @@ def test_turned_rows_keep_every_norm_and_product() -> None:
         (whole.T @ whole)[np.ix_(keep, keep)] / np.outer(size[keep], size[keep]), atol=1e-12)
     beyond = np.hstack([C, few.directions])[first:]
     assert np.abs(beyond).max(initial=0.0) < 1e-12 * np.abs(whole).max()
+    assert reach == min(C.shape) and np.abs(C[reach:]).max(initial=0.0) < 1e-12 * np.abs(C).max()
+
+
+def test_prepared_arrays_need_only_the_turned_rows_that_the_operator_reaches() -> None:
+    """A support prepared from these is that prepared from all rows."""
+    t, B, rows = elastic()
+    d = prepared(reduced()).dictionaries["bar.elastic"]
+    block = Sampled("bar.elastic", d, rows, 6, B, None)
+    sampled = SampledElastic.of(block, t, False)
+    assert len(sampled.reached[1]) == min(B.shape)
+    for support in (np.arange(6), np.array([0, 3, 4, 7, 9, 13])):
+        one = sampled.prepared(support)
+        all_rows = CompressedElastic.of(t, block.left(support), support)
+        assert isinstance(one, CompressedElastic) and one.sizes == all_rows.sizes
+        for name in ("H", "base", "S", "E", "G"):
+            a, b = getattr(one, name), getattr(all_rows, name)
+            np.testing.assert_allclose(a, b, rtol=0.0, atol=1e-10 * np.abs(b).max(initial=0.0))
+
+
+def test_a_stepper_with_other_blocks_is_one_made_of_them() -> None:
+    solver = prepared(reduced(budgets=BUDGETS))
+    assert isinstance(solver, SparseStepper)
+    supports = {n: np.arange(s.block.atoms) < s.block.budget
+                for n, s in (*solver.heat.items(), *solver.elastic.items())}
+    heat, elastic = (
+        {n: s.prepared(np.flatnonzero(supports[n])) for n, s in some.items()}
+        for some in (solver.heat, solver.elastic))
+    one = solver.base.with_blocks(heat, elastic)
+    other = replace(solver.base, heat={**solver.base.heat, **heat},
+                    elastic={**solver.base.elastic, **elastic})
+    other = replace(other, mechanics=other.with_mechanics())
+    assert one.mechanics is not None and solver.base.mechanics is not None
+    assert all(a is not b for a, b in zip(
+        one.mechanics.work, solver.base.mechanics.work, strict=True)), "scratch of its own"
+    model, scene = full().model, reduced()
+    found = []
+    for stepper in (one, other):
+        state, memory = stepper.start(consistent_state(model))
+        state = scene.integrator.start(stepper.layout, state)
+        formula = scene.integrator.formula(stepper.layout, state, scene.time.step)
+        found.append(stepper.tried(formula, memory).x)
+    assert np.abs(found[0]).max() > 0.0
+    np.testing.assert_array_equal(*found)
 
 
 def test_rows_of_the_whole_are_the_rows_of_the_mesh() -> None:

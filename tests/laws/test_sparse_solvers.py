@@ -94,6 +94,37 @@ def test_a_wrong_warm_start_is_left() -> None:
     np.testing.assert_allclose(outcome.c, problem.answer, atol=1e-10)
 
 
+@pytest.mark.parametrize("candidates", ["correlated", "all"])
+def test_a_support_is_left_only_for_one_that_is_better_by_the_hysteresis(candidates: str) -> None:
+    """Neighbouring columns are alike and the budget is too small, so that supports differ by
+    degrees; a start from none knows no hysteresis."""
+    left = kept = 0
+    for seed in range(30):
+        rng = np.random.default_rng(seed)
+        A = rng.standard_normal((40, 12))
+        A += 1.5 * np.roll(A, 1, axis=1)
+        problem = LeastSquares(
+            (Group("u", 0, 12, 3),), A, np.zeros_like(A), 0.0, rng.standard_normal(12))
+        support = np.zeros(12, dtype=np.bool_)
+        support[rng.choice(12, 3, replace=False)] = True
+        c = np.zeros(12)
+        c[support] = np.linalg.lstsq(A[:, support], A @ problem.answer)[0]
+        base = float(np.linalg.norm(problem.residual(c)))
+        from_none = []
+        for hysteresis in (0.0, 0.1, 0.3, 0.9):
+            solver = GreedyGaussNewton(candidates=candidates, hysteresis=hysteresis)
+            out = solver.solve(problem, SparseStart(c, support))
+            assert out.status is Status.DONE
+            if np.array_equal(out.support, support):
+                kept += 1
+            else:
+                left += 1
+                assert out.residual_norm < (1.0 - hysteresis) * base
+            from_none.append(solver.solve(problem, empty_start(12)).support)
+        assert all(np.array_equal(s, from_none[0]) for s in from_none)
+    assert left >= 30 and kept >= 30
+
+
 @pytest.mark.parametrize("seed", range(5))
 def test_newton_converges_quadratically_on_a_consistent_nonlinear_problem(seed: int) -> None:
     rng = np.random.default_rng(seed)

@@ -1,0 +1,74 @@
+"""Whether other columns fit enough better than a support."""
+
+from math import sqrt
+
+import numpy as np
+
+from sparsemor.core.arrays import BoolArray
+from sparsemor.core.screening import Quadratic
+from sparsemor.plugins.sparse_solvers.active_set import EPS
+from sparsemor.plugins.sparse_solvers.factors import Factors
+
+CLOSE = 1e-6
+"""Relative difference of norms that are not told apart."""
+WORTH = 1e-3
+"""Gain from which it pays to ask if any exchange can bring it."""
+
+
+class Fits:
+    """Of the Gram matrix that is asked about; `gain`: fraction by which an exchange has to lower
+    the norm."""
+
+    def __init__(self, factors: Factors) -> None:
+        self.factors = factors
+
+    def hopeless(
+        self, at: Quadratic, support: BoolArray, everyone: BoolArray, gain: float
+    ) -> bool:
+        """Do not even all columns together lower the norm by this fraction?"""
+        own, whole = self.factors.fitted(at, support), self.factors.fitted(at, everyone)
+        if gain < WORTH or own is None or whole is None:
+            return False
+        square, step = at.left()[0], whole[1]
+        base = square - float(at.slope.take(own[0]).dot(own[1]))
+        best = square - float(at.slope.take(whole[0]).dot(step))
+        error = (EPS * len(step) + at.error.gram) * float(step.dot(step)) + CLOSE * square
+        return best - error > (1.0 - gain) ** 2 * (base + error)
+
+    def better(
+        self, at: Quadratic, support: BoolArray, kept: BoolArray, gain: float
+    ) -> BoolArray | None:
+        """`kept` when it lowers the norm by more than this fraction, else `support` itself; None if
+        unsure."""
+        if kept is support or np.array_equal(kept, support):
+            return support
+        move = self.factors.move(at, support, kept)
+        if move is None:
+            return None
+        rise, error = move.rise(at)
+        if rise > error:
+            return support  # worse than the step's solution, which its own fit does not exceed
+        return self.compared(at, support, kept, (rise, error), gain)
+
+    def compared(
+        self, at: Quadratic, support: BoolArray, kept: BoolArray, change: tuple[float, float],
+        gain: float,
+    ) -> BoolArray | None:
+        """The same from the norms themselves; `kept` leaves the squared norm at `at` and a
+        rise, known up to an error (change)."""
+        rise, error = change
+        own = self.factors.fitted(at, support)
+        if own is None:
+            return None
+        square, hidden = at.left()
+        z, fallen = at.lengths * at.c, float(at.slope[support].dot(own[1]))
+        floor = 100.0 * EPS * sqrt(float(z.dot(z)) + hidden)
+        base, new = (sqrt(max(s, 0.0)) for s in (square - fallen, square + rise))
+        if 0.5 * floor < base < 2.0 * floor:
+            return None
+        least = base - max(gain * base, floor)
+        top = max(base, new)
+        close = CLOSE * top + at.error.sizes * floor
+        if base > floor and not abs(new - least) * top > close * top + error:
+            return None
+        return support if base <= floor or new >= least else kept
