@@ -99,6 +99,7 @@ def test_selection_errors_are_those_of_compare(run: Run, tmp_path: Path) -> None
     assert row["elastic"] == pytest.approx(measured.late_errors["reduced"]["elastic"], rel=1e-3)
 
 
+@pytest.mark.slow
 def test_published_counts_and_names_every_failure(run: Run) -> None:
     found = run("published")
     counts = rows_of(found, "Failures on a fixed support")
@@ -112,6 +113,7 @@ def test_published_counts_and_names_every_failure(run: Run) -> None:
     assert all(row["status"] for row in rows_of(found, "The packaged published scene"))
 
 
+@pytest.mark.slow
 def test_recovery_scores_every_solver_on_columns_and_in_a_scene(run: Run) -> None:
     found = run("recovery")
     columns = [t["rows"] for t in found["tables"] if "coherence" in t["title"]]
@@ -127,6 +129,7 @@ def test_recovery_scores_every_solver_on_columns_and_in_a_scene(run: Run) -> Non
     assert all(row["active_elastic"] <= 8 and row["active_thermal"] <= 5 for row in scene)
 
 
+@pytest.mark.slow
 def test_samplers_that_see_the_atoms_need_no_luck(run: Run) -> None:
     found = run("samplers")
     for row in rows_of(found, "Errors over rows"):
@@ -140,6 +143,7 @@ def test_samplers_that_see_the_atoms_need_no_luck(run: Run) -> None:
     assert {"operator, h", "stiffness alone", "mass alone", "atoms"} < {row["of"] for row in seen}
 
 
+@pytest.mark.slow
 def test_hyper_reduction_reaches_full_order(run: Run) -> None:
     found = run("hyper_reduction")
     assert {t["verdict"] for t in found["targets"]} == {"met"}
@@ -155,6 +159,7 @@ def test_hyper_reduction_reaches_full_order(run: Run) -> None:
         assert (row["stopped"] > 0) == bool(row["first_stop"])
 
 
+@pytest.mark.slow
 def test_stability_sets_every_prediction_beside_a_run(run: Run) -> None:
     found = run("stability")
     assert {t["verdict"] for t in found["targets"]} == {"met"}
@@ -169,6 +174,7 @@ def test_stability_sets_every_prediction_beside_a_run(run: Run) -> None:
     assert sum(row[k] for row in confused for k in ("good", "cold", "errs", "stopped")) == 8
 
 
+@pytest.mark.slow
 def test_slider_variants_are_overrides_of_one_scene(run: Run) -> None:
     rows = {row["variant"]: row for row in rows_of(
         run("slider_variants"), "Largest temperature of the slider")}
@@ -195,6 +201,7 @@ def test_slider_measures_every_field_in_and_out_of_training(run: Run) -> None:
     assert max(outside[1][f] for f in fields) > 10 * max(outside[3][f] for f in fields)
 
 
+@pytest.mark.slow
 def test_linear_solvers_are_measured_apart(run: Run) -> None:
     found = run("linear_solvers")
     rows = rows_of(found, "Factorization s / solve ms")

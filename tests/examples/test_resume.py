@@ -68,7 +68,11 @@ CASES = {
 }
 
 
-@pytest.mark.parametrize("name", CASES)
+QUICK = ("bdf1 full", "bdf1 sparse, selecting", "alpha galerkin", "controlled bdf2 full")
+
+
+@pytest.mark.parametrize("name", [
+    pytest.param(name, marks=[pytest.mark.slow] * (name not in QUICK)) for name in CASES])
 def test_killed_and_resumed(name: str, tmp_path: Path) -> None:
     changes, moments = CASES[name]
     settings = SHORT | changes

@@ -121,6 +121,7 @@ def alive(pid: int) -> bool:
         return False
 
 
+@pytest.mark.slow
 def test_ctrl_c_leaves_a_table_that_can_be_continued(whole: str) -> None:
     process = started_and_committed(1, "six.yaml", "--workers", 1, "--no-times", "--out", "cut")
     process.send_signal(signal.SIGINT)
@@ -133,6 +134,7 @@ def test_ctrl_c_leaves_a_table_that_can_be_continued(whole: str) -> None:
     assert same("cut", whole)
 
 
+@pytest.mark.slow
 def test_a_worker_that_dies_is_replaced(tmp_path: Path, distribute: Any) -> None:
     distribute("lethal-pkg", {"preconditioner": {"lethal": "lethal_plugin:Lethal"}},
                lethal_plugin=LETHAL)

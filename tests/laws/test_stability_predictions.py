@@ -40,6 +40,7 @@ def ran(scene: Scene, out: Path | None = None) -> RunResult | None:
         return result
 
 
+@pytest.mark.slow
 def test_each_prediction_on_the_small_scene_is_what_the_run_does() -> None:
     """Stable models repeat full order to 1e-7; the others stop or err by 1e-3 and more. Where no
     row feels a load the model errs without being unstable: the run says so by name."""
@@ -71,7 +72,7 @@ def test_run_warns_by_name_or_refuses_or_looks_away(tmp_path: Path) -> None:
     warned = ran(scene, tmp_path / "warn")
     assert warned is not None
     (note,) = (n for n in warned.summary["notes"] if "unstable in link" in n)
-    assert "sparsemor stability" in note and "spectral radius 1.0" in note
+    assert "sparsemor stability" in note and "spectral radius 1." in note
     assert warned.summary["stability"]["stable"] is False
     assert warned.summary["stability"]["gate"] > 5.0
     with pytest.raises(InputError, match="unstable in link") as refused:
