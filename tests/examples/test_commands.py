@@ -123,6 +123,7 @@ def test_compare(tmp_path: Path) -> None:
         p.name for p in Path("out").iterdir()}
 
 
+@pytest.mark.slow
 def test_compare_goes_on_where_it_stopped() -> None:
     asked = ["compare", SWING, "--reducers", "full,galerkin", "--set", "time.end=0.02", "--out",
              "out"]
@@ -194,6 +195,7 @@ def on_terminal(*arguments: object) -> tuple[str, str]:
     return out, shown.decode(errors="replace")
 
 
+@pytest.mark.slow
 def test_a_progress_bar_on_a_terminal() -> None:
     long = ["--set", "reducer=full", "--set", "time.end=3"]
     out, shown = on_terminal("run", SWING, *long)

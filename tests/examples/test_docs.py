@@ -25,8 +25,8 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 COMMAND = Path(sys.executable).with_name("sparsemor")
-LONG = ("how-to-swap-parts", "pictures", "stability", "studies")
-"""Pages that take half a minute each."""
+LONG = ("how-to-swap-parts", "pictures", "stability", "status-and-failures", "studies")
+"""Pages that take a quarter of a minute and more each."""
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 _FENCE = re.compile(r"^```([^\n]*)\n(.*?)^```[ \t]*$", re.MULTILINE | re.DOTALL)
 _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")

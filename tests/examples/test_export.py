@@ -208,6 +208,7 @@ def test_bad_commands(tmp_path: Path) -> None:
     assert shown["status"] == "bad_input"
 
 
+@pytest.mark.slow
 def test_pictures_of_a_stored_run(run: RunResult, tmp_path: Path) -> None:
     folder = tmp_path / "drawn"
     shown = json.loads(sparsemor(

@@ -198,6 +198,7 @@ def test_a_sample_that_misses_a_load_is_told() -> None:
     assert above < heated - 5.0  # the lamp is not felt
 
 
+@pytest.mark.slow
 def test_compare_shows_a_run_that_failed() -> None:
     seed, _ = unstable()
     shutil.rmtree("out")

@@ -83,6 +83,7 @@ def test_one_table_also_of_runs_that_fail() -> None:
         {k: v for k, v in r.items() if not k.startswith("fact.")} for r in rows]
 
 
+@pytest.mark.slow
 def test_a_full_order_run_is_its_own_reference_and_the_others_share_it() -> None:
     Path("shared.yaml").write_text(f"""\
 scene: {SWING}

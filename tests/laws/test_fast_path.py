@@ -36,7 +36,8 @@ def differences(fast: March, plain: March) -> dict[str, float]:
     return found
 
 
-@pytest.mark.parametrize("integrator", INTEGRATORS)
+@pytest.mark.parametrize("integrator", [
+    pytest.param(i, marks=[pytest.mark.slow] * (i != "bdf2")) for i in INTEGRATORS])
 def test_a_scene_with_everything(integrator: str) -> None:
     use = {"use": integrator, **INTEGRATORS[integrator].model_dump()}
     fast, plain = both(EVERYTHING.using({"integrator": use}))

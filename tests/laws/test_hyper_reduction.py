@@ -99,7 +99,8 @@ class Doubled(Plugin):
         return Dictionary(atoms, np.zeros(data.size), tuple("abcde"))
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", [
+    pytest.param(m, marks=[pytest.mark.slow] * (m != "deim")) for m in METHODS])
 def test_with_enough_points_the_pendulum_moves_as_under_galerkin(method: str) -> None:
     """Default options. 1e-4 is asked of gnat, 1e-8 of deim."""
     full, galerkin = trained("pendulum")[1], repeated("pendulum", "galerkin")

@@ -31,7 +31,8 @@ def stage_of(run: March) -> Stage:
 
 
 @pytest.mark.parametrize("integrator", ["bdf1", "generalized_alpha"])
-@pytest.mark.parametrize("method", ["bordered", "newton"])
+@pytest.mark.parametrize("method", [
+    "bordered", pytest.param("newton", marks=pytest.mark.slow)])
 def test_a_run_that_follows_its_own_motion_is_the_same_run(integrator, method):
     """Every joint (moments too), every load, both ways to solve a step."""
     scene = load(EVERYTHING, {"time": {"end": 0.01, "step": 1e-3}, "integrator": integrator,

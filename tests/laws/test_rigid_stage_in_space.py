@@ -71,7 +71,8 @@ def given_of(free: March, scene: Scene) -> March:
 
 
 @pytest.mark.parametrize("integrator", ["bdf1", "generalized_alpha"])
-@pytest.mark.parametrize("method", ["bordered", "newton"])
+@pytest.mark.parametrize("method", [
+    "bordered", pytest.param("newton", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("which", ["hinged", "everything_in_space"])
 def test_a_run_that_follows_its_own_motion_is_the_same_run(which, method, integrator):
     reducer = {"use": "full", "method": method}

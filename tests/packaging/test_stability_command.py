@@ -21,6 +21,7 @@ def invoke(*arguments: str) -> Any:
     return CliRunner().invoke(app, ["stability", "double_pendulum", *settings, *arguments])
 
 
+@pytest.mark.slow
 def test_the_command_prints_a_table_and_writes_tables_and_a_map(tmp_path: Path) -> None:
     out = tmp_path / "out"
     options = ("--rows", "15/10,30/20", "--atoms", "15/10", "--required", "both", "--seeds", "2",

@@ -154,6 +154,7 @@ def test_heat_balance(heated: RunResult, stage: Stage) -> None:
         assert stored_heat(heated, body) == pytest.approx(0.5 * 3.75e-6 * power[1:].sum(), rel=1e-9)
 
 
+@pytest.mark.slow
 def test_pictures(tmp_path: Path, cache: Cache) -> None:
     """Figs. 10 to 14 are drawn from the stored results alone."""
     small: dict[str, Any] = {

@@ -101,6 +101,7 @@ def test_a_hinge_between_flexible_bodies_turns_about_its_axis_alone() -> None:
                                    atol=1e-6 * np.abs(want).max())
 
 
+@pytest.mark.slow
 def test_reduced_runs_repeat_the_run_they_were_trained_on() -> None:
     """Galerkin and DEIM with 20 atoms a bar; probes read the same points."""
     full = simulate(scene_of(hinged()))

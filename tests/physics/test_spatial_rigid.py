@@ -105,6 +105,7 @@ def conserved(x: FloatArray, v: FloatArray) -> tuple[float, float]:
             float(np.abs(momentum - momentum[0]).max() / np.linalg.norm(momentum[0])))
 
 
+@pytest.mark.slow
 def test_the_middle_axis_flips_and_energy_and_momentum_are_kept_to_1e_9() -> None:
     """Relative. One run of the second-order rule keeps them to 1e-8 with small steps; two of them
     extrapolated to h = 0 (Richardson) to 1e-9. Smaller steps would meet the round-off of

@@ -141,7 +141,8 @@ REDUCERS: dict[str, Any] = {
 }
 
 
-@pytest.mark.parametrize("integrator", INTEGRATORS)
+@pytest.mark.parametrize("integrator", [
+    pytest.param(i, marks=[pytest.mark.slow] * (i != "bdf2")) for i in INTEGRATORS])
 def test_every_reducer_takes_controlled_steps(integrator: str) -> None:
     """A heated arm that swings: its vibrations, too small to matter, are not to be resolved."""
     changes = {"time": {"end": 0.2, "step": 0.01, "control": {
