@@ -126,10 +126,14 @@ def _line(row: Mapping[str, Any]) -> str:
 
 def _csv(names: Sequence[str], rows: Sequence[Mapping[str, Any]], head: bool = True) -> str:
     text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
+    plain = csv.writer(text, lineterminator="\n")
+    # a lone carriage return ends a line for readers, and the module does not quote it for that
+    quoted = csv.writer(text, lineterminator="\n", quoting=csv.QUOTE_ALL)
     if head:
-        writer.writerow(names)
-    writer.writerows([cell(row.get(n)) for n in names] for row in rows)
+        plain.writerow(names)
+    for row in rows:
+        cells = [cell(row.get(n)) for n in names]
+        (quoted if any("\r" in c for c in cells) else plain).writerow(cells)
     return text.getvalue()
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from sparsemor.core.errors import InputError
@@ -40,6 +40,7 @@ PLAIN = st.recursive(
                                                                  max_size=3), max_leaves=6)
 
 
+@example(values=["\r"], cut=1)
 @settings(max_examples=12, deadline=None)
 @given(values=st.lists(PLAIN, min_size=1, max_size=5), cut=st.integers(1, 12))
 def test_what_was_committed_survives_a_torn_line(values: list[Any], cut: int) -> None:
