@@ -42,13 +42,16 @@ def test_every_packaged_study_plans_and_has_the_table_of_all_its_runs(name: str)
     assert [int(r["run"]) for r in rows] == [run.number for run in plan.runs]
 
 
+BY_PROCESSOR = {("methods", 6): 0.5, ("thermal_sparsity", 2): 2e-2}
+"""DEIM's points follow round-off (docs/hyper-reduction.md: 2.6e-3 to 4.9e-3); 6.8e-6 or 6.9e-6."""
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "number"), [
     ("elastic_sparsity", 2), ("thermal_sparsity", 2), ("methods", 6), ("methods", 21),
     ("slider_methods", 1), ("slider_methods", 7), ("brake_methods", 1), ("brake_methods", 5)])
 def test_a_row_of_a_table_comes_out_again(name: str, number: int) -> None:
-    """To two percent; DEIM's points (docs/hyper-reduction.md) and errors of 1e-6 turn with the
-    kernels that the processor gets."""
+    """To one percent, but for two rows that turn with the kernels the processor gets."""
     run = Plan.of(name).runs[number - 1]
     assert run.scene is not None
     scene = scene_of(run.scene.plain())
@@ -58,5 +61,5 @@ def test_a_row_of_a_table_comes_out_again(name: str, number: int) -> None:
         row = list(csv.DictReader(file))[number - 1]
     for field in {"rigid", "elastic", "thermal"} & errors.keys():
         told = float(row[f"error_{field}"])
-        loose = (name, number) == ("methods", 6) or told < 1e-5
-        assert errors[field] == pytest.approx(told, rel=0.5 if loose else 2e-2, abs=1e-9)
+        within = BY_PROCESSOR.get((name, number), 1e-2)
+        assert errors[field] == pytest.approx(told, rel=within, abs=1e-9)

@@ -98,9 +98,9 @@ INVERSE = {"use": "sparse", "budgets": ROWS, "residual": {"*.elastic": "precondi
     {"use": "galerkin"}, {"use": "deim"}, {"use": "gnat"}, {"use": "lspg"}, {"use": "ecsw"},
     {"use": "sparse", "budgets": ROWS}, SCALED, INVERSE], ids=str)
 def test_without_a_coupling_term_both_paths_are_one(options: Mapping[str, Any]) -> None:
-    """Joints of all kinds, loads, radiation, fixed frames and given temperatures. Eight sampled
-    rows enlarge round-off: up to 5e-9, by the kernels that the processor gets."""
+    """Joints of all kinds, loads, radiation, fixed frames and given temperatures."""
     full = everything()
+    own = 1e-8 if options["use"] == "sparse" else 1e-9  # 4.5e-9 without AVX-512
     scene = EVERYTHING.using({"reducer": options})
     fast = march(scene, model=full.model, snapshots=learnt(full))
     general = march(scene, model=with_other(full.model, Nothing()), snapshots=learnt(full))
@@ -108,7 +108,7 @@ def test_without_a_coupling_term_both_paths_are_one(options: Mapping[str, Any]) 
     assert not isinstance(fast.solver, ReducedGeneral)
     for b in fast.solver.layout:
         one, other = changes(fast, b.name)[1:], changes(general, b.name)[1:]
-        tolerance = 1e-6 if b.field == "multiplier" else 2e-8
+        tolerance = 1e-6 if b.field == "multiplier" else own
         assert np.abs(one - other).max() < tolerance * np.abs(one).max(), b.name
 
 
