@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from sparsemor.core.arrays import IntArray
+from sparsemor.core.notes import Note, information
 from sparsemor.core.protocols import State
 
 
@@ -27,11 +28,12 @@ def acting(terms: Iterable[tuple[Any, IntArray]]) -> tuple[Acting, ...]:
                  if getattr(term, "histories", ()))
 
 
-def untold(terms: Iterable[Any]) -> tuple[str, ...]:
+def untold(terms: Iterable[Any]) -> tuple[Note, ...]:
     """A sentence for each reduced term that leaves out what its resultants depend on."""
     whole = ((t, getattr(t, "term", None)) for t in terms)
-    return tuple(f"contact {t.source}: this model evaluates a part of the facets, so the "
-                 "resultants of the contact are not known, and no history of it is kept"
+    return tuple(information(
+        f"contact {t.source}: this model evaluates a part of the facets, so the resultants of the "
+        "contact are not known, and no history of it is kept", "resultants")
                  for t, inner in whole if hasattr(inner, "resultants") and not t.histories)
 
 

@@ -6,6 +6,7 @@ from typing import Generic, TypeVar
 
 from sparsemor.core.arrays import IntArray
 from sparsemor.core.layout import Layout
+from sparsemor.core.notes import Note
 from sparsemor.core.protocols import Dictionary, StepSolver
 
 S = TypeVar("S", bound=StepSolver, covariant=True)
@@ -38,5 +39,5 @@ class AroundSteps(Generic[S]):
         return self.base.facts
 
     @property
-    def notes(self) -> tuple[str, ...]:
+    def notes(self) -> tuple[Note, ...]:
         return self.base.notes

@@ -8,6 +8,7 @@ from sparsemor.core.arrays import Csr, FloatArray
 from sparsemor.core.eliminated import solve_by_blocks
 from sparsemor.core.equations import jacobian, residual
 from sparsemor.core.model import Model
+from sparsemor.core.notes import Note
 from sparsemor.core.protocols import State
 from sparsemor.core.status import SolveFailed, Status
 
@@ -66,7 +67,7 @@ def _derivative(model: Model, K: Csr, s: State, rate: int) -> Csr:
     return D / c
 
 
-def start_notes(model: Model, t: float = 0.0) -> tuple[str, ...]:
+def start_notes(model: Model, t: float = 0.0) -> tuple[Note, ...]:
     """A sentence for each joint whose constraint the velocities at the start break."""
     layout, eps = model.layout, 1e-7
     moved = model.x0.copy()
@@ -80,10 +81,11 @@ def start_notes(model: Model, t: float = 0.0) -> tuple[str, ...]:
         if b.field == "multiplier":
             rate = float(np.abs((g1 - g0)[layout[b.name]]).max()) / eps
             if rate > 1e-4 * speed + 1e-6:
-                notes.append(
+                notes.append(Note(
                     f"the velocities at the start break joint {b.owner} by {rate:.3g} m/s or "
                     "rad/s: the first steps jump, and a second-order integrator loses its order; "
-                    "give the bodies fitting velocities, or let the motion begin smoothly")
+                    "give the bodies fitting velocities, or let the motion begin smoothly",
+                    "start"))
     return tuple(notes)
 
 

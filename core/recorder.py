@@ -2,7 +2,7 @@
 
 import os
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
@@ -16,6 +16,7 @@ from sparsemor.core.checkpoint import Checkpoint
 from sparsemor.core.errors import InputError
 from sparsemor.core.initial import start_notes
 from sparsemor.core.model import Model
+from sparsemor.core.notes import Level, Note, kinds, sentences
 from sparsemor.core.offline import Offline
 from sparsemor.core.plain import finite
 from sparsemor.core.probes import ProbeReader
@@ -72,7 +73,7 @@ class Recorder:
         self._probes = [ProbeReader.of(p, solver.layout, solver.dictionaries)
                         for p in model.probes]
         self._given = {n: shape for n, shape in shapes(model).items() if shape.given}
-        self.warnings: tuple[str, ...] = ()  # what was found before the first step
+        self.notes: tuple[Note, ...] = ()  # of what was found before the first step
         self.stability: Mapping[str, Any] = {}
         self.memory: Held | None = None
         self._every, self._saved = scene.output.every, time.perf_counter()
@@ -189,7 +190,7 @@ class Recorder:
             "cache": dict(self.offline.products.used),
             "offline_s": dict(self.offline.products.seconds),
             "offline_whole_s": self.offline.products.spent.whole(tally.offline),
-            "notes": [*start_notes(self.model), *solver.notes, *self.warnings],
+            **told((*start_notes(self.model), *solver.notes, *self.notes)),
             "stability": dict(self.stability),
             "linear_solvers": solvers_summary(
                 [*self.model.solvers.log, *self.offline.products.told],
@@ -198,6 +199,12 @@ class Recorder:
             "facts": finite(dict(solver.facts)),  # dependent columns: no finite condition
             "out": str(self.store.parent),
         }
+
+
+def told(notes: Sequence[Note]) -> dict[str, list[str]]:
+    """Notes in a summary: sentences of warnings, their kinds, and sentences of information."""
+    return {"notes": sentences(notes, Level.WARNING), "note_kinds": kinds(notes),
+            "information": sentences(notes, Level.INFORMATION)}
 
 
 def _iterations(solver: Any, memory: Any) -> Mapping[str, int]:

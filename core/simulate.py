@@ -17,7 +17,7 @@ from sparsemor.core.memory import peak
 from sparsemor.core.offline import step_count
 from sparsemor.core.prepared import prepared
 from sparsemor.core.protocols import Resampling, State, StepSolver
-from sparsemor.core.recorder import Recorder, Tally, admit
+from sparsemor.core.recorder import Recorder, Tally, admit, told
 from sparsemor.core.results import RunResult
 from sparsemor.core.scene import Scene
 from sparsemor.core.served import Held
@@ -47,7 +47,7 @@ def simulate(
         solver: StepSolver = scene.reducer.prepare(
             model, scene.integrator, scene.time.step, offline, np.random.default_rng(scene.seed))
         full = consistent_state(model)
-        warnings, stability = check_run(scene, model, solver, full)
+        notes, stability = check_run(scene, model, solver, full)
         solver = controlled(scene, model, offline, solver)
         state, memory = solver.start(full)
         state = scene.integrator.start(solver.layout, state)
@@ -55,12 +55,12 @@ def simulate(
         path = Path(out) if out is not None else Path(mkdtemp(prefix="sparsemor-"))
         recorder = Recorder.open(
             scene, model, solver, offline, path, resume, step_count(scene))
-        recorder.warnings, recorder.stability = warnings, stability
+        recorder.notes, recorder.stability = notes, stability
         recorder.memory = Held(offline.expected, peak())
         if recorder.checkpoint is not None:
             state, memory, tally = recorder.restored(tally)
-        told = solver.rows_at(memory) if isinstance(solver, Resampling) else solver.rows
-        for block, rows in told.items():
+        sampled = solver.rows_at(memory) if isinstance(solver, Resampling) else solver.rows
+        for block, rows in sampled.items():
             manager.hook.on_resample(block=block, rows=rows)
         return _Run(scene, solver, recorder, manager, state, memory, tally).go()
 
@@ -107,8 +107,8 @@ class _Run:
         if failure is not None:
             summary["message"] = str(failure)
         else:
-            told = unmet(self.recorder.model, RunResult(self.recorder.store))
-            summary["notes"] = [*summary["notes"], *told]
+            found = told(unmet(self.recorder.model, RunResult(self.recorder.store)))
+            summary |= {key: [*summary[key], *texts] for key, texts in found.items()}
         self.recorder.finish(status, summary)
         self.manager.hook.on_finish(summary=summary)
         result = RunResult(self.recorder.store)

@@ -4,12 +4,13 @@ mistake of the scene, and forces that do not settle."""
 import numpy as np
 
 from sparsemor.core.model import Model
+from sparsemor.core.notes import Note
 from sparsemor.core.results import RunResult
 from sparsemor.core.stage import FrameHistory
 
 
-def unmet(model: Model, result: RunResult) -> tuple[str, ...]:
-    """A sentence for each part with a method `missed(motion)` that has something to say of how the
+def unmet(model: Model, result: RunResult) -> tuple[Note, ...]:
+    """A note for each part with a method `missed(motion)` that has something to say of how the
     bodies moved, along the rigid stage where there was one, else in the stored steps; and for each
     with a method `unsettled(history)` that has of the contact's history at all steps."""
     asked = [missed for part in model.parts.values()
@@ -18,7 +19,7 @@ def unmet(model: Model, result: RunResult) -> tuple[str, ...]:
     if model.stage is not None or result.scene["output"]["every"] == 1:
         told += [str(unsettled(history)) for name, history in result.contacts().items()
                  if (unsettled := getattr(model.parts[name], "unsettled", None)) is not None]
-    return tuple(text for text in told if text)
+    return tuple(Note(text, "contact") for text in told if text)
 
 
 def _motion(model: Model, result: RunResult) -> dict[str, FrameHistory]:

@@ -12,6 +12,7 @@ from sparsemor.core.arrays import Csr, FloatArray
 from sparsemor.core.errors import Fault
 from sparsemor.core.integrals import ElasticIntegrals, HeatIntegrals, Integrals, WeighedTerm
 from sparsemor.core.model import Model
+from sparsemor.core.notes import Note
 from sparsemor.core.offline import Offline
 from sparsemor.core.protocols import Dictionary, Integrator, StepSolver, Term
 from sparsemor.core.separable import ElasticOperators, HeatBody, MovingBody
@@ -81,8 +82,9 @@ class Ecsw(Projected):
         elements = {n: solver.elements_touched[n] + int(f["elements_kept"])
                     for n, f in solver.facts.items()}
         notes = tuple(
-            f"{n}: no choice of elements repeats the training forces to {self.tau:g}, the best "
-            f"comes to {f['residual']:.1e}" for n, f in solver.facts.items()
+            Note(f"{n}: no choice of elements repeats the training forces to {self.tau:g}, the "
+                 f"best comes to {f['residual']:.1e}", "ecsw_training")
+            for n, f in solver.facts.items()
             if float(f["residual"]) > 1.05 * self.tau)
         weighed: StepSolver = replace(
             solver, elements_touched={**solver.elements_touched, **elements},

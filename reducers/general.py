@@ -19,6 +19,7 @@ from sparsemor.core.arrays import BoolArray, Csr, FloatArray, IntArray
 from sparsemor.core.equations import jacobian, residual
 from sparsemor.core.layout import Layout
 from sparsemor.core.model import Model
+from sparsemor.core.notes import Note
 from sparsemor.core.protocols import Dictionary, State, StepFormula, StepOutcome, Term
 from sparsemor.reducers.bordered import Tolerances
 from sparsemor.reducers.doubt import doubted
@@ -122,7 +123,7 @@ class GeneralStepper:
     points: int
     dictionaries: Mapping[str, Dictionary] = field(default_factory=dict)
     rows: Mapping[str, IntArray] = field(default_factory=dict)
-    notes: tuple[str, ...] = ()
+    notes: tuple[Note, ...] = ()
     facts: Facts = field(default_factory=dict)
 
     @property

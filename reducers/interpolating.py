@@ -9,6 +9,7 @@ from pydantic import Field
 from sparsemor.core.arrays import IntArray
 from sparsemor.core.errors import Fault
 from sparsemor.core.model import Model
+from sparsemor.core.notes import Note
 from sparsemor.core.protocols import Basis, Sampler
 from sparsemor.core.slot import Slot, slot_default
 from sparsemor.reducers.checks import block_size, pattern_faults
@@ -68,6 +69,6 @@ class Interpolating(Projected):
         """Number of points, the required ones not counted."""
         return chosen(block.name, self.points, int(np.ceil(self.oversampling * modes)))
 
-    def notes(self, block: Reducible, points: IntArray) -> tuple[str, ...]:
+    def notes(self, block: Reducible, points: IntArray) -> tuple[Note, ...]:
         """A sentence for each load or joint that no point feels."""
         return missed_loads(block.model, {block.name: points}, HINT)

@@ -8,6 +8,7 @@ import numpy as np
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.layout import Layout
 from sparsemor.core.model import Model
+from sparsemor.core.notes import Note
 from sparsemor.core.protocols import Dictionary, Integrator, State
 from sparsemor.core.separable import MovingBody
 from sparsemor.reducers.body_step import Drive
@@ -34,7 +35,7 @@ def stepper(
     elastic: Mapping[str, ElasticBlock | DrivenBlock], tol: Tolerances,
     points: int, factorizations: int, rates: tuple[float, float], ahead: bool = True,
     limits: Mapping[str, float] | None = None,
-    notes: tuple[str, ...] = (), tested: Mapping[str, TestedElastic] | None = None,
+    notes: tuple[Note, ...] = (), tested: Mapping[str, TestedElastic] | None = None,
     facts: Facts | None = None,
 ) -> Stepper:
     """A Stepper with its mechanics set up, and the elements that one step visits.

@@ -17,6 +17,7 @@ from scipy.linalg import lapack, solve_triangular
 from sparsemor.core.arrays import Csr, FloatArray, IntArray
 from sparsemor.core.errors import Fault
 from sparsemor.core.model import Model, StepFactors
+from sparsemor.core.notes import Note
 from sparsemor.core.offline import Offline
 from sparsemor.core.plugin import Plugin
 from sparsemor.core.protocols import Basis, Dictionary, Integrator, StepSolver
@@ -93,7 +94,7 @@ class Maps:
     force: TestMap | None = None
     rows: IntArray | None = None
     facts: Mapping[str, float | int | str] = field(default_factory=dict)
-    notes: tuple[str, ...] = ()
+    notes: tuple[Note, ...] = ()
 
     @property
     def forces(self) -> TestMap:
@@ -184,7 +185,7 @@ class Projected(Plugin, ABC):
 def fast(
     rates: tuple[float, float, float], model: Model, dictionaries: Mapping[str, Dictionary],
     rows: Mapping[str, IntArray], blocks: Mapping[str, Seen], tolerances: Tolerances, points: int,
-    limits: Mapping[str, float], notes: tuple[str, ...], facts: Facts,
+    limits: Mapping[str, float], notes: tuple[Note, ...], facts: Facts,
 ) -> StepSolver:
     """The step of a model whose blocks are solved one after the other."""
     (c1, c2, c1_first), heat, elastic, tested = rates, {}, {}, {}

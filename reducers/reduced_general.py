@@ -16,6 +16,7 @@ from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
 from sparsemor.core.equations import rate_factors
 from sparsemor.core.layout import Layout
 from sparsemor.core.model import Model
+from sparsemor.core.notes import Note, information
 from sparsemor.core.protocols import Dictionary, State, StepFormula, StepOutcome, Term, Trial
 from sparsemor.core.status import Status
 from sparsemor.reducers.body_step import BodyStep
@@ -57,7 +58,7 @@ class ReducedGeneral:
     tolerances: Tolerances
     points: int
     limits: Mapping[str, float] = field(default_factory=dict)
-    notes: tuple[str, ...] = ()
+    notes: tuple[Note, ...] = ()
     facts: Facts = field(default_factory=dict)
 
     @property
@@ -120,7 +121,7 @@ class ReducedGeneral:
 def reduced_general(
     model: Model, dictionaries: Mapping[str, Dictionary], rows: Mapping[str, IntArray],
     seen: Mapping[str, Seen], tolerances: Tolerances, points: int,
-    limits: Mapping[str, float] | None = None, notes: tuple[str, ...] = (),
+    limits: Mapping[str, float] | None = None, notes: tuple[Note, ...] = (),
     facts: Facts | None = None,
 ) -> ReducedGeneral:
     """A step solver for a model with terms that no body takes apart.
@@ -141,8 +142,9 @@ def reduced_general(
         coupling(model))
     count = sum(c.term.elements for c in coupled)
     names = ", ".join(sorted({n for n, _ in equations.named if n})) or "a term"
-    told = (f"{names} couples blocks inside the step: all unknowns are solved together, and each "
-            f"evaluation visits {count} elements",) if seen else ()
+    told = (information(
+        f"{names} couples blocks inside the step: all unknowns are solved together, and each "
+        f"evaluation visits {count} elements", "coupled"),) if seen else ()
     told = (*notes, *told, *untold(c.term for c in coupled))
     return ReducedGeneral(equations, dictionaries, rows, visited, tolerances, points,
                           limits or {}, told, facts or {})

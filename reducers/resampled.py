@@ -9,6 +9,7 @@ import numpy as np
 
 from sparsemor.core.around_steps import AroundSteps
 from sparsemor.core.arrays import BoolArray, IntArray
+from sparsemor.core.notes import Note
 from sparsemor.core.protocols import State, StepFormula, StepOutcome, StepSolver
 from sparsemor.core.status import SolveFailed
 from sparsemor.reducers.sparse_memory import SparseMemory
@@ -60,7 +61,7 @@ class Resampled(AroundSteps[StepSolver]):
         return {name: max(t[name] for t in told) for name in told[0]}
 
     @property
-    def notes(self) -> tuple[str, ...]:
+    def notes(self) -> tuple[Note, ...]:
         """Of all sets that are known, each once."""
         return tuple(dict.fromkeys(note for s in self.sets for note in s.notes))
 

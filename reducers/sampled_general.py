@@ -6,6 +6,7 @@ from typing import Protocol
 from sparsemor.core.arrays import IntArray
 from sparsemor.core.errors import Fault, InputError
 from sparsemor.core.model import Model
+from sparsemor.core.notes import Note
 from sparsemor.core.protocols import Basis, Dictionary
 from sparsemor.core.status import SolveFailed, Status
 from sparsemor.reducers.bordered import Tolerances
@@ -34,7 +35,7 @@ class Iteration(Protocol):
 def sampled_general(
     model: Model, dictionaries: Mapping[str, Dictionary], limits: Mapping[str, float],
     rows: Mapping[str, IntArray], blocks: Mapping[str, SampledElastic | SampledHeat],
-    maps: Mapping[str, TestMap], options: Iteration, notes: tuple[str, ...], facts: Facts,
+    maps: Mapping[str, TestMap], options: Iteration, notes: tuple[Note, ...], facts: Facts,
 ) -> ReducedGeneral:
     """maps: block -> its rows of the residual, before the preconditioner. Least squares of a
     block's rows as in the fast path. InputError where a budget leaves a choice of atoms."""

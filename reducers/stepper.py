@@ -8,6 +8,7 @@ import numpy as np
 from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
 from sparsemor.core.coefficients import coefficients
 from sparsemor.core.layout import Layout
+from sparsemor.core.notes import Note
 from sparsemor.core.protocols import Dictionary, State, StepFormula, StepOutcome
 from sparsemor.core.separable import Frame, Separated
 from sparsemor.core.status import Status
@@ -66,7 +67,7 @@ class Stepper:
     factorizations: int
     limits: Mapping[str, float] = field(default_factory=dict)
     sanity: FloatArray = field(default_factory=lambda: np.zeros(0))
-    notes: tuple[str, ...] = ()
+    notes: tuple[Note, ...] = ()
     facts: Facts = field(default_factory=dict)
     tested: Mapping[str, TestedElastic] = field(default_factory=dict)
     mechanics: Mechanics | None = None

@@ -129,6 +129,12 @@ def warn(notes: Sequence[str]) -> None:
         typer.echo(f"warning: {note}", err=True)
 
 
+def inform(notes: Sequence[str]) -> None:
+    """How a run was computed, on standard error."""
+    for note in notes:
+        typer.echo(f"note: {note}", err=True)
+
+
 def leave(lines: Sequence[str], code: int) -> None:
     for line in lines:
         typer.echo(line, err=True)

@@ -14,6 +14,7 @@ from sparsemor.core.cli.common import (
     SceneName,
     Settings,
     exit_codes,
+    inform,
     load_with,
     located_in,
     out_option,
@@ -49,6 +50,7 @@ def run(
             typer.echo(f"result: {directory}")
         if not quiet:
             warn(summary.get("notes", ()))
+            inform(summary.get("information", ()))
 
 
 def reducer_name(scene: Scene) -> str:

@@ -8,6 +8,7 @@ import numpy as np
 
 from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
 from sparsemor.core.layout import Layout
+from sparsemor.core.notes import Note
 from sparsemor.core.protocols.integration import Integrator, State, StepFormula
 from sparsemor.core.protocols.representation import Dictionary
 from sparsemor.core.status import Status
@@ -29,7 +30,7 @@ class StepSolver(Protocol):
 
     `dictionaries` maps block names to the map back to full unknowns (absent: kept as they are);
     `rows`, `elements_touched`: per block; `supports(memory)`: active atoms per budgeted block;
-    `notes`: what a user should know before trusting the run, in sentences; `facts`: block name ->
+    `notes`: what a user should know before trusting the run; `facts`: block name ->
     numbers worth reporting (condition of its rows, interpolation points, elements kept).
 
     Optional, for the linearised one-step map (core/stability): `frozen(memory)` -> a step solver on
@@ -45,7 +46,7 @@ class StepSolver(Protocol):
     @property
     def facts(self) -> Mapping[str, Mapping[str, float | int | str]]: ...
     @property
-    def notes(self) -> tuple[str, ...]: ...
+    def notes(self) -> tuple[Note, ...]: ...
 
     @property
     def layout(self) -> Layout: ...

@@ -14,6 +14,7 @@ from typing import Any
 from sparsemor.core.cache import digest
 from sparsemor.core.errors import InputError
 from sparsemor.core.model import Model
+from sparsemor.core.notes import Note
 from sparsemor.core.offline import step_count
 from sparsemor.core.protocols import Integrator, State, StepSolver
 from sparsemor.core.registry import Registry
@@ -176,9 +177,9 @@ def _judged(
 
 def check_run(
     scene: Scene, model: Model, solver: StepSolver, full: State
-) -> tuple[tuple[str, ...], dict[str, Any]]:
-    """What `run` asks before its first step from the full-order state `full`: sentences to warn
-    with, and numbers to store.
+) -> tuple[tuple[Note, ...], dict[str, Any]]:
+    """What `run` asks before its first step from the full-order state `full`: warnings, and
+    numbers to store.
 
     Full order and the projected model are what others are judged by, and are not asked. Raises
     InputError (key `check_stability`) where the scene says `refuse`.
@@ -194,4 +195,4 @@ def check_run(
         return (), found.facts()
     if scene.check_stability == "refuse":
         raise InputError(found.in_words(), "check_stability")
-    return (found.in_words(),), found.facts()
+    return (Note(found.in_words(), "unstable"),), found.facts()

@@ -10,6 +10,7 @@ from sparsemor.core.assemble import assemble
 from sparsemor.core.hooks import new_manager
 from sparsemor.core.initial import consistent_state
 from sparsemor.core.model import Model
+from sparsemor.core.notes import Note
 from sparsemor.core.offline import Offline, train
 from sparsemor.core.protocols import StepSolver
 from sparsemor.core.scene import Scene
@@ -77,7 +78,7 @@ def _solver(solver: StepSolver, model: Model) -> None:
         law(bool(np.all(np.diff(rows) > 0)) and rows.max(initial=0) < full[name],
             f"{name}: rows are not sorted, distinct and inside the block")
     law(all(n >= 0 for n in solver.elements_touched.values()), "elements_touched is negative")
-    law(all(isinstance(s, str) and s for s in solver.notes), "notes must be sentences")
+    law(all(isinstance(n, Note) and n.text for n in solver.notes), "a note has no text")
     law(all(isinstance(v, float | int | str) for f in solver.facts.values() for v in f.values()),
         "facts may hold numbers and strings only")
 

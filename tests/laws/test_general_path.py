@@ -176,7 +176,7 @@ def test_what_a_step_visits_does_not_grow_with_the_mesh() -> None:
             model=model, snapshots=learnt(full))
         solver = run.solver
         assert isinstance(solver, ReducedGeneral)
-        assert "springs" in solver.notes[-1] and "3 elements" in solver.notes[-1]
+        assert "springs" in solver.notes[-1].text and "3 elements" in solver.notes[-1].text
         inner: Any = solver.equations.coupled[0].term
         sizes.append((dict(solver.elements_touched), solver.layout.size, inner.atoms.shape))
     assert sizes[0] == sizes[1]

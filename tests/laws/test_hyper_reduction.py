@@ -278,7 +278,7 @@ def test_points_without_a_load_say_so() -> None:
     block = blocks("pendulum")["link1.thermal"]
     away = np.flatnonzero(~np.isin(np.arange(block.size), block.model.required[block.name]))[:3]
     (note,) = Deim.model_validate({}).notes(block, away)
-    assert "link1.thermal miss heating" in note and "required: true" in note
+    assert "link1.thermal miss heating" in note.text and "required: true" in note.text
 
 
 @pytest.mark.parametrize("reducer", ["galerkin", "lspg", "gnat", "deim"])

@@ -64,7 +64,7 @@ def test_facets_far_from_the_contact_are_not_visited() -> None:
             "use": "galerkin", "basis": {"use": "pod", "count": 3}}),
             model=reference.model, snapshots=learnt(reference))
         visited.append(dict(run.solver.elements_touched))
-        assert "sole" in run.solver.notes[-1]
+        assert "sole" in run.solver.notes[-1].text
     assert visited[0] == visited[1] == {"slider.elastic": 6, "plate.elastic": 6}
 
 
@@ -192,7 +192,7 @@ def test_a_reduced_run_tells_what_it_evaluates(tmp_path: Path) -> None:
     elastic = scene(["elastic"], steps=4, slider={"frame": "fixed"}).using({"joints": {}})
     part = march(elastic.using({"reducer": some}), snapshots=learnt(march(elastic)))
     assert part.solver.acting(None) == ()
-    assert any("sole: this model evaluates a part" in note for note in part.solver.notes)
+    assert any("sole: this model evaluates a part" in note.text for note in part.solver.notes)
 
 
 def test_forces_that_do_not_settle_are_told() -> None:

@@ -5,6 +5,7 @@ import pytest
 
 from sparsemor.core.assemble import assemble
 from sparsemor.core.initial import start_notes
+from sparsemor.core.notes import Note
 from sparsemor.core.scene import load
 from sparsemor.core.testing.run import march, scene_of
 
@@ -59,13 +60,13 @@ def test_velocities_that_break_a_joint_are_noted() -> None:
                      "x": {"use": "sine", "amplitude": 0.1, "frequency": 1.0}}}
     time = {"time": {"end": 0.01, "step": 1e-3}}
 
-    def notes(joints: object, velocity: list[float]) -> tuple[str, ...]:
+    def notes(joints: object, velocity: list[float]) -> tuple[Note, ...]:
         pose = {"pose": {"velocity": velocity}}
         return start_notes(assemble(scene_of(
             {"bodies": {"bar": {**body, **pose}}, "joints": joints, **time})))
 
     assert notes(joint, [0.0, 0.0]) == ()
-    assert "break joint pin by 2 m/s" in notes(joint, [2.0, 0.0])[0]
-    assert "break joint pin by 0.628 m/s" in notes(shake, [0.0, 0.0])[0]
+    assert "break joint pin by 2 m/s" in notes(joint, [2.0, 0.0])[0].text
+    assert "break joint pin by 0.628 m/s" in notes(shake, [0.0, 0.0])[0].text
     assert notes(shake, [2 * np.pi * 0.1, 0.0]) == ()
     assert start_notes(assemble(load("double_pendulum"))) == ()
