@@ -9,6 +9,7 @@ import numpy as np
 
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.block_solvers import BlockSolvers
+from sparsemor.core.cache import digest
 from sparsemor.core.errors import Gather, InputError
 from sparsemor.core.layout import Layout
 from sparsemor.core.model import Model, ProbePlace
@@ -18,12 +19,25 @@ from sparsemor.core.separable import Separated
 from sparsemor.core.stage import NOTHING, FrameHistory, Given
 from sparsemor.core.workshop import Workshop
 
+_PARTS = ("bodies", "joints", "contacts", "loads", "probes")
+"""What of a scene a model depends on."""
+
 
 def assemble(scene: Scene, given: Given = NOTHING, shop: Workshop | None = None) -> Model:
     """Builds every body, joint, contact and load. Raises InputError with all faults found, as
     dotted keys of the scene (`joints.A.between.0`). given: motion, reactions and surface loads that
-    are not solved for. shop: where bodies are that were built before."""
-    bodies, joints, contacts, loads, probes = _build(scene, given, shop or Workshop())
+    are not solved for. shop: where bodies, and models without given motion, are that were built
+    before."""
+    if shop is None or given is not NOTHING:
+        return _assembled(scene, given, shop or Workshop())
+    key = digest(str(scene.folder), scene.digest(*_PARTS))
+    model = shop.model(key, lambda: _assembled(scene, given, shop))
+    # with a log of its own, and a start of its own
+    return replace(model, solvers=BlockSolvers(scene.linear_solver, scene.linear_solvers))
+
+
+def _assembled(scene: Scene, given: Given, shop: Workshop) -> Model:
+    bodies, joints, contacts, loads, probes = _build(scene, given, shop)
     connectors = {**joints, **contacts, **loads}
     parts = {**bodies, **connectors}
     layout = Layout([b for part in parts.values() for b in part.blocks()])

@@ -81,9 +81,16 @@ class Comparison:
     def notes(self) -> dict[str, str]:
         """run -> how it was compared only in part; absent for runs that reached the end."""
         end = float(self.reference.times[-1])
-        return {run: f"{run}: {self.runs[run].status.value}, compared up to {e.until:.6g} s of "
-                     f"{end:.6g} s"
-                for run, e in self.measured.items() if e.until < end * (1.0 - 1e-9)}
+        found = {}
+        for run, e in self.measured.items():
+            parts = [f"{self.runs[run].status.value}, compared up to {e.until:.6g} s of {end:.6g} s"
+                     ] if e.until < end * (1.0 - 1e-9) else []
+            if e.unshared:
+                parts.append("not compared, because only one run has them or their sizes differ: "
+                             + ", ".join(e.unshared))
+            if parts:
+                found[run] = f"{run}: {'; '.join(parts)}"
+        return found
 
     def __str__(self) -> str:
         facts, pays = self.facts, self.pays_after
@@ -118,18 +125,21 @@ class Comparison:
                 for name, f in self.facts.items()}
         return to_json({"reference": self.name, "runs": runs}).decode()
 
-    def write(self, directory: str | Path) -> list[Path]:
-        """errors.csv, start_up.csv, error_over_time.csv and the charts (PNG and SVG); returns
-        their paths."""
-        from sparsemor.core.charts import write_charts
-
+    def write(self, directory: str | Path, charts: bool = True) -> list[Path]:
+        """errors.csv, start_up.csv, error_over_time.csv and, if wanted, the charts (PNG and SVG);
+        returns their paths."""
         folder = Path(directory)
         folder.mkdir(parents=True, exist_ok=True)
         tables = {"errors.csv": self._error_rows(), "start_up.csv": phase_rows(self.measured),
                   "error_over_time.csv": self._series_rows()}
         for name, rows in tables.items():
             (folder / name).write_text(_csv(rows), encoding="utf-8")
-        return [*(folder / name for name in tables), *write_charts(self, folder)]
+        written = [folder / name for name in tables]
+        if not charts:
+            return written
+        from sparsemor.core.charts import write_charts
+
+        return [*written, *write_charts(self, folder)]
 
     def _all(self) -> dict[str, RunResult]:
         return {self.name: self.reference, **self.runs}

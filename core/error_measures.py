@@ -30,7 +30,8 @@ class Errors:
     one over all times, and over those from `late_from` (s) on. Names are `joint` (Eq. 34), each
     `body.field`, each field (its worst block), and `angle_rad`. until: the last common time, s.
     present: as series, blocks and fields relative to the reference's norm at the same time, as
-    `joint` is. start_up_end: when the start-up ends, s.
+    `joint` is. start_up_end: when the start-up ends, s. unshared: blocks that only one of the runs
+    has, or that differ in size; they are not compared.
     """
 
     times: FloatArray
@@ -41,6 +42,7 @@ class Errors:
     until: float
     present: dict[str, FloatArray]
     start_up_end: float
+    unshared: tuple[str, ...] = ()
 
     @property
     def start_up(self) -> dict[str, float]:
@@ -81,9 +83,10 @@ def measure_errors(reference: RunResult, run: RunResult, late_from: float = 0.0)
     reference never changes it is relative to max |x_ref|, and absolute if that is 0 too.
     A block's present error is |x_ref - x|(t) / |x_ref|(t), 0 where x_ref vanishes.
     angle_rad is the largest error of any rotation that an angle describes, rad.
-    Raises InputError when the runs have no time, or not the same unknowns, in common.
+    Blocks that only one of them has are left out (`unshared`). Raises InputError when the runs have
+    no time, or no block, in common.
     """
-    blocks = _common_blocks(reference, run)
+    blocks, unshared = _common_blocks(reference, run)
     here, there = common_steps(reference.times, run.times)
     error = {b.name: np.zeros(len(here)) for b in blocks}
     size = {b.name: np.zeros(len(here)) for b in blocks}
@@ -116,6 +119,7 @@ def measure_errors(reference: RunResult, run: RunResult, late_from: float = 0.0)
         until=float(times[-1]),
         present={"joint": series["joint"], **_per_field(blocks, present)},
         start_up_end=_start_up_end(reference.times),
+        unshared=unshared,
     )
 
 
@@ -142,14 +146,17 @@ def _span(times: FloatArray) -> str:
     return f"{len(times)} steps from {times[0]:g} s, next {times[1]:g} s, to {times[-1]:g} s"
 
 
-def _common_blocks(reference: RunResult, run: RunResult) -> list[Block]:
+def _common_blocks(
+    reference: RunResult, run: RunResult
+) -> tuple[list[Block], tuple[str, ...]]:
+    """Blocks of equal name and size, in the reference's order, and the names of the others."""
     blocks = [b for b in reference.layout if b.field != "multiplier"]
     others = [b for b in run.layout if b.field != "multiplier"]
-    if blocks != others:
-        odd = sorted({f"{b.name} ({b.size})" for b in set(blocks) ^ set(others)})
-        raise InputError(
-            f"the runs do not have the same unknowns: {', '.join(odd)}; compare runs of one model")
-    return blocks
+    common, odd = [b for b in blocks if b in others], set(blocks) ^ set(others)
+    if not common:
+        listed = ", ".join(sorted({f"{b.name} ({b.size})" for b in odd}))
+        raise InputError(f"the runs have no unknowns in common: {listed}")
+    return common, tuple(sorted({b.name for b in odd}))
 
 
 def _batches(count: int, size: int) -> Iterator[slice]:

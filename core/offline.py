@@ -18,9 +18,10 @@ from sparsemor.core.model import Model, StepFactors
 from sparsemor.core.products import Products
 from sparsemor.core.protocols import Basis, BlockData, Dictionary, Integrator, State, StepSolver
 from sparsemor.core.scene import Scene
-from sparsemor.core.snapshots import SnapshotWriter, stretches
+from sparsemor.core.snapshots import stretches
 from sparsemor.core.status import SolveFailed
 from sparsemor.core.step_control import controlled, step_of
+from sparsemor.core.training import SnapshotKeeper
 from sparsemor.core.workshop import Workshop
 
 if TYPE_CHECKING:
@@ -82,6 +83,11 @@ class Offline:
         cache = self.products.cache
         return cache is not None and cache.place(kind, digest(self._key, *depends)).exists()
 
+    def keep_training(self, snapshots: Mapping[str, FloatArray], seconds: float) -> None:
+        """Training snapshots (M, n) by block that another run came by, in `seconds` s."""
+        if self.products.cache is not None:
+            self.products.keep("training", digest(self._key), snapshots, seconds)
+
     def dictionary(
         self, name: str, basis: Basis, step: StepFactors | None = None
     ) -> tuple[Dictionary, float]:
@@ -138,12 +144,23 @@ def offline_of(
 
     meshes = [m for p in model.parts.values() if (m := getattr(p, "mesh", None)) is not None]
     # what full order does not depend on must not cost a training run: another seed, other probes
-    physics = training.using({"title": "", "seed": 0, "output": {}, "probes": {}}, label="training")
+    physics = _physics(training)
     key = digest(physics.digest(), training.training.every, version("sparsemor"),
                  [[m.points, m.cells] for m in meshes])
     recording = Recording(training.integrator, training.time.step, training.training.every)
     return Offline(
         model, lambda: train(training, manager, products, shop), key, products, manager, recording)
+
+
+def _physics(scene: Scene) -> Scene:
+    """The scene without what full order does not depend on."""
+    return scene.using({"title": "", "seed": 0, "output": {}, "probes": {}}, label="training")
+
+
+def is_training_run(scene: Scene) -> bool:
+    """Whether the run of this scene is the training run of its own reduced models."""
+    settings = {"training": {"every": scene.training.every}}
+    return _physics(scene.using(settings)).digest() == _physics(scene.for_training()).digest()
 
 
 @np.errstate(all="ignore")  # overflow is a status of the step, not a warning
@@ -162,29 +179,16 @@ def train(
         from sparsemor.core.rigid_stage import staged
 
         model = staged(scene, products or Products(None), manager, shop or Workshop())
-    h, steps = scene.time.step, step_count(scene)
-    every, products = scene.training.every, products or Products(None)
-    # a second-order rule carries the first accelerations on: its snapshots must span them too
-    extra = int(scene.integrator.order > 1)
-    kept = {n: SnapshotWriter(n, steps // every + 1 + extra, model.layout[n].stop
-                              - model.layout[n].start, products.scratch)
-            for n in model.reducible()}
-    first = np.zeros(0)
+    products = products or Products(None)
+    keeper = SnapshotKeeper(
+        scene, step_count(scene), model.layout, model.reducible(), products.scratch)
     try:
         for n, state in enumerate(
                 full_run(scene, model, Offline.of(model, {}), manager, TRAINING)):
-            if n == 0:
-                first = state.x + h * h * state.a
-            if n % every == 0:
-                for name, rows in kept.items():
-                    rows.append(state.x[model.layout[name]])
-        for name, rows in kept.items():
-            if extra:
-                rows.append(first[model.layout[name]])
-        return {name: rows.finished() for name, rows in kept.items()}
+            keeper.take(n, state)
+        return dict(keeper.finished())
     finally:
-        for rows in kept.values():
-            rows.close()
+        keeper.close()
         products.told += told_in(TRAINING, model.solvers.log)
 
 

@@ -5,7 +5,11 @@ from typing import Any
 
 from sparsemor.core.errors import Fault, InputError
 from sparsemor.core.faults import shown
+from sparsemor.core.registry import near
 from sparsemor.core.yaml_source import KeyPath, not_finite, parse_value
+
+REMOVABLE = ("bodies", "joints", "loads", "contacts", "probes", "linear_solvers")
+"""Tables of the scene from which `NAME: null` removes an entry."""
 
 
 def parse_settings(settings: Sequence[str]) -> dict[str, Any]:
@@ -102,6 +106,12 @@ def _set(tree: dict[str, Any], path: KeyPath, value: Any) -> KeyPath:
     _child(node, last)
     if last == "use" and isinstance(node, dict) and node.get("use") != value:
         node.clear()  # the options were those of another plugin
+    if value is None and len(path) == 2 and path[0] in REMOVABLE:
+        if str(last) not in node:
+            raise InputError("there is nothing of this name to remove: "
+                             + near(str(last), list(node), path[0]))
+        del node[str(last)]
+        return path
     node[last] = value
     return path
 

@@ -12,13 +12,15 @@ from sparsemor.core.scene import Scene
 from sparsemor.core.workshop import Workshop
 
 
-def prepared(scene: Scene, cache: Cache, manager: Manager) -> tuple[Model, Offline]:
+def prepared(
+    scene: Scene, cache: Cache, manager: Manager, shop: Workshop | None = None
+) -> tuple[Model, Offline]:
     """The model that a reducer is prepared for. A rigid stage is run here, or found in the cache.
 
     Raises InputError as `checked_model` does, and where the run would not fit in memory;
     SolveFailed where the rigid stage stops early.
     """
-    shop, products = Workshop(), Products(cache)
+    shop, products = shop or Workshop(), Products(cache)
     if scene.rigid_stage is None:
         model = checked_model(scene, shop)
     else:

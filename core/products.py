@@ -9,7 +9,7 @@ from typing import Any
 
 from sparsemor.core.block_solvers import Factored
 from sparsemor.core.cache import Cache, scratch_folder
-from sparsemor.core.spent import Spent
+from sparsemor.core.spent import Spent, record
 
 
 class Products:
@@ -32,6 +32,16 @@ class Products:
             self._scratch = scratch_folder(None if self.cache is None else self.cache.root)
             weakref.finalize(self, shutil.rmtree, self._scratch, ignore_errors=True)
         return self._scratch
+
+    def keep(
+        self, kind: str, key: str, arrays: Mapping[str, Any], seconds: float
+    ) -> None:
+        """Put arrays that a run has made into the cache; seconds: what they cost."""
+        if self.cache is None:
+            return
+        _, hit = self.cache.get_or_make(kind, key, lambda: arrays)
+        if not hit:
+            record(self.cache.place(kind, key), {f"{kind}/{key}": seconds})
 
     def remember(
         self, kind: str, key: str, make: Callable[[], Mapping[str, Any]]

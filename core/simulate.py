@@ -14,7 +14,8 @@ from sparsemor.core.hooks import Manager, RunStart, new_manager
 from sparsemor.core.initial import consistent_state
 from sparsemor.core.interrupt import Interrupt
 from sparsemor.core.memory import peak
-from sparsemor.core.offline import step_count
+from sparsemor.core.model import Model
+from sparsemor.core.offline import Offline, is_training_run, step_count
 from sparsemor.core.prepared import prepared
 from sparsemor.core.protocols import Resampling, State, StepSolver
 from sparsemor.core.recorder import Recorder, Tally, admit, told
@@ -24,17 +25,22 @@ from sparsemor.core.served import Held
 from sparsemor.core.stability import check_run
 from sparsemor.core.status import SolveFailed, Status
 from sparsemor.core.step_control import ControlledSteps, controlled, step_of
+from sparsemor.core.training import SnapshotKeeper
 from sparsemor.core.unmet import unmet
+from sparsemor.core.workshop import Workshop
 
 
 def simulate(
     scene: Scene, *, out: str | Path | None = None, resume: bool = False,
-    observers: Sequence[object] = (), cache: Cache | None = None,
+    observers: Sequence[object] = (), cache: Cache | None = None, shop: Workshop | None = None,
+    keep_training: bool = False,
 ) -> RunResult:
     """Run a scene and store its result under `out` (a temporary directory when not given).
 
     Raises InputError before anything is written, SolveFailed (with `.result`, readable up to
-    there) when the run stops before its end. `resume` goes on from the last checkpoint.
+    there) when the run stops before its end. `resume` goes on from the last checkpoint. shop: what
+    other runs of the same bodies have built. keep_training: a full-order run that is the training
+    run of its scene leaves its snapshots in the cache, for reduced runs that follow.
     """
     begun = time.perf_counter()
     manager = new_manager(observers)
@@ -42,12 +48,12 @@ def simulate(
         admit(scene, Path(out), resume)
     elif resume:
         raise InputError("say which result to go on with: give its directory", "out")
-    model, offline = prepared(scene, cache or Cache(), manager)
+    model, offline = prepared(scene, cache or Cache(), manager, shop)
     with np.errstate(all="ignore"):  # overflow ends in a status, not in a warning
         solver: StepSolver = scene.reducer.prepare(
             model, scene.integrator, scene.time.step, offline, np.random.default_rng(scene.seed))
         full = consistent_state(model)
-        notes, stability = check_run(scene, model, solver, full)
+        notes, stability = check_run(scene, model, solver, full, offline)
         solver = controlled(scene, model, offline, solver)
         state, memory = solver.start(full)
         state = scene.integrator.start(solver.layout, state)
@@ -62,7 +68,16 @@ def simulate(
         sampled = solver.rows_at(memory) if isinstance(solver, Resampling) else solver.rows
         for block, rows in sampled.items():
             manager.hook.on_resample(block=block, rows=rows)
-        return _Run(scene, solver, recorder, manager, state, memory, tally).go()
+        keeper = _keeper(scene, model, offline) if keep_training else None
+        return _Run(scene, solver, recorder, manager, state, memory, tally, keeper).go()
+
+
+def _keeper(scene: Scene, model: Model, offline: Offline) -> SnapshotKeeper | None:
+    """Takes the snapshots of this run, if it is a training run that is not in the cache."""
+    if offline.has("training") or not model.reducible() or not is_training_run(scene):
+        return None
+    return SnapshotKeeper(scene, step_count(scene), model.layout, model.reducible(),
+                          offline.products.scratch)
 
 
 class _Run:
@@ -70,11 +85,13 @@ class _Run:
 
     def __init__(
         self, scene: Scene, solver: StepSolver, recorder: Recorder, manager: Manager,
-        state: State, memory: Any, tally: Tally,
+        state: State, memory: Any, tally: Tally, keeper: SnapshotKeeper | None = None,
     ) -> None:
         self.scene, self.solver, self.recorder, self.manager = scene, solver, recorder, manager
         self.state, self.memory, self.tally = state, memory, tally
         self.steps = step_count(scene)
+        # snapshots are those of a whole run: not of the rest of an interrupted one
+        self.keeper = keeper if tally.done == 0 else None
 
     def go(self) -> RunResult:
         tally, recorder, hook = self.tally, self.recorder, self.manager.hook
@@ -85,8 +102,13 @@ class _Run:
             recorder.start(self.state, self.solver.supports(self.memory), self.memory)
             recorder.save(self.state, self.memory, tally)
         self._begun = time.perf_counter() - tally.online
-        with Interrupt() as interrupt:
-            failure = self._steps(interrupt)
+        self._snapshot()
+        try:
+            with Interrupt() as interrupt:
+                failure = self._steps(interrupt)
+        finally:
+            if self.keeper is not None:
+                self.keeper.close()
         tally.online = time.perf_counter() - self._begun
         if failure is None:
             recorder.flush()
@@ -98,6 +120,10 @@ class _Run:
             hook.on_failure(status=failure.status, t=failure.time, block=failure.block,
                             detail=failure.detail)
         return self._finish(failure)
+
+    def _snapshot(self) -> None:
+        if self.keeper is not None:
+            self.keeper.take(self.tally.done, self.state)
 
     def _finish(self, failure: SolveFailed | None) -> RunResult:
         status = Status.DONE if failure is None else failure.status
@@ -111,6 +137,8 @@ class _Run:
             summary |= {key: [*summary[key], *texts] for key, texts in found.items()}
         self.recorder.finish(status, summary)
         self.manager.hook.on_finish(summary=summary)
+        if failure is None and self.keeper is not None:
+            self.recorder.offline.keep_training(self.keeper.finished(), self.tally.online)
         result = RunResult(self.recorder.store)
         if failure is not None:
             failure.result = result
@@ -133,6 +161,7 @@ class _Run:
                 return SolveFailed(
                     outcome.status, self.state.t + h, outcome.block, outcome.detail)
             tally.add(time.perf_counter() - start, outcome.iterations)
+            self._snapshot()
             supports = solver.supports(self.memory)
             tally.count_atoms(supports)
             if self.recorder.take(self.state, tally, supports, self.memory):

@@ -56,7 +56,7 @@ class Spent:
             cost = dict(_read(place))
         else:
             cost = one.inside | {name: max(elapsed - one.nested, 0.0)}
-            _write(place, cost)
+            record(place, cost)
         self.seconds |= cost
         if self._open:
             self._open[-1].inside |= cost
@@ -65,7 +65,8 @@ class Spent:
             self.waited += elapsed
 
 
-def _write(place: Path | None, cost: Mapping[str, float]) -> None:
+def record(place: Path | None, cost: Mapping[str, float]) -> None:
+    """Write the cost of a product beside its cache entry, s by product."""
     if place is not None and place.is_dir():
         try:
             (place / _FILE).write_text(json.dumps(cost), encoding="utf-8")

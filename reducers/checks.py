@@ -15,7 +15,7 @@ from sparsemor.reducers.choose import chosen
 
 class RowsAndAtoms(Protocol):
     @property
-    def rows(self) -> int: ...
+    def rows(self) -> int | None: ...
     @property
     def atoms(self) -> int | None: ...
 
@@ -28,20 +28,14 @@ def pattern_faults(model: Model, key: str, patterns: Iterable[str]) -> list[Faul
 def budget_faults(
     model: Model, budgets: Mapping[str, RowsAndAtoms], sampler: Sampler
 ) -> list[Fault]:
-    """Misspelt patterns, blocks without a budget, more rows than a block has to draw from."""
+    """Misspelt patterns, more rows than a block has to draw from."""
     faults = pattern_faults(model, "budgets", budgets)
-    misspelt = bool(faults)
     for name in model.reducible():
         pattern = pattern_of(name, budgets)
-        if pattern is None and misspelt:
-            continue  # most likely the one that was misspelt
-        if pattern is None:
-            field = name.rpartition(".")[2]
-            faults.append(Fault("budgets", f"no budget fits {name}: give rows and atoms, for "
-                                f'instance under "*.{field}"'))
+        asked = None if pattern is None else budgets[pattern].rows
+        if asked is None:
             continue
         size, kept = block_size(model, name), required_rows(model, name, sampler)
-        asked = budgets[pattern].rows
         if asked > size - kept:
             besides = f" besides the {kept} that joints and loads need" if kept else ""
             faults.append(Fault(
@@ -61,12 +55,11 @@ def preconditioner_faults(
     """
     faults, wanted = [], dict.fromkeys(preconditioned, True)
     for name in (n for n in model.reducible() if chosen(n, wanted, False)):
-        pattern = pattern_of(name, budgets)
-        if pattern is None:
-            continue
-        rows = budgets[pattern].rows + required_rows(model, name, sampler)
         atoms = most_atoms(chosen(name, bases, basis), block_size(model, name))
-        reason = preconditioner.check(rows, atoms)
+        pattern = pattern_of(name, budgets)
+        asked = None if pattern is None else budgets[pattern].rows
+        rows = default_rows(model, name, sampler, atoms) if asked is None else asked
+        reason = preconditioner.check(rows + required_rows(model, name, sampler), atoms)
         if reason:
             faults.append(Fault("preconditioner", f"{name}: {reason}"))
     return faults
@@ -92,7 +85,8 @@ def capability_faults(
             choosing.append(name)
             joint = joint or budget.atoms < most
             continue
-        rows = budget.rows + required_rows(model, name, sampler)
+        own = default_rows(model, name, sampler, most) if budget.rows is None else budget.rows
+        rows = own + required_rows(model, name, sampler)
         needs = frozenset({"overdetermined"} if rows > most > budget.atoms else ())
         why = refusal(name, solver, needs)
         if why:
@@ -146,6 +140,13 @@ def required_rows(model: Model, name: str, sampler: Sampler) -> int:
     if option == "ring":
         return len(np.union1d(model.required[name], model.ring(name)))
     return len(model.required[name]) if option else 0
+
+
+def default_rows(model: Model, name: str, sampler: Sampler, atoms: int) -> int:
+    """Rows drawn for a dictionary where the scene gives no number: twice its atoms, or as many as
+    the block has besides the required ones."""
+    left = block_size(model, name) - required_rows(model, name, sampler)
+    return max(min(2 * atoms, left), 0)
 
 
 def most_atoms(basis: Basis, size: int) -> int:

@@ -15,6 +15,7 @@ from sparsemor.core.offline import Offline
 from sparsemor.core.plugin import Plugin
 from sparsemor.core.protocols import (
     Basis,
+    Dictionary,
     Integrator,
     Preconditioner,
     Sampler,
@@ -25,6 +26,7 @@ from sparsemor.core.slot import Slot, slot_default
 from sparsemor.reducers.checks import (
     budget_faults,
     capability_faults,
+    default_rows,
     local_blocks,
     pattern_faults,
     preconditioner_faults,
@@ -44,8 +46,9 @@ Residual = Literal["plain", "preconditioned"]
 class Budget(Plugin):
     """How much of one block a step may use."""
 
-    rows: int = Field(ge=0)
-    """Sampled rows, on top of the required ones."""
+    rows: int | None = Field(default=None, ge=0)
+    """Sampled rows, on top of the required ones; twice the atoms of the dictionary, or as many as
+    there are, when not given."""
     atoms: int | None = Field(default=None, ge=1)
     """Most atoms active at once; all of the dictionary when not given."""
 
@@ -56,8 +59,9 @@ class Sparse(Plugin):
     Where a budget covers the whole dictionary nothing is selected and the support is all of it.
     """
 
-    budgets: dict[str, Budget] = Field(min_length=1)
-    """Rows and atoms by block pattern, such as `*.elastic`."""
+    budgets: dict[str, Budget] = {}
+    """Rows and atoms by block pattern, such as `*.elastic`. A block that no pattern names takes all
+    atoms of its dictionary and twice as many rows, besides the required ones."""
     basis: Annotated[Basis, Slot("basis")] = slot_default("pod")
     """Basis of every elastic and thermal block."""
     bases: dict[str, Annotated[Basis, Slot("basis")]] = {}
@@ -115,8 +119,7 @@ class Sparse(Plugin):
         faults = self.check(model)
         if faults:
             raise InputError(faults).under("reducer")
-        none = Budget(rows=0)
-        budgets = {n: chosen(n, self.budgets, none) for n in model.reducible()}
+        budgets = {n: chosen(n, self.budgets, Budget()) for n in model.reducible()}
         step = StepFactors(h, *constants(model.layout, integrator, h))
         dictionaries, limits = represent(
             offline, {n: chosen(n, self.bases, self.basis) for n in model.reducible()}, step)
@@ -125,8 +128,9 @@ class Sparse(Plugin):
                       {n: b.atoms for n, b in budgets.items()}, step)
 
         def draw(streams: Streams, keep: Offline | None) -> dict[str, IntArray]:
-            return {n: choose_rows(model, keep, n, b.rows, b.atoms or 10**9, self.sampler,
-                                   dictionaries[n], streams[n], step, self.preconditions(n))
+            return {n: choose_rows(model, keep, n, self._rows(model, n, b, dictionaries[n]),
+                                   b.atoms or 10**9, self.sampler, dictionaries[n], streams[n],
+                                   step, self.preconditions(n))
                     for n, b in budgets.items()}
 
         later = {n: rng.spawn(1)[0] for n, rng in streams.items()}
@@ -134,6 +138,12 @@ class Sparse(Plugin):
         if self.resample is None:
             return build.solver(rows)
         return self._resampled(build, rows, later, draw)
+
+    def _rows(self, model: Model, name: str, budget: Budget, dictionary: Dictionary) -> int:
+        """Rows to draw besides the required ones."""
+        if budget.rows is not None:
+            return budget.rows
+        return default_rows(model, name, self.sampler, dictionary.atoms.shape[1])
 
     def _resampled(
         self, build: Build, rows: Mapping[str, IntArray], later: Streams,

@@ -31,6 +31,8 @@ Resume = Annotated[bool, typer.Option("--resume", help="Go on with an interrupte
 Force = Annotated[bool, typer.Option("--force", help="Replace an earlier result.")]
 
 FAILED, BAD_INPUT = 1, 2
+SHARED = ("basis", "bases", "budgets")
+"""Options of a reducer that `compare` hands to the others."""
 _OPTIONS = ("out", "resume")
 
 

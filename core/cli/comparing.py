@@ -8,6 +8,7 @@ import typer
 
 from sparsemor.core.cli.common import (
     FAILED,
+    SHARED,
     Force,
     Json,
     Quiet,
@@ -29,6 +30,7 @@ from sparsemor.core.errors import InputError
 from sparsemor.core.registry import Registry
 from sparsemor.core.scene import Scene
 from sparsemor.core.status import SolveFailed, Status
+from sparsemor.core.workshop import Workshop
 
 Out = Annotated[Path | None, out_option("runs/SCENE-compare")]
 
@@ -39,6 +41,10 @@ def compare(
         str, typer.Option(help="Names of reducers; the first is the reference.")
     ] = "full,galerkin,sparse",
     settings: Settings = None, out: Out = None, resume: Resume = False, force: Force = False,
+    charts: Annotated[
+        bool, typer.Option("--charts/--no-charts", help="Whether pictures are drawn, which may "
+                           "take longer than the runs.")
+    ] = True,
     as_json: Json = False, quiet: Quiet = False,
 ) -> None:
     """Run a scene with several reducers and tabulate errors and cost."""
@@ -46,10 +52,11 @@ def compare(
         loaded = load_with(scene, settings)
         scenes = variants(loaded, [n.strip() for n in reducers.split(",") if n.strip()])
         directory = out or Path("runs", f"{loaded.name}-compare")
-        _refuse_early(scenes)
+        shop = Workshop()
+        _refuse_early(scenes, shop)
         with place_for_result(directory, resume, force):
-            results, failures = _run_all(scenes, directory, resume, quiet or as_json)
-        _report(results, failures, directory, as_json, quiet)
+            results, failures = _run_all(scenes, directory, resume, quiet or as_json, shop)
+        _report(results, failures, directory, as_json, quiet, charts)
 
 
 def variants(scene: Scene, reducers: list[str], registry: Registry | None = None
@@ -57,7 +64,8 @@ def variants(scene: Scene, reducers: list[str], registry: Registry | None = None
     """The scene once per reducer.
 
     The scene's own reducer keeps its options. Others get those that they have in common with it:
-    basis, budgets, and any option of the same name and type.
+    `basis`, `bases` and `budgets`, and any option of the same name, type and default. An option
+    with another default means something else there: `deim` chooses its points by its own sampler.
     """
     if len(reducers) < 2 or len(set(reducers)) < len(reducers):
         raise InputError(
@@ -73,31 +81,37 @@ def variants(scene: Scene, reducers: list[str], registry: Registry | None = None
         mine = known.get("reducer", own["use"]).model_fields
         common = {
             key: value for key, value in own.items() if key in theirs and (
-                key in ("basis", "budgets") or theirs[key].annotation == mine[key].annotation)
+                key in SHARED or (theirs[key].annotation == mine[key].annotation
+                                  and theirs[key].default == mine[key].default))
         }
         chosen[name] = scene.using({"reducer": {"use": name, **common}}, label="--reducers")
     return chosen
 
 
-def _refuse_early(scenes: dict[str, Scene]) -> None:
+def _refuse_early(scenes: dict[str, Scene], shop: Workshop) -> None:
     """Bad input of any of the runs is told before the first one starts."""
     from sparsemor.core.checks import checked_model
 
     for scene in scenes.values():
         with located_in(scene):
-            checked_model(scene)
+            checked_model(scene, shop)
 
 
 def _run_all(
-    scenes: dict[str, Scene], directory: Path, resume: bool, quiet: bool
+    scenes: dict[str, Scene], directory: Path, resume: bool, quiet: bool, shop: Workshop
 ) -> tuple[dict[str, Any], dict[str, SolveFailed]]:
-    """Results by name, also of runs that stopped early, and what stopped them."""
+    """Results by name, also of runs that stopped early, and what stopped them. A run that is the
+    training run of the others leaves its snapshots to them."""
+    from sparsemor.core.offline import is_training_run
+
     results: dict[str, Any] = {}
     failures: dict[str, SolveFailed] = {}
+    teacher = next((n for n, s in scenes.items() if is_training_run(s)), "")
     for name, scene in scenes.items():
         with located_in(scene), progress(quiet) as observers:
             try:
-                results[name] = _run_one(scene, directory / name, resume, observers)
+                results[name] = _run_one(
+                    scene, directory / name, resume, observers, shop, keep=name == teacher)
             except SolveFailed as error:
                 if not results or error.status is Status.INTERRUPTED:
                     raise  # nothing to compare with, or no wish to
@@ -107,7 +121,9 @@ def _run_all(
     return results, failures
 
 
-def _run_one(scene: Scene, here: Path, resume: bool, observers: Sequence[object]) -> Any:
+def _run_one(
+    scene: Scene, here: Path, resume: bool, observers: Sequence[object], shop: Workshop, keep: bool
+) -> Any:
     from sparsemor.core.results import open_result
     from sparsemor.core.simulate import simulate
 
@@ -115,13 +131,13 @@ def _run_one(scene: Scene, here: Path, resume: bool, observers: Sequence[object]
         earlier = open_result(here)
         if earlier.status.ok and earlier.attributes["scene_digest"] == scene.digest():
             return earlier
-        return simulate(scene, out=here, resume=True, observers=observers)
-    return simulate(scene, out=here, observers=observers)
+        return simulate(scene, out=here, resume=True, observers=observers, shop=shop)
+    return simulate(scene, out=here, observers=observers, shop=shop, keep_training=keep)
 
 
 def _report(
     results: dict[str, Any], failures: dict[str, SolveFailed], directory: Path, as_json: bool,
-    quiet: bool,
+    quiet: bool, charts: bool,
 ) -> None:
     from sparsemor.core.compare import compare as compared
 
@@ -132,7 +148,7 @@ def _report(
             print_json({"status": "failed", "failures": failed})
         leave(failed, FAILED)
     comparison = compared(results[reference], **{name: results[name] for name in others})
-    comparison.write(directory)
+    comparison.write(directory, charts)
     summaries = {name: dict(result.summary) for name, result in results.items()}
     if as_json:
         print_json({"status": "failed" if failed else "done", "reference": reference,
@@ -143,7 +159,7 @@ def _report(
                     "failures": failed, "out": str(directory)})
     elif not quiet:
         typer.echo(str(comparison))
-        typer.echo(f"table and charts: {directory}")
+        typer.echo(f"table{' and charts' * charts}: {directory}")
     if not quiet:
         warn([f"{name}: {note}" for name, s in summaries.items() for note in s.get("notes", ())])
     if failed:

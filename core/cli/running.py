@@ -1,12 +1,13 @@
 """`sparsemor run`."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from sparsemor.core.cli.common import (
+    SHARED,
     Force,
     Json,
     Quiet,
@@ -23,8 +24,11 @@ from sparsemor.core.cli.common import (
     progress,
     warn,
 )
+from sparsemor.core.overrides import parse_settings
+from sparsemor.core.registry import Registry
 from sparsemor.core.scene import Scene
 from sparsemor.core.served import solvers_in_words
+from sparsemor.core.source import Source
 
 Out = Annotated[Path | None, out_option("runs/SCENE-REDUCER")]
 
@@ -50,7 +54,20 @@ def run(
             typer.echo(f"result: {directory}")
         if not quiet:
             warn(summary.get("notes", ()))
-            inform(summary.get("information", ()))
+            inform([*summary.get("information", ()), *replaced_reducer(scene, settings)])
+
+
+def replaced_reducer(scene: str, settings: Sequence[str] | None) -> list[str]:
+    """A sentence where `--set reducer=NAME` left out options of the scene's own reducer, which
+    `compare --reducers NAME` keeps."""
+    name = parse_settings(settings or ()).get("reducer")
+    own = Source.read(scene, Registry()).tree.get("reducer")
+    if not isinstance(name, str) or not isinstance(own, Mapping):
+        return []
+    left = [key for key in SHARED if key in own]
+    return [f"reducer {name} runs with its own defaults: {', '.join(left)} of the scene's reducer "
+            f"{own.get('use')} {'is' if len(left) == 1 else 'are'} left out; `compare --reducers` "
+            "keeps what both have"] if left else []
 
 
 def reducer_name(scene: Scene) -> str:

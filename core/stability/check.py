@@ -6,16 +6,19 @@ of good models do reach 1 + 1e-5 (an insulated body has an eigenvalue exactly 1)
 radius itself would refuse them.
 """
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import inf, isfinite
 from typing import Any
 
+import numpy as np
+
 from sparsemor.core.cache import digest
 from sparsemor.core.errors import InputError
 from sparsemor.core.model import Model
 from sparsemor.core.notes import Note
-from sparsemor.core.offline import step_count
+from sparsemor.core.offline import Offline, step_count
 from sparsemor.core.protocols import Integrator, State, StepSolver
 from sparsemor.core.registry import Registry
 from sparsemor.core.scene import Scene
@@ -176,10 +179,10 @@ def _judged(
 
 
 def check_run(
-    scene: Scene, model: Model, solver: StepSolver, full: State
+    scene: Scene, model: Model, solver: StepSolver, full: State, offline: Offline
 ) -> tuple[tuple[Note, ...], dict[str, Any]]:
     """What `run` asks before its first step from the full-order state `full`: warnings, and
-    numbers to store.
+    numbers to store. The judgement is kept among the offline products.
 
     Full order and the projected model are what others are judged by, and are not asked. Raises
     InputError (key `check_stability`) where the scene says `refuse`.
@@ -187,12 +190,26 @@ def check_run(
     reducer = scene.dump()["reducer"]["use"]
     if scene.check_stability == "off" or not solver.dictionaries or reducer == PROJECTION:
         return (), {}
+    plain = {"title": "", "output": {}, "probes": {}, "check_stability": "warn"}
+    kept = offline.remember(
+        "stability", (scene.using(plain).digest(),),
+        lambda: _as_arrays(_judged_run(scene, model, solver, full)))
+    words, facts = str(kept["words"]), json.loads(str(kept["facts"]))
+    if not words:
+        return (), facts
+    if scene.check_stability == "refuse":
+        raise InputError(words, "check_stability")
+    return (Note(words, "unstable"),), facts
+
+
+def _judged_run(scene: Scene, model: Model, solver: StepSolver, full: State) -> Judgement:
     integrator, h, steps = scene.integrator, scene.time.step, step_count(scene)
     known = scene.source.registry
     states = course(model, integrator, h, solver, full, course_times(h, steps), known)
-    found = judge_along(solver, integrator, h, steps, states, Reference(model, known))
-    if found.stable:
-        return (), found.facts()
-    if scene.check_stability == "refuse":
-        raise InputError(found.in_words(), "check_stability")
-    return (Note(found.in_words(), "unstable"),), found.facts()
+    return judge_along(solver, integrator, h, steps, states, Reference(model, known))
+
+
+def _as_arrays(found: Judgement) -> dict[str, Any]:
+    """Of a judgement what a run reports: its warning ("" where there is none) and its facts."""
+    return {"words": np.array("" if found.stable else found.in_words()),
+            "facts": np.array(json.dumps(found.facts()))}

@@ -130,9 +130,6 @@ FAULTS: dict[str, tuple[list[tuple[str, str]], str, str, str]] = {
     "a budget that fits nothing": (
         [('"*.thermal": {rows', '"*.termal": {rows')], '"*.termal"', "reducer.budgets.*.termal",
         "fits no block: did you mean *.thermal"),
-    "a block without a budget": (
-        [('    "*.thermal": {rows: 8, atoms: 6}\n', "")], "budgets:", "reducer.budgets",
-        'no budget fits arm.thermal: give rows and atoms, for instance under "*.thermal"'),
     "an unknown field": (
         [("[elastic, thermal]", "[elastic, thermic]")], "thermic", "bodies.arm.fields.1",
         "'elastic' or 'thermal' (given: \"thermic\")"),

@@ -153,10 +153,14 @@ def test_common_times() -> None:
         common_steps(a, np.zeros(0))
 
 
-def test_runs_of_other_models_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"cold: .*arm.thermal \(4\)"):
-        compare(reference=write_run(tmp_path / "a"),
-                cold=write_run(tmp_path / "b", (RIGID, ELASTIC)))
+def test_runs_of_other_models_are_compared_on_common_blocks(tmp_path: Path) -> None:
+    found = compare(reference=write_run(tmp_path / "a"),
+                    cold=write_run(tmp_path / "b", (RIGID, ELASTIC)))
+    assert found.measured["cold"].unshared == ("arm.thermal",)
+    assert "arm.thermal" not in found.errors["cold"] and "arm.elastic" in found.errors["cold"]
+    with pytest.raises(InputError, match=r"other: .*no unknowns in common: .*arm.thermal"):
+        compare(reference=write_run(tmp_path / "d", (RIGID,)),
+                other=write_run(tmp_path / "e", (THERMAL,)))
     with pytest.raises(InputError, match="at least one run"):
         compare(reference=write_run(tmp_path / "c"))
 

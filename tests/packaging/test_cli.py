@@ -35,7 +35,7 @@ def runs(monkeypatch) -> list[SimpleNamespace]:
     """Replaces the time loop: what was asked for, and a directory as a run leaves it."""
     asked: list[SimpleNamespace] = []
 
-    def simulate(scene, *, out=None, resume=False, observers=()):
+    def simulate(scene, *, out=None, resume=False, observers=(), **shared):
         asked.append(SimpleNamespace(scene=scene, out=out, resume=resume, observers=observers))
         name = scene.dump()["reducer"]["use"]
         if scene.bodies["a"].mass > 100:
@@ -213,12 +213,12 @@ def test_compare_runs_each_reducer(runs, monkeypatch):
         errors = SimpleNamespace(start_up={"a": 0.5}, steady={"a": 0.1})
         return Comparison(errors={n: {"a": 0.5} for n in others},
                           measured=dict.fromkeys(others, errors),
-                          write=lambda directory: [directory / "errors.csv"])
+                          write=lambda directory, charts: [directory / "errors.csv"])
 
     module = ModuleType("sparsemor.core.compare")
     module.compare = compare
     monkeypatch.setitem(sys.modules, "sparsemor.core.compare", module)
-    checked_by(monkeypatch, lambda scene: None)
+    checked_by(monkeypatch, lambda scene, shop: None)
     done = sparsemor("compare", "scene.yaml", "--reducers", "direct,second,tuned", "--json")
     assert done.code == 0
     shown = json.loads(done.out)

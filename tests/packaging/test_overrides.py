@@ -40,6 +40,13 @@ def test_a_subtree_is_replaced(scene):
     assert scene.using({"reducer": "direct"}).dump()["reducer"] == {"use": "direct"}
 
 
+def test_null_removes_an_entry_of_a_table(scene):
+    made = scene.using({"bodies.b": {"use": "ball", "mass": 3}}).using({"bodies.b": None})
+    assert list(made.dump()["bodies"]) == list(scene.dump()["bodies"])
+    (line,) = complaint(scene, {"loads.nobody": None})
+    assert "loads.nobody" in line and "nothing of this name to remove" in line
+
+
 def test_the_scene_itself_stays(scene):
     before = scene.dump()
     scene.using({"bodies.a.mass": 7, "reducer.budgets.*.elastic": 9})
