@@ -38,6 +38,8 @@ def chain(rng: Rng, links: int | None = None, rigid: bool | None = None) -> Tree
         name, angle = f"link{i}", float(rng.uniform(-np.pi, np.pi))
         length, height = float(rng.uniform(0.3, 0.6)), float(rng.uniform(0.05, 0.1))
         stiff = rng.random() < 0.25 if rigid is None else rigid
+        if rigid is None and i == count - 1 and all(b["use"] == "rigid" for b in bodies.values()):
+            stiff = False  # at least one link bends
         pose = {"position": [float(x) for x in at], "angle": angle}
         bodies[name] = _bar(length, 2.0, pose) if stiff else _link(rng, length, height, pose)
         joints[f"pin{i}"] = {"use": "revolute", "between": [before, f"{name}:left"]}
