@@ -1,8 +1,10 @@
 """Between the time loop and the store: buffers steps, evaluates probes, sums up a run."""
 
+import errno
 import os
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
@@ -12,22 +14,23 @@ import numpy as np
 
 from sparsemor.core.acting import acting_of, resultants
 from sparsemor.core.arrays import BoolArray
-from sparsemor.core.checkpoint import Checkpoint
-from sparsemor.core.errors import InputError
+from sparsemor.core.checkpoint import Checkpoint, checkpoint_file
+from sparsemor.core.errors import Damaged, InputError
 from sparsemor.core.initial import start_notes
 from sparsemor.core.model import Model
 from sparsemor.core.notes import Level, Note, kinds, sentences
 from sparsemor.core.offline import Offline
+from sparsemor.core.owner import lost
 from sparsemor.core.plain import finite
 from sparsemor.core.probes import ProbeReader
 from sparsemor.core.protocols import State, StepSolver
+from sparsemor.core.replaced import STORE
 from sparsemor.core.run_header import BodyShape, RunHeader
 from sparsemor.core.scene import Scene
 from sparsemor.core.served import Held, solvers_summary
 from sparsemor.core.status import Status
 from sparsemor.core.store import ChunkOfSteps, ResultWriter
 
-STORE = "result.zarr"
 CHUNK, SECONDS = 256, 2.0
 """Rows, or seconds, after which what was computed is committed to disk."""
 BUFFER = 2**26
@@ -94,9 +97,23 @@ class Recorder:
             writer, checkpoint = ResultWriter.resume(store, scene.digest())
             return cls(scene, model, solver, offline, writer, checkpoint, steps)
         admit(scene, out, resume)
-        out.mkdir(parents=True, exist_ok=True)
+        if lost(out):
+            raise FileNotFoundError(
+                errno.ENOENT, "the output directory was moved or removed during the run", str(out))
         header = _header(scene, model, solver, steps)
         return cls(scene, model, solver, offline, ResultWriter.create(store, header), None, steps)
+
+    @contextmanager
+    def kept(self) -> Iterator[None]:
+        """Removes a new store that is refused late, or fails before it can be resumed."""
+        try:
+            yield
+        except (InputError, OSError) as error:
+            first = not checkpoint_file(self.store).exists()
+            refused = isinstance(error, InputError) and not isinstance(error, Damaged)
+            if self.checkpoint is None and (first or refused):
+                self.writer.discard()
+            raise
 
     def restored(self, fresh: Tally) -> tuple[State, Any, Tally]:
         """State, step memory and sums at the last checkpoint."""

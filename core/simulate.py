@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Sequence
+from contextlib import nullcontext
 from pathlib import Path
 from tempfile import mkdtemp
 from typing import Any
@@ -15,6 +16,7 @@ from sparsemor.core.initial import consistent_state
 from sparsemor.core.interrupt import Interrupt
 from sparsemor.core.memory import peak
 from sparsemor.core.offline import step_count
+from sparsemor.core.owner import owned
 from sparsemor.core.prepared import prepared
 from sparsemor.core.protocols import Resampling, State, StepSolver
 from sparsemor.core.recorder import Recorder, Tally, admit, told
@@ -33,9 +35,19 @@ def simulate(
 ) -> RunResult:
     """Run a scene and store its result under `out` (a temporary directory when not given).
 
-    Raises InputError before anything is written, SolveFailed (with `.result`, readable up to
-    there) when the run stops before its end. `resume` goes on from the last checkpoint.
+    Raises InputError before anything is written, also when another run is writing to `out`;
+    SolveFailed (with `.result`, readable up to there) when the run stops before its end; OSError
+    when the result cannot be written, or `out` was moved or removed. `resume` goes on from the
+    last checkpoint.
     """
+    with nullcontext() if out is None else owned(Path(out)):
+        return _simulate(scene, out, resume, observers, cache)
+
+
+def _simulate(
+    scene: Scene, out: str | Path | None, resume: bool, observers: Sequence[object],
+    cache: Cache | None,
+) -> RunResult:
     begun = time.perf_counter()
     manager = new_manager(observers)
     if out is not None:
@@ -62,7 +74,8 @@ def simulate(
         sampled = solver.rows_at(memory) if isinstance(solver, Resampling) else solver.rows
         for block, rows in sampled.items():
             manager.hook.on_resample(block=block, rows=rows)
-        return _Run(scene, solver, recorder, manager, state, memory, tally).go()
+        with recorder.kept():
+            return _Run(scene, solver, recorder, manager, state, memory, tally).go()
 
 
 class _Run:

@@ -15,7 +15,6 @@ from sparsemor.core.cli.common import (
     SceneName,
     Settings,
     exit_codes,
-    is_result,
     leave,
     load_with,
     located_in,
@@ -27,8 +26,10 @@ from sparsemor.core.cli.common import (
 )
 from sparsemor.core.errors import InputError
 from sparsemor.core.registry import Registry
+from sparsemor.core.replaced import is_result, remove_result
 from sparsemor.core.scene import Scene
 from sparsemor.core.status import SolveFailed, Status
+from sparsemor.core.zarr_files import writing
 
 Out = Annotated[Path | None, out_option("runs/SCENE-compare")]
 
@@ -91,13 +92,21 @@ def _refuse_early(scenes: dict[str, Scene]) -> None:
 def _run_all(
     scenes: dict[str, Scene], directory: Path, resume: bool, quiet: bool
 ) -> tuple[dict[str, Any], dict[str, SolveFailed]]:
-    """Results by name, also of runs that stopped early, and what stopped them."""
+    """Results by name, also of runs that stopped early, and what stopped them.
+
+    Bad input that a later run finds removes those that were made here.
+    """
     results: dict[str, Any] = {}
     failures: dict[str, SolveFailed] = {}
+    old = {name for name in scenes if is_result(directory / name)}
     for name, scene in scenes.items():
         with located_in(scene), progress(quiet) as observers:
             try:
                 results[name] = _run_one(scene, directory / name, resume, observers)
+            except InputError:
+                for made in set(results) - old:
+                    remove_result(directory / made)
+                raise
             except SolveFailed as error:
                 if not results or error.status is Status.INTERRUPTED:
                     raise  # nothing to compare with, or no wish to
@@ -132,7 +141,8 @@ def _report(
             print_json({"status": "failed", "failures": failed})
         leave(failed, FAILED)
     comparison = compared(results[reference], **{name: results[name] for name in others})
-    comparison.write(directory)
+    with writing(directory):
+        comparison.write(directory)
     summaries = {name: dict(result.summary) for name, result in results.items()}
     if as_json:
         print_json({"status": "failed" if failed else "done", "reference": reference,

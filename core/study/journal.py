@@ -14,6 +14,7 @@ from typing import Any
 from sparsemor.core.errors import InputError
 from sparsemor.core.study.columns import TIMES, cell, fact_columns, with_facts
 from sparsemor.core.study.plan import Plan
+from sparsemor.core.zarr_files import writing
 
 ABOUT, LINES, CSV = "study.json", "runs.jsonl", "runs.csv"
 
@@ -138,7 +139,7 @@ def _csv(names: Sequence[str], rows: Sequence[Mapping[str, Any]], head: bool = T
 
 
 def _append(path: Path, text: str) -> None:
-    with path.open("ab") as file:
+    with writing(path), path.open("ab") as file:
         file.write(text.encode())
         file.flush()
         os.fsync(file.fileno())
@@ -146,7 +147,7 @@ def _append(path: Path, text: str) -> None:
 
 def _replace(path: Path, text: str) -> None:
     fresh = path.with_name(f".{path.name}.new")
-    with fresh.open("wb") as file:
+    with writing(path), fresh.open("wb") as file:
         file.write(text.encode())
         file.flush()
         os.fsync(file.fileno())
