@@ -15,7 +15,9 @@ from sparsemor.core.status import Status
 from sparsemor.core.zarr_files import GROUP_FILE
 
 KEPT, MOVING = ".replaced", ".replaced.part"
-STORE, TABLE = "result.zarr", "errors.csv"
+STORE = "result.zarr"
+_TABLES = ("errors.csv", "table.csv")
+"""Written at the end of a comparison, and of a study."""
 _SCRATCH = f".{STORE}."
 
 
@@ -91,9 +93,9 @@ def drop(out: Path) -> None:
 
 
 def _ended(out: Path) -> bool:
-    """Whether the run or comparison in `out` came to an end of its own."""
+    """Whether the run, comparison or study in `out` came to an end of its own."""
     if not (out / STORE).is_dir():
-        return (out / TABLE).is_file()
+        return any((out / name).is_file() for name in _TABLES)
     try:
         document = json.loads((out / STORE / GROUP_FILE).read_text(encoding="utf-8"))
         return bool(document["attributes"]["status"] != Status.INTERRUPTED.value)
