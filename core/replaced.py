@@ -29,7 +29,8 @@ def entries(out: Path) -> list[Path]:
 def _nothing(path: Path) -> bool:
     if path.name in (LOCK, KEPT, MOVING) or path.name.startswith(_SCRATCH):
         return True
-    return path.is_dir() and any(path.iterdir()) and not entries(path)
+    inside = list(path.iterdir()) if path.is_dir() else []
+    return bool(inside) and all(map(_nothing, inside))  # stops at the first file
 
 
 def is_result(path: Path) -> bool:

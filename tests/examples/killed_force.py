@@ -74,7 +74,7 @@ def main(scene: str) -> None:
     found = []
     while not found or found[-1]["killed"]:
         # the moves and the first files one by one, then some of the many that are alike
-        moment = len(found) + 1 if len(found) < 4 else found[-1]["moment"] + 11
+        moment = len(found) + 1 if len(found) < 4 else found[-1]["moment"] + 17
         found.append(attempt(scene, moment))
     print(json.dumps(found))
 
