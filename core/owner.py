@@ -1,5 +1,6 @@
 """Exclusive use of an output directory: an advisory lock that the end of its process releases."""
 
+import errno
 import itertools
 import os
 import sys
@@ -59,6 +60,45 @@ def owned(folder: Path) -> Iterator[None]:
                 path.rmdir()
             except OSError:  # somebody else's files are in it
                 break
+
+
+class FixedFolder:
+    """A folder that has to stay where it is, and the same, while it is written to."""
+
+    def __init__(self, path: Path) -> None:
+        self.path, self._inode = path, inode(path)
+
+    def in_place(self) -> bool:
+        """False when it was moved, removed or replaced."""
+        return inode(self.path) == self._inode
+
+    @contextmanager
+    def kept(self, stored: float) -> Iterator[None]:
+        """Raises OSError when it is not in place before or after the writing inside; stored: time
+        of the last step that was stored before, s."""
+        self._check(stored)
+        try:
+            yield
+        except FileNotFoundError:
+            self._check(stored)
+            raise
+        self._check(stored)
+
+    def _check(self, stored: float) -> None:
+        if not self.in_place():
+            until = f"stored up to t = {stored:g} s" if stored >= 0.0 else "no step was stored"
+            raise FileNotFoundError(
+                errno.ENOENT, "the result was moved, removed or replaced while the run wrote to it "
+                f"({until}); --resume continues one that was moved where it is now",
+                str(self.path))
+
+
+def check_owned(folder: Path) -> None:
+    """Raises OSError when the folder is owned here, and was moved, removed or replaced."""
+    if lost(folder):
+        raise FileNotFoundError(
+            errno.ENOENT, "the output directory was moved, removed or replaced during the run",
+            str(folder))
 
 
 def lost(folder: Path) -> bool:

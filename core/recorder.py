@@ -1,10 +1,7 @@
 """Between the time loop and the store: buffers steps, evaluates probes, sums up a run."""
 
-import errno
-import os
 import time
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
@@ -13,14 +10,14 @@ from typing import Any
 import numpy as np
 
 from sparsemor.core.acting import acting_of, resultants
+from sparsemor.core.admission import admit
 from sparsemor.core.arrays import BoolArray
-from sparsemor.core.checkpoint import Checkpoint, checkpoint_file
-from sparsemor.core.errors import Damaged, InputError
+from sparsemor.core.checkpoint import Checkpoint
 from sparsemor.core.initial import start_notes
 from sparsemor.core.model import Model
 from sparsemor.core.notes import Level, Note, kinds, sentences
 from sparsemor.core.offline import Offline
-from sparsemor.core.owner import lost
+from sparsemor.core.owner import check_owned
 from sparsemor.core.plain import finite
 from sparsemor.core.probes import ProbeReader
 from sparsemor.core.protocols import State, StepSolver
@@ -97,23 +94,9 @@ class Recorder:
             writer, checkpoint = ResultWriter.resume(store, scene.digest())
             return cls(scene, model, solver, offline, writer, checkpoint, steps)
         admit(scene, out, resume)
-        if lost(out):
-            raise FileNotFoundError(
-                errno.ENOENT, "the output directory was moved or removed during the run", str(out))
+        check_owned(out)
         header = _header(scene, model, solver, steps)
         return cls(scene, model, solver, offline, ResultWriter.create(store, header), None, steps)
-
-    @contextmanager
-    def kept(self) -> Iterator[None]:
-        """Removes a new store that is refused late, or fails before it can be resumed."""
-        try:
-            yield
-        except (InputError, OSError) as error:
-            first = not checkpoint_file(self.store).exists()
-            refused = isinstance(error, InputError) and not isinstance(error, Damaged)
-            if self.checkpoint is None and (first or refused):
-                self.writer.discard()
-            raise
 
     def restored(self, fresh: Tally) -> tuple[State, Any, Tally]:
         """State, step memory and sums at the last checkpoint."""
@@ -228,22 +211,6 @@ def _iterations(solver: Any, memory: Any) -> Mapping[str, int]:
     """Of linear solvers in the steps, by block."""
     told = getattr(solver, "linear_iterations", None)
     return {} if told is None else dict(told(memory))
-
-
-def admit(scene: Scene, out: Path, resume: bool) -> None:
-    """Raises InputError when a run may not write to `out`: asked before anything is computed."""
-    store = out / STORE
-    if resume:
-        ResultWriter.resumable(store, scene.digest())
-        return
-    if store.exists():
-        raise InputError(f"{out} already holds a result: continue it with --resume, replace "
-                         "it with --force, or name another directory", "out")
-    place = out
-    while not place.exists():
-        place = place.parent
-    if not place.is_dir() or not os.access(place, os.W_OK):
-        raise InputError(f"{out}: nothing can be written to {place}: name another directory", "out")
 
 
 def shapes(model: Model) -> dict[str, BodyShape]:

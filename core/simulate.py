@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from sparsemor.core.admission import admit, kept
 from sparsemor.core.cache import Cache
 from sparsemor.core.errors import InputError
 from sparsemor.core.hooks import Manager, RunStart, new_manager
@@ -19,7 +20,7 @@ from sparsemor.core.offline import step_count
 from sparsemor.core.owner import owned
 from sparsemor.core.prepared import prepared
 from sparsemor.core.protocols import Resampling, State, StepSolver
-from sparsemor.core.recorder import Recorder, Tally, admit, told
+from sparsemor.core.recorder import Recorder, Tally, told
 from sparsemor.core.results import RunResult
 from sparsemor.core.scene import Scene
 from sparsemor.core.served import Held
@@ -74,7 +75,7 @@ def _simulate(
         sampled = solver.rows_at(memory) if isinstance(solver, Resampling) else solver.rows
         for block, rows in sampled.items():
             manager.hook.on_resample(block=block, rows=rows)
-        with recorder.kept():
+        with kept(recorder.writer, new=recorder.checkpoint is None):
             return _Run(scene, solver, recorder, manager, state, memory, tally).go()
 
 

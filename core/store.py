@@ -10,8 +10,7 @@ import errno
 import os
 import shutil
 import uuid
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -28,7 +27,7 @@ from sparsemor.core.checkpoint import (
     save_checkpoint,
 )
 from sparsemor.core.errors import Damaged, InputError
-from sparsemor.core.owner import inode
+from sparsemor.core.owner import FixedFolder
 from sparsemor.core.result_stage import stage_attributes
 from sparsemor.core.run_header import RunHeader, load_layout
 from sparsemor.core.run_variables import TIME, fixed_arrays, steps_per_chunk, time_arrays
@@ -60,7 +59,7 @@ class ResultWriter:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._inode = inode(path)
+        self._folder = FixedFolder(path)
         self._document = zf.read_group(path)
         self._arrays = {name: m for name, m in zf.arrays_of(self._document).items()
                         if m["dimension_names"][0] == TIME}
@@ -139,7 +138,7 @@ class ResultWriter:
         if len(steps.times) == 0:
             return
         first = self.stored // self._chunk
-        with self._in_place():
+        with self._folder.kept(self._last_time):
             for name, values in columns.items():
                 self._write(name, first, values)
             for metadata in self._arrays.values():
@@ -150,7 +149,7 @@ class ResultWriter:
     def checkpoint(self, arrays: Mapping[str, NDArray[Any]], memory: Any = None) -> None:
         """Remember how to go on from the last appended step; `memory` must be picklable."""
         run = self._document["attributes"]["run"]
-        with self._in_place(), zf.writing(checkpoint_file(self.path)):
+        with self._folder.kept(self._last_time), zf.writing(checkpoint_file(self.path)):
             save_checkpoint(self.path, Checkpoint(run, self.stored, arrays, memory))
 
     def finish(self, status: Status, summary: Mapping[str, Any]) -> None:
@@ -158,7 +157,7 @@ class ResultWriter:
 
         Raises OSError when the store was moved or removed, or one of its files is missing.
         """
-        with self._in_place():
+        with self._folder.kept(self._last_time):
             try:
                 zf.check_chunks(self.path, zf.arrays_of(self._document))
             except Damaged as error:
@@ -175,27 +174,9 @@ class ResultWriter:
 
     def discard(self) -> None:
         """Remove the store and its checkpoint, if they are still where they were written."""
-        if inode(self.path) == self._inode:
+        if self._folder.in_place():
             checkpoint_file(self.path).unlink(missing_ok=True)
             shutil.rmtree(self.path, ignore_errors=True)
-
-    @contextmanager
-    def _in_place(self) -> Iterator[None]:
-        """Raises OSError when the store is no longer at its path, before and after the writing."""
-        self._check_place()
-        try:
-            yield
-        except FileNotFoundError:
-            self._check_place()
-            raise
-        self._check_place()
-
-    def _check_place(self) -> None:
-        if inode(self.path) != self._inode:
-            raise FileNotFoundError(
-                errno.ENOENT, "the result was moved, removed or replaced while the run wrote to it "
-                f"(stored up to t = {self._last_time:g} s); --resume continues one that was moved "
-                "where it is now", str(self.path))
 
     def _columns(self, steps: ChunkOfSteps) -> dict[str, NDArray[Any]]:
         j = len(steps.times)
