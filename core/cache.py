@@ -16,10 +16,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sparsemor.core.zarr_files import checksum
+
 Arrays = Mapping[str, NDArray[Any]]
 
 _MAPPED_BYTES = 2**24
 _MANIFEST = "manifest.json"
+_PIECE = 2**22
 _SCRATCH = ".scratch."
 _log = logging.getLogger(__name__)
 
@@ -102,7 +105,9 @@ def _save(place: Path, arrays: Arrays) -> None:
                 np.save(fresh / file, arrays[name], allow_pickle=False)
             else:
                 shutil.move(written, fresh / file)
-        (fresh / _MANIFEST).write_text(json.dumps(files), encoding="utf-8")
+        table = {name: [file, _checksum_of(fresh / file)] for name, file in files.items()}
+        (fresh / _MANIFEST).write_text(
+            json.dumps({"checksum": _checksum(table), "files": table}), encoding="utf-8")
         try:
             os.rename(fresh, place)
         except OSError:
@@ -151,8 +156,28 @@ def _scratch_file(array: NDArray[Any]) -> str | None:
 
 
 def _load(place: Path) -> dict[str, NDArray[Any]]:
-    files: dict[str, str] = json.loads((place / _MANIFEST).read_text(encoding="utf-8"))
-    return {name: _load_one(place / file) for name, file in files.items()}
+    """Raises ValueError, KeyError, TypeError or OSError for what is damaged or missing."""
+    manifest = json.loads((place / _MANIFEST).read_text(encoding="utf-8"))
+    table: dict[str, list[Any]] = manifest["files"]
+    if manifest["checksum"] != _checksum(table):
+        raise ValueError(f"{_MANIFEST}: its checksum is not that of its content")
+    for file, kept in table.values():
+        if _checksum_of(place / file) != kept:
+            raise ValueError(f"{file}: its checksum is not that of its bytes")
+    return {name: _load_one(place / file) for name, (file, _) in table.items()}
+
+
+def _checksum(table: Mapping[str, Any]) -> int:
+    return checksum(json.dumps(table).encode("utf-8"))
+
+
+def _checksum_of(file: Path) -> int:
+    """CRC-32C of a file, read in pieces."""
+    found = 0
+    with file.open("rb") as data:
+        while piece := data.read(_PIECE):
+            found = checksum(piece, found)
+    return found
 
 
 def _load_one(file: Path) -> NDArray[Any]:

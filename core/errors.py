@@ -34,6 +34,10 @@ class InputError(ValueError):
                            for f in self.faults])
 
 
+class Damaged(InputError):
+    """A stored file that is missing, or no longer what was written; the message has its path."""
+
+
 class Gather:
     """Tries several things and keeps the faults of those that fail, to raise them together.
 

@@ -1,6 +1,5 @@
 """Between the time loop and the store: buffers steps, evaluates probes, sums up a run."""
 
-import os
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -11,23 +10,24 @@ from typing import Any
 import numpy as np
 
 from sparsemor.core.acting import acting_of, resultants
+from sparsemor.core.admission import admit
 from sparsemor.core.arrays import BoolArray
 from sparsemor.core.checkpoint import Checkpoint
-from sparsemor.core.errors import InputError
 from sparsemor.core.initial import start_notes
 from sparsemor.core.model import Model
 from sparsemor.core.notes import Level, Note, kinds, sentences
 from sparsemor.core.offline import Offline
+from sparsemor.core.owner import check_owned
 from sparsemor.core.plain import finite
 from sparsemor.core.probes import ProbeReader
 from sparsemor.core.protocols import State, StepSolver
+from sparsemor.core.replaced import STORE
 from sparsemor.core.run_header import BodyShape, RunHeader
 from sparsemor.core.scene import Scene
 from sparsemor.core.served import Held, solvers_summary
 from sparsemor.core.status import Status
 from sparsemor.core.store import ChunkOfSteps, ResultWriter
 
-STORE = "result.zarr"
 CHUNK, SECONDS = 256, 2.0
 """Rows, or seconds, after which what was computed is committed to disk."""
 BUFFER = 2**26
@@ -94,7 +94,7 @@ class Recorder:
             writer, checkpoint = ResultWriter.resume(store, scene.digest())
             return cls(scene, model, solver, offline, writer, checkpoint, steps)
         admit(scene, out, resume)
-        out.mkdir(parents=True, exist_ok=True)
+        check_owned(out)
         header = _header(scene, model, solver, steps)
         return cls(scene, model, solver, offline, ResultWriter.create(store, header), None, steps)
 
@@ -211,22 +211,6 @@ def _iterations(solver: Any, memory: Any) -> Mapping[str, int]:
     """Of linear solvers in the steps, by block."""
     told = getattr(solver, "linear_iterations", None)
     return {} if told is None else dict(told(memory))
-
-
-def admit(scene: Scene, out: Path, resume: bool) -> None:
-    """Raises InputError when a run may not write to `out`: asked before anything is computed."""
-    store = out / STORE
-    if resume:
-        ResultWriter.resumable(store, scene.digest())
-        return
-    if store.exists():
-        raise InputError(f"{out} already holds a result: continue it with --resume, replace "
-                         "it with --force, or name another directory", "out")
-    place = out
-    while not place.exists():
-        place = place.parent
-    if not place.is_dir() or not os.access(place, os.W_OK):
-        raise InputError(f"{out}: nothing can be written to {place}: name another directory", "out")
 
 
 def shapes(model: Model) -> dict[str, BodyShape]:

@@ -8,6 +8,7 @@ import numpy as np
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.run_header import CONTACT_UNITS, UNITS
 from sparsemor.core.stage import FrameHistory, Stage
+from sparsemor.core.stored import StoredArrays
 
 TIME = "stage.time"
 
@@ -38,11 +39,11 @@ def stage_arrays(
             yield (f"stage.{name}.{what}", (TIME,), {"units": CONTACT_UNITS.get(what, "")}, values)
 
 
-def read_stage(names: Mapping[str, Any], data: Any) -> Stage:
-    """From the attribute and the dataset of a result."""
+def read_stage(names: Mapping[str, Any], data: StoredArrays) -> Stage:
+    """From the attribute and the arrays of a result."""
 
     def read(name: str) -> FloatArray:
-        return np.asarray(data[f"stage.{name}"].to_numpy(), dtype=np.float64)
+        return data.read(f"stage.{name}")
 
     times = read("time")
     frames = {n: FrameHistory(times, *read(f"{n}.frame").transpose(1, 0, 2))

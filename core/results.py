@@ -6,35 +6,37 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.layout import Layout
 from sparsemor.core.placement import KNOWN, PLANAR, SPINNING, placed, turned
+from sparsemor.core.replaced import kept_note
 from sparsemor.core.result_stage import read_stage
 from sparsemor.core.run_header import Probe, load_layout
 from sparsemor.core.stage import Stage
 from sparsemor.core.status import Status
-from sparsemor.core.zarr_files import GROUP_FILE, read_group
+from sparsemor.core.stored import ALL, StoredArrays
+from sparsemor.core.zarr_files import GROUP_FILE
 
 if TYPE_CHECKING:
     import xarray as xr
-
-ALL = slice(None)
 
 
 class RunResult:
     """One run, finished or not, as it stood when first read. Pickles as its path.
 
     Blocks are named `body.field`. Arrays over time have one row a stored step. Reduced runs
-    hold coefficients; full unknowns are computed on request, for the asked steps only.
+    hold coefficients; full unknowns are computed on request, for the asked steps only. Whole
+    arrays are read-only: copy one to change it. Raises `Damaged` for damaged or missing files.
     """
 
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path).absolute()
         if not (self.path / GROUP_FILE).exists():
-            raise InputError(f"there is no result in {path}")
-        self._kept: dict[str, FloatArray] = {}
+            raise InputError(f"there is no result in {path}{kept_note(self.path)}")
+        self._kept: dict[str, NDArray[Any]] = {}
 
     def __reduce__(self) -> tuple[Any, ...]:
         return RunResult, (self.path,)
@@ -43,17 +45,18 @@ class RunResult:
         return f"<RunResult {self.reducer}, {self.status.value}, {len(self.times)} stored steps>"
 
     @cached_property
-    def _data(self) -> "xr.Dataset":
-        import xarray as xr
-
-        data: xr.Dataset = xr.open_zarr(self.path, chunks=None, consolidated=True, decode_cf=False)
-        self._attributes = dict(data.attrs)  # of the same moment as the arrays
-        return data
+    def _stored(self) -> StoredArrays:
+        return StoredArrays(self.path)
 
     @cached_property
+    def _data(self) -> StoredArrays:
+        """The arrays, once every committed chunk has its file."""
+        self._stored.check()
+        return self._stored
+
+    @property
     def _attributes(self) -> dict[str, Any]:
-        """Read from the one file that has them: importing xarray takes longer than a short run."""
-        return dict(read_group(self.path)["attributes"])
+        return self._stored.attributes
 
     @property
     def attributes(self) -> dict[str, Any]:
@@ -99,7 +102,7 @@ class RunResult:
     @property
     def iterations(self) -> IntArray:
         """(j,) iterations of each stored step."""
-        return self._data["iterations"].to_numpy()
+        return self._whole("iterations")
 
     @property
     def step_seconds(self) -> FloatArray:
@@ -134,9 +137,9 @@ class RunResult:
             have = ", ".join(b.name for b in self.layout)
             raise InputError(f"no block {name!r} in this result; it has {have}", key="block")
         if not self.reduced(name):
-            return self._read(name, steps)
-        c = self.coefficients(name)[steps]
-        return self._whole(f"{name}.offset") + c @ self._whole(f"{name}.atoms").T
+            return self._data.read(name, steps)
+        c, atoms = self.coefficients(name)[steps], self._whole(f"{name}.atoms")
+        return np.asarray(self._whole(f"{name}.offset") + c @ atoms.T)
 
     def coefficients(self, name: str) -> FloatArray:
         """(j, k) coefficients of a reduced block."""
@@ -144,16 +147,16 @@ class RunResult:
 
     def support(self, name: str) -> BoolArray:
         """(j, k) which atoms of a reduced block were in use."""
-        return self._data[self._of_reduced(name, "active")].to_numpy()
+        return self._whole(self._of_reduced(name, "active"))
 
     def rows(self, name: str) -> IntArray:
         """The sampled rows of a block; empty when it was not sampled."""
         key = f"{name}.rows"
-        return self._data[key].to_numpy() if key in self._data else np.zeros(0, dtype=np.int64)
+        return self._whole(key) if key in self._data else np.zeros(0, dtype=np.int64)
 
     @property
     def probes(self) -> tuple[str, ...]:
-        return tuple(str(n)[6:] for n in self._data.data_vars if str(n).startswith("probe."))
+        return tuple(n[6:] for n in self._data.names if n.startswith("probe."))
 
     def probe(self, name: str) -> FloatArray:
         """(j, components) of a probe; their names stand in its attributes in `to_xarray`."""
@@ -165,7 +168,7 @@ class RunResult:
     def probe_header(self, name: str) -> Probe:
         """Where a probe sits, and what its columns are."""
         self.probe(name)  # says which there are
-        a = self._data[f"probe.{name}"].attrs
+        a = self._data.attributes_of(f"probe.{name}")
         return Probe(name, a["body"], tuple(a["position"]), tuple(a["components"]),
                      tuple(a["units"].split(", ")))
 
@@ -175,7 +178,7 @@ class RunResult:
 
     def cells(self, body: str) -> IntArray:
         """(E, d + 1) point numbers."""
-        return self._data[self._of_body(body, "cells")].to_numpy()
+        return self._whole(self._of_body(body, "cells"))
 
     def nodal_displacement(self, body: str, step: int) -> FloatArray:
         """(N, d) displacements in the body frame, m; `step` counts stored steps."""
@@ -187,8 +190,8 @@ class RunResult:
         """(N,) temperatures, K."""
         temperature = self._at_nodes(body, "temperature", self.points(body).shape[:1])
         if f"{body}.given" in self._data:  # an older result knows those of the start alone
-            which = self._data[f"{body}.given_of"].to_numpy()
-            told = self._read(f"{body}.given", self._only(step))[0]
+            which = self._whole(f"{body}.given_of")
+            told = self._data.read(f"{body}.given", self._only(step))[0]
             temperature[which >= 0] = told[which[which >= 0]]
         self._fill(temperature, f"{body}.thermal", step)
         return temperature
@@ -228,7 +231,7 @@ class RunResult:
         return np.broadcast_to(pose, (count, pose.size))
 
     def _in_space(self, body: str) -> bool:
-        return f"{body}.points" in self._data and self._data[f"{body}.points"].shape[1] == 3
+        return f"{body}.points" in self._data and self._data.shape(f"{body}.points")[1] == 3
 
     def stage(self) -> Stage | None:
         """Motion, joint forces and contact histories of the rigid stage that the run followed, at
@@ -255,7 +258,7 @@ class RunResult:
 
     def to_xarray(self) -> "xr.Dataset":
         """All that is stored, lazily, with dimension names and units."""
-        return self._data.copy()
+        return self._data.dataset()
 
     def _at_nodes(self, body: str, what: str, shape: tuple[int, ...]) -> FloatArray:
         key = f"{body}.eliminated_{what}"
@@ -263,11 +266,11 @@ class RunResult:
 
     def _fill(self, values: FloatArray, block: str, step: int) -> None:
         if block in self.layout:
-            places = self._data[f"{block}.places"].to_numpy()
+            places = self._whole(f"{block}.places")
             values.reshape(-1)[places] = self.block(block, self._only(step))[0]
 
     def _only(self, step: int) -> slice:
-        count = self._data.sizes["time"]
+        count = self._data.shape("time")[0]
         if not -count <= step < count:
             raise IndexError(f"step {step} of a result with {count} stored steps")
         first = step % count
@@ -284,13 +287,10 @@ class RunResult:
             raise InputError(f"no body {body!r} with a stored shape; there are {have}", key="body")
         return f"{body}.{what}"
 
-    def _read(self, name: str, steps: slice | IntArray) -> FloatArray:
-        return np.asarray(self._data[name][steps].to_numpy(), dtype=np.float64)
-
-    def _whole(self, name: str) -> FloatArray:
-        # Only small arrays and the maps back come this way; full fields are read by steps.
+    def _whole(self, name: str) -> NDArray[Any]:
         if name not in self._kept:
-            self._kept[name] = self._read(name, ALL)
+            self._kept[name] = self._data.read(name)
+            self._kept[name].flags.writeable = False
         return self._kept[name]
 
 

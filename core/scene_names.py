@@ -11,6 +11,8 @@ from sparsemor.core.registry import near
 
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 _NAMED = ("bodies", "joints", "contacts", "loads", "probes")
+LONGEST = 100
+"""Characters of a name."""
 RESERVED = "ground"
 """The name by which joints call the fixed world."""
 
@@ -37,6 +39,8 @@ def name_faults(data: Mapping[str, Any]) -> list[InitErrorDetails]:
 def _complaint(group: str, name: object, owners: dict[object, str]) -> str:
     if not (isinstance(name, str) and _NAME.fullmatch(name)):
         return f"a name is made of letters, digits and _, and starts with no digit (given: {name})"
+    if len(name) > LONGEST:  # files of the result are called by it
+        return f"a name has at most {LONGEST} characters (this one has {len(name)})"
     if name == RESERVED:
         return f"{RESERVED} means the fixed world: choose another name"
     if group == "probes":

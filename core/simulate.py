@@ -2,12 +2,14 @@
 
 import time
 from collections.abc import Sequence
+from contextlib import nullcontext
 from pathlib import Path
 from tempfile import mkdtemp
 from typing import Any
 
 import numpy as np
 
+from sparsemor.core.admission import admit, kept
 from sparsemor.core.cache import Cache
 from sparsemor.core.errors import InputError
 from sparsemor.core.hooks import Manager, RunStart, new_manager
@@ -16,9 +18,10 @@ from sparsemor.core.interrupt import Interrupt
 from sparsemor.core.memory import peak
 from sparsemor.core.model import Model
 from sparsemor.core.offline import Offline, is_training_run, step_count
+from sparsemor.core.owner import owned
 from sparsemor.core.prepared import prepared
 from sparsemor.core.protocols import Resampling, State, StepSolver
-from sparsemor.core.recorder import Recorder, Tally, admit, told
+from sparsemor.core.recorder import Recorder, Tally, told
 from sparsemor.core.results import RunResult
 from sparsemor.core.scene import Scene
 from sparsemor.core.served import Held
@@ -37,11 +40,21 @@ def simulate(
 ) -> RunResult:
     """Run a scene and store its result under `out` (a temporary directory when not given).
 
-    Raises InputError before anything is written, SolveFailed (with `.result`, readable up to
-    there) when the run stops before its end. `resume` goes on from the last checkpoint. shop: what
-    other runs of the same bodies have built. keep_training: a full-order run that is the training
-    run of its scene leaves its snapshots in the cache, for reduced runs that follow.
+    Raises InputError before anything is written, also when another run is writing to `out`;
+    SolveFailed (with `.result`, readable up to there) when the run stops before its end; OSError
+    when the result cannot be written, or `out` was moved or removed. `resume` goes on from the
+    last checkpoint. shop: what other runs of the same bodies have built. keep_training: a
+    full-order run that is the training run of its scene leaves its snapshots in the cache, for
+    reduced runs that follow.
     """
+    with nullcontext() if out is None else owned(Path(out)):
+        return _simulate(scene, out, resume, observers, cache, shop, keep_training)
+
+
+def _simulate(
+    scene: Scene, out: str | Path | None, resume: bool, observers: Sequence[object],
+    cache: Cache | None, shop: Workshop | None, keep_training: bool,
+) -> RunResult:
     begun = time.perf_counter()
     manager = new_manager(observers)
     if out is not None:
@@ -69,7 +82,8 @@ def simulate(
         for block, rows in sampled.items():
             manager.hook.on_resample(block=block, rows=rows)
         keeper = _keeper(scene, model, offline) if keep_training else None
-        return _Run(scene, solver, recorder, manager, state, memory, tally, keeper).go()
+        with kept(recorder.writer, new=recorder.checkpoint is None):
+            return _Run(scene, solver, recorder, manager, state, memory, tally, keeper).go()
 
 
 def _keeper(scene: Scene, model: Model, offline: Offline) -> SnapshotKeeper | None:

@@ -3,8 +3,10 @@
 Order of every append: data files first, then one rename of the group's metadata. A file of a
 chunk that is not yet full is replaced by a longer one with the same first rows, so what was
 committed stays as it was. This holds for a killed process; a power cut may lose recent files.
+A store that is moved, removed or replaced while it is written to ends the run with an OSError.
 """
 
+import errno
 import os
 import shutil
 import uuid
@@ -24,7 +26,8 @@ from sparsemor.core.checkpoint import (
     load_checkpoint,
     save_checkpoint,
 )
-from sparsemor.core.errors import InputError
+from sparsemor.core.errors import Damaged, InputError
+from sparsemor.core.owner import FixedFolder
 from sparsemor.core.result_stage import stage_attributes
 from sparsemor.core.run_header import RunHeader, load_layout
 from sparsemor.core.run_variables import TIME, fixed_arrays, steps_per_chunk, time_arrays
@@ -56,6 +59,7 @@ class ResultWriter:
 
     def __init__(self, path: Path) -> None:
         self.path = path
+        self._folder = FixedFolder(path)
         self._document = zf.read_group(path)
         self._arrays = {name: m for name, m in zf.arrays_of(self._document).items()
                         if m["dimension_names"][0] == TIME}
@@ -77,9 +81,15 @@ class ResultWriter:
             raise InputError(
                 f"{path} already holds a result: continue it with --resume, name another "
                 "directory, or remove it", key="out")
+        target.parent.mkdir(parents=True, exist_ok=True)
         fresh = target.with_name(f".{target.name}.new")
         shutil.rmtree(fresh, ignore_errors=True)
-        _write_empty(fresh, header)
+        try:
+            fresh.mkdir()
+            _write_empty(fresh, header)
+        except (OSError, ValueError):
+            shutil.rmtree(fresh, ignore_errors=True)
+            raise
         checkpoint_file(target).unlink(missing_ok=True)
         if target.exists():
             old = target.with_name(f".{target.name}.old")
@@ -128,26 +138,45 @@ class ResultWriter:
         if len(steps.times) == 0:
             return
         first = self.stored // self._chunk
-        for name, values in columns.items():
-            self._write(name, first, values)
+        with self._folder.kept(self._last_time):
+            for name, values in columns.items():
+                self._write(name, first, values)
+            for metadata in self._arrays.values():
+                metadata["shape"][0] += len(steps.times)
+            zf.write_group(self.path, self._document)
         self._last_time = float(steps.times[-1])
-        for metadata in self._arrays.values():
-            metadata["shape"][0] += len(steps.times)
-        zf.write_group(self.path, self._document)
 
     def checkpoint(self, arrays: Mapping[str, NDArray[Any]], memory: Any = None) -> None:
         """Remember how to go on from the last appended step; `memory` must be picklable."""
         run = self._document["attributes"]["run"]
-        save_checkpoint(self.path, Checkpoint(run, self.stored, arrays, memory))
+        with self._folder.kept(self._last_time), zf.writing(checkpoint_file(self.path)):
+            save_checkpoint(self.path, Checkpoint(run, self.stored, arrays, memory))
 
     def finish(self, status: Status, summary: Mapping[str, Any]) -> None:
-        """Write how the run ended. Its checkpoint stays only if there is something to resume."""
-        self._document["attributes"].update(status=status.value, summary=dict(summary))
-        zf.write_group(self.path, self._document)
-        for name, metadata in zf.arrays_of(self._document).items():
-            zf.replace_file(self.path / name / zf.GROUP_FILE, zf.to_json(metadata))
-        if status.ok:
+        """Write how the run ended. Its checkpoint stays only if there is something to resume.
+
+        Raises OSError when the store was moved or removed, or one of its files is missing.
+        """
+        with self._folder.kept(self._last_time):
+            try:
+                zf.check_chunks(self.path, zf.arrays_of(self._document))
+            except Damaged as error:
+                raise OSError(errno.EIO, str(error)) from None
+            for name, metadata in zf.arrays_of(self._document).items():
+                folder = self.path / name
+                if zf.chunk_count(metadata) == 0:
+                    folder.mkdir(exist_ok=True)
+                zf.replace_file(folder / zf.GROUP_FILE, zf.to_json(metadata))
+            self._document["attributes"].update(status=status.value, summary=dict(summary))
+            zf.write_group(self.path, self._document)
+            if status.ok:
+                checkpoint_file(self.path).unlink(missing_ok=True)
+
+    def discard(self) -> None:
+        """Remove the store and its checkpoint, if they are still where they were written."""
+        if self._folder.in_place():
             checkpoint_file(self.path).unlink(missing_ok=True)
+            shutil.rmtree(self.path, ignore_errors=True)
 
     def _columns(self, steps: ChunkOfSteps) -> dict[str, NDArray[Any]]:
         j = len(steps.times)
@@ -219,7 +248,7 @@ def _write_empty(path: Path, header: RunHeader) -> None:
         if values.size:
             zf.write_chunk(path, name, fixed[name], 0, values)
     attributes = header.attributes() | {
-        "format": 1, "run": uuid.uuid4().hex, "steps_per_chunk": steps_per_chunk(header),
+        "format": zf.FORMAT, "run": uuid.uuid4().hex, "steps_per_chunk": steps_per_chunk(header),
         "status": Status.INTERRUPTED.value, "summary": {}, "stage": stage_attributes(header.stage),
     }
     zf.write_group(path, zf.group_document(attributes, growing | fixed))

@@ -1,20 +1,21 @@
 """What the commands share: options, the way out, places for results."""
 
 import json
-import shutil
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from sparsemor.core.errors import InputError
+from sparsemor.core.errors import Damaged, InputError
 from sparsemor.core.overrides import parse_settings
+from sparsemor.core.owner import lost, owned
 from sparsemor.core.registry import Registry
+from sparsemor.core.replaced import drop, entries, is_result, recover, set_aside
 from sparsemor.core.scene import Scene, load
-from sparsemor.core.status import SolveFailed
+from sparsemor.core.status import SolveFailed, Status
 from sparsemor.core.yaml_source import LocatedError
 
 SceneName = Annotated[
@@ -56,7 +57,7 @@ def located_in(scene: Scene) -> Iterator[None]:
     """Faults found after loading get their place in the scene file."""
     try:
         yield
-    except LocatedError:
+    except (LocatedError, Damaged):  # what is damaged on disk is nowhere in the scene
         raise
     except InputError as error:
         # what is wrong with an option of the command is nowhere in the file
@@ -167,43 +168,34 @@ def progress(quiet: bool) -> Iterator[Sequence[object]]:
 
 @contextmanager
 def place_for_result(out: Path, resume: bool, force: bool) -> Iterator[None]:
-    """Refuse to overwrite; with `force`, put the earlier result back if no new one came about.
+    """The output directory, owned by this command until its end, with room for a new result.
 
-    Bad input that is found late leaves nothing of what was written until then.
+    Refuses to overwrite. With `force` the earlier result is kept in OUT/.replaced until the new
+    run has ended, and put back if no new one came about. Of what this command did not make nothing
+    is removed.
     """
-    if resume:
-        yield
-        return
-    if not (out.exists() and (not out.is_dir() or any(out.iterdir()))):
-        there = [p for p in (out, *out.parents) if not p.exists()]
+    with ExitStack() as stack:
+        with options():
+            stack.enter_context(owned(out))
+            recover(out)
+            if not resume and entries(out):
+                _refuse_or_set_aside(out, force)
         try:
             yield
-        except InputError:
-            if there:
-                shutil.rmtree(there[-1], ignore_errors=True)
+        except BaseException as error:
+            if not lost(out):
+                recover(out)
+                if isinstance(error, SolveFailed) and error.status is not Status.INTERRUPTED:
+                    drop(out)
             raise
-        return
+        if not lost(out):
+            drop(out)
+
+
+def _refuse_or_set_aside(out: Path, force: bool) -> None:
     if not force:
-        raise InputError(f"--out {out}: there is something already: go on with --resume, replace "
-                         "it with --force, or name another directory")
+        raise InputError(f"{out}: there is something already: go on with --resume, replace it "
+                         "with --force, or name another directory", "out")
     if not is_result(out):
-        raise InputError(f"--out {out}: --force replaces results only, and this holds none")
-    aside = out.with_name(f".{out.name}.replaced")
-    shutil.rmtree(aside, ignore_errors=True)
-    out.rename(aside)
-    try:
-        yield
-    except BaseException as error:
-        if isinstance(error, InputError):
-            shutil.rmtree(out, ignore_errors=True)
-        if not out.exists():
-            aside.rename(out)
-        raise
-    finally:
-        shutil.rmtree(aside, ignore_errors=True)
-
-
-def is_result(path: Path) -> bool:
-    """Whether a directory is what an earlier `run` or `compare` left."""
-    inside = [path, *(p for p in path.iterdir() if p.is_dir())] if path.is_dir() else []
-    return any((p / "result.zarr").is_dir() or (p / "zarr.json").is_file() for p in inside)
+        raise InputError(f"{out}: --force replaces results only, and this holds none", "out")
+    set_aside(out)

@@ -16,7 +16,6 @@ from sparsemor.core.cli.common import (
     SceneName,
     Settings,
     exit_codes,
-    is_result,
     leave,
     load_with,
     located_in,
@@ -28,9 +27,11 @@ from sparsemor.core.cli.common import (
 )
 from sparsemor.core.errors import InputError
 from sparsemor.core.registry import Registry
+from sparsemor.core.replaced import is_result, remove_result
 from sparsemor.core.scene import Scene
 from sparsemor.core.status import SolveFailed, Status
 from sparsemor.core.workshop import Workshop
+from sparsemor.core.zarr_files import writing
 
 Out = Annotated[Path | None, out_option("runs/SCENE-compare")]
 
@@ -101,17 +102,25 @@ def _run_all(
     scenes: dict[str, Scene], directory: Path, resume: bool, quiet: bool, shop: Workshop
 ) -> tuple[dict[str, Any], dict[str, SolveFailed]]:
     """Results by name, also of runs that stopped early, and what stopped them. A run that is the
-    training run of the others leaves its snapshots to them."""
+    training run of the others leaves its snapshots to them.
+
+    Bad input that a later run finds removes those that were made here.
+    """
     from sparsemor.core.offline import is_training_run
 
     results: dict[str, Any] = {}
     failures: dict[str, SolveFailed] = {}
     teacher = next((n for n, s in scenes.items() if is_training_run(s)), "")
+    old = {name for name in scenes if is_result(directory / name)}
     for name, scene in scenes.items():
         with located_in(scene), progress(quiet) as observers:
             try:
                 results[name] = _run_one(
                     scene, directory / name, resume, observers, shop, keep=name == teacher)
+            except InputError:
+                for made in set(results) - old:
+                    remove_result(directory / made)
+                raise
             except SolveFailed as error:
                 if not results or error.status is Status.INTERRUPTED:
                     raise  # nothing to compare with, or no wish to
@@ -148,7 +157,8 @@ def _report(
             print_json({"status": "failed", "failures": failed})
         leave(failed, FAILED)
     comparison = compared(results[reference], **{name: results[name] for name in others})
-    comparison.write(directory, charts)
+    with writing(directory):
+        comparison.write(directory, charts)
     summaries = {name: dict(result.summary) for name, result in results.items()}
     if as_json:
         print_json({"status": "failed" if failed else "done", "reference": reference,

@@ -22,6 +22,7 @@ from sparsemor.core.cli.common import (
 )
 from sparsemor.core.errors import InputError
 from sparsemor.core.yaml_source import parse_value
+from sparsemor.core.zarr_files import writing
 
 if TYPE_CHECKING:
     from sparsemor.core.stability.plan import Plan
@@ -96,11 +97,12 @@ def write(found: "Survey", folder: Path) -> list[Path]:
 
     folder.mkdir(parents=True, exist_ok=True)
     table, each = folder / "stability.csv", folder / "seeds.csv"
-    _write_csv(table, [e.as_dict() for e in found.entries])
-    _write_csv(each, [{**e.settings, **_flat(f.as_dict())}
-                      for e in found.entries for f in e.findings])
-    return [table, each,
-            *save(stability_figure(found), folder, "stability_map", ("png", "svg"))]
+    with writing(folder):
+        _write_csv(table, [e.as_dict() for e in found.entries])
+        _write_csv(each, [{**e.settings, **_flat(f.as_dict())}
+                          for e in found.entries for f in e.findings])
+        return [table, each,
+                *save(stability_figure(found), folder, "stability_map", ("png", "svg"))]
 
 
 def _flat(row: Mapping[str, Any]) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from sparsemor.core.export.plan import FIELDS, FORMATS, ExportPlan, plan_export
 from sparsemor.core.export.vtu import VtuSeries
 from sparsemor.core.export.xdmf import XdmfSeries
 from sparsemor.core.results import RunResult
+from sparsemor.core.zarr_files import writing
 
 
 class Series(Protocol):
@@ -68,7 +69,8 @@ def export(
     shutil.rmtree(fresh, ignore_errors=True)
     try:
         fresh.mkdir(parents=True)
-        names = {body: _write(run, plan, body, fresh) for body in plan.fields}
+        with writing(target):
+            names = {body: _write(run, plan, body, fresh) for body in plan.fields}
         shutil.rmtree(target, ignore_errors=True)
         fresh.rename(target)
     finally:

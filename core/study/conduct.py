@@ -8,9 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from sparsemor.core.errors import InputError
+from sparsemor.core.owner import lost, owned
 from sparsemor.core.registry import Registry
+from sparsemor.core.replaced import drop, recover, set_aside
 from sparsemor.core.status import Status
-from sparsemor.core.study.journal import Journal, alone, is_study
+from sparsemor.core.study.journal import Journal, is_study
 from sparsemor.core.study.plan import Plan
 from sparsemor.core.study.pools import Here, Pool
 from sparsemor.core.study.schedule import Row, Schedule, State
@@ -58,20 +60,18 @@ def conduct(
 ) -> Conducted:
     """As `study`, with a plan that was made already, and told of progress.
 
-    KeyboardInterrupt leaves what was committed; `force` begins anew.
+    KeyboardInterrupt leaves what was committed; `force` replaces an earlier study. Raises
+    InputError when another run has the folder.
     """
     if workers < 0:
         raise InputError(f"at least 0, for none but this process (given: {workers})", "workers")
     if workers and scheduler:
         raise InputError("give either --workers or --scheduler", "workers")
     folder = (Path(out) if out is not None else Path("runs", plan.study.name)).absolute()
-    if force and is_study(folder):
-        with alone(folder):
-            shutil.rmtree(folder)
     cluster = _cluster(scheduler) if scheduler else None  # refused before anything is written
     try:
-        journal = Journal.open(folder, plan)
-        with alone(folder):
+        with owned(folder), _earlier_kept(folder, force):
+            journal = Journal.open(folder, plan)
             rows = journal.rows(drop=(DIED,))
             kept = {int(row["run"]) for row in rows}
             left = [run for run in plan.runs if run.number not in kept]
@@ -85,6 +85,21 @@ def conduct(
         if cluster is not None:
             cluster.close()
     return Conducted(plan, folder, tuple(rows), tuple(files))
+
+
+@contextmanager
+def _earlier_kept(folder: Path, force: bool) -> Iterator[None]:
+    """With `force` the earlier study is kept in OUT/.replaced until the new one has its table."""
+    recover(folder)
+    if force and is_study(folder):
+        set_aside(folder)
+    try:
+        yield
+    except BaseException:
+        if not lost(folder):
+            recover(folder)
+        raise
+    drop(folder)
 
 
 def _cluster(address: str) -> Pool:

@@ -4,16 +4,16 @@ import csv
 import io
 import json
 import os
-import sys
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from sparsemor.core.errors import InputError
+from sparsemor.core.replaced import entries
 from sparsemor.core.study.columns import TIMES, cell, fact_columns, with_facts
 from sparsemor.core.study.plan import Plan
+from sparsemor.core.zarr_files import writing
 
 ABOUT, LINES, CSV = "study.json", "runs.jsonl", "runs.csv"
 
@@ -39,7 +39,7 @@ class Journal:
                     f"{folder} holds another study, or this one before its file, its scene or the "
                     "program changed: name another directory, or replace it with --force", "out")
         else:
-            if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+            if folder.exists() and (not folder.is_dir() or entries(folder)):
                 raise InputError(f"{folder} holds something, and no study: name another directory",
                                  "out")
             _make(folder)
@@ -78,23 +78,6 @@ class Journal:
         _replace(self.folder / "table.jsonl", "".join(_line(row) for row in table))
         parquet = _write_parquet(self.folder / "runs.parquet", names, table)
         return [self.folder / "table.csv", self.folder / "table.jsonl", *parquet]
-
-
-@contextmanager
-def alone(folder: Path) -> Iterator[None]:
-    """Refuses a second process at work on the same study."""
-    if sys.platform == "win32":
-        yield
-        return
-    import fcntl
-
-    with (folder / ABOUT).open("rb") as file:
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            raise InputError(f"another process is at work on the study in {folder}", "out"
-                             ) from None
-        yield
 
 
 def is_study(folder: Path) -> bool:
@@ -138,7 +121,7 @@ def _csv(names: Sequence[str], rows: Sequence[Mapping[str, Any]], head: bool = T
 
 
 def _append(path: Path, text: str) -> None:
-    with path.open("ab") as file:
+    with writing(path), path.open("ab") as file:
         file.write(text.encode())
         file.flush()
         os.fsync(file.fileno())
@@ -146,7 +129,7 @@ def _append(path: Path, text: str) -> None:
 
 def _replace(path: Path, text: str) -> None:
     fresh = path.with_name(f".{path.name}.new")
-    with fresh.open("wb") as file:
+    with writing(path), fresh.open("wb") as file:
         file.write(text.encode())
         file.flush()
         os.fsync(file.fileno())

@@ -3,6 +3,7 @@
 Jobs and answers are plain data, so that they travel to any process or machine.
 """
 
+import logging
 import os
 import shutil
 import sys
@@ -31,9 +32,11 @@ from sparsemor.core.scene import Scene, build
 from sparsemor.core.simulate import simulate
 from sparsemor.core.source import Source
 from sparsemor.core.status import SolveFailed, Status
+from sparsemor.core.stored import StoredArrays
 from sparsemor.core.study.measure import measured
 from sparsemor.core.yaml_source import Document
 
+_log = logging.getLogger(__name__)
 REFUSED, BROKEN, DIED = "refused", "error", "worker_died"
 """How a run can end beside the names of `Status`."""
 
@@ -69,6 +72,7 @@ def _reference(
     job: Mapping[str, Any], scene: Scene, registry: Registry | None
 ) -> dict[str, Any]:
     key = _reference_key(scene, checked_model(scene))
+    _remove_damaged(key)
     result = _stored_reference(scene, key)
     return {"status": result.status.value, "key": key}
 
@@ -117,6 +121,17 @@ def _reference_key(scene: Scene, model: Model) -> str:
     """Holds the meshes, as the key of offline products does: their files may change."""
     meshes = [m for p in model.parts.values() if (m := getattr(p, "mesh", None)) is not None]
     return digest(scene.digest(), version("sparsemor"), [[m.points, m.cells] for m in meshes])
+
+
+def _remove_damaged(key: str) -> None:
+    """Removes a reference from the cache of which not every byte is as it was written."""
+    kept = Cache().root / "reference" / key
+    try:
+        if (kept / "result.zarr").is_dir():
+            StoredArrays(kept / "result.zarr").verify()
+    except InputError as fault:
+        _log.warning("cache entry reference/%s is damaged (%s): made again", key, fault)
+        shutil.rmtree(kept, ignore_errors=True)
 
 
 def _stored_reference(scene: Scene, key: str) -> RunResult:

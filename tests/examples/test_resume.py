@@ -14,6 +14,7 @@ import pytest
 
 from sparsemor import InputError, Status, load, open_result, simulate
 from sparsemor.core.results import RunResult
+from sparsemor.core.zarr_files import read_group, write_group
 
 HERE = Path(__file__).parent
 SWING = HERE / "scenes" / "swing.yaml"
@@ -147,10 +148,9 @@ def test_what_cannot_be_resumed() -> None:
     assert "cannot be resumed: the run has ended; nothing is left to do" in refusal(
         *asked, "--resume")
     assert "already" in refusal(*asked)
-    killed = Path("out/result.zarr/zarr.json")
-    document = json.loads(killed.read_text(encoding="utf-8"))
+    document = read_group(Path("out/result.zarr"))
     document["attributes"]["status"] = "interrupted"
-    killed.write_text(json.dumps(document), encoding="utf-8")
+    write_group(Path("out/result.zarr"), document)
     assert "it was made from another scene" in refusal(
         *asked, "--resume", "--set", "loads.sun.flux=1")
     assert "stopped before its first checkpoint" in refusal(*asked, "--resume")

@@ -1,5 +1,6 @@
 """Studies on a real scene: what the table says, also of runs that fail, and what is refused."""
 
+import contextvars
 import csv
 import json
 import os
@@ -130,11 +131,54 @@ def test_force_begins_anew_and_replaces_studies_only() -> None:
     plan = Plan.of("one.yaml")
     conduct(plan, out="a", force=True)
     assert [r["reducer.basis.count"] for r in rows_of("a")] == [4, 4]
+    assert not {".replaced", ".lock"} & {p.name for p in Path("a").iterdir()}
     Path("mine").mkdir()
     Path("mine/thesis.tex").touch()
     with pytest.raises(InputError, match="no study"):
         conduct(plan, out="mine", force=True)
     assert Path("mine/thesis.tex").exists()
+
+
+def test_force_keeps_the_earlier_table_until_the_new_one_stands() -> None:
+    Path("one.yaml").write_text(STUDY.replace("[2, 4, 6]", "[2]"))
+    earlier = study("one.yaml", out="a")
+    Path("one.yaml").write_text(STUDY.replace("[2, 4, 6]", "[4]"))
+
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        conduct(Plan.of("one.yaml"), out="a", force=True, watch=interrupt)
+    assert [r["run"] for r in rows_of("a/.replaced")] == [r["run"] for r in earlier]
+    conduct(Plan.of("one.yaml"), out="a")
+    assert [r["reducer.basis.count"] for r in rows_of("a")] == [4, 4]
+    assert not Path("a/.replaced").exists()
+
+
+def test_one_study_at_a_time_in_a_folder() -> None:
+    Path("one.yaml").write_text(STUDY.replace("[2, 4, 6]", "[2]"))
+    found: list[str] = []
+
+    def second(*_: object) -> None:
+        with pytest.raises(InputError, match="another run is writing to") as error:
+            contextvars.Context().run(conduct, Plan.of("one.yaml"), out="a", force=True)
+        found.append(str(error.value))
+
+    conduct(Plan.of("one.yaml"), out="a", watch=second)
+    assert found and [r["reducer.basis.count"] for r in rows_of("a")] == [2, 2]
+
+
+def test_a_damaged_reference_in_the_cache_is_made_again(
+    caplog: pytest.LogCaptureFixture
+) -> None:
+    Path("one.yaml").write_text(STUDY.replace("[2, 4, 6]", "[2]"))
+    study("one.yaml", out="a", times=False)
+    (store,) = Path(os.environ["SPARSEMOR_CACHE"]).glob("reference/*/result.zarr")
+    damaged = next(p for p in sorted(store.rglob("c/0/0")) if p.stat().st_size)
+    damaged.write_bytes(damaged.read_bytes()[:-1] + b"?")
+    study("one.yaml", out="b", times=False)
+    assert Path("a/table.csv").read_bytes() == Path("b/table.csv").read_bytes()
+    assert "made again" in caplog.text and str(damaged) in caplog.text
 
 
 def test_a_packaged_study_is_found_by_its_name(distribute: Any, tmp_path: Path) -> None:

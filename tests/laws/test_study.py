@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from sparsemor.core.errors import InputError
 from sparsemor.core.plain import finite
 from sparsemor.core.study.columns import RESERVED, TIMES, cell, columns_of
-from sparsemor.core.study.journal import Journal, alone
+from sparsemor.core.study.journal import Journal
 from sparsemor.core.study.plan import Plan
 from sparsemor.core.study.pools import Ended
 from sparsemor.core.study.progress import duration, in_words
@@ -69,9 +69,6 @@ def test_what_was_committed_survives_a_torn_line(values: list[Any], cut: int) ->
 def test_the_folder_of_another_study_is_refused() -> None:
     plan = planned(HEAD + "grid: {seed: [1, 2]}\n")
     Journal.open(Path("out"), plan)
-    with alone(Path("out")), pytest.raises(InputError, match="another process is at work"):
-        with alone(Path("out")):
-            pass
     Journal.open(Path("out"), planned("# a comment\n" + HEAD + "grid: {seed: [1, 2]}\n"))
     for changed in (HEAD + "grid: {seed: [1, 3]}\n", HEAD + "grid: {seed: [2, 1]}\n"):
         with pytest.raises(InputError, match="holds another study"):
