@@ -1,5 +1,7 @@
 """The time loop: assemble, prepare, step, store. The only place where a status becomes an error."""
 
+import atexit
+import shutil
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -24,14 +26,17 @@ from sparsemor.core.served import Held
 from sparsemor.core.stability import check_run
 from sparsemor.core.status import SolveFailed, Status
 from sparsemor.core.step_control import ControlledSteps, controlled, step_of
+from sparsemor.core.threads import fixed_threads
 from sparsemor.core.unmet import unmet
 
 
+@fixed_threads()
 def simulate(
     scene: Scene, *, out: str | Path | None = None, resume: bool = False,
     observers: Sequence[object] = (), cache: Cache | None = None,
 ) -> RunResult:
-    """Run a scene and store its result under `out` (a temporary directory when not given).
+    """Run a scene and store its result under `out`; when not given, in a temporary directory that
+    is removed when this process ends.
 
     Raises InputError before anything is written, SolveFailed (with `.result`, readable up to
     there) when the run stops before its end. `resume` goes on from the last checkpoint.
@@ -52,17 +57,24 @@ def simulate(
         state, memory = solver.start(full)
         state = scene.integrator.start(solver.layout, state)
         tally = Tally(offline=time.perf_counter() - begun)
-        path = Path(out) if out is not None else Path(mkdtemp(prefix="sparsemor-"))
+        path = Path(out) if out is not None else _temporary()
         recorder = Recorder.open(
             scene, model, solver, offline, path, resume, step_count(scene))
         recorder.notes, recorder.stability = notes, stability
         recorder.memory = Held(offline.expected, peak())
         if recorder.checkpoint is not None:
-            state, memory, tally = recorder.restored(tally)
+            state, memory, tally = recorder.restored(state, memory, tally)
         sampled = solver.rows_at(memory) if isinstance(solver, Resampling) else solver.rows
         for block, rows in sampled.items():
             manager.hook.on_resample(block=block, rows=rows)
         return _Run(scene, solver, recorder, manager, state, memory, tally).go()
+
+
+def _temporary() -> Path:
+    """A directory that is removed when the interpreter ends."""
+    path = Path(mkdtemp(prefix="sparsemor-"))
+    atexit.register(shutil.rmtree, path, ignore_errors=True)
+    return path
 
 
 class _Run:
@@ -97,6 +109,7 @@ class _Run:
                 self.state, tally, self.solver.supports(self.memory), self.memory)
             hook.on_failure(status=failure.status, t=failure.time, block=failure.block,
                             detail=failure.detail)
+        tally.online = time.perf_counter() - self._begun  # with what was written last
         return self._finish(failure)
 
     def _finish(self, failure: SolveFailed | None) -> RunResult:

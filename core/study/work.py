@@ -11,7 +11,6 @@ import traceback
 import uuid
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +20,7 @@ from sparsemor.core.cache import Cache, digest
 from sparsemor.core.checks import checked_model
 from sparsemor.core.errors import InputError
 from sparsemor.core.hooks import new_manager
+from sparsemor.core.identity import Identity, mesh_content
 from sparsemor.core.model import Model
 from sparsemor.core.offline import TRAINING
 from sparsemor.core.plain import finite
@@ -114,9 +114,8 @@ _KINDS = {"reference": _reference, "products": _products, "run": _run}
 
 
 def _reference_key(scene: Scene, model: Model) -> str:
-    """Holds the meshes, as the key of offline products does: their files may change."""
-    meshes = [m for p in model.parts.values() if (m := getattr(p, "mesh", None)) is not None]
-    return digest(scene.digest(), version("sparsemor"), [[m.points, m.cells] for m in meshes])
+    """Holds identity and meshes, as the key of offline products does."""
+    return digest(scene.digest(), Identity.of(scene).plain(), mesh_content(model))
 
 
 def _stored_reference(scene: Scene, key: str) -> RunResult:
