@@ -32,12 +32,14 @@ from sparsemor.core.simulate import simulate
 from sparsemor.core.source import Source
 from sparsemor.core.status import SolveFailed, Status
 from sparsemor.core.study.measure import measured
+from sparsemor.core.threads import fixed_threads
 from sparsemor.core.yaml_source import Document
 
 REFUSED, BROKEN, DIED = "refused", "error", "worker_died"
 """How a run can end beside the names of `Status`."""
 
 
+@fixed_threads()
 def execute(job: Mapping[str, Any], registry: Registry | None = None) -> dict[str, Any]:
     """The answer to a job; what goes wrong in it is told, not raised.
 
