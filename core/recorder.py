@@ -1,10 +1,8 @@
 """Between the time loop and the store: buffers steps, evaluates probes, sums up a run."""
 
-import math
 import os
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -29,57 +27,15 @@ from sparsemor.core.scene import Scene
 from sparsemor.core.served import Held, solvers_summary
 from sparsemor.core.status import Status
 from sparsemor.core.store import ChunkOfSteps, ResultWriter
-from sparsemor.core.threads import described
+from sparsemor.core.tally import Tally
+from sparsemor.core.threads import described, elsewhere
+from sparsemor.core.zarr_files import read_group
 
 STORE = "result.zarr"
 CHUNK, SECONDS = 256, 2.0
 """Rows, or seconds, after which what was computed is committed to disk."""
 BUFFER = 2**26
 """Bytes of rows after which it is, too."""
-
-
-@dataclass
-class Tally:
-    """Sums over a run that outlive an interruption, of a size that does not grow with it.
-
-    Seconds are wall time. last_seconds, last_iterations: of the last step; seconds_near: number
-    k -> steps that the solver took exp(k / 100) s for, within 0.5 %.
-    """
-
-    offline: float = 0.0
-    online: float = 0.0
-    done: int = 0
-    iterations: int = 0
-    last_seconds: float = 0.0
-    last_iterations: int = 0
-    seconds_near: dict[int, int] = field(default_factory=dict)
-    active: dict[str, int] = field(default_factory=dict)
-
-    def add(self, seconds: float, iterations: int) -> None:
-        self.done += 1
-        self.iterations += iterations
-        self.last_seconds, self.last_iterations = seconds, iterations
-        k = round(100.0 * math.log(max(seconds, 1e-9)))
-        self.seconds_near[k] = self.seconds_near.get(k, 0) + 1
-
-    @property
-    def ms_per_step(self) -> float:
-        """Online time over steps, writing included, ms."""
-        return 1e3 * self.online / self.done if self.done else 0.0
-
-    @property
-    def ms_per_step_solver(self) -> float:
-        """Median time of the step solver's call alone, ms, within 0.5 %."""
-        seen = 0
-        for k in sorted(self.seconds_near):
-            seen += self.seconds_near[k]
-            if 2 * seen >= self.done:
-                return 1e3 * math.exp(k / 100.0)
-        return 0.0
-
-    def count_atoms(self, supports: Mapping[str, BoolArray]) -> None:
-        for name, support in supports.items():
-            self.active[name] = self.active.get(name, 0) + int(np.count_nonzero(support))
 
 
 class Recorder:
@@ -115,7 +71,9 @@ class Recorder:
         store = out / STORE
         if resume:
             writer, checkpoint = ResultWriter.resume(store, scene.digest(), Identity.of(scene))
-            return cls(scene, model, solver, offline, writer, checkpoint, steps)
+            recorder = cls(scene, model, solver, offline, writer, checkpoint, steps)
+            recorder.notes = elsewhere(read_group(store)["attributes"].get("platform", {}))
+            return recorder
         admit(scene, out, resume)
         out.mkdir(parents=True, exist_ok=True)
         header = _header(scene, model, solver, steps)

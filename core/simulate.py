@@ -19,13 +19,14 @@ from sparsemor.core.memory import peak
 from sparsemor.core.offline import step_count
 from sparsemor.core.prepared import prepared
 from sparsemor.core.protocols import Resampling, State, StepSolver
-from sparsemor.core.recorder import Recorder, Tally, admit, told
+from sparsemor.core.recorder import Recorder, admit, told
 from sparsemor.core.results import RunResult
 from sparsemor.core.scene import Scene
 from sparsemor.core.served import Held
 from sparsemor.core.stability import check_run
 from sparsemor.core.status import SolveFailed, Status
 from sparsemor.core.step_control import ControlledSteps, controlled, step_of
+from sparsemor.core.tally import Tally
 from sparsemor.core.threads import fixed_threads
 from sparsemor.core.unmet import unmet
 
@@ -60,7 +61,7 @@ def simulate(
         path = Path(out) if out is not None else _temporary()
         recorder = Recorder.open(
             scene, model, solver, offline, path, resume, step_count(scene))
-        recorder.notes, recorder.stability = notes, stability
+        recorder.notes, recorder.stability = (*notes, *recorder.notes), stability
         recorder.memory = Held(offline.expected, peak())
         if recorder.checkpoint is not None:
             state, memory, tally = recorder.restored(state, memory, tally)

@@ -7,12 +7,13 @@ SPARSEMOR_THREADS says; the number is part of the key of a cached product and of
 
 import os
 import platform
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from importlib import import_module
 from typing import Any
 
 from sparsemor.core.errors import InputError
+from sparsemor.core.notes import Note, information
 
 VARIABLE = "SPARSEMOR_THREADS"
 
@@ -34,6 +35,20 @@ def fixed_threads() -> Iterator[None]:
 
     with threadpool_limits(limits=threads(), user_api="blas"):
         yield
+
+
+def elsewhere(kept: Mapping[str, Any]) -> tuple[Note, ...]:
+    """Information where a run is continued on another processor, system or BLAS than `kept`."""
+    here = described()
+    changed = [f"{name} was {_words(kept[name])} and is {_words(here[name])}"
+               for name in ("machine", "system", "blas") if kept.get(name, here[name]) != here[name]]
+    return (information(
+        f"continued elsewhere: {'; '.join(changed)}, so the last digits may differ from those of a "
+        "run that was left alone", "elsewhere"),) if changed else ()
+
+
+def _words(value: Any) -> str:
+    return ", ".join(value) if isinstance(value, list) else str(value)
 
 
 def described() -> dict[str, Any]:

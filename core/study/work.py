@@ -39,14 +39,14 @@ REFUSED, BROKEN, DIED = "refused", "error", "worker_died"
 """How a run can end beside the names of `Status`."""
 
 
-@fixed_threads()
 def execute(job: Mapping[str, Any], registry: Registry | None = None) -> dict[str, Any]:
     """The answer to a job; what goes wrong in it is told, not raised.
 
     Raises KeyboardInterrupt when Ctrl-C was pressed.
     """
     try:
-        answer = _KINDS[job["kind"]](job, scene_of(job["scene"], registry), registry)
+        with fixed_threads():
+            answer = _KINDS[job["kind"]](job, scene_of(job["scene"], registry), registry)
     except InputError as error:
         answer = {"status": REFUSED, "message": _one_line(str(error))}
     except SolveFailed as error:

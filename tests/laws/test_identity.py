@@ -1,6 +1,8 @@
 """What numbers depend on is in the key of each cached product and checked before a resume."""
 
 import importlib
+import platform
+import subprocess
 import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -13,6 +15,7 @@ import threadpoolctl
 from sparsemor import InputError, load, simulate
 from sparsemor.core import identity
 from sparsemor.core.cache import Cache
+from sparsemor.core.cli.comparing import _run_one
 from sparsemor.core.hooks import hookimpl, new_manager
 from sparsemor.core.identity import FOLDERS, Identity
 from sparsemor.core.physics import IRRELEVANT, REDUCTION, RELEVANT
@@ -219,6 +222,37 @@ class Threads:
     def on_step(self) -> None:
         self.seen |= {lib["num_threads"] for lib in threadpoolctl.threadpool_info()
                       if lib["user_api"] == "blas"}
+
+
+def test_a_run_that_is_continued_on_another_processor_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene = load(TINY, {**SHORT, "reducer": "full"})
+    stop(scene, tmp_path / "out")
+    here = platform.machine()
+    monkeypatch.setattr(platform, "machine", lambda: "another")
+    found = simulate(scene, out=tmp_path / "out", resume=True).summary["information"]
+    assert any(f"continued elsewhere: machine was {here} and is another" in n for n in found)
+
+
+def test_a_comparison_keeps_no_run_of_another_program(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene = load(TINY, {**SHORT, "reducer": "full"})
+    simulate(scene, out=tmp_path / "full")
+    assert _run_one(scene, tmp_path / "full", True, ()).status.ok
+    monkeypatch.setattr(identity, "code_digest", lambda: "other")
+    with pytest.raises(InputError, match="since it was computed, the code of sparsemor has chang"):
+        _run_one(scene, tmp_path / "full", True, ())
+
+
+def test_a_result_without_a_place_is_removed_when_the_process_ends() -> None:
+    program = ("from sparsemor import load, simulate; r = simulate(load("
+               f"{str(TINY)!r}, {{'time.end': 0.002, 'reducer': 'full'}})); "
+               "print(r.path, r.path.is_dir())")
+    shown = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True,
+                           check=True).stdout.split()
+    assert shown[1] == "True" and not Path(shown[0]).exists()
 
 
 def test_runs_use_one_blas_thread_or_as_many_as_are_asked_for(

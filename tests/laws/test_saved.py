@@ -12,10 +12,10 @@ import pytest
 from sparsemor import InputError, open_result, simulate
 from sparsemor.core.checkpoint import checkpoint_file
 from sparsemor.core.hooks import hookimpl
-from sparsemor.core.recorder import Tally
 from sparsemor.core.saved import MAGIC, Saved, SavedError
 from sparsemor.core.scene import Scene
 from sparsemor.core.scene import load as load_scene
+from sparsemor.core.tally import Tally
 from sparsemor.core.testing import check_reducer
 
 TINY = Path(__file__).parents[1] / "scenes" / "tiny.yaml"
