@@ -40,8 +40,8 @@ def fixed_threads() -> Iterator[None]:
 def elsewhere(kept: Mapping[str, Any]) -> tuple[Note, ...]:
     """Information where a run is continued on another processor, system or BLAS than `kept`."""
     here = described()
-    changed = [f"{name} was {_words(kept[name])} and is {_words(here[name])}"
-               for name in ("machine", "system", "blas") if kept.get(name, here[name]) != here[name]]
+    names = [n for n in ("machine", "system", "blas") if kept.get(n, here[n]) != here[n]]
+    changed = [f"{n} was {_words(kept[n])} and is {_words(here[n])}" for n in names]
     return (information(
         f"continued elsewhere: {'; '.join(changed)}, so the last digits may differ from those of a "
         "run that was left alone", "elsewhere"),) if changed else ()
