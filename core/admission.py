@@ -7,6 +7,7 @@ from pathlib import Path
 
 from sparsemor.core.checkpoint import checkpoint_file
 from sparsemor.core.errors import Damaged, InputError
+from sparsemor.core.identity import Identity
 from sparsemor.core.replaced import STORE
 from sparsemor.core.scene import Scene
 from sparsemor.core.store import ResultWriter
@@ -16,7 +17,7 @@ def admit(scene: Scene, out: Path, resume: bool) -> None:
     """Raises InputError when a run may not write to `out`: asked before anything is computed."""
     store = out / STORE
     if resume:
-        ResultWriter.resumable(store, scene.digest())
+        ResultWriter.resumable(store, scene.digest(), Identity.of(scene))
         return
     if store.exists():
         raise InputError(f"{out} already holds a result: continue it with --resume, replace "

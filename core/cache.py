@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sparsemor.core.identity import origin
 from sparsemor.core.zarr_files import checksum
 
 Arrays = Mapping[str, NDArray[Any]]
@@ -189,6 +190,8 @@ def _load_one(file: Path) -> NDArray[Any]:
 def digest(*parts: Any) -> str:
     """A key for what a product depends on: plain data, arrays, sparse matrices, plugins.
 
+    A plugin of another distribution counts with its version and its sources.
+
     Mappings count by content, not order; arrays by type, shape and bytes. Raises TypeError for
     anything whose content cannot be told.
     """
@@ -224,6 +227,7 @@ def _feed(state: Any, part: Any) -> None:
         _feed(state, ("csr", csr.shape, csr.indptr, csr.indices, csr.data))
     elif hasattr(type(part), "model_fields"):
         options = {name: getattr(part, name) for name in type(part).model_fields}
-        _feed(state, (f"{type(part).__module__}.{type(part).__qualname__}", options))
+        _feed(state, (f"{type(part).__module__}.{type(part).__qualname__}", options,
+                      origin(type(part))))
     else:
         raise TypeError(f"cannot digest a {type(part).__name__}: pass its plain data")

@@ -13,8 +13,10 @@ from sparsemor.core.block_solvers import told_in
 from sparsemor.core.cache import digest
 from sparsemor.core.coefficients import coefficients
 from sparsemor.core.hooks import Manager, RunStart, new_manager
+from sparsemor.core.identity import Identity, mesh_content, origin
 from sparsemor.core.initial import consistent_state
 from sparsemor.core.model import Model, StepFactors
+from sparsemor.core.physics import physics_of, training_physics
 from sparsemor.core.products import Products
 from sparsemor.core.protocols import Basis, BlockData, Dictionary, Integrator, State, StepSolver
 from sparsemor.core.scene import Scene
@@ -48,13 +50,16 @@ class Offline:
 
     snapshots(name) (n, M): unknowns of a block over the training run, in columns; recording: how
     they were taken, None when they were given; expected: what a run will hold in memory, once told.
+    reducer: origin of a reducer that is not sparsemor's own, part of the key of its products.
     """
 
     def __init__(
         self, model: Model, train: Callable[[], Mapping[str, FloatArray]], key: str,
         products: Products, manager: Manager | None = None, recording: Recording | None = None,
+        reducer: Sequence[Any] = (),
     ) -> None:
         self._model, self._train, self._key = model, train, key
+        self._reducer = list(reducer)
         self._snapshots: Mapping[str, FloatArray] | None = None
         self.manager, self.recording = manager or new_manager(), recording
         self.products = products
@@ -68,13 +73,18 @@ class Offline:
 
     def snapshots(self, name: str) -> FloatArray:
         if self._snapshots is None:
-            self._snapshots = self.remember("training", (), self._train)
+            self._snapshots = self._remembered("training", (), self._train)
         return self._snapshots[name].T
 
     def remember(
         self, kind: str, depends: Sequence[Any], make: Callable[[], Mapping[str, Any]]
     ) -> Mapping[str, Any]:
-        """Arrays of one product: from the cache, or made and kept there."""
+        """Arrays of one product of the reducer: from the cache, or made and kept there."""
+        return self._remembered(kind, (*self._reducer, *depends), make)
+
+    def _remembered(
+        self, kind: str, depends: Sequence[Any], make: Callable[[], Mapping[str, Any]]
+    ) -> Mapping[str, Any]:
         key = "" if self.products.cache is None else digest(self._key, *depends)
         return self.products.remember(kind, key, make)
 
@@ -108,7 +118,7 @@ class Offline:
                     "provenance": np.array(d.provenance), "info": info}
 
         # the key tells the training scene; loads and operators are those of the scene that is run
-        a = self.remember("basis", (name, basis, *_content(known)), make)
+        a = self._remembered("basis", (name, basis, *_content(known)), make)
         provenance = tuple(str(p) for p in a["provenance"])
         d = Dictionary(np.asarray(a["atoms"]), np.asarray(a["offset"]), provenance,
                        json.loads(str(a["info"])))
@@ -137,30 +147,23 @@ def largest_coefficient(d: Dictionary, snapshots: FloatArray) -> float:
 def offline_of(
     scene: Scene, model: Model, products: Products, manager: Manager, shop: Workshop | None = None
 ) -> Offline:
-    """The offline products of a scene. The key holds the training scene and every mesh. shop: what
-    was built for the model, for the training run's."""
-    training = scene.for_training()
-    from importlib.metadata import version
-
-    meshes = [m for p in model.parts.values() if (m := getattr(p, "mesh", None)) is not None]
-    # what full order does not depend on must not cost a training run: another seed, other probes
-    physics = _physics(training)
-    key = digest(physics.digest(), training.training.every, version("sparsemor"),
-                 [[m.points, m.cells] for m in meshes])
+    """The offline products of a scene. The key holds the physics of the training scene, its
+    identity (code, plugins, files) and every mesh. shop: what was built for the model, for the
+    training run's."""
+    training, physics = training_physics(scene)
+    key = digest(physics.digest(), training.training.every, Identity.of(physics).plain(),
+                 mesh_content(model))
     recording = Recording(training.integrator, training.time.step, training.training.every)
     return Offline(
-        model, lambda: train(training, manager, products, shop), key, products, manager, recording)
-
-
-def _physics(scene: Scene) -> Scene:
-    """The scene without what full order does not depend on."""
-    return scene.using({"title": "", "seed": 0, "output": {}, "probes": {}}, label="training")
+        model, lambda: train(training, manager, products, shop), key, products, manager, recording,
+        origin(type(scene.reducer)))
 
 
 def is_training_run(scene: Scene) -> bool:
     """Whether the run of this scene is the training run of its own reduced models."""
     settings = {"training": {"every": scene.training.every}}
-    return _physics(scene.using(settings)).digest() == _physics(scene.for_training()).digest()
+    own = physics_of(scene.using(settings), "training")
+    return own.digest() == training_physics(scene)[1].digest()
 
 
 @np.errstate(all="ignore")  # overflow is a status of the step, not a warning

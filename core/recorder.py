@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,8 @@ from sparsemor.core.acting import acting_of, resultants
 from sparsemor.core.admission import admit
 from sparsemor.core.arrays import BoolArray
 from sparsemor.core.checkpoint import Checkpoint
+from sparsemor.core.errors import InputError
+from sparsemor.core.identity import Identity
 from sparsemor.core.initial import start_notes
 from sparsemor.core.model import Model
 from sparsemor.core.notes import Level, Note, kinds, sentences
@@ -23,40 +24,19 @@ from sparsemor.core.probes import ProbeReader
 from sparsemor.core.protocols import State, StepSolver
 from sparsemor.core.replaced import STORE
 from sparsemor.core.run_header import BodyShape, RunHeader
+from sparsemor.core.saved import SavedError
 from sparsemor.core.scene import Scene
 from sparsemor.core.served import Held, solvers_summary
 from sparsemor.core.status import Status
 from sparsemor.core.store import ChunkOfSteps, ResultWriter
+from sparsemor.core.tally import Tally
+from sparsemor.core.threads import described, elsewhere
+from sparsemor.core.zarr_files import read_group
 
 CHUNK, SECONDS = 256, 2.0
 """Rows, or seconds, after which what was computed is committed to disk."""
 BUFFER = 2**26
 """Bytes of rows after which it is, too."""
-
-
-@dataclass
-class Tally:
-    """Sums over a run that outlive an interruption. Seconds are wall time."""
-
-    offline: float = 0.0
-    online: float = 0.0
-    done: int = 0
-    seconds: list[float] = field(default_factory=list)
-    iterations: list[int] = field(default_factory=list)
-    active: dict[str, int] = field(default_factory=dict)
-
-    @property
-    def last(self) -> float:
-        return self.seconds[-1]
-
-    def add(self, seconds: float, iterations: int) -> None:
-        self.done += 1
-        self.seconds.append(seconds)
-        self.iterations.append(iterations)
-
-    def count_atoms(self, supports: Mapping[str, BoolArray]) -> None:
-        for name, support in supports.items():
-            self.active[name] = self.active.get(name, 0) + int(np.count_nonzero(support))
 
 
 class Recorder:
@@ -91,20 +71,34 @@ class Recorder:
         """A new store, or the stopped one. Raises InputError when there is one already."""
         store = out / STORE
         if resume:
-            writer, checkpoint = ResultWriter.resume(store, scene.digest())
-            return cls(scene, model, solver, offline, writer, checkpoint, steps)
+            writer, checkpoint = ResultWriter.resume(store, scene.digest(), Identity.of(scene))
+            recorder = cls(scene, model, solver, offline, writer, checkpoint, steps)
+            recorder.notes = elsewhere(read_group(store)["attributes"].get("platform", {}))
+            return recorder
         admit(scene, out, resume)
         check_owned(out)
         header = _header(scene, model, solver, steps)
         return cls(scene, model, solver, offline, ResultWriter.create(store, header), None, steps)
 
-    def restored(self, fresh: Tally) -> tuple[State, Any, Tally]:
-        """State, step memory and sums at the last checkpoint."""
+    def restored(self, state: State, memory: Any, tally: Tally) -> tuple[State, Any, Tally]:
+        """State, step memory and sums at the last checkpoint; given: those of the start, which
+        have the same structure. Raises InputError where the checkpoint's is another one."""
         assert self.checkpoint is not None
-        a = self.checkpoint.arrays
-        memory, tally = self.checkpoint.memory
-        tally.offline += fresh.offline
-        return State(float(a["t"]), a["x"], a["v"], a["a"], a["memory"]), memory, tally
+        offline, arrays = tally.offline, self.checkpoint.arrays
+        own = {"x": state.x, "v": state.v, "a": state.a, "memory": state.memory}
+        try:
+            for name, array in own.items():
+                if arrays[name].shape != array.shape or arrays[name].dtype != array.dtype:
+                    raise SavedError(f"{name} has shape {arrays[name].shape}, and {array.shape} "
+                                     "in this program")
+            found = self.checkpoint.memory.into({"memory": memory, "tally": tally}, "state")
+            t, memory, tally = float(arrays["t"]), found["memory"], found["tally"]
+        except (KeyError, SavedError) as error:
+            raise InputError(
+                f"{self.store} cannot be resumed: its checkpoint does not fit ({error}); start "
+                "again, with --force or into another directory", "resume") from None
+        tally.offline += offline
+        return State(t, *(arrays[name] for name in own)), memory, tally
 
     def start(self, state: State, supports: Mapping[str, BoolArray], memory: Any) -> None:
         self._keep(state, 0, 0.0, supports, memory)
@@ -115,7 +109,7 @@ class Recorder:
         """Keep an accepted step when it is one to store; True when it is time to save."""
         if tally.done % self._every and tally.done != self.steps:
             return False
-        self._keep(state, tally.iterations[-1], tally.last, supports, memory)
+        self._keep(state, tally.last_iterations, tally.last_seconds, supports, memory)
         return (len(self._rows) >= CHUNK or len(self._rows) * state.x.nbytes >= BUFFER
                 or time.perf_counter() - self._saved > SECONDS)
 
@@ -124,7 +118,7 @@ class Recorder:
     ) -> None:
         """Commit everything up to the last accepted step, also where it is none to store."""
         if tally.done % self._every:
-            self._keep(state, tally.iterations[-1], tally.last, supports, memory)
+            self._keep(state, tally.last_iterations, tally.last_seconds, supports, memory)
         self.flush()
 
     def _keep(
@@ -141,7 +135,7 @@ class Recorder:
         self.flush()
         arrays = {"t": np.array(state.t), "x": state.x, "v": state.v, "a": state.a,
                   "memory": state.memory}
-        self.writer.checkpoint(arrays, (memory, tally))
+        self.writer.checkpoint(arrays, {"memory": memory, "tally": tally})
         self._saved = time.perf_counter()
 
     def flush(self) -> None:
@@ -177,8 +171,9 @@ class Recorder:
             "steps": tally.done,
             "t_end": tally.done * self.scene.time.step,  # state.t is a long sum
             "wall_s": {"offline": tally.offline, "online": tally.online},
-            "ms_per_step": 1e3 * float(np.median(tally.seconds)) if tally.seconds else 0.0,
-            "newton_iterations": float(np.mean(tally.iterations)) if tally.iterations else 0.0,
+            "ms_per_step": tally.ms_per_step,
+            "ms_per_step_solver": tally.ms_per_step_solver,
+            "newton_iterations": tally.iterations / done,
             "factorizations": counters.get("factorizations", 0),
             "support_changes": counters.get("support_changes", 0),
             "rows": {n: len(r) for n, r in solver.rows.items()},
@@ -197,6 +192,7 @@ class Recorder:
                 _iterations(solver, memory), done),
             "memory": {} if self.memory is None else self.memory.summary(),
             "facts": finite(dict(solver.facts)),  # dependent columns: no finite condition
+            "platform": described(),
             "out": str(self.store.parent),
         }
 
@@ -231,6 +227,7 @@ def _header(scene: Scene, model: Model, solver: StepSolver, steps: int) -> RunHe
     dump = scene.dump()
     return RunHeader(
         scene=dump, scene_digest=scene.digest(), seed=scene.seed,
+        identity=Identity.of(scene).plain(), platform=described(),
         versions={"python": platform.python_version()} | {n: version(n) for n in sorted(names)},
         reducer=str(dump["reducer"]["use"]), layout=solver.layout, full_layout=model.layout,
         step=scene.time.step, steps_planned=steps, dictionaries=solver.dictionaries,

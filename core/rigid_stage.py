@@ -6,7 +6,6 @@ the step. Full and reduced flexible runs follow the same tables: one definition 
 
 from collections.abc import Mapping
 from dataclasses import replace
-from importlib.metadata import version
 from typing import Any
 
 import numpy as np
@@ -16,8 +15,10 @@ from sparsemor.core.assemble import assemble
 from sparsemor.core.cache import digest
 from sparsemor.core.errors import Fault, InputError
 from sparsemor.core.hooks import Manager
+from sparsemor.core.identity import Identity, mesh_content
 from sparsemor.core.model import Model
 from sparsemor.core.offline import Offline, full_run
+from sparsemor.core.physics import IRRELEVANT
 from sparsemor.core.products import Products
 from sparsemor.core.scene import Scene
 from sparsemor.core.stage import Followed, FrameHistory, Idle, Stage, SurfaceLoads
@@ -47,9 +48,8 @@ def rigid_scene(scene: Scene) -> Scene:
     bare: dict[str, Any] = {f"bodies.{n}.fields": [] for n, body in scene.bodies.items()
                             if hasattr(body, "fields")}
     plain = scene.using({
-        **kept, **bare, "title": "", "seed": 0, "reducer": "full", "training": {}, "output": {},
-        "probes": {}, "check_stability": "off", "rigid_stage": None, "linear_solver": "auto",
-        "linear_solvers": {}}, label="rigid_stage")
+        **kept, **bare, **IRRELEVANT, "reducer": "full", "training": {}, "rigid_stage": None,
+        "linear_solver": "auto", "linear_solvers": {}}, label="rigid_stage")
     return plain.using(scene.rigid_stage.overrides, label=_LABEL)
 
 
@@ -89,8 +89,7 @@ def staged(scene: Scene, products: Products, manager: Manager, shop: Workshop) -
     """
     rigid = rigid_scene(scene)
     model = rigid_model(rigid, shop)
-    meshes = [m for p in model.parts.values() if (m := getattr(p, "mesh", None)) is not None]
-    key = digest(rigid.digest(), version("sparsemor"), [[m.points, m.cells] for m in meshes])
+    key = digest(rigid.digest(), Identity.of(rigid).plain(), mesh_content(model))
     arrays = products.remember("rigid_stage", key, lambda: _run(rigid, model, manager))
     imported = _Imported(_stage(arrays), products, key, scene)
     flexible = assemble(scene, imported, shop)

@@ -73,8 +73,9 @@ class RunHeader:
     layout: the solver's own unknowns; full_layout: the full-order ones. dictionaries: block ->
     map back to full unknowns (absent: the block is kept as it is). rows: block -> sampled rows.
     step: s. versions: distribution -> version. scene: the plain dump of the scene. stage: the
-    histories that the run follows. contacts: contact -> names of the resultants that are kept at
-    the stored steps.
+    histories that the run follows. identity: of code, plugins and files (core/identity.py).
+    platform: processor, BLAS and its threads (core/threads.py). contacts: contact -> names of the
+    resultants that are kept at the stored steps.
     """
 
     scene: Mapping[str, Any]
@@ -92,6 +93,8 @@ class RunHeader:
     probes: tuple[Probe, ...] = ()
     budgets: Mapping[str, Any] = field(default_factory=dict)
     stage: Stage | None = None
+    identity: Mapping[str, Any] = field(default_factory=dict)
+    platform: Mapping[str, Any] = field(default_factory=dict)
     contacts: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     def attributes(self) -> dict[str, Any]:
@@ -101,6 +104,8 @@ class RunHeader:
             "scene_digest": self.scene_digest,
             "seed": self.seed,
             "versions": dict(self.versions),
+            "identity": dict(self.identity),
+            "platform": dict(self.platform),
             "reducer": self.reducer,
             "layout": dump_layout(self.layout),
             "full_layout": dump_layout(self.full_layout),

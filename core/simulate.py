@@ -1,5 +1,7 @@
 """The time loop: assemble, prepare, step, store. The only place where a status becomes an error."""
 
+import atexit
+import shutil
 import time
 from collections.abc import Sequence
 from contextlib import nullcontext
@@ -21,24 +23,28 @@ from sparsemor.core.offline import Offline, is_training_run, step_count
 from sparsemor.core.owner import owned
 from sparsemor.core.prepared import prepared
 from sparsemor.core.protocols import Resampling, State, StepSolver
-from sparsemor.core.recorder import Recorder, Tally, told
+from sparsemor.core.recorder import Recorder, told
 from sparsemor.core.results import RunResult
 from sparsemor.core.scene import Scene
 from sparsemor.core.served import Held
 from sparsemor.core.stability import check_run
 from sparsemor.core.status import SolveFailed, Status
 from sparsemor.core.step_control import ControlledSteps, controlled, step_of
+from sparsemor.core.tally import Tally
+from sparsemor.core.threads import fixed_threads
 from sparsemor.core.training import SnapshotKeeper
 from sparsemor.core.unmet import unmet
 from sparsemor.core.workshop import Workshop
 
 
+@fixed_threads()
 def simulate(
     scene: Scene, *, out: str | Path | None = None, resume: bool = False,
     observers: Sequence[object] = (), cache: Cache | None = None, shop: Workshop | None = None,
     keep_training: bool = False,
 ) -> RunResult:
-    """Run a scene and store its result under `out` (a temporary directory when not given).
+    """Run a scene and store its result under `out`; when not given, in a temporary directory that
+    is removed when this process ends.
 
     Raises InputError before anything is written, also when another run is writing to `out`;
     SolveFailed (with `.result`, readable up to there) when the run stops before its end; OSError
@@ -71,13 +77,13 @@ def _simulate(
         state, memory = solver.start(full)
         state = scene.integrator.start(solver.layout, state)
         tally = Tally(offline=time.perf_counter() - begun)
-        path = Path(out) if out is not None else Path(mkdtemp(prefix="sparsemor-"))
+        path = Path(out) if out is not None else _temporary()
         recorder = Recorder.open(
             scene, model, solver, offline, path, resume, step_count(scene))
-        recorder.notes, recorder.stability = notes, stability
+        recorder.notes, recorder.stability = (*notes, *recorder.notes), stability
         recorder.memory = Held(offline.expected, peak())
         if recorder.checkpoint is not None:
-            state, memory, tally = recorder.restored(tally)
+            state, memory, tally = recorder.restored(state, memory, tally)
         sampled = solver.rows_at(memory) if isinstance(solver, Resampling) else solver.rows
         for block, rows in sampled.items():
             manager.hook.on_resample(block=block, rows=rows)
@@ -92,6 +98,13 @@ def _keeper(scene: Scene, model: Model, offline: Offline) -> SnapshotKeeper | No
         return None
     return SnapshotKeeper(scene, step_count(scene), model.layout, model.reducible(),
                           offline.products.scratch)
+
+
+def _temporary() -> Path:
+    """A directory that is removed when the interpreter ends."""
+    path = Path(mkdtemp(prefix="sparsemor-"))
+    atexit.register(shutil.rmtree, path, ignore_errors=True)
+    return path
 
 
 class _Run:
@@ -133,6 +146,7 @@ class _Run:
                 self.state, tally, self.solver.supports(self.memory), self.memory)
             hook.on_failure(status=failure.status, t=failure.time, block=failure.block,
                             detail=failure.detail)
+        tally.online = time.perf_counter() - self._begun  # with what was written last
         return self._finish(failure)
 
     def _snapshot(self) -> None:

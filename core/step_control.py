@@ -70,7 +70,7 @@ def step_of(solver: StepSolver, integrator: Integrator, h: float) -> Step:
 
 
 class ControlMemory:
-    """What a controlled run carries on (picklable). levels: k -> memory of the solver of H/2^k.
+    """What a controlled run carries on. levels: k -> memory of the solver of H/2^k.
 
     level: the coarser one to begin the next step with; fine: the level whose integrator history
     the state has; live: the levels whose solvers were at the last accepted step. origin: x at the

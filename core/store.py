@@ -27,10 +27,12 @@ from sparsemor.core.checkpoint import (
     save_checkpoint,
 )
 from sparsemor.core.errors import Damaged, InputError
+from sparsemor.core.identity import Identity
 from sparsemor.core.owner import FixedFolder
 from sparsemor.core.result_stage import stage_attributes
 from sparsemor.core.run_header import RunHeader, load_layout
 from sparsemor.core.run_variables import TIME, fixed_arrays, steps_per_chunk, time_arrays
+from sparsemor.core.saved import Saved, SavedError
 from sparsemor.core.status import Status
 
 
@@ -103,15 +105,15 @@ class ResultWriter:
 
     @classmethod
     def resume(
-        cls, path: str | Path, scene_digest: str | None = None
+        cls, path: str | Path, scene_digest: str | None = None, identity: Identity | None = None
     ) -> tuple["ResultWriter", Checkpoint]:
         """The writer of a stopped run, cut back to its last checkpoint, and that checkpoint.
 
-        Raises InputError when there is nothing to resume, the run has ended well, or its scene
-        was another one than `scene_digest` tells.
+        Raises InputError when there is nothing to resume, the run has ended well, its scene was
+        another one than `scene_digest` tells, or something else that `identity` holds has changed.
         """
         target = Path(path).absolute()
-        document, checkpoint = _resumable(target, scene_digest)
+        document, checkpoint = _resumable(target, scene_digest, identity)
         for name, metadata in zf.arrays_of(document).items():
             (target / name / zf.GROUP_FILE).unlink(missing_ok=True)
             if metadata["dimension_names"][0] == TIME:
@@ -121,9 +123,11 @@ class ResultWriter:
         return cls(target), checkpoint
 
     @staticmethod
-    def resumable(path: str | Path, scene_digest: str | None = None) -> None:
+    def resumable(
+        path: str | Path, scene_digest: str | None = None, identity: Identity | None = None
+    ) -> None:
         """Raises InputError when `resume` would; changes nothing."""
-        _resumable(Path(path).absolute(), scene_digest)
+        _resumable(Path(path).absolute(), scene_digest, identity)
 
     @property
     def stored(self) -> int:
@@ -147,10 +151,11 @@ class ResultWriter:
         self._last_time = float(steps.times[-1])
 
     def checkpoint(self, arrays: Mapping[str, NDArray[Any]], memory: Any = None) -> None:
-        """Remember how to go on from the last appended step; `memory` must be picklable."""
+        """Remember how to go on from the last appended step; `memory`: state that core/saved.py
+        can write. Raises TypeError where it cannot."""
         run = self._document["attributes"]["run"]
         with self._folder.kept(self._last_time), zf.writing(checkpoint_file(self.path)):
-            save_checkpoint(self.path, Checkpoint(run, self.stored, arrays, memory))
+            save_checkpoint(self.path, Checkpoint(run, self.stored, arrays, Saved.of(memory)))
 
     def finish(self, status: Status, summary: Mapping[str, Any]) -> None:
         """Write how the run ended. Its checkpoint stays only if there is something to resume.
@@ -254,7 +259,9 @@ def _write_empty(path: Path, header: RunHeader) -> None:
     zf.write_group(path, zf.group_document(attributes, growing | fixed))
 
 
-def _resumable(target: Path, scene_digest: str | None) -> tuple[dict[str, Any], Checkpoint]:
+def _resumable(
+    target: Path, scene_digest: str | None, identity: Identity | None
+) -> tuple[dict[str, Any], Checkpoint]:
     def refuse(why: str) -> InputError:
         return InputError(f"{target} cannot be resumed: {why}", key="resume")
 
@@ -266,7 +273,14 @@ def _resumable(target: Path, scene_digest: str | None) -> tuple[dict[str, Any], 
         raise refuse("the run has ended; nothing is left to do")
     if scene_digest not in (None, attributes["scene_digest"]):
         raise refuse("it was made from another scene; run into a new directory")
-    checkpoint = load_checkpoint(target)
+    if identity is not None and (changed := identity.changes(attributes.get("identity", {}))):
+        raise refuse(f"since it was stopped, {'; '.join(changed)}. Start the run again, with "
+                     "--force or into another directory")
+    try:
+        checkpoint = load_checkpoint(target)
+    except SavedError as error:
+        raise refuse(f"{checkpoint_file(target).name}: {error}; start anew, with --force or into "
+                     "another directory") from None
     if checkpoint is None or checkpoint.run != attributes["run"]:
         raise refuse("it was stopped before its first checkpoint; start anew, with --force or into "
                      "another directory")

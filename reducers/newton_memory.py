@@ -1,7 +1,7 @@
 """What an iteration with a kept factor carries from step to step."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -22,9 +22,9 @@ class Place:
 
 
 class NewtonMemory:
-    """What a run carries from step to step (picklable).
+    """What a run carries from step to step; its state is plain data (core/saved.py).
 
-    place: where the kept factor was made: after unpickling it is made there again, so that a
+    place: where the kept factor was made: after a restart it is made there again, so that a
     resumed run repeats every digit. top (blocks,): largest value of each block so far; order: of
     the extrapolation that foretold the last step best. near: number of a term -> its copy for
     states near one (following.py), stored as that state; searches: how many were made.
@@ -43,7 +43,12 @@ class NewtonMemory:
 
     def __getstate__(self) -> dict[str, Any]:
         near = {i: getattr(kept, "at", kept) for i, kept in self.near.items()}
-        return {**self.__dict__, "factor": None, "size": None, "near": near}
+        place = self.place and tuple(getattr(self.place, f.name) for f in fields(self.place))
+        return {**self.__dict__, "factor": None, "size": None, "near": near, "place": place}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        place = state["place"]
+        self.__dict__.update(state, place=place and Place(*place))
 
     def beside(self) -> "NewtonMemory":
         """Another one with the same copies of terms, for a look at the last state."""

@@ -27,7 +27,7 @@ def branched(streams: Streams) -> dict[str, np.random.Generator]:
 
 class ResampledMemory:
     """inner: of the solver in use; turn: how often rows changed; fresh rows: what they are, the
-    streams that the next are drawn from, and their solver, which is rebuilt after unpickling."""
+    streams that the next are drawn from, and their solver, which is rebuilt after a restart."""
 
     def __init__(self, inner: Any, streams: Streams) -> None:
         self.inner, self.step, self.turn = inner, 0, 0

@@ -12,7 +12,7 @@ KEPT = 64
 
 
 class SparseMemory(Memory):
-    """Adds the stepper of the current supports; prepared arrays are rebuilt after unpickling.
+    """Adds the stepper of the current supports; prepared arrays are rebuilt after a restart.
 
     Keys of what is kept begin with the number of the set of rows.
     """

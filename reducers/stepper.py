@@ -28,7 +28,7 @@ Facts = Mapping[str, Mapping[str, float | int | str]]
 
 
 class Memory:
-    """What a run carries from step to step (picklable)."""
+    """What a run carries from step to step; its state is plain data (core/saved.py)."""
 
     def __init__(self, x: FloatArray, points: int) -> None:
         self.ring, self.contraction = Ring(points, x), Contraction()

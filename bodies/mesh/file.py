@@ -30,6 +30,10 @@ class MeshFile(Plugin):
     scale: float = Field(default=1.0, gt=0)
     """Metres per length unit of the file: 1e-3 for a drawing in millimetres."""
 
+    def files(self, base: Path) -> tuple[Path, ...]:
+        """The mesh file: part of the identity of a run and of the key of its products."""
+        return (base / self.path,)
+
     def build(self, base: Path) -> Mesh:
         """The mesh of `base / path`; InputError with key `path` when it cannot be used."""
         raw = _read(base / self.path, self.path)

@@ -133,12 +133,17 @@ def _run_all(
 def _run_one(
     scene: Scene, here: Path, resume: bool, observers: Sequence[object], shop: Workshop, keep: bool
 ) -> Any:
+    from sparsemor.core.identity import Identity
     from sparsemor.core.results import open_result
     from sparsemor.core.simulate import simulate
 
     if resume and is_result(here):
         earlier = open_result(here)
         if earlier.status.ok and earlier.attributes["scene_digest"] == scene.digest():
+            changed = Identity.of(scene).changes(earlier.attributes.get("identity", {}))
+            if changed:
+                raise InputError(f"{here} cannot be kept: since it was computed, "
+                                 f"{'; '.join(changed)}. Start again, with --force", "resume")
             return earlier
         return simulate(scene, out=here, resume=True, observers=observers, shop=shop)
     return simulate(scene, out=here, observers=observers, shop=shop, keep_training=keep)

@@ -28,6 +28,9 @@ class StepOutcome:
 class StepSolver(Protocol):
     """Solves one step of one (full or reduced) model. Immutable; memory goes in and out.
 
+    The memory's state is plain data or objects of which `start` makes one in the same place
+    (core/saved.py), so that a stopped run can be continued.
+
     `dictionaries` maps block names to the map back to full unknowns (absent: kept as they are);
     `rows`, `elements_touched`: per block; `supports(memory)`: active atoms per budgeted block;
     `notes`: what a user should know before trusting the run; `facts`: block name ->

@@ -19,6 +19,7 @@ from sparsemor.core.errors import InputError
 from sparsemor.core.model import Model
 from sparsemor.core.notes import Note
 from sparsemor.core.offline import Offline, step_count
+from sparsemor.core.physics import IRRELEVANT
 from sparsemor.core.protocols import Integrator, State, StepSolver
 from sparsemor.core.registry import Registry
 from sparsemor.core.scene import Scene
@@ -190,7 +191,7 @@ def check_run(
     reducer = scene.dump()["reducer"]["use"]
     if scene.check_stability == "off" or not solver.dictionaries or reducer == PROJECTION:
         return (), {}
-    plain = {"title": "", "output": {}, "probes": {}, "check_stability": "warn"}
+    plain = {key: value for key, value in IRRELEVANT.items() if key != "seed"}
     kept = offline.remember(
         "stability", (scene.using(plain).digest(),),
         lambda: _as_arrays(_judged_run(scene, model, solver, full)))

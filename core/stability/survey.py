@@ -38,6 +38,7 @@ from sparsemor.core.stability.reference import (
 )
 from sparsemor.core.status import SolveFailed
 from sparsemor.core.text_table import text_table
+from sparsemor.core.threads import fixed_threads
 
 UNKNOWN = Departure(None, None, None, None)
 
@@ -140,6 +141,7 @@ class Survey:
             e.as_dict() | {"each": [f.as_dict() for f in e.findings]} for e in self.entries]}
 
 
+@fixed_threads()
 def survey(
     scene: Scene, plan: Plan, *, cache: Cache | None = None, observers: Sequence[object] = (),
     told: Callable[[Entry], None] = lambda entry: None,

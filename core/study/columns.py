@@ -15,7 +15,7 @@ SERIES = "error_over_time"
 COUNTS = ("steps", "t_end", "iterations", "atoms_all", "atoms_active", "rows_sampled",
           "factorizations", "support_changes", "elements_touched", "notes", "facts")
 TIMES = ("ms_per_step", "reference_ms_per_step", "speed_up", "offline_s", "offline_total_s",
-         "offline_cache", "online_s", "pays_after", "repeats", "workers")
+         "offline_cache", "online_s", "pays_after", "ms_per_step_solver", "repeats", "workers")
 """The only columns that may differ between two executions of a study."""
 
 RESERVED = frozenset({"run", "status", "message", "reference_status", *ERRORS, *LATE, *PHASES,

@@ -84,5 +84,6 @@ def _cost(run: RunResult, facts: RunFacts, base: RunFacts) -> dict[str, Any]:
         "offline_cache": ", ".join(f"{k} {how}" for k, how in used.items()),
         "online_s": facts.online_seconds,
         "pays_after": pays_after(base, facts),
+        "ms_per_step_solver": facts.ms_per_step_solver,
     }
 

@@ -8,7 +8,9 @@ from typing import Any
 
 from sparsemor.core.cache import digest
 from sparsemor.core.errors import Fault, InputError
+from sparsemor.core.identity import Identity, environment
 from sparsemor.core.overrides import split
+from sparsemor.core.physics import NOT_PHYSICS, training_physics
 from sparsemor.core.registry import Registry, near
 from sparsemor.core.scene import Scene, build
 from sparsemor.core.source import Source
@@ -16,9 +18,6 @@ from sparsemor.core.study.axes import Point, chart_columns, points_of, setting_c
 from sparsemor.core.study.columns import columns_of
 from sparsemor.core.study.file import Finding, Study
 from sparsemor.core.yaml_source import KeyPath, LocatedError
-
-NOT_PHYSICS = frozenset({"reducer", "training", "seed", "output", "probes", "title"})
-"""What a run may change without getting another reference."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -83,10 +82,8 @@ class Plan:
         maker.check_scene(len(points))
         settings = setting_columns(points)
         columns = columns_of(settings, read.file.errors_from > 0.0, read.file.over_time)
-        from importlib.metadata import version
-
         about = digest(
-            read.source.tree, version("sparsemor"),
+            read.source.tree, environment(), maker.identities,
             [[r.refused, dict(r.scene.tree) if r.scene else None] for r in runs],
             {key: dict(s.tree) for key, s in maker.references.items()})
         return cls(read, tuple(runs), maker.references, tuple(columns), tuple(settings),
@@ -102,6 +99,7 @@ class _Maker:
     references: dict[str, SceneData] = field(default_factory=dict)
     blamed: dict[int, list[Finding]] = field(default_factory=dict)
     scene_lines: dict[int, list[str]] = field(default_factory=dict)
+    identities: dict[str, Any] = field(default_factory=dict)
     _known: dict[str, Any] = field(default_factory=dict)
 
     def run(self, number: int, point: Point) -> Run:
@@ -111,6 +109,10 @@ class _Maker:
             source = self.base.changed(changes, "run")
             scene = build(source)
             dump = scene.dump()
+            identity = Identity.of(scene)
+            self.identities |= {"files": {**self.identities.get("files", {}), **identity.files},
+                                "plugins": {**self.identities.get("plugins", {}),
+                                            **identity.plugins}}
             reference = self._once("reference", self._followed(changes),
                                    lambda: self._reference(number, point))
         except InputError as error:
@@ -211,12 +213,10 @@ class _Maker:
 def _training_key(scene: Scene) -> str:
     """What the training run of a scene depends on, in one word; "" where it has none."""
     try:
-        training = scene.for_training()
-        plain = training.using(
-            {"title": "", "seed": 0, "output": {}, "probes": {}}, label="training")
+        training, physics = training_physics(scene)
     except InputError:
         return ""  # the run will say what is wrong
-    return digest(plain.digest(), training.training.every)
+    return digest(physics.digest(), training.training.every)
 
 
 def _compared(dump: Mapping[str, Any]) -> dict[str, Any]:

@@ -12,7 +12,6 @@ import traceback
 import uuid
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +21,7 @@ from sparsemor.core.cache import Cache, digest
 from sparsemor.core.checks import checked_model
 from sparsemor.core.errors import InputError
 from sparsemor.core.hooks import new_manager
+from sparsemor.core.identity import Identity, mesh_content
 from sparsemor.core.model import Model
 from sparsemor.core.offline import TRAINING
 from sparsemor.core.plain import finite
@@ -34,6 +34,7 @@ from sparsemor.core.source import Source
 from sparsemor.core.status import SolveFailed, Status
 from sparsemor.core.stored import StoredArrays
 from sparsemor.core.study.measure import measured
+from sparsemor.core.threads import fixed_threads
 from sparsemor.core.yaml_source import Document
 
 _log = logging.getLogger(__name__)
@@ -47,7 +48,8 @@ def execute(job: Mapping[str, Any], registry: Registry | None = None) -> dict[st
     Raises KeyboardInterrupt when Ctrl-C was pressed.
     """
     try:
-        answer = _KINDS[job["kind"]](job, scene_of(job["scene"], registry), registry)
+        with fixed_threads():
+            answer = _KINDS[job["kind"]](job, scene_of(job["scene"], registry), registry)
     except InputError as error:
         answer = {"status": REFUSED, "message": _one_line(str(error))}
     except SolveFailed as error:
@@ -118,9 +120,8 @@ _KINDS = {"reference": _reference, "products": _products, "run": _run}
 
 
 def _reference_key(scene: Scene, model: Model) -> str:
-    """Holds the meshes, as the key of offline products does: their files may change."""
-    meshes = [m for p in model.parts.values() if (m := getattr(p, "mesh", None)) is not None]
-    return digest(scene.digest(), version("sparsemor"), [[m.points, m.cells] for m in meshes])
+    """Holds identity and meshes, as the key of offline products does."""
+    return digest(scene.digest(), Identity.of(scene).plain(), mesh_content(model))
 
 
 def _remove_damaged(key: str) -> None:

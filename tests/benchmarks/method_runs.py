@@ -24,7 +24,7 @@ MEANINGS = {
     "start-up": "largest error in the first 2 % of the steps; steady: in the rest",
     "errors": "of a field: relative to its largest change; joint: of all unknowns, "
               "relative to their norm at the same time, as the paper defines it",
-    "ms": "median of a step, and how often full order takes that"}
+    "ms": "online time over steps, writing included, and how often full order takes that"}
 """What the columns of the tables are."""
 
 

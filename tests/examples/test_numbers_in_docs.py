@@ -1,8 +1,9 @@
 """Numbers in the docs: each section that has measured ones names the command that prints them.
 
-A section does so by a command in its text or tables, or by a comment `<!-- numbers by: COMMAND -->`;
-`<!-- numbers: SOURCE -->` is for those that nobody measured (given by a scene, by the paper, or
-constants of a method). The others stand in docs/verification.md, each with the reason.
+A section does so by a command in its text or tables, or by a comment
+`<!-- numbers by: COMMAND -->`; `<!-- numbers: SOURCE -->` is for those that nobody measured (given
+by a scene, by the paper, or constants of a method). The others stand in docs/verification.md, each
+with the reason.
 """
 
 import re

@@ -65,7 +65,8 @@ def write_run(
         {"arm.elastic": np.arange(5)} if dictionary else {}, {"arm": shape}))
     writer.append(ChunkOfSteps(times, x, np.full(len(times), 3), np.full(len(times), seconds),
                                supports))
-    writer.finish(status, cost or {"wall_s": {"offline": 2.5, "online": 1.0}})
+    writer.finish(status, cost or {
+        "wall_s": {"offline": 2.5, "online": 1.0}, "ms_per_step": 1e3 * seconds})
     return open_result(path)
 
 

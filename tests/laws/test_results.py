@@ -167,7 +167,8 @@ def test_resume_continues_where_the_checkpoint_stands(tmp_path: Path) -> None:
     broken.finish(Status.INTERRUPTED, {"steps": 650})
 
     again, checkpoint = ResultWriter.resume(tmp_path / "b" / "result.zarr", "d1")
-    assert (again.stored, checkpoint.stored, checkpoint.memory) == (300, 300, {"active": [1, 2]})
+    memory = checkpoint.memory.into({"active": []})
+    assert (again.stored, checkpoint.stored, memory) == (300, 300, {"active": [1, 2]})
     assert np.array_equal(checkpoint.arrays["x"], np.arange(3.0))
     assert len(open_result(tmp_path / "b").times) == 300
     again.append(steps(head.layout, 300, 1))

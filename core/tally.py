@@ -1,0 +1,53 @@
+"""Sums over the steps of a run: times, iterations, atoms in use."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from sparsemor.core.arrays import BoolArray
+
+
+@dataclass
+class Tally:
+    """Sums over a run that outlive an interruption, of a size that does not grow with it.
+
+    Seconds are wall time. last_seconds, last_iterations: of the last step; seconds_near: number
+    k -> steps that the solver took exp(k / 100) s for, within 0.5 %.
+    """
+
+    offline: float = 0.0
+    online: float = 0.0
+    done: int = 0
+    iterations: int = 0
+    last_seconds: float = 0.0
+    last_iterations: int = 0
+    seconds_near: dict[int, int] = field(default_factory=dict)
+    active: dict[str, int] = field(default_factory=dict)
+
+    def add(self, seconds: float, iterations: int) -> None:
+        self.done += 1
+        self.iterations += iterations
+        self.last_seconds, self.last_iterations = seconds, iterations
+        k = round(100.0 * math.log(max(seconds, 1e-9)))
+        self.seconds_near[k] = self.seconds_near.get(k, 0) + 1
+
+    @property
+    def ms_per_step(self) -> float:
+        """Online time over steps, writing included, ms."""
+        return 1e3 * self.online / self.done if self.done else 0.0
+
+    @property
+    def ms_per_step_solver(self) -> float:
+        """Median time of the step solver's call alone, ms, within 0.5 %."""
+        seen = 0
+        for k in sorted(self.seconds_near):
+            seen += self.seconds_near[k]
+            if 2 * seen >= self.done:
+                return 1e3 * math.exp(k / 100.0)
+        return 0.0
+
+    def count_atoms(self, supports: Mapping[str, BoolArray]) -> None:
+        for name, support in supports.items():
+            self.active[name] = self.active.get(name, 0) + int(np.count_nonzero(support))
