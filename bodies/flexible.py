@@ -29,6 +29,7 @@ from sparsemor.core.errors import Fault, Gather, InputError
 from sparsemor.core.mesh import BodySize, Mesh
 from sparsemor.core.plugin import Plugin
 from sparsemor.core.protocols import MeshPlugin
+from sparsemor.core.returned import returned
 from sparsemor.core.slot import Slot
 
 
@@ -125,7 +126,7 @@ class Flexible(Plugin):
 
     def _mesh(self, base: Path) -> Mesh:
         try:
-            mesh = self.mesh.build(base)
+            mesh = returned(self.mesh.build(base), Mesh, self.mesh, "build")
         except InputError as error:
             raise error.under("mesh") from None
         check_mesh(mesh)  # its faults have the key "mesh"

@@ -19,6 +19,7 @@ from sparsemor.core.prepared import prepared
 from sparsemor.core.protocols import Resampling, State, StepSolver
 from sparsemor.core.recorder import Recorder, Tally, admit, told
 from sparsemor.core.results import RunResult
+from sparsemor.core.returned import complete
 from sparsemor.core.scene import Scene
 from sparsemor.core.served import Held
 from sparsemor.core.stability import check_run
@@ -46,6 +47,7 @@ def simulate(
     with np.errstate(all="ignore"):  # overflow ends in a status, not in a warning
         solver: StepSolver = scene.reducer.prepare(
             model, scene.integrator, scene.time.step, offline, np.random.default_rng(scene.seed))
+        complete(solver, StepSolver, scene.reducer, "prepare", "reducer")
         full = consistent_state(model)
         notes, stability = check_run(scene, model, solver, full)
         solver = controlled(scene, model, offline, solver)
@@ -55,7 +57,7 @@ def simulate(
         path = Path(out) if out is not None else Path(mkdtemp(prefix="sparsemor-"))
         recorder = Recorder.open(
             scene, model, solver, offline, path, resume, step_count(scene))
-        recorder.notes, recorder.stability = notes, stability
+        recorder.notes, recorder.stability = (*scene.notes, *notes), stability
         recorder.memory = Held(offline.expected, peak())
         if recorder.checkpoint is not None:
             state, memory, tally = recorder.restored(tally)

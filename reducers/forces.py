@@ -17,6 +17,7 @@ from sparsemor.core.initial import consistent_state
 from sparsemor.core.layout import Block, Layout
 from sparsemor.core.offline import Recording
 from sparsemor.core.protocols import Basis, BlockData, Dictionary, Sampler, State
+from sparsemor.core.returned import built_dictionary, sampled_rows
 from sparsemor.core.svd import svd
 from sparsemor.reducers.projected import Reducible, deficient
 
@@ -102,7 +103,7 @@ def force_modes(block: Reducible, basis: Basis) -> Dictionary:
         if basis.needs_snapshots and np.linalg.norm(F, 2) <= noise:
             return {"modes": np.zeros((block.size, 0))}
         try:
-            made = basis.build(equation_data(block, F))
+            made = built_dictionary(basis, equation_data(block, F))
         except InputError as error:
             raise InputError(f"forces of {block.name}: {error}", "reducer.force_basis") from None
         if np.any(made.offset):
@@ -135,7 +136,7 @@ def choose_points(
 
     def make() -> Mapping[str, IntArray]:
         data = equation_data(block, np.zeros((block.size, 0)))
-        return {"rows": sampler.sample(data, drawn, modes, block.rng, held)}
+        return {"rows": sampled_rows(sampler, data, drawn, modes, block.rng, held)}
 
     if not f:
         return held
