@@ -46,7 +46,7 @@ class Contract:
 
 _CONNECTOR = Contract(ConnectorPlugin, ("acts_on",))
 CONTRACTS: Mapping[str, Contract] = {
-    "basis": Contract(Basis, ("count", "most_atoms")),
+    "basis": Contract(Basis, ("count", "most_atoms", "unfit")),
     "body": Contract(BodyPlugin, ("expected", "fields")),
     "contact": _CONNECTOR,
     "friction_law": Contract(FrictionLaw),
@@ -58,8 +58,8 @@ CONTRACTS: Mapping[str, Contract] = {
     "mesh": Contract(MeshPlugin, ("expected",)),
     "normal_law": Contract(NormalLaw),
     "preconditioner": Contract(Preconditioner),
-    "reducer": Contract(
-        Reducer, ("check", "basis", "bases", "force_basis", "snapshot_copies", "budgets")),
+    "reducer": Contract(Reducer, (
+        "check", "basis", "bases", "force_basis", "snapshot_copies", "budgets", "resample")),
     "sampler": Contract(Sampler, ("required", "unit")),
     "sparse_solver": Contract(SparseSolver, ("capabilities", "screen")),
 }

@@ -7,6 +7,7 @@ is linear and acts on each unknown alone, so no force has to be stored.
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from scipy.sparse import eye_array
@@ -21,9 +22,20 @@ from sparsemor.core.returned import built_dictionary, sampled_rows
 from sparsemor.core.svd import svd
 from sparsemor.reducers.projected import Reducible, deficient
 
+FROM_ZERO = "their modes are counted from zero: take centred: false"
 DETERMINED = 1e-12
 """Least singular value of the modes at the points, relative to the modes' own largest, below which
 the points do not determine them."""
+
+
+
+@runtime_checkable
+class Centres(Protocol):
+    """A basis that may subtract the mean of the snapshots first."""
+
+    @property
+    def centred(self) -> bool: ...
+
 
 Numbers = dict[str, float | int | str]
 
@@ -107,8 +119,7 @@ def force_modes(block: Reducible, basis: Basis) -> Dictionary:
         except InputError as error:
             raise InputError(f"forces of {block.name}: {error}", "reducer.force_basis") from None
         if np.any(made.offset):
-            raise InputError(f"forces of {block.name}: their modes are counted from zero: take "
-                             "centred: false", "reducer.force_basis")
+            raise InputError(f"forces of {block.name}: {FROM_ZERO}", "reducer.force_basis")
         amounts = np.linalg.norm(made.atoms.T @ F, axis=1)
         real = amounts > noise if basis.needs_snapshots else np.ones(len(amounts), dtype=bool)
         return {"modes": made.atoms[:, real]}

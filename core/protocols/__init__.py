@@ -21,6 +21,7 @@ from sparsemor.core.protocols.parts import (
 from sparsemor.core.protocols.representation import (
     Basis,
     BlockData,
+    ChecksBlock,
     Dictionary,
     Preconditioner,
     Sampler,
@@ -32,14 +33,14 @@ from sparsemor.core.protocols.sparse_recovery import (
     SparseSolver,
     SparseStart,
 )
-from sparsemor.core.protocols.steps import Reducer, Resampling, StepOutcome, StepSolver
+from sparsemor.core.protocols.steps import Redraws, Reducer, Resampling, StepOutcome, StepSolver
 from sparsemor.core.protocols.terms import ReducedTerm, Term, Trial
 
 __all__ = [
-    "Basis", "Block", "BlockData", "BodyPart", "BodyPlugin", "ConnectorPlugin", "Dictionary",
-    "Factorized", "FrictionLaw", "Group", "Integrator", "Layout", "LinearOutcome", "LinearSolver",
-    "Mesh", "MeshPlugin", "NormalLaw", "Part", "Places", "Preconditioner", "ProbedBody",
-    "ReducedTerm", "Reducer", "Resampling", "Sampler", "SparseOutcome", "SparseProblem",
-    "SparseSolver", "SparseStart", "State", "StepFormula", "StepOutcome", "StepSolver", "Term",
-    "TimeFunction", "Trial",
+    "Basis", "Block", "BlockData", "BodyPart", "BodyPlugin", "ChecksBlock", "ConnectorPlugin",
+    "Dictionary", "Factorized", "FrictionLaw", "Group", "Integrator", "Layout", "LinearOutcome",
+    "LinearSolver", "Mesh", "MeshPlugin", "NormalLaw", "Part", "Places", "Preconditioner",
+    "ProbedBody", "Redraws", "ReducedTerm", "Reducer", "Resampling", "Sampler", "SparseOutcome",
+    "SparseProblem", "SparseSolver", "SparseStart", "State", "StepFormula", "StepOutcome",
+    "StepSolver", "Term", "TimeFunction", "Trial",
 ]
