@@ -15,6 +15,7 @@ from sparsemor.core.initial import consistent_state
 from sparsemor.core.interrupt import Interrupt
 from sparsemor.core.memory import peak
 from sparsemor.core.offline import step_count
+from sparsemor.core.plausibility import after_run, before_run, of_solver
 from sparsemor.core.prepared import prepared
 from sparsemor.core.protocols import Resampling, State, StepSolver
 from sparsemor.core.recorder import Recorder, Tally, admit, told
@@ -57,7 +58,8 @@ def simulate(
         path = Path(out) if out is not None else Path(mkdtemp(prefix="sparsemor-"))
         recorder = Recorder.open(
             scene, model, solver, offline, path, resume, step_count(scene))
-        recorder.notes, recorder.stability = (*scene.notes, *notes), stability
+        recorder.notes, recorder.stability = (
+            *before_run(scene, model), *of_solver(scene, solver), *notes), stability
         recorder.memory = Held(offline.expected, peak())
         if recorder.checkpoint is not None:
             state, memory, tally = recorder.restored(tally)
@@ -109,7 +111,9 @@ class _Run:
         if failure is not None:
             summary["message"] = str(failure)
         else:
-            found = told(unmet(self.recorder.model, RunResult(self.recorder.store)))
+            kept = RunResult(self.recorder.store)
+            found = told((*unmet(self.recorder.model, kept),
+                          *after_run(self.recorder.model, kept)))
             summary |= {key: [*summary[key], *texts] for key, texts in found.items()}
         self.recorder.finish(status, summary)
         self.manager.hook.on_finish(summary=summary)

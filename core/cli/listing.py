@@ -15,6 +15,7 @@ from sparsemor.core.cli.common import (
     load_with,
     located_in,
     print_json,
+    warn,
 )
 from sparsemor.core.errors import InputError
 from sparsemor.core.option_types import type_in_words
@@ -31,11 +32,14 @@ def validate(scene: SceneName, settings: Settings = None, as_json: Json = False)
         loaded = load_with(scene, settings)
         with located_in(loaded):
             from sparsemor.core.checks import checked_model
+            from sparsemor.core.notes import Level, sentences
+            from sparsemor.core.plausibility import before_run
 
-            checked_model(loaded)
+            found = sentences(before_run(loaded, checked_model(loaded)), Level.WARNING)
         if as_json:
-            print_json({"status": "done", "scene": loaded.dump()})
+            print_json({"status": "done", "scene": loaded.dump(), "notes": found})
         else:
+            warn(found)
             typer.echo(f"{loaded.name}: valid ({', '.join(loaded.bodies)})")
 
 

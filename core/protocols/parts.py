@@ -7,6 +7,7 @@ from typing import Any, Protocol, runtime_checkable
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.layout import Block, Layout
 from sparsemor.core.mesh import Mesh
+from sparsemor.core.notes import Note
 from sparsemor.core.protocols.terms import Term
 
 
@@ -35,6 +36,14 @@ class BodyPart(Part, Protocol):
     def claims(self, layout: Layout, term: Term) -> bool: ...
     def mechanics(self, layout: Layout, terms: Sequence[Term]) -> Any: ...
     def heat_equations(self, layout: Layout, terms: Sequence[Term]) -> Any: ...
+
+
+@runtime_checkable
+class NotedPart(Protocol):
+    """A built part that warns of what is legal and most likely a mistake."""
+
+    @property
+    def notes(self) -> tuple[Note, ...]: ...
 
 
 @runtime_checkable

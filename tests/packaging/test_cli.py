@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 
 from sparsemor.core.cli import app
 from sparsemor.core.errors import InputError
+from sparsemor.core.notes import Note
 from sparsemor.core.scene import Scene, load
 from sparsemor.core.status import SolveFailed, Status
 from toy_scene import TOY_SCENE
@@ -149,8 +150,12 @@ def test_validate_also_builds_the_parts(monkeypatch):
             raise InputError("too heavy to hold", "bodies.a.mass")
 
     checked_by(monkeypatch, check)
+    monkeypatch.setattr("sparsemor.core.plausibility.before_run", lambda scene, model: (
+        Note("the mass is 3 tons", "heavy"),) if scene.bodies["a"].mass == 3 else ())
     done = sparsemor("validate", "scene.yaml")
     assert (done.code, done.err) == (0, "")
+    done = sparsemor("validate", "scene.yaml", "--set", "bodies.a.mass=3")
+    assert (done.code, done.err) == (0, "warning: the mass is 3 tons\n")
     done = sparsemor("validate", "scene.yaml", "--set", "bodies.a.mass=1000")
     assert (done.code, done.err) == (2, "--set bodies.a.mass: too heavy to hold\n")
     done = sparsemor("validate", "scene.yaml", "--set", "bodies.a.mas=1", "--set", "format=3")
