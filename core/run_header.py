@@ -74,7 +74,7 @@ class RunHeader:
     map back to full unknowns (absent: the block is kept as it is). rows: block -> sampled rows.
     step: s. versions: distribution -> version. scene: the plain dump of the scene. stage: the
     histories that the run follows. contacts: contact -> names of the resultants that are kept at
-    the stored steps.
+    the stored steps. multipliers: block -> name and unit of each of its unknowns.
     """
 
     scene: Mapping[str, Any]
@@ -93,6 +93,7 @@ class RunHeader:
     budgets: Mapping[str, Any] = field(default_factory=dict)
     stage: Stage | None = None
     contacts: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    multipliers: Mapping[str, tuple[tuple[str, str], ...]] = field(default_factory=dict)
 
     def attributes(self) -> dict[str, Any]:
         """The part of the header that is not arrays, as plain data."""

@@ -15,6 +15,7 @@ from sparsemor.core.protocols.parts import (
     BodyPlugin,
     ConnectorPlugin,
     MeshPlugin,
+    NamesMultipliers,
     NotedPart,
     Part,
     ProbedBody,
@@ -40,8 +41,8 @@ from sparsemor.core.protocols.terms import ReducedTerm, Term, Trial
 __all__ = [
     "Basis", "Block", "BlockData", "BodyPart", "BodyPlugin", "ChecksBlock", "ConnectorPlugin",
     "Dictionary", "Factorized", "FrictionLaw", "Group", "Integrator", "Layout", "LinearOutcome",
-    "LinearSolver", "Mesh", "MeshPlugin", "NormalLaw", "NotedPart", "Part", "Places",
-    "Preconditioner", "ProbedBody", "Redraws", "ReducedTerm", "Reducer", "Resampling", "Sampler",
-    "SparseOutcome", "SparseProblem", "SparseSolver", "SparseStart", "State", "StepFormula",
-    "StepOutcome", "StepSolver", "Term", "TimeFunction", "Trial",
+    "LinearSolver", "Mesh", "MeshPlugin", "NamesMultipliers", "NormalLaw", "NotedPart", "Part",
+    "Places", "Preconditioner", "ProbedBody", "Redraws", "ReducedTerm", "Reducer", "Resampling",
+    "Sampler", "SparseOutcome", "SparseProblem", "SparseSolver", "SparseStart", "State",
+    "StepFormula", "StepOutcome", "StepSolver", "Term", "TimeFunction", "Trial",
 ]

@@ -47,6 +47,16 @@ class NotedPart(Protocol):
 
 
 @runtime_checkable
+class NamesMultipliers(Protocol):
+    """A built joint that says what each of its multipliers is."""
+
+    @property
+    def components(self) -> tuple[tuple[str, str], ...]:
+        """Name and unit of each multiplier, such as ("force x", "N")."""
+        ...
+
+
+@runtime_checkable
 class ProbedBody(Protocol):
     """A built body with material points: at is the name of a set, or body coordinates, m."""
 
