@@ -137,7 +137,8 @@ class _Run:
             outcome, self.state, self.memory = step(self.state, self.memory)
             if not outcome.status.ok:
                 return SolveFailed(
-                    outcome.status, self.state.t + h, outcome.block, outcome.detail)
+                    outcome.status, self.state.t + h, outcome.block, outcome.detail,
+                    sampled=bool(solver.rows))
             tally.add(time.perf_counter() - start, outcome.iterations)
             supports = solver.supports(self.memory)
             tally.count_atoms(supports)

@@ -174,7 +174,7 @@ def interpolation(name: str, U: FloatArray, points: IntArray) -> tuple[FloatArra
     whole = float(np.linalg.norm(U, 2))
     if not s[-1] > DETERMINED * whole:
         raise deficient(name, f"its {m} points cannot tell its {f} modes apart: take more points, "
-                        "required: true or another sampler")
+                        "required: true or another sampler", sampled=True)
     facts: Numbers = {
         "points": m, "condition": float(s[0] / s[-1]),
         "amplification": whole / float(s[-1])}

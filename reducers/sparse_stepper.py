@@ -263,7 +263,8 @@ class SparseStepper(AroundSteps[Stepper]):
         try:
             return self._prepared(memory, memory.supports), memory
         except RankDeficient as error:
-            raise SolveFailed(Status.RANK_DEFICIENT, 0.0, error.block, error.detail) from None
+            raise SolveFailed(Status.RANK_DEFICIENT, 0.0, error.block, error.detail,
+                              sampled=True) from None
 
     def counters(self, memory: SparseMemory) -> Mapping[str, int]:
         return self.base.counters(memory)
