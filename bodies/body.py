@@ -19,6 +19,7 @@ from sparsemor.core.errors import InputError
 from sparsemor.core.layout import Block, FieldName, Layout
 from sparsemor.core.mesh import Mesh
 from sparsemor.core.model import ProbePlace
+from sparsemor.core.notes import Note
 from sparsemor.core.protocols import Part, Term, TimeFunction
 from sparsemor.core.registry import near
 from sparsemor.core.run_header import BodyShape
@@ -37,6 +38,7 @@ class Body(ABC):
     (N, N) scalar, kg, or None for a rigid body given by numbers; pose: rigid coordinates and
     velocity their rates at the start; moves: False when the frame stays where the pose puts it, or
     follows `guide`: a motion that is given. T0, T_ref (N,) K; thickness (m) makes volumes of areas.
+    notes: warnings on its mesh and sets.
     """
 
     name: str
@@ -53,6 +55,7 @@ class Body(ABC):
     T0: FloatArray | None = None
     T_ref: FloatArray | None = None
     guide: FrameHistory | None = None
+    notes: tuple[Note, ...] = ()
 
     @property
     @abstractmethod

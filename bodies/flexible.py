@@ -19,6 +19,7 @@ from sparsemor.bodies.fields import Elasticity, Heat
 from sparsemor.bodies.material import Material, require
 from sparsemor.bodies.mesh.check import check_mesh
 from sparsemor.bodies.mesh.sets import PointSet, with_sets
+from sparsemor.bodies.plausibility import mesh_notes
 from sparsemor.bodies.pose import Pose
 from sparsemor.bodies.reference import Reference
 from sparsemor.bodies.spatial.body import SpatialBody
@@ -29,6 +30,7 @@ from sparsemor.core.errors import Fault, Gather, InputError
 from sparsemor.core.mesh import BodySize, Mesh
 from sparsemor.core.plugin import Plugin
 from sparsemor.core.protocols import MeshPlugin
+from sparsemor.core.returned import returned
 from sparsemor.core.slot import Slot
 
 
@@ -104,7 +106,8 @@ class Flexible(Plugin):
             mesh=mesh, mass_matrix=m,
             elasticity=None if held is None else self._elasticity(mesh, m, held),
             heat=self._heat(mesh) if "thermal" in self.fields else None, T0=T0,
-            T_ref=np.full(len(mesh.points), self.reference_temperature))
+            T_ref=np.full(len(mesh.points), self.reference_temperature),
+            notes=mesh_notes(name, mesh, self.sets))
 
     def _in_plane(
         self, name: str, mesh: Mesh, held: IntArray | None, T0: FloatArray
@@ -121,11 +124,12 @@ class Flexible(Plugin):
             elasticity=None if held is None else self._elasticity(mesh, m, held),
             heat=self._heat(mesh) if "thermal" in self.fields else None, T0=T0,
             T_ref=np.full(len(X), self.reference_temperature),
+            notes=mesh_notes(name, mesh, self.sets),
         )
 
     def _mesh(self, base: Path) -> Mesh:
         try:
-            mesh = self.mesh.build(base)
+            mesh = returned(self.mesh.build(base), Mesh, self.mesh, "build")
         except InputError as error:
             raise error.under("mesh") from None
         check_mesh(mesh)  # its faults have the key "mesh"

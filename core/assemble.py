@@ -13,8 +13,10 @@ from sparsemor.core.cache import digest
 from sparsemor.core.errors import Gather, InputError
 from sparsemor.core.layout import Layout
 from sparsemor.core.model import Model, ProbePlace
-from sparsemor.core.protocols import Term
+from sparsemor.core.protocols import BodyPart, Part, ProbedBody, Term
+from sparsemor.core.returned import complete
 from sparsemor.core.scene import Scene
+from sparsemor.core.scene_fields import Probe
 from sparsemor.core.separable import Separated
 from sparsemor.core.stage import NOTHING, FrameHistory, Given
 from sparsemor.core.workshop import Workshop
@@ -87,16 +89,25 @@ def _build(
             if part is not None:
                 built[name] = part
                 bodies.update(getattr(part, "adjusted", {}))
-    probes = [gather(f"probes.{name}", bodies[probe.body].probe, name, probe.at)
+    probes = [gather(f"probes.{name}", _probe, bodies[probe.body], name, probe)
               for name, probe in scene.probes.items() if probe.body in bodies]
     gather.check()
     return (bodies, connectors["joints"], connectors["contacts"], connectors["loads"],
             tuple(p for p in probes if p))
 
 
+def _probe(body: Any, name: str, probe: Probe) -> ProbePlace:
+    if not isinstance(body, ProbedBody):
+        raise InputError(f"{type(body).__name__} has no method probe(name, at): this kind of body "
+                         "takes no probes", "body")
+    place: ProbePlace = body.probe(name, probe.at)
+    return place
+
+
 def _body(shop: Workshop, plugin: Any, name: str, base: Path, given: Given) -> Any:
     """A body, guided where its motion is given."""
     body = shop.body(plugin, name, base)
+    complete(body, BodyPart, plugin, "build")
     motion = given.frame(name, body)
     return body if motion is None else body.guided(motion)
 
@@ -104,6 +115,7 @@ def _body(shop: Workshop, plugin: Any, name: str, base: Path, given: Given) -> A
 def _connector(plugin: Any, name: str, bodies: Mapping[str, Any], given: Given) -> Any:
     """A joint, contact or load; a joint has known multipliers where they are given."""
     part = plugin.build(name, bodies)
+    complete(part, Part, plugin, "build")
     forces = given.reactions(name, part)
     return part if forces is None else part.known(forces)
 

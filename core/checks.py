@@ -5,12 +5,15 @@ import math
 from sparsemor.core.assemble import assemble
 from sparsemor.core.choose import misfits
 from sparsemor.core.errors import Fault, Gather, InputError
+from sparsemor.core.estimate import chosen_bases
 from sparsemor.core.foretold import foretell
 from sparsemor.core.model import Model
 from sparsemor.core.offline import step_count
+from sparsemor.core.protocols import ChecksBlock, Redraws
 from sparsemor.core.rigid_stage import check_rigid, stage_faults
 from sparsemor.core.scene import Scene
 from sparsemor.core.stage import AtStart
+from sparsemor.core.step_control import ROWS_CHANGE
 from sparsemor.core.workshop import Workshop
 
 
@@ -38,12 +41,41 @@ def checked_model(scene: Scene, shop: Workshop | None = None) -> Model:
             gather("", check_rigid, scene, shop)
     if model is not None:
         gather.faults += misfits(model.layout, "linear_solvers", scene.linear_solvers)
+    gather.faults += control_faults(scene)
+    if model is not None and scene.rigid_stage is None:  # else the loads are not known yet
+        gather.faults += basis_faults(scene, model)
     check = getattr(scene.reducer, "check", None)
     if model is not None and check is not None:
         gather.faults += InputError(list(check(model))).under("reducer").faults
     gather.check()
     assert model is not None
     return model
+
+
+def control_faults(scene: Scene) -> list[Fault]:
+    """Error-controlled steps of a reducer whose rows change on the way."""
+    redraws = isinstance(scene.reducer, Redraws) and scene.reducer.resample is not None
+    return [Fault("time.control", ROWS_CHANGE)] if redraws and scene.time.control else []
+
+
+def basis_faults(scene: Scene, model: Model) -> list[Fault]:
+    """Blocks that their basis would refuse after the training run, whatever the snapshots are."""
+    faults: list[Fault] = []
+    for name, basis in chosen_bases(scene, model.reducible()).items():
+        if isinstance(basis, ChecksBlock):
+            count = snapshot_count(scene) if basis.needs_snapshots else 0
+            why = basis.unfit(model.block_data(name), count)
+            faults += [Fault("reducer.basis", f"{name}: {why}")] if why else []
+    return faults
+
+
+def snapshot_count(scene: Scene) -> int:
+    """Snapshots of the training run; one more for integrators that start with accelerations."""
+    try:
+        training = scene.for_training()
+    except InputError:  # which `time_faults` reports
+        return 0
+    return step_count(training) // scene.training.every + 1 + int(scene.integrator.order > 1)
 
 
 def time_faults(scene: Scene) -> list[Fault]:

@@ -6,7 +6,7 @@ told from counts by `core/foretold.py`, before it is assembled.
 """
 
 import shutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -93,7 +93,7 @@ def estimate(scene: Scene, model: Model, offline: Offline, exact: bool) -> Estim
 def trains(scene: Scene, blocks: Mapping[str, int]) -> bool:
     """Whether any basis of the reducer needs snapshots; a reducer says it all by `basis`, `bases`
     and `force_basis`."""
-    return any(b.needs_snapshots for b in _chosen_bases(scene, blocks).values()) or getattr(
+    return any(b.needs_snapshots for b in chosen_bases(scene, blocks).values()) or getattr(
         getattr(scene.reducer, "force_basis", None), "needs_snapshots", False)
 
 
@@ -102,7 +102,8 @@ def _sizes(model: Model) -> dict[str, int]:
     return {n: int(model.layout[n].stop - model.layout[n].start) for n in model.reducible()}
 
 
-def _chosen_bases(scene: Scene, blocks: Mapping[str, int]) -> dict[str, Any]:
+def chosen_bases(scene: Scene, blocks: Iterable[str]) -> dict[str, Any]:
+    """The basis of each block, {} for a reducer without bases."""
     default = getattr(scene.reducer, "basis", None)
     if default is None:
         return {}
@@ -148,7 +149,7 @@ def states(size: int) -> Item:
 def reduced(scene: Scene, blocks: Mapping[str, int]) -> list[Item]:
     """Atoms and what the operators make of them while they are projected."""
     found = []
-    for name, basis in _chosen_bases(scene, blocks).items():
+    for name, basis in chosen_bases(scene, blocks).items():
         n, k = blocks[name], _atoms(basis, blocks[name])
         found.append(Item(f"{k} atoms of {name}, and operators times them", 8 * 12 * n * k,
                           "fewer atoms (count), or a coarser mesh"))
@@ -160,7 +161,7 @@ def bases(scene: Scene, blocks: Mapping[str, int]) -> list[Item]:
     largest: list[Item] = []
     M = _count(scene)
     copies = getattr(scene.reducer, "snapshot_copies", COPIES)
-    for name, basis in _chosen_bases(scene, blocks).items():
+    for name, basis in chosen_bases(scene, blocks).items():
         n, k = blocks[name], _atoms(basis, blocks[name])
         whole = 8 * n * M
         # a reducer that wants forces has them as a whole, however large

@@ -19,6 +19,7 @@ from sparsemor.core.model import Model, StepFactors
 from sparsemor.core.physics import physics_of, training_physics
 from sparsemor.core.products import Products
 from sparsemor.core.protocols import Basis, BlockData, Dictionary, Integrator, State, StepSolver
+from sparsemor.core.returned import built_dictionary
 from sparsemor.core.scene import Scene
 from sparsemor.core.snapshots import stretches
 from sparsemor.core.status import SolveFailed
@@ -111,7 +112,7 @@ class Offline:
             if snapshots is not None and known.heat is not None:
                 given = replace(given, heat=replace(
                     known.heat, snapshots=self.snapshots(known.heat.name)))
-            d = basis.build(given)
+            d = built_dictionary(basis, given)
             top = 0.0 if snapshots is None else largest_coefficient(d, snapshots)
             info = np.array(json.dumps(dict(d.info)))
             return {"atoms": d.atoms, "offset": d.offset, "top": np.array(top),

@@ -15,13 +15,13 @@ from sparsemor.core.checkpoint import Checkpoint
 from sparsemor.core.errors import InputError
 from sparsemor.core.identity import Identity
 from sparsemor.core.initial import start_notes
-from sparsemor.core.model import Model
+from sparsemor.core.model import Model, distinct
 from sparsemor.core.notes import Level, Note, kinds, sentences
 from sparsemor.core.offline import Offline
 from sparsemor.core.owner import check_owned
 from sparsemor.core.plain import finite
 from sparsemor.core.probes import ProbeReader
-from sparsemor.core.protocols import State, StepSolver
+from sparsemor.core.protocols import NamesMultipliers, State, StepSolver
 from sparsemor.core.replaced import STORE
 from sparsemor.core.run_header import BodyShape, RunHeader
 from sparsemor.core.saved import SavedError
@@ -215,6 +215,17 @@ def shapes(model: Model) -> dict[str, BodyShape]:
             if hasattr(p, "shape") and (shape := p.shape()) is not None}
 
 
+def multiplier_components(model: Model) -> dict[str, tuple[tuple[str, str], ...]]:
+    """Multiplier block -> name and unit of each unknown, for joints that say it."""
+    found = {}
+    for name, part in model.parts.items():
+        block = f"{name}.multiplier"
+        if block in model.layout and isinstance(part, NamesMultipliers):
+            names, units = zip(*part.components, strict=True)
+            found[block] = tuple(zip(distinct(list(names)), units, strict=True))
+    return found
+
+
 def _header(scene: Scene, model: Model, solver: StepSolver, steps: int) -> RunHeader:
     from importlib.metadata import entry_points
 
@@ -238,4 +249,5 @@ def _header(scene: Scene, model: Model, solver: StepSolver, steps: int) -> RunHe
         budgets=dump["reducer"].get("budgets", {}), stage=model.stage,
         contacts={a.name: a.term.histories for a in acting_of(solver, None)}
         if model.stage is None else {},
+        multipliers=multiplier_components(model),
     )

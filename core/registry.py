@@ -1,6 +1,7 @@
 """Which class is called X? Answered at configuration time, from entry points."""
 
 import difflib
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
@@ -9,11 +10,15 @@ from typing import Any
 
 from stevedore.driver import DriverManager
 
+from sparsemor.core.contracts import refusal
 from sparsemor.core.errors import InputError
 from sparsemor.core.plugin import Plugin
 
 PREFIX = "sparsemor."
 """Entry-point groups are `sparsemor.<kind>`."""
+OWN = "sparsemor"
+"""Distribution whose plugins a plain name means where another one offers the same name."""
+_UNNAMED = "an unnamed distribution"
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,9 +31,22 @@ class PluginName:
     version: str
     target: str
 
+    @property
+    def qualified(self) -> str:
+        """`package:name`, which selects this plugin where several packages offer the name."""
+        return f"{self.distribution}:{self.name}"
+
+    @property
+    def origin(self) -> str:
+        """The distribution and its version."""
+        return f"{self.distribution} {self.version}" if self.distribution else _UNNAMED
+
 
 class Registry:
     """The plugins installed here: a value, never a global.
+
+    A name is plain (`lhs`) or qualified by its distribution (`sparsemor-other:lhs`). Where several
+    distributions offer a plain name, it means the one of sparsemor itself.
 
     Entry points are read on first use and kept, so one registry sees one state of the machine.
     `entry_points` replaces what is installed: tests and embedding programs pass their own list.
@@ -57,29 +75,41 @@ class Registry:
     def get(self, kind: str, name: str) -> type[Plugin]:
         """Import the plugin's class.
 
-        Raises `InputError` when the name is unknown, offered twice, fails to import, or is not a
-        `sparsemor.core.plugin.Plugin`.
+        Raises `InputError` when the name is unknown, ambiguous, fails to import, is not a
+        `sparsemor.core.plugin.Plugin`, or breaks the protocol of its kind.
         """
-        loaded = self.load(kind, name)
-        if isinstance(loaded, type) and issubclass(loaded, Plugin):
-            return loaded
-        (one,) = self._called(kind, name)
-        raise InputError(
-            f"{kind} plugin {name!r} of {_origin(one)} is no sparsemor.core.plugin.Plugin class "
-            f"(its entry point is {one.value}): report it to the authors of that package"
-        )
+        one = self._only(kind, name)
+        loaded = _Driver(one).plugin
+        blame = f"report it to the authors of that package (its entry point is {one.value})"
+        if not (isinstance(loaded, type) and issubclass(loaded, Plugin)):
+            raise InputError(f"{kind} plugin {one.name!r} of {_origin(one)} is no "
+                             f"sparsemor.core.plugin.Plugin class: {blame}")
+        broken = refusal(kind, loaded)
+        if broken:
+            raise InputError(f"{kind} plugin {one.name!r} of {_origin(one)} {broken}: {blame}")
+        return loaded
 
     def load(self, kind: str, name: str) -> Any:
         """Import whatever object the entry point names (packaged scenes are paths)."""
-        found = self._called(kind, name)
-        if not found:
-            raise InputError(self._unknown(kind, name))
-        if len(found) > 1:
-            raise InputError(
-                f"{kind} plugin {name!r} is offered by {' and by '.join(map(_origin, found))}: "
-                "uninstall one of them"
-            )
-        return _Driver(found[0]).plugin
+        return _Driver(self._only(kind, name)).plugin
+
+    def spelling(self, plugin: PluginName) -> str:
+        """The name to write for a plugin: plain where that selects it, else `package:name`."""
+        offers = self._called(plugin.kind, plugin.name)
+        plain = len(offers) < 2 or canonical(plugin.distribution) == OWN
+        return plugin.name if plain else plugin.qualified
+
+    def passed_over(self, kind: str, name: str) -> str:
+        """A sentence on the other packages that offer a plain name, "" where there are none."""
+        offers = self._called(kind, name)
+        if len(offers) < 2:
+            return ""
+        one = self._only(kind, name)
+        others = [_named(e) for e in offers if e is not one]
+        return (f"{kind} plugin {name!r} is that of {_origin(one)}; "
+                f"{' and '.join(p.origin for p in others)} offers one of that name too: write "
+                f"{' or '.join(p.qualified for p in others)} for it, or {_named(one).qualified} "
+                "for this one")
 
     def name_of(self, kind: str, cls: type) -> str:
         """The name under which a class is registered, the inverse of `get`."""
@@ -88,11 +118,11 @@ class Registry:
         candidates = self._of(kind)
         for e in candidates:
             if e.value.replace(" ", "") == same:
-                return e.name
+                return self.spelling(_named(e))
         # a package may name its class through a re-export; import only that package's own
         for e in candidates:
             if e.module.partition(".")[0] == package and _loads_as(e, cls):
-                return e.name
+                return self.spelling(_named(e))
         raise InputError(
             f"{same} is not registered as a {kind}, so it cannot be written down by name: give it "
             f"an entry point in the group {PREFIX}{kind}"
@@ -102,10 +132,29 @@ class Registry:
         return [e for e in self._entry_points if e.group == PREFIX + kind]
 
     def _called(self, kind: str, name: str) -> list[metadata.EntryPoint]:
-        return [e for e in self._of(kind) if e.name == name]
+        """All plugins that a plain or qualified name may mean."""
+        package, colon, plain = name.partition(":")
+        if not colon:
+            return [e for e in self._of(kind) if e.name == name]
+        return [e for e in self._of(kind) if e.name == plain and e.dist is not None
+                and canonical(e.dist.name) == canonical(package)]
+
+    def _only(self, kind: str, name: str) -> metadata.EntryPoint:
+        """The plugin that a name means; InputError when there is none, or no single one."""
+        found = self._called(kind, name)
+        if not found:
+            raise InputError(self._unknown(kind, name))
+        if len(found) == 1:
+            return found[0]
+        own = [e for e in found if e.dist is not None and canonical(e.dist.name) == OWN]
+        if len(own) == 1:
+            return own[0]
+        raise InputError(
+            f"{kind} plugin {name!r} is offered by {' and by '.join(map(_origin, found))}: write "
+            f"{' or '.join(_named(e).qualified for e in found)}, or uninstall one of them")
 
     def _unknown(self, kind: str, name: str) -> str:
-        names = sorted({e.name for e in self._of(kind)})
+        names = sorted({self.spelling(p) for p in self.names(kind)})
         if not names:
             return f"there is no kind of plugin called {kind!r}: {near(kind, self.kinds())}"
         return f"no {kind} plugin is called {name!r}: {near(name, names, 'installed')}"
@@ -168,4 +217,9 @@ def _named(e: metadata.EntryPoint) -> PluginName:
 
 
 def _origin(e: metadata.EntryPoint) -> str:
-    return f"{e.dist.name} {e.dist.version}" if e.dist else "an unnamed distribution"
+    return _named(e).origin
+
+
+def canonical(distribution: str) -> str:
+    """A distribution's name as package indexes compare it (PEP 503)."""
+    return re.sub(r"[-_.]+", "-", distribution).lower()

@@ -75,7 +75,8 @@ class RunHeader:
     step: s. versions: distribution -> version. scene: the plain dump of the scene. stage: the
     histories that the run follows. identity: of code, plugins and files (core/identity.py).
     platform: processor, BLAS and its threads (core/threads.py). contacts: contact -> names of the
-    resultants that are kept at the stored steps.
+    resultants that are kept at the stored steps. multipliers: block -> name and unit of each of
+    its unknowns.
     """
 
     scene: Mapping[str, Any]
@@ -96,6 +97,7 @@ class RunHeader:
     identity: Mapping[str, Any] = field(default_factory=dict)
     platform: Mapping[str, Any] = field(default_factory=dict)
     contacts: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    multipliers: Mapping[str, tuple[tuple[str, str], ...]] = field(default_factory=dict)
 
     def attributes(self) -> dict[str, Any]:
         """The part of the header that is not arrays, as plain data."""

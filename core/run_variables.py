@@ -42,6 +42,10 @@ def time_arrays(header: RunHeader) -> dict[str, dict[str, Any]]:
             inner = ((f"{b.name}.atom", b.size),)
             add(f"{b.name}.coefficients", "float64", inner, units=UNITS[b.field])
             add(f"{b.name}.active", "bool", inner, long_name="atom is in use")
+        elif b.name in header.multipliers:
+            names, units = zip(*header.multipliers[b.name], strict=True)
+            add(b.name, "float64", ((f"{b.name}.unknown", b.size),), units=", ".join(units),
+                components=list(names))
         else:
             add(b.name, "float64", ((f"{b.name}.unknown", b.size),), units=UNITS[b.field])
     for p in header.probes:

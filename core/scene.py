@@ -17,6 +17,7 @@ from pydantic_core import PydanticSerializationError
 
 from sparsemor.core.errors import Fault, InputError
 from sparsemor.core.faults import custom, with_advice
+from sparsemor.core.notes import Note
 from sparsemor.core.overrides import find
 from sparsemor.core.plugin import Plugin
 from sparsemor.core.protocols import LinearSolver
@@ -74,6 +75,7 @@ class Scene(Plugin):
     """Points that are recorded, by name."""
 
     _source: Source | None = PrivateAttr(default=None)
+    _notes: tuple[Note, ...] = PrivateAttr(default=())
 
     @model_validator(mode="wrap")
     @classmethod
@@ -99,6 +101,11 @@ class Scene(Plugin):
     def source(self) -> Source:
         """The tree it was made from, and where that was written."""
         return self._source or Source.of_tree(self.dump())
+
+    @property
+    def notes(self) -> tuple[Note, ...]:
+        """Warnings on how its names were understood."""
+        return self._notes
 
     @property
     def name(self) -> str:
@@ -170,11 +177,12 @@ def load(
 
 def build(source: Source) -> Scene:
     """Validate a source. Raises `LocatedError` with every fault found."""
+    notes: list[Note] = []
     try:
-        scene = Scene.model_validate(source.tree, context=source.context)
+        scene = Scene.model_validate(source.tree, context={**source.context, "notes": notes})
     except ValidationError as error:
         raise source.invalid(error) from None
-    scene._source = source
+    scene._source, scene._notes = source, tuple(dict.fromkeys(notes))
     return scene
 
 

@@ -56,7 +56,7 @@ class _Definitions:
 
     def _any_of(self, kind: str) -> dict[str, Any]:
         choices: list[Any] = []
-        for name in sorted({p.name for p in self.registry.names(kind)}):
+        for name in sorted(map(self.registry.spelling, self.registry.names(kind))):
             try:
                 cls = self.registry.get(kind, name)
             except InputError:

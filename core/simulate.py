@@ -21,10 +21,12 @@ from sparsemor.core.memory import peak
 from sparsemor.core.model import Model
 from sparsemor.core.offline import Offline, is_training_run, step_count
 from sparsemor.core.owner import owned
+from sparsemor.core.plausibility import after_run, before_run, of_solver
 from sparsemor.core.prepared import prepared
 from sparsemor.core.protocols import Resampling, State, StepSolver
 from sparsemor.core.recorder import Recorder, told
 from sparsemor.core.results import RunResult
+from sparsemor.core.returned import complete
 from sparsemor.core.scene import Scene
 from sparsemor.core.served import Held
 from sparsemor.core.stability import check_run
@@ -71,6 +73,7 @@ def _simulate(
     with np.errstate(all="ignore"):  # overflow ends in a status, not in a warning
         solver: StepSolver = scene.reducer.prepare(
             model, scene.integrator, scene.time.step, offline, np.random.default_rng(scene.seed))
+        complete(solver, StepSolver, scene.reducer, "prepare", "reducer")
         full = consistent_state(model)
         notes, stability = check_run(scene, model, solver, full, offline)
         solver = controlled(scene, model, offline, solver)
@@ -80,7 +83,9 @@ def _simulate(
         path = Path(out) if out is not None else _temporary()
         recorder = Recorder.open(
             scene, model, solver, offline, path, resume, step_count(scene))
-        recorder.notes, recorder.stability = (*notes, *recorder.notes), stability
+        recorder.notes, recorder.stability = (
+            *before_run(scene, model), *of_solver(scene, solver), *notes, *recorder.notes
+        ), stability
         recorder.memory = Held(offline.expected, peak())
         if recorder.checkpoint is not None:
             state, memory, tally = recorder.restored(state, memory, tally)
@@ -161,7 +166,9 @@ class _Run:
         if failure is not None:
             summary["message"] = str(failure)
         else:
-            found = told(unmet(self.recorder.model, RunResult(self.recorder.store)))
+            kept = RunResult(self.recorder.store)
+            found = told((*unmet(self.recorder.model, kept),
+                          *after_run(self.recorder.model, kept)))
             summary |= {key: [*summary[key], *texts] for key, texts in found.items()}
         self.recorder.finish(status, summary)
         self.manager.hook.on_finish(summary=summary)
@@ -187,7 +194,8 @@ class _Run:
             outcome, self.state, self.memory = step(self.state, self.memory)
             if not outcome.status.ok:
                 return SolveFailed(
-                    outcome.status, self.state.t + h, outcome.block, outcome.detail)
+                    outcome.status, self.state.t + h, outcome.block, outcome.detail,
+                    sampled=bool(solver.rows))
             tally.add(time.perf_counter() - start, outcome.iterations)
             self._snapshot()
             supports = solver.supports(self.memory)

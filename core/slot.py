@@ -16,8 +16,10 @@ from pydantic import (
 from pydantic_core import CoreSchema, core_schema
 from typing_extensions import get_protocol_members, is_protocol
 
+from sparsemor.core.contracts import origin, refusal
 from sparsemor.core.errors import InputError
 from sparsemor.core.faults import shown, with_advice
+from sparsemor.core.notes import Note
 from sparsemor.core.registry import Registry
 
 
@@ -26,8 +28,9 @@ class Slot:
     """`Annotated[Basis, Slot("basis")]` takes an instance, `pod`, or `{use: pod, energy: 0.99}`.
 
     The name is looked up in the registry of the validation context (key "registry"), else among
-    all that is installed; the options are validated by the plugin's own model. An instance is
-    checked for the protocol's members. Serialises back to `{use: name, ...}`.
+    all that is installed; the options are validated by the plugin's own model. Its class, and that
+    of an instance, is checked against the protocol of its kind. Notes on the choice go to the list
+    in the context's key "notes", if there is one. Serialises back to `{use: name, ...}`.
     """
 
     kind: str
@@ -66,11 +69,17 @@ class Slot:
                 f"give the name of a {self.kind} plugin, or {{use: name, option: value}}, or an "
                 f"instance{lacks} (given: {shown(value)})"
             )
+        broken = refusal(self.kind, type(value))
+        if broken:
+            raise InputError(f"the {self.kind} {origin(value)} {broken}")
         return value
 
     def _build(self, name: str, options: dict[str, Any], context: dict[str, Any]) -> BaseModel:
         registry: Registry = context.setdefault("registry", Registry())
         cls = registry.get(self.kind, name)
+        passed_over = registry.passed_over(self.kind, name)
+        if passed_over:
+            context.get("notes", []).append(Note(passed_over, "same_name"))
         try:
             return cls.model_validate(name_default_slots(cls, options), context=context)
         except ValidationError as error:

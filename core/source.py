@@ -135,13 +135,14 @@ def _path(scene: str | Path, registry: Registry, kind: str) -> Path:
             return path
         what = f"is a directory, not a {kind} file" if path.is_dir() else "there is no such file"
         raise _unreadable(path, what)
-    packaged = {p.name for p in registry.names(kind)}
+    packaged = {s for p in registry.names(kind) for s in (registry.spelling(p), p.qualified)}
     if scene not in packaged:
         if Path(scene).is_file():
             return Path(scene)
         raise LocatedError(
             [Fault("", message := f"no packaged {kind}, and no file, is called {scene!r}: "
-                   + near(str(scene), sorted(packaged), "packaged"))], [message])
+                   + near(str(scene), sorted(map(registry.spelling, registry.names(kind))),
+                          "packaged"))], [message])
     return Path(registry.load(kind, str(scene)))
 
 

@@ -31,6 +31,8 @@ from sparsemor.core.scene import Scene
 from sparsemor.core.scene_fields import Control
 from sparsemor.core.status import Status
 
+ROWS_CHANGE = ("the rows of this reducer change with the steps, so steps of different size cannot "
+               "be compared: keep its rows (leave out reducer.resample), or leave out time.control")
 Step = Callable[[State, Any], tuple[StepOutcome, State, Any]]
 """State and memory -> outcome, and both after one step; the state is the old one on failure."""
 
@@ -115,9 +117,7 @@ class ControlledSteps(AroundSteps[StepSolver]):
         prepare: Callable[[float], StepSolver],
     ) -> None:
         if isinstance(base, Resampling):
-            raise InputError("the rows of this reducer change with the steps, so steps of "
-                             "different size cannot be compared: keep its rows, or leave out "
-                             "time.control", "time.control")
+            raise InputError(ROWS_CHANGE, "time.control")
         super().__init__(base)
         self.integrator, self.h, self.control = integrator, h, control
         self.share = control.tolerance * h / end

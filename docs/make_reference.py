@@ -8,9 +8,9 @@ from typing import Any
 
 from pydantic import BaseModel
 
+from sparsemor.core.option_types import type_in_words
 from sparsemor.core.registry import PluginName, Registry
 from sparsemor.core.scene import Scene
-from sparsemor.core.slot import Slot
 
 PAGE = Path(__file__).with_name("scene-reference.md")
 KINDS = {
@@ -29,9 +29,7 @@ UNITS = (
     "W/m^2", "m/s^2", "rad/s", "m/s", "1/K", "1/s", "N m", "Pa", "Hz", "rad", "kg", "K", "N", "m",
     "s",
 )
-_UNIT = re.compile(r"(?:^|, | )(" + "|".join(map(re.escape, UNITS)) + r")(?=[.,;:)]|$| \(|, )")
-_BOUNDS = {"minimum": ">= {}", "exclusiveMinimum": "> {}", "maximum": "<= {}",
-           "exclusiveMaximum": "< {}", "minLength": "length >= {}", "pattern": "matching {}"}
+_UNIT = re.compile(r"(?:^|(, )| )(" + "|".join(map(re.escape, UNITS)) + r")(?=[.,;:)]|$| \(|, )")
 HEAD = """# Scene reference
 
 Every key of a scene, and every option of the plugins that come with sparsemor. This page is written
@@ -75,9 +73,7 @@ def _rows(schema: Mapping[str, Any], models: Mapping[str, Any], path: str) -> It
     for key, option in schema.get("properties", {}).items():
         about = _words(option.get("description", ""))
         default = "required" if key in required else _default(option)
-        unit = _UNIT.search(about)
-        cells = [f"`{path}{key}`", _type(option), default,
-                 unit[1] if unit else "", about]
+        cells = [f"`{path}{key}`", type_in_words(option), default, _unit(about), about]
         yield "| " + " | ".join(c.replace("|", "\\|") for c in cells) + " |"
         for inner, below in _inner(option):
             yield from _rows(models[inner], models, f"{path}{key}.{below}")
@@ -102,30 +98,12 @@ def _inner(option: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
             yield model, f"NAME.{below}"
 
 
-def _type(option: Mapping[str, Any]) -> str:
-    if Slot.MARK in option:
-        return f"{option[Slot.MARK]} plugin"
-    if "$ref" in option:
-        return "mapping"
-    if "anyOf" in option:
-        return " or ".join(dict.fromkeys(
-            _type(c) for c in option["anyOf"] if c.get("type") != "null"))
-    if "enum" in option or "const" in option:
-        return " or ".join(f"`{v}`" for v in option.get("enum", [option.get("const")]))
-    bounds = ", ".join(text.format(option[b]) for b, text in _BOUNDS.items() if b in option)
-    return f"{_plain(option)} {bounds}".strip()
-
-
-def _plain(option: Mapping[str, Any]) -> str:
-    kind = option.get("type", "anything")
-    if kind == "array" and "prefixItems" in option:
-        return f"list of {len(option['prefixItems'])}: {_type(option['prefixItems'][0])}"
-    if kind == "array":
-        return f"list: {_type(option['items'])}"
-    if kind == "object":
-        values = option.get("additionalProperties")
-        return f"name: {_type(values)}" if isinstance(values, Mapping) else "mapping"
-    return {"boolean": "true or false", "string": "text"}.get(str(kind), str(kind))
+def _unit(about: str) -> str:
+    """The first unit after a comma, else the first one: symbols of quantities may look like one,
+    as in "Foundation modulus K, N/m3"."""
+    found = list(_UNIT.finditer(about))
+    after_comma = [m[2] for m in found if m[1]]
+    return (after_comma or [m[2] for m in found] or [""])[0]
 
 
 def _words(text: str) -> str:

@@ -7,6 +7,7 @@ is linear and acts on each unknown alone, so no force has to be stored.
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from scipy.sparse import eye_array
@@ -17,12 +18,24 @@ from sparsemor.core.initial import consistent_state
 from sparsemor.core.layout import Block, Layout
 from sparsemor.core.offline import Recording
 from sparsemor.core.protocols import Basis, BlockData, Dictionary, Sampler, State
+from sparsemor.core.returned import built_dictionary, sampled_rows
 from sparsemor.core.svd import svd
 from sparsemor.reducers.projected import Reducible, deficient
 
+FROM_ZERO = "their modes are counted from zero: take centred: false"
 DETERMINED = 1e-12
 """Least singular value of the modes at the points, relative to the modes' own largest, below which
 the points do not determine them."""
+
+
+
+@runtime_checkable
+class Centres(Protocol):
+    """A basis that may subtract the mean of the snapshots first."""
+
+    @property
+    def centred(self) -> bool: ...
+
 
 Numbers = dict[str, float | int | str]
 
@@ -102,12 +115,11 @@ def force_modes(block: Reducible, basis: Basis) -> Dictionary:
         if basis.needs_snapshots and np.linalg.norm(F, 2) <= noise:
             return {"modes": np.zeros((block.size, 0))}
         try:
-            made = basis.build(equation_data(block, F))
+            made = built_dictionary(basis, equation_data(block, F))
         except InputError as error:
             raise InputError(f"forces of {block.name}: {error}", "reducer.force_basis") from None
         if np.any(made.offset):
-            raise InputError(f"forces of {block.name}: their modes are counted from zero: take "
-                             "centred: false", "reducer.force_basis")
+            raise InputError(f"forces of {block.name}: {FROM_ZERO}", "reducer.force_basis")
         amounts = np.linalg.norm(made.atoms.T @ F, axis=1)
         real = amounts > noise if basis.needs_snapshots else np.ones(len(amounts), dtype=bool)
         return {"modes": made.atoms[:, real]}
@@ -135,7 +147,7 @@ def choose_points(
 
     def make() -> Mapping[str, IntArray]:
         data = equation_data(block, np.zeros((block.size, 0)))
-        return {"rows": sampler.sample(data, drawn, modes, block.rng, held)}
+        return {"rows": sampled_rows(sampler, data, drawn, modes, block.rng, held)}
 
     if not f:
         return held
@@ -162,7 +174,7 @@ def interpolation(name: str, U: FloatArray, points: IntArray) -> tuple[FloatArra
     whole = float(np.linalg.norm(U, 2))
     if not s[-1] > DETERMINED * whole:
         raise deficient(name, f"its {m} points cannot tell its {f} modes apart: take more points, "
-                        "required: true or another sampler")
+                        "required: true or another sampler", sampled=True)
     facts: Numbers = {
         "points": m, "condition": float(s[0] / s[-1]),
         "amplification": whole / float(s[-1])}

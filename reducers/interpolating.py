@@ -14,6 +14,7 @@ from sparsemor.core.protocols import Basis, Sampler
 from sparsemor.core.slot import Slot, slot_default
 from sparsemor.reducers.checks import block_size, pattern_faults
 from sparsemor.reducers.choose import chosen
+from sparsemor.reducers.forces import FROM_ZERO, Centres
 from sparsemor.reducers.missed import missed_loads
 from sparsemor.reducers.projected import Projected, Reducible
 
@@ -45,6 +46,9 @@ class Interpolating(Projected):
         faults = [*super().check(model), *pattern_faults(model, "points", self.points),
                   *pattern_faults(model, "force_bases", self.force_bases)]
         for name in model.reducible():
+            basis = chosen(name, self.force_bases, self.force_basis)
+            if isinstance(basis, Centres) and basis.centred:
+                faults.append(Fault("force_basis", f"forces of {name}: {FROM_ZERO}"))
             points, size = chosen(name, self.points, 0), block_size(model, name)
             modes = self._modes_asked(name)
             held = len(model.required[name]) if self.required else 0

@@ -225,5 +225,5 @@ def left_inverse(name: str, A: FloatArray, rtol: float = RANK_RTOL) -> FloatArra
     return np.asarray(solve_triangular(R, Q.T) / norms[:, None], dtype=np.float64)
 
 
-def deficient(name: str, detail: str) -> SolveFailed:
-    return SolveFailed(Status.RANK_DEFICIENT, 0.0, name, detail)
+def deficient(name: str, detail: str, sampled: bool = False) -> SolveFailed:
+    return SolveFailed(Status.RANK_DEFICIENT, 0.0, name, detail, sampled=sampled)

@@ -13,6 +13,7 @@ from sparsemor.core.frames import coherence, condition_number, unit_columns
 from sparsemor.core.model import Model, StepFactors
 from sparsemor.core.offline import Offline
 from sparsemor.core.protocols import Dictionary, Preconditioner, Sampler
+from sparsemor.core.returned import built_weights, sampled_rows
 from sparsemor.core.separable import HeatBody
 from sparsemor.reducers.compact import compact_elastic, compact_heat
 from sparsemor.reducers.driven_block import CompressedDriven
@@ -164,7 +165,7 @@ def choose_rows(
         data = replace(data, stiffness=one, mass=0.0 * one, damping=None)
 
     def make() -> dict[str, IntArray]:
-        return {"rows": sampler.sample(data, rows, dictionary, rng, required)}
+        return {"rows": sampled_rows(sampler, data, rows, dictionary, rng, required)}
 
     drawn = repr(rng.bit_generator.state)
     depends = (name, rows, sampler, dictionary.atoms, required, drawn, data.ring, data.stiffness,
@@ -190,7 +191,7 @@ def weigh(
     if reason:
         raise InputError(f"{name}: {reason}", "reducer.preconditioner")
     def make() -> dict[str, FloatArray]:
-        return {"P": preconditioner.build(B)}
+        return {"P": built_weights(preconditioner, B)}
 
     made = make() if offline is None else offline.remember(
         "preconditioner", (preconditioner, B), make)

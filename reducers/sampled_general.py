@@ -50,7 +50,8 @@ def sampled_general(
         try:
             left = s.block.left(None)
         except RankDeficient as error:
-            raise SolveFailed(Status.RANK_DEFICIENT, 0.0, error.block, error.detail) from None
+            raise SolveFailed(Status.RANK_DEFICIENT, 0.0, error.block, error.detail,
+                              sampled=True) from None
         seen[name] = Seen(s.tested, left, weighted)
     return reduced_general(
         model, dictionaries, rows, seen,

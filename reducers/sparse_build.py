@@ -164,7 +164,8 @@ class Build:
             hot = {n: h.prepared(None) for n, h in heat.items() if not h.block.selects}
             bent = {n: e.prepared(None) for n, e in elastic.items() if not e.block.selects}
         except RankDeficient as error:
-            raise SolveFailed(Status.RANK_DEFICIENT, 0.0, error.block, error.detail) from None
+            raise SolveFailed(Status.RANK_DEFICIENT, 0.0, error.block, error.detail,
+                              sampled=True) from None
         # D^-1 brings every load to every row
         plain = {n: r for n, r in rows.items() if not self.options.preconditions(n)}
         o, sizes = self.options, {n: d.atoms.shape[1] for n, d in self.dictionaries.items()}

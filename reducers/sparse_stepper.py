@@ -16,6 +16,7 @@ from sparsemor.core.protocols import (
     StepFormula,
     StepOutcome,
 )
+from sparsemor.core.returned import returned
 from sparsemor.core.status import SolveFailed, Status
 from sparsemor.reducers.sampled import RankDeficient, SampledElastic, SampledHeat, numbers
 from sparsemor.reducers.screens import Screens
@@ -149,7 +150,9 @@ class SparseStepper(AroundSteps[Stepper]):
         """The sparse solver's answer for one thermal block."""
         at = self.layout[name]
         problem = HeatProblem.at(self.heat[name], step.r1[at], step.t)
-        return self.solver.solve(problem, SparseStart(np.where(first, x[at], 0.0), first))
+        start = SparseStart(np.where(first, x[at], 0.0), first)
+        return returned(self.solver.solve(problem, start), SparseOutcome, self.solver, "solve",
+                        "reducer.solver")
 
     def _named(self, outcome: StepOutcome) -> StepOutcome:
         """Temperatures out of bounds are told before the displacements that they cause."""
@@ -219,7 +222,8 @@ class SparseStepper(AroundSteps[Stepper]):
         support = np.ones(len(c), dtype=bool)
         for g in problem.groups[:-1]:
             support[g.start : g.stop] = self._first(memory.supports[g.name])
-        out = self.solver.solve(problem, SparseStart(c, support))
+        out = returned(self.solver.solve(problem, SparseStart(c, support)), SparseOutcome,
+                       self.solver, "solve", "reducer.solver")
         if not out.status.ok:
             detail = f"selection of atoms, residual {out.residual_norm:.1e}"
             return StepOutcome(x, out.status, out.iterations, problem.groups[0].name, detail)
@@ -259,7 +263,8 @@ class SparseStepper(AroundSteps[Stepper]):
         try:
             return self._prepared(memory, memory.supports), memory
         except RankDeficient as error:
-            raise SolveFailed(Status.RANK_DEFICIENT, 0.0, error.block, error.detail) from None
+            raise SolveFailed(Status.RANK_DEFICIENT, 0.0, error.block, error.detail,
+                              sampled=True) from None
 
     def counters(self, memory: SparseMemory) -> Mapping[str, int]:
         return self.base.counters(memory)

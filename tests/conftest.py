@@ -29,12 +29,18 @@ class Ball(Plugin):
     mass: float = Field(gt=0)
     """How heavy, kg."""
 
+    def build(self, name, base):
+        raise NotImplementedError
+
 
 class Push(Plugin):
     """A load."""
 
     force: float = 1.0
     """How strong, N."""
+
+    def build(self, name, parts):
+        raise NotImplementedError
 
 
 class Still(Plugin):
@@ -43,8 +49,26 @@ class Still(Plugin):
     rho: float = Field(default=0.8, ge=0, le=1)
     """Damping (-)."""
 
+    order = property(lambda self: 1)
 
-class Direct(Plugin):
+    def start(self, layout, state):
+        return state
+
+    def formula(self, layout, state, h):
+        raise NotImplementedError
+
+    def advance(self, layout, state, formula, x, h):
+        return state
+
+
+class Prepares(Plugin):
+    """Base of reducers."""
+
+    def prepare(self, model, integrator, h, offline, rng):
+        raise NotImplementedError
+
+
+class Direct(Prepares):
     """A reducer without options."""
 
 
@@ -62,7 +86,7 @@ class Dice(Plugin):
     """How many."""
 
 
-class Tuned(Plugin):
+class Tuned(Prepares):
     """A reducer with slots."""
 
     sampler: Annotated[Any, Slot("toy_sampler")] = slot_default("grid")
@@ -77,7 +101,7 @@ class Tuned(Plugin):
     """Rows by block."""
 
 
-class Second(Plugin):
+class Second(Prepares):
     """A reducer that shares an option with the first."""
 
     budgets: dict[str, int] = {}

@@ -39,6 +39,11 @@ class Constraint(ABC):
         that do not move there. The flexible stage then has it as a constraint."""
         return not any(b.moves or b.elasticity is not None for b in self.bodies)
 
+    @property
+    @abstractmethod
+    def components(self) -> tuple[tuple[str, str], ...]:
+        """Name and unit of each multiplier."""
+
     def blocks(self) -> Sequence[Block]:
         if self.reactions is not None or self.inert:
             return ()

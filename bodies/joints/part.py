@@ -3,6 +3,8 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from sparsemor.bodies.any_body import AnyBody
 from sparsemor.bodies.body_part import PlanarBody
 from sparsemor.bodies.joints.constraint import Constraint
@@ -46,6 +48,11 @@ class JointPart(Constraint):
         return replace(self, reactions=reactions)
 
     @property
+    def components(self) -> tuple[tuple[str, str], ...]:
+        wide = [np.pad(np.abs(end.C), ((0, 0), (0, 3 - end.C.shape[1]))) for end in self.ends]
+        return tuple(named_row(row) for row in np.sum(wide, axis=0))
+
+    @property
     def bodies(self) -> Sequence[AnyBody]:
         return [end.target.body for end in self.ends]
 
@@ -58,6 +65,14 @@ class JointPart(Constraint):
 
     def _acting(self, layout: Layout, reactions: Table) -> Sequence[Term]:
         return [_reaction(end, reactions, layout) for end in self.ends]
+
+
+def named_row(row: FloatArray) -> tuple[str, str]:
+    """Name and unit of the multiplier of a constraint row (3,) on x, y and the angle."""
+    along = np.flatnonzero(row)
+    if len(along) == 1:
+        return (("force x", "N"), ("force y", "N"), ("moment", "N m"))[along[0]]
+    return ("force", "N") if len(along) and along[-1] < 2 else ("force and moment", "N or N m")
 
 
 def _reaction(end: End, multipliers: Table, layout: Layout) -> Term:

@@ -13,6 +13,7 @@ from sparsemor.bodies.joints.wrench import SIZE, wrenches
 from sparsemor.bodies.spatial import nodal
 from sparsemor.bodies.spatial.body import SpatialBody
 from sparsemor.bodies.spatial.items import Attachment, Item, Reaction
+from sparsemor.bodies.spatial.pairs import Slide
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.layout import Layout
 from sparsemor.core.protocols import Term
@@ -46,6 +47,19 @@ class SpaceJoint(Constraint):
     adjusted: Mapping[str, SpatialBody] = field(default_factory=dict)
     localized: bool = True
     reactions: Table | None = None
+
+    @property
+    def components(self) -> tuple[tuple[str, str], ...]:
+        return tuple(self._component(row) for row in range(len(self.targets)))
+
+    def _component(self, row: int) -> tuple[str, str]:
+        """Coordinates give forces along the axes of space, lines forces across them, pairs of
+        directions moments."""
+        c = next(c for c in self.conditions if c.C[row].any())
+        if isinstance(c.item, Attachment):
+            along = np.flatnonzero(c.C[row])
+            return ("force " + "xyz"[along[0]], "N") if len(along) == 1 else ("force", "N")
+        return ("force across the axis", "N") if isinstance(c.item, Slide) else ("moment", "N m")
 
     @property
     def handed(self) -> int:

@@ -4,16 +4,19 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from sparsemor.core.layout import Block, Layout
+from sparsemor.core.notes import Note
 from sparsemor.core.protocols import Part, Term
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LoadPart:
-    """`make(layout)` gives the terms. localized: its rows are to be kept when rows are sampled."""
+    """`make(layout)` gives the terms. localized: its rows are to be kept when rows are
+    sampled; notes: warnings on its options."""
 
     name: str
     make: Callable[[Layout], Sequence[Term]]
     localized: bool = True
+    notes: tuple[Note, ...] = ()
 
     def blocks(self) -> Sequence[Block]:
         return ()

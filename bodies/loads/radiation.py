@@ -13,6 +13,7 @@ from sparsemor.bodies.fields import Heat
 from sparsemor.bodies.loads.amplitude import Quantity
 from sparsemor.bodies.loads.part import LoadPart
 from sparsemor.bodies.local import CompressedLocal
+from sparsemor.bodies.plausibility import celsius_notes
 from sparsemor.bodies.targets import find_surfaces
 from sparsemor.core.arrays import Csr, FloatArray, IntArray
 from sparsemor.core.layout import Layout
@@ -165,7 +166,9 @@ class Radiation(Plugin):
                 terms.append(_term(facets, weights, body.heat, at, self.surroundings.value))
             return terms
 
-        return LoadPart(name, make)
+        notes = celsius_notes(
+            name, self.surroundings.value(0.0), {b.name: b.T0 for b, _, _ in surfaces})
+        return LoadPart(name, make, notes=notes)
 
 
 def _term(

@@ -1,6 +1,7 @@
 """`sparsemor validate`, `schema` and `plugins`: what is given, and what there is."""
 
 import json
+import re
 from typing import Annotated, Any
 
 import typer
@@ -14,10 +15,11 @@ from sparsemor.core.cli.common import (
     load_with,
     located_in,
     print_json,
+    warn,
 )
 from sparsemor.core.errors import InputError
+from sparsemor.core.option_types import type_in_words
 from sparsemor.core.registry import PluginName, Registry, near
-from sparsemor.core.slot import Slot
 from sparsemor.core.source import Source
 
 FILES = ("scene", "study")
@@ -30,11 +32,14 @@ def validate(scene: SceneName, settings: Settings = None, as_json: Json = False)
         loaded = load_with(scene, settings)
         with located_in(loaded):
             from sparsemor.core.checks import checked_model
+            from sparsemor.core.notes import Level, sentences
+            from sparsemor.core.plausibility import before_run
 
-            checked_model(loaded)
+            found = sentences(before_run(loaded, checked_model(loaded)), Level.WARNING)
         if as_json:
-            print_json({"status": "done", "scene": loaded.dump()})
+            print_json({"status": "done", "scene": loaded.dump(), "notes": found})
         else:
+            warn(found)
             typer.echo(f"{loaded.name}: valid ({', '.join(loaded.bodies)})")
 
 
@@ -66,8 +71,12 @@ def plugins(
 def _chosen(registry: Registry, which: str | None) -> list[PluginName]:
     kinds = registry.kinds()
     every = [p for kind in kinds for p in registry.names(kind)]
-    chosen = [p for p in every if which is None or which in (p.kind, p.name)]
+    chosen = [p for p in every if which is None or which in (p.kind, p.name, p.qualified)]
     if which is not None and not chosen:
+        alike = [kind for kind in kinds if which in kind.split("_")]
+        if alike:
+            raise InputError(f"no plugin and no kind is called {which!r}: did you mean the kind "
+                             f"{' or '.join(alike)}?")
         names = sorted({p.name for p in every} | set(kinds))
         raise InputError(f"no plugin and no kind is called {which!r}: {near(which, names)}")
     return chosen
@@ -75,30 +84,30 @@ def _chosen(registry: Registry, which: str | None) -> list[PluginName]:
 
 def _described(registry: Registry, plugin: PluginName) -> dict[str, Any]:
     found: dict[str, Any] = {
-        "kind": plugin.kind, "name": plugin.name, "distribution": plugin.distribution,
-        "version": plugin.version, "doc": "", "broken": "", "options": [],
+        "kind": plugin.kind, "name": plugin.name, "use": registry.spelling(plugin),
+        "distribution": plugin.distribution, "version": plugin.version, "doc": "",
+        "broken": "", "options": [],
     }
     try:
         if plugin.kind in FILES:
             return {**found, "doc": _title(registry, plugin)}
-        cls = registry.get(plugin.kind, plugin.name)
+        cls = registry.get(plugin.kind, found["use"])
     except InputError as error:
         cause = error.__cause__
         return {**found, "broken": f"{type(cause).__name__}: {cause}" if cause else str(error)}
-    lines = (cls.__doc__ or "").strip().splitlines()
-    return {**found, "doc": lines[0] if lines else "", "options": _options(cls)}
+    return {**found, "doc": first_sentence(cls.__doc__ or ""), "options": _options(cls)}
 
 
 def _title(registry: Registry, plugin: PluginName) -> str:
     """What a packaged scene or study says of itself."""
-    return str(Source.read(plugin.name, registry, plugin.kind).tree.get("title", ""))
+    return str(Source.read(registry.spelling(plugin), registry, plugin.kind).tree.get("title", ""))
 
 
 def _options(cls: type[BaseModel]) -> list[dict[str, Any]]:
     properties = cls.model_json_schema()["properties"] if cls.model_fields else {}
     return [
         {
-            "name": name, "type": _type_name(field.annotation, properties.get(name, {})),
+            "name": name, "type": type_in_words(properties.get(name, {})),
             "required": field.is_required(), "default": properties.get(name, {}).get("default"),
             "doc": field.description or "",
         }
@@ -106,22 +115,19 @@ def _options(cls: type[BaseModel]) -> list[dict[str, Any]]:
     ]
 
 
-def _type_name(annotation: Any, schema: dict[str, Any]) -> str:
-    if Slot.MARK in schema:
-        return f"a {schema[Slot.MARK]}"
-    name = annotation.__name__ if isinstance(annotation, type) else str(annotation)
-    bounds = {"minimum": ">=", "exclusiveMinimum": ">", "maximum": "<=", "exclusiveMaximum": "<"}
-    limits = [f"{sign} {schema[key]:g}" for key, sign in bounds.items() if key in schema]
-    return " ".join([name.replace("typing.", ""), *limits])
+def first_sentence(text: str) -> str:
+    """The first sentence of a docstring, over as many lines as it takes."""
+    paragraph = " ".join(text.strip().partition("\n\n")[0].split())
+    return re.split(r"(?<=[.!?])\s+(?=[A-Z`(])", paragraph, maxsplit=1)[0]
 
 
 def _print_table(shown: list[dict[str, Any]]) -> None:
     from rich.table import Table
 
-    table = Table("kind", "name", "distribution", "")
+    table = Table("kind", "name", "distribution", _folded("what it is"))
     for p in shown:
         doc = p["broken"] and f"BROKEN: {p['broken']}"
-        table.add_row(p["kind"], p["name"], f"{p['distribution']} {p['version']}",
+        table.add_row(p["kind"], p["use"], f"{p['distribution']} {p['version']}",
                       _plain(doc or p["doc"]))
     _console().print(table)
 
@@ -130,14 +136,21 @@ def _print_options(plugin: dict[str, Any]) -> None:
     from rich.table import Table
 
     origin = f"{plugin['distribution']} {plugin['version']}"
-    _console().print(_plain(f"{plugin['kind']} {plugin['name']} ({origin}): "
+    _console().print(_plain(f"{plugin['kind']} {plugin['use']} ({origin}): "
                             f"{plugin['broken'] or plugin['doc']}"))
     if plugin["options"]:
-        table = Table("option", "type", "default", "")
+        table = Table("option", _folded("type"), _folded("default"), _folded("meaning"))
         for o in plugin["options"]:
             default = "(required)" if o["required"] else json.dumps(o["default"])
             table.add_row(o["name"], _plain(o["type"]), _plain(default), _plain(o["doc"]))
         _console().print(table)
+
+
+def _folded(heading: str) -> Any:
+    """A column whose long words go on in the next line instead of being cut."""
+    from rich.table import Column
+
+    return Column(heading, overflow="fold")
 
 
 def _console() -> Any:

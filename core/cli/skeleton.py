@@ -10,7 +10,7 @@ import typer
 from sparsemor.core.cli.common import exit_codes
 from sparsemor.core.cli.templates import KINDS, LAW_TEST, PYPROJECT, README
 from sparsemor.core.errors import InputError
-from sparsemor.core.registry import near
+from sparsemor.core.registry import Registry, near
 
 
 def new_plugin(
@@ -23,6 +23,10 @@ def new_plugin(
     with exit_codes():
         directory = out or Path(f"sparsemor-{name.replace('_', '-')}")
         files = package_files(name, kind)
+        taken = [p.origin for p in Registry().names(kind) if p.name == name]
+        if taken:
+            raise InputError(f"NAME: {' and '.join(taken)} offers a {kind} called {name!r} already,"
+                             " which a scene would go on to mean: choose another name")
         if directory.exists() and (not directory.is_dir() or any(directory.iterdir())):
             raise InputError(f"--out {directory}: there is something already: name another one")
         for path, text in files.items():

@@ -10,10 +10,20 @@ from sparsemor.core.mesh import Mesh
 from sparsemor.core.protocols.contact import FrictionLaw, NormalLaw
 from sparsemor.core.protocols.integration import Integrator, State, StepFormula, TimeFunction
 from sparsemor.core.protocols.linear_systems import Factorized, LinearOutcome, LinearSolver, Places
-from sparsemor.core.protocols.parts import BodyPlugin, ConnectorPlugin, MeshPlugin, Part
+from sparsemor.core.protocols.parts import (
+    BodyPart,
+    BodyPlugin,
+    ConnectorPlugin,
+    MeshPlugin,
+    NamesMultipliers,
+    NotedPart,
+    Part,
+    ProbedBody,
+)
 from sparsemor.core.protocols.representation import (
     Basis,
     BlockData,
+    ChecksBlock,
     Dictionary,
     Preconditioner,
     Sampler,
@@ -25,13 +35,14 @@ from sparsemor.core.protocols.sparse_recovery import (
     SparseSolver,
     SparseStart,
 )
-from sparsemor.core.protocols.steps import Reducer, Resampling, StepOutcome, StepSolver
+from sparsemor.core.protocols.steps import Redraws, Reducer, Resampling, StepOutcome, StepSolver
 from sparsemor.core.protocols.terms import ReducedTerm, Term, Trial
 
 __all__ = [
-    "Basis", "Block", "BlockData", "BodyPlugin", "ConnectorPlugin", "Dictionary", "Factorized",
-    "FrictionLaw", "Group", "Integrator", "Layout", "LinearOutcome", "LinearSolver", "Mesh",
-    "MeshPlugin", "NormalLaw", "Part", "Places", "Preconditioner", "ReducedTerm", "Reducer",
-    "Resampling", "Sampler", "SparseOutcome", "SparseProblem", "SparseSolver", "SparseStart",
-    "State", "StepFormula", "StepOutcome", "StepSolver", "Term", "TimeFunction", "Trial",
+    "Basis", "Block", "BlockData", "BodyPart", "BodyPlugin", "ChecksBlock", "ConnectorPlugin",
+    "Dictionary", "Factorized", "FrictionLaw", "Group", "Integrator", "Layout", "LinearOutcome",
+    "LinearSolver", "Mesh", "MeshPlugin", "NamesMultipliers", "NormalLaw", "NotedPart", "Part",
+    "Places", "Preconditioner", "ProbedBody", "Redraws", "ReducedTerm", "Reducer", "Resampling",
+    "Sampler", "SparseOutcome", "SparseProblem", "SparseSolver", "SparseStart", "State",
+    "StepFormula", "StepOutcome", "StepSolver", "Term", "TimeFunction", "Trial",
 ]

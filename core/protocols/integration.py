@@ -1,7 +1,7 @@
 """Time: states, the substitution for the rates, functions of time."""
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.layout import Layout
@@ -48,6 +48,7 @@ class Integrator(Protocol):
     ) -> State: ...
 
 
+@runtime_checkable
 class TimeFunction(Protocol):
     """A scalar function of time, for loads and prescribed motion."""
 

@@ -2,10 +2,12 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol, runtime_checkable
 
+from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.layout import Block, Layout
 from sparsemor.core.mesh import Mesh
+from sparsemor.core.notes import Note
 from sparsemor.core.protocols.terms import Term
 
 
@@ -18,8 +20,52 @@ class Part(Protocol):
     def terms(self, layout: Layout, parts: Mapping[str, "Part"]) -> Sequence[Term]: ...
 
 
+class BodyPart(Part, Protocol):
+    """A built body: what the assembly of a model asks of it.
+
+    initial: block name -> (x, v) at the start; geometry: reducible block name -> node coordinates
+    (n, d), m, and component (n,) of its unknowns; claims: whether `mechanics` or `heat_equations`
+    accounts for a term; these return the body's separated equations (`core.separable`), or None.
+
+    Optional: `probe(name, at)` for probes; `shape()` -> `core.run_header.BodyShape` for pictures;
+    `guided(motion)`, `surface_loads(...)`, `pose`, `moves` and `idle` for scenes in two stages.
+    """
+
+    def initial(self) -> Mapping[str, tuple[FloatArray, FloatArray]]: ...
+    def geometry(self) -> Mapping[str, tuple[FloatArray, IntArray]]: ...
+    def claims(self, layout: Layout, term: Term) -> bool: ...
+    def mechanics(self, layout: Layout, terms: Sequence[Term]) -> Any: ...
+    def heat_equations(self, layout: Layout, terms: Sequence[Term]) -> Any: ...
+
+
+@runtime_checkable
+class NotedPart(Protocol):
+    """A built part that warns of what is legal and most likely a mistake."""
+
+    @property
+    def notes(self) -> tuple[Note, ...]: ...
+
+
+@runtime_checkable
+class NamesMultipliers(Protocol):
+    """A built joint that says what each of its multipliers is."""
+
+    @property
+    def components(self) -> tuple[tuple[str, str], ...]:
+        """Name and unit of each multiplier, such as ("force x", "N")."""
+        ...
+
+
+@runtime_checkable
+class ProbedBody(Protocol):
+    """A built body with material points: at is the name of a set, or body coordinates, m."""
+
+    def probe(self, name: str, at: str | Sequence[float]) -> Any: ...
+
+
 class BodyPlugin(Protocol):
-    """A body of the scene. base: folder of the scene file, for relative paths.
+    """A body of the scene: `build` returns a `BodyPart`. base: folder of the scene file, for
+    relative paths.
 
     Optional: `expected()` -> a `core.mesh.BodySize`, or None where it cannot be known; a run that
     would not fit in memory is then refused before anything is meshed.

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -87,6 +87,16 @@ class Basis(Protocol):
     @property
     def needs_snapshots(self) -> bool: ...
     def build(self, data: BlockData) -> Dictionary: ...
+
+
+@runtime_checkable
+class ChecksBlock(Basis, Protocol):
+    """Optional ability of a basis: to refuse a block before any training."""
+
+    def unfit(self, data: BlockData, snapshots: int) -> str:
+        """Why `build` would refuse the block, given so many snapshots (`data` has none of them
+        yet), "" where it would not, or where only the snapshots can show it."""
+        ...
 
 
 class Sampler(Protocol):

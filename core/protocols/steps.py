@@ -80,6 +80,14 @@ class Resampling(Protocol):
         ...
 
 
+@runtime_checkable
+class Redraws(Protocol):
+    """Optional ability of a reducer: every `resample` steps (None: never) its rows are redrawn."""
+
+    @property
+    def resample(self) -> int | None: ...
+
+
 class Reducer(Protocol):
     """How one step is solved. model: a `core.model.Model`; offline: a `core.offline.Offline`.
 

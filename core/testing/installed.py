@@ -6,11 +6,13 @@ from sparsemor.core.registry import Registry
 
 
 def installed(kind: str) -> dict[str, type[Plugin]]:
-    """name -> class; those that cannot be imported are left out, as they harm nobody else."""
+    """name -> class; those that cannot be imported, or break the protocol of their kind, are left
+    out, as they harm nobody else."""
     registry, found = Registry(), {}
     for plugin in registry.names(kind):
         try:
-            found[plugin.name] = registry.get(kind, plugin.name)
+            name = registry.spelling(plugin)
+            found[name] = registry.get(kind, name)
         except InputError:
             continue
     return found

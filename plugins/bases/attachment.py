@@ -66,6 +66,11 @@ class Attachment(Plugin):
         """The largest dictionary of a block of this size."""
         return size if self.count is None else min(size, self.count + 2)
 
+    def unfit(self, data: BlockData, snapshots: int) -> str:
+        """Why a block cannot have these responses: neither load nor temperature acts on it."""
+        acts = data.moving or (self.thermal is not None and data.coupling is not None)
+        return "" if acts else str(refuse_nowhere(data, "attachment"))
+
     def build(self, data: BlockData) -> Dictionary:
         """Atoms (n, k). Raises InputError where no load moves and no temperature acts, or where
         `dynamic` is asked for and the step is not known."""

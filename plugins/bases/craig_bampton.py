@@ -8,7 +8,7 @@ from sparsemor.core.plugin import Plugin
 from sparsemor.core.protocols import BlockData, Dictionary
 from sparsemor.plugins.bases.columns import independent
 from sparsemor.plugins.bases.eigenmodes import lowest_modes
-from sparsemor.plugins.bases.modal import joint_columns, load_names, mode_info
+from sparsemor.plugins.bases.modal import joint_columns, load_names, mode_info, no_interface
 from sparsemor.plugins.bases.static_solve import StaticSolver
 
 
@@ -32,6 +32,10 @@ class CraigBampton(Plugin):
     def most_atoms(self, size: int) -> int:
         """The largest dictionary of a block of this size."""
         return size
+
+    def unfit(self, data: BlockData, snapshots: int) -> str:
+        """Why a block cannot have these modes: no joint acts on it."""
+        return "" if len(data.joints) else no_interface(data, "craig_bampton")
 
     def build(self, data: BlockData) -> Dictionary:
         """Atoms (n, k). Raises InputError for a block on which no joint acts."""

@@ -10,7 +10,7 @@ from sparsemor.core.arrays import FloatArray
 from sparsemor.core.frames import coherence, oriented
 from sparsemor.core.model import distinct
 from sparsemor.core.plugin import Plugin
-from sparsemor.core.protocols import Basis, BlockData, Dictionary
+from sparsemor.core.protocols import Basis, BlockData, ChecksBlock, Dictionary
 from sparsemor.core.slot import Slot
 from sparsemor.plugins.bases.columns import independent, merge
 
@@ -38,6 +38,11 @@ class Overcomplete(Plugin):
     @property
     def needs_snapshots(self) -> bool:
         return any(b.needs_snapshots for b in self.bases)
+
+    def unfit(self, data: BlockData, snapshots: int) -> str:
+        """Why the first of the bases that refuses the block does so."""
+        reasons = (b.unfit(data, snapshots) for b in self.bases if isinstance(b, ChecksBlock))
+        return next((why for why in reasons if why), "")
 
     def build(self, data: BlockData) -> Dictionary:
         """Atoms (n, k), k possibly above n."""

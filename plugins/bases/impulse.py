@@ -62,6 +62,10 @@ class Impulse(Plugin):
         """The largest dictionary of a block of this size."""
         return size if self.count is None else min(size, self.count + 2)
 
+    def unfit(self, data: BlockData, snapshots: int) -> str:
+        """Why a block cannot have these responses: no load moves over it."""
+        return "" if data.moving else str(refuse_nowhere(data, "impulse"))
+
     def build(self, data: BlockData) -> Dictionary:
         """Atoms (n, k). Raises InputError where no load moves or the step is not known."""
         forces, names = moving_loads(data, self.positions, self.tabled)

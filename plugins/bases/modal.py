@@ -14,6 +14,7 @@ from sparsemor.plugins.bases.columns import independent
 from sparsemor.plugins.bases.eigenmodes import Modes, lowest_modes
 from sparsemor.plugins.bases.static_solve import StaticSolver, is_thermal
 
+FIXED = "modal with interface: fixed"
 REST = 1e-7
 """Part of a static response, relative to it in the norm of M, that modes count as holding."""
 
@@ -45,9 +46,14 @@ class Modal(Plugin):
         """The largest dictionary of a block of this size."""
         return size if self.correction or self.start else min(self.count, size)
 
+    def unfit(self, data: BlockData, snapshots: int) -> str:
+        """Why a block cannot have these modes: a fixed interface without a joint."""
+        return "" if self.interface == "free" or len(data.joints) else (
+            no_interface(data, FIXED))
+
     def build(self, data: BlockData) -> Dictionary:
         """Atoms (n, k). Raises InputError for a fixed interface where no joint acts."""
-        held = joint_columns(data, "modal with interface: fixed") if (
+        held = joint_columns(data, FIXED) if (
             self.interface == "fixed") else None
         modes = lowest_modes(data, self.count, held)
         kind = "fixed mode" if self.interface == "fixed" else "mode"
@@ -85,6 +91,12 @@ def mode_info(data: BlockData, modes: Modes) -> dict[str, float | int | str]:
             f"highest_{name}": float(shown[-1])}
 
 
+def no_interface(data: BlockData, who: str) -> str:
+    """The sentence on a block without joints."""
+    return (f"{who}: no joint acts on the unknowns of {data.name}, so it has no interface; give "
+            "this block another basis under reducer.bases, such as modal")
+
+
 def joint_columns(data: BlockData, who: str) -> FloatArray:
     """P (n, p), independent unit columns: P^T u is how far the joints' points are displaced.
 
@@ -92,9 +104,7 @@ def joint_columns(data: BlockData, who: str) -> FloatArray:
     """
     P = data.loads[:, data.joints]
     if not P.shape[1]:
-        raise InputError(
-            f"{who}: no joint acts on the unknowns of {data.name}, so it has no interface; give "
-            "this block another basis under reducer.bases, such as modal")
+        raise InputError(no_interface(data, who))
     P = P / np.linalg.norm(P, axis=0)
     return np.asarray(P[:, independent(P, 1e-10)[0]])
 

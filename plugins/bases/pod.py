@@ -13,7 +13,7 @@ from sparsemor.core.protocols import BlockData, Dictionary
 from sparsemor.core.snapshots import large, stretches
 from sparsemor.plugins.bases.blocked_svd import Snapshots, leading, mean
 from sparsemor.plugins.bases.svd import held, left_singular, round_off_level, weighted
-from sparsemor.plugins.bases.windows import pooled
+from sparsemor.plugins.bases.windows import pooled, too_many_windows
 
 
 class Pod(Plugin):
@@ -66,6 +66,11 @@ class Pod(Plugin):
     def most_atoms(self, size: int) -> int:
         """The largest dictionary of a block of this size."""
         return self.windows * min(self.count or size, size)
+
+    def unfit(self, data: BlockData, snapshots: int) -> str:
+        """Why a block cannot be decomposed: more windows than snapshots."""
+        return "" if self.windows <= snapshots else (
+            too_many_windows(self.windows, snapshots, data.name))
 
     def build(self, data: BlockData) -> Dictionary:
         """Atoms (n, k). Raises InputError for snapshots that are absent, not finite or all 0."""

@@ -40,6 +40,19 @@ class Static(Plugin):
     def needs_snapshots(self) -> bool:
         return False
 
+    def unfit(self, data: BlockData, snapshots: int) -> str:
+        """Why a block cannot have these responses: they would need snapshots of temperatures."""
+        return self._snapshots_needed(data) if self._thermoelastic(data) else ""
+
+    def _thermoelastic(self, data: BlockData) -> bool:
+        return not is_thermal(data) and self.thermoelastic and (
+            data.heat is not None and data.coupling is not None)
+
+    def _snapshots_needed(self, data: BlockData) -> str:
+        return "" if self.thermal is None or not self.thermal.needs_snapshots else (
+            f"the thermoelastic responses of {data.name} are made without training, and `thermal` "
+            "names a basis that needs snapshots: use modal or static there")
+
     def build(self, data: BlockData) -> Dictionary:
         """Atoms (n, k). Raises InputError when nothing loads the block."""
         columns, names = self._of_heat(data) if is_thermal(data) else self._of_forces(data)
@@ -68,10 +81,8 @@ class Static(Plugin):
             names.append("start")
         if self.thermoelastic and data.heat is not None and data.coupling is not None:
             basis = self.thermal or Static(rates=self.rates)
-            if basis.needs_snapshots:
-                raise InputError(
-                    f"the thermoelastic responses of {data.name} are made without training, and "
-                    "`thermal` names a basis that needs snapshots: use modal or static there")
+            if self._snapshots_needed(data):
+                raise InputError(self._snapshots_needed(data))
             heat = basis.build(data.heat)
             temperatures = np.column_stack([heat.offset, heat.atoms])
             columns.append(solve(np.asarray(data.coupling @ temperatures)))

@@ -13,6 +13,11 @@ from sparsemor.plugins.bases.columns import independent, merge
 from sparsemor.plugins.bases.svd import held
 
 
+def too_many_windows(windows: int, snapshots: int, block: str) -> str:
+    """The sentence on windows that would be empty."""
+    return f"{windows} windows were asked of {snapshots} snapshots of {block}: take fewer"
+
+
 def pooled(
     decomposed: Callable[[FloatArray], Dictionary], A: FloatArray, offset: FloatArray,
     windows: int, tolerance: float, block: str,
@@ -24,8 +29,7 @@ def pooled(
     """
     M = A.shape[1]
     if windows > M:
-        raise InputError(f"{windows} windows were asked of {M} snapshots of {block}: take fewer",
-                         "windows")
+        raise InputError(too_many_windows(windows, M, block), "windows")
     parts, names, ranks = list[FloatArray](), list[str](), list[int]()
     for number, columns in enumerate(np.array_split(np.arange(M), windows)):
         part = np.asarray(A[:, columns])

@@ -54,3 +54,20 @@ def test_the_map_is_not_empty_and_a_wrong_target_is_seen() -> None:
                                       "Eq. 34", "Fig. 4", "Fig. 5", "Fig. 6", "Fig. 7", "Table 2"])
 def test_the_map_covers_the_paper(equation: str) -> None:
     assert equation in (ROOT / "docs" / "paper_map.md").read_text(encoding="utf-8")
+
+
+def test_headings_differ_and_rows_are_inside_their_tables() -> None:
+    lines = (ROOT / "docs" / "paper_map.md").read_text(encoding="utf-8").splitlines()
+    headings = [line for line in lines if line.startswith("#")]
+    assert len(headings) == len(set(headings)) > 3
+    for before, line, after in zip(lines, lines[1:], lines[2:], strict=False):
+        if line.startswith("|") and not before.startswith("|"):
+            assert after.startswith("|--"), f"a table without a head: {line}"
+
+
+@pytest.mark.parametrize("page, words", [
+    ("README.md", "`brake_disk` runs `galerkin`"),
+    ("docs/index.md", "`brake_disk`, runs `galerkin`"),
+    ("docs/brake-disk.md", "The projection-free alternative is `sparse`")])
+def test_pages_say_why_a_packaged_scene_projects(page: str, words: str) -> None:
+    assert words in (ROOT / page).read_text(encoding="utf-8")

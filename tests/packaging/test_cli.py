@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 
 from sparsemor.core.cli import app
 from sparsemor.core.errors import InputError
+from sparsemor.core.notes import Note
 from sparsemor.core.scene import Scene, load
 from sparsemor.core.status import SolveFailed, Status
 from toy_scene import TOY_SCENE
@@ -149,8 +150,12 @@ def test_validate_also_builds_the_parts(monkeypatch):
             raise InputError("too heavy to hold", "bodies.a.mass")
 
     checked_by(monkeypatch, check)
+    monkeypatch.setattr("sparsemor.core.plausibility.before_run", lambda scene, model: (
+        Note("the mass is 3 tons", "heavy"),) if scene.bodies["a"].mass == 3 else ())
     done = sparsemor("validate", "scene.yaml")
     assert (done.code, done.err) == (0, "")
+    done = sparsemor("validate", "scene.yaml", "--set", "bodies.a.mass=3")
+    assert (done.code, done.err) == (0, "warning: the mass is 3 tons\n")
     done = sparsemor("validate", "scene.yaml", "--set", "bodies.a.mass=1000")
     assert (done.code, done.err) == (2, "--set bodies.a.mass: too heavy to hold\n")
     done = sparsemor("validate", "scene.yaml", "--set", "bodies.a.mas=1", "--set", "format=3")
@@ -174,9 +179,9 @@ def test_plugins_lists_broken_and_duplicate_ones_with_code_0(distribute):
     assert done.code == 0
     found = {(p["name"], p["distribution"]): p for p in json.loads(done.out)["plugins"]}
     assert "nothing_there" in found["bad", "bad-pkg"]["broken"]
-    for owner in ("toys", "twin"):
-        assert "toys 1.0" in found["dice", owner]["broken"]
-        assert "twin 1.0" in found["dice", owner]["broken"]
+    assert found["dice", "toys"]["broken"] == ""
+    assert "no attribute 'Dice'" in found["dice", "twin"]["broken"]
+    assert [found["dice", owner]["use"] for owner in ("toys", "twin")] == ["toys:dice", "twin:dice"]
     assert found["grid", "toys"]["doc"] == "A sampler."
     table = sparsemor("plugins", "toy_sampler")
     assert (table.code, table.err) == (0, "")
@@ -186,14 +191,34 @@ def test_plugins_lists_broken_and_duplicate_ones_with_code_0(distribute):
 def test_plugins_with_a_name_shows_its_options():
     done = sparsemor("plugins", "grid")
     assert "toy_sampler grid (toys 1.0): A sampler." in done.out
-    for part in ("mix", "float <= 1", "0.5", "How mixed"):
+    for part in ("mix", "number <= 1", "0.5", "How mixed"):
         assert part in done.out
     tuned = json.loads(sparsemor("plugins", "tuned", "--json").out)["plugins"][0]["options"]
-    assert tuned[0] == {"name": "sampler", "type": "a toy_sampler", "required": False,
+    assert tuned[0] == {"name": "sampler", "type": "toy_sampler plugin", "required": False,
                         "default": "grid", "doc": "Chooses rows."}
     unknown = sparsemor("plugins", "gird")
     assert unknown.code == 2
     assert "did you mean grid" in unknown.err
+
+
+def test_plugins_shows_whole_sentences_and_types_in_words(monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    (ecsw,) = json.loads(sparsemor("plugins", "ecsw", "--json").out)["plugins"]
+    assert ecsw["doc"].startswith("Element integrals") and ecsw["doc"].endswith("4820).")
+    assert {o["name"]: o["type"] for o in ecsw["options"]}["bases"] == "name: basis plugin"
+    shown = " ".join(sparsemor("plugins", "ecsw").out.split())
+    assert "Annotated" not in shown and "\u2026" not in shown
+    assert "did you mean the kind linear_solver or sparse_solver?" in sparsemor(
+        "plugins", "solver").err
+
+
+def test_plugins_shows_the_whole_cause_of_a_broken_one(monkeypatch, distribute):
+    monkeypatch.setenv("COLUMNS", "80")
+    name = "a_package_with_a_name_that_does_not_fit_into_one_line_of_eighty_columns"
+    distribute("bad-pkg", {"toy_sampler": {"bad": "mod_long:Bad"}}, mod_long=f"import {name}")
+    lines = sparsemor("plugins", "toy_sampler").out.splitlines()
+    last = "".join(line.split("\u2502")[-2].strip() for line in lines if "\u2502" in line)
+    assert name in last
 
 
 def test_schema_and_version_are_printed():
