@@ -102,7 +102,7 @@ def check_owned(folder: Path) -> None:
 
 
 def lost(folder: Path) -> bool:
-    """Whether a folder that is owned here was moved, removed or replaced since."""
+    """True for a folder that is owned here and was moved, removed or replaced since."""
     place = Path(os.path.realpath(folder))
     lock = _held.get().get(place)
     return lock is not None and inode(place / LOCK) != inode(lock)

@@ -1,7 +1,7 @@
 """The earlier result that `--force` replaces: kept in OUT/.replaced until the new run has ended.
 
 A kill at any moment leaves either the earlier result in place, or it in OUT/.replaced and what the
-new run stored beside it. All of this is done by the owner of OUT.
+new run stored in OUT. All of this is done by the owner of OUT.
 """
 
 import json
@@ -22,7 +22,7 @@ _SCRATCH = f".{STORE}."
 
 
 def entries(out: Path) -> list[Path]:
-    """What a run or a user put into `out`: not locks, nor what a killed run had not finished."""
+    """Files and folders of a run or a user in `out`: no locks, no leftovers of a killed run."""
     return [p for p in sorted(out.iterdir()) if not _nothing(p)]
 
 
@@ -34,7 +34,7 @@ def _nothing(path: Path) -> bool:
 
 
 def is_result(path: Path) -> bool:
-    """Whether a directory is what an earlier `run` or `compare` left."""
+    """True for a directory that an earlier `run` or `compare` left."""
     inside = [path, *(p for p in path.iterdir() if p.is_dir())] if path.is_dir() else []
     return any((p / STORE).is_dir() or (p / GROUP_FILE).is_file() for p in inside
                if p.name not in (KEPT, MOVING))
@@ -94,7 +94,7 @@ def drop(out: Path) -> None:
 
 
 def _ended(out: Path) -> bool:
-    """Whether the run, comparison or study in `out` came to an end of its own."""
+    """True where the run, comparison or study in `out` came to an end of its own."""
     if not (out / STORE).is_dir():
         return any((out / name).is_file() for name in _TABLES)
     try:

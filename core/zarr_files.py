@@ -26,7 +26,7 @@ GROUP_FILE = "zarr.json"
 FORMAT = 2
 """Version of the stored format: 1 had no checksums and 0 for what is missing."""
 _FILL: dict[str, Any] = {"float64": "NaN", "int64": -(2**63), "bool": False}
-"""What other Zarr readers return for a missing chunk; here it is an error."""
+"""Value that other Zarr readers return for a missing chunk; here it is an error."""
 _CHECKED = {"name": "crc32c"}
 
 

@@ -29,7 +29,7 @@ def command(scene: str, *arguments: str) -> int:
 
 
 def killed(scene: str, moment: int) -> bool:
-    """Whether `run --force` reached its rename number `moment`, where it is killed."""
+    """True when `run --force` reached its rename number `moment`, where it is killed."""
     child = os.fork()
     if child == 0:
         replace, count = os.replace, 0
