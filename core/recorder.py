@@ -26,6 +26,7 @@ from sparsemor.core.scene import Scene
 from sparsemor.core.served import Held, solvers_summary
 from sparsemor.core.status import Status
 from sparsemor.core.store import ChunkOfSteps, ResultWriter
+from sparsemor.core.trial_space import TrialSpace
 
 STORE = "result.zarr"
 CHUNK, SECONDS = 256, 2.0
@@ -74,6 +75,7 @@ class Recorder:
                         for p in model.probes]
         self._given = {n: shape for n, shape in shapes(model).items() if shape.given}
         self.notes: tuple[Note, ...] = ()  # of what was found before the first step
+        self.spaces: tuple[TrialSpace, ...] = ()
         self.stability: Mapping[str, Any] = {}
         self.memory: Held | None = None
         self._every, self._saved = scene.output.every, time.perf_counter()

@@ -135,12 +135,12 @@ class RunResult:
             raise InputError(f"no block {name!r} in this result; it has {have}", key="block")
         if not self.reduced(name):
             return self._read(name, steps)
-        c = self.coefficients(name)[steps]
+        c = self.coefficients(name, steps)
         return self._whole(f"{name}.offset") + c @ self._whole(f"{name}.atoms").T
 
-    def coefficients(self, name: str) -> FloatArray:
-        """(j, k) coefficients of a reduced block."""
-        return self._whole(self._of_reduced(name, "coefficients"))
+    def coefficients(self, name: str, steps: slice | IntArray = ALL) -> FloatArray:
+        """(j, k) coefficients of a reduced block at the stored steps `steps`."""
+        return self._read(self._of_reduced(name, "coefficients"), steps)
 
     def support(self, name: str) -> BoolArray:
         """(j, k) which atoms of a reduced block were in use."""

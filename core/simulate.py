@@ -24,6 +24,7 @@ from sparsemor.core.served import Held
 from sparsemor.core.stability import check_run
 from sparsemor.core.status import SolveFailed, Status
 from sparsemor.core.step_control import ControlledSteps, controlled, step_of
+from sparsemor.core.trial_space import beyond_training, space_notes, trial_spaces
 from sparsemor.core.unmet import unmet
 
 
@@ -48,6 +49,7 @@ def simulate(
             model, scene.integrator, scene.time.step, offline, np.random.default_rng(scene.seed))
         full = consistent_state(model)
         notes, stability = check_run(scene, model, solver, full)
+        spaces = trial_spaces(model, offline, solver.dictionaries, scene.time.step, scene.time.end)
         solver = controlled(scene, model, offline, solver)
         state, memory = solver.start(full)
         state = scene.integrator.start(solver.layout, state)
@@ -55,7 +57,8 @@ def simulate(
         path = Path(out) if out is not None else Path(mkdtemp(prefix="sparsemor-"))
         recorder = Recorder.open(
             scene, model, solver, offline, path, resume, step_count(scene))
-        recorder.notes, recorder.stability = notes, stability
+        recorder.notes, recorder.stability = (*notes, *space_notes(spaces)), stability
+        recorder.spaces = spaces
         recorder.memory = Held(offline.expected, peak())
         if recorder.checkpoint is not None:
             state, memory, tally = recorder.restored(tally)
@@ -107,7 +110,9 @@ class _Run:
         if failure is not None:
             summary["message"] = str(failure)
         else:
-            found = told(unmet(self.recorder.model, RunResult(self.recorder.store)))
+            result = RunResult(self.recorder.store)
+            found = told((*unmet(self.recorder.model, result), *beyond_training(
+                self.recorder.spaces, result, self.scene.training_end)))
             summary |= {key: [*summary[key], *texts] for key, texts in found.items()}
         self.recorder.finish(status, summary)
         self.manager.hook.on_finish(summary=summary)

@@ -40,6 +40,9 @@ def compare(
     ] = "full,galerkin,sparse",
     settings: Settings = None, out: Out = None, resume: Resume = False, force: Force = False,
     as_json: Json = False, quiet: Quiet = False,
+    error_limit: Annotated[
+        float, typer.Option(min=0.0, help="Errors above this are marked in tables and charts.")
+    ] = 0.1,
 ) -> None:
     """Run a scene with several reducers and tabulate errors and cost."""
     with exit_codes(as_json):
@@ -49,7 +52,7 @@ def compare(
         _refuse_early(scenes)
         with place_for_result(directory, resume, force):
             results, failures = _run_all(scenes, directory, resume, quiet or as_json)
-        _report(results, failures, directory, as_json, quiet)
+        _report(results, failures, directory, as_json, quiet, error_limit)
 
 
 def variants(scene: Scene, reducers: list[str], registry: Registry | None = None
@@ -121,7 +124,7 @@ def _run_one(scene: Scene, here: Path, resume: bool, observers: Sequence[object]
 
 def _report(
     results: dict[str, Any], failures: dict[str, SolveFailed], directory: Path, as_json: bool,
-    quiet: bool,
+    quiet: bool, error_limit: float,
 ) -> None:
     from sparsemor.core.compare import compare as compared
 
@@ -131,13 +134,14 @@ def _report(
         if as_json:
             print_json({"status": "failed", "failures": failed})
         leave(failed, FAILED)
-    comparison = compared(results[reference], **{name: results[name] for name in others})
+    comparison = compared(results[reference], error_limit=error_limit,
+                          **{name: results[name] for name in others})
     comparison.write(directory)
     summaries = {name: dict(result.summary) for name, result in results.items()}
     if as_json:
         print_json({"status": "failed" if failed else "done", "reference": reference,
                     "runs": [{"run": name, **summary} for name, summary in summaries.items()],
-                    "errors": comparison.errors,
+                    "errors": comparison.errors, "above_limit": comparison.above_limit,
                     "start_up": {n: e.start_up for n, e in comparison.measured.items()},
                     "steady": {n: e.steady for n, e in comparison.measured.items()},
                     "failures": failed, "out": str(directory)})
