@@ -7,6 +7,7 @@ projection on the atoms. No reduced run on these atoms can have a smaller one.
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -105,7 +106,7 @@ def trial_spaces(
         if not offline.trained:
             depends = (*depends, h, end)
         arrays = offline.remember(
-            "trial_space", depends, lambda n=name, d=d: _tested(model, offline, n, d, h, end))
+            "trial_space", depends, partial(_tested, model, offline, name, d, h, end))
         found.append(TrialSpace(
             name, d.atoms.shape[1], float(arrays["error"]), float(arrays["change"]),
             str(arrays["load"]), float(arrays["load_error"]), offline.trained,

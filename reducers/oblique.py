@@ -78,7 +78,8 @@ def row_error(
         for S in (D, slow):
             seen = left @ _rows(block, test, S @ rest)
             if S is slow:  # for S = D this matrix is 1
-                seen = np.linalg.lstsq(left @ _rows(block, test, S @ atoms), seen, rcond=None)[0]
+                across = left @ _rows(block, test, S @ atoms)
+                seen = np.asarray(np.linalg.lstsq(across, seen, rcond=None)[0], dtype=np.float64)
             worst = max(worst, float(np.linalg.norm(rest - atoms @ seen, axis=0).max()))
     return RowError(worst / change, best / change)
 
