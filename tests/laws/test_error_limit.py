@@ -102,7 +102,7 @@ def test_a_field_that_changes_by_round_off_is_constant(
     errors = made.measured["run"]
     assert errors.constant == {"arm.thermal", "thermal"}
     assert errors.worst["thermal"] == errors.worst["arm.thermal"] < 1e-12
-    (row,) = [line for line in str(made).splitlines() if line.startswith("run  ") and "done" in line]
+    (row,) = [t for t in str(made).splitlines() if t.startswith("run  ") and "done" in t]
     assert "constant" in row
     assert str(made).count("constant") == 2  # by field, and in the table by block
     figure = error_over_time_figure(made.measured, {"run": Status.DONE})
