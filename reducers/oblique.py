@@ -23,6 +23,8 @@ LIMIT = 0.01
 """Largest error of the recovered states without a note."""
 _STATES, _SELECTED = 400, 8
 """Most states that are recovered: on all atoms, and on a support chosen for each of them."""
+_ENTRIES = 2**22
+"""Most numbers of these states that are held at once, unless they are few."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,7 +99,7 @@ def checked_rows(
 
     def make() -> dict[str, FloatArray]:
         states = _states(model, offline, data, step)
-        most = _SELECTED if block.selects else _STATES
+        most = _SELECTED if block.selects else min(_STATES, max(_SELECTED, _ENTRIES // data.size))
         at = np.unique(np.linspace(0, states.shape[1] - 1, most).astype(np.int64))
         found = row_error(block, np.asarray(states[:, at]), test, data.operator, slow)
         return {"error": np.array([]) if found is None else np.array([found.rows, found.best])}
