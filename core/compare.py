@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.error_measures import Errors, measure_errors
+from sparsemor.core.error_measures import LIMIT, Errors, measure_errors
 from sparsemor.core.errors import InputError
 from sparsemor.core.phases import phase_rows, phase_table
 from sparsemor.core.results import RunResult
 from sparsemor.core.run_facts import RunFacts, pays_after, run_facts
-from sparsemor.core.text_table import text_table
+from sparsemor.core.text_table import CONSTANT, MARK, marked, text_table
 from sparsemor.core.zarr_files import to_json
 
 if TYPE_CHECKING:
@@ -28,12 +28,20 @@ class Comparison:
     """Runs by name, measured against `reference`. `str()` gives the table.
 
     name: what the reference is called: its reducer, or "reference" if a run has that name.
+    limit: errors above it (relative; rad for angles) are marked.
     """
 
     reference: RunResult
     runs: Mapping[str, RunResult]
     measured: Mapping[str, Errors]
     name: str = REFERENCE
+    limit: float = LIMIT
+
+    @property
+    def above_limit(self) -> dict[str, dict[str, float]]:
+        """run -> measure -> error above `limit`: joint, fields, angle_rad; absent for runs without.
+        """
+        return {run: found for run, e in self.measured.items() if (found := e.above(self.limit))}
 
     @property
     def errors(self) -> dict[str, dict[str, float]]:
@@ -106,13 +114,13 @@ class Comparison:
                 label, f.reducer, f.status.value, _text(f.ms_per_step, ".3g"),
                 _ratio(base, f.ms_per_step), _text(f.iterations, ".2f"), f.atoms_text, str(f.rows),
                 _text(f.offline_whole_seconds, ".3g"), _text(pays.get(name), "d"),
-                *(_text(errors.get(field), ".2e") for field in fields)])
+                *(self._error(name, errors, field) for field in fields)])
         if all(name == f.reducer for name, f in facts.items()):
             table = [[row[0], *row[2:]] for row in table]  # the second column repeats the first
         late = next((e.late_from for e in self.measured.values() if e.late_from > 0.0), 0.0)
-        phases = ["", phase_table(self.measured, self._blocks())]
+        phases = ["", phase_table(self.measured, self._blocks(), self.limit)]
         return "\n".join([text_table(table), *self._late_lines(late, fields), *phases,
-                          *self.notes.values()])
+                          *self._limit_lines(), *self.notes.values()])
 
     def to_json(self) -> str:
         """Errors, times and counts of every run, for programs."""
@@ -120,6 +128,8 @@ class Comparison:
         runs = {name: f.as_dict() | {"pays_after": pays.get(name),
                                      "errors": self.errors.get(name, {}),
                                      "late_errors": self.late_errors.get(name, {}),
+                                     "above_limit": self.above_limit.get(name, {}),
+                                     "constant": self._constant(name),
                                      **self._phases(name),
                                      "note": self.notes.get(name, "")}
                 for name, f in self.facts.items()}
@@ -157,7 +167,7 @@ class Comparison:
         if late <= 0.0:
             return []
         table = [[f"from {late:g} s", *(f.replace("_", " ") for f in fields)]]
-        table += [[run, *(_text(e.get(f), ".2e") for f in fields)]
+        table += [[run, *(self._error(run, e, f) for f in fields)]
                   for run, e in self.late_errors.items()]
         return ["", text_table(table)]
 
@@ -165,14 +175,32 @@ class Comparison:
         measures = ["joint", *self._blocks(), "angle_rad"]
         rows: list[list[Any]] = [
             ["run", "status", "ms_per_step", "offline_s", "offline_whole_s", "online_s",
-             "pays_after", *measures]]
+             "pays_after", *measures, "above_limit", "constant"]]
         pays = self.pays_after
         for name, f in self.facts.items():
             errors = self.errors.get(name, {})
             rows.append([name, f.status.value, f.ms_per_step, f.offline_seconds,
                          f.offline_whole_seconds, f.online_seconds, pays.get(name),
-                         *(errors.get(m) for m in measures)])
+                         *(errors.get(m) for m in measures),
+                         " ".join(self.above_limit.get(name, {})), " ".join(self._constant(name))])
         return rows
+
+    def _error(self, run: str, errors: Mapping[str, float], measure: str) -> str:
+        e = self.measured.get(run)
+        still = e is not None and e.still(measure)
+        return CONSTANT if still else marked(errors.get(measure), ".2e", self.limit)
+
+    def _constant(self, run: str) -> list[str]:
+        return sorted(self.measured[run].constant) if run in self.measured else []
+
+    def _limit_lines(self) -> list[str]:
+        above = self.above_limit
+        if not above:
+            return []
+        worst = [f"{run} ({', '.join(f'{m} {e:.2g}' for m, e in found.items())})"
+                 for run, found in above.items()]
+        return [f"{MARK} above {self.limit:g}: {len(above)} of {len(self.runs)} runs: "
+                f"{'; '.join(worst)}"]
 
     def _series_rows(self) -> list[list[Any]]:
         """Each measure over time; `_present`: relative to the norm at the same time."""
@@ -187,9 +215,11 @@ class Comparison:
 
 
 def compare(
-    reference: RunResult, *, errors_from: float = 0.0, **runs: RunResult
+    reference: RunResult, *, errors_from: float = 0.0, error_limit: float = LIMIT,
+    **runs: RunResult
 ) -> Comparison:
-    """Measure each run against the reference; `errors_from` (s) adds errors from there on.
+    """Measure each run against the reference; `errors_from` (s) adds errors from there on, errors
+    above `error_limit` are marked.
 
     Raises InputError when a run has no unknowns or times in common with the reference.
     """
@@ -202,7 +232,7 @@ def compare(
         except InputError as fault:
             raise fault.under(name) from None
     name = REFERENCE if reference.reducer in runs else reference.reducer
-    return Comparison(reference, runs, measured, name)
+    return Comparison(reference, runs, measured, name, error_limit)
 
 
 def _text(value: float | None, form: str) -> str:

@@ -19,6 +19,11 @@ from sparsemor.core.results import RunResult
 TIME_MATCH = 1e-9
 START_UP = 0.02
 """Share of the reference's time span, and so of its steps, that counts as start-up."""
+CONSTANT = 1e-9
+"""A block that changes by at most this share of its own size is constant: its change is round-off,
+and an error relative to that would say nothing."""
+LIMIT = 0.1
+"""Errors above this (relative; rad for angles) are marked."""
 _BATCH_ENTRIES = 2**21
 
 
@@ -30,8 +35,9 @@ class Errors:
     one over all times, and over those from `late_from` (s) on. Names are `joint` (Eq. 34), each
     `body.field`, each field (its worst block), and `angle_rad`. until: the last common time, s.
     present: as series, blocks and fields relative to the reference's norm at the same time, as
-    `joint` is. start_up_end: when the start-up ends, s. unshared: blocks that only one of the runs
-    has, or that differ in size; they are not compared.
+    `joint` is. start_up_end: when the start-up ends, s. constant: names of blocks and fields that
+    do not change in the reference; their errors are relative to their size. unshared: blocks that
+    only one of the runs has, or that differ in size; they are not compared.
     """
 
     times: FloatArray
@@ -43,6 +49,7 @@ class Errors:
     present: dict[str, FloatArray]
     start_up_end: float
     unshared: tuple[str, ...] = ()
+    constant: frozenset[str] = frozenset()
 
     @property
     def start_up(self) -> dict[str, float]:
@@ -70,6 +77,15 @@ class Errors:
         early: BoolArray = (self.times > self.times[0]) & (self.times <= self.start_up_end)
         return early
 
+    def still(self, name: str) -> bool:
+        """Whether a block or field is constant in the reference, and in the run as well."""
+        return name in self.constant and self.worst.get(name, 0.0) <= CONSTANT
+
+    def above(self, limit: float = LIMIT) -> dict[str, float]:
+        """name -> largest error, of those above `limit` (relative; rad for `angle_rad`), the
+        joint measure, fields and angles only."""
+        return {m: e for m, e in self.worst.items() if "." not in m and e > limit}
+
     @staticmethod
     def _largest(series: dict[str, FloatArray], when: BoolArray) -> dict[str, float]:
         return {name: float(e[when].max()) for name, e in series.items()} if when.any() else {}
@@ -80,7 +96,8 @@ def measure_errors(reference: RunResult, run: RunResult, late_from: float = 0.0)
 
     joint(t) = |q_ref - q| / |q_ref| over all unknowns but multipliers; times with q_ref = 0 are
     left out. A block's error is |x_ref - x|(t) / max over t of |x_ref - x_ref(0)|; if the
-    reference never changes it is relative to max |x_ref|, and absolute if that is 0 too.
+    reference is constant (that change is at most 1e-9 of max |x_ref|) it is relative to
+    max |x_ref|, and absolute if that is 0 too.
     A block's present error is |x_ref - x|(t) / |x_ref|(t), 0 where x_ref vanishes.
     angle_rad is the largest error of any rotation that an angle describes, rad.
     Blocks that only one of them has are left out (`unshared`). Raises InputError when the runs have
@@ -101,8 +118,11 @@ def measure_errors(reference: RunResult, run: RunResult, late_from: float = 0.0)
             scale[b.name] = max(scale[b.name], float(_norms(x_ref - start).max()))
             if b.field == "rigid" and b.size in BY_ANGLE:
                 angle[part] = np.maximum(angle[part], np.abs(difference[:, -1]))
-    for name in scale:
-        scale[name] = scale[name] or float(size[name].max()) or 1.0
+    constant = {name for name in scale if scale[name] <= CONSTANT * float(size[name].max())}
+    for name in constant:
+        scale[name] = float(size[name].max()) or 1.0
+    fields = {b.field for b in blocks}
+    constant |= {f for f in fields if all(b.name in constant for b in blocks if b.field == f)}
     times = reference.times[here]
     series = {"joint": _joint(list(error.values()), list(size.values()))}
     series |= _per_field(blocks, {name: e / scale[name] for name, e in error.items()})
@@ -120,6 +140,7 @@ def measure_errors(reference: RunResult, run: RunResult, late_from: float = 0.0)
         present={"joint": series["joint"], **_per_field(blocks, present)},
         start_up_end=_start_up_end(reference.times),
         unshared=unshared,
+        constant=frozenset(constant),
     )
 
 

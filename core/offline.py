@@ -38,20 +38,23 @@ TRAINING = "training run"
 class Recording:
     """How training snapshots came about: `every` that many steps of `step` s, by `integrator`.
 
-    Where its order is above 1, the last snapshot is x + h^2 a of the start (see `train`).
+    end: of the training run, s. Where its order is above 1, the last snapshot is x + h^2 a of the
+    start (see `train`).
     """
 
     integrator: Integrator
     step: float
     every: int
+    end: float = 0.0
 
 
 class Offline:
     """What reducers are prepared from, kept among its `products`.
 
     snapshots(name) (n, M): unknowns of a block over the training run, in columns; recording: how
-    they were taken, None when they were given; expected: what a run will hold in memory, once told.
-    reducer: origin of a reducer that is not sparsemor's own, part of the key of its products.
+    they were taken, None when they were given; trained: whether some basis needs snapshots, also
+    where it came from the cache; expected: what a run will hold in memory, once told. reducer:
+    origin of a reducer that is not sparsemor's own, part of the key of its products.
     """
 
     def __init__(
@@ -64,6 +67,7 @@ class Offline:
         self._snapshots: Mapping[str, FloatArray] | None = None
         self.manager, self.recording = manager or new_manager(), recording
         self.products = products
+        self.trained = False
         self.expected: Estimate | None = None
 
     @classmethod
@@ -105,6 +109,7 @@ class Offline:
         """A block's dictionary and the largest coefficient that its snapshots have (0: none);
         step: the steps that it is to serve."""
         known = self._model.block_data(name, step=step)
+        self.trained = self.trained or basis.needs_snapshots
 
         def make() -> Mapping[str, Any]:
             snapshots = self.snapshots(name) if basis.needs_snapshots else None
@@ -154,7 +159,8 @@ def offline_of(
     training, physics = training_physics(scene)
     key = digest(physics.digest(), training.training.every, Identity.of(physics).plain(),
                  mesh_content(model))
-    recording = Recording(training.integrator, training.time.step, training.training.every)
+    recording = Recording(training.integrator, training.time.step, training.training.every,
+                          training.time.end)
     return Offline(
         model, lambda: train(training, manager, products, shop), key, products, manager, recording,
         origin(type(scene.reducer)))

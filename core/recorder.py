@@ -31,6 +31,7 @@ from sparsemor.core.status import Status
 from sparsemor.core.store import ChunkOfSteps, ResultWriter
 from sparsemor.core.tally import Tally
 from sparsemor.core.threads import described, elsewhere
+from sparsemor.core.trial_space import TrialSpace
 from sparsemor.core.zarr_files import read_group
 
 CHUNK, SECONDS = 256, 2.0
@@ -54,6 +55,7 @@ class Recorder:
                         for p in model.probes]
         self._given = {n: shape for n, shape in shapes(model).items() if shape.given}
         self.notes: tuple[Note, ...] = ()  # of what was found before the first step
+        self.spaces: tuple[TrialSpace, ...] = ()
         self.stability: Mapping[str, Any] = {}
         self.memory: Held | None = None
         self._every, self._saved = scene.output.every, time.perf_counter()

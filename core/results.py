@@ -138,12 +138,12 @@ class RunResult:
             raise InputError(f"no block {name!r} in this result; it has {have}", key="block")
         if not self.reduced(name):
             return self._data.read(name, steps)
-        c, atoms = self.coefficients(name)[steps], self._whole(f"{name}.atoms")
+        c, atoms = self.coefficients(name, steps), self._whole(f"{name}.atoms")
         return np.asarray(self._whole(f"{name}.offset") + c @ atoms.T)
 
-    def coefficients(self, name: str) -> FloatArray:
-        """(j, k) coefficients of a reduced block."""
-        return self._whole(self._of_reduced(name, "coefficients"))
+    def coefficients(self, name: str, steps: slice | IntArray = ALL) -> FloatArray:
+        """(j, k) coefficients of a reduced block at the stored steps `steps`."""
+        return self._data.read(self._of_reduced(name, "coefficients"), steps)
 
     def support(self, name: str) -> BoolArray:
         """(j, k) which atoms of a reduced block were in use."""

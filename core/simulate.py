@@ -35,6 +35,7 @@ from sparsemor.core.step_control import ControlledSteps, controlled, step_of
 from sparsemor.core.tally import Tally
 from sparsemor.core.threads import fixed_threads
 from sparsemor.core.training import SnapshotKeeper
+from sparsemor.core.trial_space import beyond_training, space_notes, trial_spaces
 from sparsemor.core.unmet import unmet
 from sparsemor.core.workshop import Workshop
 
@@ -76,6 +77,7 @@ def _simulate(
         complete(solver, StepSolver, scene.reducer, "prepare", "reducer")
         full = consistent_state(model)
         notes, stability = check_run(scene, model, solver, full, offline)
+        spaces = trial_spaces(model, offline, solver.dictionaries, scene.time.step, scene.time.end)
         solver = controlled(scene, model, offline, solver)
         state, memory = solver.start(full)
         state = scene.integrator.start(solver.layout, state)
@@ -84,8 +86,9 @@ def _simulate(
         recorder = Recorder.open(
             scene, model, solver, offline, path, resume, step_count(scene))
         recorder.notes, recorder.stability = (
-            *before_run(scene, model), *of_solver(scene, solver), *notes, *recorder.notes
-        ), stability
+            *before_run(scene, model), *of_solver(scene, solver), *notes, *space_notes(spaces),
+            *recorder.notes), stability
+        recorder.spaces = spaces
         recorder.memory = Held(offline.expected, peak())
         if recorder.checkpoint is not None:
             state, memory, tally = recorder.restored(state, memory, tally)
@@ -167,8 +170,9 @@ class _Run:
             summary["message"] = str(failure)
         else:
             kept = RunResult(self.recorder.store)
-            found = told((*unmet(self.recorder.model, kept),
-                          *after_run(self.recorder.model, kept)))
+            found = told((
+                *unmet(self.recorder.model, kept), *after_run(self.recorder.model, kept),
+                *beyond_training(self.recorder.spaces, kept, self.scene.training_end)))
             summary |= {key: [*summary[key], *texts] for key, texts in found.items()}
         self.recorder.finish(status, summary)
         self.manager.hook.on_finish(summary=summary)

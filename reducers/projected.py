@@ -30,6 +30,7 @@ from sparsemor.reducers.choose import chosen
 from sparsemor.reducers.driven_block import CompressedDriven
 from sparsemor.reducers.elastic import CompressedElastic
 from sparsemor.reducers.heat import CompressedHeat
+from sparsemor.reducers.no_effect import shadowed_basis
 from sparsemor.reducers.prepare import constants, stepper
 from sparsemor.reducers.reduced_general import Seen, reduced_general
 from sparsemor.reducers.represent import local_terms, represent
@@ -174,7 +175,8 @@ class Projected(Plugin, ABC):
             te = te.in_modes() if n in modes else te
             blocks[n] = Seen(te, left_inverse(n, te.block(c1, c2)), m.forces)
         rows = {n: m.rows for n, m in maps.items() if m.rows is not None}
-        notes = tuple(note for m in maps.values() for note in m.notes)
+        notes = (*shadowed_basis(self, model, self.bases),
+                 *(note for m in maps.values() for note in m.notes))
         facts = {**seen, **{n: m.facts for n, m in maps.items() if m.facts}}
         made = reduced_general if model.separated.other else partial(fast, (c1, c2, c1_first))
         return made(model, dictionaries, rows, blocks,

@@ -11,6 +11,7 @@ from pydantic import Field, field_validator
 from sparsemor.core.arrays import IntArray
 from sparsemor.core.errors import Fault, InputError
 from sparsemor.core.model import Model, StepFactors
+from sparsemor.core.notes import Note
 from sparsemor.core.offline import Offline
 from sparsemor.core.plugin import Plugin
 from sparsemor.core.protocols import (
@@ -24,6 +25,7 @@ from sparsemor.core.protocols import (
 )
 from sparsemor.core.slot import Slot, slot_default
 from sparsemor.reducers.checks import (
+    block_size,
     budget_faults,
     capability_faults,
     default_rows,
@@ -33,6 +35,12 @@ from sparsemor.reducers.checks import (
     resampling_faults,
 )
 from sparsemor.reducers.choose import chosen
+from sparsemor.reducers.no_effect import (
+    shadowed_basis,
+    unread_sampler,
+    unselected,
+    unweighted,
+)
 from sparsemor.reducers.prepare import constants
 from sparsemor.reducers.represent import represent
 from sparsemor.reducers.resampled import Resampled, Streams, branched
@@ -135,6 +143,7 @@ class Sparse(Plugin):
 
         later = {n: rng.spawn(1)[0] for n, rng in streams.items()}
         rows = draw(streams, offline)
+        build = replace(build, notes=self._idle(model, dictionaries, rows))
         if self.resample is None:
             return build.solver(rows)
         return self._resampled(build, rows, later, draw)
@@ -144,6 +153,17 @@ class Sparse(Plugin):
         if budget.rows is not None:
             return budget.rows
         return default_rows(model, name, self.sampler, dictionary.atoms.shape[1])
+
+    def _idle(
+        self, model: Model, dictionaries: Mapping[str, Dictionary], rows: Mapping[str, IntArray]
+    ) -> tuple[Note, ...]:
+        """Notes on options that change nothing in this run."""
+        atoms = {n: d.atoms.shape[1] for n, d in dictionaries.items()}
+        active = {n: (chosen(n, self.budgets, Budget()).atoms or k, k) for n, k in atoms.items()}
+        return (
+            *unselected(self, active), *shadowed_basis(self, model, self.bases),
+            *unread_sampler(self, {n: (len(r), block_size(model, n)) for n, r in rows.items()}),
+            *unweighted(self, model, self.preconditioned))
 
     def _resampled(
         self, build: Build, rows: Mapping[str, IntArray], later: Streams,

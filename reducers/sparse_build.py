@@ -8,6 +8,7 @@ from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.capabilities import refusal
 from sparsemor.core.errors import Fault, InputError
 from sparsemor.core.model import Model, StepFactors
+from sparsemor.core.notes import Note
 from sparsemor.core.offline import Offline
 from sparsemor.core.protocols import Dictionary, Preconditioner, SparseSolver, StepSolver
 from sparsemor.core.status import SolveFailed, Status
@@ -15,6 +16,7 @@ from sparsemor.reducers.bordered import Tolerances
 from sparsemor.reducers.choose import chosen
 from sparsemor.reducers.inverse_rows import inverse_rows
 from sparsemor.reducers.missed import missed_loads
+from sparsemor.reducers.oblique import checked_rows
 from sparsemor.reducers.prepare import stepper
 from sparsemor.reducers.rows import elastic_rows, elastic_times, heat_rows, heat_times
 from sparsemor.reducers.sampled import (
@@ -82,7 +84,8 @@ class Whole:
 @dataclass(frozen=True, slots=True, eq=False)
 class Build:
     """atoms: budget of each block, None for the whole dictionary; step: what the steps are made of;
-    offline: None for rows that are made during the run, of which nothing is cached."""
+    offline: None for rows that are made during the run, of which nothing is cached; notes: of what
+    is known before there are rows."""
 
     model: Model
     offline: Offline | None
@@ -91,6 +94,7 @@ class Build:
     limits: Mapping[str, float]
     atoms: Mapping[str, int | None]
     step: StepFactors
+    notes: tuple[Note, ...] = ()
 
     def solver(
         self, rows: Mapping[str, IntArray], whole: Whole | None = None, row_set: int = 0
@@ -104,13 +108,14 @@ class Build:
         heat: dict[str, SampledHeat] = {}
         elastic: dict[str, SampledElastic] = {}
         facts: dict[str, Mapping[str, float | int | str]] = {}
+        notes = list(self.notes)
         _, c1, c2, c1_first = self.step
         driven = not self.model.separated.border_size
         for b in self.model.separated.heat:
             n = b.thermal
             th = (heat_rows(known.heat[n], rows[n]) if (known := self._known(whole, n)) else
                   TestedHeat.of(b, self.dictionaries[n], self._map(n, rows[n])))
-            block, facts[n] = self._block(n, rows[n], th.block(c1_first))
+            block, facts[n] = self._block(n, rows[n], th.block(c1_first), notes)
             heat[n] = SampledHeat.of(block, heat_times(block.weight, th), self.model, b, c1_first)
         for m in self.model.separated.moving:
             if m.operators is None:
@@ -120,14 +125,14 @@ class Build:
                   TestedElastic.of(m.operators, m.frame, self.dictionaries[n],
                                    self.dictionaries.get(m.thermal), self._map(n, rows[n]),
                                    rigid=self.model.separated.rigid_equations))
-            block, facts[n] = self._block(n, rows[n], te.block(c1, c2))
+            block, facts[n] = self._block(n, rows[n], te.block(c1, c2), notes)
             elastic[n] = SampledElastic.of(block, elastic_times(block.weight, te), driven)
         if self.model.separated.other:
             return sampled_general(
                 self.model, self.dictionaries, self.limits, rows, {**heat, **elastic},
                 {n: self._map(n, r) for n, r in rows.items()}, self.options,
-                missed_loads(self.model, rows), facts)
-        return self._stepper(rows, heat, elastic, facts, row_set)
+                (*missed_loads(self.model, rows), *notes), facts)
+        return self._stepper(rows, heat, elastic, facts, row_set, notes)
 
     def _known(self, whole: Whole | None, name: str) -> Whole | None:
         """Where the rows of a block can be taken from: those of D^-1 r are not kept for all."""
@@ -141,9 +146,10 @@ class Build:
         return TestMap(left=inverse_rows(self.model, self.offline, name, operator, rows))
 
     def _block(
-        self, name: str, rows: IntArray, B: FloatArray
+        self, name: str, rows: IntArray, B: FloatArray, notes: list[Note]
     ) -> tuple[Sampled, Mapping[str, float | int | str]]:
-        """A block with its preconditioner, and what its rows can tell apart (at the start)."""
+        """A block with its preconditioner, and what its rows can tell apart (at the start); a note
+        is added where that is too little."""
         P, inverted = None, self.options.preconditions(name)
         if inverted:  # D^-1 D atoms, without the rounding of either
             B = self.dictionaries[name].atoms[rows]
@@ -152,12 +158,17 @@ class Build:
         block = Sampled(name, self.dictionaries[name], rows, self.atoms[name] or B.shape[1],
                         B if P is None else P @ B, P)
         seen = {} if self.offline is None else dict(told(B, P))
+        error = None if self.offline is None else checked_rows(
+            self.model, self.offline, block, self._map(name, rows), self.step)
+        if error is not None:
+            seen["row_error"] = error.rows
+            notes += [note for note in (error.note(block),) if note is not None]
         return block, {"residual": "preconditioned", **seen} if inverted else seen
 
     def _stepper(
         self, rows: Mapping[str, IntArray], heat: Mapping[str, SampledHeat],
         elastic: Mapping[str, SampledElastic],
-        facts: Mapping[str, Mapping[str, float | int | str]], row_set: int,
+        facts: Mapping[str, Mapping[str, float | int | str]], row_set: int, notes: list[Note],
     ) -> Stepper | SparseStepper:
         """Blocks without a choice to make are prepared here, once."""
         try:
@@ -174,7 +185,7 @@ class Build:
             self.model, self.model.layout.resized(sizes), self.dictionaries, rows, hot, bent,
             Tolerances(o.remaining, o.max_iterations), o.predictor, len(hot) + len(bent),
             (self.step.c1, self.step.c2), fixed and self.offline is not None, self.limits,
-            missed_loads(self.model, plain),
+            (*missed_loads(self.model, plain), *notes),
             {n: e.tested for n, e in elastic.items()}, facts)
         if fixed:
             return base

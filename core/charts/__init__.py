@@ -38,8 +38,10 @@ def write_charts(
     figures = _of_reference(comparison.reference, times)
     figures["angles"] = angles_figure(comparison.reference, comparison.runs, comparison.name)
     figures["error_over_time"] = error_over_time_figure(
-        comparison.measured, {name: run.status for name, run in comparison.runs.items()})
-    figures["work_precision"] = work_precision_figure(*comparison.work_points())
+        comparison.measured, {name: run.status for name, run in comparison.runs.items()},
+        comparison.limit)
+    figures["work_precision"] = work_precision_figure(
+        *comparison.work_points(), comparison.limit)
     for name, run in comparison.runs.items():
         file = re.sub(r"[^\w.-]+", "_", f"active_atoms_{name}")
         figures[file] = active_atoms_figure(run, name)

@@ -5,9 +5,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sparsemor.core.charts.style import COLUMN, label_of, legend_above, new_figure, style_of, tidy
+from sparsemor.core.charts.style import (
+    COLUMN,
+    LIMIT_COLOUR,
+    SMALL,
+    label_of,
+    legend_above,
+    new_figure,
+    style_of,
+    tidy,
+)
 from sparsemor.core.charts.units import unit
-from sparsemor.core.error_measures import Errors
+from sparsemor.core.error_measures import LIMIT, Errors
 from sparsemor.core.status import Status
 
 if TYPE_CHECKING:
@@ -20,10 +29,12 @@ _MOST_POINTS = 2000
 
 
 def error_over_time_figure(
-    measured: Mapping[str, Errors], statuses: Mapping[str, Status]
+    measured: Mapping[str, Errors], statuses: Mapping[str, Status], limit: float = LIMIT
 ) -> "Figure | None":
-    """One panel a measure, logarithmic; None when there is no error above 0."""
-    names = [m for m in PANELS if any(_positive(e, m) for e in measured.values())]
+    """One panel a measure, logarithmic, with a line at `limit` where an error is above it; None
+    when there is no error above 0. Fields that are constant in all runs have no panel."""
+    names = [m for m in PANELS if any(_positive(e, m) for e in measured.values())
+             and not all(e.still(m) for e in measured.values())]
     end = max((errors.until for errors in measured.values()), default=0.0)
     if not names or end <= 0.0:
         return None
@@ -43,6 +54,10 @@ def error_over_time_figure(
                 if (line > 0.0).any():
                     top = max(top, float(line.max()))
                     bottom = min(bottom, float(np.quantile(line[line > 0.0], 0.02)))
+        if top > limit:
+            axes.axhline(limit, color=LIMIT_COLOUR, linewidth=0.8, linestyle=":", zorder=0)
+            axes.text(0.99, limit, f"limit {limit:g}", fontsize=SMALL, color=LIMIT_COLOUR,
+                      ha="right", va="bottom", transform=axes.get_yaxis_transform())
         axes.set_yscale("log")
         axes.yaxis.set_minor_formatter("")  # within one decade they would run into each other
         upper = 3.0 * min(top, _HIGHEST)

@@ -17,6 +17,8 @@ SMALL, NORMAL = 7.0, 8.0
 """Sizes of type, points."""
 REFERENCE_COLOUR = "#b0b0b0"
 TRACE = "#d0d0d0"
+LIMIT_COLOUR = "#8b0000"
+"""Of errors above a limit."""
 
 # Okabe and Ito's set without its yellow, which is lost on white paper.
 _COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")

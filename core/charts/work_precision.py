@@ -12,6 +12,7 @@ from sparsemor.core.arrays import FloatArray
 from sparsemor.core.charts.labels import place_labels
 from sparsemor.core.charts.style import (
     COLUMN,
+    LIMIT_COLOUR,
     NORMAL,
     REFERENCE_COLOUR,
     SMALL,
@@ -21,6 +22,7 @@ from sparsemor.core.charts.style import (
     style_of,
     tidy,
 )
+from sparsemor.core.error_measures import LIMIT
 from sparsemor.core.status import Status
 
 if TYPE_CHECKING:
@@ -65,15 +67,15 @@ class _Range:
 
 
 def work_precision_figure(
-    points: Sequence[WorkPoint], reference: WorkPoint | None
+    points: Sequence[WorkPoint], reference: WorkPoint | None, limit: float = LIMIT
 ) -> "Figure | None":
     """One panel a measure, both axes logarithmic: error against ms a step, and above the panel
     the speed-up over the reference, whose time is a vertical line.
 
     Points of a method are joined in the order of the numbers in their budgets; the first and the
     last are labelled. Runs that did not
-    reach their end stand at the upper edge, hollow, and are named below. None when no run has
-    both a time and an error.
+    reach their end stand at the upper edge, hollow, and are named below; a cross marks errors above
+    `limit`. None when no run has both a time and an error.
     """
     timed = [p for p in points if p.ms_per_step]
     measures = [m for m in PANELS if any(p.errors.get(m, 0.0) > 0.0 for p in timed)]
@@ -98,14 +100,17 @@ def work_precision_figure(
         _time_axis(axes, timed, reference, 0.22 if alone else 0.12)
         axes.set_title(PANELS[measure], fontsize=NORMAL, loc="left", fontweight="bold")
         shown = [p for p in timed if measure in p.errors or not p.status.ok]
-        texts, lines = _lines(axes, measure, shown, methods, alone)
+        texts, lines = _lines(axes, measure, shown, methods, alone, limit)
         if reference is not None and reference.ms_per_step:
             lines.append(np.array([[reference.ms_per_step, y] for y in axes.get_ylim()]))
         jobs.append((axes, texts, lines))
     if not alone:
         legend_above(figure, _handles(methods, points), columns=2 if columns == 1 else 4)
-    if stopped:
-        figure.supxlabel(_stopped_note(stopped, columns), fontsize=SMALL, x=0.01, ha="left")
+    below = [_stopped_note(stopped, columns)] if stopped else []
+    if any(e > limit for p in timed for m, e in p.errors.items() if m in measures and p.status.ok):
+        below.append(f"crossed out: error above {limit:g}")
+    if below:
+        figure.supxlabel("\n".join(below), fontsize=SMALL, x=0.01, ha="left")
     figure.draw_without_rendering()  # the layout must stand before labels are placed
     for axes, texts, lines in jobs:
         place_labels(axes, texts, not alone, lines)
@@ -113,7 +118,8 @@ def work_precision_figure(
 
 
 def _lines(
-    axes: Any, measure: str, points: Sequence[WorkPoint], methods: Sequence[str], alone: bool
+    axes: Any, measure: str, points: Sequence[WorkPoint], methods: Sequence[str], alone: bool,
+    limit: float,
 ) -> tuple[list[tuple[float, float, str, str]], list[FloatArray]]:
     """Draws the points; returns (ms, error, label, colour) of each, and the lines (j, 2).
 
@@ -140,6 +146,9 @@ def _lines(
         lines.append(line)
         for p, y in placed:
             _marker(axes, p.ms_per_step, y, style, p.status.ok)
+            if p.status.ok and p.errors.get(measure, 0.0) > limit:
+                axes.plot([p.ms_per_step], [y], linestyle="none", marker="x", markersize=9,
+                          color=LIMIT_COLOUR, clip_on=False, zorder=4)
             told = not p.status.ok or p is ended[0] or p is ended[-1]
             label = method if alone else p.budget if told else ""
             texts.append((float(p.ms_per_step or 0.0), y, label, style.colour))

@@ -47,6 +47,9 @@ def compare(
                            "take longer than the runs.")
     ] = True,
     as_json: Json = False, quiet: Quiet = False,
+    error_limit: Annotated[
+        float, typer.Option(min=0.0, help="Errors above this are marked in tables and charts.")
+    ] = 0.1,
 ) -> None:
     """Run a scene with several reducers and tabulate errors and cost."""
     with exit_codes(as_json):
@@ -57,7 +60,7 @@ def compare(
         _refuse_early(scenes, shop)
         with place_for_result(directory, resume, force):
             results, failures = _run_all(scenes, directory, resume, quiet or as_json, shop)
-        _report(results, failures, directory, as_json, quiet, charts)
+        _report(results, failures, directory, as_json, quiet, charts, error_limit)
 
 
 def variants(scene: Scene, reducers: list[str], registry: Registry | None = None
@@ -151,7 +154,7 @@ def _run_one(
 
 def _report(
     results: dict[str, Any], failures: dict[str, SolveFailed], directory: Path, as_json: bool,
-    quiet: bool, charts: bool,
+    quiet: bool, charts: bool, error_limit: float,
 ) -> None:
     from sparsemor.core.compare import compare as compared
 
@@ -161,14 +164,15 @@ def _report(
         if as_json:
             print_json({"status": "failed", "failures": failed})
         leave(failed, FAILED)
-    comparison = compared(results[reference], **{name: results[name] for name in others})
+    comparison = compared(results[reference], error_limit=error_limit,
+                          **{name: results[name] for name in others})
     with writing(directory):
         comparison.write(directory, charts)
     summaries = {name: dict(result.summary) for name, result in results.items()}
     if as_json:
         print_json({"status": "failed" if failed else "done", "reference": reference,
                     "runs": [{"run": name, **summary} for name, summary in summaries.items()],
-                    "errors": comparison.errors,
+                    "errors": comparison.errors, "above_limit": comparison.above_limit,
                     "start_up": {n: e.start_up for n, e in comparison.measured.items()},
                     "steady": {n: e.steady for n, e in comparison.measured.items()},
                     "failures": failed, "out": str(directory)})

@@ -6,19 +6,20 @@ from typing import Any
 
 MEASURES = ("joint", "rigid", "elastic", "thermal", "angle_rad")
 
-OUTCOME = ("reducer", "status", "message", "reference_status")
+OUTCOME = ("reducer", "status", "message", "reference_status", "above_limit")
 ERRORS = tuple(f"error_{m}" for m in MEASURES)
 LATE = tuple(f"late_{m}" for m in MEASURES)
 PHASES = tuple(f"{when}_{m}" for when in ("start_up", "steady") for m in MEASURES)
 """Errors in the first 2 % of the time span, and in the rest."""
 SERIES = "error_over_time"
+"""Largest errors of the time span by spans of growing length."""
 COUNTS = ("steps", "t_end", "iterations", "atoms_all", "atoms_active", "rows_sampled",
-          "factorizations", "support_changes", "elements_touched", "notes", "facts")
+          "factorizations", "support_changes", "elements_touched", "notes", "facts", "constant")
 TIMES = ("ms_per_step", "reference_ms_per_step", "speed_up", "offline_s", "offline_total_s",
          "offline_cache", "online_s", "pays_after", "ms_per_step_solver", "repeats", "workers")
 """The only columns that may differ between two executions of a study."""
 
-RESERVED = frozenset({"run", "status", "message", "reference_status", *ERRORS, *LATE, *PHASES,
+RESERVED = frozenset({"run", *OUTCOME[1:], *ERRORS, *LATE, *PHASES,
                       SERIES, *COUNTS, *TIMES})
 """No axis may have such a name. `reducer` and `seed` may be one: it then stands for the column."""
 

@@ -19,10 +19,12 @@ def measured(
     """Columns of `run` against `reference`; failure: why it stopped, "" if it did not."""
     facts, base, summary = run_facts(run), run_facts(reference), run.summary
     errors, note, series = _errors(reference, run, errors_from)
+    constant = [] if series is None else [m for m in MEASURES if m in series.constant]
     return {
         "status": facts.status.value,
         "message": "; ".join(text for text in (failure, note) if text),
         "reference_status": base.status.value,
+        "above_limit": "" if series is None else " ".join(series.above()),
         **errors,
         SERIES: None if series is None else thinned(series),
         "steps": facts.steps,
@@ -36,6 +38,7 @@ def measured(
         "elements_touched": sum(summary.get("elements_touched", {}).values()),
         "notes": "; ".join(summary.get("notes", ())),
         "facts": summary.get("facts", {}),
+        "constant": " ".join(constant),
         **_cost(run, facts, base),
     }
 

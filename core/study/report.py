@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from sparsemor.core.error_measures import LIMIT
 from sparsemor.core.status import Status
 from sparsemor.core.study.columns import ERRORS, SERIES, cell
 from sparsemor.core.study.conduct import Conducted
 from sparsemor.core.study.plan import Plan
-from sparsemor.core.text_table import text_table
+from sparsemor.core.text_table import CONSTANT, MARK, marked, text_table
 
 if TYPE_CHECKING:
     from sparsemor.core.charts.work_precision import WorkPoint
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 SHOWN = 60
 """Most rows on a screen; the files have all."""
 CHART = "work_precision"
-_DECIMAL = {"ms_per_step": ".3g", "speed_up": ".3g", **dict.fromkeys(ERRORS, ".2e")}
+_DECIMAL = {"ms_per_step": ".3g", "speed_up": ".3g"}
 
 
 def in_words(plan: Plan, rows: Sequence[Mapping[str, Any]]) -> str:
@@ -30,16 +31,19 @@ def in_words(plan: Plan, rows: Sequence[Mapping[str, Any]]) -> str:
     names = ["run", *settings, "status", "ms_per_step", "speed_up",
              *(n for n in ERRORS[1:] if any(row.get(n) is not None for row in rows))]
     head = [n.removeprefix("error_").replace("_", " ") for n in names]
-    shown = [[_text(n, row.get(n)) for n in names] for row in rows[:SHOWN]]
+    shown = [[_text(n, row) for n in names] for row in rows[:SHOWN]]
     more = [f"and {len(rows) - SHOWN} more"] if len(rows) > SHOWN else []
     return "\n".join([*([text_table([head, *shown])] if shown else []), *more, "",
                       counted(plan, rows), *_reasons(rows)])
 
 
 def counted(plan: Plan, rows: Sequence[Mapping[str, Any]]) -> str:
-    """`24 runs: 20 done, 3 diverged, 1 refused`."""
+    """`24 runs: 20 done (2 with an error above 0.1), 3 diverged, 1 refused`."""
     by_status = Counter(str(row["status"]) for row in rows)
-    words = [f"{n} {status}" for status, n in by_status.most_common()]
+    above = Counter(str(row["status"]) for row in rows if row.get("above_limit"))
+    words = [f"{n} {status}" + (
+        f" ({above[status]} with an error above {LIMIT:g}, marked {MARK})" if above[status] else "")
+        for status, n in by_status.most_common()]
     missing = len(plan.runs) - len(rows)
     return f"{len(plan.runs)} runs: " + ", ".join(
         words + ([f"{missing} not run yet"] if missing else []))
@@ -140,9 +144,14 @@ def _reasons(rows: Sequence[Mapping[str, Any]]) -> list[str]:
     return lines[:8] + ([f"and {len(lines) - 8} other messages"] if len(lines) > 8 else [])
 
 
-def _text(name: str, value: Any) -> str:
+def _text(name: str, row: Mapping[str, Any]) -> str:
+    value = row.get(name)
     if value is None:
         return "-"
+    if name in ERRORS:
+        measure = name.removeprefix("error_")
+        still = measure in str(row.get("constant") or "").split() and value <= 1e-9
+        return CONSTANT if still else marked(value, ".2e", LIMIT)
     form = _DECIMAL.get(name)
     return format(value, form) if form is not None else cell(value)
 
