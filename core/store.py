@@ -279,7 +279,7 @@ def _resumable(
     try:
         checkpoint = load_checkpoint(target)
     except SavedError as error:
-        raise refuse(f"{checkpoint_file(target).name}: {error}; start anew, with --force or into "
+        raise refuse(f"{checkpoint_file(target).name}: {error}; start again, with --force or into "
                      "another directory") from None
     if checkpoint is None or checkpoint.run != attributes["run"]:
         raise refuse("it was stopped before its first checkpoint; start anew, with --force or into "

@@ -37,6 +37,13 @@ def fixed_threads() -> Iterator[None]:
         yield
 
 
+def limit_loaded() -> None:
+    """The same for libraries that were loaded since, until the surrounding `fixed_threads` ends."""
+    from threadpoolctl import threadpool_limits
+
+    threadpool_limits(limits=threads(), user_api="blas")
+
+
 def elsewhere(kept: Mapping[str, Any]) -> tuple[Note, ...]:
     """Information where a run is continued on another processor, system or BLAS than `kept`."""
     here = described()

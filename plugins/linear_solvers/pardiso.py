@@ -13,6 +13,7 @@ from sparsemor.core.linear import Solved, direct, refused, unfit
 from sparsemor.core.plugin import Plugin
 from sparsemor.core.protocols import Places
 from sparsemor.core.status import Status
+from sparsemor.core.threads import limit_loaded
 from sparsemor.plugins.sparse_solvers.extras import require
 
 POSITIVE_DEFINITE = 2
@@ -22,8 +23,8 @@ POSITIVE_DEFINITE = 2
 class Pardiso(Plugin):
     """A multi-threaded supernodal Cholesky factorization, ten times as quick to make as SuperLU's.
 
-    Needs the extra `pardiso`, about 1 GB of Intel's libraries; MKL_NUM_THREADS says how many
-    threads. Schenk and Gaertner 2004, doi 10.1016/j.future.2003.07.011.
+    Needs the extra `pardiso`, about 1 GB of Intel's libraries; SPARSEMOR_THREADS says how many
+    threads (1 by default). Schenk and Gaertner 2004, doi 10.1016/j.future.2003.07.011.
     """
 
     direct: ClassVar[bool] = True
@@ -59,6 +60,7 @@ def _engine() -> Any:
     """A fresh one; the package's constructor would search the disk for the library every time."""
     from pypardiso import ps
 
+    limit_loaded()  # MKL has come with it
     engine = copy(ps)
     engine.pt, engine.iparm = np.zeros_like(ps.pt), np.zeros_like(ps.iparm)
     engine.perm = ps.perm.copy()
