@@ -1,6 +1,7 @@
 """The time loop: assemble, prepare, step, store. The only place where a status becomes an error."""
 
 import atexit
+import errno
 import shutil
 import time
 from collections.abc import Sequence
@@ -13,12 +14,13 @@ import numpy as np
 
 from sparsemor.core.admission import admit, kept
 from sparsemor.core.cache import Cache
-from sparsemor.core.errors import InputError
+from sparsemor.core.errors import Damaged, InputError
 from sparsemor.core.hooks import Manager, RunStart, new_manager
 from sparsemor.core.initial import consistent_state
 from sparsemor.core.interrupt import Interrupt
 from sparsemor.core.memory import peak
 from sparsemor.core.model import Model
+from sparsemor.core.notes import Note
 from sparsemor.core.offline import Offline, is_training_run, step_count
 from sparsemor.core.owner import owned
 from sparsemor.core.plausibility import after_run, before_run, of_solver
@@ -169,10 +171,7 @@ class _Run:
         if failure is not None:
             summary["message"] = str(failure)
         else:
-            kept = RunResult(self.recorder.store)
-            found = told((
-                *unmet(self.recorder.model, kept), *after_run(self.recorder.model, kept),
-                *beyond_training(self.recorder.spaces, kept, self.scene.training_end)))
+            found = told(self._found_after())
             summary |= {key: [*summary[key], *texts] for key, texts in found.items()}
         self.recorder.finish(status, summary)
         self.manager.hook.on_finish(summary=summary)
@@ -183,6 +182,15 @@ class _Run:
             failure.result = result
             raise failure
         return result
+
+    def _found_after(self) -> tuple[Note, ...]:
+        """Notes on what was stored. Raises OSError where a part of it was lost meanwhile."""
+        model, kept = self.recorder.model, RunResult(self.recorder.store)
+        try:
+            return (*unmet(model, kept), *after_run(model, kept), *beyond_training(
+                self.recorder.spaces, kept, self.scene.training_end))
+        except Damaged as error:
+            raise OSError(errno.EIO, str(error)) from None
 
     @np.errstate(all="ignore")  # overflow is a status of the step, not a warning
     def _steps(self, interrupt: Interrupt) -> SolveFailed | None:

@@ -233,11 +233,11 @@ def test_compare_runs_each_reducer(runs, monkeypatch):
         def __str__(self) -> str:
             return "a table"
 
-    def compare(reference, **others):
+    def compare(reference, *, error_limit, **others):
         compared.append((reference, others))
         errors = SimpleNamespace(start_up={"a": 0.5}, steady={"a": 0.1})
         return Comparison(errors={n: {"a": 0.5} for n in others},
-                          measured=dict.fromkeys(others, errors),
+                          measured=dict.fromkeys(others, errors), above_limit={},
                           write=lambda directory, charts: [directory / "errors.csv"])
 
     module = ModuleType("sparsemor.core.compare")
