@@ -88,7 +88,14 @@ def test_no_word_of_a_packaged_scene_is_silently_wrong(name: str, tmp_path: Path
         except InputError:
             lines.append(f"{word}: refused")
             continue
-        status, error, kinds = outcome(swapped, full, tmp_path / f"run{number}", cache)
+        reference = full
+        if "integrator" in word:  # its own: errors of time stepping are none of the reduction
+            try:
+                reference = simulate(swapped.using({"reducer": "full"}), cache=cache)
+            except SolveFailed as failure:
+                lines.append(f"{word}: full order ends {failure.status.value}")
+                continue
+        status, error, kinds = outcome(swapped, reference, tmp_path / f"run{number}", cache)
         lines.append(f"{word}: {status}, {error:.2g}, {', '.join(kinds) or 'no note'}")
         idle = "reducer.solver" in word or "reducer.carried" in word
         if status == "done" and not kinds and (error > LIMIT or idle):
