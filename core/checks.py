@@ -5,12 +5,13 @@ import math
 from sparsemor.core.assemble import assemble
 from sparsemor.core.choose import misfits
 from sparsemor.core.errors import Fault, Gather, InputError
+from sparsemor.core.estimate import grid_refusal
 from sparsemor.core.foretold import foretell
 from sparsemor.core.model import Model
 from sparsemor.core.offline import step_count
-from sparsemor.core.rigid_stage import check_rigid, stage_faults
+from sparsemor.core.rigid_stage import check_rigid, rigid_scene, stage_faults
 from sparsemor.core.scene import Scene
-from sparsemor.core.stage import AtStart
+from sparsemor.core.stage import NOTHING, AtStart
 from sparsemor.core.workshop import Workshop
 
 
@@ -23,6 +24,8 @@ def checked_model(scene: Scene, shop: Workshop | None = None) -> Model:
     itself (`budgets.*.elastic.rows`).
     """
     gather, shop = Gather(), shop or Workshop()
+    gather.faults += endless(scene)
+    gather.check()  # nothing can be counted on such a grid
     gather.faults += time_faults(scene)
     before = len(gather.faults)
     gather("", foretell, scene)
@@ -38,12 +41,57 @@ def checked_model(scene: Scene, shop: Workshop | None = None) -> Model:
             gather("", check_rigid, scene, shop)
     if model is not None:
         gather.faults += misfits(model.layout, "linear_solvers", scene.linear_solvers)
+        gather.faults += training_faults(scene, model, shop)
     check = getattr(scene.reducer, "check", None)
     if model is not None and check is not None:
         gather.faults += InputError(list(check(model))).under("reducer").faults
     gather.check()
     assert model is not None
     return model
+
+
+def endless(scene: Scene) -> list[Fault]:
+    """Time grids of the run, of its training run and of its rigid stage with more steps than can
+    be taken and recorded."""
+    grids = [("time.step", scene)]
+    gather = Gather()
+    if "training" in scene.model_fields_set:
+        training = gather("", scene.for_training)
+        key = "training.end" if scene.training.end is not None else "training.overrides"
+        grids += [] if training is None else [(key, training)]
+    if scene.rigid_stage is not None:
+        stage = gather("", rigid_scene, scene)
+        grids += [] if stage is None else [("rigid_stage.overrides", stage)]
+    found: dict[str, Fault] = {}
+    for key, one in grids:
+        refusal = grid_refusal(one.time.end, one.time.step)
+        if refusal and refusal not in found:  # a stage on the grid of the run says nothing new
+            found[refusal] = Fault(key, refusal)
+    return list(found.values())
+
+
+def training_faults(scene: Scene, model: Model, shop: Workshop) -> list[Fault]:
+    """Changes for the training run that leave its snapshots without the unknowns of the run."""
+    if not scene.training.overrides:
+        return []
+    gather, key = Gather(), "training.overrides"
+    training = gather("", scene.for_training)
+    parts = ("bodies", "joints")
+    if training is None or training.digest(*parts) == scene.digest(*parts):
+        return []  # `time_faults` has what is wrong with the overrides themselves
+    other = gather("", assemble, training, NOTHING if scene.rigid_stage is None else AtStart(),
+                   shop)
+    if other is None:
+        return [Fault(key, f"{f.key}: {f.message}" if f.key else f.message)
+                for f in gather.faults]
+    found = []
+    for name in model.reducible():
+        here, there = (m.layout[name] if name in m.layout else slice(0, 0) for m in (model, other))
+        count, trained = here.stop - here.start, there.stop - there.start
+        if count != trained:
+            found.append(Fault(key, f"the training run has {trained} unknowns of {name}, and the "
+                               f"run {count}: change neither mesh, fields nor reference there"))
+    return found
 
 
 def time_faults(scene: Scene) -> list[Fault]:
