@@ -2,6 +2,8 @@
 
 import math
 
+import numpy as np
+
 from sparsemor.core.assemble import assemble
 from sparsemor.core.choose import misfits
 from sparsemor.core.errors import Fault, Gather, InputError
@@ -15,6 +17,7 @@ from sparsemor.core.stage import NOTHING, AtStart
 from sparsemor.core.workshop import Workshop
 
 
+@np.errstate(all="ignore")  # overflow ends in a refusal or in a status, not in a warning
 def checked_model(scene: Scene, shop: Workshop | None = None) -> Model:
     """The assembled scene, before the rigid stage if it has one (everything as it is at the start).
     Raises InputError with every fault that is known without a step. shop: for those who go on to
