@@ -22,7 +22,7 @@ from sparsemor.core.source import Source
 from sparsemor.core.status import SolveFailed
 
 LONGEST = 10.0
-"""Seconds after which a case counts as a hang."""
+"""CPU time after which a case counts as a hang, s: not wall time, which other processes stretch."""
 STEPS = 3
 
 
@@ -32,8 +32,8 @@ def alarm(what: str) -> Iterator[None]:
     def ring(number: int, frame: FrameType | None) -> None:
         raise TimeoutError(f"no end after {LONGEST:g} s")
 
-    before = signal.signal(signal.SIGALRM, ring)
-    signal.setitimer(signal.ITIMER_REAL, LONGEST)
+    before = signal.signal(signal.SIGPROF, ring)
+    signal.setitimer(signal.ITIMER_PROF, LONGEST)
     try:
         yield
     except (InputError, SolveFailed):
@@ -41,8 +41,8 @@ def alarm(what: str) -> Iterator[None]:
     except Exception as error:
         raise AssertionError(f"{what}: {type(error).__name__}: {error}") from error
     finally:
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
-        signal.signal(signal.SIGALRM, before)
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
+        signal.signal(signal.SIGPROF, before)
 
 
 def attempt(what: str, text: str, run: bool, place: Path) -> None:
@@ -56,7 +56,7 @@ def attempt(what: str, text: str, run: bool, place: Path) -> None:
 
 
 @pytest.mark.parametrize("count, runs", [
-    (120, 6), pytest.param(2000, 4, marks=pytest.mark.slow)])
+    (100, 6), pytest.param(2000, 4, marks=pytest.mark.slow)])
 def test_damaged_scenes(
     count: int, runs: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
