@@ -43,6 +43,9 @@ def parse(text: str, kind: Kind, key: str = "") -> ast.expr:
     """The checked syntax tree of `text`, which must be a number or a condition as `kind` says."""
     if len(text) > MAX_LENGTH:
         raise InputError(f"an expression of {len(text)} characters; at most {MAX_LENGTH}", key)
+    if not text.isascii():  # Python reads a full-width x as x
+        odd = next(c for c in text if not c.isascii())
+        raise InputError(f"{odd!r} in '{text}' is not an ASCII character; {ALLOWED}", key)
     try:
         with warnings.catch_warnings():  # Python's advice on odd spellings such as `1if`
             warnings.simplefilter("ignore")
@@ -99,7 +102,7 @@ class _Checker:
     def need(self, kind: Kind, node: ast.expr, depth: int) -> None:
         if self.kind(node, depth) != kind:
             other = "condition" if kind == "number" else "number"
-            raise self.refuse(f"'{ast.unparse(node)}' is a {other} where a {kind} is needed")
+            raise self.refuse(f"'{self.written(node)}' is a {other} where a {kind} is needed")
 
     def kind(self, node: ast.expr, depth: int) -> Kind:
         if depth > MAX_DEPTH:
@@ -126,7 +129,11 @@ class _Checker:
                 return "condition"
             case ast.Call(func=ast.Name(id=name), args=args, keywords=[]):
                 return self.call(name, args, depth)
-        raise self.refuse(f"'{ast.unparse(node)}' is not allowed")
+        raise self.refuse(f"'{self.written(node)}' is not allowed")
+
+    def written(self, node: ast.expr) -> str:
+        """The part of the text that a node was parsed from."""
+        return ast.get_source_segment(self.text.strip(), node) or self.text
 
     def all(self, kind: Kind, nodes: list[ast.expr], depth: int) -> Kind:
         for node in nodes:

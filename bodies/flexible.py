@@ -177,7 +177,12 @@ class Flexible(Plugin):
         """Numbers of the displacements that are zero, None without an elastic field."""
         if "elastic" not in self.fields or self.reference is None:
             return None
-        return self.reference.held(mesh)
+        held = self.reference.held(mesh)
+        if len(held) == mesh.points.size:
+            raise InputError(f"holds all {len(held)} displacements of the {len(mesh.points)} "
+                             "points, so that none is left to solve for: hold fewer points, "
+                             "refine the mesh, or leave `elastic` out of fields", "reference")
+        return held
 
     def _elasticity(self, mesh: Mesh, m: Any, held: IntArray) -> Elasticity:
         d, thickness, model = mesh.dimension, self._thickness(mesh), self._model(mesh)

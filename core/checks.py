@@ -2,21 +2,24 @@
 
 import math
 
+import numpy as np
+
 from sparsemor.core.assemble import assemble
 from sparsemor.core.choose import misfits
 from sparsemor.core.errors import Fault, Gather, InputError
-from sparsemor.core.estimate import chosen_bases
+from sparsemor.core.estimate import chosen_bases, grid_refusal
 from sparsemor.core.foretold import foretell
 from sparsemor.core.model import Model
 from sparsemor.core.offline import step_count
 from sparsemor.core.protocols import ChecksBlock, Redraws
-from sparsemor.core.rigid_stage import check_rigid, stage_faults
+from sparsemor.core.rigid_stage import check_rigid, rigid_scene, stage_faults
 from sparsemor.core.scene import Scene
-from sparsemor.core.stage import AtStart
+from sparsemor.core.stage import NOTHING, AtStart
 from sparsemor.core.step_control import ROWS_CHANGE
 from sparsemor.core.workshop import Workshop
 
 
+@np.errstate(all="ignore")  # overflow ends in a refusal or in a status, not in a warning
 def checked_model(scene: Scene, shop: Workshop | None = None) -> Model:
     """The assembled scene, before the rigid stage if it has one (everything as it is at the start).
     Raises InputError with every fault that is known without a step. shop: for those who go on to
@@ -26,6 +29,8 @@ def checked_model(scene: Scene, shop: Workshop | None = None) -> Model:
     itself (`budgets.*.elastic.rows`).
     """
     gather, shop = Gather(), shop or Workshop()
+    gather.faults += endless(scene)
+    gather.check()  # nothing can be counted on such a grid
     gather.faults += time_faults(scene)
     before = len(gather.faults)
     gather("", foretell, scene)
@@ -41,6 +46,7 @@ def checked_model(scene: Scene, shop: Workshop | None = None) -> Model:
             gather("", check_rigid, scene, shop)
     if model is not None:
         gather.faults += misfits(model.layout, "linear_solvers", scene.linear_solvers)
+        gather.faults += training_faults(scene, model, shop)
     gather.faults += control_faults(scene)
     if model is not None and scene.rigid_stage is None:  # else the loads are not known yet
         gather.faults += basis_faults(scene, model)
@@ -76,6 +82,50 @@ def snapshot_count(scene: Scene) -> int:
     except InputError:  # which `time_faults` reports
         return 0
     return step_count(training) // scene.training.every + 1 + int(scene.integrator.order > 1)
+
+
+def endless(scene: Scene) -> list[Fault]:
+    """Time grids of the run, of its training run and of its rigid stage with more steps than can
+    be taken and recorded."""
+    grids = [("time.step", scene)]
+    gather = Gather()
+    if "training" in scene.model_fields_set:
+        training = gather("", scene.for_training)
+        key = "training.end" if scene.training.end is not None else "training.overrides"
+        grids += [] if training is None else [(key, training)]
+    if scene.rigid_stage is not None:
+        stage = gather("", rigid_scene, scene)
+        grids += [] if stage is None else [("rigid_stage.overrides", stage)]
+    found: dict[str, Fault] = {}
+    for key, one in grids:
+        refusal = grid_refusal(one.time.end, one.time.step)
+        if refusal and refusal not in found:  # a stage on the grid of the run says nothing new
+            found[refusal] = Fault(key, refusal)
+    return list(found.values())
+
+
+def training_faults(scene: Scene, model: Model, shop: Workshop) -> list[Fault]:
+    """Changes for the training run that leave its snapshots without the unknowns of the run."""
+    if not scene.training.overrides:
+        return []
+    gather, key = Gather(), "training.overrides"
+    training = gather("", scene.for_training)
+    parts = ("bodies", "joints")
+    if training is None or training.digest(*parts) == scene.digest(*parts):
+        return []  # `time_faults` has what is wrong with the overrides themselves
+    other = gather("", assemble, training, NOTHING if scene.rigid_stage is None else AtStart(),
+                   shop)
+    if other is None:
+        return [Fault(key, f"{f.key}: {f.message}" if f.key else f.message)
+                for f in gather.faults]
+    found = []
+    for name in model.reducible():
+        here, there = (m.layout[name] if name in m.layout else slice(0, 0) for m in (model, other))
+        count, trained = here.stop - here.start, there.stop - there.start
+        if count != trained:
+            found.append(Fault(key, f"the training run has {trained} unknowns of {name}, and the "
+                               f"run {count}: change neither mesh, fields nor reference there"))
+    return found
 
 
 def time_faults(scene: Scene) -> list[Fault]:

@@ -8,6 +8,7 @@ told from counts by `core/foretold.py`, before it is assembled.
 import shutil
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +31,12 @@ UNKNOWN_ATOMS = 200
 """Atoms that are reckoned with where nothing says how many there will be."""
 COPIES = 3
 """Arrays as large as the snapshots that are held where these are decomposed as a whole."""
+STEP_RECORD = 50
+"""Bytes of memory that the record of one step takes: its seconds and its iterations."""
+STEP_SECONDS = 2.5e-5
+"""Least wall time of a step, of a single rigid body, s."""
+MOST_STEPS = 1e10
+"""Steps beyond which a run is refused whatever memory there is: three days at the least."""
 ROUGH = 0.5
 """Where rough counts stay below this share of what there is, nothing is counted exactly."""
 
@@ -196,6 +203,47 @@ def _disk(scene: Scene, model: Model, offline: Offline) -> None:
             f"the snapshots of the training run would take {_gb(wanted)}, and {place} has "
             f"{_gb(free)} left: take a larger training.every, or name another place by "
             "SPARSEMOR_CACHE")
+
+
+def grid_refusal(end: float, step: float) -> str:
+    """Why a time grid has too many steps, with their memory and duration; "" where it has not."""
+    steps, limit = end / step, ceiling()
+    if steps <= MOST_STEPS and STEP_RECORD * steps <= limit:
+        return ""
+    if steps == inf:
+        return f"more than 1e308 steps of {step:g} s up to {end:g} s: take a larger time.step"
+    return (f"{steps:.3g} steps of {step:g} s up to {end:g} s would take {_duration(steps)} at the "
+            f"least, and the record of their cost alone {_gb(STEP_RECORD * steps)} of memory, of "
+            f"which {_gb(limit)} are there: take a larger time.step or an earlier time.end")
+
+
+def room_for_result(scene: Scene, model: Model, out: Path) -> None:
+    """InputError where the stored steps of a run would not fit on the disk of `out`."""
+    blocks = _sizes(model)
+    numbers = model.layout.size - sum(blocks.values()) + 3  # time, iterations and seconds
+    numbers += sum(p.displacement.shape[0] if p.displacement is not None else 3
+                   for p in model.probes)
+    bases = chosen_bases(scene, blocks)
+    numbers += sum(_atoms(bases[n], size) if n in bases else size for n, size in blocks.items())
+    rows = step_count(scene) // scene.output.every + 2
+    place = next((p for p in (out.absolute(), *out.absolute().parents) if p.exists()), Path("/"))
+    free = shutil.disk_usage(place).free
+    if 8 * numbers * rows > free:
+        raise InputError(
+            f"the result would take about {_gb(8 * numbers * rows)} on the disk ({rows:.3g} stored "
+            f"steps of {numbers} numbers), which has {_gb(free)} left, and the run "
+            f"{_duration(step_count(scene))} at the least: take a larger output.every, a larger "
+            "time.step or an earlier time.end", "time.step")
+
+
+def _duration(steps: float) -> str:
+    """The least wall time of so many steps, in words."""
+    seconds = STEP_SECONDS * steps
+    for unit, name in ((365.25 * 86400, "years"), (86400, "days"), (3600, "hours"),
+                       (60, "minutes")):
+        if seconds >= 2 * unit:
+            return f"{seconds / unit:.3g} {name}"
+    return f"{seconds:.3g} seconds"
 
 
 def _count(scene: Scene) -> int:

@@ -27,7 +27,8 @@ def shown(value: object) -> str:
     try:
         text = json.dumps(value)
     except (TypeError, ValueError):
-        text = str(value)
+        # Python writes no integer of more than 4300 digits
+        text = f"an integer of {value.bit_length()} bits" if isinstance(value, int) else str(value)
     return text if len(text) <= 60 else text[:57] + "..."
 
 

@@ -2,6 +2,8 @@
 
 import os
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from sparsemor.core.errors import InputError
@@ -35,6 +37,27 @@ def resident() -> int:
     except (OSError, ValueError, IndexError):
         return peak()
     return pages * os.sysconf("SC_PAGE_SIZE")
+
+
+@contextmanager
+def bounded(extra: int) -> Iterator[None]:
+    """Limit of the address space of this process to what it has and `extra` bytes, while entered:
+    what asks for more meets a MemoryError. Without effect where the system knows no such limit."""
+    try:
+        import resource
+
+        pages = int(Path("/proc/self/statm").read_text().split()[0])
+        before = resource.getrlimit(resource.RLIMIT_AS)
+        limits = [pages * resource.getpagesize() + extra,
+                  *(v for v in before if v != resource.RLIM_INFINITY)]
+        resource.setrlimit(resource.RLIMIT_AS, (min(limits), before[1]))
+    except (ImportError, OSError, ValueError, IndexError):
+        yield
+        return
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, before)
 
 
 def ceiling() -> int:

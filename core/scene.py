@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import (
+    BeforeValidator,
     Field,
     ModelWrapValidatorHandler,
     PrivateAttr,
@@ -16,7 +17,7 @@ from pydantic import (
 from pydantic_core import PydanticSerializationError
 
 from sparsemor.core.errors import Fault, InputError
-from sparsemor.core.faults import custom, with_advice
+from sparsemor.core.faults import custom, shown, with_advice
 from sparsemor.core.notes import Note
 from sparsemor.core.overrides import find
 from sparsemor.core.plugin import Plugin
@@ -28,6 +29,13 @@ from sparsemor.core.slot import Slot, name_default_slots, slot_default
 from sparsemor.core.source import Source
 
 
+def _an_integer(value: object) -> object:
+    """The value itself; true and 1.0 are equal to 1 in Python, and no version of a format."""
+    if isinstance(value, bool | float):
+        raise InputError(f"the version of the format is the integer 1 (given: {shown(value)})")
+    return value
+
+
 class Scene(Plugin):
     """One problem and one way to solve it.
 
@@ -35,7 +43,7 @@ class Scene(Plugin):
     (which joint holds which body) are checked when the parts are built.
     """
 
-    format: Literal[1]
+    format: Annotated[Literal[1], BeforeValidator(_an_integer)]
     """Version of the scene format."""
     title: str = ""
     """For people."""

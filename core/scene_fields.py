@@ -5,6 +5,7 @@ from typing import Annotated, Any
 from pydantic import Field, model_validator
 
 from sparsemor.core.errors import InputError
+from sparsemor.core.overrides import split
 from sparsemor.core.plugin import Plugin
 
 
@@ -52,6 +53,14 @@ class Training(Plugin):
     """Every how many steps a snapshot is taken."""
     overrides: dict[str, Any] = {}
     """Changes to the scene for the training run: dotted key -> value."""
+
+    @model_validator(mode="after")
+    def _of_the_problem(self) -> "Training":
+        for key in self.overrides:
+            if split(key)[0] in ("reducer", "training"):
+                raise InputError(f"the training run is of full order and is stored as `training` "
+                                 f"says: {key} has no effect on it, remove it", f"overrides.{key}")
+        return self
 
 
 class RigidStage(Plugin):

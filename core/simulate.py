@@ -7,7 +7,7 @@ import time
 from collections.abc import Sequence
 from contextlib import nullcontext
 from pathlib import Path
-from tempfile import mkdtemp
+from tempfile import gettempdir, mkdtemp
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,7 @@ import numpy as np
 from sparsemor.core.admission import admit, kept
 from sparsemor.core.cache import Cache
 from sparsemor.core.errors import Damaged, InputError
+from sparsemor.core.estimate import room_for_result
 from sparsemor.core.hooks import Manager, RunStart, new_manager
 from sparsemor.core.initial import consistent_state
 from sparsemor.core.interrupt import Interrupt
@@ -73,6 +74,8 @@ def _simulate(
     elif resume:
         raise InputError("say which result to go on with: give its directory", "out")
     model, offline = prepared(scene, cache or Cache(), manager, shop)
+    if not resume:  # what is left to write is less than the whole
+        room_for_result(scene, model, Path(gettempdir() if out is None else out))
     with np.errstate(all="ignore"):  # overflow ends in a status, not in a warning
         solver: StepSolver = scene.reducer.prepare(
             model, scene.integrator, scene.time.step, offline, np.random.default_rng(scene.seed))

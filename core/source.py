@@ -11,7 +11,15 @@ from sparsemor.core.errors import Fault, InputError
 from sparsemor.core.faults import dotted, faults_of
 from sparsemor.core.overrides import apply, find
 from sparsemor.core.registry import Registry, near
-from sparsemor.core.yaml_source import Document, KeyPath, LocatedError, located, parse
+from sparsemor.core.yaml_source import (
+    MOST_BYTES,
+    Document,
+    KeyPath,
+    LocatedError,
+    located,
+    parse,
+    too_large,
+)
 
 _LAST = (1 << 30, 0)
 
@@ -35,6 +43,8 @@ class Source:
         """Read a packaged scene (or study, with that `kind`) or a file."""
         path = _path(scene, registry, kind)
         try:
+            if path.stat().st_size > MOST_BYTES:
+                raise too_large(str(path), kind)
             text = path.read_text(encoding="utf-8")
         except OSError as error:
             raise _unreadable(path, f"cannot be read: {error.strerror}") from None

@@ -1,11 +1,13 @@
 """Reads YAML 1.2 into plain values and remembers where each of them was written."""
 
 import math
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, cast
 
 from ruamel.yaml import YAML
+from ruamel.yaml.composer import Composer, ComposerError
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
@@ -17,7 +19,11 @@ Place = tuple[int, int]
 
 _TAG = "tag:yaml.org,2002:"
 _SCALARS = {"null", "bool", "int", "float", "str"}
-_DEEPEST, _LARGEST = 64, 100_000
+_DEEPEST, _LARGEST, _MOST_KEYS = 64, 100_000, 20_000
+MOST_BYTES = 1_500_000
+"""Size of a scene or study file beyond which it is refused unread."""
+_MOST_LETTERS = 60
+"""Characters of a value that a message repeats."""
 
 
 class LocatedError(InputError):
@@ -53,9 +59,11 @@ def parse(text: str, name: str, kind: str = "scene") -> Document:
     """Read a file's text, whose root must be a mapping; `kind` is what messages call it.
 
     Raises `LocatedError` with every fault of form: syntax, duplicate keys, tags, keys that are not
-    text, numbers that are not finite.
+    text, numbers that are not finite, a text that is too long, too deep or of too many values.
     """
-    reader = YAML(typ="safe", pure=True)
+    if len(text) > MOST_BYTES:
+        raise too_large(name, kind)
+    reader = _reader()
     try:
         root = reader.compose(text)
     except YAMLError as error:
@@ -73,11 +81,14 @@ def parse(text: str, name: str, kind: str = "scene") -> Document:
 
 def parse_value(text: str, key: str) -> Any:
     """A scalar or a flow value (`[1, 2]`, `{use: pod}`) by the same rules as in a file."""
-    reader = YAML(typ="safe", pure=True)
+    if len(text) > MOST_BYTES:
+        raise InputError(f"a value of {len(text)} characters, and at most {MOST_BYTES} are read",
+                         key)
+    reader = _reader()
     try:
         root = reader.compose(text)
     except YAMLError as error:
-        raise InputError(f"{_reason(error)} (given: {text})", key) from None
+        raise InputError(f"{_reason(error)} (given: {_short(text)})", key) from None
     if root is None:
         return None
     builder = _Builder(reader)
@@ -87,10 +98,19 @@ def parse_value(text: str, key: str) -> Any:
     return value
 
 
+def too_large(name: str, kind: str) -> LocatedError:
+    """The refusal of a file that is longer than `MOST_BYTES`."""
+    return _at(name, [((1, 1), "", f"a {kind} file has at most {MOST_BYTES / 1e6:g} MB: keep large "
+                       "data in files of their own, such as a mesh")])
+
+
 def not_finite(value: object, path: KeyPath = ()) -> list[KeyPath]:
-    """Where a tree of plain values holds nan or an infinity."""
+    """Where a tree of plain values holds nan, an infinity, or an integer beyond the range of
+    floating-point numbers."""
     if isinstance(value, float):
         return [] if math.isfinite(value) else [path]
+    if isinstance(value, int):
+        return [] if abs(value) <= sys.float_info.max else [path]
     items: Any = ()
     if isinstance(value, Mapping):
         items = value.items()
@@ -100,6 +120,37 @@ def not_finite(value: object, path: KeyPath = ()) -> list[KeyPath]:
 
 
 _Finding = tuple[Place, str, str]
+
+
+class _BoundedComposer(Composer):
+    """Nodes of a document, refused as soon as they are nested too deep or too many."""
+
+    def __init__(self, loader: Any = None) -> None:
+        super().__init__(loader)
+        self.warn_double_anchors = False  # the last one counts, as YAML 1.2 has it
+        self._open = self._values = self._keys = 0
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        self._open += 1
+        if index is None and isinstance(parent, MappingNode):
+            self._keys += 1
+        else:
+            self._values += 1
+        for count, most, what in (
+                (self._open, _DEEPEST + 1, f"nested deeper than {_DEEPEST} levels"),
+                (self._values, _LARGEST, f"more than {_LARGEST} values"),
+                (self._keys, _MOST_KEYS, f"more than {_MOST_KEYS} keys")):
+            if count > most:
+                raise ComposerError(None, None, what, self.parser.peek_event().start_mark)
+        node = super().compose_node(parent, index)
+        self._open -= 1
+        return node
+
+
+def _reader() -> YAML:
+    reader = YAML(typ="safe", pure=True)
+    reader.Composer = _BoundedComposer
+    return reader
 
 
 class _Builder:
@@ -155,14 +206,18 @@ class _Builder:
         try:
             value = self._construct(node, deep=True)
         except (YAMLError, ValueError):
-            self._fault(node, path, f"cannot be read as {kind} (given: {node.value})")
+            self._fault(node, path, f"cannot be read as {kind} (given: {_short(node.value)})")
             return None
         if not_finite(value):
-            self._fault(node, path, f"must be a finite number (given: {node.value})")
+            self._fault(node, path, f"must be a finite number (given: {_short(node.value)})")
         return value
 
     def _fault(self, node: Node, path: KeyPath, message: str) -> None:
         self.faults.append((_place(node), ".".join(map(str, path)), message))
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= _MOST_LETTERS else f"{text[:_MOST_LETTERS]}..."
 
 
 def _place(node: Node) -> Place:

@@ -52,6 +52,10 @@ class PrescribedTemperature(Plugin):
                 raise InputError(f"{len(taken)} nodes of {text!r} have a prescribed temperature "
                                  "already", f"on.{i}")
             free = np.setdiff1d(heat.free, target.nodes)
+            if not len(free):
+                raise InputError(f"with {text!r} the temperature of every node of "
+                                 f"{target.body.name!r} is prescribed, so that none is left to "
+                                 "solve for: prescribe fewer nodes, or refine the mesh", f"on.{i}")
             bodies[target.body.name] = replace(target.body, heat=replace(
                 heat, free=free, prescribed=(*heat.prescribed, (target.nodes, self.temperature))))
         return Held(name, bodies)

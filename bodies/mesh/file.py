@@ -1,7 +1,10 @@
-"""A mesh from a file, in any format that meshio reads, rebuilt as clean linear simplices."""
+"""A mesh from a file, read by meshio and rebuilt as clean linear simplices."""
 
 import contextlib
 import io
+import warnings
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,12 +16,24 @@ from sparsemor.bodies.mesh.groups import SIMPLEX, dimension_of, named_points
 from sparsemor.bodies.mesh.simplices import signed_measures
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.errors import InputError
+from sparsemor.core.memory import bounded
 from sparsemor.core.mesh import Mesh
 from sparsemor.core.plugin import Plugin
 
+FORMATS = {
+    ".msh": "gmsh", ".inp": "abaqus", ".vtk": "vtk", ".vtu": "vtu", ".bdf": "nastran",
+    ".fem": "nastran", ".nas": "nastran", ".mesh": "medit", ".meshb": "medit", ".med": "med"}
+"""Endings of files and meshio's name of their format. meshio has more, whose readers do not come to
+an end on some damaged files, or which hold neither triangles nor tetrahedra."""
+BASE, PER_BYTE = 2**28, 200
+"""Memory that reading a file may take: bytes, and bytes per byte of the file."""
+_MOST_LETTERS = 200
+"""Characters of a reader's own words that a message repeats."""
+
 
 class MeshFile(Plugin):
-    """Triangles or tetrahedra from a file (Gmsh, Abaqus, VTK, ...).
+    """Triangles or tetrahedra from a file: Gmsh (msh), Abaqus (inp), VTK (vtk, vtu), Nastran (bdf,
+    fem, nas), Medit (mesh, meshb) or Salome (med, with the package h5py).
 
     The simplices of the highest dimension become the body; everything else in the file only names
     sets of points: physical groups and tags, cell sets, point sets. Unused points are dropped.
@@ -36,57 +51,113 @@ class MeshFile(Plugin):
 
     def build(self, base: Path) -> Mesh:
         """The mesh of `base / path`; InputError with key `path` when it cannot be used."""
-        raw = _read(base / self.path, self.path)
+        content = _read(base / self.path, self.path)
         try:
-            return _clean(raw, self.scale)
+            with np.errstate(all="ignore"):  # points that are not finite are told by number
+                return _clean(content, self.scale)
         except InputError as error:
             faults = "; ".join(f.message for f in error.faults)
             raise InputError(f"{self.path}: {faults}", "path") from None
 
 
-def _read(full: Path, given: str) -> Any:
-    """meshio's mesh. It prints, and may leave the interpreter, on bad files: both are caught."""
+@dataclass(frozen=True, slots=True, eq=False)
+class _Content:
+    """points (n, 2 or 3); cells: (type, dimension, (m, corners) point numbers) of each block that
+    has any; sets: name -> point numbers, unsorted."""
+
+    points: FloatArray
+    cells: tuple[tuple[str, int, IntArray], ...]
+    sets: Mapping[str, IntArray]
+
+
+def _read(full: Path, given: str) -> _Content:
+    """The file's arrays. Readers print and run out of memory on bad files: both are caught."""
+    kind = FORMATS.get(full.suffix.lower())
+    if kind is None:
+        endings = ", ".join(FORMATS)
+        raise InputError(f"'{given}' has none of the supported formats: its name must end in "
+                         f"{endings}; convert it, for example with `meshio convert`", "path")
     if not full.is_file():
         raise InputError(
             f"there is no file '{given}'; paths start at the folder of the scene", "path"
         )
-    said = io.StringIO()
-    try:
-        with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
-            import meshio
+    import meshio
 
-            return meshio.read(full)
+    readers = {"gmsh": meshio.gmsh, "abaqus": meshio.abaqus, "vtk": meshio.vtk, "vtu": meshio.vtu,
+               "nastran": meshio.nastran, "medit": meshio.medit, "med": meshio.med}
+    try:
+        with (_silent(), bounded(BASE + PER_BYTE * full.stat().st_size)):
+            return _arrays(readers[kind].read(str(full)))
     # each of meshio's readers fails in its own way; whatever it is, the file is the cause
     except (Exception, SystemExit) as error:
-        words = [said.getvalue(), "" if isinstance(error, SystemExit) else str(error)]
-        text = " ".join(" ".join(words).replace(str(full), given).split())
-        reason = text or type(error).__name__
-        raise InputError(f"'{given}' cannot be read as a mesh: {reason}", "path") from None
+        raise InputError(f"'{given}' cannot be read as {kind}: {_reason(error, full, given)}",
+                         "path") from None
 
 
-def _clean(raw: Any, scale: float) -> Mesh:
-    d = max((dimension_of(block.type) for block in raw.cells), default=0)
-    cells = _simplices(raw, d)
-    points = scale * _coordinates(np.asarray(raw.points, dtype=np.float64), cells, d)
+@contextlib.contextmanager
+def _silent() -> Iterator[None]:
+    """Neither prints nor warnings: meshio's are about the file, which is checked afterwards."""
+    nowhere = io.StringIO()
+    with (contextlib.redirect_stdout(nowhere), contextlib.redirect_stderr(nowhere),
+          warnings.catch_warnings(), np.errstate(all="ignore")):
+        warnings.simplefilter("ignore")
+        yield
+
+
+def _reason(error: BaseException, full: Path, given: str) -> str:
+    """A reader's own words on one line, without the path on this machine."""
+    if isinstance(error, MemoryError):
+        return "a number in it asks for far more memory than a file of this size can fill"
+    if isinstance(error, ModuleNotFoundError):
+        return f"that takes the package {error.name}, which is not installed"
+    text = " ".join(str(error).replace(str(full), given).split())
+    text = text if len(text) <= _MOST_LETTERS else f"{text[:_MOST_LETTERS]}..."
+    return f"{text} ({type(error).__name__})" if text else "it is damaged, or another format"
+
+
+def _arrays(raw: Any) -> _Content:
+    """meshio's mesh as arrays of the shapes and kinds that they should have; any exception where
+    they have not."""
+    points = np.asarray(raw.points, dtype=np.float64)
+    if points.ndim != 2 or points.shape[1] not in (2, 3):
+        raise ValueError(f"points of shape {points.shape}, where (n, 2) or (n, 3) is expected")
+    cells = []
+    for block in raw.cells:
+        if not len(block.data):
+            continue
+        d, data = dimension_of(block.type), np.asarray(block.data, dtype=np.int64)
+        if d in SIMPLEX and block.type == SIMPLEX[d] and data.shape[1:] != (d + 1,):
+            raise ValueError(f"cells of shape {data.shape}, where (n, {d + 1}) is expected")
+        cells.append((str(block.type), d, data))
+    sets = {name: numbers.ravel() for name, numbers in named_points(raw).items()}
+    for name, numbers in sets.items():
+        if len(numbers) and not 0 <= numbers.min() <= numbers.max() < len(points):
+            raise ValueError(f"set {name!r} names points that do not exist")
+    return _Content(points, tuple(cells), sets)
+
+
+def _clean(content: _Content, scale: float) -> Mesh:
+    d = max((d for _, d, _ in content.cells), default=0)
+    cells = _simplices(content, d)
+    points = scale * _coordinates(content.points, cells, d)
     used = np.unique(cells)
     new = np.full(len(points), -1, dtype=np.int64)
     new[used] = np.arange(used.size)
-    mesh = Mesh(points[used], _oriented(points[used], new[cells]), _renumbered(raw, new))
+    mesh = Mesh(points[used], _oriented(points[used], new[cells]), _renumbered(content.sets, new))
     check_mesh(mesh)
     return mesh
 
 
-def _simplices(raw: Any, d: int) -> IntArray:
-    kinds = {block.type for block in raw.cells if dimension_of(block.type) == d}
+def _simplices(content: _Content, d: int) -> IntArray:
+    kinds = {kind for kind, dimension, _ in content.cells if dimension == d}
     if d not in SIMPLEX or kinds != {SIMPLEX[d]}:
         found = ", ".join(sorted(kinds)) or "no cells"
         raise InputError(
             f"its highest cells are {found}; a body is made of linear triangles (2-D) or "
             "tetrahedra (3-D) only: mesh it with those"
         )
-    blocks = [np.asarray(b.data, dtype=np.int64) for b in raw.cells if b.type == SIMPLEX[d]]
-    cells = np.concatenate(blocks)
-    bad = np.flatnonzero(((cells < 0) | (cells >= len(raw.points))).any(axis=1))
+    cells = np.concatenate([numbers for kind, _, numbers in content.cells if kind == SIMPLEX[d]])
+    bad = np.flatnonzero(((cells < 0) | (cells >= len(content.points))).any(axis=1))
     if bad.size:
         raise InputError(f"{bad.size} cells name points that do not exist: {some(bad)}")
     return cells
@@ -94,6 +165,8 @@ def _simplices(raw: Any, d: int) -> IntArray:
 
 def _coordinates(points: FloatArray, cells: IntArray, d: int) -> FloatArray:
     """The d coordinates that count; a flat mesh may come with a third one, if it is constant."""
+    if points.shape[1] < d:
+        raise InputError(f"its points have {points.shape[1]} coordinates, and tetrahedra take 3")
     across = points[np.unique(cells), d:]
     extent = float(np.ptp(points[np.unique(cells)], axis=0).max())
     if across.size and float(np.ptp(across)) > 1e-9 * extent:
@@ -116,9 +189,9 @@ def _oriented(points: FloatArray, cells: IntArray) -> IntArray:
     return cells[:, [*range(cells.shape[1] - 2), -1, -2]]
 
 
-def _renumbered(raw: Any, new: IntArray) -> dict[str, IntArray]:
+def _renumbered(named: Mapping[str, IntArray], new: IntArray) -> dict[str, IntArray]:
     sets = {}
-    for name, points in named_points(raw).items():
+    for name, points in named.items():
         kept = np.unique(new[points])
         kept = kept[kept >= 0]
         if kept.size:  # such as the centre of an arc, which is in no cell

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sparsemor.core.charts.style import COLUMN, NORMAL, new_figure, style_of, tidy
+from sparsemor.core.charts.style import COLUMN, NORMAL, new_figure, plain, style_of, tidy
 from sparsemor.core.charts.units import unit
 from sparsemor.core.results import RunResult
 
@@ -45,7 +45,7 @@ def active_atoms_figure(run: RunResult, name: str) -> "Figure | None":
         axes.set_ylim(0, 1.04 * highest + 1)
         axes.yaxis.get_major_locator().set_params(integer=True)
     thinned = f", one of {every} stored steps" if every > 1 else ""
-    figure.suptitle(f"{name}: atoms in use{thinned}", fontsize=NORMAL, x=0.01, ha="left")
+    figure.suptitle(f"{plain(name)}: atoms in use{thinned}", fontsize=NORMAL, x=0.01, ha="left")
     return figure
 
 

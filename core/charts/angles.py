@@ -13,6 +13,7 @@ from sparsemor.core.charts.style import (
     label_of,
     legend_above,
     new_figure,
+    plain,
     style_of,
     tidy,
 )
@@ -99,6 +100,7 @@ def _draw_reference(axes: Any, curve: Curve, factor: float, name: str, alone: bo
     look: dict[str, Any] = {"color": REFERENCE_COLOUR, "linewidth": 3.2}
     if alone:
         look = {"color": style_of(0).colour, "linewidth": 1.1}
+    name = plain(name)
     axes.plot(factor * curve.times, curve.values, label=name if alone else f"{name} (reference)",
               **look)
 

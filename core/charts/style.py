@@ -47,8 +47,14 @@ def style_of(number: int) -> LineStyle:
     )
 
 
+def plain(text: str) -> str:
+    """A name that is drawn as written: a dollar sign in it begins no formula."""
+    return text.replace("$", r"\$")
+
+
 def label_of(name: str, status: Status) -> str:
     """The run's name, with how it ended if it did not end well."""
+    name = plain(name)
     return name if status.ok else f"{name} ({status.value.replace('_', ' ')})"
 
 

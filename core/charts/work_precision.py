@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +19,7 @@ from sparsemor.core.charts.style import (
     LineStyle,
     legend_above,
     new_figure,
+    plain,
     style_of,
     tidy,
 )
@@ -77,6 +78,8 @@ def work_precision_figure(
     reach their end stand at the upper edge, hollow, and are named below; a cross marks errors above
     `limit`. None when no run has both a time and an error.
     """
+    points = [_drawn(p) for p in points]
+    reference = None if reference is None else _drawn(reference)
     timed = [p for p in points if p.ms_per_step]
     measures = [m for m in PANELS if any(p.errors.get(m, 0.0) > 0.0 for p in timed)]
     if "angle_rad" in measures and "rigid" in measures:
@@ -115,6 +118,10 @@ def work_precision_figure(
     for axes, texts, lines in jobs:
         place_labels(axes, texts, not alone, lines)
     return figure
+
+
+def _drawn(point: WorkPoint) -> WorkPoint:
+    return replace(point, method=plain(point.method), budget=plain(point.budget))
 
 
 def _lines(

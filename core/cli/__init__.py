@@ -1,19 +1,25 @@
 """The command line, `sparsemor`. Text for people, `--json` for programs.
 
-Exit code 0: done. 1: a run failed. 2: the input is wrong, and nothing was written.
+Exit code 0: done. 1: a run failed. 2: the input is wrong, and nothing was written. 130: Ctrl-C.
 """
 
+import os
+import sys
 from typing import Annotated
 
-import typer
+try:
+    import typer
 
-from sparsemor.core.cli.comparing import compare
-from sparsemor.core.cli.exporting import export, pictures
-from sparsemor.core.cli.listing import plugins, schema, validate
-from sparsemor.core.cli.running import run
-from sparsemor.core.cli.skeleton import new_plugin
-from sparsemor.core.cli.stability import stability
-from sparsemor.core.cli.studying import study
+    from sparsemor.core.cli.common import FAILED, INTERRUPTED
+    from sparsemor.core.cli.comparing import compare
+    from sparsemor.core.cli.exporting import export, pictures
+    from sparsemor.core.cli.listing import plugins, schema, validate
+    from sparsemor.core.cli.running import run
+    from sparsemor.core.cli.skeleton import new_plugin
+    from sparsemor.core.cli.stability import stability
+    from sparsemor.core.cli.studying import study
+except KeyboardInterrupt:  # Ctrl-C in the first half second, while all this is read
+    raise SystemExit(130) from None
 
 app = typer.Typer(
     no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False,
@@ -44,4 +50,13 @@ def _program(
 
 def main() -> None:
     """Entry point of the `sparsemor` program."""
-    app()
+    try:
+        try:
+            app()
+        finally:
+            sys.stdout.flush()
+    except KeyboardInterrupt:
+        sys.exit(INTERRUPTED)
+    except BrokenPipeError:  # the reader of a pipe, such as `head`, has left
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(FAILED)

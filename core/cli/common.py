@@ -31,7 +31,7 @@ Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but er
 Resume = Annotated[bool, typer.Option("--resume", help="Go on with an interrupted run.")]
 Force = Annotated[bool, typer.Option("--force", help="Replace an earlier result.")]
 
-FAILED, BAD_INPUT = 1, 2
+FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
 SHARED = ("basis", "bases", "budgets")
 """Options of a reducer that `compare` hands to the others."""
 _OPTIONS = ("out", "resume")
@@ -118,7 +118,14 @@ def exit_codes(as_json: bool = False) -> Iterator[None]:
             summary = result.summary if result is not None else {}
             print_json({**summary, "status": error.status.value, "message": str(error)})
         where = [f"what was computed is in {result.path}"] if result is not None else []
-        leave([str(error), *where], FAILED)
+        stopped = error.status is Status.INTERRUPTED
+        leave([str(error), *where], INTERRUPTED if stopped else FAILED)
+    except KeyboardInterrupt:  # before the first step, or a second time
+        if as_json:
+            print_json({"status": Status.INTERRUPTED.value, "message": "interrupted"})
+        leave(["interrupted"], INTERRUPTED)
+    except BrokenPipeError:  # the program's end is quiet about it
+        raise
     except OSError as error:  # such as a full disk; what was committed is readable
         lines = [f"{error.filename or 'input or output'}: {error.strerror or error}"]
         if as_json:

@@ -7,6 +7,7 @@ import typer
 
 from sparsemor.core.cli.common import (
     FAILED,
+    INTERRUPTED,
     Force,
     Json,
     Quiet,
@@ -86,7 +87,7 @@ def _interrupted(plan: "Plan", folder: Path, as_json: bool, quiet: bool) -> None
         print_json({"status": "interrupted", "out": str(folder), "runs": rows})
     elif not quiet:
         typer.echo(in_words(plan, rows))
-    leave([f"interrupted: the same command goes on from {folder / 'runs.csv'}"], FAILED)
+    leave([f"interrupted: the same command goes on from {folder / 'runs.csv'}"], INTERRUPTED)
 
 
 def _of_options(error: InputError) -> LocatedError:

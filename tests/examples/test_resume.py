@@ -107,7 +107,7 @@ def test_ctrl_c_leaves_a_run_that_can_be_continued(tmp_path: Path) -> None:
     process = started("run", str(SWING), *LONG)
     process.send_signal(signal.SIGINT)
     out, err = process.communicate(timeout=60)
-    assert (process.returncode, out) == (1, "")
+    assert (process.returncode, out) == (130, "")
     first, second = err.splitlines()
     assert first.startswith("interrupted at t = ")
     assert first.endswith(": continue it with --resume")

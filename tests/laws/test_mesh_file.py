@@ -1,6 +1,7 @@
 """Mesh files: groups become sets, and a file that cannot be used says why."""
 
 from pathlib import Path
+from resource import RLIMIT_AS, getrlimit
 from typing import Any
 
 import meshio
@@ -161,6 +162,61 @@ def test_unreadable_files_neither_print_nor_leave(
     assert caught.value.faults[0].key == "path"
     assert str(tmp_path) not in str(caught.value)
     assert capsys.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("name", ["bad.msh", "bad.vtk", "bad.inp"])
+def test_a_long_path_is_not_in_the_message(tmp_path: Path, name: str) -> None:
+    """Beyond 80 characters meshio's own print wraps the path, so that no one recognised it."""
+    folder = tmp_path / "a folder with a name of some length" / "and one more of them in it"
+    folder.mkdir(parents=True)
+    (folder / name).write_text("this is not a mesh\n")
+    with pytest.raises(InputError, match="cannot be read as") as caught:
+        MeshFile(path=name).build(folder)
+    text = "".join(str(caught.value).split())
+    assert len(str(folder)) > 80 and "oneofthem" not in text and "ofsomelength" not in text
+
+
+@pytest.mark.parametrize("ending", ["ele", "wkt", "mdpa", "ply", "dat", "xyz", "stl", "e"])
+def test_formats_that_cannot_be_bounded_are_refused_by_name(tmp_path: Path, ending: str) -> None:
+    (tmp_path / f"m.{ending}").write_text("1 2 3\n")
+    with pytest.raises(InputError, match="none of the supported formats.*msh, .inp, .vtk"):
+        MeshFile(path=f"m.{ending}").build(tmp_path)
+
+
+def refused(folder: Path, name: str, content: str | bytes) -> str:
+    (folder / name).write_bytes(content.encode() if isinstance(content, str) else content)
+    with pytest.raises(InputError) as caught:
+        MeshFile(path=name).build(folder)
+    assert caught.value.faults[0].key == "path"
+    return caught.value.faults[0].message
+
+
+NO_CELLS = "*NODE\n1, 0., 0., 0.\n*ELEMENT, TYPE=CPS3\n"
+
+
+def test_files_without_cells_or_coordinates_are_refused(tmp_path: Path) -> None:
+    assert "no cells" in refused(tmp_path, "a.inp", NO_CELLS)
+    bare = "*NODE\n*ELEMENT, TYPE=CPS3\n1, 1, 2, 3\n"
+    assert "cannot be read as abaqus" in refused(tmp_path, "b.inp", bare)
+    assert "cannot be read as medit" in refused(
+        tmp_path, "c.mesh", "MeshVersionFormatted 2\nDimension 1\nVertices\n1\n0 1\nEnd\n")
+
+
+def test_a_number_that_asks_for_all_memory_is_refused(tmp_path: Path) -> None:
+    """A point number of 1e9 took 8 GB; a count of 2e8 in a binary file took 8 GB and 30 s."""
+    assert "far more memory" in refused(
+        tmp_path, "tag.msh", GMSH.replace("1\n2\n3\n4\n0 0 0", "1\n2\n3\n900000000\n0 0 0"))
+    assert "far more memory" in refused(
+        tmp_path, "count.msh", b"$MeshFormat\n2.2 1 8\n\x01\0\0\0\n$EndMeshFormat\n$Nodes\n"
+        b"200000000\n" + bytes(200) + b"\n$EndNodes\n")
+
+
+def test_the_bound_on_memory_ends_with_the_reading(tmp_path: Path) -> None:
+    before = getrlimit(RLIMIT_AS)
+    (tmp_path / "sheet.msh").write_text(GMSH)
+    MeshFile(path="sheet.msh").build(tmp_path)
+    refused(tmp_path, "bad.msh", "not a mesh")
+    assert getrlimit(RLIMIT_AS) == before
 
 
 def test_missing_file_is_named_as_given(tmp_path: Path) -> None:

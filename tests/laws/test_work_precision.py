@@ -146,3 +146,12 @@ def test_nothing_to_draw() -> None:
     rigid = replace(point("sparse", 5), errors={"rigid": 1e-3})
     only = work_precision_figure([rigid], None)
     assert only is not None and list(panels(only)) == ["rigid motion"]
+
+
+def test_names_with_dollar_signs_are_drawn_as_written() -> None:
+    """An even number of them began a formula, whose fault came after the table was written."""
+    odd = [replace(p, method=r"a $\frac{ b$", budget="$5$") for p in grid()[:2]]
+    figure = work_precision_figure(odd, replace(FULL, method="$x$"))
+    figure.draw_without_rendering()
+    shown = {t.get_text().replace(r"\$", "$") for a in figure.axes for t in a.texts}
+    assert {"$x$ "} < shown
