@@ -195,10 +195,10 @@ class CompressedHeat:
         zero, c1 = np.zeros(len(r1)), np.full(len(r1), self.c1)
         for i in range(1, self.max_iterations + 1):
             full[use] = c
-            r, J = c - base, one
+            r, J, rates = c - base, one, self.c1 * full + r1
             for term in self.local:
-                r = r + term.residual(full, zero, zero, t)
-                J = J + term.jacobian(full, zero, zero, t, c1, zero)[:, use]
+                r = r + term.residual(full, rates, zero, t)
+                J = J + term.jacobian(full, rates, zero, t, c1, zero)[:, use]
             if not np.isfinite(r).all():
                 return HeatOutcome(c, Status.NOT_FINITE, i)
             step = np.linalg.solve(J, r)

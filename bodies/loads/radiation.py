@@ -77,7 +77,9 @@ class RadiationTerm:
         return csr_array((local.ravel()[keep], (i[keep], j[keep])),
                          shape=(len(self.rows), len(self.columns)))
 
-    def contributions(self, left: FloatArray, x: FloatArray, t: FloatArray) -> FloatArray:
+    def contributions(
+        self, left: FloatArray, x: FloatArray, v: FloatArray, t: FloatArray
+    ) -> FloatArray:
         """(F, l, M): left (l, m) times what each facet adds at states x (n, M), t (M,) s."""
         place = self.row_of[self.facets]
         seen = np.where(place >= 0, left[:, place], 0.0)  # (l, F, d)
