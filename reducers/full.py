@@ -10,6 +10,7 @@ from sparsemor.core.offline import Offline
 from sparsemor.core.plugin import Plugin
 from sparsemor.core.protocols import Integrator, StepSolver
 from sparsemor.reducers.bordered import Tolerances
+from sparsemor.reducers.contact_start import check_start
 from sparsemor.reducers.driven_block import DrivenBlock, FullDriven
 from sparsemor.reducers.elastic import ElasticBlock, FullElastic
 from sparsemor.reducers.general import GeneralStepper, Summed, coupling
@@ -37,7 +38,10 @@ class Full(Plugin):
         self, model: Model, integrator: Integrator, h: float,
         offline: Offline, rng: np.random.Generator,
     ) -> StepSolver:
+        """Raises InputError where contact at the start does not suit the integrator."""
         tol = Tolerances(self.remaining, self.max_iterations)
+        if model.separated.other:
+            check_start(model, integrator, h)
         if self.method == "newton":
             return GeneralStepper(
                 model, Summed.of(model, price=0), tol, self.predictor,
