@@ -174,7 +174,7 @@ class Radiation(Plugin):
                 terms.append(_term(facets, weights, body.heat, at, self.surroundings.value))
             return terms
 
-        return LoadPart(name, make)
+        return LoadPart(name, make, surroundings=self.surroundings.value)
 
 
 def _term(
