@@ -7,13 +7,14 @@ import numpy as np
 
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.model import Model
-from sparsemor.core.notes import Note
+from sparsemor.core.notes import Note, information
 from sparsemor.core.protocols import Part
 from sparsemor.core.results import RunResult
 from sparsemor.core.separable import Amplitude, HeatBody, amplitudes_along
 
-SHARE = 1e-3
-"""Undershoot, as a share of the range of temperatures, below which nothing is said."""
+SHARE, LARGE = 1e-3, 0.1
+"""Undershoot below which nothing is said, as a share of the range of temperatures, and from which
+it is a warning and not information, as a share of the lowest admissible temperature (K)."""
 FIRST, STEPS = 16, 48
 """Stored steps that are looked at: the first ones, where heat that enters fast is resolved least,
 and others, evenly spread to the end."""
@@ -50,18 +51,21 @@ def undershoot(model: Model, result: RunResult) -> tuple[Note, ...]:
         at = int(T.min(axis=1).argmin())
         lowest[b.name] = float(T[at].min()), float(result.times[steps[at]])
     return tuple(
-        _note(model, name, T, t, floor) for name, (T, t) in lowest.items()
+        _note(name, T, t, floor, top) for name, (T, t) in lowest.items()
         if floor - T > SHARE * (top - T))
 
 
-def _note(model: Model, body: str, T: float, t: float, floor: float) -> Note:
-    return Note(
+def _note(body: str, T: float, t: float, floor: float, top: float) -> Note:
+    share = (floor - T) / (top - T)
+    text = (
         f"body {body}: its temperature falls to {T:.4g} K at {t:.4g} s, {floor - T:.3g} K below "
-        f"every initial, prescribed and surrounding one (at least {floor:.4g} K). With a "
-        "consistent capacity that is the elements' answer to heat that enters faster than they "
-        f"resolve: take bodies.{body}.capacity: lumped, a finer mesh where heat enters, or a "
-        "longer time.step; in a reduced run it may be the basis: take more thermal atoms",
-        "undershoot")
+        f"every initial, prescribed and surrounding one (at least {floor:.4g} K), "
+        f"{100 * share:.2g} % of the range of temperatures. With a consistent capacity that is the "
+        "elements' answer to heat that enters faster than they resolve: take "
+        f"bodies.{body}.capacity: lumped, a finer mesh where heat enters, or a longer time.step; "
+        "in a reduced run it may be the basis: take more thermal atoms")
+    large = floor > 0.0 and floor - T >= LARGE * floor
+    return Note(text, "undershoot") if large else information(text, "undershoot")
 
 
 def _looked_at(count: int) -> IntArray:

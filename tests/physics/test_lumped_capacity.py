@@ -69,7 +69,8 @@ def test_every_reducer_takes_lumped_capacity(reducer: str) -> None:
 
 
 def noted(run: RunResult) -> list[str]:
-    return [text for text in run.summary["notes"] if "its temperature falls to" in text]
+    texts = [*run.summary["notes"], *run.summary["information"]]
+    return [text for text in texts if "its temperature falls to" in text]
 
 
 def test_a_run_says_how_far_it_undershoots(here: Path) -> None:
@@ -78,8 +79,16 @@ def test_a_run_says_how_far_it_undershoots(here: Path) -> None:
     (text,) = noted(run)
     assert f"body bar: its temperature falls to {lowest:.4g} K" in text
     assert f"{300.0 - lowest:.3g} K below" in text and "capacity: lumped" in text
-    assert "undershoot" in run.summary["note_kinds"]
+    assert text in run.summary["information"]
     assert noted(simulate(bar("lumped"))) == []
+
+
+def test_an_undershoot_by_a_tenth_of_the_temperature_is_a_warning(here: Path) -> None:
+    run = simulate(bar("consistent", loads={
+        "lamp": {"use": "heat_flux", "on": ["bar:left"], "flux": 1e8}}))
+    assert float(run.block("bar.thermal").min()) < 270.0
+    (text,) = noted(run)
+    assert text in run.summary["notes"] and "undershoot" in run.summary["note_kinds"]
 
 
 def test_a_reduced_run_says_so_too(here: Path) -> None:
