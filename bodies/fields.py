@@ -27,7 +27,8 @@ class Heat:
     """Capacity and conductivity over all N temperatures; `free` (m,) are the unknown ones.
 
     prescribed: (nodes, function) pairs of temperatures that the scene gives. constants: rho c
-    thickness, J/(m2 K), and k thickness, W/K, for element matrices.
+    thickness, J/(m2 K), and k thickness, W/K, for element matrices. lumped: whether the capacity is
+    diagonal, its row sums.
     """
 
     free: IntArray
@@ -35,3 +36,4 @@ class Heat:
     conductivity: Csr
     prescribed: tuple[tuple[IntArray, TimeFunction], ...] = ()
     constants: tuple[float, float] | None = None
+    lumped: bool = False

@@ -14,7 +14,7 @@ from sparsemor.bodies.any_body import AnyBody
 from sparsemor.bodies.body_part import PlanarBody
 from sparsemor.bodies.expression import FormulaText, evaluate_formula
 from sparsemor.bodies.fe.elasticity import Model, elastic_stiffness, law, thermoelastic_coupling
-from sparsemor.bodies.fe.volume import capacity, conductivity, scalar_mass
+from sparsemor.bodies.fe.volume import capacity, conductivity, lumped, scalar_mass
 from sparsemor.bodies.fields import Elasticity, Heat
 from sparsemor.bodies.material import Material, require
 from sparsemor.bodies.mesh.check import check_mesh
@@ -68,6 +68,9 @@ class Flexible(Plugin):
     frame turns about the z axis alone, by an angle."""
     pose: Pose = Pose()
     """Frame origin, rotation and their rates at the start."""
+    capacity: Literal["consistent", "lumped"] = "consistent"
+    """Heat capacity of the elements. `lumped`: row sums on the diagonal; heat that enters fast then
+    takes no temperature below those around it, as long as no angle of the mesh is obtuse."""
     reference_temperature: float = 293.15
     """Stress-free temperature, K."""
     initial_temperature: float | FormulaText | None = None
@@ -196,11 +199,11 @@ class Flexible(Plugin):
 
     def _heat(self, mesh: Mesh) -> Heat:
         (k, c), thickness = require(self.material, ("k", "c"), "thermal"), self._thickness(mesh)
+        C, is_lumped = capacity(mesh, self.material.rho, c, thickness), self.capacity == "lumped"
         return Heat(
-            free=np.arange(len(mesh.points)),
-            capacity=capacity(mesh, self.material.rho, c, thickness),
+            free=np.arange(len(mesh.points)), capacity=lumped(C) if is_lumped else C,
             conductivity=conductivity(mesh, k, thickness),
-            constants=(self.material.rho * c * thickness, k * thickness))
+            constants=(self.material.rho * c * thickness, k * thickness), lumped=is_lumped)
 
     def _initial_temperature(self, mesh: Mesh) -> FloatArray:
         given = self.initial_temperature

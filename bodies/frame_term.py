@@ -28,6 +28,11 @@ def _dense(matrix: Any) -> FloatArray:
 class Item(Protocol):
     """A part of a frame's equations: inertia, a force, an attachment."""
 
+    @property
+    def forces(self) -> int:
+        """Number of its forces that are unknown: those of a joint, its multipliers."""
+        ...
+
     def names(self, source: str) -> tuple[str, ...]:
         """What each of its directions is a load of; "" where it only serves the frame's rows."""
         ...

@@ -52,7 +52,8 @@ def heat_integrals(body: Body) -> HeatIntegrals:
     h, mesh = body.heat, body.mesh
     assert h is not None and h.constants is not None and mesh is not None
     capacity, conductivity = h.constants
-    C, K = element_capacity(mesh, capacity), element_conductivity(mesh, conductivity)
+    C = element_capacity(mesh, capacity, h.lumped)
+    K = element_conductivity(mesh, conductivity)
     n = len(h.free)
     nodes = _places(h.free, len(mesh.points))[mesh.cells]
     given, amplitudes = _prescribed(h, mesh, C, K)

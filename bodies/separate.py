@@ -17,7 +17,13 @@ from sparsemor.bodies.table_term import TableTerm
 from sparsemor.core.arrays import Csr, FloatArray, IntArray
 from sparsemor.core.layout import Layout
 from sparsemor.core.protocols import Term
-from sparsemor.core.separable import Amplitude, ElasticOperators, HeatBody, MovingBody
+from sparsemor.core.separable import (
+    Amplitude,
+    ElasticOperators,
+    HeatBody,
+    LoadColumn,
+    MovingBody,
+)
 from sparsemor.core.tables import LoadTable
 
 if TYPE_CHECKING:
@@ -78,10 +84,10 @@ def _operators(
 ) -> ElasticOperators:
     """frames: what acts through the frame; inertia: one of them, unless the frame is at rest."""
     n, first = len(elastic), int(elastic[0])
-    P, directions = [np.zeros((n, 0))], list[str]()
+    P, columns = [np.zeros((n, 0))], list[LoadColumn]()
     for t in frames:
         for item in t.equations.frame.items:
-            directions += item.names(t.source)
+            columns += [LoadColumn(name, item.forces > 0) for name in item.names(t.source)]
         here = (t.rows >= first) & (t.rows < first + n)
         D = np.zeros((n, t.equations.frame.p))
         D[t.rows[here] - first] = np.asarray(t.equations.W)[here]
@@ -98,7 +104,7 @@ def _operators(
         directions=np.concatenate(P, axis=1),
         coupling=-_sum(linear, elastic, thermal, "A") if len(thermal) else None,
         constant=constant, loads=loads, amplitudes=amplitudes,
-        direction_names=tuple(directions), load_names=names,
+        columns=tuple(columns), load_names=names,
         integrals=None if body.mesh is None else partial(elastic_integrals, body),
         tables=_tables(terms, elastic),
     )

@@ -43,6 +43,10 @@ def _solved(model: Model, t: float) -> State:
         format="csr")
     r = residual(layout, model.terms, x, v, a, t)
     r[algebraic] = _curvature(model, x, v, t)
+    if not (np.isfinite(r).all() and np.isfinite(A.data).all()):
+        broken = [b.name for b in layout if not np.isfinite(r[layout[b.name]]).all()]
+        raise SolveFailed(Status.NOT_FINITE, t, broken[0] if broken else "",
+                          "forces or heat at the start")
     try:
         z = -solve_by_blocks(model, A, r)
     except RuntimeError:

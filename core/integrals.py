@@ -89,13 +89,16 @@ class HeatIntegrals:
 class WeighedTerm(Protocol):
     """What a local term adds so that its elements can be weighed.
 
-    Laws: `contributions(left, x, t).sum(axis=0)` is `left @ residual` at each state;
+    Laws: `contributions(left, x, v, t).sum(axis=0)` is `left @ residual` at each state;
     `weighted(w)` visits the elements with w != 0 alone, and its residual at its own rows is the sum
     of the elements' residuals times w.
     """
 
-    def contributions(self, left: FloatArray, x: FloatArray, t: FloatArray) -> FloatArray:
-        """(F, l, M): left (l, m) times what each element adds at states x (n, M), t (M,) s."""
+    def contributions(
+        self, left: FloatArray, x: FloatArray, v: FloatArray, t: FloatArray
+    ) -> FloatArray:
+        """(F, l, M): left (l, m) times what each element adds at states x (n, M) with rates v
+        (n, M), t (M,) s."""
         ...
 
     def weighted(self, weights: FloatArray) -> Any:

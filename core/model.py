@@ -11,7 +11,7 @@ from sparsemor.core.block_solvers import BlockSolvers
 from sparsemor.core.layout import Layout
 from sparsemor.core.path import path_rows, ring
 from sparsemor.core.protocols import BlockData, Factorized, Part, Places, State, Term
-from sparsemor.core.separable import ElasticOperators, HeatBody, Separated
+from sparsemor.core.separable import ElasticOperators, HeatBody, LoadColumn, Separated
 from sparsemor.core.stage import FrameHistory, Stage
 from sparsemor.core.tables import LoadTable
 
@@ -100,15 +100,16 @@ class Model:
         }
         for h in self.separated.heat:
             if h.thermal == name:
-                loads, names = _loads([(h.loads, h.load_names), _constant(h.constant)])
+                loads, names, _ = _loads([
+                    (h.loads, _columns(h.loads, h.load_names)), _constant(h.constant)])
                 return BlockData(mass=h.capacity, stiffness=h.conductivity, loads=loads,
                                  load_names=names, factors=(0.0, taken.c1_first), **common)
         for m in self.separated.moving:
             if m.elastic == name and m.operators is not None:
                 ops = m.operators
-                loads, names = _loads([(ops.directions, ops.direction_names),
-                                       (ops.loads, ops.load_names), _constant(ops.constant)])
-                joints = np.flatnonzero([text.startswith("joint ") for text in names])
+                loads, names, joints = _loads([
+                    (ops.directions, ops.columns or _columns(ops.directions)),
+                    (ops.loads, _columns(ops.loads, ops.load_names)), _constant(ops.constant)])
                 coupled = ops.coupling is not None and m.thermal in self.layout
                 return BlockData(
                     mass=ops.mass, stiffness=ops.stiffness, loads=loads, load_names=names,
@@ -148,21 +149,29 @@ class Model:
         return np.unique(np.concatenate([*rows, np.zeros(0, np.int64)])).astype(np.int64)
 
 
-def _constant(vector: FloatArray) -> tuple[FloatArray, tuple[str, ...]]:
-    return vector[:, None], ("constant part",)
+Columns = tuple[LoadColumn, ...]
+
+
+def _columns(matrix: FloatArray, names: tuple[str, ...] = ()) -> Columns:
+    """Of given loads, none of which is a joint's force."""
+    return tuple(map(LoadColumn, names or [f"load {i}" for i in range(matrix.shape[1])]))
+
+
+def _constant(vector: FloatArray) -> tuple[FloatArray, Columns]:
+    return vector[:, None], (LoadColumn("constant part"),)
 
 
 def _loads(
-    groups: list[tuple[FloatArray, tuple[str, ...]]]
-) -> tuple[FloatArray, tuple[str, ...]]:
-    """All load columns (n, j) that are not zero, with names that differ."""
-    columns, names = [], []
-    for matrix, given in groups:
-        known = given or tuple(f"load {i}" for i in range(matrix.shape[1]))
-        kept = [i for i, text in enumerate(known) if text and matrix[:, i].any()]
-        columns.append(matrix[:, kept])
-        names += [known[i] for i in kept]
-    return np.concatenate(columns, axis=1), distinct(names)
+    groups: list[tuple[FloatArray, Columns]]
+) -> tuple[FloatArray, tuple[str, ...], IntArray]:
+    """All load columns (n, j) that are not zero, names that differ, and which are joint forces."""
+    matrices, kept = [], list[LoadColumn]()
+    for matrix, columns in groups:
+        some = [i for i, c in enumerate(columns) if c.name and matrix[:, i].any()]
+        matrices.append(matrix[:, some])
+        kept += [columns[i] for i in some]
+    joints = np.flatnonzero([c.joint for c in kept]).astype(np.int64)
+    return np.concatenate(matrices, axis=1), distinct([c.name for c in kept]), joints
 
 
 def distinct(names: list[str]) -> tuple[str, ...]:

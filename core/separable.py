@@ -44,6 +44,15 @@ class FrameWork:
         self.kappa_y, self.mu_y, self.quad = zeros((b, g)), zeros((b, g)), zeros((b, 3, g))
 
 
+@dataclass(frozen=True, slots=True)
+class LoadColumn:
+    """One column of an elastic block's directions, as a load: its name for bases and reports ("":
+    no load), and whether it is the force of a joint, whose size is an unknown."""
+
+    name: str
+    joint: bool = False
+
+
 class Frame(Protocol):
     """The coupling of one body's rigid coordinates, attachment forces and elastic directions.
 
@@ -108,10 +117,10 @@ class ElasticOperators:
     a frame at rest;
     directions (n, p); coupling (n, nT) with the thermal block, or None: the elastic rows are
     mass u'' + damping u' + stiffness u - coupling T - internal(t) + frame terms, where
-    internal(t) = constant + loads @ amplitudes(t) + tables at t, loads (n, j). direction_names
-    (p,) and load_names (j,) say what each column is a load of, for bases and reports; "" for a
-    direction that is no load; a joint's begin with "joint ". integrals: the internal force by
-    elements, where the body can give it (core/integrals.py); tables: loads that move over it.
+    internal(t) = constant + loads @ amplitudes(t) + tables at t, loads (n, j). columns (p,) and
+    load_names (j,) say what each direction and load is, for bases and reports. integrals: the
+    internal force by elements, where the body can give it (core/integrals.py); tables: loads that
+    move over it.
     """
 
     mass: Csr
@@ -123,7 +132,7 @@ class ElasticOperators:
     constant: FloatArray
     loads: FloatArray
     amplitudes: tuple[Amplitude, ...]
-    direction_names: tuple[str, ...] = ()
+    columns: tuple[LoadColumn, ...] = ()
     load_names: tuple[str, ...] = ()
     integrals: Callable[[], ElasticIntegrals] | None = None
     tables: tuple[LoadTable, ...] = ()

@@ -132,7 +132,8 @@ class Training:
         chosen = np.unique(np.linspace(0, M - 1, min(self.states, M)).round().astype(np.int64))
         columns = term.columns - at
         x = d.offset[columns, None] + d.atoms[columns] @ T.c[:, chosen]
-        G = local_equations(term, left[:, term.rows - at], x, T.t[chosen])
+        v = d.atoms[columns] @ T.rates_at()[:, chosen]
+        G = local_equations(term, left[:, term.rows - at], x, v, T.t[chosen])
         weighted: Term = term.weighted(self._weights(name, "facets", G))
         return weighted
 

@@ -65,6 +65,17 @@ class Trained:
         on = dt > 0.0
         return np.asarray(np.diff(self.c, axis=1)[:, on] / dt[on])
 
+    def rates_at(self) -> FloatArray:
+        """(k, M): the difference quotient that ends at each snapshot; at the start, and at an
+        extra snapshot made there, the one that begins there. Zero for a single time."""
+        ends = np.flatnonzero(np.diff(self.t) > 0.0) + 1
+        found = np.zeros_like(self.c)
+        if len(ends):
+            quotients = self.rates()
+            found[:] = quotients[:, :1]
+            found[:, ends] = quotients
+        return found
+
 
 def elastic_equations(
     integrals: ElasticIntegrals, u: Trained, heat: Trained | None, flexibility: FloatArray
@@ -105,10 +116,11 @@ def heat_equations(integrals: HeatIntegrals, T: Trained, inertness: FloatArray) 
 
 
 def local_equations(
-    term: WeighedTerm, left: FloatArray, x: FloatArray, t: FloatArray
+    term: WeighedTerm, left: FloatArray, x: FloatArray, v: FloatArray, t: FloatArray
 ) -> Equations:
-    """G (m, F) of a local term: left (k, m) times each element's share at states x (n, M)."""
-    shares = term.contributions(left, x, t)
+    """G (m, F) of a local term: left (k, m) times each element's share at states x (n, M) and
+    rates v (n, M)."""
+    shares = term.contributions(left, x, v, t)
     return Equations.of(shares.reshape(len(shares), -1).T, float(np.abs(shares).sum()))
 
 

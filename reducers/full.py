@@ -10,10 +10,12 @@ from sparsemor.core.offline import Offline
 from sparsemor.core.plugin import Plugin
 from sparsemor.core.protocols import Integrator, StepSolver
 from sparsemor.reducers.bordered import Tolerances
+from sparsemor.reducers.contact_start import check_start
 from sparsemor.reducers.driven_block import DrivenBlock, FullDriven
 from sparsemor.reducers.elastic import ElasticBlock, FullElastic
-from sparsemor.reducers.general import GeneralStepper, Summed
+from sparsemor.reducers.general import GeneralStepper, Summed, coupling
 from sparsemor.reducers.heat import FullHeat, HeatBlock, LocalAt
+from sparsemor.reducers.other_solver import local_heat_notes, whole_step_notes
 from sparsemor.reducers.prepare import constants, stepper
 from sparsemor.reducers.reduced_general import reduced_general
 
@@ -36,13 +38,21 @@ class Full(Plugin):
         self, model: Model, integrator: Integrator, h: float,
         offline: Offline, rng: np.random.Generator,
     ) -> StepSolver:
+        """Raises InputError where contact at the start does not suit the integrator."""
         tol = Tolerances(self.remaining, self.max_iterations)
+        if model.separated.other:
+            check_start(model, integrator, h)
         if self.method == "newton":
-            return GeneralStepper(model, Summed.of(model, price=0), tol, self.predictor)
+            return GeneralStepper(
+                model, Summed.of(model, price=0), tol, self.predictor,
+                notes=whole_step_notes(model, "method: newton solves for all unknowns together"))
         if model.separated.other:
             if not model.reducible():  # rigid bodies only: a few unknowns
                 return reduced_general(model, {}, {}, {}, tol, self.predictor)
-            return GeneralStepper(model, Summed.of(model, price=6), tol, self.predictor)
+            names = ", ".join(sorted({n for n, _ in coupling(model) if n})) or "a term"
+            return GeneralStepper(
+                model, Summed.of(model, price=6), tol, self.predictor,
+                notes=whole_step_notes(model, f"{names} couples blocks inside the step"))
         c1, c2, c1_first = constants(model.layout, integrator, h)
         heat: dict[str, HeatBlock] = {}
         elastic: dict[str, ElasticBlock | DrivenBlock] = {}
@@ -61,4 +71,4 @@ class Full(Plugin):
                 elastic[m.elastic] = kind.of(o, model.factorize(m.elastic, D), m.elastic)
                 done += 1
         return stepper(model, model.layout, {}, {}, heat, elastic, tol, self.predictor, done,
-                       (c1, c2))
+                       (c1, c2), notes=local_heat_notes(model))

@@ -90,7 +90,10 @@ class FullHeat:
         T, last, exact, linear = guess.copy(), np.inf, False, 0
         for i in range(1, self.max_iterations + 1):
             if exact:
-                new = self._newton(b, T, r1, t)
+                turned = self._newton(b, T, r1, t)
+                if isinstance(turned, Status):
+                    return HeatOutcome(T, turned, i, linear)
+                new = turned
             else:
                 one = self._linear(b - self._local(T, r1, t), T)
                 new, linear = one.T, linear + one.linear
@@ -126,8 +129,11 @@ class FullHeat:
             r[at.rows] += at.term.residual(x, self.c1 * x + r1[at.columns], np.zeros(len(x)), t)
         return r
 
-    def _newton(self, b: FloatArray, T: FloatArray, r1: FloatArray, t: float) -> FloatArray:
-        """One Newton step with the whole Jacobian, factorized anew."""
+    def _newton(
+        self, b: FloatArray, T: FloatArray, r1: FloatArray, t: float
+    ) -> FloatArray | Status:
+        """One Newton step with the whole Jacobian, factorized for it; a status where there is
+        none."""
         heat, n = self.heat, len(T)
         J = self.c1 * heat.capacity + heat.conductivity
         r = J @ T - b + self._local(T, r1, t)
@@ -138,7 +144,12 @@ class FullHeat:
                 x, self.c1 * x + r1[at.columns], zero, t, c1, zero))
             J = J + csr_array((local.data, (at.rows[local.row], at.columns[local.col])),
                               shape=(n, n))
-        return np.asarray(T - factorize(J).solve(r))
+        if not (np.isfinite(r).all() and np.isfinite(J.data).all()):
+            return Status.NOT_FINITE
+        try:
+            return np.asarray(T - factorize(J).solve(r))
+        except RuntimeError:
+            return Status.SINGULAR
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -195,13 +206,16 @@ class CompressedHeat:
         zero, c1 = np.zeros(len(r1)), np.full(len(r1), self.c1)
         for i in range(1, self.max_iterations + 1):
             full[use] = c
-            r, J = c - base, one
+            r, J, rates = c - base, one, self.c1 * full + r1
             for term in self.local:
-                r = r + term.residual(full, zero, zero, t)
-                J = J + term.jacobian(full, zero, zero, t, c1, zero)[:, use]
-            if not np.isfinite(r).all():
+                r = r + term.residual(full, rates, zero, t)
+                J = J + term.jacobian(full, rates, zero, t, c1, zero)[:, use]
+            if not (np.isfinite(r).all() and np.isfinite(J).all()):
                 return HeatOutcome(c, Status.NOT_FINITE, i)
-            step = np.linalg.solve(J, r)
+            try:
+                step = np.linalg.solve(J, r)
+            except np.linalg.LinAlgError:
+                return HeatOutcome(c, Status.SINGULAR, i)
             c = c - step
             if float(np.abs(step).max()) <= self.rtol * float(np.abs(c).max()):
                 return HeatOutcome(c, Status.DONE, i)

@@ -24,21 +24,33 @@ SHIFT = 1e-2
 """Multiple of M, of the mean of the eigenvalues, that is added to K: an insulated body has K 1 = 0.
 Small, and soft modes are exact; at 1e-6 temperatures of an insulated pendulum lost two digits.
 Independent of the step, so that solvers of several steps share their coordinates."""
+ROUND_OFF = 1e-10
+"""Smallest trace of the projected K that is taken for more than rounding, as a share of that of
+|atoms|^T |K| |atoms|: uniform temperatures of an insulated body give K 1 = 0, which in floating
+point is zero, or either sign of 1e-17 of its terms."""
 
 
 def natural(d: Dictionary, K: Csr, M: Csr, unit: str) -> tuple[Dictionary, float] | None:
     """The same span in atoms (n, k) that make atoms^T K atoms and atoms^T M atoms diagonal, and by
-    how much more than before a coefficient can be at most. None where atoms are not orthonormal.
-    unit: what modes are named by, the "Hz" of displacements or the "/s" of decaying heat.
+    how much more than before a coefficient can be at most. None where atoms are not orthonormal,
+    or numbers are too extreme for eigenvectors. unit: what modes are named by, the "Hz" of
+    displacements or the "/s" of decaying heat.
     """
     A, k = d.atoms, d.atoms.shape[1]
     if not k or k > len(A) or np.abs(A.T @ A - np.eye(k)).max() > ORTHONORMAL:
         return None
     small, mass = projected(K, A), projected(M, A)
-    shift = SHIFT * float(np.trace(small)) / float(np.trace(mass))
+    terms = float(np.sum(np.abs(A) * (abs(K) @ np.abs(A))))
+    top = float(np.trace(mass))
+    if not (0.0 < terms < np.inf and 0.0 < top < np.inf):
+        return None
+    shift = SHIFT * max(float(np.trace(small)), ROUND_OFF * terms) / top
     stiff = small + shift * mass
     # this way round the soft modes, which are most of a motion, are the exact ones
-    values, V = linalg.eigh(mass, stiff)
+    try:
+        values, V = linalg.eigh(mass, stiff)
+    except linalg.LinAlgError:
+        return None
     values, V = values[::-1], V[:, ::-1]
     turned = A @ V
     # coefficients of old atoms times V^-1 = V^T stiff, and by how much the atoms become shorter

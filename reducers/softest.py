@@ -21,6 +21,7 @@ from sparsemor.core.arrays import FloatArray
 from sparsemor.core.block_solvers import solved
 from sparsemor.core.protocols import Factorized
 from sparsemor.core.separable import ElasticOperators
+from sparsemor.core.status import SolveFailed, Status
 
 MODES, SPARE, POWER, MARGIN = 32, 8, 4, 2.0
 """Modes that are kept, others that are iterated with them, steps of the subspace iteration, and the
@@ -39,7 +40,8 @@ class Softest:
 
     @classmethod
     def of(cls, ops: ElasticOperators, factor: Factorized, block: str) -> "Softest":
-        """Raises SolveFailed, naming the block, where an iteration stops short."""
+        """Raises SolveFailed, naming the block, where an iteration stops short, and where numbers
+        are too extreme for modes."""
         n, g = len(ops.constant), len(ops.generators)
         # solvers that iterate take their right-hand sides one by one
         kept = MODES if not factor.iterative and n >= 8 * MODES else 0
@@ -51,7 +53,13 @@ class Softest:
             Y = np.asarray(solved(factor, MX, block))
             # of span Y: Y^T D Y = Y^T M X, and M in it
             small = Y.T @ MX
-            values, V = linalg.eigh(Y.T @ (ops.mass @ Y), 0.5 * (small + small.T))
+            try:
+                values, V = linalg.eigh(Y.T @ (ops.mass @ Y), 0.5 * (small + small.T))
+            except (linalg.LinAlgError, ValueError):  # not definite, or not finite
+                size = float(np.abs(small).max())
+                raise SolveFailed(
+                    Status.SINGULAR, 0.0, block, "the stiffness of its step has no modes in "
+                    f"floating point: mass over stiffness is {size:.3g}") from None
             X = Y @ V[:, ::-1]
         values = np.maximum(values[::-1], 0.0)
         Z = np.ascontiguousarray(X[:, :kept])

@@ -30,9 +30,12 @@ def element_coupling(mesh: Mesh, law: Law, thickness: float = 1.0) -> FloatArray
     return np.repeat(column, corners, axis=2)
 
 
-def element_capacity(mesh: Mesh, weight: float) -> FloatArray:
-    """(E, d + 1, d + 1): integral of weight phi_i phi_j; weight rho c thickness gives J/K."""
+def element_capacity(mesh: Mesh, weight: float, lumped: bool = False) -> FloatArray:
+    """(E, d + 1, d + 1): integral of weight phi_i phi_j; weight rho c thickness gives J/K. lumped:
+    its row sums, on the diagonal."""
     d = mesh.dimension
+    if lumped:
+        return np.asarray(weight * _measures(mesh)[:, None, None] * np.eye(d + 1) / (d + 1))
     # over a simplex of dimension d: integral phi_i phi_j = measure d! (1 + delta_ij) / (d + 2)!
     local = (np.ones((d + 1, d + 1)) + np.eye(d + 1)) * (factorial(d) / factorial(d + 2))
     return np.asarray(weight * _measures(mesh)[:, None, None] * local)

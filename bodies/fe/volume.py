@@ -3,7 +3,7 @@
 from typing import Any
 
 import numpy as np
-from scipy.sparse import csr_array
+from scipy.sparse import csr_array, diags_array
 
 from sparsemor.core.arrays import Csr, IntArray
 from sparsemor.core.mesh import Mesh
@@ -27,6 +27,12 @@ def scalar_mass(mesh: Mesh, weight: float) -> Csr:
 def capacity(mesh: Mesh, rho: float, c: float, thickness: float = 1.0) -> Csr:
     """(N, N), J/K: integral of rho c phi_i phi_j. thickness in m, 1 in 3-D."""
     return scalar_mass(mesh, rho * c * thickness)
+
+
+def lumped(matrix: Csr) -> Csr:
+    """(N, N): the row sums of a mass or capacity on its diagonal. Its integral is the same."""
+    sums = np.asarray(matrix.sum(axis=1)).ravel()
+    return csr_array(diags_array(sums))
 
 
 def conductivity(mesh: Mesh, k: float, thickness: float = 1.0) -> Csr:

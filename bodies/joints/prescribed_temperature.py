@@ -13,6 +13,7 @@ from sparsemor.core.errors import InputError
 from sparsemor.core.layout import Block, Layout
 from sparsemor.core.plugin import Plugin
 from sparsemor.core.protocols import Part, Term
+from sparsemor.core.separable import Amplitude
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -22,6 +23,7 @@ class Held:
     name: str
     adjusted: Mapping[str, AnyBody]
     localized: bool = True
+    surroundings: Amplitude | None = None
 
     def blocks(self) -> Sequence[Block]:
         return ()
@@ -58,4 +60,4 @@ class PrescribedTemperature(Plugin):
                                  "solve for: prescribe fewer nodes, or refine the mesh", f"on.{i}")
             bodies[target.body.name] = replace(target.body, heat=replace(
                 heat, free=free, prescribed=(*heat.prescribed, (target.nodes, self.temperature))))
-        return Held(name, bodies)
+        return Held(name, bodies, surroundings=self.temperature.value)

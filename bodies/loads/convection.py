@@ -32,4 +32,5 @@ class Convection(Plugin):
             loads.append((body, h * surface_load(mesh, facets, 1.0),
                           surface_mass(mesh, facets, h)))
         return LoadPart(name, lambda layout: [
-            b.heat_term(layout, w, self.temperature.value, S) for b, w, S in loads])
+            b.heat_term(layout, w, self.temperature.value, S) for b, w, S in loads],
+            surroundings=self.temperature.value)

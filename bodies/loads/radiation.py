@@ -23,6 +23,8 @@ from sparsemor.core.separable import Amplitude
 
 STEFAN_BOLTZMANN = 5.670374419e-8
 """W/(m^2 K^4), CODATA 2018 (exact since the SI of 2019)."""
+LARGEST = 1e77
+"""Temperatures (K) from which the fourth power overflows: a step then ends as not finite."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,10 +57,15 @@ class RadiationTerm:
             T[at] = function(t)
         return T
 
+    def _fourth(self, t: float) -> float:
+        """T_inf^4 at t (s), infinite where that is no number."""
+        T = self.surroundings(t)
+        return T**4 if abs(T) < LARGEST else np.inf
+
     def residual(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> FloatArray:
         phi, w = _RULES[self.facets.shape[1]]
         T = self._nodal(x, t)[self.facets] @ phi  # (F, quadrature points)
-        flux = (T**4 - self.surroundings(t) ** 4) * self.weights[:, None]
+        flux = (T**4 - self._fourth(t)) * self.weights[:, None]
         loads = flux @ (phi * w).T
         target = self.row_of[self.facets]
         keep = target >= 0
@@ -78,7 +85,9 @@ class RadiationTerm:
         return csr_array((local.ravel()[keep], (i[keep], j[keep])),
                          shape=(len(self.rows), len(self.columns)))
 
-    def contributions(self, left: FloatArray, x: FloatArray, t: FloatArray) -> FloatArray:
+    def contributions(
+        self, left: FloatArray, x: FloatArray, v: FloatArray, t: FloatArray
+    ) -> FloatArray:
         """(F, l, M): left (l, m) times what each facet adds at states x (n, M), t (M,) s."""
         place = self.row_of[self.facets]
         seen = np.where(place >= 0, left[:, place], 0.0)  # (l, F, d)
@@ -86,7 +95,7 @@ class RadiationTerm:
         found = np.zeros((len(self.facets), len(left), len(t)))
         for i, time in enumerate(t):
             T = self._nodal(x[:, i], float(time))[self.facets] @ phi
-            flux = (T**4 - self.surroundings(float(time)) ** 4) * self.weights[:, None]
+            flux = (T**4 - self._fourth(float(time))) * self.weights[:, None]
             found[:, :, i] = np.einsum("lfi,fi->fl", seen, flux @ (phi * w).T)
         return found
 
@@ -168,7 +177,7 @@ class Radiation(Plugin):
 
         notes = celsius_notes(
             name, self.surroundings.value(0.0), {b.name: b.T0 for b, _, _ in surfaces})
-        return LoadPart(name, make, notes=notes)
+        return LoadPart(name, make, surroundings=self.surroundings.value, notes=notes)
 
 
 def _term(

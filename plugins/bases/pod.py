@@ -15,6 +15,9 @@ from sparsemor.plugins.bases.blocked_svd import Snapshots, leading, mean
 from sparsemor.plugins.bases.svd import held, left_singular, round_off_level, weighted
 from sparsemor.plugins.bases.windows import pooled, too_many_windows
 
+SQUARABLE = 300
+"""Binary exponent, of either sign, from which snapshots are scaled: 2e90 and 5e-91."""
+
 
 class Pod(Plugin):
     """The left singular vectors of the snapshots, largest first, cut at the numerical rank.
@@ -88,12 +91,13 @@ class Pod(Plugin):
         if large(A):
             return self._by_stretches(data.name, A, offset)
         n, M = A.shape
-        plain = A - offset[:, None] if self.centred else A
+        A, about = _squarable(A, offset)
+        plain = A - about[:, None] if self.centred else A
         varying = plain if self.weights == "none" else weighted(plain)
         level = self.rank_rtol or round_off_level(n, M)
         U, s = left_singular(varying, level)
         # A A^T = varying varying^T + M mean mean^T: rounding is relative to what was stored
-        stored = float(np.sqrt(M) * np.linalg.norm(offset))
+        stored = float(np.sqrt(M) * np.linalg.norm(about))
         if stored and varying is not plain:  # in the weighted columns, too
             stored *= float(np.linalg.norm(varying)) / max(float(np.linalg.norm(plain)), 1e-300)
         largest = max(float(s[0]), stored)
@@ -131,6 +135,10 @@ class Pod(Plugin):
                 f"more than a third of {M} columns are asked for: say with count or energy how "
                 "many are to be kept", "count" if self.energy is None else "energy")
         s = found.values
+        if not 0.0 < given.total < np.inf:
+            raise InputError(
+                f"the snapshots of {block} are so large or small (largest singular value "
+                f"{float(s[0]):.3g}) that their squares are no numbers: take other units")
         stored = float(np.sqrt(M) * np.linalg.norm(offset))
         rank = int(np.count_nonzero(s > level * max(float(s[0]), stored)))
         if rank == 0:
@@ -174,6 +182,16 @@ class Pod(Plugin):
         for _ in range(2):  # once leaves what cancellation brings back
             rest -= U @ (U.T @ rest)
         return np.hstack([U, np.linalg.qr(rest)[0]])
+
+
+def _squarable(A: FloatArray, offset: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Snapshots and offset times a power of two, which changes no digit of the atoms, where squares
+    of the largest would overflow or vanish."""
+    largest = max(float(A.max()), -float(A.min()))
+    exponent = int(np.frexp(largest)[1])
+    if abs(exponent) < SQUARABLE:
+        return A, offset
+    return np.ldexp(A, -exponent), np.ldexp(offset, -exponent)
 
 
 def _nothing_left(block: str, M: int) -> InputError:

@@ -90,7 +90,7 @@ def test_contributions_of_radiation_add_up_and_weights_scale_them(seed: int) -> 
         n, m = len(term.columns), len(term.rows)
         left, x, t = rng.standard_normal((3, m)), 300 + 200 * rng.random((n, 4)), rng.random(4)
         zero = np.zeros(n)
-        shares = term.contributions(left, x, t)
+        shares = term.contributions(left, x, np.zeros_like(x), t)
         want = [left @ term.residual(x[:, i], zero, zero, float(t[i])) for i in range(4)]
         np.testing.assert_allclose(shares.sum(axis=0), np.array(want).T, rtol=1e-10, atol=1e-9)
         w = rng.random(term.elements) * (rng.random(term.elements) < 0.5)
