@@ -73,7 +73,7 @@ class PrescribedMotion(Plugin):
         if self.angle is not None:
             axis = unit(self.axis)
             e1, e2 = across(axis)
-            rows.face([e1], [e2], self.angle.value, axis)
+            rows.no_relative_rotation([e1], [e2], self.angle.value, axis)
         return rows.joint()
 
 
