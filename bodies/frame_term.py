@@ -38,6 +38,10 @@ class BodyFrame(Frame, Protocol):
 
     @property
     def items(self) -> Sequence[Item]: ...
+    @property
+    def without_push(self) -> Sequence[Item]:
+        """Items that `drive` cannot evaluate although they act on displacements."""
+        ...
     def shifted(self, s: FloatArray, quadratic: FloatArray) -> "BodyFrame": ...
 
 

@@ -76,6 +76,11 @@ class PlanarFrame:
                     item.exact(m, out)
 
     @property
+    def without_push(self) -> tuple[Item, ...]:
+        """None: `drive` evaluates every item."""
+        return ()
+
+    @property
     def shape_columns(self) -> tuple[tuple[int, int], ...]:
         """Inertia's second pair is (M X, M J X)."""
         j, found = 0, []

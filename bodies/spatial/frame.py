@@ -17,7 +17,8 @@ from sparsemor.core.separable import FrameWork
 class SpatialFrame:
     """Border unknowns: own rigid coordinates (`size`: position and quaternion 7, position and angle
     4), those of the other bodies that items read, then the items' forces. `elastic` False when the
-    body has no elastic block."""
+    body has no elastic block. Where the frame's motion is prescribed, items act on displacements
+    by `push`; `without_push` finds those that could not."""
 
     items: tuple[Item, ...]
     elastic: bool
@@ -95,6 +96,12 @@ class SpatialFrame:
             for item in self.items:
                 if isinstance(item, Inertia):
                     item.exact(out.motion, out)
+
+    @property
+    def without_push(self) -> tuple[Item, ...]:
+        """Items that act on displacements by more than unknown forces, but have no `push`."""
+        return tuple(i for i in self.items
+                     if i.directions and not i.forces and not isinstance(i, Pushing))
 
     @property
     def shape_columns(self) -> tuple[tuple[int, int], ...]:

@@ -8,13 +8,13 @@ serves the rows of the frame.
 """
 
 from dataclasses import dataclass, replace
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
 from sparsemor.bodies.spatial.course import Moved, Pushed
-from sparsemor.bodies.spatial.inertia import Inertia
 from sparsemor.bodies.spatial.motion import Motion, Sums
-from sparsemor.bodies.spatial.pairs import Facing, Slide
+from sparsemor.bodies.spatial.pairs import Wrench
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.separable import Amplitude
 from sparsemor.core.tables import Table
@@ -132,6 +132,11 @@ class Attachment:
     def shifted(self, s: FloatArray, quadratic: FloatArray) -> "Attachment":
         return replace(self, point=self.point + s)
 
+    def wrench(
+        self, times: FloatArray, forces: FloatArray, pose: FloatArray, other: FloatArray | None
+    ) -> Wrench:
+        return Wrench(forces, np.zeros_like(forces), None)
+
     def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
         f, mine = m.y[k : k + 3], slice(k, k + 3)
         z = self.point + m.s[j : j + 3] if m.elastic else self.point
@@ -183,7 +188,37 @@ class Reaction:
             out.sigma[..., j + i : j + i + 3] = m.in_body(known[..., i : i + 3])
 
 
-Pushing = Inertia | SpaceForce | BodyForce | Reaction
-"""What acts on displacements where the frame's motion is given: `push` is all of it, at one time or
-many."""
-Item = Inertia | UnitLength | SpaceForce | BodyForce | Attachment | Facing | Slide | Reaction
+class Item(Protocol):
+    """One part of a spatial frame's equations. directions, others, forces: how many functionals of
+    the displacements, coordinates of another body and border unknowns it has; `names`, `shifted`
+    and `evaluate` as in the classes above."""
+
+    @property
+    def directions(self) -> int: ...
+    @property
+    def others(self) -> int: ...
+    @property
+    def forces(self) -> int: ...
+    def names(self, source: str) -> tuple[str, ...]: ...
+    def shifted(self, s: FloatArray, quadratic: FloatArray) -> "Item": ...
+    def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None: ...
+
+
+@runtime_checkable
+class Pushing(Protocol):
+    """An item that acts on displacements where the frame's motion is prescribed: `push` writes all
+    of it to `out`, at one time or many."""
+
+    def push(self, m: Moved, j: int, out: Pushed) -> None: ...
+
+
+@runtime_checkable
+class Holding(Protocol):
+    """An item of a joint: what its multipliers do to the body, as a force and a moment."""
+
+    def wrench(
+        self, times: FloatArray, forces: FloatArray, pose: FloatArray, other: FloatArray | None
+    ) -> Wrench:
+        """Of multipliers `forces` (T, forces), N or N m, at times (T,), s, under poses (T, n) or
+        (1, n) of the own body and of the other one, None where that does not move."""
+        ...
