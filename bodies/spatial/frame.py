@@ -6,7 +6,7 @@ import numpy as np
 
 from sparsemor.bodies.spatial.course import Course, Pushes
 from sparsemor.bodies.spatial.inertia import FIRST, Inertia
-from sparsemor.bodies.spatial.items import Item, Pushing
+from sparsemor.bodies.spatial.items import Item, Nothing, Pushing, Timed
 from sparsemor.bodies.spatial.moments import moments_of
 from sparsemor.bodies.spatial.motion import Motion, Sums
 from sparsemor.core.arrays import FloatArray
@@ -39,7 +39,8 @@ class SpatialFrame:
     @property
     def generators(self) -> int:
         """None at rest, where no inertia but M u'' acts."""
-        inert = any(isinstance(i, Inertia) for i in self.items)
+        inert = any(isinstance(i, Inertia) or (isinstance(i, Nothing) and i.inert)
+                    for i in self.items)
         return moments_of(self.size).count if self.elastic and inert else 0
 
     def evaluate(
@@ -102,6 +103,16 @@ class SpatialFrame:
         """Items that act on displacements by more than unknown forces, but have no `push`."""
         return tuple(i for i in self.items
                      if i.directions and not i.forces and not isinstance(i, Pushing))
+
+    def time_derivative(self, order: int, t: float, h: float) -> "SpatialFrame | None":
+        """The frame of the partial derivative by time of its items' constraint rows, at t, s."""
+        made: list[Item] = []
+        for i in self.items:
+            of_time = i.time_derivative(order, t, h) if isinstance(i, Timed) else None
+            made.append(of_time or Nothing(
+                i.directions, i.others, i.forces, isinstance(i, Inertia)))
+        zero = all(isinstance(i, Nothing) for i in made)
+        return None if zero else replace(self, items=tuple(made))
 
     @property
     def shape_columns(self) -> tuple[tuple[int, int], ...]:

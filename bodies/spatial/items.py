@@ -204,6 +204,38 @@ class Item(Protocol):
     def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None: ...
 
 
+@dataclass(frozen=True, slots=True)
+class Nothing:
+    """An item that adds nothing, in the place of another one of the same shape; inert: of the
+    inertia."""
+
+    directions: int
+    others: int
+    forces: int
+    inert: bool = False
+
+    def names(self, source: str) -> tuple[str, ...]:
+        return ("",) * self.directions
+
+    def shifted(self, s: FloatArray, quadratic: FloatArray) -> "Nothing":
+        return self
+
+    def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
+        if m.elastic:
+            out.sigma[j : j + self.directions] = 0.0
+            out.sigma_y[:, j : j + self.directions] = 0.0
+            out.tau[:, j : j + self.directions] = 0.0
+
+
+@runtime_checkable
+class Timed(Protocol):
+    """An item whose constraint rows depend on time alone, and which knows how."""
+
+    def time_derivative(self, order: int, t: float, h: float) -> Item | None:
+        """The item of the partial derivative of order 1 or 2 at t, s; None where that is zero."""
+        ...
+
+
 @runtime_checkable
 class Pushing(Protocol):
     """An item that acts on displacements where the frame's motion is prescribed: `push` writes all

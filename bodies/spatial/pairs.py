@@ -17,6 +17,7 @@ from sparsemor.bodies.spatial.motion import Motion, Sums
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.placement import placed, turned
 from sparsemor.core.separable import Amplitude
+from sparsemor.core.time_functions import derivatives
 
 STILL = np.array([0.0, 0, 0, 1, 0, 0, 0])
 """Rigid coordinates of the ground."""
@@ -70,6 +71,15 @@ class Facing:
             return self.other
         A = rot.rotation(rot.about(self.axis.tolist(), self.turn(t)))
         return np.asarray(self.other.dot(A.T))
+
+    def time_derivative(self, order: int, t: float, h: float) -> "Facing | None":
+        """With e' = alpha' n x e and e'' = alpha'' n x e + alpha'^2 n x (n x e), n the axis."""
+        if self.turn is None or self.axis is None:
+            return None
+        rate, curvature = derivatives(self.turn, t, h)
+        n = rot.skew(self.axis / np.linalg.norm(self.axis))
+        D = rate * n if order == 1 else curvature * n + rate**2 * n.dot(n)
+        return replace(self, other=self.faces(t).dot(D.T), turn=None)
 
     def wrench(
         self, times: FloatArray, forces: FloatArray, pose: FloatArray, other: FloatArray | None

@@ -1,7 +1,7 @@
 """Time: states, the substitution for the rates, functions of time."""
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.layout import Layout
@@ -53,3 +53,14 @@ class TimeFunction(Protocol):
 
     def value(self, t: float) -> float: ...
     def rate(self, t: float) -> float: ...
+
+
+@runtime_checkable
+class CurvedTimeFunction(TimeFunction, Protocol):
+    """A time function that knows its second derivative, from the right where it has a kink.
+
+    Optional: of a function without it, the start of a run takes finite differences of `rate`,
+    scaled by the time step.
+    """
+
+    def curvature(self, t: float) -> float: ...
