@@ -20,7 +20,7 @@ from sparsemor.core.notes import Level, Note, kinds, sentences
 from sparsemor.core.offline import Offline
 from sparsemor.core.plain import finite
 from sparsemor.core.probes import ProbeReader
-from sparsemor.core.protocols import State, StepSolver
+from sparsemor.core.protocols import CautiousIntegrator, State, StepSolver
 from sparsemor.core.run_header import BodyShape, RunHeader
 from sparsemor.core.scene import Scene
 from sparsemor.core.served import Held, solvers_summary
@@ -159,6 +159,12 @@ class Recorder:
             {body: shape.given_at(times) for body, shape in self._given.items()}))
         self._rows, self._supports, self._contacts = [], [], []
 
+    def _integrator_notes(self) -> tuple[Note, ...]:
+        integrator: object = self.scene.integrator
+        if isinstance(integrator, CautiousIntegrator):
+            return integrator.notes(self.model.layout)
+        return ()
+
     def finish(self, status: Status, summary: Mapping[str, Any]) -> None:
         self.writer.finish(status, summary)
 
@@ -190,7 +196,8 @@ class Recorder:
             "cache": dict(self.offline.products.used),
             "offline_s": dict(self.offline.products.seconds),
             "offline_whole_s": self.offline.products.spent.whole(tally.offline),
-            **told((*start_notes(self.model), *solver.notes, *self.notes)),
+            **told((*start_notes(self.model), *self._integrator_notes(), *solver.notes,
+                    *self.notes)),
             "stability": dict(self.stability),
             "linear_solvers": solvers_summary(
                 [*self.model.solvers.log, *self.offline.products.told],

@@ -1,8 +1,9 @@
-"""Contacts that a run casts doubt on, told as notes: surfaces that never met, which is most often a
-mistake of the scene, and forces that do not settle."""
+"""Notes on contacts and joints after a run: surfaces that never met, which is most often a mistake
+of the scene, contact forces that do not settle, and joint forces that alternate."""
 
 import numpy as np
 
+from sparsemor.core.joint_forces import alternating_forces
 from sparsemor.core.model import Model
 from sparsemor.core.notes import Note
 from sparsemor.core.results import RunResult
@@ -12,14 +13,16 @@ from sparsemor.core.stage import FrameHistory
 def unmet(model: Model, result: RunResult) -> tuple[Note, ...]:
     """A note for each part with a method `missed(motion)` that has something to say of how the
     bodies moved, along the rigid stage where there was one, else in the stored steps; and for each
-    with a method `unsettled(history)` that has of the contact's history at all steps."""
+    with a method `unsettled(history)` that has of the contact's history at all steps; for each
+    joint whose forces alternate."""
     asked = [missed for part in model.parts.values()
              if (missed := getattr(part, "missed", None)) is not None]
     told = [str(missed(_motion(model, result))) for missed in asked]
     if model.stage is not None or result.scene["output"]["every"] == 1:
         told += [str(unsettled(history)) for name, history in result.contacts().items()
                  if (unsettled := getattr(model.parts[name], "unsettled", None)) is not None]
-    return tuple(Note(text, "contact") for text in told if text)
+    contacts = tuple(Note(text, "contact") for text in told if text)
+    return (*contacts, *alternating_forces(result))
 
 
 def _motion(model: Model, result: RunResult) -> dict[str, FrameHistory]:

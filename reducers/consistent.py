@@ -3,7 +3,8 @@
 The full-order accelerations are not in the span of atoms that were learnt from displacements; their
 projection would start a second-order integrator with the wrong velocity. So the reduced equations
 are solved for their own accelerations: elastic rows, rigid rows, and the second derivative of the
-constraints. All unknowns enter linearly; a kernel evaluated with c2 = 0 and c2 = 1 gives the parts.
+constraints. All unknowns enter linearly; a kernel evaluated with c2 = 0 and c2 = 1/h^2 gives the
+parts.
 """
 
 from collections.abc import Sequence
@@ -102,17 +103,18 @@ def _linear(
     """The body's equations at a = 0, multipliers 0, and their derivatives by a and multipliers."""
     origin, rate, _ = body.given(state.t)
     y, v = _border(mechanics, body, state.x, origin), _border(mechanics, body, state.v, rate)
-    w0, w1 = (_evaluate(body, t, y, v, c2, state) for c2 in (0.0, 1.0))
+    c2 = 1.0 / scales.h**2  # large enough that masses are not lost beside centrifugal terms
+    w0, w1 = (_evaluate(body, t, y, v, c, state) for c in (0.0, c2))
     d = body.frame.rigid_size
     H = np.zeros_like(w0.border[:, :-1])
-    H[:d, :d], H[:d, d:] = (w1.border - w0.border)[:d, :d], w0.border[:d, d:-1]
+    H[:d, :d], H[:d, d:] = (w1.border - w0.border)[:d, :d] / c2, w0.border[:d, d:-1]
     H[d:, :d] = w0.border[d:, :d]
     rows = w0.border[:, -1].copy()
     rows[d:] = _curvature(body, t, y, v, state, scales)
     if t is None:
         return _Body(NONE, np.zeros((0, len(rows))), rows, H, np.zeros((len(rows), 0)))
-    sigma = np.concatenate([w1.sigma[:d] - w0.sigma[:d], w0.sigma[d:-1]])
-    tau = np.concatenate([w1.tau[:d] - w0.tau[:d], w0.tau[d:]])
+    sigma = np.concatenate([(w1.sigma[:d] - w0.sigma[:d]) / c2, w0.sigma[d:-1]])
+    tau = np.concatenate([(w1.tau[:d] - w0.tau[:d]) / c2, w0.tau[d:]])
     given = np.concatenate(
         [_elastic_rows(body, t, w0, state)[:, None], t.directions @ sigma.T], axis=1)
     solved = np.linalg.lstsq(t.mass, given, rcond=None)[0]

@@ -233,8 +233,9 @@ def with_rates(equations: Dense, state: State) -> State:
     v, zero, one = state.v.copy(), np.zeros(layout.size), np.ones(layout.size)
     v[first] = 0.0
     K = equations.jacobian(x, v, a, t, zero, zero)
-    C = equations.jacobian(x, v, a, t, one, zero) - K
-    M = equations.jacobian(x, v, a, t, zero, one) - K
+    c1, c2 = 1.0 / equations.step, 1.0 / equations.step**2  # mass is not lost beside stiffness
+    C = (equations.jacobian(x, v, a, t, c1 * one, zero) - K) / c1
+    M = (equations.jacobian(x, v, a, t, zero, c2 * one) - K) / c2
     A = np.hstack([M[:, second], C[:, first], K[:, algebraic]])
     A[algebraic] = 0.0
     A[algebraic, second] = K[algebraic, second]

@@ -9,6 +9,7 @@ from sparsemor.core.layout import Block, Layout
 from sparsemor.core.mesh import Mesh
 from sparsemor.core.protocols.contact import FrictionLaw, NormalLaw
 from sparsemor.core.protocols.integration import (
+    CautiousIntegrator,
     CurvedTimeFunction,
     Integrator,
     State,
@@ -35,7 +36,7 @@ from sparsemor.core.protocols.steps import Reducer, Resampling, StepOutcome, Ste
 from sparsemor.core.protocols.terms import ReducedTerm, Term, TimeDependent, Trial
 
 __all__ = [
-    "Basis", "Block", "BlockData", "BodyPlugin", "ConnectorPlugin",
+    "Basis", "Block", "BlockData", "BodyPlugin", "CautiousIntegrator", "ConnectorPlugin",
     "CurvedTimeFunction", "Dictionary", "Factorized",
     "FrictionLaw", "Group", "Integrator", "Layout", "LinearOutcome", "LinearSolver", "Mesh",
     "MeshPlugin", "NormalLaw", "Part", "Places", "Preconditioner", "ReducedTerm", "Reducer",

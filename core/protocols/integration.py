@@ -5,6 +5,7 @@ from typing import Protocol, runtime_checkable
 
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.layout import Layout
+from sparsemor.core.notes import Note
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,6 +47,15 @@ class Integrator(Protocol):
     def advance(
         self, layout: Layout, state: State, formula: StepFormula, x: FloatArray, h: float
     ) -> State: ...
+
+
+@runtime_checkable
+class CautiousIntegrator(Protocol):
+    """An integrator that knows which models it does not suit. Optional."""
+
+    def notes(self, layout: Layout) -> tuple[Note, ...]:
+        """Warnings before the first step, by the unknowns that there are."""
+        ...
 
 
 class TimeFunction(Protocol):
