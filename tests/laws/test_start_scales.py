@@ -1,17 +1,20 @@
 """The start of a run has no scale of its own: units, places and frequencies do not change it."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from sparsemor.bodies.mesh.block import Block
-from sparsemor.core.arrays import FloatArray
+from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.assemble import assemble
+from sparsemor.core.constraint_rates import Constraints
 from sparsemor.core.initial import consistent_state, start_notes
 from sparsemor.core.model import Model
 from sparsemor.core.offline import Offline
-from sparsemor.core.protocols import State
+from sparsemor.core.protocols import ReducedTerm, State, Term, Trial
+from sparsemor.core.scene import Scene
 from sparsemor.core.testing.run import scene_of
 
 H = 1e-3
@@ -52,11 +55,15 @@ def start(tree: dict[str, Any]) -> tuple[Model, State]:
     """As the step solver of the scene's reducer has it."""
     scene = scene_of(tree)
     model = assemble(scene)
+    return model, begun(scene, model)
+
+
+def begun(scene: Scene, model: Model) -> State:
     solver: Any = scene.reducer.prepare(
         model, scene.integrator, scene.time.step, Offline.of(model, {}),
         np.random.default_rng(0))
-    state, _ = solver.start(consistent_state(model))
-    return model, state
+    state: State = solver.start(consistent_state(model))[0]
+    return state
 
 
 def forces(state: State, model: Model) -> FloatArray:
@@ -130,3 +137,60 @@ def test_a_motion_that_begins_with_a_velocity_is_noted(which: str, frequency: fl
     (note,) = start_notes(driven(frequency, 0.0, which))
     rate = 1e-3 * 2 * np.pi * frequency
     assert note.kind == "start" and f"break joint drive by {rate:.3g} m/s or rad/s" in note.text
+
+
+class Opaque:
+    """A term that does not say how it depends on time."""
+
+    def __init__(self, term: Term) -> None:
+        self.term, self.rows, self.columns = term, term.rows, term.columns
+        self.elements, self.residual, self.jacobian = term.elements, term.residual, term.jacobian
+
+    def restrict(self, keep: IntArray) -> "Opaque":
+        return Opaque(self.term.restrict(keep))
+
+    def compress(self, trial: Trial, left: FloatArray) -> ReducedTerm:
+        return self.term.compress(trial, left)
+
+
+def test_terms_that_do_not_know_their_time_derivatives_are_differenced() -> None:
+    model = assemble(scene_of(chain()))
+    at = model.x0, model.v0, 0.0
+    known = Constraints.of(model.layout, model.terms, H)
+    other = Constraints.of(model.layout, tuple(map(Opaque, model.terms)), H)
+    want = known.curvature(*at)
+    assert np.abs(want).max() > 10.0  # centrifugal
+    np.testing.assert_allclose(other.curvature(*at), want, rtol=0, atol=1e-6 * np.abs(want).max())
+    for got, exact in zip(other.rate(*at), known.rate(*at), strict=True):
+        np.testing.assert_allclose(got, exact, rtol=0, atol=1e-6)
+
+
+class Nothing:
+    """A term without rows, which no body takes apart: with it the reduced equations are general."""
+
+    rows = columns = np.zeros(0, np.int64)
+    elements = 0
+
+    def residual(self, *point: Any) -> FloatArray:
+        return np.zeros(0)
+
+    def jacobian(self, *point: Any) -> FloatArray:
+        return np.zeros((0, 0))
+
+    def restrict(self, keep: IntArray) -> "Nothing":
+        return self
+
+    def compress(self, trial: Any, left: Any) -> Any:
+        return self
+
+
+@pytest.mark.parametrize("unit", [1e-5, 1.0, 1e5])
+def test_the_general_and_the_separated_start_are_the_same(unit: float) -> None:
+    scene = scene_of(chain(unit, reducer=ATOMS))
+    apart = assemble(scene)
+    whole = replace(apart, separated=replace(apart.separated, other=(Nothing(),)))
+    want, got = (begun(scene, model) for model in (apart, whole))
+    np.testing.assert_allclose(got.a, want.a, rtol=0, atol=1e-8 * np.abs(want.a).max())
+    force = forces(want, apart)
+    np.testing.assert_allclose(
+        forces(got, whole), force, rtol=0, atol=1e-8 * np.abs(force).max())
