@@ -43,7 +43,12 @@ class BodyFrame(Frame, Protocol):
 
     @property
     def items(self) -> Sequence[Item]: ...
+    @property
+    def without_push(self) -> Sequence[Item]:
+        """Items that `drive` cannot evaluate although they act on displacements."""
+        ...
     def shifted(self, s: FloatArray, quadratic: FloatArray) -> "BodyFrame": ...
+    def time_derivative(self, order: int, t: float, h: float) -> "BodyFrame | None": ...
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -171,6 +176,12 @@ class FrameTerm:
         self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: FloatArray, c2: FloatArray
     ) -> Any:
         return csr_array(self.equations.jacobian(x, v, a, t, c1, c2))
+
+    def time_derivative(self, order: int, t: float, h: float) -> "FrameTerm | None":
+        """Of its constraint rows; joints that are unknown hold no frame that is prescribed."""
+        frame = self.equations.frame.time_derivative(order, t, h)
+        return None if frame is None else replace(
+            self, equations=replace(self.equations, frame=frame))
 
     def restrict(self, keep: IntArray) -> "FrameTerm":
         e = self.equations

@@ -9,6 +9,7 @@ from scipy.sparse import csr_array
 from sparsemor.core.arrays import Csr, FloatArray, IntArray
 from sparsemor.core.protocols import Trial
 from sparsemor.core.separable import Amplitude, evaluate_amplitudes
+from sparsemor.core.time_functions import Held, derivatives
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,6 +60,14 @@ class LinearTerm:
         self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: FloatArray, c2: FloatArray
     ) -> Csr:
         return csr_array(self.equations.jacobian(x, v, a, t, c1, c2))
+
+    def time_derivative(self, order: int, t: float, h: float) -> "LinearTerm | None":
+        e = self.equations
+        if not e.amplitudes:
+            return None
+        held = tuple(Held(derivatives(f, t, h)[order - 1]) for f in e.amplitudes)
+        of_time = LinearEquations(0.0 * e.A, 0.0 * e.B, 0.0 * e.constant, e.loads, held)
+        return replace(self, equations=of_time)
 
     def restrict(self, keep: IntArray) -> "LinearTerm":
         e = self.equations

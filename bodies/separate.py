@@ -15,6 +15,7 @@ from sparsemor.bodies.integrals import elastic_integrals, heat_integrals
 from sparsemor.bodies.linear_term import LinearTerm
 from sparsemor.bodies.table_term import TableTerm
 from sparsemor.core.arrays import Csr, FloatArray, IntArray
+from sparsemor.core.errors import Fault, InputError
 from sparsemor.core.layout import Layout
 from sparsemor.core.protocols import Term
 from sparsemor.core.separable import (
@@ -43,6 +44,8 @@ def moving_body(body: Body, layout: Layout, terms: Sequence[Term]) -> MovingBody
     inertia = next((t for t in frames if t.equations.V), None)
     if not body.moves and body.guide is None:  # at rest: nothing of the mass but M u''
         frames = [t for t in frames if t is not inertia]
+    if not body.moves:
+        _check_pushing(body, frames)
     items = tuple(i for t in frames for i in t.equations.frame.items)
     frame = replace(first, items=items)
     operators = None
@@ -56,6 +59,18 @@ def moving_body(body: Body, layout: Layout, terms: Sequence[Term]) -> MovingBody
         f"{body.name}.elastic" if len(elastic) else "",
         f"{body.name}.thermal" if body.heat is not None else "", operators, body.guide,
     )
+
+
+def _check_pushing(body: Body, frames: Sequence[FrameTerm]) -> None:
+    """InputError for items that a prescribed frame could not evaluate."""
+    faults = [
+        Fault(f"loads.{t.source}" if t.source != body.name else f"bodies.{body.name}",
+              f"its item {type(item).__name__} has no method `push`, which is how items act on a "
+              f"body whose frame is prescribed or at rest ({body.name!r} is one): give it that "
+              "method (bodies/spatial/items.py, `Pushing`)")
+        for t in frames for item in t.equations.frame.without_push]
+    if faults:
+        raise InputError(faults)
 
 
 def _to_border(body: Body, layout: Layout, frames: Sequence[FrameTerm]) -> FloatArray:

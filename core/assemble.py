@@ -59,8 +59,8 @@ def _assembled(scene: Scene, given: Given, shop: Workshop) -> Model:
     required, loaded = _required(layout, connectors, by_part)
     return Model(
         layout=layout, parts=parts, terms=tuple(terms),
-        separated=_separate(layout, bodies, joints, terms), x0=x0, v0=v0, required=required,
-        loaded=loaded, probes=probes,
+        separated=_separate(layout, bodies, joints, terms, scene.time.step), x0=x0, v0=v0,
+        required=required, loaded=loaded, probes=probes,
         geometry={k: g for b in bodies.values() for k, g in b.geometry().items()},
         solvers=BlockSolvers(scene.linear_solver, scene.linear_solvers),
     )
@@ -187,7 +187,8 @@ def _required(
 
 
 def _separate(
-    layout: Layout, bodies: Mapping[str, Any], joints: Mapping[str, Any], terms: Sequence[Term]
+    layout: Layout, bodies: Mapping[str, Any], joints: Mapping[str, Any], terms: Sequence[Term],
+    step: float,
 ) -> Separated:
     """Ask each body for its share of the terms; what nobody claims is `other`."""
     n_rigid = sum(b.size for b in layout if b.field == "rigid")
@@ -208,4 +209,4 @@ def _separate(
         claimed |= {id(t) for t in terms if getattr(t, "body", "") == name}
     return Separated(
         tuple(moving), tuple(heat), n_rigid + layout.size - start, tuple(targets),
-        tuple(t for t in terms if id(t) not in claimed))
+        tuple(t for t in terms if id(t) not in claimed), step)

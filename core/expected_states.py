@@ -72,8 +72,8 @@ def _displacements(
     for i, (before, after) in enumerate(zip(times[:-1], times[1:], strict=True), 1):
         f = ops.constant + ops.loads @ _mean(ops.amplitudes, before, after)
         forces.append(f + _moving(ops.tables, before, after, len(f)) + thermal_forces[:, i])
-    named = [i for i, text in enumerate(ops.direction_names)
-             if text and ops.directions[:, i].any()]
+    named = [i for i, column in enumerate(ops.columns)
+             if column.name and ops.directions[:, i].any()]
     factor = BlockSolvers(model.solvers.of(name)).factorize(
         name, ops.stiffness, data.places, "expected states")
     b = np.column_stack([*forces, ops.directions[:, named]])
@@ -81,7 +81,7 @@ def _displacements(
     start = model.x0[model.layout[name]]
     return ExpectedStates(
         np.column_stack([start, x[:, : len(forces)]]), x[:, len(forces):],
-        tuple(ops.direction_names[i] for i in named))
+        tuple(ops.columns[i].name for i in named))
 
 
 def _mean(amplitudes: Sequence[Amplitude], before: float, after: float) -> FloatArray:

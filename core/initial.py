@@ -2,9 +2,10 @@
 constraints hold at t = 0 (second-order integrators lose their order without this)."""
 
 import numpy as np
-from scipy.sparse import block_array
+from scipy.sparse import block_array, csr_array
 
 from sparsemor.core.arrays import Csr, FloatArray
+from sparsemor.core.constraint_rates import Constraints
 from sparsemor.core.eliminated import solve_by_blocks
 from sparsemor.core.equations import jacobian, residual
 from sparsemor.core.model import Model
@@ -13,8 +14,11 @@ from sparsemor.core.protocols import State
 from sparsemor.core.status import SolveFailed, Status
 
 LOST = 1.0
-"""Share of the stiffness below which a mass is lost in the difference of two Jacobians: with
-c = 1 it is known to four digits only beside elastic bodies, and accelerations to one or two."""
+"""Largest stiffness over mass of a row before the mass is lost in the difference of two Jacobians:
+with c = 1 it has four digits only beside elastic bodies, and accelerations one or two."""
+BROKEN, NEXT_TO = 1e-4, 1e-6
+"""Rate of a constraint that is broken, as a share of the velocities of its own joint and of those
+of all joints."""
 
 
 def consistent_state(model: Model) -> State:
@@ -42,7 +46,7 @@ def _solved(model: Model, t: float) -> State:
         [M, None, held[second]], [None, C, held[first]], [across, None, held[algebraic]]],
         format="csr")
     r = residual(layout, model.terms, x, v, a, t)
-    r[algebraic] = _curvature(model, x, v, t)
+    r[algebraic] = _constraints(model).curvature(x, v, t)
     if not (np.isfinite(r).all() and np.isfinite(A.data).all()):
         broken = [b.name for b in layout if not np.isfinite(r[layout[b.name]]).all()]
         raise SolveFailed(Status.NOT_FINITE, t, broken[0] if broken else "",
@@ -59,32 +63,44 @@ def _solved(model: Model, t: float) -> State:
 
 def _derivative(model: Model, K: Csr, s: State, rate: int) -> Csr:
     """(n, n) derivative of the residual by v (rate 1) or a (rate 2), from Jacobians: they are
-    affine in c1 and c2, which are taken so large that mass is not lost beside stiffness."""
-    layout, c = model.layout, 1.0
-    factors = np.zeros((3, layout.size))
+    affine in c1 and c2, which are taken so large that mass is not lost beside stiffness in any of
+    the rows that have a mass."""
+    layout, part = model.layout, model.layout.second if rate == 2 else model.layout.first
+    factors, c, D = np.zeros((3, layout.size)), 1.0, K
+    if part.start == part.stop:
+        return 0.0 * K
+    stiff = _largest(K, part)
     for _ in range(8):
         factors[rate] = c
         D = jacobian(layout, model.terms, s.x, s.v, s.a, s.t, factors[1], factors[2]) - K
-        if abs(D).max() >= LOST * abs(K).max():
+        mass = _largest(D, part)
+        some = mass > 0
+        lost = float((stiff[some] / mass[some]).max(initial=0.0))
+        if lost <= LOST:
             break
-        c *= 1e4
+        c *= max(1e4, min(lost, 1e16))
     return D / c
+
+
+def _largest(A: Csr, part: slice) -> FloatArray:
+    """Largest |entry| of each row in a diagonal part of A."""
+    return np.asarray(abs(csr_array(A[part][:, part])).max(axis=1).toarray()).ravel()
 
 
 def start_notes(model: Model, t: float = 0.0) -> tuple[Note, ...]:
     """A sentence for each joint whose constraint the velocities at the start break."""
-    layout, eps = model.layout, 1e-7
-    moved = model.x0.copy()
-    moved[layout.second] += eps * model.v0[layout.second]
-    zero = np.zeros(layout.size)
-    g0, g1 = (residual(layout, model.terms, x, model.v0, zero, s)
-              for x, s in ((model.x0, t), (moved, t + eps)))
-    speed = max(float(np.abs(model.v0[layout.second]).max(initial=0.0)), 1e-3)
+    layout = model.layout
+    rows = layout.algebraic
+    if rows.start == rows.stop:
+        return ()
+    rates, sizes = _constraints(model).rate(model.x0, model.v0, t)
+    most = float(sizes.max(initial=0.0))
     notes = []
     for b in layout:
         if b.field == "multiplier":
-            rate = float(np.abs((g1 - g0)[layout[b.name]]).max()) / eps
-            if rate > 1e-4 * speed + 1e-6:
+            at = slice(layout[b.name].start - rows.start, layout[b.name].stop - rows.start)
+            rate = float(np.abs(rates[at]).max())
+            if rate > BROKEN * float(sizes[at].max()) + NEXT_TO * most:
                 notes.append(Note(
                     f"the velocities at the start break joint {b.owner} by {rate:.3g} m/s or "
                     "rad/s: the first steps jump, and a second-order integrator loses its order; "
@@ -93,16 +109,5 @@ def start_notes(model: Model, t: float = 0.0) -> tuple[Note, ...]:
     return tuple(notes)
 
 
-def _curvature(model: Model, x: FloatArray, v: FloatArray, t: float) -> FloatArray:
-    """g'' with zero accelerations: second directional derivative of the constraints along v."""
-    layout, zero = model.layout, np.zeros(len(x))
-    speed = float(np.abs(v[layout.second]).max(initial=0.0))
-    eps = 1e-4 / max(speed, 1.0)  # s; g is smooth on this scale
-
-    def g(s: float) -> FloatArray:
-        y = x.copy()
-        y[layout.second] += s * v[layout.second]
-        return residual(layout, model.terms, y, v, zero, t + s)[layout.algebraic]
-
-    # one-sided: a prescribed motion may have a kink at the start
-    return (2 * g(0.0) - 5 * g(eps) + 4 * g(2 * eps) - g(3 * eps)) / eps**2
+def _constraints(model: Model) -> Constraints:
+    return Constraints.of(model.layout, model.terms, model.separated.step)

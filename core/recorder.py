@@ -21,7 +21,7 @@ from sparsemor.core.offline import Offline
 from sparsemor.core.owner import check_owned
 from sparsemor.core.plain import finite
 from sparsemor.core.probes import ProbeReader
-from sparsemor.core.protocols import NamesMultipliers, State, StepSolver
+from sparsemor.core.protocols import CautiousIntegrator, NamesMultipliers, State, StepSolver
 from sparsemor.core.replaced import STORE
 from sparsemor.core.run_header import BodyShape, RunHeader
 from sparsemor.core.saved import SavedError
@@ -155,6 +155,12 @@ class Recorder:
             {body: shape.given_at(times) for body, shape in self._given.items()}))
         self._rows, self._supports, self._contacts = [], [], []
 
+    def _integrator_notes(self) -> tuple[Note, ...]:
+        integrator: object = self.scene.integrator
+        if isinstance(integrator, CautiousIntegrator):
+            return integrator.notes(self.model.layout)
+        return ()
+
     def finish(self, status: Status, summary: Mapping[str, Any]) -> None:
         self.writer.finish(status, summary)
 
@@ -187,7 +193,8 @@ class Recorder:
             "cache": dict(self.offline.products.used),
             "offline_s": dict(self.offline.products.seconds),
             "offline_whole_s": self.offline.products.spent.whole(tally.offline),
-            **told((*start_notes(self.model), *solver.notes, *self.notes)),
+            **told((*start_notes(self.model), *self._integrator_notes(), *solver.notes,
+                    *self.notes)),
             "stability": dict(self.stability),
             "linear_solvers": solvers_summary(
                 [*self.model.solvers.log, *self.offline.products.told],

@@ -108,6 +108,11 @@ class Frame(Protocol):
         """The same frame about the shape `offset`: s = directions^T offset, quadratic (g,)."""
         ...
 
+    def time_derivative(self, order: int, t: float, h: float) -> "Frame | None":
+        """The frame whose attachment rows are the partial derivative by time of order 1 or 2 of
+        this one's, from the right at t, s; None where that is zero. h: time step, s."""
+        ...
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ElasticOperators:
@@ -184,7 +189,8 @@ class HeatBody:
 class Separated:
     """A model taken apart for the fast step. `other` are terms that fit nowhere here.
 
-    border_rhs: functions whose values are subtracted from the multiplier rows.
+    border_rhs: functions whose values are subtracted from the multiplier rows. step: the time step
+    of the scene, s: the scale of finite differences in time.
     """
 
     moving: tuple[MovingBody, ...]
@@ -192,6 +198,7 @@ class Separated:
     border_size: int
     border_targets: tuple[tuple[int, Amplitude], ...]
     other: tuple[Term, ...]
+    step: float
 
     @property
     def rigid_equations(self) -> bool:

@@ -1,8 +1,10 @@
 """Doubts about a finished run, as notes: surfaces that never met, which is most often a mistake of
-the scene, contact forces that do not settle, and temperatures that nothing could cool to."""
+the scene, contact forces that do not settle, joint forces that alternate, and temperatures that
+nothing could cool to."""
 
 import numpy as np
 
+from sparsemor.core.joint_forces import alternating_forces
 from sparsemor.core.model import Model
 from sparsemor.core.notes import Note
 from sparsemor.core.results import RunResult
@@ -14,7 +16,7 @@ def unmet(model: Model, result: RunResult) -> tuple[Note, ...]:
     """A note for each part with a method `missed(motion)` that has something to say of how the
     bodies moved, along the rigid stage where there was one, else in the stored steps; and for each
     with a method `unsettled(history)` that has of the contact's history at all steps. A note for
-    each body whose temperature undershoots."""
+    each joint whose forces alternate, and for each body whose temperature undershoots."""
     asked = [missed for part in model.parts.values()
              if (missed := getattr(part, "missed", None)) is not None]
     told = [str(missed(_motion(model, result))) for missed in asked]
@@ -22,7 +24,7 @@ def unmet(model: Model, result: RunResult) -> tuple[Note, ...]:
         told += [str(unsettled(history)) for name, history in result.contacts().items()
                  if (unsettled := getattr(model.parts[name], "unsettled", None)) is not None]
     contacts = tuple(Note(text, "contact") for text in told if text)
-    return (*contacts, *undershoot(model, result))
+    return (*contacts, *alternating_forces(result), *undershoot(model, result))
 
 
 def _motion(model: Model, result: RunResult) -> dict[str, FrameHistory]:

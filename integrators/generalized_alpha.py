@@ -7,9 +7,14 @@ import numpy as np
 from pydantic import Field
 
 from sparsemor.core.arrays import FloatArray
+from sparsemor.core.joint_forces import joints_of
 from sparsemor.core.layout import Layout
+from sparsemor.core.notes import Note
 from sparsemor.core.plugin import Plugin
 from sparsemor.core.protocols import State, StepFormula
+
+UNDAMPED = 0.95
+"""Largest rho_inf at which errors of joint forces die out within some hundred steps."""
 
 
 class _Second(NamedTuple):
@@ -46,6 +51,17 @@ class GeneralizedAlpha(Plugin):
     @property
     def order(self) -> int:
         return 2
+
+    def notes(self, layout: Layout) -> tuple[Note, ...]:
+        """A warning where joint forces are unknown and nothing damps their errors."""
+        joints = joints_of(layout)
+        if self.rho_inf <= UNDAMPED or not joints:
+            return ()
+        return (Note(
+            f"integrator.rho_inf = {self.rho_inf:g} hardly damps errors of joint forces "
+            f"({', '.join(joints)}): they alternate from step to step, with rho_inf 1 by an "
+            f"amplitude that grows; take at most {UNDAMPED:g} (0.8 is usual), or bdf2, where "
+            "forces matter", "undamped_forces"),)
 
     def start(self, layout: Layout, state: State) -> State:
         """Memory (n, 1): algorithmic acceleration, or rate, equal to the true one at first."""

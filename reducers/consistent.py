@@ -3,7 +3,8 @@
 The full-order accelerations are not in the span of atoms that were learnt from displacements; their
 projection would start a second-order integrator with the wrong velocity. So the reduced equations
 are solved for their own accelerations: elastic rows, rigid rows, and the second derivative of the
-constraints. All unknowns enter linearly; a kernel evaluated with c2 = 0 and c2 = 1 gives the parts.
+constraints. All unknowns enter linearly; a kernel evaluated with c2 = 0 and c2 = 1/h^2 gives the
+parts.
 """
 
 from collections.abc import Sequence
@@ -12,14 +13,25 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sparsemor.core.arrays import FloatArray
+from sparsemor.core.constraint_rates import along
 from sparsemor.core.protocols import State
 from sparsemor.core.separable import FrameWork, evaluate_amplitudes
 from sparsemor.core.tables import total
+from sparsemor.core.time_functions import derivatives
 from sparsemor.reducers.body_step import BodyStep
 from sparsemor.reducers.bordered import Mechanics
 from sparsemor.reducers.test_map import TestedElastic
 
 NONE = np.zeros(0)
+
+
+@dataclass(frozen=True, slots=True)
+class Scales:
+    """Times, s: the time step h, and the one over which Jacobians of constraints are differenced
+    (core/constraint_rates.py)."""
+
+    h: float
+    motion: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -34,7 +46,8 @@ class _Body:
 
 
 def consistent_start(
-    mechanics: Mechanics, tested: Sequence[TestedElastic | None], state: State
+    mechanics: Mechanics, tested: Sequence[TestedElastic | None], state: State,
+    scales: Scales,
 ) -> State:
     """The state with a (elastic, rigid) and multipliers that satisfy the reduced equations.
 
@@ -46,10 +59,10 @@ def consistent_start(
         return state
     if not n:
         return _driven_start(mechanics, tested, state)
-    A, r = np.zeros((n, n)), -_target_accelerations(mechanics, state.t)
+    A, r = np.zeros((n, n)), -_target_accelerations(mechanics, state.t, scales.h)
     parts = []
     for body, t in zip(mechanics.bodies, tested, strict=True):
-        p, T = _linear(mechanics, body, t, state), body.to_border
+        p, T = _linear(mechanics, body, t, state, scales), body.to_border
         parts.append(p)
         r += (p.rows - p.tau @ p.base) @ T
         A += T.T @ (p.H - p.tau @ p.S) @ T
@@ -85,22 +98,23 @@ def least(A: FloatArray, r: FloatArray) -> FloatArray:
 
 
 def _linear(
-    mechanics: Mechanics, body: BodyStep, t: TestedElastic | None, state: State
+    mechanics: Mechanics, body: BodyStep, t: TestedElastic | None, state: State, scales: Scales
 ) -> _Body:
     """The body's equations at a = 0, multipliers 0, and their derivatives by a and multipliers."""
     origin, rate, _ = body.given(state.t)
     y, v = _border(mechanics, body, state.x, origin), _border(mechanics, body, state.v, rate)
-    w0, w1 = (_evaluate(body, t, y, v, c2, state) for c2 in (0.0, 1.0))
+    c2 = 1.0 / scales.h**2  # large enough that masses are not lost beside centrifugal terms
+    w0, w1 = (_evaluate(body, t, y, v, c, state) for c in (0.0, c2))
     d = body.frame.rigid_size
     H = np.zeros_like(w0.border[:, :-1])
-    H[:d, :d], H[:d, d:] = (w1.border - w0.border)[:d, :d], w0.border[:d, d:-1]
+    H[:d, :d], H[:d, d:] = (w1.border - w0.border)[:d, :d] / c2, w0.border[:d, d:-1]
     H[d:, :d] = w0.border[d:, :d]
     rows = w0.border[:, -1].copy()
-    rows[d:] = _curvature(body, t, y, v, state)
+    rows[d:] = _curvature(body, t, y, v, state, scales)
     if t is None:
         return _Body(NONE, np.zeros((0, len(rows))), rows, H, np.zeros((len(rows), 0)))
-    sigma = np.concatenate([w1.sigma[:d] - w0.sigma[:d], w0.sigma[d:-1]])
-    tau = np.concatenate([w1.tau[:d] - w0.tau[:d], w0.tau[d:]])
+    sigma = np.concatenate([(w1.sigma[:d] - w0.sigma[:d]) / c2, w0.sigma[d:-1]])
+    tau = np.concatenate([(w1.tau[:d] - w0.tau[:d]) / c2, w0.tau[d:]])
     given = np.concatenate(
         [_elastic_rows(body, t, w0, state)[:, None], t.directions @ sigma.T], axis=1)
     solved = np.linalg.lstsq(t.mass, given, rcond=None)[0]
@@ -151,26 +165,33 @@ def _elastic_rows(
 
 
 def _curvature(
+    body: BodyStep, t: TestedElastic | None, y: FloatArray, v: FloatArray, state: State,
+    scales: Scales,
+) -> FloatArray:
+    """Second derivative of the attachments' rows along the velocities, accelerations zero."""
+    found = along(lambda s: _moving(body, t, y + s * v, v, replace(
+        state, x=state.x + s * state.v)), scales.motion)
+    first, second = (body.frame.time_derivative(n, state.t, scales.h) for n in (1, 2))
+    if first is not None:
+        found = found + 2.0 * _moving(replace(body, frame=first), t, y, v, state)
+    if second is not None:
+        w = _evaluate(replace(body, frame=second), t, y, v, 0.0, state)
+        found = found + w.border[body.frame.rigid_size :, -1]
+    return found
+
+
+def _moving(
     body: BodyStep, t: TestedElastic | None, y: FloatArray, v: FloatArray, state: State
 ) -> FloatArray:
-    """Second derivative of the attachments' rows along the velocities, accelerations zero.
-
-    One-sided, because a joint's rows may follow a function of time that has a kink at the start.
-    """
-    d = body.frame.rigid_size
-    h = 1e-4 / max(1.0, float(np.abs(v).max(initial=0.0)))
-
-    def at(s: float) -> FloatArray:
-        moved = replace(state, t=state.t + s, x=state.x + s * state.v)
-        w = _evaluate(body, t, y + s * v, v, 0.0, moved)
-        return w.border[d:, -1].copy()
-
-    return np.asarray((2 * at(0.0) - 5 * at(h) + 4 * at(2 * h) - at(3 * h)) / h**2)
+    """Derivative of the attachments' rows by the coordinates, times the velocities."""
+    d, w = body.frame.rigid_size, _evaluate(body, t, y, v, 0.0, state)
+    found = w.border[d:, :d] @ v[:d]
+    return found if t is None else found + w.tau[d:] @ (t.functional @ state.v[body.elastic])
 
 
-def _target_accelerations(mechanics: Mechanics, t: float) -> FloatArray:
-    """Second derivative of what the constraints follow; one-sided, for a kink at the start."""
-    found, h = np.zeros(mechanics.size), 1e-4
+def _target_accelerations(mechanics: Mechanics, t: float, h: float) -> FloatArray:
+    """Second derivative of what the constraints follow."""
+    found = np.zeros(mechanics.size)
     for i, f in mechanics.targets:
-        found[i] = (2 * f(t) - 5 * f(t + h) + 4 * f(t + 2 * h) - f(t + 3 * h)) / h**2
+        found[i] = derivatives(f, t, h)[1]
     return found

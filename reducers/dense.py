@@ -7,7 +7,7 @@ apart stand beside them, and the Jacobian is exact.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -136,7 +136,7 @@ class DenseBody:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Dense:
-    """`newton.Equations` of a reduced model, or of one without fields."""
+    """`newton.Equations` of a reduced model, or of one without fields. step: the time step, s."""
 
     layout: Layout
     heat: Sequence[DenseHeat]
@@ -144,6 +144,7 @@ class Dense:
     coupled: Sequence[Coupled]
     targets: Sequence[tuple[int, Amplitude]]
     border: IntArray
+    step: float
     named: Sequence[tuple[str, frozenset[str]]] = ()
     price: int = 4
 
@@ -190,6 +191,13 @@ class Dense:
 
     def factorize(self, J: FloatArray) -> "Lu":
         return Lu(J)
+
+    def time_derivative(self, order: int, t: float) -> "Dense":
+        """The partial derivative by time of the bodies' constraint rows, alone, at t, s."""
+        frames = ((b, b.step.frame.time_derivative(order, t, self.step)) for b in self.bodies)
+        bodies = [DenseBody(replace(b.step, frame=f), b.tested, b.border)
+                  for b, f in frames if f is not None]
+        return replace(self, heat=(), bodies=bodies, coupled=(), targets=())
 
 
 class Lu:

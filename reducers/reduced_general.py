@@ -13,12 +13,14 @@ import numpy as np
 
 from sparsemor.core.acting import Acting, acting, untold
 from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
+from sparsemor.core.constraint_rates import along, motion_step
 from sparsemor.core.equations import rate_factors
 from sparsemor.core.layout import Layout
 from sparsemor.core.model import Model
 from sparsemor.core.notes import Note, information
 from sparsemor.core.protocols import Dictionary, State, StepFormula, StepOutcome, Term, Trial
 from sparsemor.core.status import Status
+from sparsemor.core.time_functions import derivatives, from_right
 from sparsemor.reducers.body_step import BodyStep
 from sparsemor.reducers.bordered import Tolerances
 from sparsemor.reducers.consistent import least
@@ -139,7 +141,7 @@ def reduced_general(
         [DenseHeat(layout[b.thermal], heat_times(seen[b.thermal].left, seen[b.thermal].tested))
          for b in model.separated.heat],
         _bodies(model, layout, seen), coupled, model.separated.border_targets, _border(layout),
-        coupling(model))
+        model.separated.step, coupling(model))
     count = sum(c.term.elements for c in coupled)
     names = ", ".join(sorted({n for n, _ in equations.named if n})) or "a term"
     told = (information(
@@ -231,8 +233,9 @@ def with_rates(equations: Dense, state: State) -> State:
     v, zero, one = state.v.copy(), np.zeros(layout.size), np.ones(layout.size)
     v[first] = 0.0
     K = equations.jacobian(x, v, a, t, zero, zero)
-    C = equations.jacobian(x, v, a, t, one, zero) - K
-    M = equations.jacobian(x, v, a, t, zero, one) - K
+    c1, c2 = 1.0 / equations.step, 1.0 / equations.step**2  # mass is not lost beside stiffness
+    C = (equations.jacobian(x, v, a, t, c1 * one, zero) - K) / c1
+    M = (equations.jacobian(x, v, a, t, zero, c2 * one) - K) / c2
     A = np.hstack([M[:, second], C[:, first], K[:, algebraic]])
     A[algebraic] = 0.0
     A[algebraic, second] = K[algebraic, second]
@@ -257,16 +260,26 @@ def _eliminated(A: FloatArray, r: FloatArray, border: IntArray) -> FloatArray:
 
 
 def _curvature(equations: Dense, x: FloatArray, v: FloatArray, t: float) -> FloatArray:
-    """Second derivative of the constraints along the velocities, without accelerations."""
-    layout, zero = equations.layout, np.zeros(len(x))
-    speed = float(np.abs(v[layout.second]).max(initial=0.0))
-    h = 1e-4 / max(speed, 1.0)
+    """Second derivative of the constraints along the velocities, without accelerations
+    (core/constraint_rates.py)."""
+    layout, zero, h = equations.layout, np.zeros(len(x)), equations.step
+    rows, moving = layout.algebraic, np.zeros(len(x))
+    moving[layout.second] = v[layout.second]
 
-    def g(s: float) -> FloatArray:
-        y = x.copy()
-        y[layout.second] += s * v[layout.second]
-        return equations.residual(y, v, zero, t + s, equations.given(t + s))[layout.algebraic]
+    def rate(e: Dense, s: float, time: float) -> FloatArray:
+        J = e.jacobian(x + s * moving, zero, zero, time, zero, zero)
+        return np.asarray(J[rows] @ moving)
 
-    return np.asarray((2 * g(0.0) - 5 * g(h) + 4 * g(2 * h) - g(3 * h)) / h**2)
+    def value(e: Dense, time: float) -> FloatArray:
+        return e.residual(x, zero, zero, time, zero)[rows]
 
-
+    found = along(lambda s: rate(equations, s, t), motion_step(layout, moving, h))
+    once, twice = (equations.time_derivative(n, t) for n in (1, 2))
+    found = found + 2.0 * rate(once, 0.0, t) + value(twice, t)
+    for i, f in equations.targets:
+        found[equations.border[i] - rows.start] -= derivatives(f, t, h)[1]
+    if equations.coupled:
+        other = replace(equations, heat=(), bodies=(), targets=())
+        found = found + from_right(lambda s: value(other, s), 2, t, h)
+        found = found + 2.0 * from_right(lambda s: rate(other, 0.0, s), 1, t, h)
+    return found

@@ -7,6 +7,7 @@ import numpy as np
 
 from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
 from sparsemor.core.coefficients import coefficients
+from sparsemor.core.constraint_rates import motion_step
 from sparsemor.core.layout import Layout
 from sparsemor.core.notes import Note
 from sparsemor.core.protocols import Dictionary, State, StepFormula, StepOutcome
@@ -14,7 +15,7 @@ from sparsemor.core.separable import Frame, Separated
 from sparsemor.core.status import Status
 from sparsemor.reducers.body_step import BodyStep
 from sparsemor.reducers.bordered import Contraction, Mechanics, Tolerances
-from sparsemor.reducers.consistent import consistent_start
+from sparsemor.reducers.consistent import Scales, consistent_start
 from sparsemor.reducers.driven import Driven
 from sparsemor.reducers.driven_block import CompressedDriven, DrivenBlock
 from sparsemor.reducers.elastic import CompressedElastic, ElasticBlock
@@ -104,7 +105,9 @@ class Stepper:
         reduced = reduce_state(state, self.layout, self.dictionaries)
         if self.dictionaries and self.mechanics is not None:
             tested = [self.tested.get(b.elastic_name) for b in self.mechanics.bodies]
-            reduced = consistent_start(self.mechanics, tested, reduced)
+            h = self.separated.step
+            scales = Scales(h, motion_step(self.layout, reduced.v, h))
+            reduced = consistent_start(self.mechanics, tested, reduced, scales)
         return reduced
 
     def solve(self, step: StepFormula, memory: Memory) -> tuple[StepOutcome, Memory]:

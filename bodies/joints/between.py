@@ -11,6 +11,7 @@ from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import Gather, InputError
 from sparsemor.core.protocols import Part
 from sparsemor.core.separable import Amplitude
+from sparsemor.core.time_functions import Held
 
 
 def connect(
@@ -46,7 +47,7 @@ def connect(
 
 
 def constant(value: float) -> Amplitude:
-    return lambda t: value
+    return Held(value)
 
 
 def _start(target: Target, n: int) -> FloatArray:

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from sparsemor.bodies.joints.between import constant, plane
+from sparsemor.bodies.joints.between import plane
 from sparsemor.bodies.joints.part import End, JointPart
 from sparsemor.bodies.joints.sides import spatial, unit
 from sparsemor.bodies.joints.space import rows_on
@@ -14,8 +14,8 @@ from sparsemor.bodies.spatial.rotation import across
 from sparsemor.bodies.targets import find_target
 from sparsemor.core.errors import InputError
 from sparsemor.core.plugin import Plugin
-from sparsemor.core.protocols import Part, TimeFunction
-from sparsemor.core.separable import Amplitude
+from sparsemor.core.protocols import Part
+from sparsemor.core.time_functions import Prescribed
 
 
 class PrescribedMotion(Plugin):
@@ -60,7 +60,7 @@ class PrescribedMotion(Plugin):
         if self.angle is None:
             C = C[:, :2]
         return JointPart(name, (End(target, C),),
-                         tuple(_shifted(start[i], f) for i, f in driven))
+                         tuple(Prescribed(f, start[i]) for i, f in driven))
 
     def _in_space(self, name: str, parts: Mapping[str, Part]) -> SpaceJoint:
         given = {i: f for i, f in enumerate((self.x, self.y, self.z)) if f is not None}
@@ -69,13 +69,9 @@ class PrescribedMotion(Plugin):
         rows = rows_on(name, self.of, parts)
         if given:
             start = rows.first.place()
-            rows.meet(tuple(given), [_shifted(start[i], f) for i, f in given.items()])
+            rows.meet(tuple(given), [Prescribed(f, float(start[i])) for i, f in given.items()])
         if self.angle is not None:
             axis = unit(self.axis)
             e1, e2 = across(axis)
-            rows.face([e1], [e2], self.angle.value, axis)
+            rows.no_relative_rotation([e1], [e2], Prescribed(self.angle), axis)
         return rows.joint()
-
-
-def _shifted(start: float, function: TimeFunction) -> Amplitude:
-    return constant(start) if function is None else lambda t: start + function.value(t)

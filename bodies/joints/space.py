@@ -4,6 +4,12 @@ A joint's rows are sums over its conditions, each in the kernel of one body. Con
 directions and lines are written in the own body (the flexible one, if there is one) and read the
 coordinates of the other; a flexible side turns with the mean rotation of its set. Two flexible
 sides meet in a frame without mass that is welded to the first.
+
+That mean rotation is a linear function theta of the displacements, and I + theta~ is a rotation to
+first order only. A condition on one pair of directions then depends, to second order, on which pair
+was taken. Relative rotations are therefore conditions on the antisymmetric part of the direction
+cosines, (d . e' - e . d') / 2: the rotation part of I + theta~ in its polar decomposition, by
+atan |theta| about theta, in whichever axes it is written.
 """
 
 from collections.abc import Mapping, Sequence
@@ -11,6 +17,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from sparsemor.bodies.joints.between import constant
 from sparsemor.bodies.joints.sides import NEAR, Side, check_meet, side_of, size_of
 from sparsemor.bodies.joints.space_part import Condition, SpaceJoint
 from sparsemor.bodies.spatial import nodal
@@ -73,14 +80,27 @@ class Rows:
             start += sign * side.place()
         if self.first.body is not None and self.second.body is not None:
             start[:] = 0.0
-        self._close(len(which), follow or [_constant(float(start[i])) for i in which])
+        self._close(len(which), follow or [constant(float(start[i])) for i in which])
 
-    def face(
+    def face(self, own: Sequence[FloatArray], other: Sequence[FloatArray]) -> None:
+        """Pairs of directions, in space axes at the start, that stay perpendicular."""
+        self._face(own, other, np.eye(len(own)))
+
+    def no_relative_rotation(
         self, own: Sequence[FloatArray], other: Sequence[FloatArray],
         turn: Amplitude | None = None, axis: FloatArray | None = None,
     ) -> None:
-        """Pairs of directions, in space axes at the start, that stay perpendicular; the other's
-        turn about `axis` by an angle `turn`, rad."""
+        """No rotation in the plane of each pair (d, e) of directions, in space axes at the start:
+        (A d . A_o e - A e . A_o d) / 2 = 0. The other's turn about `axis` by an angle `turn`, rad.
+        """
+        half = 0.5 * np.eye(len(own))
+        self._face([*own, *other], [*other, *own], np.hstack([half, -half]), turn, axis)
+
+    def _face(
+        self, own: Sequence[FloatArray], other: Sequence[FloatArray], C: FloatArray,
+        turn: Amplitude | None = None, axis: FloatArray | None = None,
+    ) -> None:
+        """Rows C (l, n) @ (A own_k . A_o other_k), n pairs of directions."""
         side, far = self.own, self.other
         body = side.body
         assert body is not None
@@ -89,7 +109,7 @@ class Rows:
                              "it cannot: the axis must be [0, 0, 1]; or give the body a floating "
                              "frame", "axis")
         if side.about_z and far.about_z and not self.given:
-            own, other = _about_z(own, other)
+            own, other, C = _about_z(own, other, C)
             if not own:
                 return
         item = Facing(
@@ -98,8 +118,8 @@ class Rows:
             turns=side.turning is not None, turn=turn,
             axis=None if axis is None else axis @ far.axes)
         sign = 1.0 if side is self.first or self.first.body is None else -1.0
-        self._add(body, item, side.turning, sign * np.eye(len(own)), far.reads)
-        self._close(len(own), [_constant(0.0)] * len(own))
+        self._add(body, item, side.turning, sign * C, far.reads)
+        self._close(len(C), [constant(0.0)] * len(C))
 
     def slide(self, lines: Sequence[FloatArray]) -> None:
         """The distance of the two points across directions (space axes at the start) of the other
@@ -119,12 +139,14 @@ class Rows:
                      (place - far.pose[:3]) @ far.axes, len(far.pose) if far.reads else 0, far.pose)
         sign = 1.0 if side is self.first or self.first.body is None else -1.0
         self._add(body, item, nodal.along(weights), sign * np.eye(len(lines)), far.reads)
-        self._close(len(lines), [_constant(0.0)] * len(lines))
+        self._close(len(lines), [constant(0.0)] * len(lines))
 
     def no_turn(self) -> None:
-        """Three pairs of directions, y z, z x and x y, that stay perpendicular."""
+        """The two sides keep their relative rotation. Three pairs are enough where both are rigid:
+        their relative rotation is one."""
         x, y, z = np.eye(3)
-        self.face([y, z, x], [z, x, y])
+        hold = self.face if self.own.turning is None else self.no_relative_rotation
+        hold([y, z, x], [z, x, y])
 
     def joint(self) -> SpaceJoint:
         frame: dict[str, SpatialBody] = {}
@@ -201,14 +223,15 @@ def _frame_at(name: str, side: Side) -> Side:
 
 
 def _about_z(
-    own: Sequence[FloatArray], other: Sequence[FloatArray]
-) -> tuple[list[FloatArray], list[FloatArray]]:
-    """Pairs of directions that two sides which turn about z alone do not keep by themselves.
+    own: Sequence[FloatArray], other: Sequence[FloatArray], C: FloatArray
+) -> tuple[list[FloatArray], list[FloatArray], FloatArray]:
+    """Pairs of directions that two sides which turn about z alone do not keep by themselves, and
+    the rows of C (l, n) that are left of them.
 
     InputError where a pair neither holds by itself nor is one of the plane across z.
     """
-    kept: tuple[list[FloatArray], list[FloatArray]] = [], []
-    for d, e in zip(own, other, strict=True):
+    kept: tuple[list[FloatArray], list[FloatArray], list[int]] = [], [], []
+    for i, (d, e) in enumerate(zip(own, other, strict=True)):
         along = [abs(abs(v[2]) - 1.0) < 1e-9 for v in (d, e)]
         across = [abs(v[2]) < 1e-9 for v in (d, e)]
         if (along[0] and across[1]) or (along[1] and across[0]):
@@ -218,10 +241,6 @@ def _about_z(
                              "be [0, 0, 1]; or give one of them a floating frame", "axis")
         kept[0].append(d)
         kept[1].append(e)
-    return kept
-
-
-def _constant(value: float) -> Amplitude:
-    return lambda t: value
-
-
+        kept[2].append(i)
+    C = C[:, kept[2]]
+    return kept[0], kept[1], C[C.any(axis=1)]

@@ -9,7 +9,7 @@ from sparsemor.bodies.any_body import AnyBody
 from sparsemor.bodies.body import NO_NUMBERS
 from sparsemor.bodies.joints.constraint import Constraint
 from sparsemor.bodies.joints.sides import Side
-from sparsemor.bodies.joints.wrench import SIZE, wrenches
+from sparsemor.bodies.joints.wrench import SIZE, holding, wrenches
 from sparsemor.bodies.spatial import nodal
 from sparsemor.bodies.spatial.body import SpatialBody
 from sparsemor.bodies.spatial.items import Attachment, Item, Reaction
@@ -63,7 +63,9 @@ class SpaceJoint(Constraint):
 
     @property
     def handed(self) -> int:
-        """Columns that `known` takes."""
+        """Columns that `known` takes. InputError for an item that has no wrench."""
+        for c in self.conditions:
+            holding(c.item)
         return SIZE * len(self.sides)
 
     def handed_on(

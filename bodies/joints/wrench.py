@@ -12,10 +12,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sparsemor.bodies.spatial.items import Attachment
-from sparsemor.bodies.spatial.pairs import Facing, Slide
+from sparsemor.bodies.spatial.items import Holding, Item
+from sparsemor.bodies.spatial.pairs import Wrench
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.placement import placed, turned
+from sparsemor.core.errors import InputError
+from sparsemor.core.placement import placed
 
 if TYPE_CHECKING:
     from sparsemor.bodies.joints.space_part import Condition, SpaceJoint
@@ -51,24 +52,20 @@ def wrenches(
 def _own(
     c: Condition, times: FloatArray, lam: FloatArray, pose: FloatArray,
     poses: Mapping[str, FloatArray],
-) -> tuple[FloatArray, FloatArray, FloatArray | None]:
-    """(T, 3) force at the own point and moment on the own side; then where that point is, (T, 3) m,
-    None for a condition that the other side has no part in. lam (T, forces)."""
-    item, none = c.item, np.zeros((len(times), 3))
-    if isinstance(item, Attachment):
-        return lam, none, None
-    assert isinstance(item, Facing | Slide)
-    far = poses[c.other] if c.other else item.place[None]
-    if isinstance(item, Slide):
-        lines = [turned(far, e) for e in item.lines]
-        force = sum((lam[:, k : k + 1] * f for k, f in enumerate(lines)), none)
-        return force, none, placed(pose, np.broadcast_to(item.point, (len(pose), 3)))
-    faces = np.stack([item.faces(t) for t in times.tolist()])  # (T, l, 3)
-    moment = none
-    for k, d in enumerate(item.own):
-        f = turned(np.broadcast_to(far, (len(times), far.shape[1])), faces[:, k])
-        moment = moment + lam[:, k : k + 1] * np.cross(turned(pose, d), f)
-    return none, moment, none
+) -> Wrench:
+    """On the own side of a condition; lam (T, forces)."""
+    other = poses[c.other] if c.other else None
+    return holding(c.item).wrench(times, lam, pose, other)
+
+
+def holding(item: Item) -> Holding:
+    """The item of a joint. InputError for one without `wrench`."""
+    if isinstance(item, Holding):
+        return item
+    raise InputError(
+        f"its item {type(item).__name__} has no method `wrench`, so what it does to its bodies "
+        "cannot be passed on by a rigid stage: give it that method (bodies/spatial/items.py, "
+        "`Holding`), or drop rigid_stage")
 
 
 def _other(

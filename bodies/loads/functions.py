@@ -1,6 +1,7 @@
 """Scalar functions of time, for load amplitudes and prescribed motion.
 
-Where a function has a kink or a jump, `rate` is the derivative from the right, without the jump.
+Where a function has a kink or a jump, `rate` and `curvature`, its first and second derivative, are
+those from the right, without the jump.
 Values have the unit of what they drive; times are in s.
 """
 
@@ -29,6 +30,9 @@ class Constant(Plugin):
         return self.level
 
     def rate(self, t: float) -> float:
+        return 0.0
+
+    def curvature(self, t: float) -> float:
         return 0.0
 
 
@@ -69,6 +73,9 @@ class Table(Plugin):
             return 0.0
         return self._slope(bisect_right(self.times, t) - 1)
 
+    def curvature(self, t: float) -> float:
+        return 0.0
+
     def _slope(self, i: int) -> float:
         return (self.values[i + 1] - self.values[i]) / (self.times[i + 1] - self.times[i])
 
@@ -100,6 +107,9 @@ class Ramp(Plugin):
             return 0.0
         return (self.final - self.initial) / (self.end - self.start)
 
+    def curvature(self, t: float) -> float:
+        return 0.0
+
 
 class Pulse(Plugin):
     """A value from `start` until `duration` later (end excluded), zero at other times."""
@@ -115,6 +125,9 @@ class Pulse(Plugin):
         return self.level if self.start <= t < self.start + self.duration else 0.0
 
     def rate(self, t: float) -> float:
+        return 0.0
+
+    def curvature(self, t: float) -> float:
         return 0.0
 
 
@@ -135,6 +148,9 @@ class Sine(Plugin):
 
     def rate(self, t: float) -> float:
         return 2.0 * math.pi * self.frequency * self.amplitude * math.cos(self._angle(t))
+
+    def curvature(self, t: float) -> float:
+        return -((2.0 * math.pi * self.frequency) ** 2) * self.amplitude * math.sin(self._angle(t))
 
     def _angle(self, t: float) -> float:
         return 2.0 * math.pi * self.frequency * t + self.phase

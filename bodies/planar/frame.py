@@ -76,6 +76,15 @@ class PlanarFrame:
                     item.exact(m, out)
 
     @property
+    def without_push(self) -> tuple[Item, ...]:
+        """None: `drive` evaluates every item."""
+        return ()
+
+    def time_derivative(self, order: int, t: float, h: float) -> "PlanarFrame | None":
+        """None: no attachment of it depends on time alone."""
+        return None
+
+    @property
     def shape_columns(self) -> tuple[tuple[int, int], ...]:
         """Inertia's second pair is (M X, M J X)."""
         j, found = 0, []

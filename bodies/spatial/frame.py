@@ -6,7 +6,7 @@ import numpy as np
 
 from sparsemor.bodies.spatial.course import Course, Pushes
 from sparsemor.bodies.spatial.inertia import FIRST, Inertia
-from sparsemor.bodies.spatial.items import Item, Pushing
+from sparsemor.bodies.spatial.items import Item, Nothing, Pushing, Timed
 from sparsemor.bodies.spatial.moments import moments_of
 from sparsemor.bodies.spatial.motion import Motion, Sums
 from sparsemor.core.arrays import FloatArray
@@ -17,7 +17,8 @@ from sparsemor.core.separable import FrameWork
 class SpatialFrame:
     """Border unknowns: own rigid coordinates (`size`: position and quaternion 7, position and angle
     4), those of the other bodies that items read, then the items' forces. `elastic` False when the
-    body has no elastic block."""
+    body has no elastic block. Where the frame's motion is prescribed, items act on displacements
+    by `push`; `without_push` finds those that could not."""
 
     items: tuple[Item, ...]
     elastic: bool
@@ -38,7 +39,8 @@ class SpatialFrame:
     @property
     def generators(self) -> int:
         """None at rest, where no inertia but M u'' acts."""
-        inert = any(isinstance(i, Inertia) for i in self.items)
+        inert = any(isinstance(i, Inertia) or (isinstance(i, Nothing) and i.inert)
+                    for i in self.items)
         return moments_of(self.size).count if self.elastic and inert else 0
 
     def evaluate(
@@ -95,6 +97,22 @@ class SpatialFrame:
             for item in self.items:
                 if isinstance(item, Inertia):
                     item.exact(out.motion, out)
+
+    @property
+    def without_push(self) -> tuple[Item, ...]:
+        """Items that act on displacements by more than unknown forces, but have no `push`."""
+        return tuple(i for i in self.items
+                     if i.directions and not i.forces and not isinstance(i, Pushing))
+
+    def time_derivative(self, order: int, t: float, h: float) -> "SpatialFrame | None":
+        """The frame of the partial derivative by time of its items' constraint rows, at t, s."""
+        made: list[Item] = []
+        for i in self.items:
+            of_time = i.time_derivative(order, t, h) if isinstance(i, Timed) else None
+            made.append(of_time or Nothing(
+                i.directions, i.others, i.forces, isinstance(i, Inertia)))
+        zero = all(isinstance(i, Nothing) for i in made)
+        return None if zero else replace(self, items=tuple(made))
 
     @property
     def shape_columns(self) -> tuple[tuple[int, int], ...]:

@@ -8,13 +8,13 @@ serves the rows of the frame.
 """
 
 from dataclasses import dataclass, replace
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
 from sparsemor.bodies.spatial.course import Moved, Pushed
-from sparsemor.bodies.spatial.inertia import Inertia
 from sparsemor.bodies.spatial.motion import Motion, Sums
-from sparsemor.bodies.spatial.pairs import Facing, Slide
+from sparsemor.bodies.spatial.pairs import Wrench
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.separable import Amplitude
 from sparsemor.core.tables import Table
@@ -132,6 +132,11 @@ class Attachment:
     def shifted(self, s: FloatArray, quadratic: FloatArray) -> "Attachment":
         return replace(self, point=self.point + s)
 
+    def wrench(
+        self, times: FloatArray, forces: FloatArray, pose: FloatArray, other: FloatArray | None
+    ) -> Wrench:
+        return Wrench(forces, np.zeros_like(forces), None)
+
     def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
         f, mine = m.y[k : k + 3], slice(k, k + 3)
         z = self.point + m.s[j : j + 3] if m.elastic else self.point
@@ -183,7 +188,69 @@ class Reaction:
             out.sigma[..., j + i : j + i + 3] = m.in_body(known[..., i : i + 3])
 
 
-Pushing = Inertia | SpaceForce | BodyForce | Reaction
-"""What acts on displacements where the frame's motion is given: `push` is all of it, at one time or
-many."""
-Item = Inertia | UnitLength | SpaceForce | BodyForce | Attachment | Facing | Slide | Reaction
+class Item(Protocol):
+    """One part of a spatial frame's equations. directions, others, forces: how many functionals of
+    the displacements, coordinates of another body and border unknowns it has; `names`, `shifted`
+    and `evaluate` as in the classes above."""
+
+    @property
+    def directions(self) -> int: ...
+    @property
+    def others(self) -> int: ...
+    @property
+    def forces(self) -> int: ...
+    def names(self, source: str) -> tuple[str, ...]: ...
+    def shifted(self, s: FloatArray, quadratic: FloatArray) -> "Item": ...
+    def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None: ...
+
+
+@dataclass(frozen=True, slots=True)
+class Nothing:
+    """An item that adds nothing, in the place of another one of the same shape; inert: of the
+    inertia."""
+
+    directions: int
+    others: int
+    forces: int
+    inert: bool = False
+
+    def names(self, source: str) -> tuple[str, ...]:
+        return ("",) * self.directions
+
+    def shifted(self, s: FloatArray, quadratic: FloatArray) -> "Nothing":
+        return self
+
+    def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
+        if m.elastic:
+            out.sigma[j : j + self.directions] = 0.0
+            out.sigma_y[:, j : j + self.directions] = 0.0
+            out.tau[:, j : j + self.directions] = 0.0
+
+
+@runtime_checkable
+class Timed(Protocol):
+    """An item whose constraint rows depend on time alone, and which knows how."""
+
+    def time_derivative(self, order: int, t: float, h: float) -> Item | None:
+        """The item of the partial derivative of order 1 or 2 at t, s; None where that is zero."""
+        ...
+
+
+@runtime_checkable
+class Pushing(Protocol):
+    """An item that acts on displacements where the frame's motion is prescribed: `push` writes all
+    of it to `out`, at one time or many."""
+
+    def push(self, m: Moved, j: int, out: Pushed) -> None: ...
+
+
+@runtime_checkable
+class Holding(Protocol):
+    """An item of a joint: what its multipliers do to the body, as a force and a moment."""
+
+    def wrench(
+        self, times: FloatArray, forces: FloatArray, pose: FloatArray, other: FloatArray | None
+    ) -> Wrench:
+        """Of multipliers `forces` (T, forces), N or N m, at times (T,), s, under poses (T, n) or
+        (1, n) of the own body and of the other one, None where that does not move."""
+        ...

@@ -7,6 +7,7 @@ sum lambda_k g_k, so the border stays symmetric.
 """
 
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,10 +15,21 @@ from sparsemor.bodies.spatial import rotation as rot
 from sparsemor.bodies.spatial.attitude import Attitude, attitude
 from sparsemor.bodies.spatial.motion import Motion, Sums
 from sparsemor.core.arrays import FloatArray
+from sparsemor.core.placement import placed, turned
 from sparsemor.core.separable import Amplitude
+from sparsemor.core.time_functions import derivatives
 
 STILL = np.array([0.0, 0, 0, 1, 0, 0, 0])
 """Rigid coordinates of the ground."""
+
+
+class Wrench(NamedTuple):
+    """force (T, 3), N, at the own point and moment (T, 3), N m, on the own side, in space axes;
+    reach (T, 3), m: where that force meets the other body, None where it has no part in it."""
+
+    force: FloatArray
+    moment: FloatArray
+    reach: FloatArray | None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,19 +69,39 @@ class Facing:
         """(l, 3) e at t, s."""
         if self.turn is None or self.axis is None:
             return self.other
-        turned = rot.rotation(rot.about(self.axis.tolist(), self.turn(t)))
-        return np.asarray(self.other.dot(turned.T))
+        A = rot.rotation(rot.about(self.axis.tolist(), self.turn(t)))
+        return np.asarray(self.other.dot(A.T))
+
+    def time_derivative(self, order: int, t: float, h: float) -> "Facing | None":
+        """With e' = alpha' n x e and e'' = alpha'' n x e + alpha'^2 n x (n x e), n the axis."""
+        if self.turn is None or self.axis is None:
+            return None
+        rate, curvature = derivatives(self.turn, t, h)
+        n = rot.skew(self.axis / np.linalg.norm(self.axis))
+        D = rate * n if order == 1 else curvature * n + rate**2 * n.dot(n)
+        return replace(self, other=self.faces(t).dot(D.T), turn=None)
+
+    def wrench(
+        self, times: FloatArray, forces: FloatArray, pose: FloatArray, other: FloatArray | None
+    ) -> Wrench:
+        far, none = self.place[None] if other is None else other, np.zeros((len(times), 3))
+        faces = np.stack([self.faces(t) for t in times.tolist()])  # (T, l, 3)
+        moment = none
+        for k, d in enumerate(self.own):
+            f = turned(np.broadcast_to(far, (len(times), far.shape[1])), faces[:, k])
+            moment = moment + forces[:, k : k + 1] * np.cross(turned(pose, d), f)
+        return Wrench(none, moment, none)
 
     def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
         far = attitude((m.y[o : o + self.others] if self.others else self.place)[3:])
         turning = self.turns and m.elastic
-        turned, at = self.turned, slice(j, j + 3)
+        theta, at = self.turned, slice(j, j + 3)
         if turning:
-            turned = turned + m.s[at]
+            theta = theta + m.s[at]
             out.sigma[at] = 0.0
             out.sigma_y[:, at] = 0.0
         for i, (d0, e) in enumerate(zip(self.own, self.faces(m.t), strict=True)):
-            lam, d, f = m.y[k + i], d0 + rot.cross(turned, d0), far.A.dot(e)
+            lam, d, f = m.y[k + i], d0 + rot.cross(theta, d0), far.A.dot(e)
             D, D_o = m.turn.of_body(d), far.of_body(e)
             self._own_rows(m, k + i, lam, d, f, D, out)
             out.rows[k + i] = m.A.dot(d).dot(f)
@@ -139,6 +171,14 @@ class Slide:
 
     def shifted(self, s: FloatArray, quadratic: FloatArray) -> "Slide":
         return replace(self, point=self.point + s)
+
+    def wrench(
+        self, times: FloatArray, forces: FloatArray, pose: FloatArray, other: FloatArray | None
+    ) -> Wrench:
+        far, none = self.place[None] if other is None else other, np.zeros((len(times), 3))
+        lines = [turned(far, e) for e in self.lines]
+        force = sum((forces[:, k : k + 1] * f for k, f in enumerate(lines)), none)
+        return Wrench(force, none, placed(pose, np.broadcast_to(self.point, (len(pose), 3))))
 
     def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
         y_o = m.y[o : o + self.others] if self.others else self.place

@@ -8,7 +8,14 @@ its methods return. Nothing keeps state between calls: memory is passed in and h
 from sparsemor.core.layout import Block, Layout
 from sparsemor.core.mesh import Mesh
 from sparsemor.core.protocols.contact import FrictionLaw, NormalLaw
-from sparsemor.core.protocols.integration import Integrator, State, StepFormula, TimeFunction
+from sparsemor.core.protocols.integration import (
+    CautiousIntegrator,
+    CurvedTimeFunction,
+    Integrator,
+    State,
+    StepFormula,
+    TimeFunction,
+)
 from sparsemor.core.protocols.linear_systems import Factorized, LinearOutcome, LinearSolver, Places
 from sparsemor.core.protocols.parts import (
     BodyPart,
@@ -36,13 +43,14 @@ from sparsemor.core.protocols.sparse_recovery import (
     SparseStart,
 )
 from sparsemor.core.protocols.steps import Redraws, Reducer, Resampling, StepOutcome, StepSolver
-from sparsemor.core.protocols.terms import ReducedTerm, Term, Trial
+from sparsemor.core.protocols.terms import ReducedTerm, Term, TimeDependent, Trial
 
 __all__ = [
-    "Basis", "Block", "BlockData", "BodyPart", "BodyPlugin", "ChecksBlock", "ConnectorPlugin",
-    "Dictionary", "Factorized", "FrictionLaw", "Group", "Integrator", "Layout", "LinearOutcome",
-    "LinearSolver", "Mesh", "MeshPlugin", "NamesMultipliers", "NormalLaw", "NotedPart", "Part",
-    "Places", "Preconditioner", "ProbedBody", "Redraws", "ReducedTerm", "Reducer", "Resampling",
-    "Sampler", "SparseOutcome", "SparseProblem", "SparseSolver", "SparseStart", "State",
-    "StepFormula", "StepOutcome", "StepSolver", "Term", "TimeFunction", "Trial",
+    "Basis", "Block", "BlockData", "BodyPart", "BodyPlugin", "CautiousIntegrator", "ChecksBlock",
+    "ConnectorPlugin", "CurvedTimeFunction", "Dictionary", "Factorized", "FrictionLaw", "Group",
+    "Integrator", "Layout", "LinearOutcome", "LinearSolver", "Mesh", "MeshPlugin",
+    "NamesMultipliers", "NormalLaw", "NotedPart", "Part", "Places", "Preconditioner", "ProbedBody",
+    "Redraws", "ReducedTerm", "Reducer", "Resampling", "Sampler", "SparseOutcome", "SparseProblem",
+    "SparseSolver", "SparseStart", "State", "StepFormula", "StepOutcome", "StepSolver", "Term",
+    "TimeDependent", "TimeFunction", "Trial",
 ]

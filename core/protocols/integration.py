@@ -5,6 +5,7 @@ from typing import Protocol, runtime_checkable
 
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.layout import Layout
+from sparsemor.core.notes import Note
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,8 +50,28 @@ class Integrator(Protocol):
 
 
 @runtime_checkable
+class CautiousIntegrator(Protocol):
+    """An integrator that knows which models it does not suit. Optional."""
+
+    def notes(self, layout: Layout) -> tuple[Note, ...]:
+        """Warnings before the first step, by the unknowns that there are."""
+        ...
+
+
+@runtime_checkable
 class TimeFunction(Protocol):
     """A scalar function of time, for loads and prescribed motion."""
 
     def value(self, t: float) -> float: ...
     def rate(self, t: float) -> float: ...
+
+
+@runtime_checkable
+class CurvedTimeFunction(TimeFunction, Protocol):
+    """A time function that knows its second derivative, from the right where it has a kink.
+
+    Optional: of a function without it, the start of a run takes finite differences of `rate`,
+    scaled by the time step.
+    """
+
+    def curvature(self, t: float) -> float: ...

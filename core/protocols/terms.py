@@ -47,6 +47,20 @@ class Term(Protocol):
         ...
 
 
+@runtime_checkable
+class TimeDependent(Protocol):
+    """A term that knows how its constraint rows depend on time alone.
+
+    Optional for terms with rows of multipliers: of others, the start of a run takes finite
+    differences in time.
+    """
+
+    def time_derivative(self, order: int, t: float, h: float) -> Term | None:
+        """The partial derivative of order 1 or 2 by time, from the right at t, s, as a term whose
+        constraint rows are valid at t; None where it is zero. h: time step, s."""
+        ...
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Trial:
     """The affine map from reduced unknowns to a term's columns: x = offset + atoms @ xi.

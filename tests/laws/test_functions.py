@@ -9,9 +9,10 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from sparsemor.bodies.loads.functions import Constant, Pulse, Ramp, Sine, Table, parse
-from sparsemor.core.protocols import TimeFunction
+from sparsemor.core.protocols import CurvedTimeFunction, TimeFunction
+from sparsemor.core.time_functions import Held, Prescribed, derivatives
 
-ALL: list[TimeFunction] = [
+ALL: list[CurvedTimeFunction] = [
     Constant(level=3.0),
     Table(times=(0.0, 1.0, 3.0), values=(2.0, 4.0, -2.0)),
     Table(times=(0.0, 1.0, 3.0), values=(2.0, 4.0, -2.0), outside="zero"),
@@ -34,6 +35,40 @@ def test_at_a_kink_the_rate_is_the_one_to_the_right(function: TimeFunction) -> N
         if function.value(t + 1e-6) == pytest.approx(function.value(t), abs=1e-4):
             slope = (function.value(t + 1e-6) - function.value(t)) / 1e-6
             assert function.rate(t) == pytest.approx(slope, abs=1e-7)
+
+
+@pytest.mark.parametrize("function", ALL, ids=repr)
+def test_the_curvature_is_the_slope_of_the_rate_between_kinks(function: CurvedTimeFunction) -> None:
+    for t in np.arange(-0.75, 4.0, 0.16):
+        slope = (function.rate(t + 1e-6) - function.rate(t - 1e-6)) / 2e-6
+        assert function.curvature(t) == pytest.approx(slope, abs=1e-7)
+
+
+class RateOnly:
+    """A sine from another package that knows its rate alone."""
+
+    def __init__(self, w: float) -> None:
+        self.w = w
+
+    def value(self, t: float) -> float:
+        return float(np.sin(self.w * t))
+
+    def rate(self, t: float) -> float:
+        return float(self.w * np.cos(self.w * t))
+
+
+@pytest.mark.parametrize("w", [1e-5, 1.0, 1e5])
+def test_derivatives_from_the_right_with_the_step_as_scale(w: float) -> None:
+    """Exact where the function knows them, else to what a hundredth of the step resolves."""
+    t, h = 0.3 / w, 0.1 / w
+    want = w * np.cos(0.3), -(w**2) * np.sin(0.3)
+    assert derivatives(Prescribed(RateOnly(w), 5.0), t, h) == pytest.approx(want, rel=1e-9)
+    assert derivatives(RateOnly(w).value, t, h) == pytest.approx(want, rel=1e-7)
+    known = Prescribed(Sine(amplitude=1.0, frequency=w / (2 * np.pi)), 5.0)
+    assert derivatives(known, t, h) == pytest.approx(want, rel=1e-14)
+    assert derivatives(Held(1e7), t, h) == derivatives(lambda s: 1e7, t, h) == (0.0, 0.0)
+    corner = Table(times=(0.0, t, 2 * t), values=(0.0, 0.0, 1.0))
+    assert derivatives(corner.value, t, h) == pytest.approx((1 / t, 0.0), abs=1e-6 / t**2)
 
 
 @pytest.mark.parametrize(
