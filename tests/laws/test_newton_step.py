@@ -9,7 +9,7 @@ from sparsemor.core.arrays import FloatArray
 from sparsemor.core.layout import Block, Layout
 from sparsemor.core.protocols import StepFormula, StepOutcome
 from sparsemor.core.status import Status
-from sparsemor.reducers.bordered import Tolerances
+from sparsemor.reducers.acceptance import Tolerances
 from sparsemor.reducers.dense import Lu
 from sparsemor.reducers.newton import solve
 from sparsemor.reducers.newton_memory import NewtonMemory
