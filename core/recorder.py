@@ -16,7 +16,7 @@ from sparsemor.core.checkpoint import Checkpoint
 from sparsemor.core.errors import InputError
 from sparsemor.core.initial import start_notes
 from sparsemor.core.model import Model
-from sparsemor.core.notes import Level, Note, kinds, sentences
+from sparsemor.core.notes import Level, Note, information, kinds, sentences
 from sparsemor.core.offline import Offline
 from sparsemor.core.plain import finite
 from sparsemor.core.probes import ProbeReader
@@ -190,7 +190,8 @@ class Recorder:
             "cache": dict(self.offline.products.used),
             "offline_s": dict(self.offline.products.seconds),
             "offline_whole_s": self.offline.products.spent.whole(tally.offline),
-            **told((*start_notes(self.model), *solver.notes, *self.notes)),
+            **told((*start_notes(self.model), *solver.notes, *self.notes,
+                    *_full_newton(counters, done))),
             "stability": dict(self.stability),
             "linear_solvers": solvers_summary(
                 [*self.model.solvers.log, *self.offline.products.told],
@@ -205,6 +206,15 @@ def told(notes: Sequence[Note]) -> dict[str, list[str]]:
     """Notes in a summary: sentences of warnings, their kinds, and sentences of information."""
     return {"notes": sentences(notes, Level.WARNING), "note_kinds": kinds(notes),
             "information": sentences(notes, Level.INFORMATION)}
+
+
+def _full_newton(counters: Mapping[str, int], steps: int) -> tuple[Note, ...]:
+    """Of steps in which the iteration with constant operators did not converge."""
+    n = counters.get("full_newton_steps", 0)
+    return () if not n else (information(
+        f"{n} of {steps} steps were solved by Newton's method with the exact Jacobian, because the "
+        "iteration with constant operators did not converge: large displacements of a soft body "
+        "are the usual cause", "full_newton"),)
 
 
 def _iterations(solver: Any, memory: Any) -> Mapping[str, int]:

@@ -13,11 +13,11 @@ from sparsemor.core.protocols import Integrator, StepSolver
 from sparsemor.reducers.acceptance import Tolerances
 from sparsemor.reducers.driven_block import DrivenBlock, FullDriven
 from sparsemor.reducers.elastic import ElasticBlock, FullElastic
+from sparsemor.reducers.full_newton import FullNewton
 from sparsemor.reducers.general import GeneralStepper, Summed
 from sparsemor.reducers.heat import FullHeat, HeatBlock, LocalAt
 from sparsemor.reducers.prepare import constants, stepper
 from sparsemor.reducers.reduced_general import reduced_general
-from sparsemor.reducers.whole_step import WholeStep
 
 
 class Full(Plugin):
@@ -66,4 +66,4 @@ class Full(Plugin):
                        (c1, c2))
         if made.iterating:  # chosen where a factor is too large
             return made
-        return replace(made, whole=WholeStep(lambda: Summed.of(model, price=0), tol))
+        return replace(made, newton=FullNewton(lambda: Summed.of(model, price=0), tol))

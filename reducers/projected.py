@@ -29,6 +29,7 @@ from sparsemor.reducers.checks import pattern_faults
 from sparsemor.reducers.choose import chosen
 from sparsemor.reducers.driven_block import CompressedDriven
 from sparsemor.reducers.elastic import CompressedElastic
+from sparsemor.reducers.full_newton import FullNewton
 from sparsemor.reducers.heat import CompressedHeat
 from sparsemor.reducers.newton_equations import Equations
 from sparsemor.reducers.prepare import constants, stepper
@@ -36,7 +37,6 @@ from sparsemor.reducers.reduced_general import Seen, reduced_general
 from sparsemor.reducers.represent import local_terms, represent
 from sparsemor.reducers.stepper import Facts
 from sparsemor.reducers.test_map import TestedElastic, TestedHeat, TestMap
-from sparsemor.reducers.whole_step import WholeStep
 
 RANK_RTOL = 1e-14
 """Reciprocal condition of a scaled block below which its atoms depend on each other."""
@@ -209,7 +209,7 @@ def fast(
         return reduced_general(
             model, dictionaries, rows, blocks, tolerances, points).equations
 
-    return replace(made, whole=WholeStep(whole, tolerances))
+    return replace(made, newton=FullNewton(whole, tolerances))
 
 
 def left_inverse(name: str, A: FloatArray, rtol: float = RANK_RTOL) -> FloatArray:

@@ -19,11 +19,11 @@ from sparsemor.reducers.consistent import consistent_start
 from sparsemor.reducers.driven import Driven
 from sparsemor.reducers.driven_block import CompressedDriven, DrivenBlock
 from sparsemor.reducers.elastic import CompressedElastic, ElasticBlock
+from sparsemor.reducers.full_newton import STEPS, FullNewton
 from sparsemor.reducers.heat import HeatBlock
 from sparsemor.reducers.known import Known
 from sparsemor.reducers.predictor import Ring
 from sparsemor.reducers.test_map import TestedElastic
-from sparsemor.reducers.whole_step import STEPS, WholeStep
 
 Facts = Mapping[str, Mapping[str, float | int | str]]
 """Block name -> numbers worth reporting."""
@@ -36,7 +36,7 @@ class Memory:
         self.ring, self.scales = Ring(points, x), Scales()
         self.factorizations = 0
         self.support_changes = 0
-        self.whole_steps, self.whole_next = 0, 0
+        self.full_newton_steps, self.full_newton_next = 0, 0
         """Steps that Newton's method with the exact Jacobian solved, and those next to come that
         are not tried without it."""
         self.supports: dict[str, BoolArray] = {}
@@ -80,7 +80,7 @@ class Stepper:
     """Body -> how its frame drives it, where that is given."""
     iterating: bool = False
     """Whether any elastic block has a linear solver that iterates."""
-    whole: WholeStep | None = None
+    newton: FullNewton | None = None
     """What solves a step whose mechanics do not converge."""
 
     def with_mechanics(self) -> Mechanics:
@@ -126,12 +126,12 @@ class Stepper:
         guess (n,): where the iteration starts; the past states' extrapolation when not given.
         """
         x = memory.ring.predict() if guess is None else guess.copy()
-        if self.whole is not None and memory.whole_next:
-            outcome = self._whole(self.whole, step, x, memory)
-            memory.whole_next -= 1
+        if self.newton is not None and memory.full_newton_next:
+            outcome = self._full_newton(self.newton, step, x, memory)
+            memory.full_newton_next -= 1
             if outcome.status.ok:
                 return outcome
-            memory.whole_next = 0
+            memory.full_newton_next = 0
         iterations = 0
         for body in self.separated.heat:
             at, block = self.layout[body.thermal], self.heat[body.thermal]
@@ -167,21 +167,21 @@ class Stepper:
     ) -> StepOutcome:
         """The step by Newton's method with the exact Jacobian, or the failure without it where
         that fails, too."""
-        if self.whole is None:
+        if self.newton is None:
             return failed
-        outcome = self._whole(self.whole, step, memory.ring.predict(), memory)
+        outcome = self._full_newton(self.newton, step, memory.ring.predict(), memory)
         spent = failed.iterations + outcome.iterations
         if not outcome.status.ok:
             return replace(failed, iterations=spent)
-        memory.whole_next = STEPS
+        memory.full_newton_next = STEPS
         return replace(outcome, iterations=spent)
 
-    def _whole(
-        self, whole: WholeStep, step: StepFormula, x: FloatArray, memory: Memory
+    def _full_newton(
+        self, newton: FullNewton, step: StepFormula, x: FloatArray, memory: Memory
     ) -> StepOutcome:
-        outcome = whole.solve(step, x, memory.ring)
+        outcome = newton.solve(step, x, memory.ring)
         if outcome.status.ok:
-            memory.whole_steps += 1
+            memory.full_newton_steps += 1
         return outcome
 
     def accepted(self, outcome: StepOutcome, memory: Memory) -> StepOutcome:
@@ -230,7 +230,8 @@ class Stepper:
 
     def counters(self, memory: Memory) -> Mapping[str, int]:
         return {"factorizations": memory.factorizations,
-                "support_changes": memory.support_changes, "whole_steps": memory.whole_steps}
+                "support_changes": memory.support_changes,
+                "full_newton_steps": memory.full_newton_steps}
 
 
 def _near(foretold: FloatArray, last: FloatArray) -> FloatArray:

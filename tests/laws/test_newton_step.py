@@ -81,6 +81,13 @@ def test_a_block_at_its_rounding_is_not_judged() -> None:
     assert eq.solved(0.0).status is Status.DONE
 
 
+def test_slow_convergence_is_not_taken_for_rounding() -> None:
+    """A slope of ten times the true one leaves nine tenths of an error; changes below 1e-9 that
+    shrink so slowly were accepted with nine times their size still to come."""
+    slow = Scalar(lambda x: x - 0.3, lambda x: 10.0, price=0).solved(0.3 + 5e-9)
+    assert slow.status is Status.NOT_CONVERGED and abs(slow.x[0] - 0.3) > 1e-11
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Apart:
     """x = 0 in one block, hit at once, and (y - 1)^2 = 0 in another, where Newton halves."""

@@ -23,7 +23,7 @@ STEPS = 10
 again."""
 
 
-class WholeStep:
+class FullNewton:
     """Newton's method for the whole step. make: assembles the equations."""
 
     def __init__(self, make: Callable[[], Equations], tolerances: Tolerances) -> None:
