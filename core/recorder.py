@@ -16,7 +16,7 @@ from sparsemor.core.errors import InputError
 from sparsemor.core.identity import Identity
 from sparsemor.core.initial import start_notes
 from sparsemor.core.model import Model, distinct
-from sparsemor.core.notes import Level, Note, kinds, sentences
+from sparsemor.core.notes import Level, Note, information, kinds, sentences
 from sparsemor.core.offline import Offline
 from sparsemor.core.owner import check_owned
 from sparsemor.core.plain import finite
@@ -194,7 +194,7 @@ class Recorder:
             "offline_s": dict(self.offline.products.seconds),
             "offline_whole_s": self.offline.products.spent.whole(tally.offline),
             **told((*start_notes(self.model), *self._integrator_notes(), *solver.notes,
-                    *self.notes)),
+                    *self.notes, *_full_newton(counters, done))),
             "stability": dict(self.stability),
             "linear_solvers": solvers_summary(
                 [*self.model.solvers.log, *self.offline.products.told],
@@ -210,6 +210,15 @@ def told(notes: Sequence[Note]) -> dict[str, list[str]]:
     """Notes in a summary: sentences of warnings, their kinds, and sentences of information."""
     return {"notes": sentences(notes, Level.WARNING), "note_kinds": kinds(notes),
             "information": sentences(notes, Level.INFORMATION)}
+
+
+def _full_newton(counters: Mapping[str, int], steps: int) -> tuple[Note, ...]:
+    """Of steps in which the iteration with constant operators did not converge."""
+    n = counters.get("full_newton_steps", 0)
+    return () if not n else (information(
+        f"{n} of {steps} steps were solved by Newton's method with the exact Jacobian, because the "
+        "iteration with constant operators did not converge: large displacements of a soft body "
+        "are the usual cause", "full_newton"),)
 
 
 def _iterations(solver: Any, memory: Any) -> Mapping[str, int]:

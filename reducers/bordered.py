@@ -3,12 +3,12 @@
 The elastic blocks are eliminated with their constant operator D (elastic.py), which leaves a small
 border of rigid coordinates and multipliers (Schur complement). The residual is exact; the Jacobian
 leaves out the terms quadratic in u, so the iteration contracts linearly and fast. It stops on the
-error that is estimated to remain, not on the size of the last change.
+error that is estimated to remain by two changes of this step (acceptance.py).
 """
 
 from collections.abc import Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import inf, sqrt
 
 import numpy as np
@@ -19,57 +19,16 @@ from sparsemor.core.protocols import StepFormula
 from sparsemor.core.separable import Amplitude, FrameWork
 from sparsemor.core.status import Status
 from sparsemor.reducers.acceleration import Anderson
+from sparsemor.reducers.acceptance import (
+    EPS,
+    STALLED,
+    Scales,
+    Tolerances,
+    largest_error,
+)
 from sparsemor.reducers.body_step import BodyStep
-from sparsemor.reducers.elastic import ElasticBlock, History
-
-
-@dataclass(frozen=True, slots=True)
-class Tolerances:
-    """Relative error that may remain in each unknown, and when to give up."""
-
-    remaining: float = 1e-13
-    max_iterations: int = 30
-
-
-class Contraction:
-    """Observed ratio of successive changes; per body the largest |u|^2 so far, and |du|^2 that
-    round-off alone makes. Lives in the step memory."""
-
-    __slots__ = ("age", "floor", "ratio", "scale")
-
-    def __init__(self) -> None:
-        self.ratio, self.age = 1.0, 0
-        self.scale: list[float] = []
-        self.floor: list[float] = []
-
-    def copy(self) -> "Contraction":
-        """Its own lists, the same numbers."""
-        twin = Contraction.__new__(Contraction)
-        twin.ratio, twin.age = self.ratio, self.age
-        twin.scale, twin.floor = self.scale[:], self.floor[:]
-        return twin
-
-
-class Loop:
-    """What one step keeps between its iterations: `given` targets of the constraints, rates of
-    the stacked borders at y = 0, the border unknowns y and their last change dy, and per body its
-    unknowns c, z, what multiplies its directions (sigma) and |du|^2 relative to the largest |u|^2.
-    origin: what of the stacked borders is no unknown."""
-
-    __slots__ = ("acceleration", "c", "dy", "given", "history", "moved", "origin", "sigma",
-                 "velocity", "y", "z")
-
-    history: list[History | None]
-    given: FloatArray
-    origin: FloatArray
-    velocity: FloatArray
-    acceleration: FloatArray
-    y: FloatArray
-    dy: FloatArray
-    moved: list[float]
-    c: list[FloatArray]
-    z: list[FloatArray]
-    sigma: list[FloatArray]
+from sparsemor.reducers.elastic import ElasticBlock
+from sparsemor.reducers.loop import Loop, rounded_off
 
 
 class Mechanics:
@@ -112,33 +71,33 @@ class Mechanics:
         return twin
 
     def solve(
-        self, step: StepFormula, x: FloatArray, memory: Contraction
+        self, step: StepFormula, x: FloatArray, memory: Scales
     ) -> tuple[Status, int, str, str]:
         """Improves x in place from its guess; status, iterations, block, what was seen."""
-        loop, nr = self._begin(step, x), self.n_rigid
+        loop, nr = self._begin(step, x, memory), self.n_rigid
         self.last = loop
         last, slow = inf, None
+        before: list[float] | None = None
+        mixed: FloatArray | None
         for iteration in range(1, self.tol.max_iterations + 1):
-            before = None if slow is None else self._gather(x, loop)
+            mixed = None if slow is None else self._gather(x, loop)
             change = self._iterate(step, x, loop, memory)
             if not change < inf:
                 return self._broken(iteration, loop)
             if change < 0:
                 return Status.SINGULAR, iteration, "", "the border matrix is singular"
-            if 0 < last < inf:
-                memory.ratio, memory.age = min(max(change / last, 1e-12), 1.0), 0
-            memory.age += 1
-            # an unmeasured or old ratio is not trusted: iterate once more
-            trusted = memory.age <= 200 and memory.ratio < 0.5
-            left = change * memory.ratio / (1.0 - memory.ratio) if trusted else change
-            if left <= self.tol.remaining or (change >= 0.25 * last and change <= ROUND_OFF):
+            if largest_error(loop.changes, before) <= self.tol.remaining or (
+                    change >= STALLED * last and rounded_off(self, step, loop, memory)):
                 x[:nr], x[self.algebraic] = loop.y[:nr], loop.y[nr:]
+                self._accelerations(step, loop, memory)
                 return Status.DONE, iteration, "", ""
+            before = loop.changes
             if slow is None and iteration > 1 and change > SLOW * last:
                 slow = Anderson()
-            if slow is not None and before is not None:
-                self._scatter(slow.mix(before, self._gather(x, loop), self._weights(memory)),
+            if slow is not None and mixed is not None:
+                self._scatter(slow.mix(mixed, self._gather(x, loop), self._weights(memory)),
                               x, loop)
+                before = None  # the next change is no image of this one
             last = change
         detail = f"last relative change {change:.1e} after {self.tol.max_iterations} iterations"
         return Status.NOT_CONVERGED, self.tol.max_iterations, self._worst(loop), detail
@@ -165,24 +124,24 @@ class Mechanics:
     def _scatter(self, u: FloatArray, x: FloatArray, loop: Loop) -> None:
         loop.y, x[self.elastic] = u[: self.size], u[self.size :]
 
-    def _weights(self, memory: Contraction) -> FloatArray:
+    def _weights(self, memory: Scales) -> FloatArray:
         """Rigid coordinates and displacements in comparable size; multipliers follow from them."""
         weights = np.zeros(self.size + self.elastic.stop - self.elastic.start)
         weights[: self.n_rigid] = 1.0
-        for b, scale in zip(self.bodies, memory.scale, strict=True):
+        for b, scale in zip(self.bodies, memory.elastic, strict=True):
             if b.block is not None and scale > 0:
                 first = self.size + b.elastic.start - self.elastic.start
                 weights[first : first + b.elastic.stop - b.elastic.start] = scale**-0.5
         return weights
 
-    def _begin(self, step: StepFormula, x: FloatArray) -> Loop:
+    def _begin(self, step: StepFormula, x: FloatArray, memory: Scales) -> Loop:
         loop, r1, r2, nr = Loop(), step.r1, step.r2, self.n_rigid
         loop.history = [
             None if b.block is None else
             b.block.begin(r1[b.elastic], r2[b.elastic], x[b.thermal], step.t) for b in self.bodies]
         loop.c, loop.z = [_NONE] * len(self.bodies), [_NONE] * len(self.bodies)
         loop.sigma = [_NONE] * len(self.bodies)
-        loop.moved, loop.dy = [0.0] * len(self.bodies), _NONE
+        loop.changes, loop.dy = [0.0] * (len(self.bodies) + 1), _NONE
         loop.given = np.zeros(self.size)
         for i, f in self.targets:
             loop.given[i] = f(step.t)
@@ -196,10 +155,26 @@ class Mechanics:
             loop.origin[at] += pose
             loop.velocity[at] += rate
             loop.acceleration[at] += acceleration
+        loop.size = self._size(step, loop.y[:nr], memory)
         return loop
 
+    def _size(self, step: StepFormula, q: FloatArray, memory: Scales) -> float:
+        """What changes of the rigid coordinates are relative to: |q|, or less where an error of
+        `remaining` |q| would show in the accelerations; never less than rounding allows."""
+        size = max(1.0, sqrt(float(q.dot(q))))
+        least = max(FELT * memory.acceleration / step.c2, 4 * EPS * size / self.tol.remaining)
+        return min(size, least)
+
+    def _accelerations(self, step: StepFormula, loop: Loop, memory: Scales) -> None:
+        """The scale of accelerations, with those of the solved step."""
+        nr = self.n_rigid
+        a = step.c2 * loop.y[:nr] + step.r2[:nr]
+        size = sqrt(float(a.dot(a)))
+        if size > memory.acceleration:
+            memory.acceleration = size
+
     def _iterate(
-        self, step: StepFormula, x: FloatArray, loop: Loop, memory: Contraction
+        self, step: StepFormula, x: FloatArray, loop: Loop, memory: Scales
     ) -> float:
         """One Newton step; the largest relative change (-1: singular)."""
         c1, c2, H, rows = step.c1, step.c2, self._H, self._rows
@@ -226,50 +201,48 @@ class Mechanics:
             loop.c[i], loop.z[i] = c, z
         return self._advance(x, loop, memory)
 
-    def _advance(self, x: FloatArray, loop: Loop, memory: Contraction) -> float:
-        change, nr = 0.0, self.n_rigid
-        B = self.map.T.dot(self._H.dot(self.map))
+    def _advance(self, x: FloatArray, loop: Loop, memory: Scales) -> float:
+        nr = self.n_rigid
+        loop.matrix = B = self.map.T.dot(self._H.dot(self.map))
         dy, info = dgesv(B, self._rows.dot(self.map) - loop.given, 1, 1)[2:]
         if info > 0:
             return -1.0
         loop.y = loop.y - dy
-        if nr:
-            d, q = dy[:nr], loop.y[:nr]
-            change = float(d.dot(d)) / max(1.0, float(q.dot(q)))
+        d, q = dy[:nr], loop.y[:nr]
         moved, loop.dy = self.map.dot(dy), dy
+        changes = [sqrt(d.dot(d)) / loop.size]
         if not memory.floor:
-            memory.scale, memory.floor = [0.0] * len(self.bodies), self._floors(loop.y)
+            memory.elastic, memory.floor = [0.0] * len(self.bodies), self._floors()
+        noise = max(1.0, float(q.dot(q)))
         for i, (b, w, at) in enumerate(zip(self.bodies, self.work, self.at, strict=True)):
             if b.block is None:
+                changes.append(0.0)
                 continue
             loop.sigma[i] = w.sigma[-1] - moved[at].dot(w.sigma[:-1])
             new = b.block.update(loop.z[i], loop.sigma[i])
             d = new - loop.c[i]
             bent, size = float(d.dot(d)), float(new.dot(new))
-            scale = memory.scale[i]
+            scale = memory.elastic[i]
             if size > scale:
-                scale = memory.scale[i] = size
+                scale = memory.elastic[i] = size
             # a body that hardly bends is known to its own round-off, not to its own size
-            if bent <= memory.floor[i]:
-                bent = 0.0
-            else:
-                bent = bent / scale if scale > 0.0 else inf  # first step, not a number
-            loop.moved[i] = bent
-            if not bent <= change:  # true for what is not a number, too
-                change = bent
+            if bent <= memory.floor[i] * noise:
+                changes.append(0.0)
+            else:  # first step, not a number
+                changes.append(sqrt(bent / scale) if scale > 0.0 and bent < inf else inf)
             if b.block.active is None:
                 x[b.elastic] = new
             else:
                 x[b.elastic] = 0.0
                 x[b.elastic.start + b.block.active] = new
-        return sqrt(change) if change < inf else inf
+        loop.changes = changes
+        change = max(changes)
+        return change if all(c < inf for c in changes) else inf
 
-    def _floors(self, y: FloatArray) -> list[float]:
-        """|du|^2 of each body that follows from rounding the rigid coordinates: a position is
+    def _floors(self) -> list[float]:
+        """|du|^2 of each body that follows from rounding rigid coordinates of size 1: a position is
         known to eps |q|, so its acceleration to c2 eps |q|, which bends the bodies."""
-        q = y[: self.n_rigid]
-        noise = (4 * EPS) ** 2 * max(1.0, float(q.dot(q)))
-        return [0.0 if b.block is None or not b.free else noise * sum(
+        return [0.0 if b.block is None or not b.free else (4 * EPS) ** 2 * sum(
             float(u.dot(u)) for u in (b.block.update(_ZERO, r) for r in
                                       w.sigma[: b.frame.rigid_size]))
                 for b, w in zip(self.bodies, self.work, strict=True)]
@@ -278,11 +251,11 @@ class Mechanics:
         """The block whose last change was largest, or is not finite."""
         q = np.concatenate([loop.y[: self.n_rigid], [1.0]])
         sizes = {}
-        for b, moved in zip(self.bodies, loop.moved, strict=True):
+        for b, moved in zip(self.bodies, loop.changes[1:], strict=True):
             d = b.to_border[: b.frame.rigid_size] @ loop.dy if len(loop.dy) else _ZERO
             sizes[f"{b.name}.rigid"] = sqrt(float(d.dot(d))) / _largest(q)
             if b.block is not None:
-                sizes[b.elastic_name] = sqrt(moved) if moved < inf else inf
+                sizes[b.elastic_name] = moved
         broken = [n for n, size in sizes.items() if not size < inf]
         return broken[0] if broken else max(sizes, key=lambda n: sizes[n])
 
@@ -290,9 +263,8 @@ class Mechanics:
 SLOW = 0.2
 """A change that shrinks by less than this factor an iteration is accelerated."""
 _NONE, _ZERO = np.zeros(0), np.zeros(1)
-EPS = float(np.finfo(np.float64).eps)
-ROUND_OFF = 1e-10
-"""A relative change that no longer shrinks is round-off when it is below this."""
+FELT = 1e5
+"""Relative error of the accelerations that may remain, in units of `remaining`."""
 
 
 def _largest(x: FloatArray) -> float:

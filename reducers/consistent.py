@@ -26,7 +26,7 @@ NONE = np.zeros(0)
 
 
 @dataclass(frozen=True, slots=True)
-class Scales:
+class StartTimes:
     """Times, s: the time step h, and the one over which Jacobians of constraints are differenced
     (core/constraint_rates.py)."""
 
@@ -47,7 +47,7 @@ class _Body:
 
 def consistent_start(
     mechanics: Mechanics, tested: Sequence[TestedElastic | None], state: State,
-    scales: Scales,
+    scales: StartTimes,
 ) -> State:
     """The state with a (elastic, rigid) and multipliers that satisfy the reduced equations.
 
@@ -98,7 +98,7 @@ def least(A: FloatArray, r: FloatArray) -> FloatArray:
 
 
 def _linear(
-    mechanics: Mechanics, body: BodyStep, t: TestedElastic | None, state: State, scales: Scales
+    mechanics: Mechanics, body: BodyStep, t: TestedElastic | None, state: State, scales: StartTimes
 ) -> _Body:
     """The body's equations at a = 0, multipliers 0, and their derivatives by a and multipliers."""
     origin, rate, _ = body.given(state.t)
@@ -166,7 +166,7 @@ def _elastic_rows(
 
 def _curvature(
     body: BodyStep, t: TestedElastic | None, y: FloatArray, v: FloatArray, state: State,
-    scales: Scales,
+    scales: StartTimes,
 ) -> FloatArray:
     """Second derivative of the attachments' rows along the velocities, accelerations zero."""
     found = along(lambda s: _moving(body, t, y + s * v, v, replace(

@@ -1,9 +1,10 @@
 """The mechanical step where no rigid coordinate and no joint force is unknown.
 
 Frames are then given or at rest and bodies do not feel each other: each elastic block is a linear
-problem of its own (driven_block.py). Its frame is evaluated once a step. What turns with the frame
-is small beside the constant operator and iterated; the factor by which that contracts is known, so
-that no iteration is spent on finding that nothing changes any more.
+separate problem (driven_block.py). Its frame is evaluated once a step. What turns with the frame is
+small relative to the constant operator and iterated. Where the factor by which that contracts has a
+proved bound, no iteration is spent on finding that nothing changes any more; else the error that
+remains is estimated by two changes of this step (acceptance.py).
 """
 
 from math import inf, sqrt
@@ -14,9 +15,18 @@ from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.protocols import StepFormula
 from sparsemor.core.status import Status
 from sparsemor.reducers.acceleration import Anderson
+from sparsemor.reducers.acceptance import (
+    LEAST,
+    MARGIN,
+    STALLED,
+    TRUSTED,
+    Scales,
+    estimated_error,
+)
 from sparsemor.reducers.body_step import BodyStep
-from sparsemor.reducers.bordered import ROUND_OFF, SLOW, Contraction, Loop, Mechanics
+from sparsemor.reducers.bordered import SLOW, Mechanics
 from sparsemor.reducers.driven_block import DrivenBlock, Past
+from sparsemor.reducers.loop import Loop
 
 NONE = np.zeros(0)
 
@@ -25,13 +35,13 @@ class Driven(Mechanics):
     """The bodies one after the other."""
 
     def solve(
-        self, step: StepFormula, x: FloatArray, memory: Contraction
+        self, step: StepFormula, x: FloatArray, memory: Scales
     ) -> tuple[Status, int, str, str]:
         """Improves x in place from its guess; status, iterations, block, what was seen."""
         self.last = loop = Loop()
         loop.history, loop.y, loop.dy = [None] * len(self.bodies), NONE, NONE
-        if not memory.scale:
-            memory.scale, memory.floor = [0.0] * len(self.bodies), [0.0] * len(self.bodies)
+        if not memory.elastic:
+            memory.elastic, memory.floor = [0.0] * len(self.bodies), [0.0] * len(self.bodies)
         most = 1
         for i, (b, w) in enumerate(zip(self.bodies, self.work, strict=True)):
             if b.driven is None or b.known is None:  # a rigid body: carried along
@@ -40,7 +50,7 @@ class Driven(Mechanics):
             w.coefficients[:g], w.sigma[-1] = known[:g], known[g : g + w.sigma.shape[1]]
             past = b.driven.begin(step.r1[at], step.r2[at], x[b.thermal], step.t, known)
             loop.history[i] = past
-            status, n, detail = self._body(i, b, b.driven, past, x, memory)
+            status, n, detail = self._body(i, b, b.driven, past, x, memory, step)
             most = max(most, n)
             if not status.ok:
                 return status, n, b.elastic_name, detail
@@ -48,29 +58,49 @@ class Driven(Mechanics):
 
     def _body(
         self, i: int, b: BodyStep, block: DrivenBlock, past: Past, x: FloatArray,
-        memory: Contraction,
+        memory: Scales, step: StepFormula,
     ) -> tuple[Status, int, str]:
         c = x[b.elastic] if block.active is None else x[b.elastic][block.active]
-        ratio, last, slow = block.contraction(past), inf, None
+        bound, last, slow, before = block.contraction(past), inf, None, inf
         for iteration in range(1, self.tol.max_iterations + 1):
             new = block.improve(c, past)
-            if ratio == 0.0 and past.failure is None:  # nothing turns: that was all
+            if bound == 0.0 and past.failure is None:  # nothing turns: that was all
                 _put(new, b.elastic, block.active, x)
                 return Status.DONE, iteration, ""
-            change = _change(new, c, memory.scale, i)
+            change = _change(new, c, memory.elastic, i)
             if not change < inf:
                 status, detail = past.failure or (Status.NOT_FINITE, "")
                 return status, iteration, detail
-            left = change * ratio / (1.0 - ratio) if ratio < 0.5 else change
-            if left <= self.tol.remaining or (change >= 0.25 * last and change <= ROUND_OFF):
+            if self._error(change, before, bound, block.proved) <= self.tol.remaining or (
+                    change >= STALLED * last and _rounded(change, c, block, past, step, memory, i)):
                 _put(new, b.elastic, block.active, x)
                 return Status.DONE, iteration, ""
+            before = change
             if slow is None and change > SLOW * last:
                 slow = Anderson()
-            c = new if slow is None else slow.mix(c, new, np.ones(len(c)))
+            if slow is None:
+                c = new
+            else:
+                c, before = slow.mix(c, new, np.ones(len(c))), inf
             last = change
         detail = f"last relative change {last:.1e} after {self.tol.max_iterations} iterations"
         return Status.NOT_CONVERGED, self.tol.max_iterations, detail
+
+
+    def _error(self, change: float, before: float, bound: float, proved: bool) -> float:
+        """What remains after this change. A proved bound on the contraction holds after accelerated
+        changes, too; an estimated one only makes the measured ratio larger."""
+        if proved and bound < TRUSTED:
+            return change * bound / (1.0 - bound)
+        return estimated_error(change, before, LEAST if proved else max(bound, LEAST))
+
+
+def _rounded(
+    change: float, c: FloatArray, block: DrivenBlock, past: Past, step: StepFormula,
+    memory: Scales, i: int,
+) -> bool:
+    """Whether a change that no longer falls is round-off."""
+    return change * sqrt(memory.elastic[i]) <= MARGIN * block.noise(c, past, step.c1, step.c2)
 
 
 def _change(new: FloatArray, c: FloatArray, scales: list[float], i: int) -> float:

@@ -11,7 +11,7 @@ time alone (core/separable.py), so moments and quadratic forms of u are not need
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from math import sqrt
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -20,7 +20,8 @@ from sparsemor.core.block_solvers import short
 from sparsemor.core.protocols import Factorized
 from sparsemor.core.separable import ElasticOperators, amplitudes_along, evaluate_amplitudes
 from sparsemor.core.tables import total, total_along
-from sparsemor.reducers.elastic import History
+from sparsemor.reducers.acceptance import EPS
+from sparsemor.reducers.elastic import History, rounded
 from sparsemor.reducers.felt import Moving, felt
 from sparsemor.reducers.known import Known
 from sparsemor.reducers.natural import carried, dense, times
@@ -35,9 +36,10 @@ class Past(History):
     """One step's constants. kappa, mu (g,); u: the last iterate's image, c: that iterate, None at
     the start; r1: what mu acts on, None when that is done; weights, rates: kappa and mu as arrays;
     turning: the first and after the last that is not zero; bound: on the factor by which errors
-    shrink."""
+    shrink; terms: r1, r2 and temperatures of a reduced block's history, and all of b that time
+    alone decides."""
 
-    __slots__ = ("bound", "c", "kappa", "mu", "r1", "rates", "turning", "u", "weights")
+    __slots__ = ("bound", "c", "kappa", "mu", "r1", "rates", "terms", "turning", "u", "weights")
 
     def __init__(self, known: FloatArray, g: int, r1: FloatArray) -> None:
         super().__init__()
@@ -52,12 +54,15 @@ class Past(History):
     rates: FloatArray
     turning: tuple[int, int]
     bound: float
+    terms: tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 
 
 class DrivenBlock(ABC):
-    """`active`: numbers of the unknowns it solves for, None for all."""
+    """`active`: numbers of the unknowns it solves for, None for all. proved: whether `contraction`
+    is a bound in the Euclidean norm of the unknowns, and not an estimate of one."""
 
     active: IntArray | None
+    proved: ClassVar[bool]
 
     @abstractmethod
     def known(self, drive: Known) -> Known:
@@ -75,13 +80,20 @@ class DrivenBlock(ABC):
 
     @abstractmethod
     def contraction(self, past: Past) -> float:
-        """An estimate, on the safe side, of the factor by which `improve` shrinks an error."""
+        """The factor by which `improve` shrinks an error, at most; 0.0 where nothing turns."""
+
+    @abstractmethod
+    def noise(self, c: FloatArray, past: Past, c1: float, c2: float) -> float:
+        """Norm of what rounding the terms of the equations makes of the unknowns c."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FullDriven(DrivenBlock):
-    """Full order: D made ready, one right-hand side an iteration, then its softest modes."""
+    """Full order: D made ready, one right-hand side an iteration, then its softest modes. Its
+    contraction is estimated by Ritz values, which are none but lower bounds of what they stand for,
+    times a margin."""
 
+    proved: ClassVar[bool] = False
     ops: ElasticOperators
     factor: Factorized
     softest: Softest
@@ -127,7 +139,7 @@ class FullDriven(DrivenBlock):
             u = -self.factor.solve(right)
             return u + self.softest.correction(u - c, past.kappa) if any(past.kappa) else u
         found = self.factor.outcome(right, -c)
-        past.iterations += found.iterations
+        past.iterations, past.residual = past.iterations + found.iterations, found.residual
         if found.status.ok:
             return -found.x
         past.failure = found.status, short(self.factor, found.residual, found.iterations)
@@ -135,6 +147,9 @@ class FullDriven(DrivenBlock):
 
     def contraction(self, past: Past) -> float:
         return self.softest.left * sum(map(abs, past.kappa))
+
+    def noise(self, c: FloatArray, past: Past, c1: float, c2: float) -> float:
+        return rounded(self.ops, self.factor, c, past, c1, c2)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -149,6 +164,7 @@ class CompressedDriven(DrivenBlock):
     and of what is beyond.
     """
 
+    proved: ClassVar[bool] = True
     inertia: FloatArray
     damping: FloatArray | None
     coupling: FloatArray
@@ -216,6 +232,7 @@ class CompressedDriven(DrivenBlock):
         past.weights, past.rates, past.bound = known[:g], known[g : 2 * g], float(known[n])
         acts = [i for i, k in enumerate(zip(past.kappa, past.mu, strict=True)) if any(k)]
         past.turning = (acts[0], acts[-1] + 1) if acts else (0, 0)
+        past.terms = r1, r2, xT, known[n + 1 :]
         past.u = times(self.inertia, r2)
         past.u += known[n + 1 :]
         if self.damping is not None:
@@ -259,6 +276,18 @@ class CompressedDriven(DrivenBlock):
 
     def contraction(self, past: Past) -> float:
         return past.bound
+
+    def noise(self, c: FloatArray, past: Past, c1: float, c2: float) -> float:
+        r1, r2, xT, rest = map(np.abs, past.terms)
+        size = times(np.abs(self.inertia), r2) + rest
+        if self.damping is not None:
+            size += times(np.abs(self.damping), r1)
+        if len(xT):
+            size += np.abs(self.coupling) @ xT
+        turned = np.multiply.outer(np.abs(past.weights), self._wide(np.abs(c)))
+        turned += np.multiply.outer(np.abs(past.rates), r1)
+        size += turned.ravel() @ np.abs(self.G).reshape(turned.size, -1)
+        return EPS * float(np.linalg.norm(size))
 
 
 def _beyond(A: FloatArray, r: int) -> float:

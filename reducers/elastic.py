@@ -20,22 +20,25 @@ from sparsemor.core.protocols import Factorized
 from sparsemor.core.separable import ElasticOperators, evaluate_amplitudes
 from sparsemor.core.status import Status
 from sparsemor.core.tables import total
+from sparsemor.reducers.acceptance import EPS, rounding
 from sparsemor.reducers.felt import Moving, felt
 from sparsemor.reducers.test_map import TestedElastic
 
 
 class History:
     """One step's constants: `h`; `stack` for the combination; `quad` rows M_g r1, M_g r2;
-    s1 = P^T r1, s2 = P^T r2. Of a linear solver that iterates: its iterations in this step, and
-    the status and words of one that stopped short."""
+    s1 = P^T r1, s2 = P^T r2; parts: r1, r2, temperatures and amplitudes that a reduced block's
+    history is made of. Of a linear solver that iterates: its iterations in this step, the residual
+    it left, relative to its right-hand side, and the status and words of one that stopped short."""
 
-    __slots__ = ("failure", "h", "iterations", "quad", "s1", "s2", "stack")
+    __slots__ = ("failure", "h", "iterations", "parts", "quad", "residual", "s1", "s2", "stack")
 
     def __init__(self) -> None:
-        self.iterations = 0
+        self.iterations, self.residual = 0, 0.0
         self.failure: tuple[Status, str] | None = None
 
     h: FloatArray
+    parts: FloatArray
     stack: FloatArray
     quad: FloatArray
     s1: FloatArray
@@ -69,6 +72,13 @@ class ElasticBlock(Protocol):
 
     def update(self, z: FloatArray, sigma: FloatArray) -> FloatArray:
         """-(z + E sigma): the block's unknowns."""
+        ...
+
+    def noise(
+        self, c: FloatArray, history: History, factors: FloatArray, c1: float, c2: float
+    ) -> float:
+        """Norm of what rounding the terms of the elastic rows makes of the unknowns c; factors as
+        in `combine`."""
         ...
 
 
@@ -124,7 +134,8 @@ class FullElastic:
     def _iterated(self, right: FloatArray, guess: FloatArray, history: History) -> FloatArray:
         """nan where the iteration stops short: the step then fails, and `history` says why."""
         found = self.factor.outcome(right, guess)
-        history.iterations += found.iterations
+        history.iterations, history.residual = (
+            history.iterations + found.iterations, found.residual)
         if found.status.ok:
             return found.x
         history.failure = found.status, short(self.factor, found.residual, found.iterations)
@@ -132,6 +143,11 @@ class FullElastic:
 
     def update(self, z: FloatArray, sigma: FloatArray) -> FloatArray:
         return -(z + self.E @ sigma)
+
+    def noise(
+        self, c: FloatArray, history: History, factors: FloatArray, c1: float, c2: float
+    ) -> float:
+        return rounded(self.ops, self.factor, c, history, c1, c2)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -191,10 +207,11 @@ class CompressedElastic:
         parts = [r1, r2, xT]
         if self.amplitudes:
             parts.append(evaluate_amplitudes(self.amplitudes, t))
-        out = self.H.dot(np.concatenate(parts))
-        out += self.base
         s, p, g = self.sizes
         w, h = s + p, History()
+        h.parts = np.concatenate(parts)
+        out = self.H.dot(h.parts)
+        out += self.base
         if self.tables:
             out[g * w : (g + 1) * w] -= total(self.tables, t)
         # rows kappa_g | mu_g | 1 of the combination; the first g are filled at each look
@@ -224,6 +241,33 @@ class CompressedElastic:
     def update(self, z: FloatArray, sigma: FloatArray) -> FloatArray:
         new: FloatArray = -(z + self.E.dot(sigma))
         return new
+
+    def noise(
+        self, c: FloatArray, history: History, factors: FloatArray, c1: float, c2: float
+    ) -> float:
+        s, p, g = self.sizes
+        w = s + p
+        kappa, mu = np.abs(factors[:-1]).reshape(2, g)
+        turned = (np.abs(self.S[: g * w]) @ np.abs(c)).reshape(g, w)
+        past = (np.abs(self.H[: (g + 1) * w]) @ np.abs(history.parts)).reshape(g + 1, w)
+        terms = kappa @ turned + mu @ past[:g] + past[g] + np.abs(self.base[g * w : (g + 1) * w])
+        return EPS * float(np.linalg.norm(terms[:s]))
+
+
+def rounded(
+    ops: ElasticOperators, factor: Factorized, u: FloatArray, history: History, c1: float, c2: float
+) -> float:
+    """Norm of D^-1 e, e of random signs and as large as the rounding of the terms of D u, or as
+    what an iterative solver leaves."""
+    size, v = np.abs(u), rounding(len(u))
+    terms = abs(ops.stiffness) @ size + c2 * (abs(ops.mass) @ size)
+    if ops.damping.nnz:
+        terms += c1 * (abs(ops.damping) @ size)
+    terms += np.abs(history.h)
+    if factor.iterative:
+        left = history.residual * float(np.linalg.norm(history.h)) / np.sqrt(len(u))
+        terms += left / EPS
+    return float(np.linalg.norm(factor.solve(v * terms)))
 
 
 def each(generators: Sequence[Csr], x: FloatArray) -> FloatArray:

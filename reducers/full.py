@@ -1,5 +1,6 @@
 """Full order: constant blocks factorized once, rigid coordinates and multipliers as a border."""
 
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -9,10 +10,11 @@ from sparsemor.core.model import Model
 from sparsemor.core.offline import Offline
 from sparsemor.core.plugin import Plugin
 from sparsemor.core.protocols import Integrator, StepSolver
-from sparsemor.reducers.bordered import Tolerances
+from sparsemor.reducers.acceptance import Tolerances
 from sparsemor.reducers.contact_start import check_start
 from sparsemor.reducers.driven_block import DrivenBlock, FullDriven
 from sparsemor.reducers.elastic import ElasticBlock, FullElastic
+from sparsemor.reducers.full_newton import FullNewton
 from sparsemor.reducers.general import GeneralStepper, Summed, coupling
 from sparsemor.reducers.heat import FullHeat, HeatBlock, LocalAt
 from sparsemor.reducers.other_solver import local_heat_notes, whole_step_notes
@@ -70,5 +72,8 @@ class Full(Plugin):
                 D = o.stiffness + c1 * o.damping + c2 * o.mass
                 elastic[m.elastic] = kind.of(o, model.factorize(m.elastic, D), m.elastic)
                 done += 1
-        return stepper(model, model.layout, {}, {}, heat, elastic, tol, self.predictor, done,
+        made = stepper(model, model.layout, {}, {}, heat, elastic, tol, self.predictor, done,
                        (c1, c2), notes=local_heat_notes(model))
+        if made.iterating:  # chosen where a factor is too large
+            return made
+        return replace(made, newton=FullNewton(lambda: Summed.of(model, price=0), tol))

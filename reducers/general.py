@@ -21,7 +21,7 @@ from sparsemor.core.layout import Layout
 from sparsemor.core.model import Model
 from sparsemor.core.notes import Note
 from sparsemor.core.protocols import Dictionary, State, StepFormula, StepOutcome, Term
-from sparsemor.reducers.bordered import Tolerances
+from sparsemor.reducers.acceptance import Tolerances
 from sparsemor.reducers.doubt import doubted
 from sparsemor.reducers.newton import solve
 from sparsemor.reducers.newton_memory import NewtonMemory

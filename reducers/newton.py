@@ -8,24 +8,20 @@ shorter steps. Kept factors and affine invariant tests: Deuflhard 2011,
 doi 10.1007/978-3-642-23899-4, Sec. 2.1.
 """
 
-from collections.abc import Sequence
 from math import inf
-from typing import Any, Protocol
 
 import numpy as np
 
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.equations import rate_factors
-from sparsemor.core.layout import Layout
 from sparsemor.core.protocols import StepFormula, StepOutcome
 from sparsemor.core.status import Status
-from sparsemor.reducers.bordered import Tolerances
+from sparsemor.reducers.acceptance import EPS, LEAST, MARGIN, STALLED, Tolerances, rounding
+from sparsemor.reducers.newton_equations import Equations
 from sparsemor.reducers.newton_memory import NewtonMemory, Place
 
-STALLED = 0.25
-"""Changes that shrink by less than this under a new factor: rounding, or a kink."""
 NOISE = 1e-9
-"""Relative change below which a stalled iteration is rounding."""
+"""Relative change below which an iteration is not found to go back and forth."""
 PATIENCE = 6
 """Full steps that may fail to halve the smallest change before the residual is made to fall."""
 NONE = np.zeros(0)
@@ -33,40 +29,6 @@ SHORTEST = 2.0**-7
 """Least share of a full step that is tried."""
 FORETOLD = 1e-2
 """Relative error of an extrapolation that is still better than the last state itself."""
-EPS = float(np.finfo(np.float64).eps)
-
-
-class Equations(Protocol):
-    """One model's equations: n rows for the n unknowns of `layout`.
-
-    price: of a new factor, in iterations with the old one; 0: a new one in each iteration.
-    """
-
-    @property
-    def layout(self) -> Layout: ...
-    @property
-    def price(self) -> int: ...
-    @property
-    def named(self) -> Sequence[tuple[str, frozenset[str]]]:
-        """What couples the blocks: its name in the scene, and the blocks."""
-        ...
-
-    def given(self, t: float) -> FloatArray:
-        """(n,) the part of the residual that depends on the time (s) alone."""
-        ...
-
-    def residual(
-        self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, given: FloatArray
-    ) -> FloatArray: ...
-    def jacobian(
-        self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: FloatArray, c2: FloatArray
-    ) -> Any:
-        """(n, n), dense or csc; c1, c2 (n,) a unknown."""
-        ...
-
-    def factorize(self, J: Any) -> Any:
-        """Something with `solve(r)`. Raises RuntimeError when J is singular."""
-        ...
 
 
 def solve(
@@ -81,14 +43,15 @@ def solve(
 
 
 class _At:
-    """An iterate: x (n,), its residual r, and after `turn` its change dx; moved (blocks,): how
-    large that is in each block, change: the largest."""
+    """An iterate: x (n,) with its rates v, a, its residual r, and after `turn` its change dx;
+    moved (blocks,): how large that is in each block, change: the largest; share: of the change
+    that led here."""
 
-    __slots__ = ("change", "dx", "fresh", "moved", "r", "x")
+    __slots__ = ("a", "change", "dx", "fresh", "moved", "r", "share", "v", "x")
 
-    def __init__(self, x: FloatArray, r: FloatArray) -> None:
-        self.x, self.r, self.fresh = x, r, False
-        self.dx, self.moved, self.change = x, NONE, inf
+    def __init__(self, x: FloatArray, v: FloatArray, a: FloatArray, r: FloatArray) -> None:
+        self.x, self.v, self.a, self.r, self.fresh = x, v, a, r, False
+        self.dx, self.moved, self.change, self.share = x, NONE, inf, 1.0
 
 
 class _Search:
@@ -138,10 +101,11 @@ class _Search:
                 return self.failed(new, Status.NOT_FINITE)
             ratio = new.moved / np.maximum(at.moved, 1e-300)  # of each block: one may converge
             # the textbook method, a check, trusts no ratio: it goes on until nothing changes
-            if not always and self._left(new.moved, ratio) <= self.tol.remaining:
+            full = not always and new.share == 1.0  # a shortened change says nothing of the next
+            if full and self._left(new.moved, ratio) <= self.tol.remaining:
                 return StepOutcome(new.x - new.dx, Status.DONE, self.iterations)
             stalled = new.change >= STALLED * at.change
-            if (at.fresh or always) and stalled and new.change <= NOISE:
+            if (at.fresh or always) and stalled and self._rounded(new):
                 return StepOutcome(new.x, Status.DONE, self.iterations)
             if not (always or new.fresh) and self._slow(new.change, new.change / at.change):
                 if new.change >= at.change and not at.fresh:
@@ -155,7 +119,7 @@ class _Search:
         nowhere; None where no share of the change makes the residual fall."""
         lost = self.iterations > 2 * PATIENCE and at.change > FORETOLD  # wanders, if not in circles
         if self.stall <= PATIENCE and not lost:
-            new = self.at(at.x - at.dx)
+            new = self.beyond(at)
             if np.isfinite(new.r).all():
                 self._ready(new, anew)
                 return new
@@ -170,7 +134,7 @@ class _Search:
 
     def _left(self, moved: FloatArray, ratio: FloatArray) -> float:
         """The change that is left to come, by the ratio of the last two."""
-        steady = np.minimum(ratio, 0.5)
+        steady = np.clip(ratio, LEAST, 0.5)
         return float((moved * np.where(ratio < 0.5, steady / (1.0 - steady), 1.0)).max())
 
     def _slow(self, change: float, ratio: float) -> bool:
@@ -196,7 +160,7 @@ class _Search:
         merit, share = self._merit(at.r), 1.0
         self.iterations += 1
         while share >= SHORTEST:
-            new = self.at(at.x - share * at.dx)
+            new = self.beyond(at, share)
             if self._merit(new.r) <= (1.0 - 0.1 * share) * merit:
                 self.turn(new, anew=True)
                 return new
@@ -218,17 +182,25 @@ class _Search:
     # ------------------------------------------------------------------ residual and change
 
     def at(self, x: FloatArray) -> _At:
-        s = self.step
-        return _At(x, self.eq.residual(
-            x, self.c1 * x + s.r1, self.c2 * x + s.r2, s.t, self.given))
+        """An iterate at x: the first one of the step."""
+        return self._evaluated(x, self.c1 * x + self.step.r1, self.c2 * x + self.step.r2)
+
+    def beyond(self, at: _At, share: float = 1.0) -> _At:
+        """The iterate after a share of the change. Its rates follow from the change, whose digits
+        c2 x + r2 would lose: x of size 1 is rounded to 1e-16, and c2 = 1/(beta h^2) may be 1e10."""
+        d = share * at.dx
+        new = self._evaluated(at.x - d, at.v - self.c1 * d, at.a - self.c2 * d)
+        new.share = share
+        return new
+
+    def _evaluated(self, x: FloatArray, v: FloatArray, a: FloatArray) -> _At:
+        return _At(x, v, a, self.eq.residual(x, v, a, self.step.t, self.given))
 
     def turn(self, at: _At, anew: bool) -> None:
         """The change at an iterate; anew: with the Jacobian there, else with the kept one."""
         m = self.memory
         if anew:
-            s = self.step
-            m.place = Place(
-                at.x, self.c1 * at.x + s.r1, self.c2 * at.x + s.r2, s.t, self.c)
+            m.place = Place(at.x, at.v, at.a, self.step.t, self.c)
             m.factor = None
             m.factorizations += 1
         if m.factor is None:
@@ -243,6 +215,17 @@ class _Search:
         at.change = float(at.moved.max())
         if not at.change < inf:
             at.change = inf
+
+    def _rounded(self, at: _At) -> bool:
+        """Whether the change is no more than what rounding the terms of the residual makes of the
+        unknowns, in each block that is not converged: J^-1 (eps |J| |x|), with random signs.
+        Constraints subtract positions of size 1 from each other, which |J| |x| may not show."""
+        terms = self.memory.size @ np.abs(at.x)
+        count = np.diff(np.append(self.starts, len(terms)))
+        terms = np.where(np.repeat(self.judged, count), terms, np.maximum(terms, 1.0))
+        noise = self.memory.factor.solve(rounding(len(terms)) * terms)
+        small = self._largest(at.dx) <= MARGIN * self._largest(noise)
+        return bool((small | (at.moved <= self.tol.remaining)).all())
 
     def _sizes(self, x: FloatArray) -> FloatArray:
         """(blocks,) what the residual's terms are as large as: |J| |x|, largest of each block."""

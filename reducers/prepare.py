@@ -11,8 +11,8 @@ from sparsemor.core.model import Model
 from sparsemor.core.notes import Note
 from sparsemor.core.protocols import Dictionary, Integrator, State
 from sparsemor.core.separable import MovingBody
+from sparsemor.reducers.acceptance import Tolerances
 from sparsemor.reducers.body_step import Drive
-from sparsemor.reducers.bordered import Tolerances
 from sparsemor.reducers.driven_block import DrivenBlock, FullDriven
 from sparsemor.reducers.elastic import ElasticBlock, FullElastic
 from sparsemor.reducers.heat import HeatBlock

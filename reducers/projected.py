@@ -6,7 +6,7 @@ LSPG are the same arrays in the same step.
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Annotated
 
@@ -24,12 +24,14 @@ from sparsemor.core.protocols import Basis, Dictionary, Integrator, StepSolver
 from sparsemor.core.separable import HeatBody, MovingBody
 from sparsemor.core.slot import Slot, slot_default
 from sparsemor.core.status import SolveFailed, Status
-from sparsemor.reducers.bordered import Tolerances
+from sparsemor.reducers.acceptance import Tolerances
 from sparsemor.reducers.checks import pattern_faults
 from sparsemor.reducers.choose import chosen
 from sparsemor.reducers.driven_block import CompressedDriven
 from sparsemor.reducers.elastic import CompressedElastic
+from sparsemor.reducers.full_newton import FullNewton
 from sparsemor.reducers.heat import CompressedHeat
+from sparsemor.reducers.newton_equations import Equations
 from sparsemor.reducers.no_effect import shadowed_basis
 from sparsemor.reducers.prepare import constants, stepper
 from sparsemor.reducers.reduced_general import Seen, reduced_general
@@ -202,8 +204,14 @@ def fast(
             tested[body.elastic] = s.tested
             elastic[body.elastic] = kind.of(s.tested, s.left, None)
     layout = model.layout.resized({n: d.atoms.shape[1] for n, d in dictionaries.items()})
-    return stepper(model, layout, dictionaries, rows, heat, elastic, tolerances, points,
+    made = stepper(model, layout, dictionaries, rows, heat, elastic, tolerances, points,
                    len(heat) + len(elastic), (c1, c2), True, limits, notes, tested, facts)
+
+    def whole() -> Equations:
+        return reduced_general(
+            model, dictionaries, rows, blocks, tolerances, points).equations
+
+    return replace(made, newton=FullNewton(whole, tolerances))
 
 
 def left_inverse(name: str, A: FloatArray, rtol: float = RANK_RTOL) -> FloatArray:

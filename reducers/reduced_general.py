@@ -21,8 +21,8 @@ from sparsemor.core.notes import Note, information
 from sparsemor.core.protocols import Dictionary, State, StepFormula, StepOutcome, Term, Trial
 from sparsemor.core.status import Status
 from sparsemor.core.time_functions import derivatives, from_right
+from sparsemor.reducers.acceptance import Tolerances
 from sparsemor.reducers.body_step import BodyStep
-from sparsemor.reducers.bordered import Tolerances
 from sparsemor.reducers.consistent import least
 from sparsemor.reducers.dense import Coupled, Dense, DenseBody, DenseHeat
 from sparsemor.reducers.doubt import doubted

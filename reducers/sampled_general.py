@@ -9,7 +9,7 @@ from sparsemor.core.model import Model
 from sparsemor.core.notes import Note
 from sparsemor.core.protocols import Basis, Dictionary
 from sparsemor.core.status import SolveFailed, Status
-from sparsemor.reducers.bordered import Tolerances
+from sparsemor.reducers.acceptance import Tolerances
 from sparsemor.reducers.checks import RowsAndAtoms, block_size, most_atoms, pattern_of
 from sparsemor.reducers.choose import chosen
 from sparsemor.reducers.general import coupling

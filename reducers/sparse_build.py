@@ -12,7 +12,7 @@ from sparsemor.core.notes import Note
 from sparsemor.core.offline import Offline
 from sparsemor.core.protocols import Dictionary, Preconditioner, SparseSolver, StepSolver
 from sparsemor.core.status import SolveFailed, Status
-from sparsemor.reducers.bordered import Tolerances
+from sparsemor.reducers.acceptance import Tolerances
 from sparsemor.reducers.choose import chosen
 from sparsemor.reducers.inverse_rows import inverse_rows
 from sparsemor.reducers.missed import missed_loads

@@ -84,7 +84,7 @@ class SparseStepper(AroundSteps[Stepper]):
             if not all(s.any() for s in memory.supports.values()):
                 return None
             memory.current = self._prepared(memory, memory.supports)
-        contraction, now = memory.contraction.copy(), memory.current
+        scales, now = memory.scales.copy(), memory.current
         tried = now.tried(step, memory)
         found = self._heat_supports(step, tried, memory)
         if found:  # other temperatures load the bodies differently
@@ -95,7 +95,7 @@ class SparseStepper(AroundSteps[Stepper]):
             found = None if bent is None else {**found, **bent}
         if found is not None and not found:
             return self._named(self.base.accepted(tried, memory))
-        memory.contraction = contraction  # as if the carried support had not been tried
+        memory.scales = scales  # as if the carried support had not been tried
         if found is None:
             return None
         self._take(found, memory)  # changes at the threshold: the past remains a guide

@@ -13,12 +13,14 @@ from sparsemor.core.notes import Note
 from sparsemor.core.protocols import Dictionary, State, StepFormula, StepOutcome
 from sparsemor.core.separable import Frame, Separated
 from sparsemor.core.status import Status
+from sparsemor.reducers.acceptance import Scales, Tolerances
 from sparsemor.reducers.body_step import BodyStep
-from sparsemor.reducers.bordered import Contraction, Mechanics, Tolerances
-from sparsemor.reducers.consistent import Scales, consistent_start
+from sparsemor.reducers.bordered import Mechanics
+from sparsemor.reducers.consistent import StartTimes, consistent_start
 from sparsemor.reducers.driven import Driven
 from sparsemor.reducers.driven_block import CompressedDriven, DrivenBlock
 from sparsemor.reducers.elastic import CompressedElastic, ElasticBlock
+from sparsemor.reducers.full_newton import STEPS, FullNewton
 from sparsemor.reducers.heat import HeatBlock
 from sparsemor.reducers.known import Known
 from sparsemor.reducers.predictor import Ring
@@ -32,9 +34,12 @@ class Memory:
     """What a run carries from step to step; its state is plain data (core/saved.py)."""
 
     def __init__(self, x: FloatArray, points: int) -> None:
-        self.ring, self.contraction = Ring(points, x), Contraction()
+        self.ring, self.scales = Ring(points, x), Scales()
         self.factorizations = 0
         self.support_changes = 0
+        self.full_newton_steps, self.full_newton_next = 0, 0
+        """Steps that Newton's method with the exact Jacobian solved, and those next to come that
+        are not tried without it."""
         self.supports: dict[str, BoolArray] = {}
         self.linear: dict[str, int] = {}
 
@@ -76,6 +81,8 @@ class Stepper:
     """Body -> how its frame drives it, where that is given."""
     iterating: bool = False
     """Whether any elastic block has a linear solver that iterates."""
+    newton: FullNewton | None = None
+    """What solves a step whose mechanics do not converge."""
 
     def with_mechanics(self) -> Mechanics:
         n_rigid = sum(b.size for b in self.layout if b.field == "rigid")
@@ -106,7 +113,7 @@ class Stepper:
         if self.dictionaries and self.mechanics is not None:
             tested = [self.tested.get(b.elastic_name) for b in self.mechanics.bodies]
             h = self.separated.step
-            scales = Scales(h, motion_step(self.layout, reduced.v, h))
+            scales = StartTimes(h, motion_step(self.layout, reduced.v, h))
             reduced = consistent_start(self.mechanics, tested, reduced, scales)
         return reduced
 
@@ -122,6 +129,12 @@ class Stepper:
         guess (n,): where the iteration starts; the past states' extrapolation when not given.
         """
         x = memory.ring.predict() if guess is None else guess.copy()
+        if self.newton is not None and memory.full_newton_next:
+            outcome = self._full_newton(self.newton, step, x, memory)
+            memory.full_newton_next -= 1
+            if outcome.status.ok:
+                return outcome
+            memory.full_newton_next = 0
         iterations = 0
         for body in self.separated.heat:
             at, block = self.layout[body.thermal], self.heat[body.thermal]
@@ -142,14 +155,37 @@ class Stepper:
                 x[at.start + active] = T
             iterations = max(iterations, n)
         if self.mechanics is not None and self.mechanics.bodies:
-            status, n, block_name, detail = self.mechanics.solve(step, x, memory.contraction)
+            status, n, block_name, detail = self.mechanics.solve(step, x, memory.scales)
             iterations = n
             if self.iterating:
                 for name, count in self.mechanics.linear_iterations().items():
                     memory.counted(name, count)
             if not status.ok:
-                return StepOutcome(x, status, n, block_name, detail)
+                failed = StepOutcome(x, status, n, block_name, detail)
+                return self._rescued(failed, step, memory)
         return StepOutcome(x, Status.DONE, iterations)
+
+    def _rescued(
+        self, failed: StepOutcome, step: StepFormula, memory: Memory
+    ) -> StepOutcome:
+        """The step by Newton's method with the exact Jacobian, or the failure without it where
+        that fails, too."""
+        if self.newton is None:
+            return failed
+        outcome = self._full_newton(self.newton, step, memory.ring.predict(), memory)
+        spent = failed.iterations + outcome.iterations
+        if not outcome.status.ok:
+            return replace(failed, iterations=spent)
+        memory.full_newton_next = STEPS
+        return replace(outcome, iterations=spent)
+
+    def _full_newton(
+        self, newton: FullNewton, step: StepFormula, x: FloatArray, memory: Memory
+    ) -> StepOutcome:
+        outcome = newton.solve(step, x, memory.ring)
+        if outcome.status.ok:
+            memory.full_newton_steps += 1
+        return outcome
 
     def accepted(self, outcome: StepOutcome, memory: Memory) -> StepOutcome:
         """The outcome, remembered; or what is insane in it."""
@@ -197,7 +233,8 @@ class Stepper:
 
     def counters(self, memory: Memory) -> Mapping[str, int]:
         return {"factorizations": memory.factorizations,
-                "support_changes": memory.support_changes}
+                "support_changes": memory.support_changes,
+                "full_newton_steps": memory.full_newton_steps}
 
 
 def _near(foretold: FloatArray, last: FloatArray) -> FloatArray:

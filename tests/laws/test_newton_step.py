@@ -9,7 +9,7 @@ from sparsemor.core.arrays import FloatArray
 from sparsemor.core.layout import Block, Layout
 from sparsemor.core.protocols import StepFormula, StepOutcome
 from sparsemor.core.status import Status
-from sparsemor.reducers.bordered import Tolerances
+from sparsemor.reducers.acceptance import Tolerances
 from sparsemor.reducers.dense import Lu
 from sparsemor.reducers.newton import solve
 from sparsemor.reducers.newton_memory import NewtonMemory
@@ -79,6 +79,13 @@ def test_a_block_at_its_rounding_is_not_judged() -> None:
     """x = 0 up to rounding has no size of its own."""
     eq = Scalar(lambda x: (x - 0.3) + 0.3 + 1e-20 * np.sin(1e9 * x), lambda x: 1.0)
     assert eq.solved(0.0).status is Status.DONE
+
+
+def test_slow_convergence_is_not_taken_for_rounding() -> None:
+    """A slope of ten times the true one leaves nine tenths of an error; changes below 1e-9 that
+    shrink so slowly were accepted with nine times their size still to come."""
+    slow = Scalar(lambda x: x - 0.3, lambda x: 10.0, price=0).solved(0.3 + 5e-9)
+    assert slow.status is Status.NOT_CONVERGED and abs(slow.x[0] - 0.3) > 1e-11
 
 
 @dataclass(frozen=True, slots=True, eq=False)
