@@ -186,7 +186,7 @@ def test_a_sample_that_misses_a_load_is_told() -> None:
     for seed in range(1, 21):
         shutil.rmtree("out", ignore_errors=True)
         done = run(PLATE, seed=seed)
-        lines = done.lines
+        lines = [line for line in done.lines if line.startswith("warning: ")]
         if lines:
             break
     (line,) = lines
