@@ -126,7 +126,9 @@ def test_an_unstable_sample_without_the_required_rows() -> None:
     assert_tells_all(done, STOPS)
     shutil.rmtree("out")
     kept = run(SWING, seed=seed, reducer__budgets=FEW, integrator="generalized_alpha")
-    assert (kept.code, kept.shown["status"], kept.shown["notes"]) == (0, "done", [])
+    assert (kept.code, kept.shown["status"]) == (0, "done")
+    (note,) = kept.shown["notes"]  # the rows are as poor as they were, but damped
+    assert "16 sampled rows of arm.elastic do not determine its 6 atoms well enough" in note
 
 
 @pytest.mark.slow
@@ -186,13 +188,14 @@ def test_a_sample_that_misses_a_load_is_told() -> None:
     for seed in range(1, 21):
         shutil.rmtree("out", ignore_errors=True)
         done = run(PLATE, seed=seed)
-        lines = [line for line in done.lines if line.startswith("warning: ")]
+        lines = [t for t in done.lines if " miss lamp: " in t]
         if lines:
             break
     (line,) = lines
     assert done.code == 0
     assert line.startswith("warning: the sampled rows of plate.thermal miss lamp: ")
-    assert done.shown["notes"] == [line.removeprefix("warning: ")]
+    warned = [t for t in done.lines if t.startswith("warning: ")]
+    assert done.shown["notes"] == [t.removeprefix("warning: ") for t in warned]
     above = done.shown["probes"]["above"]["temperature"]
     shutil.rmtree("out")
     heated = run(PLATE, reducer="full").shown["probes"]["above"]["temperature"]
