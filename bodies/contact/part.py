@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Generic, TypeAlias, TypeVar
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from sparsemor.bodies.contact.facets import Facets
 from sparsemor.bodies.contact.near import Near
@@ -21,6 +22,8 @@ from sparsemor.core.stage import FrameHistory, SurfaceLoads
 S = TypeVar("S", bound=Facets[Any])
 Motion: TypeAlias = Mapping[str, FrameHistory]
 """Body -> its motion; a body that is not named stands still."""
+PASSAGE = 5.0
+"""Least number of steps that a point should lie under the shorter surface."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -93,6 +96,23 @@ class ContactPart(ABC, Generic[S]):
         """What a user should know of the contact's history at the steps of a run; "" if nothing."""
         return unsettled(self.name, history["normal"])
 
+    def passage(self, motion: Motion) -> str:
+        """A warning where a point lies under the shorter surface for few steps; "" otherwise.
+
+        Steps of a passage: extent of that surface along the relative motion of one step, divided
+        by that motion; the smallest of 50 of the times.
+        """
+        count, at = steps(motion), self._points(motion)
+        fewest = np.inf
+        for k in np.unique(np.linspace(0, count - 2, 50).astype(int)) if count > 1 else ():
+            before, after = at(slice(k, k + 1)), at(slice(k + 1, k + 2))
+            fewest = min(fewest, _passage(before, after))
+        if fewest >= PASSAGE:
+            return ""
+        return (f"contact {self.name}: a point lies under the shorter surface for {fewest:.2g} "
+                f"steps only, too few for its pressure and heat (at least {PASSAGE:g}): take a "
+                f"time.step {np.ceil(PASSAGE / fewest):g} times as small")
+
     @abstractmethod
     def _pressed(self, motion: Motion) -> bool:
         """Whether there is pressure at any of the times."""
@@ -109,6 +129,19 @@ class ContactPart(ABC, Generic[S]):
             for z, corners in ((a, b[self.second.facets]), (b, a[self.first.facets])):
                 found = min(found, float(nearest(z, corners).distance.min()))
         return found
+
+
+def _passage(
+    before: tuple[FloatArray, FloatArray], after: tuple[FloatArray, FloatArray]
+) -> float:
+    """Extent of the shorter of two surfaces along their relative motion, over that motion."""
+    short, other = sorted((0, 1), key=lambda i: float(np.ptp(before[i], axis=0).max()))
+    near = cKDTree(before[other]).query(before[short])[1]
+    moved = np.median((after[short] - before[short]) - (after[other] - before[other])[near], axis=0)
+    length = float(np.linalg.norm(moved))
+    if length == 0.0:
+        return float(np.inf)
+    return float(np.ptp(before[short] @ (moved / length))) / length
 
 
 def _felt(term: SurfaceTerm[Any]) -> Sequence[Term]:

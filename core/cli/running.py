@@ -64,7 +64,11 @@ def replaced_reducer(scene: str, settings: Sequence[str] | None) -> list[str]:
     own = Source.read(scene, Registry()).tree.get("reducer")
     if not isinstance(name, str) or not isinstance(own, Mapping):
         return []
-    left = [key for key in SHARED if key in own]
+    registry = Registry()
+    if name not in {p.name for p in registry.names("reducer")}:
+        return []
+    options = registry.get("reducer", name).model_fields
+    left = [key for key in SHARED if key in own and key in options]
     return [f"reducer {name} runs with its own defaults: {', '.join(left)} of the scene's reducer "
             f"{own.get('use')} {'is' if len(left) == 1 else 'are'} left out; `compare --reducers` "
             "keeps what both have"] if left else []

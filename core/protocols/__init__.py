@@ -26,6 +26,7 @@ from sparsemor.core.protocols.parts import (
     NotedPart,
     Part,
     ProbedBody,
+    ReportsPassage,
 )
 from sparsemor.core.protocols.representation import (
     Basis,
@@ -50,7 +51,8 @@ __all__ = [
     "ConnectorPlugin", "CurvedTimeFunction", "Dictionary", "Factorized", "FrictionLaw", "Group",
     "Integrator", "Layout", "LinearOutcome", "LinearSolver", "Mesh", "MeshPlugin",
     "NamesMultipliers", "NormalLaw", "NotedPart", "Part", "Places", "Preconditioner", "ProbedBody",
-    "Redraws", "ReducedTerm", "Reducer", "Resampling", "Sampler", "SparseOutcome", "SparseProblem",
+    "Redraws", "ReducedTerm", "Reducer", "ReportsPassage", "Resampling", "Sampler",
+    "SparseOutcome", "SparseProblem",
     "SparseSolver", "SparseStart", "State", "StepFormula", "StepOutcome", "StepSolver", "Term",
     "TimeDependent", "TimeFunction", "Trial",
 ]

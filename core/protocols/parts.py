@@ -2,13 +2,16 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.layout import Block, Layout
 from sparsemor.core.mesh import Mesh
 from sparsemor.core.notes import Note
 from sparsemor.core.protocols.terms import Term
+
+if TYPE_CHECKING:
+    from sparsemor.core.stage import FrameHistory
 
 
 class Part(Protocol):
@@ -44,6 +47,15 @@ class NotedPart(Protocol):
 
     @property
     def notes(self) -> tuple[Note, ...]: ...
+
+
+@runtime_checkable
+class ReportsPassage(Protocol):
+    """A built contact that knows when its surfaces pass each other in too few steps."""
+
+    def passage(self, motion: Mapping[str, "FrameHistory"]) -> str:
+        """A warning by the motion of each body at all steps, "" where there is none."""
+        ...
 
 
 @runtime_checkable

@@ -1,11 +1,8 @@
 """The program: exit codes, one JSON object, clear lines, nothing written on bad input."""
 
 import json
-import os
-import subprocess
 import sys
 from collections.abc import Callable
-from importlib.metadata import version
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 
@@ -133,59 +130,6 @@ def test_a_failed_run_has_code_1(runs):
     assert "singular at t = 0.25 s in a.rigid" in done.err
     done = sparsemor("run", "scene.yaml", "--set", "bodies.a.mass=11", "--json", "--out", "x")
     assert json.loads(done.out)["status"] == "singular"
-
-
-@pytest.mark.parametrize("command", ["run", "validate"])
-def test_ctrl_c_has_code_130_wherever_it_strikes(monkeypatch, command):
-    def strike(*arguments, **options):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("sparsemor.core.simulate.simulate", strike)
-    monkeypatch.setattr("sparsemor.core.checks.checked_model", strike)
-    done = sparsemor(command, "scene.yaml")
-    assert (done.code, done.out, done.err) == (130, "", "interrupted\n")
-
-
-def test_a_run_interrupted_between_two_steps_has_code_130(monkeypatch):
-    def simulate(scene, **options):
-        raise SolveFailed(Status.INTERRUPTED, 0.25)
-
-    monkeypatch.setattr("sparsemor.core.simulate.simulate", simulate)
-    done = sparsemor("run", "scene.yaml")
-    assert (done.code, done.out) == (130, "")
-    assert done.err == "interrupted at t = 0.25 s: continue it with --resume\n"
-
-
-STRUCK = """
-import sys
-class Strike:
-    def find_spec(self, name, path=None, target=None):
-        if name == "typer":
-            raise KeyboardInterrupt
-sys.meta_path.insert(0, Strike())
-from sparsemor.core.cli import main
-main()
-"""
-
-
-def test_ctrl_c_while_the_program_is_imported_is_no_traceback():
-    done = subprocess.run([sys.executable, "-c", STRUCK], capture_output=True, text=True)
-    assert (done.returncode, done.stdout, done.stderr) == (130, "", "")
-
-
-def test_a_reader_that_leaves_is_no_traceback():
-    read, write = os.pipe()
-    os.close(read)
-    done = subprocess.run([sys.executable, "-m", "sparsemor", "--version"], stdout=write,
-                          stderr=subprocess.PIPE, text=True)
-    os.close(write)
-    assert (done.returncode, done.stderr) == (1, "")
-
-
-def test_the_package_is_a_program_too():
-    done = subprocess.run([sys.executable, "-m", "sparsemor", "--version"], capture_output=True,
-                          text=True)
-    assert (done.returncode, done.stdout) == (0, version("sparsemor") + "\n")
 
 
 def test_unknown_options_and_missing_arguments_have_code_2():
