@@ -8,6 +8,7 @@ from sparsemor.core.arrays import Csr, FloatArray
 from sparsemor.core.constraint_rates import Constraints
 from sparsemor.core.eliminated import solve_by_blocks
 from sparsemor.core.equations import jacobian, residual
+from sparsemor.core.layout import Layout
 from sparsemor.core.model import Model
 from sparsemor.core.notes import Note
 from sparsemor.core.protocols import State
@@ -47,18 +48,25 @@ def _solved(model: Model, t: float) -> State:
         format="csr")
     r = residual(layout, model.terms, x, v, a, t)
     r[algebraic] = _constraints(model).curvature(x, v, t)
-    if not (np.isfinite(r).all() and np.isfinite(A.data).all()):
-        broken = [b.name for b in layout if not np.isfinite(r[layout[b.name]]).all()]
-        raise SolveFailed(Status.NOT_FINITE, t, broken[0] if broken else "",
-                          "forces or heat at the start")
+    if not np.isfinite(A.data).all():
+        raise SolveFailed(Status.NOT_FINITE, t, "", "forces or heat at the start")
+    _check_finite(layout, r, t, "forces or heat at the start")
     try:
         z = -solve_by_blocks(model, A, r)
     except RuntimeError:
         raise SolveFailed(Status.SINGULAR, t, "", "accelerations at the start") from None
+    _check_finite(layout, z, t, "accelerations and joint forces at the start")
     a[second], v[first], x[algebraic] = z[second], z[first], x[algebraic] + z[algebraic]
     for series in (x, v, a):
         series.flags.writeable = False
     return State(t, x, v, a, np.zeros((n, 0)))
+
+
+def _check_finite(layout: Layout, values: FloatArray, t: float, what: str) -> None:
+    """Raises SolveFailed (not finite) with the first block that is not."""
+    broken = [b.name for b in layout if not np.isfinite(values[layout[b.name]]).all()]
+    if broken:
+        raise SolveFailed(Status.NOT_FINITE, t, broken[0], what)
 
 
 def _derivative(model: Model, K: Csr, s: State, rate: int) -> Csr:

@@ -207,11 +207,10 @@ def fast(
     made = stepper(model, layout, dictionaries, rows, heat, elastic, tolerances, points,
                    len(heat) + len(elastic), (c1, c2), True, limits, notes, tested, facts)
 
-    def whole() -> Equations:
-        return reduced_general(
-            model, dictionaries, rows, blocks, tolerances, points).equations
-
-    return replace(made, newton=FullNewton(whole, tolerances))
+    # made here, so that what steps does not hold the model
+    whole: Equations = reduced_general(
+        model, dictionaries, rows, blocks, tolerances, points).equations
+    return replace(made, newton=FullNewton(lambda: whole, tolerances))
 
 
 def left_inverse(name: str, A: FloatArray, rtol: float = RANK_RTOL) -> FloatArray:

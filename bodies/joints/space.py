@@ -104,7 +104,8 @@ class Rows:
         side, far = self.own, self.other
         body = side.body
         assert body is not None
-        if side.about_z and axis is not None and abs(abs(axis[2]) - 1.0) >= 1e-9:
+        across = axis is not None and abs(abs(axis[2]) - 1.0) >= 1e-9
+        if side.about_z and across and axis is not None and not self.given:
             raise InputError(f"the body turns about the z axis alone, and about {axis.tolist()} "
                              "it cannot: the axis must be [0, 0, 1]; or give the body a floating "
                              "frame", "axis")

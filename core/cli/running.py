@@ -54,6 +54,7 @@ def run(
             typer.echo(f"result: {directory}")
         if not quiet:
             warn(summary.get("notes", ()))
+        if not (quiet or as_json):  # programs find it in the summary
             inform([*summary.get("information", ()), *replaced_reducer(scene, settings)])
 
 

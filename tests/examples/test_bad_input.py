@@ -169,7 +169,7 @@ MESHES = {
         gmsh([*SQUARE, (2.0, 0.0), (3.0, 0.0), (2.0, 1.0)],
              [(1, 2, 3), (1, 3, 4), (5, 6, 7)]),
         "2 pieces share no edge; the smallest has 1 cells, near (2.33333, 0.333333): merge"),
-    "a file that is no mesh": ("nothing of use", "cannot be read as a mesh"),
+    "a file that is no mesh": ("nothing of use", "cannot be read as gmsh: it is damaged"),
 }
 
 
@@ -224,7 +224,13 @@ joints:
 time: {end: 1, step: 0.1}
 """.replace('mesh:', 'sets: {all: {box: [[0, 1], [0, 1]]}}\n    mesh:'), encoding="utf-8")
     (line,) = refused("run", "scene.yaml")
-    assert line.startswith("scene.yaml:2:1: bodies: nothing in this scene can change")
+    assert line.startswith("scene.yaml:12:44: joints.held.on.0: with 'plate:all' the temperature "
+                           "of every node of 'plate' is prescribed")
+    text = scene.read_text()
+    scene.write_text(text[: text.index("joints:")].replace("[thermal]", "[]")
+                     + text[text.index("time:"):])
+    (line,) = refused("run", "scene.yaml")
+    assert line.startswith("scene.yaml:2:1: bodies: nothing in this scene can change"), line
 
 
 def test_changes_from_the_command_line_are_placed_there(changed: Changed) -> None:

@@ -72,9 +72,10 @@ def assert_tells_all(done: SimpleNamespace, statuses: set[str]) -> RunResult:
     assert done.code == 1
     assert done.shown["status"] in statuses
     status = Status(done.shown["status"])
-    message, where = (line for line in done.lines if not line.startswith("warning: "))
+    message, where = (t for t in done.lines if not t.startswith(("warning: ", "note: ")))
     assert message == done.shown["message"]
-    assert message.startswith(f"{status.value} at t = ") and message.endswith(status.advice)
+    assert message.startswith(f"{status.value} at t = ")
+    assert message.endswith(status.advice_for(sampled=bool(done.shown["rows"])))
     assert re.search(f" s in {BLOCK.pattern}[ :]", message)
     assert where == f"what was computed is in {Path('out/result.zarr').absolute()}"
     result = open_result("out")
@@ -90,19 +91,36 @@ def assert_tells_all(done: SimpleNamespace, statuses: set[str]) -> RunResult:
 
 @pytest.mark.parametrize("settings", [
     {"time__step": 0.1, "time__end": 2.0, "bodies__arm__pose__spin": 60.0},
-    {"time__step": 0.1, "time__end": 4.0, "training__end": 4.0,
-     "integrator": "generalized_alpha"},
-    {"loads__weight__g": [0.0, -1e6]},
-    {"loads__weight__g": [0.0, -1e300]},
     {"loads__sun__flux": 1e308},
-], ids=["large step, fast spin", "large step", "huge load", "overflow", "huge heat"])
+], ids=["large step, fast spin", "huge heat"])
 def test_too_large_a_step_or_load(settings: dict[str, Any]) -> None:
     assert_tells_all(run(SWING, reducer="full", **settings), STOPS)
 
 
+@pytest.mark.parametrize("settings", [
+    {"time__step": 0.1, "time__end": 4.0, "training__end": 4.0,
+     "integrator": "generalized_alpha"},
+    {"loads__weight__g": [0.0, -1e6]},
+], ids=["large step", "huge load"])
+def test_steps_that_need_the_exact_jacobian_are_counted(settings: dict[str, Any]) -> None:
+    """They ended `not_converged` before there was Newton's method to fall back to."""
+    done = run(SWING, reducer="full", **settings)
+    assert (done.code, done.shown["status"]) == (0, "done")
+    assert any("exact Jacobian" in text for text in done.shown["information"])
+    assert_all_finite(open_result("out"))
+
+
+def test_a_start_that_overflows_leaves_no_result() -> None:
+    done = run(SWING, reducer="full", loads__weight__g=[0.0, -1e300])
+    assert (done.code, done.shown["status"]) == (1, "not_finite")
+    (line,) = done.lines
+    assert line == done.shown["message"] and line.startswith("not_finite at t = 0 s in ")
+    assert not Path("out").exists()
+
+
 def test_in_the_training_run() -> None:
     """Nothing was computed of the run itself, so there is no result."""
-    done = run(SWING, loads__weight__g=[0.0, -1e300])
+    done = run(SWING, loads__sun__flux=1e308)
     assert done.code == 1
     (line,) = done.lines
     assert "training run" in line and done.shown["message"] == line
@@ -224,7 +242,7 @@ def test_compare_shows_a_run_that_failed() -> None:
 
 
 def test_in_python(tmp_path: Path) -> None:
-    scene = load(SWING, {"reducer": "full", "loads.weight.g": [0.0, -1e300]})
+    scene = load(SWING, {"reducer": "full", "loads.sun.flux": 1e308})
     with pytest.raises(SolveFailed) as caught:
         simulate(scene, out=tmp_path / "out")
     error = caught.value

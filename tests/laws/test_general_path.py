@@ -100,7 +100,9 @@ INVERSE = {"use": "sparse", "budgets": ROWS, "residual": {"*.elastic": "precondi
 def test_without_a_coupling_term_both_paths_are_one(options: Mapping[str, Any]) -> None:
     """Joints of all kinds, loads, radiation, fixed frames and given temperatures."""
     full = everything()
-    own = 1e-8 if options["use"] == "sparse" else 1e-9  # 4.5e-9 without AVX-512
+    # least squares multiply the rounding of rates, which one path updates by the change: 2.6e-9 of
+    # lspg and gnat, the same at `remaining` 1e-15; 4.5e-9 of sparse without AVX-512
+    own = 1e-8 if options["use"] in ("sparse", "lspg", "gnat") else 1e-9
     scene = EVERYTHING.using({"reducer": options})
     fast = march(scene, model=full.model, snapshots=learnt(full))
     general = march(scene, model=with_other(full.model, Nothing()), snapshots=learnt(full))

@@ -84,7 +84,8 @@ def test_stopped_runs_are_hollow_at_the_edge_and_named() -> None:
         assert list(hollow[0].get_xdata()) == [point("deim", 5).ms_per_step]
         assert len(curve(axes, "#009E73").get_xdata()) == 3  # the line leaves it out
     note = figure.get_supxlabel()
-    assert note == "hollow, stopped early: deim 5 atoms (diverged)"
+    assert note.splitlines() == [
+        "hollow, stopped early: deim 5 atoms (diverged)", "crossed out: error above 0.1"]
 
 
 def test_runs_that_never_stepped_are_named_too() -> None:

@@ -98,9 +98,9 @@ def test_the_format_is_the_integer_1(value: object) -> None:
 
 def test_a_driven_rotation_needs_the_axis_of_a_spinning_frame() -> None:
     lines = refused({"joints.drive.axis": [0, 1, 0]}, SCENES / "small_brake.yaml")
-    assert lines == ["--set joints.drive.axis: the body turns about the z axis alone, and about "
-                     "[0.0, 1.0, 0.0] it cannot: the axis must be [0, 0, 1]; or give the body a "
-                     "floating frame"]
+    assert lines == ["--set joints.drive.axis: in the rigid stage: the body turns about the z axis "
+                     "alone, and about [0.0, 1.0, 0.0] it cannot: the axis must be [0, 0, 1]; or "
+                     "give the body a floating frame"]
 
 
 @pytest.mark.parametrize("key", ["reducer", "reducer.use", "training.every"])
