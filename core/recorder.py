@@ -193,7 +193,7 @@ class Recorder:
             "cache": dict(self.offline.products.used),
             "offline_s": dict(self.offline.products.seconds),
             "offline_whole_s": self.offline.products.spent.whole(tally.offline),
-            **told((*start_notes(self.model), *self._integrator_notes(), *solver.notes,
+            **in_summary((*start_notes(self.model), *self._integrator_notes(), *solver.notes,
                     *self.notes, *_full_newton(counters, done))),
             "stability": dict(self.stability),
             "linear_solvers": solvers_summary(
@@ -206,7 +206,7 @@ class Recorder:
         }
 
 
-def told(notes: Sequence[Note]) -> dict[str, list[str]]:
+def in_summary(notes: Sequence[Note]) -> dict[str, list[str]]:
     """Notes in a summary: sentences of warnings, their kinds, and sentences of information."""
     return {"notes": sentences(notes, Level.WARNING), "note_kinds": kinds(notes),
             "information": sentences(notes, Level.INFORMATION)}

@@ -27,7 +27,7 @@ from sparsemor.core.owner import owned
 from sparsemor.core.plausibility import after_run, before_run, of_solver
 from sparsemor.core.prepared import prepared
 from sparsemor.core.protocols import Resampling, State, StepSolver
-from sparsemor.core.recorder import Recorder, told
+from sparsemor.core.recorder import Recorder, in_summary
 from sparsemor.core.results import RunResult
 from sparsemor.core.returned import complete
 from sparsemor.core.scene import Scene
@@ -174,7 +174,7 @@ class _Run:
         if failure is not None:
             summary["message"] = str(failure)
         else:
-            found = told(self._found_after())
+            found = in_summary(self._found_after())
             summary |= {key: [*summary[key], *texts] for key, texts in found.items()}
         self.recorder.finish(status, summary)
         self.manager.hook.on_finish(summary=summary)
