@@ -79,7 +79,7 @@ def judged(
     if run.failure is None and all(e <= BAD for e in errors.values()):
         return "good", "", "", errors
     first = case.first_off(run, BAD)
-    missed = "; ".join(note.partition(":")[0] for note in run.solver.notes)
+    missed = "; ".join(note.text.partition(":")[0] for note in run.solver.notes)
     if run.failure is not None:
         seen = common.in_words(run.failure) + (f"; {missed}" if missed else "")
         return "stopped", seen, first, errors

@@ -234,8 +234,7 @@ def test_compare_shows_a_run_that_failed() -> None:
     assert row.split()[1] in STOPS
     *warnings, last = done.stderr.splitlines()
     predicted = "warning: sparse: the reduced model is unstable in "
-    known = (predicted, "warning: sparse: the sampled rows of ")
-    assert all(line.startswith(known) for line in warnings)
+    assert all(line.startswith("warning: sparse: ") for line in warnings)
     assert sum(line.startswith(predicted) for line in warnings) == 1
     assert last.startswith(f"sparse: {row.split()[1]} at t = ")
     assert Path("out/errors.csv").is_file()
