@@ -48,9 +48,9 @@ def _solved(model: Model, t: float) -> State:
         format="csr")
     r = residual(layout, model.terms, x, v, a, t)
     r[algebraic] = _constraints(model).curvature(x, v, t)
+    _check_finite(layout, r, t, "forces or heat at the start")
     if not np.isfinite(A.data).all():
         raise SolveFailed(Status.NOT_FINITE, t, "", "forces or heat at the start")
-    _check_finite(layout, r, t, "forces or heat at the start")
     try:
         z = -solve_by_blocks(model, A, r)
     except RuntimeError:
