@@ -22,6 +22,8 @@ from sparsemor.core.stage import FrameHistory, SurfaceLoads
 S = TypeVar("S", bound=Facets[Any])
 Motion: TypeAlias = Mapping[str, FrameHistory]
 """Body -> its motion; a body that is not named stands still."""
+FLAT = 1e-3
+"""Share of a surface's extent below which it has none in a direction."""
 PASSAGE = 5.0
 """Least number of steps that a point should lie under the shorter surface."""
 
@@ -134,14 +136,17 @@ class ContactPart(ABC, Generic[S]):
 def _passage(
     before: tuple[FloatArray, FloatArray], after: tuple[FloatArray, FloatArray]
 ) -> float:
-    """Extent of the shorter of two surfaces along their relative motion, over that motion."""
+    """Extent of the shorter of two surfaces along their relative motion in its own plane, over that
+    motion; infinite where they only move towards each other."""
     short, other = sorted((0, 1), key=lambda i: float(np.ptp(before[i], axis=0).max()))
     near = cKDTree(before[other]).query(before[short])[1]
     moved = np.median((after[short] - before[short]) - (after[other] - before[other])[near], axis=0)
-    length = float(np.linalg.norm(moved))
-    if length == 0.0:
-        return float(np.inf)
-    return float(np.ptp(before[short] @ (moved / length))) / length
+    sizes, axes = np.linalg.svd(before[short] - before[short].mean(axis=0), full_matrices=False)[1:]
+    flat = axes[sizes > FLAT * sizes[0]]
+    along = flat.T @ (flat @ moved)
+    length = float(np.linalg.norm(along))
+    extent = float(np.ptp(before[short] @ along)) / length if length > 0.0 else 0.0
+    return extent / length if extent > 0.0 else float(np.inf)
 
 
 def _felt(term: SurfaceTerm[Any]) -> Sequence[Term]:
