@@ -2,7 +2,7 @@
 
 from typing import TypeAlias
 
-from sparsemor.bodies.body_part import PlanarBody
-from sparsemor.bodies.spatial.body import SpatialBody
+from sparsemor.bodies.planar_body import PlanarBody
+from sparsemor.bodies.spatial_body import SpatialBody
 
 AnyBody: TypeAlias = PlanarBody | SpatialBody

@@ -1,30 +1,29 @@
-"""What a built body is in the plane and in space alike: its unknowns and fields, and what assembly
+"""Built body, in the plane or in space: its unknowns and fields, and what assembly
 asks of it. PlanarBody and SpatialBody add the equations of their frames."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, Self
 
 import numpy as np
 
-from sparsemor.bodies.body_terms import elastic_term, film_term, thermal_term
-from sparsemor.bodies.fields import Elasticity, Heat
-from sparsemor.bodies.frame_term import FrameTerm
-from sparsemor.bodies.linear_term import LinearTerm
-from sparsemor.bodies.separate import heat_body, moving_body
-from sparsemor.bodies.table_term import TableTerm, surface_terms
+from sparsemor.bodies.fem.element_balance import elastic_integrals, heat_integrals
+from sparsemor.bodies.fem.fields import Elasticity, Heat
+from sparsemor.bodies.terms.body_terms import write_conduction, write_elasticity, write_film
+from sparsemor.bodies.terms.field_kinds import ELASTIC, MULTIPLIER, RIGID, THERMAL
+from sparsemor.bodies.terms.surface_loads import write_surface_loads
 from sparsemor.core.arrays import Csr, FloatArray, IntArray
 from sparsemor.core.errors import InputError
-from sparsemor.core.layout import Block, FieldName, Layout
-from sparsemor.core.mesh import Mesh
-from sparsemor.core.model import ProbePlace
 from sparsemor.core.notes import Note
-from sparsemor.core.protocols import Part, Term, TimeFunction
-from sparsemor.core.registry import near
-from sparsemor.core.run_header import BodyShape
-from sparsemor.core.separable import Amplitude, HeatBody, MovingBody
-from sparsemor.core.stage import FrameHistory, SurfaceLoads
+from sparsemor.core.protocols import BodyShape, ProbePlace, TimeFunction
+from sparsemor.core.protocols.contributions import Equations
+from sparsemor.core.protocols.layout import Block, Layout
+from sparsemor.core.protocols.mesh import Mesh
+from sparsemor.core.protocols.prescribed_motion import FrameHistory, SurfaceLoads
+from sparsemor.core.protocols.separable import Amplitude, BodyFrame
+from sparsemor.core.registry.registry import near
 
 NO_NUMBERS = np.zeros(0, np.int64)
 KINDS = {2: "plane: give two", 3: "spatial: give three"}
@@ -63,7 +62,11 @@ class Body(ABC):
         """(N, d) reference points, m (body frame)."""
 
     @abstractmethod
-    def frame_terms(self, layout: Layout) -> list[Term]:
+    def frame_of(self, items: Sequence[Any]) -> BodyFrame:
+        """The frame kernel of some items."""
+
+    @abstractmethod
+    def frame_equations(self, equations: Equations) -> None:
         """Inertia, and what else the frame's own coordinates need."""
 
     @property
@@ -72,28 +75,28 @@ class Body(ABC):
         return 0
 
     @property
-    def idle(self) -> bool:
-        """Whether a force on it can do nothing: it neither moves nor deforms."""
+    def immobile(self) -> bool:
+        """True if a force on it can do nothing: it neither moves nor deforms."""
         return not self.moves and self.elasticity is None and self.guide is None
 
-    def guided(self, motion: FrameHistory) -> Self:
+    def with_motion(self, motion: FrameHistory) -> Self:
         """The same body with a frame that follows a given motion and costs no unknowns."""
         return replace(self, moves=False, guide=motion)
 
-    def bare(self) -> Self:
+    def rigid_copy(self) -> Self:
         """The same body without fields: rigid, with the mass and shape that it has."""
         return replace(self, elasticity=None, heat=None)
 
     # ------------------------------------------------------------------ unknowns
 
     def blocks(self) -> Sequence[Block]:
-        sizes: dict[FieldName, int] = {
-            "rigid": len(self.pose) if self.moves else 0,
-            "elastic": 0 if self.elasticity is None else len(self.elasticity.free),
-            "thermal": 0 if self.heat is None else len(self.heat.free),
-            "multiplier": self.own_multipliers if self.moves else 0,
+        sizes = {
+            RIGID: len(self.pose) if self.moves else 0,
+            ELASTIC: 0 if self.elasticity is None else len(self.elasticity.free),
+            THERMAL: 0 if self.heat is None else len(self.heat.free),
+            MULTIPLIER: self.own_multipliers if self.moves else 0,
         }
-        return [Block(self.name, f, n) for f, n in sizes.items()]
+        return [Block(self.name, kind, n) for kind, n in sizes.items()]
 
     def initial(self) -> Mapping[str, tuple[FloatArray, FloatArray]]:
         """Block name -> (x, v) at the start: undeformed, at the given pose and temperature."""
@@ -111,46 +114,33 @@ class Body(ABC):
         name = f"{self.name}.{field}"
         return np.arange(layout.size)[layout[name]] if name in layout else NO_NUMBERS
 
-    # ------------------------------------------------------------------ terms
+    # ------------------------------------------------------------------ equations
 
-    def terms(self, layout: Layout, parts: Mapping[str, Part]) -> Sequence[Term]:
-        terms = self.frame_terms(layout)
+    def contribute(self, equations: Equations) -> None:
+        mesh = self.mesh is not None
+        equations.body(
+            self.frame_of, self.pose, moves=self.moves, guide=self.guide,
+            elastic_integrals=partial(elastic_integrals, self) if mesh else None,
+            heat_integrals=partial(heat_integrals, self) if mesh else None)
+        self.frame_equations(equations)
         if self.elasticity is not None:
-            terms.append(elastic_term(self, layout, self.elasticity))
+            write_elasticity(self, equations, self.elasticity)
         if self.heat is not None:
-            terms.append(thermal_term(self, layout, self.heat))
-        return terms
+            write_conduction(self, equations, self.heat)
 
-    def heat_term(
-        self, layout: Layout, vector: FloatArray, amplitude: Amplitude, film: Csr | None = None
-    ) -> LinearTerm:
+    def heat_load(
+        self, equations: Equations, vector: FloatArray, amplitude: Amplitude,
+        film: Csr | None = None,
+    ) -> None:
         """Nodal heat vector (N,) W times an amplitude, and a film matrix (N, N) W/K."""
         assert self.heat is not None
-        return film_term(self.name, self.position(layout, "thermal"), self.heat, vector, amplitude,
-                         film)
+        write_film(self.name, equations, self.heat, vector, amplitude, film)
 
     def surface_loads(
-        self, layout: Layout, source: str, loads: SurfaceLoads, times: FloatArray
-    ) -> Sequence[Term]:
-        """What moves over its surface, at times (T,), s, as terms of each of its fields."""
-        return surface_terms(self, layout, source, loads, times)
-
-    # ------------------------------------------------------------------ for assembly
-
-    def claims(self, layout: Layout, term: Term) -> bool:
-        """Whether `mechanics` or `heat_equations` accounts for this term."""
-        if isinstance(term, FrameTerm | LinearTerm | TableTerm):
-            return term.body == self.name
-        at = self.position(layout, "thermal")
-        inside = [len(r) and len(at) and r.min() >= at[0] and r.max() <= at[-1]
-                  for r in (term.rows, term.columns)]
-        return all(inside)
-
-    def mechanics(self, layout: Layout, terms: Sequence[Term]) -> MovingBody | None:
-        return moving_body(self, layout, terms)
-
-    def heat_equations(self, layout: Layout, terms: Sequence[Term]) -> HeatBody | None:
-        return heat_body(self, layout, terms)
+        self, equations: Equations, loads: SurfaceLoads, times: FloatArray
+    ) -> None:
+        """Loads that move over its surface, at times (T,), s, as tables on each of its fields."""
+        write_surface_loads(self, equations, loads, times)
 
     def geometry(self) -> Mapping[str, tuple[FloatArray, IntArray]]:
         """Reducible block name -> node coordinates (n, d) and component (n,) of its unknowns."""
@@ -164,7 +154,7 @@ class Body(ABC):
         return found
 
     def shape(self) -> BodyShape | None:
-        """What a result keeps of it, None for a body without a mesh."""
+        """Stored geometry of the body, None for a body without a mesh."""
         if self.mesh is None:
             return None
         e, h = self.elasticity, self.heat

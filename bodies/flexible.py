@@ -4,34 +4,36 @@ The mesh says where it lives: triangles make a planar body, tetrahedra one in sp
 """
 
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 from scipy.sparse import csr_array
 
 from sparsemor.bodies.any_body import AnyBody
-from sparsemor.bodies.body_part import PlanarBody
-from sparsemor.bodies.expression import FormulaText, evaluate_formula
-from sparsemor.bodies.fe.elasticity import Model, elastic_stiffness, law, thermoelastic_coupling
-from sparsemor.bodies.fe.volume import capacity, conductivity, lumped, scalar_mass
-from sparsemor.bodies.fields import Elasticity, Heat
+from sparsemor.bodies.fem.elasticity import Model, elastic_stiffness, law, thermoelastic_coupling
+from sparsemor.bodies.fem.fields import Elasticity, Heat
+from sparsemor.bodies.fem.volume import capacity, conductivity, lumped, scalar_mass
+from sparsemor.bodies.frames.inertia import of_mesh
+from sparsemor.bodies.frames.moments import moments_of
 from sparsemor.bodies.material import Material, require
 from sparsemor.bodies.mesh.check import check_mesh
+from sparsemor.bodies.mesh.expression import FormulaText, evaluate_formula
+from sparsemor.bodies.mesh.plausibility import mesh_notes
 from sparsemor.bodies.mesh.sets import PointSet, with_sets
-from sparsemor.bodies.plausibility import mesh_notes
+from sparsemor.bodies.planar_body import PlanarBody
 from sparsemor.bodies.pose import Pose
 from sparsemor.bodies.reference import Reference
-from sparsemor.bodies.spatial.body import SpatialBody
-from sparsemor.bodies.spatial.inertia import of_mesh
-from sparsemor.bodies.spatial.moments import moments_of
+from sparsemor.bodies.spatial_body import SpatialBody
+from sparsemor.bodies.terms.field_kinds import BODY_KINDS, ELASTIC, THERMAL
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.errors import Fault, Gather, InputError
-from sparsemor.core.mesh import BodySize, Mesh
-from sparsemor.core.plugin import Plugin
-from sparsemor.core.protocols import MeshPlugin
-from sparsemor.core.returned import returned
-from sparsemor.core.slot import Slot
+from sparsemor.core.protocols import EstimatesMeshSize, MeshPlugin
+from sparsemor.core.protocols.layout import FieldKind
+from sparsemor.core.protocols.mesh import BodySize, Mesh, MeshSize
+from sparsemor.core.registry.plugin import Plugin
+from sparsemor.core.registry.returned_values import returned
+from sparsemor.core.registry.slot import Slot
 
 
 class Damping(Plugin):
@@ -44,8 +46,20 @@ class Damping(Plugin):
     """Factor of the stiffness matrix, s."""
 
 
+def body_size(mesh: MeshSize, elastic: bool, thermal: bool) -> BodySize:
+    """Unknowns and entries of the matrices of a body with these fields: stiffness and thermal
+    forces; mass, capacity and conduction."""
+    d = mesh.dimension
+    unknowns = ({ELASTIC.name: d * mesh.points} if elastic else {}) | (
+        {THERMAL.name: mesh.points} if thermal else {})
+    return BodySize(mesh, unknowns, mesh.pairs * (d * d + d * thermal) if elastic else 0,
+                    mesh.pairs * (1 + 2 * thermal))
+
+
 class Flexible(Plugin):
-    """Floating-frame body; a scene carries only the fields it names."""
+    """Flexible body in a floating frame of reference, with displacement and temperature fields."""
+
+    field_kinds: ClassVar[tuple[FieldKind, ...]] = BODY_KINDS
 
     mesh: Annotated[MeshPlugin, Slot("mesh")]
     """Mesh plugin."""
@@ -77,10 +91,11 @@ class Flexible(Plugin):
     """K, a number or a formula in x, y (and z); the reference temperature when not given."""
 
     def expected(self) -> BodySize | None:
-        """Its size, told before it is meshed; None where the mesh does not know it."""
-        count = getattr(self.mesh, "expected", None)
-        return None if count is None else BodySize(
-            count(), "elastic" in self.fields, "thermal" in self.fields)
+        """Counts of the body before it is meshed; None where the mesh does not know its own."""
+        if not isinstance(self.mesh, EstimatesMeshSize):
+            return None
+        return body_size(
+            self.mesh.expected(), ELASTIC.name in self.fields, THERMAL.name in self.fields)
 
     def build(self, name: str, base: Path) -> AnyBody:
         gather = Gather()
@@ -142,7 +157,7 @@ class Flexible(Plugin):
             raise error.under("sets") from None
 
     def _check_options(self, gather: Gather) -> None:
-        """What can be said without a mesh."""
+        """Checks that need no mesh."""
         if "elastic" in self.fields:
             if self.reference is None:
                 gather.faults.append(Fault(
@@ -153,7 +168,7 @@ class Flexible(Plugin):
             gather("material", require, self.material, ("k", "c"), "thermal")
 
     def _check_dimension(self, mesh: Mesh, gather: Gather) -> None:
-        """What depends on the dimension of the mesh."""
+        """Checks that depend on the dimension of the mesh."""
         plane = mesh.dimension == 2
         if plane and self.thickness is None:
             gather.faults.append(Fault("thickness", "missing: the mesh is plane (m)"))
@@ -182,8 +197,8 @@ class Flexible(Plugin):
             return None
         held = self.reference.held(mesh)
         if len(held) == mesh.points.size:
-            raise InputError(f"holds all {len(held)} displacements of the {len(mesh.points)} "
-                             "points, so that none is left to solve for: hold fewer points, "
+            raise InputError(f"fixes all {len(held)} displacements of the {len(mesh.points)} "
+                             "points, so that none is left to solve for: fix fewer points, "
                              "refine the mesh, or leave `elastic` out of fields", "reference")
         return held
 

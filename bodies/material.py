@@ -1,11 +1,11 @@
-"""What a body is made of: linear thermoelastic, isotropic, constant in temperature."""
+"""Material: linear thermoelastic, isotropic, constant in temperature."""
 
 from collections.abc import Sequence
 
 from pydantic import Field
 
 from sparsemor.core.errors import Fault, InputError
-from sparsemor.core.plugin import Plugin
+from sparsemor.core.registry.plugin import Plugin
 
 
 class Material(Plugin):

@@ -1,11 +1,11 @@
-"""Where a body is at the start, and how fast it moves; in the plane or in space."""
+"""Initial position and velocity of a body, in the plane or in space."""
 
 import numpy as np
 
-from sparsemor.bodies.spatial import rotation as rot
+from sparsemor.bodies.frames import rotation as rot
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import Fault, InputError
-from sparsemor.core.plugin import Plugin
+from sparsemor.core.registry.plugin import Plugin
 
 Vector = tuple[float, float] | tuple[float, float, float]
 

@@ -1,4 +1,4 @@
-"""What ties the displacements of a body to its frame, so that they hold no rigid motion."""
+"""Reference conditions: they remove rigid motion from the displacements of a body."""
 
 from collections.abc import Mapping, Sequence
 from typing import Literal
@@ -9,12 +9,12 @@ from pydantic import model_validator
 from sparsemor.bodies.mesh.sets import find_set
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.errors import InputError
-from sparsemor.core.mesh import Mesh
-from sparsemor.core.plugin import Plugin
+from sparsemor.core.protocols.mesh import Mesh
+from sparsemor.core.registry.plugin import Plugin
 
 
 class Reference(Plugin):
-    """What ties the displacements to the frame, so that they hold no rigid motion."""
+    """Reference condition: removes rigid motion from the displacements in the body frame."""
 
     chord: tuple[str, str] | tuple[str, str, str] | None = None
     """One-point sets, two in the plane, three in space: u = 0 at the first, no motion across their
@@ -62,7 +62,7 @@ class Reference(Plugin):
             nodes = find_set(mesh, name, key)
             which = ["xyz".index(c) for c in components]
             if max(which) >= d:
-                raise InputError(f"the mesh is plane: there is no z (given: {components})", key)
+                raise InputError(f"the mesh is plane: there is no z (got {components})", key)
             found += [d * nodes + i for i in which]
         held = np.unique(np.concatenate(found))
         free = free_motions(mesh.points, held)
@@ -75,7 +75,7 @@ class Reference(Plugin):
     def _chord(mesh: Mesh, chord: Sequence[str]) -> IntArray:
         d = mesh.dimension
         if len(chord) != d:
-            raise InputError(f"a chord is {d} one-point sets in {d}-D (given: {len(chord)})",
+            raise InputError(f"a chord is {d} one-point sets in {d}-D (got {len(chord)})",
                              "reference.chord")
         ends = [find_set(mesh, s, "reference.chord") for s in chord]
         for name, nodes in zip(chord, ends, strict=True):
@@ -91,7 +91,7 @@ class Reference(Plugin):
 
 
 def free_motions(X: FloatArray, held: IntArray) -> int:
-    """How many rigid motions of points X (N, d) leave the displacements `held` at zero."""
+    """Number of rigid motions of points X (N, d) that leave the displacements `held` at zero."""
     d = X.shape[1]
     arm = (X - X.mean(axis=0)) / max(float(np.ptp(X, axis=0).max()), 1e-300)
     turns = [(0, 1)] if d == 2 else [(1, 2), (2, 0), (0, 1)]
@@ -120,6 +120,6 @@ def chord_holds(X: FloatArray, points: list[int]) -> IntArray:
 
 
 def on_a_line(X: FloatArray) -> bool:
-    """Whether points (n, 3) span no plane, to 1e-8 of their extent."""
+    """True if points (n, 3) span no plane, to 1e-8 of their extent."""
     size = np.linalg.svd(X - X.mean(axis=0), compute_uv=False)
     return bool(len(size) < 2 or size[1] <= 1e-8 * size[0])

@@ -1,29 +1,33 @@
 """A rigid body, whatever its shape: three coordinates in the plane, seven in space."""
 
 from pathlib import Path
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 
 from sparsemor.bodies.any_body import AnyBody
-from sparsemor.bodies.body_part import PlanarBody
+from sparsemor.bodies.frames.inertia import Inertia
+from sparsemor.bodies.frames.moments import moments_of
+from sparsemor.bodies.planar_body import PlanarBody
 from sparsemor.bodies.pose import Pose, Vector
-from sparsemor.bodies.spatial.body import SpatialBody
-from sparsemor.bodies.spatial.inertia import Inertia
-from sparsemor.bodies.spatial.moments import moments_of
+from sparsemor.bodies.spatial_body import SpatialBody
+from sparsemor.bodies.terms.field_kinds import BODY_KINDS
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import Fault, InputError
-from sparsemor.core.plugin import Plugin
+from sparsemor.core.protocols.layout import FieldKind
+from sparsemor.core.registry.plugin import Plugin
 
 Row = tuple[float, float, float]
 
 
 class Rigid(Plugin):
-    """Newton-Euler equations about the frame origin (equations.md, section 1, without u).
+    """Rigid body: Newton-Euler equations about the frame origin (equations.md, 1, without u).
 
     Its inertia says where it lives: one number makes a planar body, a tensor one in space.
     """
+
+    field_kinds: ClassVar[tuple[FieldKind, ...]] = BODY_KINDS
 
     mass: float = Field(gt=0)
     """Mass, kg."""
@@ -51,7 +55,7 @@ class Rigid(Plugin):
 
     def _in_plane(self, name: str, inertia: float) -> PlanarBody:
         if inertia < 0:
-            raise InputError(f"a moment of inertia is not negative (given: {inertia:g})", "inertia")
+            raise InputError(f"a moment of inertia is not negative (got {inertia:g})", "inertia")
         X = np.array([complex(*p) for p in self.points.values()], dtype=complex)
         com = complex(*self.center)
         return PlanarBody(
@@ -80,7 +84,7 @@ class Rigid(Plugin):
     def _check_vectors(self, d: int) -> None:
         """InputError for a centre or points of the other dimension; zeros fit both."""
         kind = "one number, so the body is plane" if d == 2 else "a tensor, so the body is in space"
-        faults = [Fault(key, f"the inertia is {kind}: give {d} coordinates (given: {list(v)})")
+        faults = [Fault(key, f"the inertia is {kind}: give {d} coordinates (got {list(v)})")
                   for key, v in (("center", self.center), *(
                       (f"points.{n}", p) for n, p in self.points.items()))
                   if len(v) != d and (any(v) or key != "center")]

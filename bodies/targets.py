@@ -6,12 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from sparsemor.bodies.any_body import AnyBody
-from sparsemor.bodies.fe.surface import boundary_facets
+from sparsemor.bodies.fem.surface import boundary_facets
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.errors import Gather, InputError
-from sparsemor.core.mesh import Mesh
 from sparsemor.core.protocols import Part
-from sparsemor.core.registry import near
+from sparsemor.core.protocols.mesh import Mesh
+from sparsemor.core.registry.registry import near
 
 GROUND = "ground"
 
@@ -53,7 +53,7 @@ def find_target(parts: Mapping[str, Part], text: str, key: str) -> Target:
     """The target `body:set`; InputError names the bodies or the sets there are."""
     name, colon, which = text.partition(":")
     if not colon or not which:
-        raise InputError(f"give it as body:set, such as link1:top (given: {text!r})", key)
+        raise InputError(f"give it as body:set, such as link1:top (got {text!r})", key)
     body = find_body(parts, name, key)
     return Target(body, body.named(which, key), text)
 
@@ -87,6 +87,6 @@ def need_field(target: Target, field: str, key: str) -> None:
     if field == "thermal" and body.heat is None:
         raise InputError(f"body {body.name!r} has no thermal field: add `thermal` to its fields, "
                          "or drop this load", key)
-    if field == "mechanical" and body.idle:
+    if field == "mechanical" and body.immobile:
         raise InputError(f"body {body.name!r} neither moves nor deforms, so a force on it does "
                          "nothing: add `elastic` to its fields, or drop this load", key)

@@ -53,7 +53,7 @@ class Gather:
     def __call__(
         self, key: str, make: Callable[P, T], *args: P.args, **kwargs: P.kwargs
     ) -> T | None:
-        """What `make` returns, or None when it raised InputError (kept under `key`, if any)."""
+        """Result of `make`, or None when it raised InputError (kept under `key`, if any)."""
         try:
             return make(*args, **kwargs)
         except InputError as error:

@@ -9,7 +9,7 @@ from enum import StrEnum
 
 
 class Level(StrEnum):
-    """How much a note matters."""
+    """Severity of a note."""
 
     WARNING = "warning"
     INFORMATION = "information"

@@ -1,4 +1,4 @@
-"""How a solve ended: a value that carries its own advice, never an exception in an inner loop."""
+"""Status of a solve or run, with advice: a value, never an exception in an inner loop."""
 
 from enum import Enum
 
@@ -22,66 +22,65 @@ class Status(Enum):
 
     @property
     def advice(self) -> str:
-        """What to try, for a model whose rows are sampled."""
+        """Advice for a model whose rows are sampled."""
         return self.advice_for(sampled=True)
 
     def advice_for(self, sampled: bool) -> str:
-        """What to try. sampled: whether rows were drawn by a sampler; without rows, nothing is
-        said of them."""
+        """Advice. sampled: True if the model's rows were drawn by a sampler, so that the advice
+        mentions them."""
         return _ADVICE[self] + (_OF_ROWS.get(self, "") if sampled else "")
 
 
 _ADVICE = {
     Status.DONE: "",
     Status.NOT_CONVERGED: (
-        "the iteration did not contract: take a smaller time.step or a more damped integrator, "
-        "and check that the loads are continuous in time"
+        "Newton did not converge. Try a smaller time.step or an integrator with more numerical "
+        "damping, and check that the loads are continuous in time"
     ),
     Status.SINGULAR: (
-        "the equations have no unique solution: look for a body that nothing holds, redundant "
-        "joints, or a missing reference condition"
+        "the equations have no unique solution: check for unconstrained bodies (rigid-body "
+        "modes), redundant joints, or a missing reference condition"
     ),
     Status.RANK_DEFICIENT: (
-        "the active atoms cannot be told apart: take fewer atoms, or a basis without "
+        "the active atoms are linearly dependent: take fewer atoms, or a basis without "
         "near-duplicates"
     ),
     Status.INFEASIBLE: (
-        "no coefficients satisfy the rows within the tolerance of the sparse solver: raise "
+        "no coefficients satisfy the equations within the tolerance of the sparse solver: raise "
         "reducer.solver.tolerance, take more atoms, or a solver that fits by least squares"
     ),
     Status.DIVERGED: (
-        "the solution grew far beyond the training run: take more atoms, a training run that "
+        "the solution grew far beyond the training run: use more atoms, a training run that "
         "covers the whole run, or a smaller time.step"
     ),
     Status.NOT_FINITE: (
-        "a value overflowed: take a smaller time.step or a more damped integrator"
+        "a value overflowed: try a smaller time.step or an integrator with more numerical damping"
     ),
     Status.STEP_TOO_LONG: (
-        "the shortest substep is still too long: raise time.control.tolerance or max_halvings, "
-        "let loads begin smoothly, or raise time.control.elastic above vibrations that do not "
-        "matter"
+        "the error of the shortest substep is above the tolerance: raise time.control.tolerance "
+        "or max_halvings, use loads that begin smoothly, or raise the size that time.control gives "
+        "to a field above the amplitude of vibrations that do not matter"
     ),
     Status.INTERRUPTED: "continue it with --resume",
 }
 _OF_ROWS = {
-    Status.NOT_CONVERGED: "; keep the required rows or take more",
-    Status.SINGULAR: "; or more sampled rows",
-    Status.RANK_DEFICIENT: "; or take more rows, or another sampler",
-    Status.DIVERGED: "; keep the required rows, take more, or try another seed or sampler",
-    Status.NOT_FINITE: "; keep the required rows or take more",
+    Status.NOT_CONVERGED: "; keep the required rows, or sample more rows",
+    Status.SINGULAR: "; or sample more rows",
+    Status.RANK_DEFICIENT: "; or sample more rows, or use another sampler",
+    Status.DIVERGED: "; keep the required rows, sample more rows, or try another seed or sampler",
+    Status.NOT_FINITE: "; keep the required rows, or sample more rows",
 }
 
 
 class SolveFailed(RuntimeError):
-    """A run stopped before its end.
+    """Failure of a run before its end, raised by the time loop only.
 
-    Only the time loop raises it. `status` says how, `time` (s) when, `block` where
-    (`body.field`, or "" for the whole system), and `detail` what was seen. sampled: whether the
-    model's rows were drawn by a sampler, so that the advice is on rows too.
+    `status`, `time` (s), `block` (`body.field`, or "" for the whole system) and `detail` of the
+    failure. sampled: True if the model's rows were drawn by a sampler: the advice mentions them.
     """
 
     result: object = None
-    """The `RunResult` of what was computed, where there is one."""
+    """The `RunResult` up to the failure, if there is one."""
 
     def __init__(
         self, status: Status, time: float, block: str = "", detail: str = "", *,

@@ -8,9 +8,9 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from sparsemor.core.option_types import type_in_words
-from sparsemor.core.registry import PluginName, Registry
-from sparsemor.core.scene import Scene
+from sparsemor.core.registry.option_types import type_in_words
+from sparsemor.core.registry.registry import PluginName, Registry
+from sparsemor.core.scene.scene import Scene
 
 PAGE = Path(__file__).with_name("scene-reference.md")
 KINDS = {

@@ -4,14 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from sparsemor.core.arrays import FloatArray
-from sparsemor.core.layout import Layout
-from sparsemor.core.plugin import Plugin
-from sparsemor.core.protocols import State, StepFormula
+from sparsemor.core import FloatArray, Layout, Plugin, State, StepFormula
 
 
 class Bdf1(Plugin):
-    """v = (x - x0)/h, a = (x - x0 - h v0)/h^2.
+    """Implicit Euler (BDF1), first order: v = (x - x0)/h, a = (x - x0 - h v0)/h^2.
 
     Stable for every step. An oscillation of angular frequency w keeps the fraction
     1/sqrt(1 + w^2 h^2) of its amplitude in each step.

@@ -4,14 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from sparsemor.core.arrays import FloatArray
-from sparsemor.core.layout import Layout
-from sparsemor.core.plugin import Plugin
-from sparsemor.core.protocols import State, StepFormula
+from sparsemor.core import FloatArray, Layout, Plugin, State, StepFormula
 
 
 class Bdf2(Plugin):
-    """v = (3 x - 4 x0 + x_)/(2 h), a = (3 v - 4 v0 + v_)/(2 h), with x_, v_ one step before x0, v0.
+    """Backward differentiation formula of second order (BDF2), with constant step.
+
+    v = (3 x - 4 x0 + x_)/(2 h), a = (3 v - 4 v0 + v_)/(2 h), with x_, v_ one step before x0, v0.
 
     Second-order accurate, stable for every step (the first-order rule is A- and L-stable, Hairer
     and Wanner 1996, doi 10.1007/978-3-642-05221-7, Sec. V.1; the second-order rule is the same
@@ -19,7 +18,7 @@ class Bdf2(Plugin):
     x_ = x0 - h v0 + h^2/2 a0 and v_ = v0 - h a0, so that c1 and c2 are the same in every step.
 
     Memory (n, 2) is by how much x_ and v_ depart from that Taylor polynomial. It is zero after
-    `start`, so no step is a special case, and a restart at another h makes its history anew.
+    `start`, so no step is a special case, and a restart at another h computes its history again.
     """
 
     @property

@@ -6,12 +6,8 @@ from typing import NamedTuple
 import numpy as np
 from pydantic import Field
 
-from sparsemor.core.arrays import FloatArray
-from sparsemor.core.joint_forces import joints_of
-from sparsemor.core.layout import Layout
-from sparsemor.core.notes import Note
-from sparsemor.core.plugin import Plugin
-from sparsemor.core.protocols import State, StepFormula
+from sparsemor.core import FloatArray, Layout, Note, Plugin, State, StepFormula
+from sparsemor.core.simulation.diagnostics.alternating_joint_forces import joints_of
 
 UNDAMPED = 0.95
 """Largest rho_inf at which errors of joint forces die out within some hundred steps."""
@@ -35,7 +31,7 @@ class _First(NamedTuple):
 
 
 class GeneralizedAlpha(Plugin):
-    """Second-order accurate; the highest frequencies shrink by `rho_inf` in each step.
+    """Generalized-alpha method, second order, with spectral radius `rho_inf` at high frequency.
 
     With b the algorithmic acceleration (kept in memory), a the true one:
     q1 = q + h v + h^2 ((1/2 - beta) b + beta b1), v1 = v + h ((1 - gamma) b + gamma b1),

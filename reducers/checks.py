@@ -1,16 +1,22 @@
-"""What a reducer can refuse before the training run: pure counting on an assembled model."""
+"""Checks of a reducer's options before the training run, by counting on an assembled model."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Protocol
 
 import numpy as np
 
-from sparsemor.core.capabilities import refusal
-from sparsemor.core.choose import misfits
 from sparsemor.core.errors import Fault
-from sparsemor.core.model import Model
-from sparsemor.core.protocols import Basis, Preconditioner, Sampler, SparseSolver
-from sparsemor.reducers.choose import chosen
+from sparsemor.core.model.block_patterns import chosen, unmatched
+from sparsemor.core.protocols import (
+    AssembledModel,
+    Basis,
+    BoundsAtoms,
+    ChoosesRowsKept,
+    Preconditioner,
+    Sampler,
+    SparseSolver,
+)
+from sparsemor.core.protocols.sparse_solver import refusal
 
 
 class RowsAndAtoms(Protocol):
@@ -20,13 +26,13 @@ class RowsAndAtoms(Protocol):
     def atoms(self) -> int | None: ...
 
 
-def pattern_faults(model: Model, key: str, patterns: Iterable[str]) -> list[Fault]:
-    """Patterns that fit no block of any body (core/choose.py)."""
-    return misfits(model.layout, key, patterns)
+def pattern_faults(model: AssembledModel, key: str, patterns: Iterable[str]) -> list[Fault]:
+    """Patterns that fit no block of any body (core/model/block_patterns.py)."""
+    return unmatched(model.layout, key, patterns)
 
 
 def budget_faults(
-    model: Model, budgets: Mapping[str, RowsAndAtoms], sampler: Sampler
+    model: AssembledModel, budgets: Mapping[str, RowsAndAtoms], sampler: Sampler
 ) -> list[Fault]:
     """Misspelt patterns, more rows than a block has to draw from."""
     faults = pattern_faults(model, "budgets", budgets)
@@ -37,15 +43,15 @@ def budget_faults(
             continue
         size, kept = block_size(model, name), required_rows(model, name, sampler)
         if asked > size - kept:
-            besides = f" besides the {kept} that joints and loads need" if kept else ""
+            more = f" in addition to the {kept} that joints and loads need" if kept else ""
             faults.append(Fault(
-                f"budgets.{pattern}.rows", f"{asked} rows were asked of {name}, which has "
-                f"{size - kept} unknowns to draw from{besides}: take at most {size - kept}"))
+                f"budgets.{pattern}.rows", f"{asked} rows were requested of {name}, which has "
+                f"{size - kept} unknowns to draw from{more}: take at most {size - kept}"))
     return faults
 
 
 def preconditioner_faults(
-    model: Model, budgets: Mapping[str, RowsAndAtoms], sampler: Sampler,
+    model: AssembledModel, budgets: Mapping[str, RowsAndAtoms], sampler: Sampler,
     preconditioner: Preconditioner, preconditioned: Sequence[str],
     basis: Basis, bases: Mapping[str, Basis],
 ) -> list[Fault]:
@@ -66,7 +72,8 @@ def preconditioner_faults(
 
 
 def capability_faults(
-    model: Model, budgets: Mapping[str, RowsAndAtoms], sampler: Sampler, solver: SparseSolver,
+    model: AssembledModel, budgets: Mapping[str, RowsAndAtoms], sampler: Sampler,
+    solver: SparseSolver,
     basis: Basis, bases: Mapping[str, Basis],
 ) -> list[Fault]:
     """A solver that lacks what the problems of this scene are known to need before any training.
@@ -81,7 +88,7 @@ def capability_faults(
         if budget is None or budget.atoms is None:
             continue
         most = most_atoms(chosen(name, bases, basis), block_size(model, name))
-        if name.endswith(".elastic"):
+        if model.layout.block(name).kind.order == 2:
             choosing.append(name)
             joint = joint or budget.atoms < most
             continue
@@ -99,24 +106,24 @@ def capability_faults(
 
 
 def resampling_faults(
-    model: Model, resample: int | None, row_sets: int | None
+    model: AssembledModel, resample: int | None, row_sets: int | None
 ) -> list[Fault]:
     """Sets of rows that are never drawn; new rows of local terms, which only a mesh can give."""
     if resample is None:
-        return [Fault("row_sets", "rows are drawn once: say after how many steps they are drawn "
-                      "anew (resample)")] if row_sets is not None else []
+        return [Fault("row_sets", "rows are drawn only once: set the number of steps after which "
+                      "they are drawn again (resample)")] if row_sets is not None else []
     local = [b.thermal for b in model.separated.heat if b.local]
     if row_sets is None and local:
         return [Fault("row_sets", f"rows of {', '.join(local)} have radiation, whose elements are "
-                      "found on the mesh: give a number of row sets, which are prepared "
-                      "beforehand")]
+                      "found on the mesh: give a number of row sets, which are prepared in "
+                      "advance")]
     return []
 
 
-def local_blocks(model: Model) -> dict[str, str]:
+def local_blocks(model: AssembledModel) -> dict[str, str]:
     """Blocks with terms that are evaluated by elements in each step, and what these are."""
     found = {b.thermal: "radiation" for b in model.separated.heat if b.local}
-    for term in model.separated.other:
+    for term in (*model.separated.other, *model.separated.elastic_local):
         for name in model.reducible():
             at = model.layout[name]
             if np.any((term.rows >= at.start) & (term.rows < at.stop)):
@@ -129,31 +136,33 @@ def pattern_of(name: str, table: Mapping[str, Any]) -> str | None:
     return chosen(name, {pattern: pattern for pattern in table}, None)
 
 
-def block_size(model: Model, name: str) -> int:
+def block_size(model: AssembledModel, name: str) -> int:
     place = model.layout[name]
     return int(place.stop - place.start)
 
 
-def required_rows(model: Model, name: str, sampler: Sampler) -> int:
-    """How many rows a sampler keeps unasked; one that has no such option is handed them all."""
-    option = getattr(sampler, "required", True)
-    if option == "ring":
+def required_rows(model: AssembledModel, name: str, sampler: Sampler) -> int:
+    """Number of rows that a sample contains in addition to those drawn."""
+    kept = sampler.keeps if isinstance(sampler, ChoosesRowsKept) else "required"
+    if kept == "ring":
         return len(np.union1d(model.required[name], model.ring(name)))
-    return len(model.required[name]) if option else 0
+    return len(model.required[name]) if kept == "required" else 0
 
 
-def default_rows(model: Model, name: str, sampler: Sampler, atoms: int) -> int:
+def default_rows(model: AssembledModel, name: str, sampler: Sampler, atoms: int) -> int:
     """Rows drawn for a dictionary where the scene gives no number: twice its atoms, or as many as
-    the block has besides the required ones."""
+    the block has in addition to the required ones."""
     left = block_size(model, name) - required_rows(model, name, sampler)
     return max(min(2 * atoms, left), 0)
 
 
 def most_atoms(basis: Basis, size: int) -> int:
-    """An upper bound of the dictionary's size: what the basis says in `most_atoms(size)`, or
-    `count` where it has one, else all unknowns."""
-    bound = getattr(basis, "most_atoms", None)
-    if bound is not None:
-        return int(bound(size))
-    count = getattr(basis, "count", None)
-    return min(count, size) if isinstance(count, int) else size
+    """An upper bound of the dictionary's size: that of the basis, else all unknowns."""
+    bound = bound_of_atoms(basis, size)
+    return size if bound is None else bound
+
+
+def bound_of_atoms(basis: Basis, size: int) -> int | None:
+    """The bound of the dictionary's size that the options of a basis set; None where they do not.
+    """
+    return basis.most_atoms(size) if isinstance(basis, BoundsAtoms) else None

@@ -9,22 +9,28 @@ from pathlib import Path
 
 import pytest
 
+from cpu_limit import CpuLimit
+from time_budget import TimeBudget
+
 THIRD_PARTY = Path(__file__).parent / "third_party"
 Distribute = Callable[..., None]
 
 TOY_PLUGINS = '''
 """Plugins without physics, to fill the slots of scenes in tests."""
 
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 from pydantic import Field
 
-from sparsemor.core.plugin import Plugin
-from sparsemor.core.slot import Slot, slot_default
+from sparsemor.bodies.terms.field_kinds import BODY_KINDS
+from sparsemor.core.registry.plugin import Plugin
+from sparsemor.core.registry.slot import Slot, slot_default
 
 
 class Ball(Plugin):
     """A body."""
+
+    field_kinds: ClassVar[Any] = BODY_KINDS
 
     mass: float = Field(gt=0)
     """How heavy, kg."""
@@ -64,7 +70,7 @@ class Still(Plugin):
 class Prepares(Plugin):
     """Base of reducers."""
 
-    def prepare(self, model, integrator, h, offline, rng):
+    def prepare(self, problem):
         raise NotImplementedError
 
 
@@ -116,6 +122,22 @@ TOY_NAMES = {
                 "second": "toy_plugins:Second"},
     "toy_sampler": {"grid": "toy_plugins:Grid", "dice": "toy_plugins:Dice"},
 }
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption(
+        "--cpu-limit", type=float, default=0.5, metavar="S",
+        help="CPU seconds of a test without a tier (0: no limit, for profiles and coverage)")
+    parser.addoption(
+        "--minutes", type=float, metavar="N",
+        help="start no test after so many minutes: a random share, another one each day")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    if limit := config.getoption("--cpu-limit"):
+        config.pluginmanager.register(CpuLimit(limit), "cpu_limit")
+    if (minutes := config.getoption("--minutes")) is not None:
+        config.pluginmanager.register(TimeBudget(minutes), "time_budget")
 
 
 @pytest.fixture(autouse=True, scope="session")

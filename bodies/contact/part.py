@@ -1,27 +1,35 @@
-"""A built contact: its term inside the step, and its loads and histories along a known motion."""
+"""A built contact: its term inside the step, and its loads and histories along a prescribed motion.
+"""
 
-from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Generic, TypeAlias, TypeVar
 
 import numpy as np
 from scipy.spatial import cKDTree
 
-from sparsemor.bodies.contact.facets import Facets
-from sparsemor.bodies.contact.near import Near
+from sparsemor.bodies.contact.along_motion import (
+    Motion,
+    Path,
+    Window,
+    relative_motion,
+    steps,
+    windows,
+)
+from sparsemor.bodies.contact.broad_phase import BroadPhase
+from sparsemor.bodies.contact.chatter import chatter_warning
+from sparsemor.bodies.contact.pieces import pressure
 from sparsemor.bodies.contact.projection import nearest
-from sparsemor.bodies.contact.restless import unsettled
-from sparsemor.bodies.contact.surface_term import SurfaceTerm
-from sparsemor.bodies.contact.tractions import Interface
-from sparsemor.core.arrays import FloatArray
-from sparsemor.core.layout import Block, Layout
-from sparsemor.core.protocols import Part, Term
-from sparsemor.core.stage import FrameHistory, SurfaceLoads
+from sparsemor.bodies.contact.quadrature import PRESCRIBED, points_along, rule
+from sparsemor.bodies.contact.resultants import names_of, resultants
+from sparsemor.bodies.contact.side import Side
+from sparsemor.bodies.contact.surface import Surface
+from sparsemor.bodies.contact.term import ContactTerm
+from sparsemor.bodies.contact.tractions import Interface, Loads, nodal
+from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core.protocols.contributions import Equations
+from sparsemor.core.protocols.layout import Block
+from sparsemor.core.protocols.prescribed_motion import SurfaceLoads
 
-S = TypeVar("S", bound=Facets[Any])
-Motion: TypeAlias = Mapping[str, FrameHistory]
-"""Body -> its motion; a body that is not named stands still."""
 FLAT = 1e-3
 """Share of a surface's extent below which it has none in a direction."""
 PASSAGE = 5.0
@@ -29,18 +37,18 @@ PASSAGE = 5.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ContactPart(ABC, Generic[S]):
-    """What is the same in the plane and in space; PlanarContact and SpatialContact add the rest.
+class ContactPart:
+    """Contact of two surfaces, in the plane or in space.
 
-    reach: deepest penetration (m) that is followed; deforms: surfaces move with the displacements;
+    reach: deepest penetration (m) that is trusted; deforms: surfaces move with the displacements;
     heats: friction heat and conduction enter the bodies that have temperatures.
     """
 
     name: str
-    first: S
-    second: S
+    first: Surface
+    second: Surface
     face: Interface
-    near: Near
+    near: BroadPhase
     reach: float
     deforms: bool
     heats: bool
@@ -52,40 +60,79 @@ class ContactPart(ABC, Generic[S]):
 
     # ------------------------------------------------------------------ inside the step
 
-    def terms(self, layout: Layout, parts: Mapping[str, Part]) -> Sequence[Term]:
-        """The contact inside the step, at the unknowns of the layout."""
-        return _felt(self._term(layout, {}, self.face, moves=True, deforms=self.deforms,
-                                conducts=self.heats))
+    def contribute(self, equations: Equations) -> None:
+        """The contact inside the step."""
+        first, second = (
+            Side.of(s, equations.layout, moves=True, deforms=self.deforms, conducts=self.heats)
+            for s in (self.first, self.second))
+        self._write(equations, (first, second), self.face, self.deforms)
 
-    def conduction(self, layout: Layout, motion: Motion) -> Sequence[Term]:
-        """Conduction between surfaces whose frames move as told; friction heat is not in it."""
+    def conduction(self, equations: Equations, motion: Motion) -> None:
+        """Conduction between surfaces whose frames have a prescribed motion, without friction."""
         if self.face.conductance == 0:
-            return []
-        return _felt(self._term(layout, motion, replace(self.face, friction=None), moves=False,
-                                deforms=False, conducts=True))
+            return
+        first, second = (
+            Side.of(s, equations.layout, moves=False, deforms=False, conducts=True,
+                    motion=motion.get(s.body.name)) for s in (self.first, self.second))
+        self._write(equations, (first, second), replace(self.face, friction=None), False)
 
-    @abstractmethod
-    def _term(
-        self, layout: Layout, motion: Motion, face: Interface, *, moves: bool, deforms: bool,
-        conducts: bool,
-    ) -> SurfaceTerm[Any]:
-        """moves: frames take part with their unknowns, else as the motion tells; deforms,
-        conducts: displacements and temperatures do."""
+    def _write(
+        self, equations: Equations, sides: tuple[Side, Side], face: Interface, deforms: bool
+    ) -> None:
+        """The term, in the blocks that it reads and acts on; none where it acts on none."""
+        term = ContactTerm.of(sides, face, self.near, deforms, self.reach)
+        if len(term.rows):
+            blocks = equations.layout.containing(np.concatenate([term.rows, term.columns]))
+            equations.local(blocks, term, together=deforms)
 
-    # ------------------------------------------------------------------ along a known motion
+    # ------------------------------------------------------------------ along a prescribed motion
 
-    @abstractmethod
     def imported(self, motion: Motion) -> Mapping[str, SurfaceLoads]:
-        """Body -> nodal forces in its own axes (N) and nodal friction heat (W) at each time."""
+        """Body -> nodal forces in its own axes (N) and nodal friction heat (W) at each time; in
+        space, where surfaces have many points, on those that are touched at any time (all, where
+        none is)."""
+        face, d = self._prescribed_face(), self.first.d
+        made = _Sums(self.first), _Sums(self.second)
+        for w, loads in self._loads(motion, face):
+            nodes, time = w.nodes[w.pieces.overlap], w.time[w.pieces.overlap]
+            heat = loads.heat if self.heats else 0.0 * loads.heat
+            for side, ends in enumerate((slice(0, d), slice(d, 2 * d))):
+                made[side].add(w.times, time, nodes[:, ends], loads.force[:, ends], heat[:, ends])
+        found = {}
+        for side, surface in enumerate((self.first, self.second)):
+            touched, force, heat = made[side].loads()
+            if side == 0:
+                force = self._in_first(force, motion)
+            found[surface.body.name] = SurfaceLoads(surface.nodes[touched], force, heat)
+        return found
 
-    @abstractmethod
+    def _prescribed_face(self) -> Interface:
+        d, n = self.first.d, points_along(self.first.d, self.face.points)
+        points, weights = rule(d, max(PRESCRIBED, n) if d == 2 else n)
+        return replace(self.face, conductance=0.0, points=points, weights=weights)
+
+    def _in_first(self, force: FloatArray, motion: Motion) -> FloatArray:
+        """(T, j, d) in the first body's axes of forces in the second's."""
+        A, B = (Path(s, motion).A for s in (self.first, self.second))
+        return np.asarray(force @ (B.transpose(0, 2, 1) @ A))
+
     def history(self, motion: Motion) -> Mapping[str, FloatArray]:
-        """Resultants at the times (T,) of the motion."""
+        """Resultants at the times (T,) of the motion, by `names_of`."""
+        found = {name: np.zeros(steps(motion)) for name in names_of(self.first.d)}
+        for w, loads in self._loads(motion, self.face):
+            now = resultants(w.times, w.time, w.overlaps, w.pieces, loads, self.face)
+            for name, values in now.items():
+                found[name][w.begin : w.stop] = values
+        return found
 
-    # ------------------------------------------------------------------ what a user should know
+    def _loads(self, motion: Motion, face: Interface) -> Iterator[tuple[Window, Loads]]:
+        for w in windows(self.first, self.second, self.near, face, motion):
+            yield w, nodal(w.overlaps, w.pieces, face, None)
+
+    # ------------------------------------------------------------------ warnings after a run
 
     def missed(self, motion: Motion) -> str:
-        """What a user should know when the surfaces never met; "" when they did."""
+        """Warning when the surfaces never touched; "" when they did."""
         gap = 0.0 if self._pressed(motion) else self._closest(motion)
         if gap <= (self.reach if self.deforms else 0.0):
             return ""
@@ -94,9 +141,9 @@ class ContactPart(ABC, Generic[S]):
                 f"they came is {gap:.3g} m: check the poses, and that the sets name the sides that "
                 "face each other")
 
-    def unsettled(self, history: Mapping[str, FloatArray]) -> str:
-        """What a user should know of the contact's history at the steps of a run; "" if nothing."""
-        return unsettled(self.name, history["normal"])
+    def chatter_warning(self, history: Mapping[str, FloatArray]) -> str:
+        """Warning about the contact's history at the steps of a run; "" if there is none."""
+        return chatter_warning(self.name, history["normal"])
 
     def passage(self, motion: Motion) -> str:
         """A warning where a point lies under the shorter surface for few steps; "" otherwise.
@@ -115,13 +162,16 @@ class ContactPart(ABC, Generic[S]):
                 f"steps only, too few for its pressure and heat (at least {PASSAGE:g}): take a "
                 f"time.step {np.ceil(PASSAGE / fewest):g} times as small")
 
-    @abstractmethod
     def _pressed(self, motion: Motion) -> bool:
-        """Whether there is pressure at any of the times."""
+        """True if there is pressure at any of the times."""
+        return any((pressure(w.overlaps, w.pieces.of, w.pieces.parts.corners, self.face.normal)
+                    > 0).any() for w in windows(self.first, self.second, self.near, self.face,
+                                                motion))
 
-    @abstractmethod
     def _points(self, motion: Motion) -> Callable[[slice], tuple[FloatArray, FloatArray]]:
-        """Of one of the times: points (n1, d) and (n2, d), m, in any axes that both share."""
+        """Of one of the times: points (n1, d) and (n2, d), m, in the second body's axes."""
+        one, other = Path(self.first, motion), Path(self.second, motion)
+        return lambda now: (relative_motion(one, other, self.first.X, now)[0][0], self.second.X)
 
     def _closest(self, motion: Motion) -> float:
         """Smallest distance of a point of either surface from the other, at 100 of the times."""
@@ -149,11 +199,35 @@ def _passage(
     return extent / length if extent > 0.0 else float(np.inf)
 
 
-def _felt(term: SurfaceTerm[Any]) -> Sequence[Term]:
-    """No term where no unknown feels it."""
-    return [term] if len(term.rows) else []
+class _Sums:
+    """Loads on the points of a surface, collected from some of the times after the other: of the
+    points touched at those times only."""
 
+    def __init__(self, surface: Surface) -> None:
+        self.n, self.d = len(surface.nodes), surface.d
+        self.touched: list[IntArray] = []
+        self.values: list[FloatArray] = []
 
-def steps(motion: Motion) -> int:
-    """Number of times of a motion."""
-    return max((len(h.times) for h in motion.values()), default=1)
+    def add(
+        self, times: int, time: IntArray, nodes: IntArray, force: FloatArray, heat: FloatArray
+    ) -> None:
+        """time (M,), nodes (M, d), force (M, d, d), heat (M, d) of the next `times`."""
+        touched, at = np.unique(nodes, return_inverse=True)
+        at = (time[:, None] * len(touched) + at.reshape(nodes.shape)).ravel()
+        columns = [*force.reshape(-1, self.d).T, heat.ravel()]
+        size = times * len(touched)
+        whole: FloatArray = np.array([np.bincount(at, c, size) for c in columns]).T
+        self.touched.append(touched)
+        self.values.append(np.asarray(whole).reshape(times, len(touched), self.d + 1))
+
+    def loads(self) -> tuple[IntArray, FloatArray, FloatArray]:
+        """Points (j,), force (T, j, d), heat (T, j)."""
+        ever = np.unique(np.concatenate(self.touched))
+        if self.d == 2 or not len(ever):
+            ever = np.arange(self.n)
+        times = sum(len(v) for v in self.values)
+        made, begin = np.zeros((times, len(ever), self.d + 1)), 0
+        for touched, values in zip(self.touched, self.values, strict=True):
+            made[begin : begin + len(values), np.searchsorted(ever, touched)] = values
+            begin += len(values)
+        return ever, made[:, :, :-1].copy(), made[:, :, -1].copy()

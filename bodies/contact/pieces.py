@@ -1,153 +1,190 @@
-"""Where facets of two surfaces overlap, cut into pieces on which the tractions are smooth.
+"""Overlaps of facets of two surfaces, cut into pieces on which the tractions are smooth.
 
-A pair of facets is z (P, 4): the ends a1, b1 of the first and a2, b2 of the second facet in the
-complex plane, both with their body on the left. A place on the first facet is s in [0, 1]; seen
-from the second facet it is the complex number zeta = (z - a2) / (b2 - a2), whose real part is the
-projection and whose imaginary part, times the facet's length, the penetration. zeta is linear in
-s, and so are the penetration, its rate and the slip: every cut is the root of a linear function,
-and resultants are smooth functions of the motion although the edge of contact wanders.
+Everything is in the second body's axes, for segments (d = 2) and triangles (d = 3) alike. A place
+on the first facet is s (d,) barycentric. Projected on the second one it has barycentric numbers
+eta, and it lies the penetration delta below it. With corners a, b of the two, n the second one's
+normal and g the gradients of eta, the velocity of the first body's point against the second's is
+
+    w = sum s a' - sum eta b' - delta sum g (n . b'),
+
+where the last part is the turn of the second facet: the second body's point is on a rigid arm of
+the length delta. The penetration's rate is -n . w, the slip is the rest of w. All of delta, eta and
+w are linear in s: resultants are smooth functions of the motion although the edge of contact moves.
 """
 
 from dataclasses import dataclass
-from typing import Self, TypeVar
+from typing import Self
 
 import numpy as np
 
-from sparsemor.bodies.planar.motion import ComplexArray
+from sparsemor.bodies.contact.cells import Cells
+from sparsemor.bodies.contact.clipping import NONE, Parts, joined, left
+from sparsemor.bodies.contact.planes import Planes, area_vector
 from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
 from sparsemor.core.protocols import FrictionLaw, NormalLaw
 
-Values = TypeVar("Values", FloatArray, ComplexArray)
-NONE, AT_A, AT_B, EDGE = -1, 0, 1, 2
-"""What bounds an overlap: the facet's own end, a border of the second facet's cell, lift-off."""
+EDGE = 1_000_000
+"""Tag of an edge where the surfaces lift off; lower ones: the number of the cell's border."""
+DEPTH, SINK = 0, 1
+"""Columns of `Overlaps.at`, before those of the slip and of eta."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pairs:
-    """z, rate (P, 4), m and m/s; turns (P, 2) of the second facet (see Surface)."""
+    """Of pairs of facets in the second body's axes: corners a and their velocities va (P, d, d) of
+    the first; planes, cells and velocities vb (P, d, d; None: at rest) of the second."""
 
-    z: ComplexArray
-    rate: ComplexArray
-    turns: FloatArray
+    a: FloatArray
+    va: FloatArray
+    planes: Planes
+    cells: Cells
+    vb: FloatArray | None = None
 
-    def __len__(self) -> int:
-        return len(self.z)
+    def some(self, chosen: IntArray) -> "Pairs":
+        vb = None if self.vb is None else self.vb[chosen]
+        return Pairs(self.a[chosen], self.va[chosen], self.planes.some(chosen),
+                     self.cells.some(chosen), vb)
 
-    def some(self, chosen: IntArray | BoolArray) -> "Pairs":
-        return Pairs(self.z[chosen], self.rate[chosen], self.turns[chosen])
+    def projected(self) -> tuple[FloatArray, FloatArray]:
+        """Penetration (P, d) and eta (P, d, d: corner of the first, number) at the corners."""
+        rel = self.a - self.planes.corner[:, None]
+        eta = rel @ self.planes.g.transpose(0, 2, 1)
+        eta[:, :, 0] += 1.0
+        return np.asarray(-(rel @ self.planes.n[:, :, None])[:, :, 0]), eta
 
-    def zeta(self) -> ComplexArray:
-        """(P, 2) at both ends of the first facet."""
-        base, along = self.z[:, 2:3], (self.z[:, 3] - self.z[:, 2])[:, None]
-        return np.asarray((self.z[:, :2] - base) / along)
+    def measure(self) -> FloatArray:
+        """(P,): (d - 1)! times that of the first facet in projection on the second one, m or m2."""
+        return np.asarray(-(area_vector(self.a) * self.planes.n).sum(axis=1))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Overlaps:
-    """Parts of first facets in contact: low < high (P,) in [0, 1], cut_low, cut_high (P,) what
-    bounds them. depth, sink, slip (P, 2): penetration (m), its rate and the slip of the first
-    body along the second facet (m/s) at s = 0 and s = 1, between which they are linear."""
+    """Parts of first facets in contact. at (P, d, 2 + 2 d): penetration (m), its rate, slip (m/s,
+    d) and eta (d) at the corners; measure (P,), m or m2, see `Pairs.measure`."""
 
     pairs: Pairs
-    low: FloatArray
-    high: FloatArray
-    cut_low: IntArray
-    cut_high: IntArray
-    depth: FloatArray
-    sink: FloatArray
-    slip: FloatArray
+    parts: Parts
+    at: FloatArray
+    measure: FloatArray
 
     @classmethod
     def of(cls, pairs: Pairs) -> tuple[Self, IntArray]:
         """The overlaps that are not empty, and which of the pairs they are of."""
-        along = pairs.z[:, 3] - pairs.z[:, 2]
-        size, zeta = np.abs(along), pairs.zeta()
-        depth = size[:, None] * zeta.imag
+        depth, eta = pairs.projected()
+        borders, measure = pairs.cells.values(eta, depth), pairs.measure()
         # surfaces that look the same way are the far sides of the bodies
-        some = np.flatnonzero((depth.max(axis=1) >= 0) & (zeta[:, 1].real < zeta[:, 0].real))
-        pairs, zeta, depth = pairs.some(some), zeta[some], depth[some]
-        turn = pairs.turns
-        bounds = np.stack([
-            zeta.real - turn[:, :1] * zeta.imag, 1.0 - turn[:, 1:] * zeta.imag - zeta.real, depth])
-        low, high, cut_low, cut_high = _between(bounds)
-        kept = np.flatnonzero(high > low)
-        pairs, zeta, depth = pairs.some(kept), zeta[kept], depth[kept]
-        t = (along / size)[some][kept]
-        a, b = pairs.rate[:, 2:3], (pairs.rate[:, 3] - pairs.rate[:, 2])[:, None]
-        w = t.conj()[:, None] * (pairs.rate[:, :2] - a - zeta * b)
-        sink = w.imag + depth * (b / along[some][kept][:, None]).real
-        return cls(pairs, low[kept], high[kept], cut_low[kept], cut_high[kept], depth, sink,
-                   w.real), some[kept]
+        some = _reaching(depth, borders, measure)
+        bounds = np.concatenate([borders[some], depth[some, :, None]], axis=2)
+        tags = np.arange(bounds.shape[2])
+        tags[-1] = EDGE
+        parts = Parts.within(bounds, tags)
+        within = np.flatnonzero(parts.count > 0)
+        kept = some[within]
+        pairs, depth, eta = pairs.some(kept), depth[kept], eta[kept]
+        n = pairs.planes.n
+        w = relative(pairs, depth, eta)
+        sink = -(w @ n[:, :, None])
+        slip = w + sink * n[:, None]
+        at = np.concatenate([depth[:, :, None], sink, slip, eta], axis=2)
+        return cls(pairs, parts.some(within), at, measure[kept]), kept
+
+    @property
+    def d(self) -> int:
+        return int(self.at.shape[1])
+
+    @property
+    def speed(self) -> FloatArray:
+        """(P, 2) in the plane: slip along the second facet at the corners, m/s."""
+        n = self.pairs.planes.n
+        return np.asarray(self.at[:, :, 3] * n[:, :1] - self.at[:, :, 2] * n[:, 1:])
 
 
-def _between(f: FloatArray) -> tuple[FloatArray, FloatArray, IntArray, IntArray]:
-    """Where all of f (j, P, 2), linear from s = 0 to s = 1, are at least 0: low, high (P,) and
-    which of the j bounds there; NONE: the end of [0, 1]. high <= low: nowhere."""
-    f0, f1 = f[:, :, 0], f[:, :, 1]
-    drop = f0 - f1
-    root = f0 / np.where(drop == 0, 1.0, drop)
-    starts = np.where(f0 < 0, np.where(f1 > 0, root, 2.0), 0.0)
-    stops = np.where(f1 < 0, np.where(f0 > 0, root, -1.0), 1.0)
-    low, high = starts.max(axis=0), stops.min(axis=0)
-    cut_low = np.where(low > 0, starts.argmax(axis=0), NONE)
-    cut_high = np.where(high < 1, stops.argmin(axis=0), NONE)
-    return low, high, cut_low, cut_high
+def _reaching(depth: FloatArray, borders: FloatArray, measure: FloatArray) -> IntArray:
+    """Pairs that face each other of which no border of the overlap has all corners outside."""
+    deepest, reach = depth[:, 0], borders[:, 0]
+    for corner in range(1, depth.shape[1]):  # quicker than along rows of a few numbers
+        deepest = np.maximum(deepest, depth[:, corner])
+        reach = np.maximum(reach, borders[:, corner])
+    ok = (deepest >= 0) & (measure > 0)
+    for border in reach.T:
+        ok &= border > 0
+    return np.flatnonzero(ok)
+
+
+def relative(pairs: Pairs, depth: FloatArray, eta: FloatArray) -> FloatArray:
+    """(P, d, d) velocity w at the corners of the first facet."""
+    if pairs.vb is None:
+        return pairs.va
+    swing = pairs.planes.g.transpose(0, 2, 1) @ (pairs.vb @ pairs.planes.n[:, :, None])
+    return np.asarray(pairs.va - eta @ pairs.vb - depth[:, :, None] * swing.transpose(0, 2, 1))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pieces:
-    """start < stop (N,) of the pieces of overlaps `of` (N,), in any order."""
+    """Parts of overlaps `of` (N,) on which the tractions are smooth, sorted, and the simplices that
+    they are made of: piece (M,), corners (M, d, d) barycentric, size (M,): see `Parts.simplices`.
+    """
 
     of: IntArray
-    start: FloatArray
-    stop: FloatArray
+    parts: Parts
+    piece: IntArray
+    corners: FloatArray
+    size: FloatArray
 
     @classmethod
     def cut(cls, o: Overlaps, normal: NormalLaw, friction: FrictionLaw | None) -> Self:
-        """Split where a law has a break, and where the pressure would change its sign."""
-        cuts = [_crossing(o.depth, level) for level in normal.breaks]
-        cuts += [_crossing(o.slip, level) for level in (friction.breaks if friction else ())]
-        inner = [np.clip(c, o.low, o.high) for c in cuts]
-        edges = np.sort(np.stack([o.low, *inner, o.high], axis=1), axis=1)
-        of, k = np.nonzero(np.diff(edges, axis=1) > 0)
-        start, stop = edges[of, k], edges[of, k + 1]
-        p0, p1 = (_pressure(o, of, s, normal) for s in (start, stop))
-        mixed = np.flatnonzero(p0 * p1 < 0)
-        if not len(mixed):
-            return cls(of, start, stop)
-        root = _zero(o, of[mixed], start[mixed], stop[mixed], p0[mixed] > 0, normal)
-        ends = stop.copy()
-        ends[mixed] = root
-        return cls(np.concatenate([of, of[mixed]]), np.concatenate([start, root]),
-                   np.concatenate([ends, stop[mixed]]))
+        """Split where the normal law has a break and where the pressure would change its sign; in
+        the plane, where the slip's speed is linear, also where the friction law has a break."""
+        cuts = [(o.at[:, :, DEPTH], level) for level in normal.breaks]
+        if friction is not None and o.d == 2:
+            cuts += [(o.speed, level) for level in friction.breaks]
+        of, parts = _signed(o, *o.parts.split(cuts), normal)
+        return cls(of, parts, *parts.simplices())
+
+    @property
+    def overlap(self) -> IntArray:
+        """(M,) of each simplex, sorted."""
+        return self.of[self.piece]
+
+    def samples(self, points: FloatArray) -> FloatArray:
+        """(M, q, d) places of points (q, d) of each simplex."""
+        return np.asarray(points @ self.corners)
 
 
-def along(values: Values, of: IntArray, s: FloatArray) -> Values:
-    """values (P, 2) of overlaps `of` at s, both (N,) or (N, q)."""
-    v = values[of]
-    if s.ndim == 2:
-        return np.asarray(v[:, :1] * (1.0 - s) + v[:, 1:] * s)
-    return np.asarray(v[:, 0] * (1.0 - s) + v[:, 1] * s)
+def pressure(o: Overlaps, of: IntArray, s: FloatArray, normal: NormalLaw) -> FloatArray:
+    """(N, q) by the law, negative where it would pull."""
+    at = s @ o.at[of, :, :2]
+    return normal.pressure(np.maximum(at[:, :, DEPTH], 0.0), at[:, :, SINK])[0]
 
 
-def _crossing(values: FloatArray, level: float) -> FloatArray:
-    """(P,) where values (P, 2) pass the level; out of [0, 1] when they do not."""
-    rise = values[:, 1] - values[:, 0]
-    return np.where(rise == 0, -1.0, (level - values[:, 0]) / np.where(rise == 0, 1.0, rise))
+def _signed(
+    o: Overlaps, of: IntArray, parts: Parts, normal: NormalLaw
+) -> tuple[IntArray, Parts]:
+    """Pieces of one sign of the pressure. Between its roots on two edges the border is a straight
+    line, and in the layer where the damping sets in nearly so."""
+    p = pressure(o, of, parts.corners, normal)
+    used = parts.used
+    mixed = (used & (p > 0)).any(axis=1) & (used & (p < 0)).any(axis=1)
+    if not mixed.any():
+        return of, parts
+    some, rest = np.flatnonzero(mixed), np.flatnonzero(~mixed)
+    both, p = parts.some(some), p[some]
+    share = _roots(o, of[some], both, p, normal)
+    found = [(of[rest], parts.some(rest))]
+    found += [left((of[some], both.cut(sign * p, NONE, share))) for sign in (1.0, -1.0)]
+    return joined(found)
 
 
-def _pressure(o: Overlaps, of: IntArray, s: FloatArray, normal: NormalLaw) -> FloatArray:
-    return normal.pressure(np.maximum(along(o.depth, of, s), 0.0), along(o.sink, of, s))[0]
-
-
-def _zero(
-    o: Overlaps, of: IntArray, start: FloatArray, stop: FloatArray, falls: BoolArray,
-    normal: NormalLaw,
+def _roots(
+    o: Overlaps, of: IntArray, parts: Parts, p: FloatArray, normal: NormalLaw
 ) -> FloatArray:
-    """Where the pressure is zero, by bisection to round-off."""
-    low, high = start.copy(), stop.copy()
+    """(N, V) where along each edge the pressure vanishes, by bisection to round-off."""
+    ends = np.take_along_axis(parts.corners, parts.following()[:, :, None], axis=1)
+    low, high = np.zeros(p.shape), np.ones(p.shape)
+    start: BoolArray = p >= 0
     for _ in range(52):
         middle = 0.5 * (low + high)
-        left = (_pressure(o, of, middle, normal) > 0) == falls
-        low, high = np.where(left, middle, low), np.where(left, high, middle)
+        s = parts.corners + middle[:, :, None] * (ends - parts.corners)
+        same = (pressure(o, of, s, normal) >= 0) == start
+        low, high = np.where(same, middle, low), np.where(same, high, middle)
     return 0.5 * (low + high)

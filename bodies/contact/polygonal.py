@@ -6,25 +6,19 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from sparsemor.bodies.any_body import AnyBody
-from sparsemor.bodies.body_part import PlanarBody
-from sparsemor.bodies.contact.near import Near
-from sparsemor.bodies.contact.planar_part import PlanarContact
-from sparsemor.bodies.contact.quadrature import enough_points, gauss
-from sparsemor.bodies.contact.spatial import quadrature as triangles
-from sparsemor.bodies.contact.spatial import start as spatial_start
-from sparsemor.bodies.contact.spatial.part import SpatialContact
-from sparsemor.bodies.contact.spatial.surface import Surface as SpatialSurface
-from sparsemor.bodies.contact.start import check_start, deepest
+from sparsemor.bodies.body import Body
+from sparsemor.bodies.contact.broad_phase import BroadPhase
+from sparsemor.bodies.contact.initial_overlap import check_start
+from sparsemor.bodies.contact.part import ContactPart
+from sparsemor.bodies.contact.quadrature import enough_points, rule
 from sparsemor.bodies.contact.surface import Surface
 from sparsemor.bodies.contact.tractions import Interface
-from sparsemor.bodies.spatial.body import SpatialBody
 from sparsemor.bodies.targets import find_target
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.errors import Fault, Gather, InputError
-from sparsemor.core.plugin import Plugin
 from sparsemor.core.protocols import FrictionLaw, NormalLaw, Part
-from sparsemor.core.slot import Slot
+from sparsemor.core.registry.plugin import Plugin
+from sparsemor.core.registry.slot import Slot
 
 
 class SurfaceHeat(Plugin):
@@ -38,7 +32,7 @@ class SurfaceHeat(Plugin):
 
 
 class Polygonal(Plugin):
-    """Surfaces that press on and rub against each other; all laws are per area (Pa, N/m3, W/m2).
+    """Polygonal contact: pressure, friction and frictional heat per area of overlapping facets.
 
     The first surface is integrated over. Penetration and slip are those along the nearest facet of
     the second. Both bodies need a mesh, both in the plane or both in space: a rigid one is a
@@ -60,56 +54,36 @@ class Polygonal(Plugin):
     """Part of the resultants that quadrature may leave open, Gauss points being added until twice
     as many change less."""
 
-    def build(self, name: str, parts: Mapping[str, Part]) -> PlanarContact | SpatialContact:
-        first, second = self._bodies(parts)
-        if first[0].name == second[0].name:
-            raise InputError(f"both surfaces are on body {first[0].name!r}: contact of a body "
+    def build(self, name: str, parts: Mapping[str, Part]) -> ContactPart:
+        bodies = self._bodies(parts)
+        (one, _), (other, _) = bodies
+        if one.name == other.name:
+            raise InputError(f"both surfaces are on body {one.name!r}: contact of a body "
                              "with itself is not looked for", "between")
-        self._check_motion(first[0], second[0])
-        if isinstance(first[0], PlanarBody) and isinstance(second[0], PlanarBody):
-            return self._planar(name, Surface.of(first[0], first[1]),
-                                Surface.of(second[0], second[1]))
-        if isinstance(first[0], SpatialBody) and isinstance(second[0], SpatialBody):
-            return self._spatial(name, SpatialSurface.of(first[0], first[1]),
-                                 SpatialSurface.of(second[0], second[1]))
-        flat, solid = (b.name for b in sorted(
-            (first[0], second[0]), key=lambda b: isinstance(b, SpatialBody)))
-        raise InputError(f"body {flat!r} is in the plane and body {solid!r} in space: give both "
-                         "in the plane or both in space", "between")
-
-    def _planar(self, name: str, first: Surface, second: Surface) -> PlanarContact:
-        check_start(first, second, deepest)
-        rule = gauss(enough_points(self.normal, self.friction, self.tolerance))
-        face = self._face(first.body, second.body, rule)
+        self._check_motion(one, other)
+        d = _dimension(one, other)
+        first, second = (Surface.of(*found) for found in bodies)
+        check_start(first, second)
+        face = self._face(one, other, rule(d, enough_points(
+            d, self.normal, self.friction, self.tolerance)))
         # half a facet: farther in, the nearest facet is not the one that was crossed
         reach = 0.5 * float(min(first.sizes.min(), second.sizes.min()))
-        return PlanarContact(name, first, second, face, Near.of(first, second, reach), reach,
+        return ContactPart(name, first, second, face, BroadPhase.of(first, second, reach), reach,
                            self.surfaces == "deformed", self.heat is not None)
 
-    def _spatial(
-        self, name: str, first: SpatialSurface, second: SpatialSurface
-    ) -> SpatialContact:
-        check_start(first, second, spatial_start.deepest)
-        rule = triangles.triangle_rule(
-            triangles.enough_points(self.normal, self.friction, self.tolerance))
-        face = self._face(first.body, second.body, rule)
-        reach = 0.5 * float(min(first.sizes.min(), second.sizes.min()))
-        return SpatialContact(name, first, second, face, Near.of(first, second, reach), reach,
-                              self.surfaces == "deformed", self.heat is not None)
-
     def _face(
-        self, first: AnyBody, second: AnyBody, rule: tuple[FloatArray, FloatArray]
+        self, first: Body, second: Body, points: tuple[FloatArray, FloatArray]
     ) -> Interface:
         width = min(first.thickness, second.thickness)
         conductance = 0.0 if self.heat is None else self.heat.conductance
         return Interface(self.normal, self.friction, width, self._share(first, second),
-                         conductance, *rule)
+                         conductance, *points)
 
     def _bodies(
         self, parts: Mapping[str, Part]
-    ) -> tuple[tuple[AnyBody, IntArray], tuple[AnyBody, IntArray]]:
+    ) -> tuple[tuple[Body, IntArray], tuple[Body, IntArray]]:
         """Both bodies with the facets of their surfaces."""
-        def find(text: str, key: str) -> tuple[AnyBody, IntArray]:
+        def find(text: str, key: str) -> tuple[Body, IntArray]:
             target = find_target(parts, text, key)
             body = target.body
             if body.mesh is None:
@@ -124,7 +98,7 @@ class Polygonal(Plugin):
         first, second = (f for f in found if f is not None)
         return first, second
 
-    def _check_motion(self, first: AnyBody, second: AnyBody) -> None:
+    def _check_motion(self, first: Body, second: Body) -> None:
         bodies = (first, second)
         if self.surfaces == "deformed" and all(b.elasticity is None for b in bodies):
             raise InputError("neither body has an elastic field, so no surface deforms: take "
@@ -137,7 +111,7 @@ class Polygonal(Plugin):
         faults = []
         if self.heat.share == "effusivity":
             faults.append(Fault("heat.share", f"body {lacking[0]!r} has no thermal field, so its "
-                                "effusivity is not known: give the first body's share as a number, "
+                                "effusivity is undefined: give the first body's share as a number, "
                                 "or add `thermal` to its fields"))
         if self.heat.conductance > 0:
             faults.append(Fault("heat.conductance", f"body {lacking[0]!r} has no thermal field: "
@@ -145,7 +119,7 @@ class Polygonal(Plugin):
         if faults:
             raise InputError(faults)
 
-    def _share(self, first: AnyBody, second: AnyBody) -> float:
+    def _share(self, first: Body, second: Body) -> float:
         if self.heat is None:
             return 0.0
         if self.heat.share != "effusivity":
@@ -156,7 +130,18 @@ class Polygonal(Plugin):
         return a / (a + b)
 
 
-def effusivity(body: AnyBody) -> float:
+def _dimension(first: Body, second: Body) -> int:
+    """2 or 3; InputError where one body is in the plane and the other in space."""
+    d = [b.coordinates.shape[1] for b in (first, second)]
+    if d[0] != d[1]:
+        flat, solid = (b.name for _, b in sorted(zip(d, (first, second), strict=True),
+                                                 key=lambda found: found[0]))
+        raise InputError(f"body {flat!r} is in the plane and body {solid!r} in space: give both "
+                         "in the plane or both in space", "between")
+    return int(d[0])
+
+
+def effusivity(body: Body) -> float:
     """sqrt(k rho c), W s^(1/2) / (m2 K)."""
     assert body.heat is not None and body.heat.constants is not None
     stored, conducted = body.heat.constants

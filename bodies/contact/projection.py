@@ -11,12 +11,11 @@ from sparsemor.core.arrays import FloatArray, IntArray
 @dataclass(frozen=True, slots=True, eq=False)
 class Projection:
     """Of n points: facet (n,); weights (n, d) of its corners at the nearest point; distance (n,)
-    m; gap (n,) m, along the facet's outward normal, negative where the point is below its plane."""
+    m."""
 
     facet: IntArray
     weights: FloatArray
     distance: FloatArray
-    gap: FloatArray
 
 
 def nearest(points: FloatArray, corners: FloatArray) -> Projection:
@@ -37,19 +36,7 @@ def nearest(points: FloatArray, corners: FloatArray) -> Projection:
     weights, distance = closest_points(points[owner], corners[facet])
     order = np.lexsort((facet, distance, owner))
     best = order[np.searchsorted(owner[order], np.arange(len(points)))]
-    f = facet[best]
-    gap = ((points - corners[f, 0]) * unit_normals(corners[f])).sum(axis=1)
-    return Projection(f, weights[best], distance[best], gap)
-
-
-def unit_normals(corners: FloatArray) -> FloatArray:
-    """(F, d) outward normals of facets (F, d, d)."""
-    sides = corners[:, 1:] - corners[:, :1]
-    if corners.shape[2] == 2:
-        normal = np.stack([sides[:, 0, 1], -sides[:, 0, 0]], axis=1)
-    else:
-        normal = np.cross(sides[:, 0], sides[:, 1])
-    return np.asarray(normal / np.linalg.norm(normal, axis=1, keepdims=True))
+    return Projection(facet[best], weights[best], distance[best])
 
 
 def closest_points(points: FloatArray, corners: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -1,40 +1,31 @@
-"""Resultants of a contact at some times: what a history keeps of it."""
+"""Force resultants of a contact at some times: the recorded quantities of a run."""
 
 from collections.abc import Mapping
 
 import numpy as np
 
-from sparsemor.bodies.contact.pieces import Overlaps, Pieces
-from sparsemor.bodies.contact.tractions import Interface, Samples, nodal
+from sparsemor.bodies.contact.pieces import Overlaps, Pieces, pressure
+from sparsemor.bodies.contact.tractions import Interface, Loads
 from sparsemor.core.arrays import FloatArray, IntArray
 
-HISTORIES = ("normal", "friction", "power", "length", "pressure")
+
+def names_of(d: int) -> tuple[str, ...]:
+    """"normal" and "friction" N, the sizes of the resultants of pressure and of friction; "power"
+    W; "length" (m) in the plane or "area" (m2) in contact; "pressure" Pa, the largest."""
+    return "normal", "friction", "power", "length" if d == 2 else "area", "pressure"
 
 
-class Resultants:
-    """Sums over pieces at `steps` times."""
-
-    def __init__(self, steps: int) -> None:
-        self._normal, self._friction = np.zeros(steps, complex), np.zeros(steps, complex)
-        self._power, self._length, self._pressure = (np.zeros(steps) for _ in range(3))
-
-    def add(self, time: IntArray, overlaps: Overlaps, pieces: Pieces, face: Interface) -> None:
-        """time (N,): number of the time of each piece."""
-        q = nodal(overlaps, pieces, face, None)[2]
-        W = (pieces.stop - pieces.start)[:, None] * face.weights
-        push = q.p * q.measure * W
-        np.add.at(self._normal, time, (push * q.t).sum(axis=1))
-        np.add.at(self._friction, time, (push * q.ratio * q.t).sum(axis=1))
-        np.add.at(self._power, time, (push * q.ratio * q.slip).sum(axis=1))
-        span = (pieces.stop - pieces.start) * q.measure[:, 0] / face.width
-        np.add.at(self._length, time, np.where(push.any(axis=1), span, 0.0))
-        ends = np.stack([pieces.start, pieces.stop], axis=1)
-        top = Samples.at(overlaps, pieces.of, ends, face).p.max(axis=1, initial=0.0)
-        np.maximum.at(self._pressure, time, top)
-
-    def found(self) -> Mapping[str, FloatArray]:
-        """(steps,) each: "normal" and "friction" N, the sizes of the resultants of pressure and of
-        friction; "power" W; "length" m in contact; "pressure" Pa, the largest."""
-        values = (np.abs(self._normal), np.abs(self._friction), self._power, self._length,
-                  self._pressure)
-        return dict(zip(HISTORIES, values, strict=True))
+def resultants(
+    times: int, time: IntArray, o: Overlaps, pieces: Pieces, loads: Loads, face: Interface
+) -> Mapping[str, FloatArray]:
+    """(times,) each, by `names_of`; time (P,): number of the time of each overlap."""
+    at = time[pieces.overlap]
+    normal, friction = (
+        np.linalg.norm([np.bincount(at, x, times) for x in vectors.T], axis=0)
+        for vectors in (loads.push, loads.drag))
+    power, size = (np.bincount(at, v, times) for v in (loads.power, loads.area / face.width))
+    top = np.zeros(times)
+    p = pressure(o, pieces.of, pieces.parts.corners, face.normal)
+    np.maximum.at(top, time[pieces.of], np.where(pieces.parts.used, p, 0.0).max(
+        axis=1, initial=0.0))
+    return dict(zip(names_of(o.d), (normal, friction, power, size, top), strict=True))

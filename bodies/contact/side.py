@@ -1,82 +1,31 @@
-"""One of the two surfaces of a contact as the term sees it: unknowns in, positions out."""
+"""Unknowns of the two surfaces of a contact, and the order in which its term counts them.
+
+The local unknowns are, in this order: the first frame's, the second's, the displacements of the
+first surface's points and of the second's; those that a side does not have are left out.
+Temperatures of the first surface's points and of the second's come after them.
+"""
 
 from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
 
-from sparsemor.bodies.contact.numbers import (
-    Held,
-    elastic_numbers,
-    found_in,
-    picked,
-    renumbered,
-    thermal_numbers,
-)
 from sparsemor.bodies.contact.surface import Surface
-from sparsemor.bodies.planar.motion import ComplexArray
-from sparsemor.core.arrays import FloatArray, IntArray
-from sparsemor.core.layout import Layout
-from sparsemor.core.stage import FrameHistory
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Places:
-    """Where a surface's unknowns are in some list, -1: nowhere. frame (3,), u (n, 2), T (n,)."""
-
-    frame: IntArray
-    u: IntArray
-    T: IntArray
-
-    @classmethod
-    def of(cls, surface: Surface, layout: Layout, frame: bool, u: bool, T: bool) -> Self:
-        """Global numbers of the blocks that are asked for."""
-        body, nodes = surface.body, surface.nodes
-        rigid = body.position(layout, "rigid") if frame else np.zeros(0, np.int64)
-        n = len(nodes)
-        return cls(rigid if len(rigid) else np.full(3, -1),
-                   elastic_numbers(body, layout, nodes) if u else np.full((n, 2), -1),
-                   thermal_numbers(body, layout, nodes) if T else np.full(n, -1))
-
-    def found_in(self, among: IntArray) -> Self:
-        """The same places counted in a sorted list of numbers; -1 where the list lacks them."""
-        return replace(self, frame=found_in(self.frame, among), u=found_in(self.u, among),
-                       T=found_in(self.T, among))
-
-    def kept(self, keep: IntArray, size: int) -> Self:
-        """The same places, of a list of `size`, in the list of those that are kept."""
-        return replace(self, frame=renumbered(self.frame, keep, size),
-                       u=renumbered(self.u, keep, size), T=renumbered(self.T, keep, size))
-
-    def all(self) -> IntArray:
-        """Those that are somewhere."""
-        numbers = np.concatenate([self.frame, self.u.ravel(), self.T])
-        return np.asarray(numbers[numbers >= 0])
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Points:
-    """Positions of a surface's points. frame R, e = exp(i theta); r, z, rate (n,): from the frame
-    origin, in space, and velocity; slide (n,): the velocity without the origin's; T (n,) K."""
-
-    R: complex
-    e: complex
-    spin: float
-    r: ComplexArray
-    z: ComplexArray
-    rate: ComplexArray
-    slide: ComplexArray
-    T: FloatArray
+from sparsemor.bodies.contact.unknowns import Held, elastic_numbers, thermal_numbers
+from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
+from sparsemor.core.protocols.layout import Layout
+from sparsemor.core.protocols.prescribed_motion import FrameHistory
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Side:
-    """columns: where the unknowns are among the term's columns; rows: among its rows. motion: of
-    the frame, when it is told."""
+    """frame (3; 7 or 4 in space; or 0), u (d n or 0), T (n): global numbers of the unknowns of a
+    surface of n points, -1 where one is held. motion: of the frame, when it is prescribed."""
 
     surface: Surface
-    columns: Places
-    rows: Places
+    frame: IntArray
+    u: IntArray
+    T: IntArray
     motion: FrameHistory | None
     held: Held
 
@@ -85,37 +34,98 @@ class Side:
         cls, surface: Surface, layout: Layout, *, moves: bool, deforms: bool, conducts: bool,
         motion: FrameHistory | None = None,
     ) -> Self:
-        """Places are still global numbers. moves: the frame's unknowns take part."""
-        places = Places.of(surface, layout, moves, deforms, conducts)
-        held = Held.of(surface.body, surface.nodes) if conducts else Held()
-        return cls(surface, places, places, motion, held)
+        """moves: the frame's unknowns take part; deforms, conducts: those of the fields do."""
+        body, nodes = surface.body, surface.nodes
+        none = np.zeros(0, np.int64)
+        frame = body.position(layout, "rigid") if moves else none
+        u = none
+        if deforms and body.elasticity is not None:
+            u = elastic_numbers(body, layout, nodes).ravel()
+        T = thermal_numbers(body, layout, nodes) if conducts else np.full(len(nodes), -1)
+        held = Held.of(body, nodes) if conducts else Held()
+        return cls(surface, frame, u, T, motion, held)
 
-    def some(self, chosen: IntArray) -> "Side":
-        """The same with some of the facets; places stay what they are."""
+    def some(self, chosen: IntArray) -> tuple[Self, IntArray]:
+        """The same with some of the facets, and which points are theirs."""
         surface, used = self.surface.some(chosen)
-        columns, rows = (replace(p, u=p.u[used], T=p.T[used]) for p in (self.columns, self.rows))
-        return Side(surface, columns, rows, self.motion, self.held.some(used))
+        u = self.u.reshape(-1, surface.d)[used].ravel() if len(self.u) else self.u
+        return replace(self, surface=surface, u=u, T=self.T[used], held=self.held.some(used)), used
 
-    def points(self, x: FloatArray, v: FloatArray, t: float) -> Points:
-        """At unknowns and rates x, v (n,) of the term's columns."""
-        at = self.columns
-        pose, rate = self.surface.body.pose, np.zeros(3)
+    def pose(
+        self, frame: FloatArray, rate: FloatArray, t: float
+    ) -> tuple[FloatArray, FloatArray]:
+        """Rigid coordinates and their rates; frame, rate: the unknown ones, if there are any."""
         if self.motion is not None:
-            pose, rate, _ = self.motion.at(t)
-        elif at.frame[0] >= 0:
-            pose, rate = x[at.frame], v[at.frame]
-        R, e, spin = complex(pose[0], pose[1]), complex(np.exp(1j * pose[2])), float(rate[2])
-        r: ComplexArray = e * self.surface.X
-        slide: ComplexArray = 0.0 * r
-        moved = (at.u >= 0).any(axis=1)
-        if moved.any():
-            r = r + e * _pairs(x, at.u)
-            slide = e * _pairs(v, at.u)
-        slide = slide + 1j * spin * r
-        return Points(R, e, spin, r, R + r, complex(rate[0], rate[1]) + slide, slide,
-                      self.held.filled(picked(x, at.T), t))
+            pose, velocity, _ = self.motion.at(t)
+            return pose, velocity
+        if len(self.frame):
+            return frame, rate
+        pose = self.surface.body.pose
+        return pose, np.zeros_like(pose)
 
 
-def _pairs(x: FloatArray, at: IntArray) -> ComplexArray:
-    both = picked(x, at)
-    return np.asarray(both[:, 0] + 1j * both[:, 1])
+@dataclass(frozen=True, slots=True, eq=False)
+class Sizes:
+    """Numbers of local unknowns by kind: frames f1, f2, displacements u1, u2; and of points n1, n2
+    of the surfaces in d dimensions."""
+
+    d: int
+    f1: int
+    f2: int
+    u1: int
+    u2: int
+    n1: int
+    n2: int
+
+    @classmethod
+    def of(cls, first: Side, second: Side) -> "Sizes":
+        return cls(first.surface.d, len(first.frame), len(second.frame), len(first.u),
+                   len(second.u), len(first.surface.nodes), len(second.surface.nodes))
+
+    @property
+    def whole(self) -> int:
+        return self.f1 + self.f2 + self.u1 + self.u2
+
+    @property
+    def frames(self) -> int:
+        return self.f1 + self.f2
+
+    def split(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """x (whole,) by kind, displacements as (n, d), zero where there are none."""
+        a, b = self.f1, self.frames
+        c = b + self.u1
+        u1 = x[b:c].reshape(-1, self.d) if self.u1 else np.zeros((self.n1, self.d))
+        u2 = x[c:].reshape(-1, self.d) if self.u2 else np.zeros((self.n2, self.d))
+        return x[:a], x[a:b], u1, u2
+
+    def of_points(self, first: IntArray, second: IntArray) -> IntArray:
+        """Numbers of the local unknowns, and of the temperatures after them, of some points."""
+        one, two = self.frames, self.frames + self.u1
+        parts = [np.arange(self.frames)]
+        if self.u1:
+            parts.append((one + dofs(first, self.d)).ravel())
+        if self.u2:
+            parts.append((two + dofs(second, self.d)).ravel())
+        return np.concatenate([*parts, self.whole + first, self.whole + self.n1 + second])
+
+    def of_pairs(self, nodes: IntArray) -> IntArray:
+        """(P, m) local numbers of the unknowns of pairs with corners nodes (P, 2 d), numbered
+        through both surfaces: frames, displacements, temperatures."""
+        at = [np.broadcast_to(np.arange(self.frames), (len(nodes), self.frames))]
+        if self.u1:
+            at.append(self.frames + dofs(nodes[:, : self.d], self.d))
+        if self.u2:
+            at.append(self.frames + self.u1 + dofs(nodes[:, self.d :] - self.n1, self.d))
+        return np.concatenate([*at, self.whole + nodes], axis=1)
+
+    def touched(self, numbers: IntArray) -> tuple[BoolArray, BoolArray]:
+        """(n1,), (n2,): points of which an unknown has a place in numbers (local + n1 + n2,)."""
+        some = numbers >= 0
+        _, _, u1, u2 = self.split(some[: self.whole].astype(np.float64))
+        T = some[self.whole :]
+        return u1.any(axis=1) | T[: self.n1], u2.any(axis=1) | T[self.n1 :]
+
+
+def dofs(nodes: IntArray, d: int) -> IntArray:
+    """(P, d k) numbers of the coordinates of nodes (P, k) or, k = 1, (P,)."""
+    return np.asarray((d * nodes[..., None] + np.arange(d)).reshape(len(nodes), -1))

@@ -1,84 +1,94 @@
-"""A surface of a planar body, ready for contact: facets in the complex plane and their cells."""
+"""A surface of a body, ready for contact: facets, their planes, and the cells about them."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from scipy.spatial import cKDTree
 
-from sparsemor.bodies.body_part import PlanarBody
-from sparsemor.bodies.contact.facets import Facets
-from sparsemor.bodies.planar.motion import ComplexArray
-from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
+from sparsemor.bodies.body import Body
+from sparsemor.bodies.contact.cells import Cells, cells_of
+from sparsemor.bodies.contact.planes import Planes
+from sparsemor.core.arrays import FloatArray, IntArray
 
 
 @dataclass(frozen=True, eq=False)
-class Surface(Facets[PlanarBody]):
-    """Facets (F, 2): the body is on the left of a -> b."""
+class Surface:
+    """nodes (n,): sorted point numbers of the body; facets (F, d): positions in `nodes`, ordered
+    for outward normals (fem/surface.py); cells of the undeformed facets; radius: largest distance
+    of a facet's point from its middle, m, of the whole surface where these are a part of one."""
+
+    body: Body
+    nodes: IntArray
+    facets: IntArray
+    cells: Cells
+    radius: float
+
+    @classmethod
+    def of(cls, body: Body, facets: IntArray) -> Self:
+        """facets (F, d): point numbers of the body, ordered for outward normals."""
+        nodes = np.unique(facets)
+        at = np.searchsorted(nodes, facets)
+        X = body.coordinates[nodes]
+        return cls(body, nodes, at, cells_of(X, at, Planes.of(X[at])), float(radii_of(X[at]).max()))
+
+    def some(self, chosen: IntArray) -> tuple[Self, IntArray]:
+        """Some of the facets with the cells that they have among all, and which nodes are theirs.
+        """
+        used = np.unique(self.facets[chosen])
+        return type(self)(self.body, self.nodes[used], np.searchsorted(used, self.facets[chosen]),
+                          self.cells.some(chosen), self.radius), used
+
+    def cells_at(self, chosen: IntArray, planes: Planes) -> Cells:
+        """Of some facets whose planes these are: in the plane borders keep their angle where a
+        facet is stretched, in space their slope against barycentric numbers."""
+        cells = self.cells.some(chosen)
+        if self.d == 3:
+            return cells
+        g, g0 = planes.g[:, :1], self.planes.g[chosen, :1]
+        stretch = np.sqrt((g * g).sum(axis=2) / (g0 * g0).sum(axis=2))
+        return Cells(cells.borders, cells.leans * stretch, cells.jumps)
+
+    @property
+    def d(self) -> int:
+        """2 in the plane, 3 in space."""
+        return int(self.facets.shape[1])
 
     @cached_property
-    def X(self) -> ComplexArray:
-        """(n,) reference positions, m."""
-        return np.asarray(self.body.X[self.nodes], dtype=np.complex128)
+    def X(self) -> FloatArray:
+        """(n, d) reference positions, m."""
+        return np.asarray(self.body.coordinates[self.nodes], dtype=np.float64)
 
     @cached_property
     def sizes(self) -> FloatArray:
-        """(F,) lengths, m."""
-        return np.asarray(np.abs(np.diff(self.X[self.facets], axis=1)[:, 0]))
+        """(F,) shortest edge of each facet, m."""
+        corners = self.X[self.facets]
+        edges = corners - np.roll(corners, -1, axis=1)
+        return np.asarray(np.linalg.norm(edges, axis=2).min(axis=1))
 
     @cached_property
-    def radius(self) -> float:
-        """Largest distance of a facet's point from its middle, m."""
-        return 0.5 * float(self.sizes.max())
+    def radii(self) -> FloatArray:
+        """(F,) largest distance of each facet's points from its middle, m."""
+        return radii_of(self.X[self.facets])
 
     @cached_property
     def tree(self) -> Any:
-        """Over the middles of the facets in the body frame."""
+        """Search tree over the middles of the facets in the body frame."""
         return tree_of(self.X, self.facets)
 
     @cached_property
-    def turns(self) -> FloatArray:
-        """(F, 2): tan(alpha / 2) at both ends of each facet, alpha the angle by which the surface
-        turns there (positive: convex); 0 at an end of the surface.
-
-        The point nearest to a place near a corner is on the facet at whose side of the angle's
-        bisector the place is: the cells of all facets tile the neighbourhood of the surface.
-        """
-        along = np.diff(self.X[self.facets], axis=1)[:, 0]
-        found = np.zeros(self.facets.shape)
-        before, after = self._neighbours
-        for end, other in ((0, before), (1, after)):
-            has = np.flatnonzero(other >= 0)
-            ratio = along[has] / along[other[has]]
-            found[has, end] = np.tan(0.5 * np.angle(ratio if end == 0 else 1.0 / ratio))
-        return found
-
-    @cached_property
-    def bent(self) -> BoolArray:
-        """(F, 2): ends where the traction may jump, because the surface turns or ends there."""
-        before, after = self._neighbours
-        is_open = np.stack([before, after], axis=1) < 0
-        return np.asarray(is_open | (np.abs(self.turns) > 1e-12))
-
-    def _cells_of(self, chosen: IntArray) -> Mapping[str, Any]:
-        return {"turns": self.turns[chosen], "bent": self.bent[chosen]}
-
-    @cached_property
-    def _neighbours(self) -> tuple[IntArray, IntArray]:
-        """(F,) number of the facet before and after each one, -1 where there is none."""
-        ends_at = np.full(len(self.nodes), -1)
-        starts_at = np.full(len(self.nodes), -1)
-        ends_at[self.facets[:, 1]] = starts_at[self.facets[:, 0]] = np.arange(len(self.facets))
-        return ends_at[self.facets[:, 0]], starts_at[self.facets[:, 1]]
+    def planes(self) -> Planes:
+        """Of the undeformed facets, in the body frame."""
+        return Planes.of(self.X[self.facets])
 
 
-def tree_of(z: ComplexArray, facets: IntArray) -> Any:
-    """Search tree over the middles of facets of points z (n,)."""
-    return cKDTree(plane(z[facets].mean(axis=1)))
+def radii_of(corners: FloatArray) -> FloatArray:
+    """(F,) of facets (F, d, d)."""
+    away = corners - corners.mean(axis=1, keepdims=True)
+    return np.asarray(np.linalg.norm(away, axis=2).max(axis=1))
 
 
-def plane(z: ComplexArray) -> FloatArray:
-    """(..., 2) real coordinates of complex numbers (...)."""
-    return np.stack([z.real, z.imag], axis=-1)
+def tree_of(z: FloatArray, facets: IntArray) -> Any:
+    """Search tree over the middles of facets of points z (n, d)."""
+    return cKDTree(z[facets].mean(axis=1))

@@ -1,219 +1,295 @@
-"""Contact of two surfaces in the plane as a local term of the equations."""
+"""Contact of two surfaces as a local term of the equations, in the plane and in space."""
 
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Self
+from itertools import pairwise
+from typing import Self
 
 import numpy as np
 from scipy.sparse import csr_array
 
-from sparsemor.bodies.contact.doubt import too_deep
-from sparsemor.bodies.contact.near import Near
-from sparsemor.bodies.contact.numbers import picked
-from sparsemor.bodies.contact.pace import Mover
+from sparsemor.bodies.contact.broad_phase import BroadPhase
+from sparsemor.bodies.contact.cells import reached
+from sparsemor.bodies.contact.kinematics import Kinematics
+from sparsemor.bodies.contact.motion_bound import Mover
 from sparsemor.bodies.contact.pieces import Overlaps, Pairs, Pieces
-from sparsemor.bodies.contact.resultants import HISTORIES, Resultants
-from sparsemor.bodies.contact.side import Places, Points, Side
-from sparsemor.bodies.contact.surface import plane, tree_of
-from sparsemor.bodies.contact.surface_term import SurfaceTerm, every
-from sparsemor.bodies.contact.tractions import Interface, Slopes, as_real, nodal
+from sparsemor.bodies.contact.planes import Planes
+from sparsemor.bodies.contact.resultants import names_of, resultants
+from sparsemor.bodies.contact.side import Side, Sizes
+from sparsemor.bodies.contact.step_check import too_deep
+from sparsemor.bodies.contact.surface import radii_of, tree_of
+from sparsemor.bodies.contact.tangent import Slopes, summed
+from sparsemor.bodies.contact.tractions import Interface, Loads, nodal
+from sparsemor.bodies.contact.unknowns import found_in, picked, renumbered
+from sparsemor.bodies.contact.verlet_list import FollowedContact
 from sparsemor.core.arrays import BoolArray, Csr, FloatArray, IntArray
-
-ENDS = 14
-"""Unknowns of a pair besides temperatures: two frames, two displacements at each of four ends."""
+from sparsemor.core.model.compressed_local import CompressedLocal
+from sparsemor.core.protocols import Trial
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Touch:
-    """One evaluation: facets (P,) of the overlaps on both surfaces, and where the points are."""
+class _Evaluation:
+    """Overlaps with their nodes (P, 2 d), numbered through both surfaces, the first one's before,
+    and temperatures T (P, 2 d) at these, K."""
 
-    points: tuple[Points, Points]
-    facets: tuple[IntArray, IntArray]
+    kinematics: Kinematics
+    nodes: IntArray
     overlaps: Overlaps
     pieces: Pieces
-    nodes: IntArray  # (P, 4): two of the first, two of the second surface
+    loads: Loads
     T: FloatArray | None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ContactTerm(SurfaceTerm[Side]):
-    """In the plane: each piece of an overlap with the 14 unknowns, and 4 temperatures, of its ends.
+class ContactTerm:
+    """Rows: minus the generalized forces, and minus the heat, of what acts between two surfaces.
+
+    deforms: points move with the displacements, so that facets are searched where they are; reach:
+    deepest penetration (m) that is trusted; active: facets (F,) of each surface that are evaluated
+    (against all of the other). reads, writes (local + n1 + n2,): columns and rows of the local
+    unknowns (side.py) and then of the temperatures, -1: none.
     """
 
-    RESULTANTS: ClassVar[tuple[str, ...]] = HISTORIES
+    rows: IntArray
+    columns: IntArray
+    sides: tuple[Side, Side]
+    face: Interface
+    near: BroadPhase
+    deforms: bool
+    reach: float
+    active: tuple[BoolArray, BoolArray]
+    reads: IntArray
+    writes: IntArray
+    source: str = ""
 
     @classmethod
     def of(
-        cls, sides: tuple[Side, Side], face: Interface, near: Near, deforms: bool, reach: float
+        cls, sides: tuple[Side, Side], face: Interface, near: BroadPhase, deforms: bool,
+        reach: float,
     ) -> Self:
-        """sides: with places as global numbers."""
-        columns = np.unique(np.concatenate([s.columns.all() for s in sides]))
-        first, second = (replace(s, columns=s.columns.found_in(columns),
-                                 rows=s.rows.found_in(columns)) for s in sides)
-        return cls(columns, columns, (first, second), face, near, deforms, reach, every(sides))
+        """Of all unknowns that the sides have."""
+        one, two = sides
+        numbers = np.concatenate([one.frame, two.frame, one.u, two.u, one.T, two.T])
+        columns = np.unique(numbers[numbers >= 0])
+        at = found_in(numbers, columns)
+        first, second = (np.ones(len(s.surface.facets), bool) for s in sides)
+        return cls(columns, columns, sides, face, near, deforms, reach, (first, second), at, at)
+
+    @property
+    def elements(self) -> int:
+        """Facets of the first surface that are evaluated, each against those near it."""
+        first, second = (int(a.sum()) for a in self.active)
+        return min(len(self.active[0]), first + second)
+
+    @property
+    def _whole(self) -> bool:
+        """True if every pair of facets is evaluated."""
+        return bool(self.active[0].all() or self.active[1].all())
 
     # ------------------------------------------------------------------ evaluation
 
-    def _touch(self, x: FloatArray, v: FloatArray, t: float) -> _Touch:
-        a, b = (s.points(x, v, t) for s in self.sides)
+    def _kinematics(self, x: FloatArray, v: FloatArray, t: float) -> Kinematics | None:
+        """None for a state that overflowed: no tree can be searched there."""
+        if not (np.isfinite(x).all() and np.isfinite(v).all()):
+            return None
+        local = self.reads[: Sizes.of(*self.sides).whole]
+        here = Kinematics(self.sides, picked(x, local), picked(v, local), t)
+        return here if here.finite else None
+
+    def _evaluate(self, x: FloatArray, v: FloatArray, t: float) -> _Evaluation | None:
+        here = self._kinematics(x, v, t)
+        if here is None:
+            return None
         first, second = (s.surface for s in self.sides)
-        if self.deforms:
-            middles, tree = a.z[first.facets].mean(axis=1), tree_of(b.z, second.facets)
-        else:  # in the second body's axes its tree never changes
-            middles = ((a.z - b.R) * np.conj(b.e))[first.facets].mean(axis=1)
-            tree = second.tree
-        f, g = self._pairs(plane(middles), tree)
-        i, j = first.facets[f], second.facets[g]
-        pairs = Pairs(np.concatenate([a.z[i], b.z[j]], axis=1),
-                      np.concatenate([a.rate[i], b.rate[j]], axis=1), second.turns[g])
-        o, kept = Overlaps.of(pairs)
-        f, g = f[kept], g[kept]
+        moves = len(self.sides[1].u) > 0
+        planes = Planes.of(here.b[second.facets]) if moves else second.planes
+        f, g = self._pairs(here, planes)
+        i, j, planes = first.facets[f], second.facets[g], planes.some(g)
+        o, kept = Overlaps.of(Pairs(
+            here.a[i], here.va[i], planes, second.cells_at(g, planes) if moves else
+            second.cells.some(g), here.vb[j] if moves else None))
+        nodes = np.concatenate([i[kept], len(first.nodes) + j[kept]], axis=1)
         pieces = Pieces.cut(o, self.face.normal, self.face.friction)
-        nodes = np.concatenate([first.facets[f], second.facets[g]], axis=1)
-        T = None
-        if self.face.conductance > 0:
-            T = np.concatenate([a.T[nodes[:, :2]], b.T[nodes[:, 2:]]], axis=1)
-        return _Touch((a, b), (f, g), o, pieces, nodes, T)
+        T = self._temperatures(x, t)[nodes] if self.face.conductance > 0 else None
+        return _Evaluation(here, nodes, o, pieces, nodal(o, pieces, self.face, T), T)
+
+    def _pairs(self, here: Kinematics, planes: Planes) -> tuple[IntArray, IntArray]:
+        """Facets of both surfaces that are evaluated with each other."""
+        first, second = (s.surface for s in self.sides)
+        corners = here.a[first.facets]
+        middles = corners.mean(axis=1)
+        tree = tree_of(here.b, second.facets) if len(self.sides[1].u) else second.tree
+        f, g = self.near.pairs(middles, tree)
+        if not self._whole:
+            wanted = self.active[0][f] | self.active[1][g]
+            f, g = f[wanted], g[wanted]
+        if first.d == 2:  # they are few
+            return f, g
+        some = reached(middles[f], radii_of(corners)[f], planes, second.cells, g)
+        return f[some], g[some]
+
+    def _temperatures(self, x: FloatArray, t: float) -> FloatArray:
+        unknown = picked(x, self.reads[Sizes.of(*self.sides).whole :])
+        first, second = self.sides
+        n = len(first.T)
+        return np.concatenate([first.held.filled(unknown[:n], t),
+                               second.held.filled(unknown[n:], t)])
 
     def residual(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> FloatArray:
-        if not (np.isfinite(x).all() and np.isfinite(v).all()):  # no tree can be searched there
+        if not self.elements:
+            return np.zeros(len(self.rows))
+        now = self._evaluate(x, v, t)
+        if now is None:
             return np.full(len(self.rows), np.nan)
-        now = self._touch(x, v, t)
-        force, heat, _ = nodal(now.overlaps, now.pieces, self.face, now.T)
-        nodes = now.nodes[now.pieces.of]
-        B = _motions(now.points, nodes)
-        local = np.concatenate([(as_real(force)[:, None, :] @ B)[:, 0], heat], axis=1)
-        rows = self._local(nodes, "rows")
-        kept = rows >= 0
-        return -np.bincount(rows[kept], local[kept], minlength=len(self.rows)).astype(np.float64)
+        local = np.concatenate([now.kinematics.rows(self._forces(now)), self._heats(now)])
+        kept = self.writes >= 0
+        return -np.bincount(self.writes[kept], local[kept], minlength=len(self.rows)).astype(
+            np.float64)
+
+    def _forces(self, now: _Evaluation) -> FloatArray:
+        """(n1 + n2, d) at all points, N, in the second body's axes."""
+        n = now.kinematics.sizes
+        at, f = now.nodes[now.pieces.overlap].ravel(), now.loads.force.reshape(-1, n.d)
+        return np.array([np.bincount(at, c, n.n1 + n.n2) for c in f.T], dtype=np.float64).T
+
+    def _heats(self, now: _Evaluation) -> FloatArray:
+        """(n1 + n2,) at all points, W."""
+        n, at = now.kinematics.sizes, now.nodes[now.pieces.overlap].ravel()
+        return np.bincount(at, now.loads.heat.ravel(), n.n1 + n.n2).astype(np.float64)
 
     def jacobian(
         self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: FloatArray, c2: FloatArray
     ) -> Csr:
-        now = self._touch(x, v, t)
-        force, _, samples = nodal(now.overlaps, now.pieces, self.face, now.T)
-        bent = np.ones((len(now.facets[1]), 2), bool) if self.deforms else (
-            self.sides[1].surface.bent[now.facets[1]])
-        slopes = Slopes.of(now.overlaps, now.pieces, samples, self.face, now.T, bent)
-        nodes = now.nodes[now.pieces.of]
-        columns, rows = self._local(nodes, "columns"), self._local(nodes, "rows")
-        B = _motions(now.points, nodes)
-        rate = B * picked(c1, columns[:, :ENDS])[:, None, :] + _drift(now.points, nodes)
-        inner = slopes.z @ B + slopes.rate @ rate
-        local = np.zeros((len(nodes), ENDS + 4, ENDS + 4))
-        local[:, :ENDS, :ENDS] = B.transpose(0, 2, 1) @ inner[:, :8]
-        local[:, :ENDS, :ENDS] += _curvature(now.points, nodes, force)
-        local[:, ENDS:, :ENDS] = inner[:, 8:]
-        local[:, ENDS:, ENDS:] = slopes.T[:, 8:]
-        i, j = np.broadcast_arrays(rows[:, :, None], columns[:, None, :])
+        shape = len(self.rows), len(self.columns)
+        if not self.elements:
+            return csr_array(shape)
+        now = self._evaluate(x, v, t)
+        if now is None:
+            return csr_array(np.full(shape, np.nan))
+        if not len(now.nodes):
+            return csr_array(shape)
+        n = now.kinematics.sizes
+        local, at = self._of_pairs(now, picked(c1, self.reads[: n.whole])), n.of_pairs(now.nodes)
+        # rows and columns of the frames are those of every pair: their sum is put at the first
+        local[0, : n.frames, : n.frames] = local[:, : n.frames, : n.frames].sum(axis=0)
+        i, j = self.writes[at][:, :, None], self.reads[at][:, None]
         kept = (i >= 0) & (j >= 0)
-        return csr_array((-local[kept], (i[kept], j[kept])),
-                         shape=(len(self.rows), len(self.columns)))
+        kept[1:, : n.frames, : n.frames] = False
+        i, j = (np.broadcast_to(k, kept.shape)[kept] for k in (i, j))
+        return csr_array((-local[kept], (i, j)), shape=shape)
 
-    def _local(self, nodes: IntArray, which: str) -> IntArray:
-        """(N, 18) places of a piece's unknowns: both frames, displacements, temperatures."""
-        a, b = (getattr(s, which) for s in self.sides)
-        n = len(nodes)
-        frames = np.broadcast_to(np.concatenate([a.frame, b.frame]), (n, 6))
-        i, j = nodes[:, :2], nodes[:, 2:]
-        u = np.concatenate([a.u[i].reshape(n, 4), b.u[j].reshape(n, 4)], axis=1)
-        return np.concatenate([frames, u, a.T[i], b.T[j]], axis=1)
+    def _of_pairs(self, now: _Evaluation, c1: FloatArray) -> FloatArray:
+        """(P, m, m) derivatives of the generalized forces and heats of each pair by its unknowns,
+        in the order of `Sizes.of_pairs`."""
+        k, n = now.kinematics, now.kinematics.sizes
+        warms = bool((self.writes[n.whole :] >= 0).any())
+        slopes = Slopes.of(now.overlaps, now.pieces, self.face, now.loads, now.T, self.deforms,
+                           warms)
+        i, j, D = now.nodes[:, : n.d], now.nodes[:, n.d :] - n.n1, slopes.z.shape[2]
+        inner = k.by_unknowns(slopes.z, i) + k.by_rates(slopes.rate, i, j, c1)
+        P, m, f = len(i), inner.shape[2], n.frames
+        made = np.zeros((P, m + 2 * n.d, m + 2 * n.d))
+        made[:, :m, :m] = k.by_unknowns(inner[:, :D].transpose(0, 2, 1), i).transpose(0, 2, 1)
+        made[:, m:, :m], made[:, m:, m:] = inner[:, D:], slopes.T
+        forces = summed(now.loads.force[:, : n.d], now.pieces.overlap, P)
+        frames, own = k.rows_by(forces, i)
+        made[0, :f, :f] += frames
+        if n.u1:
+            made[:, f : f + n.d**2, :f] += own
+            made[:, :f, f : f + n.d**2] += own.transpose(0, 2, 1)
+        return made
 
-    def _too_deep(self, x: FloatArray, v: FloatArray, t: float, h: float) -> float:
-        a, b = (s.points(x, v, t) for s in self.sides)
+    def check_step(self, x: FloatArray, v: FloatArray, t: float, h: float) -> str:
+        """Why the state at the end of a step of about h (s) is not to be trusted; "" if it is."""
         first, second = (s.surface for s in self.sides)
-        return too_deep(first, second, a, b, h, self.reach, self.near)
+        here = self._kinematics(x, v, t)
+        depth = 0.0 if here is None else too_deep(first, second, here, h, self.reach, self.near)
+        if depth == 0.0:
+            return ""
+        return (f"contact {self.source}: a point of {first.body.name} went {depth:.2g} m below the "
+                f"surface of {second.body.name}, more than half the smallest facet "
+                f"({self.reach:.2g} m): the step is too long for this contact, or its foundation "
+                "too soft")
+
+    @property
+    def histories(self) -> tuple[str, ...]:
+        """Names of the resultants of the contact: none where facets are left out."""
+        return names_of(self.sides[0].surface.d) if self._whole else ()
 
     def resultants(self, x: FloatArray, v: FloatArray, t: float) -> dict[str, float]:
-        now, summed = self._touch(x, v, t), Resultants(1)
-        summed.add(np.zeros(len(now.pieces.of), np.int64), now.overlaps, now.pieces, self.face)
-        return {name: float(value[0]) for name, value in summed.found().items()}
+        """The contact at one moment, by the names in `histories`. x, v: of an accepted step."""
+        now = self._evaluate(x, v, t)
+        assert now is not None
+        found = resultants(1, np.zeros(len(now.nodes), np.int64), now.overlaps, now.pieces,
+                           now.loads, self.face)
+        return {name: float(value[0]) for name, value in found.items()}
 
     # ------------------------------------------------------------------ reduction
 
-    def restrict(self, keep: IntArray) -> Self:
-        rows = tuple(s.rows.kept(keep, len(self.rows)) for s in self.sides)
-        whole = any((r.frame >= 0).any() for r in rows)
-        active = [a if whole else a & _touched(s, r)
-                  for a, s, r in zip(self.active, self.sides, rows, strict=True)]
-        reads = [self._read(0, active), self._read(1, active)]
-        used = np.unique(np.concatenate(reads)) if active[0].any() or active[1].any() else (
-            np.zeros(0, np.int64))
-        sides = [replace(s, rows=r, columns=s.columns.found_in(used))
-                 for s, r in zip(self.sides, rows, strict=True)]
-        return replace(self, rows=self.rows[keep], columns=self.columns[used],
-                       sides=(sides[0], sides[1]), active=(active[0], active[1]))
+    def compress(self, trial: Trial, left: FloatArray) -> CompressedLocal | FollowedContact:
+        local = CompressedLocal.of(self, trial, left)
+        return FollowedContact.of(local) if self.deforms and local.elements else local
 
-    def _read(self, which: int, active: list[BoolArray]) -> IntArray:
-        """Columns of one side: of its active facets, of all where a facet of the other is."""
-        side = self.sides[which]
-        if self.deforms or active[1 - which].any():  # deformed facets are looked for among all
-            return side.columns.all()
-        facets = side.surface.facets[active[which]]
-        nodes = np.unique(facets)
-        at = side.columns
-        return replace(at, u=at.u[nodes], T=at.T[nodes]).all()
+    def restrict(self, keep: IntArray) -> Self:
+        """Only facets that touch the kept rows, and what those and their partners read."""
+        writes = renumbered(self.writes, keep, len(self.rows))
+        n = Sizes.of(*self.sides)
+        active = self.active
+        if not (writes[: n.frames] >= 0).any():
+            first, second = (a & hot[s.surface.facets].any(axis=1) for a, s, hot in zip(
+                self.active, self.sides, n.touched(writes), strict=True))
+            active = (first, second)
+        read = self._read(active) & (self.reads >= 0)
+        used = np.unique(self.reads[read])
+        return replace(self, rows=self.rows[keep], columns=self.columns[used], writes=writes,
+                       reads=renumbered(self.reads, used, len(self.columns)), active=active)
+
+    def _read(self, active: tuple[BoolArray, BoolArray]) -> BoolArray:
+        """(local + n1 + n2,): unknowns and temperatures of active facets and their partners."""
+        n = Sizes.of(*self.sides)
+        if not (active[0].any() or active[1].any()):
+            return np.zeros(len(self.reads), bool)
+        read = np.ones(len(self.reads), bool)
+        start = n.whole
+        for side, mine, other in ((0, *active), (1, *active[::-1])):
+            surface = self.sides[side].surface
+            count = len(surface.nodes)
+            if not other.any():  # else its partners may be anywhere
+                near = np.zeros(count, bool)
+                near[surface.facets[mine]] = True
+                read[start : start + count] = near
+            start += count
+        return read
+
+    # ------------------------------------------------------------------ as a Followable
 
     @property
     def movers(self) -> tuple[Mover, Mover]:
-        first, second = (Mover(plane(s.surface.X), s.surface.facets, s.columns.frame, s.columns.u)
-                         for s in self.sides)
+        """Both surfaces, their unknowns among the columns."""
+        n = Sizes.of(*self.sides)
+        ends = np.cumsum([0, n.f1, n.f2, n.u1, n.u2])
+        places = [self.reads[i:j] for i, j in pairwise(ends)]
+        first, second = (
+            Mover(s.surface.X, s.surface.facets, frame,
+                  u.reshape(-1, n.d) if len(u) else np.full(s.surface.X.shape, -1))
+            for s, frame, u in zip(self.sides, places[:2], places[2:], strict=True))
         return first, second
 
     def points(self, x: FloatArray, t: float) -> tuple[FloatArray, FloatArray] | None:
-        first, second = (plane(s.points(x, 0.0 * x, t).z) for s in self.sides)
-        return (first, second) if np.isfinite(first).all() and np.isfinite(second).all() else None
+        """(n1, d), (n2, d), m, in the second body's axes; None for a state that overflowed."""
+        here = self._kinematics(x, 0.0 * x, t)
+        return None if here is None else (here.a, here.b)
 
     def among(self, first: IntArray, second: IntArray) -> tuple[Self, IntArray, IntArray]:
-        sides = [s.some(chosen) for s, chosen in zip(self.sides, (first, second), strict=True)]
-        columns, rows = (np.unique(np.concatenate(found)) for found in (
-            [s.columns.all() for s in sides], [s.rows.all() for s in sides]))
-        a, b = (replace(s, columns=s.columns.found_in(columns), rows=s.rows.found_in(rows))
-                for s in sides)
-        active = self.active[0][first], self.active[1][second]
-        return replace(self, rows=self.rows[rows], columns=self.columns[columns], sides=(a, b),
-                       active=active), columns, rows
-
-
-def _touched(side: Side, rows: Places) -> BoolArray:
-    hot = (rows.u >= 0).any(axis=1) | (rows.T >= 0)
-    return np.asarray(hot[side.surface.facets].any(axis=1))
-
-
-def _spread(z: Any) -> FloatArray:
-    """Complex (N, 4, j) as real (N, 8, j): real and imaginary part of each end."""
-    return np.stack([z.real, z.imag], axis=2).reshape(len(z), 8, z.shape[2])
-
-
-def _motions(points: tuple[Points, Points], nodes: IntArray) -> FloatArray:
-    """(N, 8, 14): how the four ends move with each unknown of the pair."""
-    B = np.zeros((len(nodes), 4, ENDS), complex)
-    for side, (p, ends) in enumerate(zip(points, (slice(0, 2), slice(2, 4)), strict=True)):
-        B[:, ends, 3 * side], B[:, ends, 3 * side + 1] = 1.0, 1j
-        B[:, ends, 3 * side + 2] = 1j * p.r[nodes[:, ends]]
-        for k in range(ends.start, ends.stop):
-            B[:, k, 6 + 2 * k], B[:, k, 7 + 2 * k] = p.e, 1j * p.e
-    return _spread(B)
-
-
-def _drift(points: tuple[Points, Points], nodes: IntArray) -> FloatArray:
-    """(N, 8, 14): how the ends' velocities change with the unknowns, their rates held."""
-    B = np.zeros((len(nodes), 4, ENDS), complex)
-    for side, (p, ends) in enumerate(zip(points, (slice(0, 2), slice(2, 4)), strict=True)):
-        B[:, ends, 3 * side + 2] = 1j * p.slide[nodes[:, ends]]
-        for k in range(ends.start, ends.stop):
-            B[:, k, 6 + 2 * k] = 1j * p.spin * p.e
-            B[:, k, 7 + 2 * k] = -p.spin * p.e
-    return _spread(B)
-
-
-def _curvature(points: tuple[Points, Points], nodes: IntArray, force: Any) -> FloatArray:
-    """(N, 14, 14): what constant forces (N, 4) at the ends add because the frames turn."""
-    C = np.zeros((len(nodes), ENDS, ENDS))
-    for side, (p, ends) in enumerate(zip(points, (slice(0, 2), slice(2, 4)), strict=True)):
-        f, turn = force[:, ends], 3 * side + 2
-        C[:, turn, turn] = -(f.conj() * p.r[nodes[:, ends]]).real.sum(axis=1)
-        for k in range(ends.start, ends.stop):
-            g = 1j * p.e * force[:, k].conj()
-            C[:, turn, 6 + 2 * k] = C[:, 6 + 2 * k, turn] = g.real
-            C[:, turn, 7 + 2 * k] = C[:, 7 + 2 * k, turn] = (1j * g).real
-    return C
+        """The contact of some facets of either surface with each other alone, and which of the
+        columns and of the rows are theirs."""
+        n = Sizes.of(*self.sides)
+        (one, used1), (two, used2) = (s.some(chosen) for s, chosen in zip(
+            self.sides, (first, second), strict=True))
+        mine = n.of_points(used1, used2)
+        reads, writes = self.reads[mine], self.writes[mine]
+        columns, rows = np.unique(reads[reads >= 0]), np.unique(writes[writes >= 0])
+        made = replace(
+            self, rows=self.rows[rows], columns=self.columns[columns], sides=(one, two),
+            reads=found_in(reads, columns), writes=found_in(writes, rows),
+            active=(self.active[0][first], self.active[1][second]))
+        return made, columns, rows

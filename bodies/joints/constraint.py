@@ -1,17 +1,14 @@
 """Constraint rows with a multiplier each: what a built joint is in the plane and in space alike."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
-
-import numpy as np
+from collections.abc import Sequence
 
 from sparsemor.bodies.any_body import AnyBody
-from sparsemor.bodies.linear_term import LinearEquations, LinearTerm
-from sparsemor.core.arrays import IntArray
-from sparsemor.core.layout import Block, Layout
-from sparsemor.core.protocols import Part, Term
-from sparsemor.core.separable import Amplitude
-from sparsemor.core.tables import Table
+from sparsemor.bodies.terms.field_kinds import MULTIPLIER
+from sparsemor.core.protocols.contributions import Equations
+from sparsemor.core.protocols.layout import Block
+from sparsemor.core.protocols.load_tables import Table
+from sparsemor.core.protocols.separable import Amplitude
 
 
 class Constraint(ABC):
@@ -35,7 +32,7 @@ class Constraint(ABC):
 
     @property
     def inert(self) -> bool:
-        """Whether no unknown could satisfy its constraints: in a rigid stage, a joint of bodies
+        """True if no unknown could satisfy its constraints: in a rigid stage, a joint of bodies
         that do not move there. The flexible stage then has it as a constraint."""
         return not any(b.moves or b.elasticity is not None for b in self.bodies)
 
@@ -47,25 +44,22 @@ class Constraint(ABC):
     def blocks(self) -> Sequence[Block]:
         if self.reactions is not None or self.inert:
             return ()
-        return [Block(self.name, "multiplier", len(self.targets))]
+        return [Block(self.name, MULTIPLIER, len(self.targets))]
 
-    def terms(self, layout: Layout, parts: Mapping[str, Part]) -> Sequence[Term]:
+    def contribute(self, equations: Equations) -> None:
         if self.inert:
-            return []
+            return
         if self.reactions is not None:
-            return self._acting(layout, self.reactions)
-        multipliers = np.arange(layout.size)[layout[f"{self.name}.multiplier"]]
-        n = len(self.targets)
-        empty = np.zeros((n, 0))
-        told = LinearTerm(self.name, multipliers, np.zeros(0, np.int64), LinearEquations(
-            empty, empty, np.zeros(n), np.eye(n), self.targets))
-        return [*self._holding(layout, multipliers), told]
+            self._acting(equations, self.reactions)
+            return
+        block = f"{self.name}.multiplier"
+        self._holding(equations, block)
+        equations.constraint(block, self.targets)
 
     @abstractmethod
-    def _holding(self, layout: Layout, multipliers: IntArray) -> Sequence[Term]:
-        """What the bodies put into the rows, and the multipliers (l,), global numbers, into theirs.
-        """
+    def _holding(self, equations: Equations, multipliers: str) -> None:
+        """Contributions of the bodies to the constraint rows, and of the multipliers to theirs."""
 
     @abstractmethod
-    def _acting(self, layout: Layout, reactions: Table) -> Sequence[Term]:
-        """Known reactions as forces on the sides."""
+    def _acting(self, equations: Equations, reactions: Table) -> None:
+        """Prescribed reactions as forces on the sides."""

@@ -2,16 +2,16 @@
 
 from collections.abc import Mapping
 
-from sparsemor.bodies.joints.sides import need_space, unit
-from sparsemor.bodies.joints.space import rows_between
+from sparsemor.bodies.frames.rotation import across
+from sparsemor.bodies.joints.conditions import rows_between
+from sparsemor.bodies.joints.space_attachment import need_space, unit
 from sparsemor.bodies.joints.space_part import SpaceJoint
-from sparsemor.bodies.spatial.rotation import across
-from sparsemor.core.plugin import Plugin
 from sparsemor.core.protocols import Part
+from sparsemor.core.registry.plugin import Plugin
 
 
 class Cylindrical(Plugin):
-    """The mean points stay on one line along the axis, which keeps its direction in both bodies.
+    """Cylindrical joint: rotation about and translation along one axis that both bodies share.
 
     Four multipliers: two forces across the axis, N, and two moments, N m.
     """

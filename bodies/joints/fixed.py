@@ -2,17 +2,17 @@
 
 from collections.abc import Mapping
 
-from sparsemor.bodies.joints.between import connect
-from sparsemor.bodies.joints.part import JointPart
-from sparsemor.bodies.joints.sides import spatial
-from sparsemor.bodies.joints.space import rows_between
+from sparsemor.bodies.joints.conditions import rows_between
+from sparsemor.bodies.joints.plane_attachment import connect
+from sparsemor.bodies.joints.plane_part import JointPart
+from sparsemor.bodies.joints.space_attachment import spatial
 from sparsemor.bodies.joints.space_part import SpaceJoint
-from sparsemor.core.plugin import Plugin
 from sparsemor.core.protocols import Part
+from sparsemor.core.registry.plugin import Plugin
 
 
 class Fixed(Plugin):
-    """The mean points coincide and the mean rotations of the two sets keep their difference.
+    """Fixed joint: the mean points of two sets coincide and their relative rotation is constant.
 
     Multipliers: force on the first side (N, space axes) and moment (N m); in space three moments,
     about axes that are those of space at the start and turn with the bodies.

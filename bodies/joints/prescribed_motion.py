@@ -4,22 +4,22 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from sparsemor.bodies.joints.between import plane
-from sparsemor.bodies.joints.part import End, JointPart
-from sparsemor.bodies.joints.sides import spatial, unit
-from sparsemor.bodies.joints.space import rows_on
+from sparsemor.bodies.frames.rotation import across
+from sparsemor.bodies.joints.conditions import rows_on
+from sparsemor.bodies.joints.plane_attachment import plane
+from sparsemor.bodies.joints.plane_part import End, JointPart
+from sparsemor.bodies.joints.space_attachment import spatial, unit
 from sparsemor.bodies.joints.space_part import SpaceJoint
 from sparsemor.bodies.loads.amplitude import Quantity
-from sparsemor.bodies.spatial.rotation import across
 from sparsemor.bodies.targets import find_target
 from sparsemor.core.errors import InputError
-from sparsemor.core.plugin import Plugin
 from sparsemor.core.protocols import Part
-from sparsemor.core.time_functions import Prescribed
+from sparsemor.core.protocols.prescribed_quantities import Prescribed
+from sparsemor.core.registry.plugin import Plugin
 
 
 class PrescribedMotion(Plugin):
-    """Displacement of an attachment from its start, along space axes, and its rotation.
+    """Prescribed motion: displacement from the start along space axes, and rotation, over time.
 
     One multiplier a given coordinate: the force (N) or moment (N m) that drives it.
     """
@@ -49,7 +49,7 @@ class PrescribedMotion(Plugin):
         driven = [(i, f) for i, f in enumerate(given) if f is not None]
         if not driven:
             raise InputError("nothing is prescribed: give x, y or angle", "of")
-        if body.idle:
+        if body.immobile:
             raise InputError(f"body {body.name!r} neither moves nor deforms", "of")
         if self.angle is not None and body.elasticity is not None and len(target.nodes) < 2:
             raise InputError(f"{self.of!r} is a single point of a flexible body: it has no angle",

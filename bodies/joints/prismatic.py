@@ -2,17 +2,16 @@
 
 from collections.abc import Mapping
 
-from sparsemor.bodies.joints.sides import need_space, unit
-from sparsemor.bodies.joints.space import rows_between
+from sparsemor.bodies.frames.rotation import across
+from sparsemor.bodies.joints.conditions import rows_between
+from sparsemor.bodies.joints.space_attachment import need_space, unit
 from sparsemor.bodies.joints.space_part import SpaceJoint
-from sparsemor.bodies.spatial.rotation import across
-from sparsemor.core.plugin import Plugin
 from sparsemor.core.protocols import Part
+from sparsemor.core.registry.plugin import Plugin
 
 
 class Prismatic(Plugin):
-    """The mean points stay on one line along the axis, which is fixed in one of the bodies; the
-    bodies do not turn against each other.
+    """Prismatic joint: relative translation along an axis fixed in one body, no relative rotation.
 
     Five multipliers: two forces across the axis, N, and three moments, N m.
     """

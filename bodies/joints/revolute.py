@@ -2,20 +2,21 @@
 
 from collections.abc import Mapping
 
-from sparsemor.bodies.joints.between import connect
-from sparsemor.bodies.joints.part import JointPart
-from sparsemor.bodies.joints.sides import spatial, unit
-from sparsemor.bodies.joints.space import rows_between
+from sparsemor.bodies.frames.rotation import across
+from sparsemor.bodies.joints.conditions import rows_between
+from sparsemor.bodies.joints.plane_attachment import connect
+from sparsemor.bodies.joints.plane_part import JointPart
+from sparsemor.bodies.joints.space_attachment import spatial, unit
 from sparsemor.bodies.joints.space_part import SpaceJoint
-from sparsemor.bodies.spatial.rotation import across
 from sparsemor.core.errors import InputError
-from sparsemor.core.plugin import Plugin
 from sparsemor.core.protocols import Part
+from sparsemor.core.registry.plugin import Plugin
 
 
 class Revolute(Plugin):
-    """The mean points of two sets coincide (or one stays in space); rotation about the axis is
-    free. In the plane the axis is normal to it.
+    """Revolute joint: the mean points of two sets coincide; rotation about the axis is free.
+
+    With one set, its mean point is fixed in space. In the plane the axis is normal to it.
 
     Multipliers: the force on the first side, N (space axes); in space two moments across the axis,
     N m.

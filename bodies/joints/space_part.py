@@ -1,4 +1,4 @@
-"""What a built joint in space is: conditions of bodies, summed to constraint rows."""
+"""Built joint in space: conditions of bodies, summed to constraint rows."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -6,19 +6,17 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from sparsemor.bodies.any_body import AnyBody
-from sparsemor.bodies.body import NO_NUMBERS
+from sparsemor.bodies.frames import nodal
+from sparsemor.bodies.frames.constraints import Slide
+from sparsemor.bodies.frames.items import Attachment, Item, Reaction
 from sparsemor.bodies.joints.constraint import Constraint
-from sparsemor.bodies.joints.sides import Side
+from sparsemor.bodies.joints.space_attachment import Side
 from sparsemor.bodies.joints.wrench import SIZE, holding, wrenches
-from sparsemor.bodies.spatial import nodal
-from sparsemor.bodies.spatial.body import SpatialBody
-from sparsemor.bodies.spatial.items import Attachment, Item, Reaction
-from sparsemor.bodies.spatial.pairs import Slide
-from sparsemor.core.arrays import FloatArray, IntArray
-from sparsemor.core.layout import Layout
-from sparsemor.core.protocols import Term
-from sparsemor.core.separable import Amplitude
-from sparsemor.core.tables import Table
+from sparsemor.bodies.spatial_body import SpatialBody
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.protocols.contributions import Equations
+from sparsemor.core.protocols.load_tables import Table
+from sparsemor.core.protocols.separable import Amplitude
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,13 +60,13 @@ class SpaceJoint(Constraint):
         return ("force across the axis", "N") if isinstance(c.item, Slide) else ("moment", "N m")
 
     @property
-    def handed(self) -> int:
+    def reaction_count(self) -> int:
         """Columns that `known` takes. InputError for an item that has no wrench."""
         for c in self.conditions:
             holding(c.item)
         return SIZE * len(self.sides)
 
-    def handed_on(
+    def reactions_passed_on(
         self, times: FloatArray, multipliers: FloatArray, poses: Mapping[str, FloatArray]
     ) -> FloatArray:
         """(T, 6 s) what `known` takes, of multipliers (T, l) along a motion (T, n)."""
@@ -82,23 +80,21 @@ class SpaceJoint(Constraint):
     def bodies(self) -> Sequence[AnyBody]:
         return [side.body for side in self.sides if side.body is not None]
 
-    def _holding(self, layout: Layout, multipliers: IntArray) -> Sequence[Term]:
-        terms: list[Term] = []
+    def _holding(self, equations: Equations, multipliers: str) -> None:
         for c in self.conditions:
-            read = np.arange(layout.size)[layout[f"{c.other}.rigid"]] if c.other else NO_NUMBERS
-            terms.append(c.body.frame_term(layout, c.item, c.vectors, multipliers, c.C, read))
-        return terms
+            c.body.frame_item(equations, c.item, c.vectors, multipliers=multipliers, C=c.C,
+                              reads=f"{c.other}.rigid" if c.other else "")
 
-    def _acting(self, layout: Layout, reactions: Table) -> Sequence[Term]:
-        return [t for i, side in enumerate(self.sides)
-                for t in self._reaction(layout, side, i, reactions)]
+    def _acting(self, equations: Equations, reactions: Table) -> None:
+        for i, side in enumerate(self.sides):
+            self._reaction(equations, side, i, reactions)
 
     def _reaction(
-        self, layout: Layout, side: Side, number: int, reactions: Table
-    ) -> Sequence[Term]:
-        """What is known acts on the displacements of a side; nothing where they are held."""
+        self, equations: Equations, side: Side, number: int, reactions: Table
+    ) -> None:
+        """Prescribed reactions on the displacements of a side; none where these are fixed."""
         if not side.flexible or side.body is None:
-            return ()
+            return
         mine = reactions.columns(SIZE * number + np.arange(SIZE))
         vectors = nodal.along(side.mean())
         # a joint that lets its sides turn makes no moment, and its set may be a single point
@@ -106,4 +102,4 @@ class SpaceJoint(Constraint):
             side.turning)
         if turning is not None:
             vectors = np.concatenate([vectors, turning], axis=1)
-        return [side.body.frame_term(layout, Reaction(mine, turning is not None), vectors)]
+        side.body.frame_item(equations, Reaction(mine, turning is not None), vectors)

@@ -2,15 +2,17 @@
 
 from collections.abc import Mapping
 
-from sparsemor.bodies.joints.sides import need_space
-from sparsemor.bodies.joints.space import rows_between
+from sparsemor.bodies.joints.conditions import rows_between
+from sparsemor.bodies.joints.space_attachment import need_space
 from sparsemor.bodies.joints.space_part import SpaceJoint
-from sparsemor.core.plugin import Plugin
 from sparsemor.core.protocols import Part
+from sparsemor.core.registry.plugin import Plugin
 
 
 class Spherical(Plugin):
-    """The mean points of two sets coincide, or one stays where it is. In the plane: `revolute`.
+    """Spherical joint: the mean points of two sets coincide, or one is fixed in space.
+
+    In the plane: `revolute`.
 
     Three multipliers: the force on the first side, N (space axes).
     """

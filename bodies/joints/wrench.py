@@ -1,8 +1,8 @@
-"""What the multipliers of a joint in space do to each of its sides: a force and a moment.
+"""Wrench of a joint in space: force and moment of the multipliers on each side.
 
 Multipliers mean what the joint's conditions were built for, and a joint of rigid bodies has fewer
 of them than one of the same bodies when they deform. Force and moment about the mean point of a
-side are what both have in common, so these are what a rigid stage hands on.
+side are what both have in common, so these are what a rigid stage passes on.
 """
 
 from __future__ import annotations
@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sparsemor.bodies.spatial.items import Holding, Item
-from sparsemor.bodies.spatial.pairs import Wrench
+from sparsemor.bodies.frames.constraints import Wrench
+from sparsemor.bodies.frames.items import Holding, Item
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
-from sparsemor.core.placement import placed
+from sparsemor.core.protocols.poses import placed
 
 if TYPE_CHECKING:
     from sparsemor.bodies.joints.space_part import Condition, SpaceJoint
@@ -64,7 +64,7 @@ def holding(item: Item) -> Holding:
         return item
     raise InputError(
         f"its item {type(item).__name__} has no method `wrench`, so what it does to its bodies "
-        "cannot be passed on by a rigid stage: give it that method (bodies/spatial/items.py, "
+        "cannot be passed on by a rigid stage: give it that method (bodies/frames/items.py, "
         "`Holding`), or drop rigid_stage")
 
 

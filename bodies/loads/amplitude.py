@@ -5,8 +5,8 @@ from typing import Annotated, Any
 from pydantic import BeforeValidator
 
 from sparsemor.core.protocols import TimeFunction
-from sparsemor.core.separable import Amplitude
-from sparsemor.core.slot import Slot
+from sparsemor.core.protocols.separable import Amplitude
+from sparsemor.core.registry.slot import Slot
 
 
 def _number_as_function(value: Any) -> Any:

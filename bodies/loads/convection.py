@@ -5,18 +5,19 @@ from typing import Annotated, ClassVar
 
 from pydantic import Field
 
-from sparsemor.bodies.fe.surface import surface_load, surface_mass
+from sparsemor.bodies.fem.surface import surface_load, surface_mass
 from sparsemor.bodies.loads.amplitude import Quantity
 from sparsemor.bodies.loads.part import LoadPart
 from sparsemor.bodies.targets import find_surfaces
-from sparsemor.core.plugin import Plugin
-from sparsemor.core.protocols import Part
+from sparsemor.core.protocols import Effect, Part
+from sparsemor.core.protocols.contributions import Equations
+from sparsemor.core.registry.plugin import Plugin
 
 
 class Convection(Plugin):
-    """q = h (T_fluid - T) over the boundary facets of each set."""
+    """Convection: heat flux q = h (T_fluid - T) over the boundary facets of each set."""
 
-    acts_on: ClassVar[str] = "thermal"
+    acts_on: ClassVar[Effect] = "temperature"
 
     on: Annotated[list[str], Field(min_length=1)]
     """Surfaces `body:set`."""
@@ -31,6 +32,9 @@ class Convection(Plugin):
             h = self.film * body.thickness
             loads.append((body, h * surface_load(mesh, facets, 1.0),
                           surface_mass(mesh, facets, h)))
-        return LoadPart(name, lambda layout: [
-            b.heat_term(layout, w, self.temperature.value, S) for b, w, S in loads],
-            surroundings=self.temperature.value)
+
+        def write(equations: Equations) -> None:
+            for b, w, S in loads:
+                b.heat_load(equations, w, self.temperature.value, S)
+
+        return LoadPart(name, write, surroundings=self.temperature.value)

@@ -1,21 +1,21 @@
 """Weight of every body that moves or deforms, on its deformed shape."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 from sparsemor.bodies.any_body import AnyBody
 from sparsemor.bodies.loads.amplitude import Quantity, amplitude
 from sparsemor.bodies.loads.part import LoadPart
 from sparsemor.bodies.loads.vectors import Vector, components, weight
-from sparsemor.bodies.spatial.body import SpatialBody
+from sparsemor.bodies.spatial_body import SpatialBody
 from sparsemor.bodies.targets import find_body
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.layout import Layout
-from sparsemor.core.plugin import Plugin
-from sparsemor.core.protocols import Part, Term
+from sparsemor.core.protocols import Part
+from sparsemor.core.protocols.contributions import Equations
+from sparsemor.core.registry.plugin import Plugin
 
 
 class Gravity(Plugin):
-    """Nodal forces M (1 x A^T g) with the torque of the deformed position (equations.md, 1)."""
+    """Gravity: nodal forces M (1 x A^T g) and the torque of the deformed body (equations.md, 1)."""
 
     g: Vector | None = None
     """Acceleration, m/s^2 (space axes): two numbers in the plane, [0, -9.81] when not given; three
@@ -31,11 +31,11 @@ class Gravity(Plugin):
         f = amplitude(self.factor)
         heavy = {b.name: self._g(b) for b in chosen if b.moves or b.elasticity is not None}
 
-        def make(layout: Layout) -> Sequence[Term]:
-            return [t for b, g in heavy.items()
-                    for t in weight(find_body(parts, b, "bodies"), layout, g, f)]
+        def write(equations: Equations) -> None:
+            for b, g in heavy.items():
+                weight(find_body(parts, b, "bodies"), equations, g, f)
 
-        return LoadPart(name, make, localized=False)
+        return LoadPart(name, write, localized=False)
 
     def _g(self, body: AnyBody) -> FloatArray:
         down = (0.0, 0.0, -9.81) if isinstance(body, SpatialBody) else (0.0, -9.81)

@@ -5,18 +5,19 @@ from typing import Annotated, ClassVar
 
 from pydantic import Field
 
-from sparsemor.bodies.fe.surface import surface_load
+from sparsemor.bodies.fem.surface import surface_load
 from sparsemor.bodies.loads.amplitude import Quantity
 from sparsemor.bodies.loads.part import LoadPart
 from sparsemor.bodies.targets import find_surfaces
-from sparsemor.core.plugin import Plugin
-from sparsemor.core.protocols import Part
+from sparsemor.core.protocols import Effect, Part
+from sparsemor.core.protocols.contributions import Equations
+from sparsemor.core.registry.plugin import Plugin
 
 
 class HeatFlux(Plugin):
-    """q into the body over the boundary facets of each set."""
+    """Heat flux: prescribed q into the body over the boundary facets of each set."""
 
-    acts_on: ClassVar[str] = "thermal"
+    acts_on: ClassVar[Effect] = "temperature"
 
     on: Annotated[list[str], Field(min_length=1)]
     """Surfaces `body:set`."""
@@ -26,5 +27,9 @@ class HeatFlux(Plugin):
     def build(self, name: str, parts: Mapping[str, Part]) -> LoadPart:
         loads = [(body, surface_load(mesh, facets, body.thickness))
                  for body, mesh, facets in find_surfaces(parts, self.on, "thermal")]
-        return LoadPart(
-            name, lambda layout: [b.heat_term(layout, w, self.flux.value) for b, w in loads])
+
+        def write(equations: Equations) -> None:
+            for b, w in loads:
+                b.heat_load(equations, w, self.flux.value)
+
+        return LoadPart(name, write)

@@ -1,6 +1,6 @@
 """A force on one point, or shared evenly by the points of a set."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Literal
 
 import numpy as np
@@ -9,13 +9,13 @@ from sparsemor.bodies.loads.amplitude import Quantity, amplitude
 from sparsemor.bodies.loads.part import LoadPart
 from sparsemor.bodies.loads.vectors import Vector, body_force, components, space_force
 from sparsemor.bodies.targets import find_target, need_field
-from sparsemor.core.layout import Layout
-from sparsemor.core.plugin import Plugin
-from sparsemor.core.protocols import Part, Term
+from sparsemor.core.protocols import Part
+from sparsemor.core.protocols.contributions import Equations
+from sparsemor.core.registry.plugin import Plugin
 
 
 class PointForce(Plugin):
-    """A force, turning with the body or fixed in space."""
+    """Point force at the mean point of a set, with axes of the body or of space."""
 
     on: str
     """Point or set `body:set`."""
@@ -32,9 +32,10 @@ class PointForce(Plugin):
         body, w, f = target.body, target.mean(), amplitude(self.factor)
         F = components(body, self.force, "force")
 
-        def make(layout: Layout) -> Sequence[Term]:
+        def write(equations: Equations) -> None:
             if self.axes == "space":
-                return [space_force(body, layout, w, F, f)]
-            return [body_force(body, layout, np.outer(w, F), f)]
+                space_force(body, equations, w, F, f)
+            else:
+                body_force(body, equations, np.outer(w, F), f)
 
-        return LoadPart(name, make)
+        return LoadPart(name, write)

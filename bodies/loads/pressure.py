@@ -5,18 +5,19 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from sparsemor.bodies.fe.surface import facet_measures, surface_normal_load
+from sparsemor.bodies.fem.surface import facet_measures, surface_normal_load
 from sparsemor.bodies.loads.amplitude import Quantity
 from sparsemor.bodies.loads.part import LoadPart
 from sparsemor.bodies.loads.vectors import body_force
 from sparsemor.bodies.targets import find_surfaces
 from sparsemor.core.errors import InputError
-from sparsemor.core.plugin import Plugin
 from sparsemor.core.protocols import Part
+from sparsemor.core.protocols.contributions import Equations
+from sparsemor.core.registry.plugin import Plugin
 
 
 class Pressure(Plugin):
-    """Force per area -p n over the boundary facets of each set; positive pushes inwards.
+    """Pressure: force per area -p n over the boundary facets of each set, positive inwards.
 
     Give the pressure, or the force that it amounts to on the mesh's own area.
     """
@@ -44,5 +45,9 @@ class Pressure(Plugin):
             for body, mesh, facets in surfaces)
         loads = [(body, -surface_normal_load(mesh, facets, body.thickness) / area)
                  for body, mesh, facets in surfaces]
-        return LoadPart(name, lambda layout: [
-            body_force(b, layout, w, size.value) for b, w in loads])
+
+        def write(equations: Equations) -> None:
+            for b, w in loads:
+                body_force(b, equations, w, size.value)
+
+        return LoadPart(name, write)

@@ -1,6 +1,6 @@
 """Radiation to surroundings: the first local term, evaluated facet by facet."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Annotated, ClassVar
 
@@ -8,18 +8,18 @@ import numpy as np
 from pydantic import Field
 from scipy.sparse import csr_array
 
-from sparsemor.bodies.fe.surface import facet_measures
-from sparsemor.bodies.fields import Heat
+from sparsemor.bodies.fem.fields import Heat
+from sparsemor.bodies.fem.surface import facet_measures
 from sparsemor.bodies.loads.amplitude import Quantity
 from sparsemor.bodies.loads.part import LoadPart
-from sparsemor.bodies.local import CompressedLocal
-from sparsemor.bodies.plausibility import celsius_notes
+from sparsemor.bodies.mesh.plausibility import celsius_notes
 from sparsemor.bodies.targets import find_surfaces
 from sparsemor.core.arrays import Csr, FloatArray, IntArray
-from sparsemor.core.layout import Layout
-from sparsemor.core.plugin import Plugin
-from sparsemor.core.protocols import Part, Term, Trial
-from sparsemor.core.separable import Amplitude
+from sparsemor.core.model.compressed_local import CompressedLocal
+from sparsemor.core.protocols import Effect, Part, Trial
+from sparsemor.core.protocols.contributions import Equations
+from sparsemor.core.protocols.separable import Amplitude
+from sparsemor.core.registry.plugin import Plugin
 
 STEFAN_BOLTZMANN = 5.670374419e-8
 """W/(m^2 K^4), CODATA 2018 (exact since the SI of 2019)."""
@@ -151,9 +151,9 @@ _RULES = {2: _line(), 3: _triangle()}
 
 
 class Radiation(Plugin):
-    """q = eps sigma (T^4 - T_inf^4) out of the boundary facets of each set (T in K)."""
+    """Radiation: heat loss q = eps sigma (T^4 - T_inf^4) from the boundary facets (T in K)."""
 
-    acts_on: ClassVar[str] = "thermal"
+    acts_on: ClassVar[Effect] = "temperature"
 
     on: Annotated[list[str], Field(min_length=1)]
     """Surfaces `body:set`."""
@@ -165,19 +165,19 @@ class Radiation(Plugin):
     def build(self, name: str, parts: Mapping[str, Part]) -> LoadPart:
         surfaces = find_surfaces(parts, self.on, "thermal")
 
-        def make(layout: Layout) -> Sequence[Term]:
-            terms: list[Term] = []
+        def write(equations: Equations) -> None:
             for body, mesh, facets in surfaces:
                 assert body.heat is not None
                 weights = (STEFAN_BOLTZMANN * self.emissivity * body.thickness
                            * facet_measures(mesh, facets))
-                at = body.position(layout, "thermal")
-                terms.append(_term(facets, weights, body.heat, at, self.surroundings.value))
-            return terms
+                block = f"{body.name}.thermal"
+                equations.local([block], _term(
+                    facets, weights, body.heat, equations.numbers(block),
+                    self.surroundings.value))
 
         notes = celsius_notes(
             name, self.surroundings.value(0.0), {b.name: b.T0 for b, _, _ in surfaces})
-        return LoadPart(name, make, surroundings=self.surroundings.value, notes=notes)
+        return LoadPart(name, write, surroundings=self.surroundings.value, notes=notes)
 
 
 def _term(

@@ -1,23 +1,23 @@
 """Given surface force per area, turning with the body or fixed in space."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
 
-from sparsemor.bodies.fe.surface import surface_load
+from sparsemor.bodies.fem.surface import surface_load
 from sparsemor.bodies.loads.amplitude import Quantity, amplitude
 from sparsemor.bodies.loads.part import LoadPart
 from sparsemor.bodies.loads.vectors import Vector, body_force, components, space_force
 from sparsemor.bodies.targets import find_surfaces
-from sparsemor.core.layout import Layout
-from sparsemor.core.plugin import Plugin
-from sparsemor.core.protocols import Part, Term
+from sparsemor.core.protocols import Part
+from sparsemor.core.protocols.contributions import Equations
+from sparsemor.core.registry.plugin import Plugin
 
 
 class Traction(Plugin):
-    """A force per area over the boundary facets of each set."""
+    """Traction: a force per area over the boundary facets of each set."""
 
     on: Annotated[list[str], Field(min_length=1)]
     """Surfaces `body:set`."""
@@ -34,9 +34,11 @@ class Traction(Plugin):
                   components(body, self.traction, "traction"))
                  for body, mesh, facets in find_surfaces(parts, self.on, "mechanical")]
 
-        def make(layout: Layout) -> Sequence[Term]:
-            if self.axes == "space":
-                return [space_force(b, layout, w, p, f) for b, w, p in loads]
-            return [body_force(b, layout, np.outer(w, p), f) for b, w, p in loads]
+        def write(equations: Equations) -> None:
+            for b, w, p in loads:
+                if self.axes == "space":
+                    space_force(b, equations, w, p, f)
+                else:
+                    body_force(b, equations, np.outer(w, p), f)
 
-        return LoadPart(name, make)
+        return LoadPart(name, write)

@@ -5,12 +5,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from sparsemor.bodies.any_body import AnyBody
-from sparsemor.bodies.frame_term import FrameTerm
-from sparsemor.bodies.spatial.body import SpatialBody
+from sparsemor.bodies.spatial_body import SpatialBody
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
-from sparsemor.core.layout import Layout
-from sparsemor.core.separable import Amplitude
+from sparsemor.core.protocols.contributions import Equations
+from sparsemor.core.protocols.separable import Amplitude
 
 Vector = tuple[float, float] | tuple[float, float, float]
 
@@ -20,32 +19,36 @@ def components(body: AnyBody, vector: Sequence[float], key: str) -> FloatArray:
     d = 3 if isinstance(body, SpatialBody) else 2
     if len(vector) != d:
         where = "in space: give three components" if d == 3 else "plane: give two components"
-        raise InputError(f"body {body.name!r} is {where} (given: {list(vector)})", key)
+        raise InputError(f"body {body.name!r} is {where} (got {list(vector)})", key)
     return np.array(vector, dtype=np.float64)
 
 
 def space_force(
-    body: AnyBody, layout: Layout, weights: FloatArray, force: FloatArray, amplitude: Amplitude
-) -> FrameTerm:
+    body: AnyBody, equations: Equations, weights: FloatArray, force: FloatArray,
+    amplitude: Amplitude,
+) -> None:
     """Nodal weights (N,) times one force (d,) in space axes, N per unit weight."""
     if isinstance(body, SpatialBody):
-        return body.space_force(layout, weights, force, amplitude)
-    return body.space_force(layout, weights, complex(*force), amplitude)
+        body.space_force(equations, weights, force, amplitude)
+    else:
+        body.space_force(equations, weights, complex(*force), amplitude)
 
 
 def body_force(
-    body: AnyBody, layout: Layout, forces: FloatArray, amplitude: Amplitude
-) -> FrameTerm:
+    body: AnyBody, equations: Equations, forces: FloatArray, amplitude: Amplitude
+) -> None:
     """Nodal forces (N, d) that turn with the body frame, N."""
     if isinstance(body, SpatialBody):
-        return body.body_force(layout, forces, amplitude)
-    return body.body_force(layout, forces[:, 0] + 1j * forces[:, 1], amplitude)
+        body.body_force(equations, forces, amplitude)
+    else:
+        body.body_force(equations, forces[:, 0] + 1j * forces[:, 1], amplitude)
 
 
 def weight(
-    body: AnyBody, layout: Layout, g: FloatArray, amplitude: Amplitude
-) -> Sequence[FrameTerm]:
+    body: AnyBody, equations: Equations, g: FloatArray, amplitude: Amplitude
+) -> None:
     """Weight of the deformed body under an acceleration g (d,), m/s^2."""
     if isinstance(body, SpatialBody):
-        return body.gravity(layout, g, amplitude)
-    return (body.gravity(layout, complex(*g), amplitude),)
+        body.gravity(equations, g, amplitude)
+    else:
+        body.gravity(equations, complex(*g), amplitude)

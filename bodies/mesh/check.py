@@ -1,4 +1,4 @@
-"""Whether a mesh can carry a computation: every fault found, with its number and place."""
+"""Mesh checks: every fault, with its number and position."""
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -12,7 +12,7 @@ from sparsemor.bodies.mesh.simplices import (
 )
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.errors import Fault, InputError
-from sparsemor.core.mesh import Mesh
+from sparsemor.core.protocols.mesh import Mesh
 
 SHOWN = 5
 FLAT = 1e-12

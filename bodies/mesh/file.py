@@ -16,9 +16,9 @@ from sparsemor.bodies.mesh.groups import SIMPLEX, dimension_of, named_points
 from sparsemor.bodies.mesh.simplices import signed_measures
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.errors import InputError
-from sparsemor.core.memory import bounded
-from sparsemor.core.mesh import Mesh
-from sparsemor.core.plugin import Plugin
+from sparsemor.core.protocols.mesh import Mesh
+from sparsemor.core.registry.plugin import Plugin
+from sparsemor.core.simulation.memory.limits import bounded
 
 FORMATS = {
     ".msh": "gmsh", ".inp": "abaqus", ".vtk": "vtk", ".vtu": "vtu", ".bdf": "nastran",
@@ -32,8 +32,10 @@ _MOST_LETTERS = 200
 
 
 class MeshFile(Plugin):
-    """Triangles or tetrahedra from a file: Gmsh (msh), Abaqus (inp), VTK (vtk, vtu), Nastran (bdf,
-    fem, nas), Medit (mesh, meshb) or Salome (med, with the package h5py).
+    """Mesh file of triangles or tetrahedra, read by meshio.
+
+    Gmsh (msh), Abaqus (inp), VTK (vtk, vtu), Nastran (bdf, fem, nas), Medit (mesh, meshb) or
+    Salome (med, with the package h5py).
 
     The simplices of the highest dimension become the body; everything else in the file only names
     sets of points: physical groups and tags, cell sets, point sets. Unused points are dropped.

@@ -1,4 +1,4 @@
-"""What a mesh file calls its parts: groups, tags and sets, all as sets of points."""
+"""Groups, tags and sets of a mesh file, all as sets of points."""
 
 from collections.abc import Iterator
 from typing import Any

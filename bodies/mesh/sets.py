@@ -6,16 +6,16 @@ from dataclasses import replace
 import numpy as np
 from pydantic import model_validator
 
-from sparsemor.bodies.expression import ConditionText, evaluate_condition
+from sparsemor.bodies.mesh.expression import ConditionText, evaluate_condition
 from sparsemor.core.arrays import IntArray
 from sparsemor.core.errors import Fault, InputError
-from sparsemor.core.mesh import Mesh
-from sparsemor.core.plugin import Plugin
-from sparsemor.core.registry import near
+from sparsemor.core.protocols.mesh import Mesh
+from sparsemor.core.registry.plugin import Plugin
+from sparsemor.core.registry.registry import near
 
 
 class PointSet(Plugin):
-    """Which points of a mesh have a name: exactly one of `box`, `where` and `nearest`."""
+    """Named set of mesh points, by exactly one of `box`, `where` and `nearest`."""
 
     box: list[tuple[float, float]] | None = None
     """[[x0, x1], [y0, y1]] and [z0, z1] in 3-D, m: the points inside, borders included."""

@@ -10,14 +10,14 @@ from typing import Annotated
 try:
     import typer
 
-    from sparsemor.core.cli.common import FAILED, INTERRUPTED
-    from sparsemor.core.cli.comparing import compare
-    from sparsemor.core.cli.exporting import export, pictures
-    from sparsemor.core.cli.listing import plugins, schema, validate
-    from sparsemor.core.cli.running import run
-    from sparsemor.core.cli.skeleton import new_plugin
+    from sparsemor.core.cli.compare import compare
+    from sparsemor.core.cli.export import export, pictures
+    from sparsemor.core.cli.new_plugin import new_plugin
+    from sparsemor.core.cli.options import FAILED, INTERRUPTED
+    from sparsemor.core.cli.plugins import plugins, schema, validate
+    from sparsemor.core.cli.run import run
     from sparsemor.core.cli.stability import stability
-    from sparsemor.core.cli.studying import study
+    from sparsemor.core.cli.study import study
 except KeyboardInterrupt:  # Ctrl-C in the first half second, while all this is read
     raise SystemExit(130) from None
 

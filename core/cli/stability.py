@@ -1,13 +1,12 @@
-"""`sparsemor stability`: will reduced models of a scene blow up, before any of them runs."""
+"""`sparsemor stability`: predicted stability of the reduced models of a scene."""
 
-import csv
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
-from sparsemor.core.cli.common import (
+from sparsemor.core.cli.options import (
     Force,
     Json,
     Quiet,
@@ -16,17 +15,20 @@ from sparsemor.core.cli.common import (
     exit_codes,
     load_with,
     located_in,
+    options,
     out_option,
     print_json,
     progress,
 )
 from sparsemor.core.errors import InputError
-from sparsemor.core.yaml_source import parse_value
-from sparsemor.core.zarr_files import writing
+from sparsemor.core.results.atomic_files import writing
+from sparsemor.core.results.output_directory import OutputDirectory
+from sparsemor.core.results.tables import csv_table, with_head
+from sparsemor.core.scene.yaml_reader import parse_value
 
 if TYPE_CHECKING:
-    from sparsemor.core.stability.plan import Plan
-    from sparsemor.core.stability.survey import Survey
+    from sparsemor.core.analysis.stability.survey import Survey
+    from sparsemor.core.analysis.stability.variants import Plan
 
 T = TypeVar("T")
 
@@ -38,28 +40,33 @@ def stability(
     seeds: Annotated[int, typer.Option(min=1, help="Seeds 1, 2, .. of each variant.")] = 10,
     samplers: Annotated[str | None, typer.Option(help="Samplers, such as lhs,random.")] = None,
     required: Annotated[str | None, typer.Option(
-        help="Whether rows of joints and loads are kept: true, false or both.")] = None,
+        help="Keep the rows of joints and loads: true, false or both.")] = None,
     rows: Annotated[str | None, typer.Option(
-        help="Rows drawn of elastic/thermal blocks, such as 30/20,60/40.")] = None,
+        help="Rows drawn of the blocks of each field, such as 30/20,60/40.")] = None,
     atoms: Annotated[str | None, typer.Option(
-        help="Atoms of elastic/thermal blocks, such as 30/20.")] = None,
+        help="Atoms of the blocks of each field, such as 30/20.")] = None,
     step: Annotated[str | None, typer.Option(help="Step sizes in s, such as 1e-3,2.5e-4.")] = None,
     integrators: Annotated[str | None, typer.Option(
         help="Integrators, such as 'bdf1,{use: generalized_alpha, rho_inf: 1}'.")] = None,
     at: Annotated[str | None, typer.Option(
-        help="Times in s along the projected model's run, such as 0 (the start only); when not "
-             "given five from start to end under rules of first order, else the start.")] = None,
+        help="Times in s along the Galerkin model's run, such as 0 (the start only). Default: "
+             "five from start to end for first-order integrators, else the start.")] = None,
     out: Out = None, force: Force = False, as_json: Json = False, quiet: Quiet = False,
 ) -> None:
-    """Tabulate spectral radii of the coupled one-step map over seeds, rows, atoms and steps.
+    """Tabulate spectral radii of the coupled time-step map over seeds, rows, atoms and steps.
 
-    What is not given is as in the scene.
+    Options that are left out are those of the scene.
     """
     with exit_codes(as_json):
         loaded = load_with(scene, settings)
         plan = plan_of(seeds, samplers, required, rows, atoms, step, integrators, at)
-        _admit(out, force)
-        from sparsemor.core.stability.survey import survey
+        if out is not None:
+            with options():
+                OutputDirectory(out).require_directory()
+                if not force:
+                    OutputDirectory(out).require_empty(
+                        "use --force to overwrite, or choose another --out")
+        from sparsemor.core.analysis.stability.survey import survey
 
         with located_in(loaded), progress(quiet or as_json) as observers:
             found = survey(loaded, plan, observers=observers)
@@ -77,30 +84,31 @@ def plan_of(
     seeds: int, samplers: str | None, required: str | None, rows: str | None, atoms: str | None,
     step: str | None, integrators: str | None, at: str | None,
 ) -> "Plan":
-    """The options as data. Raises InputError that names the option."""
-    from sparsemor.core.stability.plan import Plan
+    """Survey plan of the command's options. Raises InputError that names the option."""
+    from sparsemor.core.analysis.stability.variants import Plan
 
     flags = {"true": [True], "false": [False], "both": [True, False], None: None}
     if required not in flags:
-        raise InputError(f"--required: true, false or both (given: {required})")
+        raise InputError(f"--required: true, false or both (got {required})")
     return Plan(
         samplers=_each(samplers, "samplers", str), required=flags[required],
-        rows=_each(rows, "rows", _pair), atoms=_each(atoms, "atoms", _pair),
+        rows=_each(rows, "rows", _counts), atoms=_each(atoms, "atoms", _counts),
         steps=_each(step, "step", _positive), integrators=_integrators(integrators), seeds=seeds,
         at=_each(at, "at", float))
 
 
 def write(found: "Survey", folder: Path) -> list[Path]:
     """stability.csv (a line a variant), seeds.csv (a line a seed) and the map."""
-    from sparsemor.core.charts.stability import stability_figure
-    from sparsemor.core.charts.style import save
+    from sparsemor.core.analysis.charts.stability import stability_figure
+    from sparsemor.core.analysis.charts.style import save
 
     folder.mkdir(parents=True, exist_ok=True)
     table, each = folder / "stability.csv", folder / "seeds.csv"
     with writing(folder):
-        _write_csv(table, [e.as_dict() for e in found.entries])
-        _write_csv(each, [{**e.settings, **_flat(f.as_dict())}
-                          for e in found.entries for f in e.findings])
+        lines = [e.as_dict() for e in found.entries]
+        findings = [{**e.settings, **_flat(f.as_dict())} for e in found.entries for f in e.findings]
+        for file, rows in ((table, lines), (each, findings)):
+            file.write_text(csv_table(with_head(rows)), encoding="utf-8", newline="")
         return [table, each,
                 *save(stability_figure(found), folder, "stability_map", ("png", "svg"))]
 
@@ -109,24 +117,6 @@ def _flat(row: Mapping[str, Any]) -> dict[str, Any]:
     own = row["own"]
     radii = {f"radius_{name}": value for name, value in own.items()}
     return {k: v for k, v in row.items() if k != "own"} | radii
-
-
-def _write_csv(file: Path, rows: Sequence[Mapping[str, Any]]) -> None:
-    names = list(dict.fromkeys(name for row in rows for name in row))
-    with file.open("w", encoding="utf-8", newline="") as text:
-        writer = csv.DictWriter(text, names, restval="", lineterminator="\n")
-        writer.writeheader()
-        writer.writerows({k: "" if v is None else v for k, v in row.items()} for row in rows)
-
-
-def _admit(out: Path | None, force: bool) -> None:
-    if out is None or not out.exists():
-        return
-    if not out.is_dir():
-        raise InputError(f"--out {out}: that is a file: name a directory")
-    if any(out.iterdir()) and not force:
-        raise InputError(f"--out {out}: there is something already: write into it with --force, or "
-                         "name another directory")
 
 
 def _each(text: str | None, option: str, read: Callable[[str], T]) -> list[T] | None:
@@ -141,16 +131,16 @@ def _each(text: str | None, option: str, read: Callable[[str], T]) -> list[T] | 
     return found
 
 
-_FORMS = {"rows": ": give elastic/thermal, such as 60/40",
-          "atoms": ": give elastic/thermal, such as 30/20",
+_FORMS = {"rows": ": give a number for each field, such as 60/40",
+          "atoms": ": give a number for each field, such as 30/20",
           "step": ": give step sizes in s, above 0", "at": ": give times in s"}
 
 
-def _pair(word: str) -> tuple[int, int]:
-    elastic, thermal = (int(n) for n in word.split("/"))
-    if min(elastic, thermal) < 0:
+def _counts(word: str) -> tuple[int, ...]:
+    counts = tuple(int(n) for n in word.split("/"))
+    if min(counts) < 0:
         raise ValueError(word)
-    return elastic, thermal
+    return counts
 
 
 def _positive(word: str) -> float:

@@ -1,58 +1,219 @@
-"""The contracts between parts. All arrays are float64 unless said otherwise; units are SI.
+"""Contracts between parts. All arrays are float64 unless said otherwise; units are SI.
 
+One concept a file: what a kind of plugin must have, and next to it the optional abilities that it
+may have (`capabilities` lists them all). Plugins import these names from `sparsemor.core`.
+Configuration is a frozen `Plugin`; numbers live in what its methods return. Nothing keeps state
+between calls: memory is passed in and returned.
 A plugin author reads this folder, one concept a file, and imports from here: where a contract is
 kept may change, its name here does not. Configuration is a frozen `Plugin`; numbers live in what
-its methods return. Nothing keeps state between calls: memory is passed in and handed back.
+its methods return. Plugins and solvers keep no state between calls: a step
+writes only to the memory that it is given.
 """
 
-from sparsemor.core.layout import Block, Layout
-from sparsemor.core.mesh import Mesh
-from sparsemor.core.protocols.contact import FrictionLaw, NormalLaw
-from sparsemor.core.protocols.integration import (
-    CautiousIntegrator,
-    CurvedTimeFunction,
+from sparsemor.core.protocols.basis import Basis, BoundsAtoms, CentresSnapshots, ChecksBlock
+from sparsemor.core.protocols.block_data import BlockData, Dictionary
+from sparsemor.core.protocols.body import (
+    Body,
+    BodyDefaults,
+    BodyPlugin,
+    BodyShape,
+    CarriesSurfaceLoads,
+    CopiesRigidly,
+    EstimatesSize,
+    FollowsMotion,
+    HasMesh,
+    HasPose,
+    HasProbes,
+    HasShape,
+    Material,
+    ProbePlace,
+    SelectsFields,
+)
+from sparsemor.core.protocols.capabilities import CAPABILITIES
+from sparsemor.core.protocols.contact import (
+    ConductsHeat,
+    Contact,
+    ContactPlugin,
+    DeclaresSurfaces,
+    FrictionLaw,
+    ImportsMotion,
+    NamesSides,
+    NormalLaw,
+    ReportsChatter,
+    ReportsNoContact,
+    ReportsPassage,
+    Surfaces,
+)
+from sparsemor.core.protocols.contributions import (
+    BodyRecord,
+    ConstraintRecord,
+    Equations,
+    FrameRecord,
+    LocalRecord,
+    MatrixRecord,
+    Origin,
+    Records,
+    TableRecord,
+    VectorRecord,
+)
+from sparsemor.core.protocols.element_integrals import (
+    ElasticIntegrals,
+    HeatIntegrals,
+    Integrals,
+    WeighsElements,
+)
+from sparsemor.core.protocols.integrator import (
+    ChecksLayout,
+    HasCurvature,
     Integrator,
     State,
     StepFormula,
     TimeFunction,
 )
-from sparsemor.core.protocols.linear_systems import Factorized, LinearOutcome, LinearSolver, Places
-from sparsemor.core.protocols.parts import (
-    BodyPart,
-    BodyPlugin,
-    ConnectorPlugin,
-    MeshPlugin,
+from sparsemor.core.protocols.joint import (
+    Joint,
+    JointPlugin,
     NamesMultipliers,
-    NotedPart,
+    PassesReactionsOn,
+    PrescribesReactions,
+)
+from sparsemor.core.protocols.layout import Block, DeclaresFields, FieldKind, Layout, Quantity
+from sparsemor.core.protocols.linear_solver import (
+    DofLocations,
+    EstimatesMemory,
+    Factorized,
+    LinearOutcome,
+    LinearSolver,
+    StatesFillIn,
+)
+from sparsemor.core.protocols.load_tables import LoadTable, Table, Tabled, TabledAlong
+from sparsemor.core.protocols.mesh import BodySize, EstimatesMeshSize, Mesh, MeshPlugin, MeshSize
+from sparsemor.core.protocols.part import (
+    ChangesBodies,
+    DeclaresEffect,
+    Effect,
+    HasNotes,
+    HasSurroundings,
+    Load,
+    LoadPlugin,
+    LocalizesRows,
+    MovesOverBody,
     Part,
-    ProbedBody,
-    ReportsPassage,
+    ReadsFiles,
 )
-from sparsemor.core.protocols.representation import (
-    Basis,
-    BlockData,
-    ChecksBlock,
-    Dictionary,
+from sparsemor.core.protocols.prescribed_motion import FrameHistory, Stage, SurfaceLoads
+from sparsemor.core.protocols.prescribed_quantities import Differentiable, Held, Prescribed
+from sparsemor.core.protocols.reducer import (
+    AssembledModel,
+    BlockBudget,
+    BlockLinearSolvers,
+    BudgetsFields,
+    ChecksModel,
+    HoldsSnapshots,
+    OfflineProducts,
+    Recording,
+    ReducedProblem,
+    Reducer,
+    ResamplesRows,
+    SamplesRows,
+    SharesOptions,
+    StepFactors,
+    UsesBases,
+    UsesForceBasis,
+)
+from sparsemor.core.protocols.sampler import (
+    ChoosesRowsKept,
+    DrawsRequired,
     Preconditioner,
+    RowsKept,
     Sampler,
+    SamplesNodes,
 )
-from sparsemor.core.protocols.sparse_recovery import (
+from sparsemor.core.protocols.separable import (
+    BodyFrame,
+    ElasticLocal,
+    ElasticOperators,
+    EvaluatesManyTimes,
+    Frame,
+    FrameItem,
+    FrameWork,
+    HeatBody,
+    HeatCoupling,
+    LoadColumn,
+    MovingBody,
+    Separated,
+)
+from sparsemor.core.protocols.sparse_solver import (
+    PROBLEM_FEATURES,
+    GramError,
     Group,
+    LimitsProblems,
+    Quadratic,
+    Reason,
+    Screen,
+    ScreensSupport,
     SparseOutcome,
     SparseProblem,
     SparseSolver,
     SparseStart,
 )
-from sparsemor.core.protocols.steps import Redraws, Reducer, Resampling, StepOutcome, StepSolver
-from sparsemor.core.protocols.terms import ReducedTerm, Term, TimeDependent, Trial
+from sparsemor.core.protocols.step_solver import (
+    AroundSteps,
+    CountsLinearIterations,
+    FreezesSupport,
+    RedrawsRows,
+    ReportsTerms,
+    RespondsByBlock,
+    RespondsExactly,
+    Restarts,
+    ResultantSource,
+    StepMemory,
+    StepOutcome,
+    StepSolver,
+)
+from sparsemor.core.protocols.term import (
+    ChecksStep,
+    HasConstantMatrices,
+    LocalCopy,
+    NamesSource,
+    ReducedTerm,
+    RelocatesNear,
+    ReportsResultants,
+    Term,
+    TimeDependent,
+    Trial,
+    WrapsTerm,
+)
 
 __all__ = [
-    "Basis", "Block", "BlockData", "BodyPart", "BodyPlugin", "CautiousIntegrator", "ChecksBlock",
-    "ConnectorPlugin", "CurvedTimeFunction", "Dictionary", "Factorized", "FrictionLaw", "Group",
-    "Integrator", "Layout", "LinearOutcome", "LinearSolver", "Mesh", "MeshPlugin",
-    "NamesMultipliers", "NormalLaw", "NotedPart", "Part", "Places", "Preconditioner", "ProbedBody",
-    "Redraws", "ReducedTerm", "Reducer", "ReportsPassage", "Resampling", "Sampler",
-    "SparseOutcome", "SparseProblem",
-    "SparseSolver", "SparseStart", "State", "StepFormula", "StepOutcome", "StepSolver", "Term",
-    "TimeDependent", "TimeFunction", "Trial",
+    "AroundSteps", "AssembledModel", "Basis", "Block", "BlockBudget", "BlockData",
+    "BlockLinearSolvers", "Body", "BodyDefaults", "BodyFrame", "BodyPlugin", "BodyRecord",
+    "BodyShape", "BodySize", "BoundsAtoms", "BudgetsFields", "CAPABILITIES",
+    "CarriesSurfaceLoads", "CentresSnapshots", "ChangesBodies", "ChecksBlock", "ChecksLayout",
+    "ChecksModel", "ChecksStep", "ChoosesRowsKept", "ConductsHeat", "ConstraintRecord",
+    "Contact", "ContactPlugin", "CopiesRigidly", "CountsLinearIterations", "DeclaresEffect",
+    "DeclaresFields", "DeclaresSurfaces", "Dictionary", "Differentiable", "DofLocations",
+    "DrawsRequired", "Effect", "ElasticIntegrals", "ElasticLocal", "ElasticOperators",
+    "Equations", "EstimatesMemory", "EstimatesMeshSize", "EstimatesSize", "EvaluatesManyTimes",
+    "Factorized", "FieldKind", "FollowsMotion", "Frame", "FrameHistory", "FrameItem",
+    "FrameRecord", "FrameWork", "FreezesSupport", "FrictionLaw", "GramError", "Group",
+    "HasConstantMatrices", "HasCurvature", "HasMesh", "HasNotes", "HasPose", "HasProbes",
+    "HasShape", "HasSurroundings", "HeatBody", "HeatCoupling", "HeatIntegrals", "Held",
+    "HoldsSnapshots", "ImportsMotion", "Integrals", "Integrator", "Joint", "JointPlugin",
+    "Layout", "LimitsProblems", "LinearOutcome", "LinearSolver", "Load", "LoadColumn",
+    "LoadPlugin", "LoadTable", "LocalCopy", "LocalRecord", "LocalizesRows", "Material",
+    "MatrixRecord", "Mesh", "MeshPlugin", "MeshSize", "MovesOverBody", "MovingBody",
+    "NamesMultipliers", "NamesSides", "NamesSource", "NormalLaw", "OfflineProducts", "Origin",
+    "PROBLEM_FEATURES", "Part", "PassesReactionsOn", "Preconditioner", "Prescribed",
+    "PrescribesReactions", "ProbePlace", "Quadratic", "Quantity", "ReadsFiles", "Reason",
+    "Recording", "Records", "RedrawsRows", "ReducedProblem", "ReducedTerm", "Reducer",
+    "RelocatesNear", "ReportsChatter", "ReportsNoContact", "ReportsPassage",
+    "ReportsResultants", "ReportsTerms", "ResamplesRows", "RespondsByBlock", "RespondsExactly",
+    "Restarts", "ResultantSource", "RowsKept", "Sampler", "SamplesNodes", "SamplesRows",
+    "Screen", "ScreensSupport", "SelectsFields", "Separated", "SharesOptions", "SparseOutcome",
+    "SparseProblem", "SparseSolver", "SparseStart", "Stage", "State", "StatesFillIn",
+    "StepFactors", "StepFormula", "StepMemory", "StepOutcome", "StepSolver", "SurfaceLoads",
+    "Surfaces", "Table", "TableRecord", "Tabled", "TabledAlong", "Term", "TimeDependent",
+    "TimeFunction", "Trial", "UsesBases", "UsesForceBasis", "VectorRecord", "WeighsElements",
+    "WrapsTerm",
 ]

@@ -1,8 +1,93 @@
-"""What acts between two surfaces."""
+"""Contacts: the plugin of a scene's entry, the built contact, its abilities, and its laws."""
 
-from typing import Protocol
+from collections.abc import Mapping, Sequence
+from typing import Literal, Protocol, runtime_checkable
 
 from sparsemor.core.arrays import FloatArray
+from sparsemor.core.protocols.contributions import Equations
+from sparsemor.core.protocols.part import Part
+from sparsemor.core.protocols.prescribed_motion import FrameHistory, SurfaceLoads
+
+Surfaces = Literal["rigid", "deformed"]
+"""Surfaces of a contact: as the rigid motion places them, or with displacements."""
+
+
+class ContactPlugin(Protocol):
+    """A contact of the scene, built once its bodies are. InputError keys are relative to its own
+    entry (`between`)."""
+
+    def build(self, name: str, parts: Mapping[str, Part]) -> "Contact": ...
+
+
+class Contact(Part, Protocol):
+    """A built contact: local terms that couple bodies inside the step; `blocks` is empty."""
+
+
+@runtime_checkable
+class DeclaresSurfaces(Protocol):
+    """A contact plugin that states which surfaces it uses; without it, "rigid"."""
+
+    @property
+    def surfaces(self) -> Surfaces: ...
+
+
+@runtime_checkable
+class NamesSides(Protocol):
+    """A contact plugin that names its two sides, so that elastic bodies among them are known."""
+
+    @property
+    def between(self) -> Sequence[str]:
+        """`body:set` of each side."""
+        ...
+
+
+@runtime_checkable
+class ImportsMotion(Protocol):
+    """A built contact that can be evaluated along a prescribed motion, as two stages need."""
+
+    def imported(self, motion: Mapping[str, FrameHistory]) -> Mapping[str, SurfaceLoads]:
+        """Body -> nodal forces in its own axes (N) and nodal heat (W) at each time."""
+        ...
+
+    def history(self, motion: Mapping[str, FrameHistory]) -> Mapping[str, FloatArray]:
+        """Name of a resultant -> (T,) values at the times of the motion."""
+        ...
+
+
+@runtime_checkable
+class ConductsHeat(Protocol):
+    """A built contact that conducts heat between surfaces whose motion is prescribed."""
+
+    def conduction(self, equations: Equations, motion: Mapping[str, FrameHistory]) -> None:
+        """Contributes the conduction along a prescribed motion of each body."""
+        ...
+
+
+@runtime_checkable
+class ReportsNoContact(Protocol):
+    """A built contact that notes when its surfaces never met."""
+
+    def missed(self, motion: Mapping[str, FrameHistory]) -> str:
+        """A warning by the motion of each body at all steps, "" where there is none."""
+        ...
+
+
+@runtime_checkable
+class ReportsChatter(Protocol):
+    """A built contact that notes when its forces do not settle."""
+
+    def chatter_warning(self, history: Mapping[str, FloatArray]) -> str:
+        """A warning by its resultants at all steps, "" where there is none."""
+        ...
+
+
+@runtime_checkable
+class ReportsPassage(Protocol):
+    """A built contact that notes when its surfaces pass each other in too few steps."""
+
+    def passage(self, motion: Mapping[str, FrameHistory]) -> str:
+        """A warning by the motion of each body at all steps, "" where there is none."""
+        ...
 
 
 class NormalLaw(Protocol):

@@ -5,11 +5,15 @@ the first law that is broken, and returns nothing. Plain numpy: no test framewor
 """
 
 from sparsemor.core.testing.basis import check_basis
+from sparsemor.core.testing.body import check_body
+from sparsemor.core.testing.contact import check_contact
 from sparsemor.core.testing.contact_laws import check_friction_law, check_normal_law
 from sparsemor.core.testing.function import check_function
 from sparsemor.core.testing.installed import installed
 from sparsemor.core.testing.integrator import check_integrator
+from sparsemor.core.testing.joint import check_joint
 from sparsemor.core.testing.linear_solver import check_linear_solver
+from sparsemor.core.testing.load import check_load
 from sparsemor.core.testing.mesh import check_mesh_plugin
 from sparsemor.core.testing.observer import check_observer
 from sparsemor.core.testing.parts import check_parts
@@ -21,10 +25,14 @@ from sparsemor.core.testing.term import check_term
 
 __all__ = [
     "check_basis",
+    "check_body",
+    "check_contact",
     "check_friction_law",
     "check_function",
     "check_integrator",
+    "check_joint",
     "check_linear_solver",
+    "check_load",
     "check_mesh_plugin",
     "check_normal_law",
     "check_observer",

@@ -6,7 +6,10 @@ import numpy as np
 
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.protocols import Basis, BlockData, Dictionary
-from sparsemor.core.testing.data import (
+from sparsemor.core.testing.random_inputs import (
+    ANY,
+    DISPLACEMENTS,
+    TEMPERATURES,
     copied,
     law,
     random_block,
@@ -27,11 +30,11 @@ def check_basis(basis: Basis, seed: int = 0, trials: int = 20) -> None:
     """
     for trial in range(trials):
         rng = np.random.default_rng([seed, trial])
-        name = ("body.field", "body.elastic", "body.thermal")[trial % 3]
-        block = random_heat(rng, name) if name == "body.thermal" else random_block(rng, name)
+        kind = (ANY, DISPLACEMENTS, TEMPERATURES)[trial % 3]
+        block = random_heat(rng) if kind is TEMPERATURES else random_block(rng, kind)
         before = copied(block)
         dictionary = basis.build(block)
-        where = f"({name}, seed {seed}, trial {trial})"
+        where = f"({kind.name}, seed {seed}, trial {trial})"
         law(unchanged(block, before), f"the basis wrote to the data it was given {where}")
         _well_formed(dictionary, block.size, where)
         again = basis.build(block)

@@ -4,7 +4,7 @@ import numpy as np
 
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.protocols import FrictionLaw, NormalLaw
-from sparsemor.core.testing.data import law
+from sparsemor.core.testing.random_inputs import law
 
 STEP = 1e-6
 

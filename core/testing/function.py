@@ -4,12 +4,12 @@ from collections.abc import Callable
 
 import numpy as np
 
-from sparsemor.core.protocols import CurvedTimeFunction, TimeFunction
-from sparsemor.core.testing.data import law
+from sparsemor.core.protocols import HasCurvature, TimeFunction
+from sparsemor.core.testing.random_inputs import law
 
 STEP = 1e-6
 KINKS = 0.05
-"""Share of random times that may fall beside a kink or a jump."""
+"""Share of random times that may fall next to a kink or a jump."""
 
 
 def check_function(function: TimeFunction, seed: int = 0, span: float = 10.0) -> None:
@@ -18,7 +18,7 @@ def check_function(function: TimeFunction, seed: int = 0, span: float = 10.0) ->
     `curvature`, it is the slope of the rate."""
     times = np.random.default_rng(seed).uniform(-span, span, 200).tolist()
     _slope("value", function.value, "rate", function.rate, times, seed)
-    if isinstance(function, CurvedTimeFunction):
+    if isinstance(function, HasCurvature):
         _slope("rate", function.rate, "curvature", function.curvature, times, seed)
 
 

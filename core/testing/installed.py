@@ -1,8 +1,8 @@
-"""Which plugins of a kind are installed here, third-party ones included."""
+"""Installed plugins of a kind, third-party ones included."""
 
 from sparsemor.core.errors import InputError
-from sparsemor.core.plugin import Plugin
-from sparsemor.core.registry import Registry
+from sparsemor.core.registry.plugin import Plugin
+from sparsemor.core.registry.registry import Registry
 
 
 def installed(kind: str) -> dict[str, type[Plugin]]:

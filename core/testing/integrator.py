@@ -5,11 +5,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.layout import Block, Layout
 from sparsemor.core.protocols import Integrator, State
-from sparsemor.core.testing.data import copied, law, unchanged
+from sparsemor.core.protocols.layout import Block, Layout
+from sparsemor.core.testing.random_inputs import (
+    DISPLACEMENTS,
+    FORCES,
+    TEMPERATURES,
+    copied,
+    law,
+    unchanged,
+)
 
-LAYOUT = Layout([Block("b", "elastic", 2), Block("b", "thermal", 2), Block("j", "multiplier", 1)])
+LAYOUT = Layout([Block("b", DISPLACEMENTS, 2), Block("b", TEMPERATURES, 2), Block("j", FORCES, 1)])
 DAMPING, STIFFNESS, DECAY = 0.3, np.array([1.0, 9.0]), np.array([0.5, 2.0])
 """x'' + DAMPING x' + STIFFNESS x = 0 (1/s, 1/s2) and T' + DECAY T = 0 (1/s), multiplier = x[0]."""
 

@@ -6,10 +6,10 @@ import numpy as np
 from scipy import sparse
 
 from sparsemor.core.arrays import Csr, FloatArray
-from sparsemor.core.linear import relative_residuals
-from sparsemor.core.protocols import Factorized, LinearOutcome, LinearSolver, Places
+from sparsemor.core.linalg.factorized import relative_residuals
+from sparsemor.core.protocols import DofLocations, Factorized, LinearOutcome, LinearSolver
 from sparsemor.core.status import Status
-from sparsemor.core.testing.data import law, refused
+from sparsemor.core.testing.random_inputs import law, refused
 
 
 def check_linear_solver(solver: LinearSolver, seed: int = 0, trials: int = 5) -> None:
@@ -31,16 +31,16 @@ def check_linear_solver(solver: LinearSolver, seed: int = 0, trials: int = 5) ->
     _refuses(solver, rng)
 
 
-def random_heat(rng: np.random.Generator) -> tuple[Csr, Places]:
+def random_heat(rng: np.random.Generator) -> tuple[Csr, DofLocations]:
     """Capacity over step and conduction on a random graph of points in the plane or in space."""
     n, d = int(rng.integers(1, 200)), int(rng.integers(2, 4))
     L = _graph(n, rng)
     scale = 10.0 ** rng.uniform(-9.0, 9.0)
     A = scale * (L + 10.0 ** rng.uniform(-3.0, 1.0) * sparse.eye_array(n))
-    return sparse.csr_array(A), Places(rng.random((n, d)), np.zeros(n, dtype=np.int64))
+    return sparse.csr_array(A), DofLocations(rng.random((n, d)), np.zeros(n, dtype=np.int64))
 
 
-def random_lattice(rng: np.random.Generator) -> tuple[Csr, Places]:
+def random_lattice(rng: np.random.Generator) -> tuple[Csr, DofLocations]:
     """A box of springs along edges and diagonals, one face held, some components left out."""
     d = int(rng.integers(2, 4))
     shape = rng.integers(2, 5, d)
@@ -57,7 +57,7 @@ def random_lattice(rng: np.random.Generator) -> tuple[Csr, Places]:
     free = free if free.size else np.flatnonzero(~held)
     K = 10.0 ** rng.uniform(0.0, 11.0) * (B.T @ B + 1e-3 * np.eye(B.shape[1]))
     A = sparse.csr_array(K[np.ix_(free, free)])
-    return A, Places(X[free // d], free % d)
+    return A, DofLocations(X[free // d], free % d)
 
 
 def _graph(n: int, rng: np.random.Generator) -> Csr:
@@ -72,14 +72,14 @@ def _graph(n: int, rng: np.random.Generator) -> Csr:
 
 
 def _solves(
-    solver: LinearSolver, A: Csr, places: Places | None, rng: np.random.Generator, where: str
+    solver: LinearSolver, A: Csr, places: DofLocations | None, rng: np.random.Generator, where: str
 ) -> None:
     n, before = A.shape[0], A.copy()
     done, again = solver.factorize(A, places), solver.factorize(A, places)
     law(done.status is Status.DONE, f"factorized with {done.status.value}, {done.note}: {where}")
     law(done.solver and isinstance(done.memory, int) and done.memory >= 0,
         f"solver {done.solver!r} and memory {done.memory!r} must be a name and bytes: {where}")
-    law(isinstance(done.iterative, bool), f"`iterative` must say whether a start helps: {where}")
+    law(isinstance(done.iterative, bool), f"`iterative` must be True or False: {where}")
     for b in (rng.standard_normal(n), 1e6 * rng.standard_normal((n, 3)), np.zeros(n),
               np.zeros((n, 0)), np.asfortranarray(rng.standard_normal((n, 2)))):
         what = f"b {b.shape} {where}"
@@ -125,7 +125,7 @@ def _honest(A: Csr, b: FloatArray, outcome: LinearOutcome, what: str) -> None:
 
 
 def _owns_up(solver: LinearSolver, rng: np.random.Generator) -> None:
-    """Failures must be told by a status, and no number may pass for a solution."""
+    """Failures must be reported by a status, and no number may pass for a solution."""
     n = 40
     L = _graph(n, rng)
     good = sparse.csr_array(L + sparse.eye_array(n))
@@ -147,7 +147,7 @@ def _owns_up(solver: LinearSolver, rng: np.random.Generator) -> None:
         else:
             law(not np.isfinite(done.solve(b)).all(), f"{name}: solve gives numbers for a failure")
         if not done.status.ok:
-            law(bool(done.note), f"{name}: a failed factorization must say why in its note")
+            law(bool(done.note), f"{name}: the note of a failed factorization is empty")
     b[7] = np.nan
     outcome = solver.factorize(good).outcome(b)
     law(not outcome.status.ok, f"nan in b ended with {outcome.status.value}")

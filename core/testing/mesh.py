@@ -4,9 +4,9 @@ from pathlib import Path
 
 import numpy as np
 
-from sparsemor.core.mesh import Mesh
 from sparsemor.core.protocols import MeshPlugin
-from sparsemor.core.testing.data import law
+from sparsemor.core.protocols.mesh import Mesh
+from sparsemor.core.testing.random_inputs import law
 
 
 def check_mesh_plugin(plugin: MeshPlugin, base: Path | None = None) -> None:

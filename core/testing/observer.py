@@ -5,11 +5,11 @@ from typing import Any
 
 import numpy as np
 
-from sparsemor.core.hooks import RunStart, new_manager
-from sparsemor.core.layout import Block, Layout
 from sparsemor.core.protocols import StepOutcome
+from sparsemor.core.protocols.layout import Block, Layout
+from sparsemor.core.registry.hooks import Closes, RunStart, new_manager
 from sparsemor.core.status import Status
-from sparsemor.core.testing.data import law
+from sparsemor.core.testing.random_inputs import TEMPERATURES, law
 
 
 def check_observer(make: Callable[[], Any], seed: int = 0) -> None:
@@ -19,13 +19,14 @@ def check_observer(make: Callable[[], Any], seed: int = 0) -> None:
     make: gives a new observer, such as `plugin.observer`.
     """
     rng = np.random.default_rng(seed)
-    layout = Layout([Block("body", "thermal", 5)])
+    layout = Layout([Block("body", TEMPERATURES, 5)])
+    (name,) = (b.name for b in layout)
     for fails in (False, True):
         observer = make()
         hook = new_manager([observer]).hook
         for phase in ("training", "run"):
-            hook.on_start(run=RunStart("scene", "full", 0.0, 1.0, 3, phase))
-            hook.on_resample(block="body.thermal", rows=np.array([0, 3]))
+            hook.on_start(run=RunStart("scene", "reducer", 0.0, 1.0, 3, phase))
+            hook.on_resample(block=name, rows=np.array([0, 3]))
             for step in range(1, 3):
                 x = rng.standard_normal(layout.size)
                 before = x.copy()
@@ -33,11 +34,10 @@ def check_observer(make: Callable[[], Any], seed: int = 0) -> None:
                              outcome=StepOutcome(x, Status.DONE, 1))
                 law(np.array_equal(x, before), "the observer wrote to the state")
                 support = np.ones(5, dtype=np.bool_)
-                hook.on_support_change(t=0.1 * step, block="body.thermal", support=support)
+                hook.on_support_change(t=0.1 * step, block=name, support=support)
                 law(bool(support.all()), "the observer wrote to the support")
             if fails:
-                hook.on_failure(status=Status.DIVERGED, t=0.3, block="body.thermal", detail="")
+                hook.on_failure(status=Status.DIVERGED, t=0.3, block=name, detail="")
             hook.on_finish(summary={"phase": phase, "steps": 2})
-        close = getattr(observer, "close", None)
-        if close is not None:
-            close()
+        if isinstance(observer, Closes):
+            observer.close()

@@ -1,14 +1,14 @@
 """Laws of bodies, joints and loads, looked at in an assembled scene."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from sparsemor.core.assemble import assemble
-from sparsemor.core.model import Model
+from sparsemor.core.model.assembly import assemble
+from sparsemor.core.model.model import Model
 from sparsemor.core.protocols import Part, Term
-from sparsemor.core.scene import Scene
-from sparsemor.core.testing.data import law
+from sparsemor.core.scene.scene import Scene
+from sparsemor.core.testing.random_inputs import law
 from sparsemor.core.testing.term import check_term
 
 
@@ -23,9 +23,14 @@ def check_parts(scene: Scene, seed: int = 0, trials: int = 2) -> None:
     law(bool(finite), "the start is not finite")
     for number, (name, part) in enumerate(model.parts.items()):
         _blocks(name, part, model)
-        for term in part.terms(model.layout, model.parts):
+        for term in terms_of(model, name):
             _term(name, term, model, np.random.default_rng([seed, number]), trials)
     _required(model.required, model)
+
+
+def terms_of(model: Model, name: str) -> Sequence[Term]:
+    """Terms that the part `name` adds to the equations."""
+    return model.by_part[name]
 
 
 def _blocks(name: str, part: Part, model: Model) -> None:

@@ -24,7 +24,7 @@ class LeastSquares:
 
     @property
     def needs(self) -> frozenset[str]:
-        """Counted from the shapes; names of `core.capabilities`."""
+        """Counted from the shapes; names of `core.protocols.sparse_solver`."""
         m, k = self.A.shape
         asked = {
             "nonlinear": self.bend != 0.0,

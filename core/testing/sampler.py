@@ -3,8 +3,15 @@
 import numpy as np
 
 from sparsemor.core.arrays import IntArray
-from sparsemor.core.protocols import BlockData, Dictionary, Sampler
-from sparsemor.core.testing.data import (
+from sparsemor.core.protocols import (
+    BlockData,
+    ChoosesRowsKept,
+    Dictionary,
+    RowsKept,
+    Sampler,
+    SamplesNodes,
+)
+from sparsemor.core.testing.random_inputs import (
     copied,
     law,
     random_block,
@@ -22,14 +29,14 @@ def check_sampler(sampler: Sampler, seed: int = 0, trials: int = 30) -> None:
     `unit = "node"` to whole nodes, but for the last one. More rows than unknowns are refused with
     an InputError.
     """
-    forces = bool(getattr(sampler, "required", True))
+    forces = _kept(sampler) != "none"
     for trial in range(trials):
         rng = np.random.default_rng([seed, trial])
         block = random_block(rng)
         n = block.size
         required = np.sort(rng.choice(n, int(rng.integers(0, n // 3)), replace=False))
         given = required = required.astype(np.int64)
-        if forces and getattr(sampler, "required", True) == "ring":  # these rows are kept, too
+        if _kept(sampler) == "ring":  # these rows are kept, too
             required = np.union1d(required, block.ring)
         left = n - required.size if forces else n
         m = left if trial == 0 else int(rng.integers(0 if forces else 1, left + 1))
@@ -42,7 +49,7 @@ def check_sampler(sampler: Sampler, seed: int = 0, trials: int = 30) -> None:
             law(missing.size == 0, f"required rows {missing[:5]} are missing {where}")
         wanted = m + (required.size if forces else 0)
         law(rows.size == wanted, f"{rows.size} rows instead of {wanted} {where}")
-        if getattr(sampler, "unit", "dof") == "node":
+        if isinstance(sampler, SamplesNodes) and sampler.unit == "node":
             _whole_nodes(block, rows, required if forces else required[:0], where)
     _refuses_too_many(sampler, random_block(np.random.default_rng(seed)))
 
@@ -97,3 +104,8 @@ def _refuses_too_many(sampler: Sampler, block: BlockData) -> None:
     dictionary = random_dictionary(n, n, rng)
     refused(f"m = n + 1 = {n + 1} rows of {n}", lambda: sampler.sample(
         block, n + 1, dictionary, rng, np.zeros(0, dtype=np.int64)))
+
+
+def _kept(sampler: Sampler) -> RowsKept:
+    """Rows that a sample contains in addition to those drawn."""
+    return sampler.keeps if isinstance(sampler, ChoosesRowsKept) else "required"

@@ -4,11 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from sparsemor.core.capabilities import CAPABILITIES, missing, refusal
 from sparsemor.core.errors import InputError
-from sparsemor.core.protocols import SparseOutcome, SparseProblem, SparseSolver, SparseStart
+from sparsemor.core.protocols import (
+    LimitsProblems,
+    SparseOutcome,
+    SparseProblem,
+    SparseSolver,
+    SparseStart,
+)
+from sparsemor.core.protocols.sparse_solver import PROBLEM_FEATURES, missing, refusal
 from sparsemor.core.status import Status
-from sparsemor.core.testing.data import copied, law, unchanged
 from sparsemor.core.testing.problems import (
     Elsewhere,
     LeastSquares,
@@ -17,6 +22,7 @@ from sparsemor.core.testing.problems import (
     incoherent,
     tall,
 )
+from sparsemor.core.testing.random_inputs import copied, law, unchanged
 
 
 def check_sparse_solver(solver: SparseSolver, seed: int = 0, trials: int = 20) -> None:
@@ -59,10 +65,10 @@ def _solves(
 
 def _declares(solver: SparseSolver) -> None:
     """Known capabilities only, and a refusal in words for each one that is not declared."""
-    has = getattr(solver, "capabilities", frozenset(CAPABILITIES))
-    unknown = sorted(set(has) - set(CAPABILITIES))
-    law(not unknown, f"unknown capabilities {unknown}; there are {sorted(CAPABILITIES)}")
-    for name in CAPABILITIES:
+    has = solver.capabilities if isinstance(solver, LimitsProblems) else PROBLEM_FEATURES.keys()
+    unknown = sorted(set(has) - set(PROBLEM_FEATURES))
+    law(not unknown, f"unknown capabilities {unknown}; there are {sorted(PROBLEM_FEATURES)}")
+    for name in PROBLEM_FEATURES:
         words = refusal("the problem", solver, frozenset({name}))
         law((name in words) != (name in has), f"capability {name}: refusal says {words!r}")
 
@@ -130,7 +136,7 @@ def _with_noise(problem: LeastSquares, rng: np.random.Generator) -> Elsewhere:
 
 
 def _owns_up(solver: SparseSolver, problem: LeastSquares) -> None:
-    """Failures must be told by the status."""
+    """Failures must be reported by the status."""
     if refusal("it", solver, problem.needs):
         return
     start = empty_start(problem.answer.size)

@@ -6,7 +6,7 @@ import numpy as np
 
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.protocols import Term, Trial
-from sparsemor.core.testing.data import law
+from sparsemor.core.testing.random_inputs import law
 
 
 @dataclass(frozen=True, slots=True, eq=False)

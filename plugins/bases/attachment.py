@@ -5,26 +5,24 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field, model_validator
 
-from sparsemor.core.arrays import FloatArray
-from sparsemor.core.errors import InputError
-from sparsemor.core.frames import oriented, unit_columns
-from sparsemor.core.model import distinct
-from sparsemor.core.plugin import Plugin
-from sparsemor.core.protocols import Basis, BlockData, Dictionary
-from sparsemor.core.slot import Slot
-from sparsemor.plugins.bases.columns import independent
-from sparsemor.plugins.bases.pooling import largest_directions, likely_states
-from sparsemor.plugins.bases.static_solve import StaticSolver, factorize
-from sparsemor.plugins.bases.unit_loads import (
+from sparsemor.core import Basis, BlockData, Dictionary, FloatArray, InputError, Plugin, Slot
+from sparsemor.core.linalg.coherence import oriented, unit_columns
+from sparsemor.core.model.model import distinct
+from sparsemor.plugins.bases.load_patterns import (
     known_step,
     moving_loads,
     refuse_both,
     refuse_nowhere,
 )
+from sparsemor.plugins.bases.orthogonalise import independent
+from sparsemor.plugins.bases.response_compression import largest_directions, likely_states
+from sparsemor.plugins.bases.static_response import StaticSolver, factorize
 
 
 class Attachment(Plugin):
-    """K^-1 f for unit loads along the path of moving loads, K^-1 K_fT T for thermal atoms.
+    """Attachment modes of moving loads: K^-1 f for unit loads along their path.
+
+    K^-1 K_fT T for thermal atoms T.
 
     Quasi-static displacements are combinations of these whatever the load does, so that no training
     run is needed: the coefficients are the loads and the thermal coefficients themselves. An
@@ -43,9 +41,9 @@ class Attachment(Plugin):
     """Add the responses D^-1 of the same loads with the operator D of a step (K + c1 D_m + c2 M, or
     K_T + c1 C), which hold the inertia of the first steps after a change."""
     count: int | None = Field(default=None, ge=1)
-    """Pool the responses to this many orthonormal atoms, besides the uniform temperature and the
-    start: the largest singular vectors, mechanical and thermal responses alike in size, and each
-    thermal state as large as unit heat along the path makes it. Left out: the responses
+    """Pool the responses to this many orthonormal atoms, in addition to the uniform temperature and
+    the start: the largest singular vectors, mechanical and thermal responses alike in size, and
+    each thermal state as large as unit heat along the path makes it. Left out: the responses
     themselves, whose coefficients are the loads."""
     rank_rtol: float = Field(default=1e-10, gt=0.0, lt=1.0)
     """A response is left out when earlier ones hold all but this part of it (2-norm)."""
@@ -62,9 +60,9 @@ class Attachment(Plugin):
     def needs_snapshots(self) -> bool:
         return self.thermal is not None and self.thermal.needs_snapshots
 
-    def most_atoms(self, size: int) -> int:
+    def most_atoms(self, size: int) -> int | None:
         """The largest dictionary of a block of this size."""
-        return size if self.count is None else min(size, self.count + 2)
+        return None if self.count is None else min(size, self.count + 2)
 
     def unfit(self, data: BlockData, snapshots: int) -> str:
         """Why a block cannot have these responses: neither load nor temperature acts on it."""

@@ -4,13 +4,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sparsemor.core.arrays import FloatArray
-from sparsemor.core.snapshots import large, stretches
-from sparsemor.core.svd import svd
-from sparsemor.plugins.bases.svd import round_off_level
+from sparsemor.core import FloatArray
+from sparsemor.core.linalg.snapshots import column_chunks, large
+from sparsemor.core.linalg.svd import svd
+from sparsemor.plugins.bases.randomized_svd import round_off_level
 
 FIRST, BESIDE, PASSES = 64, 16, 12
-"""Columns of the first sketch without a count; columns beside those asked for; passes at most."""
+"""Columns of the first sketch without a count; columns in addition to those requested; passes at
+most."""
 SETTLED = 1e-4
 """Share of what the kept columns miss that another pass may still win: then no more are made."""
 
@@ -31,7 +32,7 @@ class Snapshots:
     def of(cls, A: FloatArray, offset: FloatArray, weighted: bool) -> "Snapshots":
         """weighted: each column divided by the square root of its length."""
         norms = np.concatenate([
-            np.linalg.norm(part - offset[:, None], axis=0) for _, part in stretches(A)])
+            np.linalg.norm(part - offset[:, None], axis=0) for _, part in column_chunks(A)])
         divisors = np.ones(len(norms))
         if weighted:
             divisors = np.sqrt(np.where(norms > 0.0, norms, 1.0))
@@ -40,20 +41,20 @@ class Snapshots:
     def images(self, X: FloatArray) -> FloatArray:
         """A X (n, l) of X (M, l), in one pass."""
         Y: FloatArray = np.zeros((len(self.offset), X.shape[1]))
-        for at, part in stretches(self.A):
+        for at, part in column_chunks(self.A):
             Y += self._changed(at, part) @ X[at]
         return Y
 
     def coefficients(self, Q: FloatArray) -> FloatArray:
         """A^T Q (M, l) of Q (n, l), in one pass."""
         return np.concatenate([
-            self._changed(at, part).T @ Q for at, part in stretches(self.A)])
+            self._changed(at, part).T @ Q for at, part in column_chunks(self.A)])
 
     def missed(self, Q: FloatArray, B: FloatArray) -> float:
         """Frobenius norm of A - Q B, from the entries, in one pass."""
         return float(np.linalg.norm([
             np.linalg.norm(self._changed(at, part) - Q @ B[:, at])
-            for at, part in stretches(self.A)]))
+            for at, part in column_chunks(self.A)]))
 
     def _changed(self, at: slice, part: FloatArray) -> FloatArray:
         return np.asarray((part - self.offset[:, None]) / self.divisors[at], dtype=np.float64)
@@ -64,7 +65,7 @@ def mean(A: FloatArray) -> FloatArray:
     if not large(A):
         return np.asarray(A.mean(axis=1))
     total: FloatArray = np.zeros(A.shape[0])
-    for _, part in stretches(A):
+    for _, part in column_chunks(A):
         total += part.sum(axis=1)
     return np.asarray(total / A.shape[1])
 
@@ -158,6 +159,6 @@ def _kept(s: FloatArray, total: float, count: int | None, energy: float | None) 
 
 
 def _reached(s: FloatArray, total: float, energy: float) -> bool:
-    """By columns that leave room for those beside them."""
+    """By columns that leave room for further ones."""
     inner = s[: max(len(s) - BESIDE, 1)]
     return bool(total - float(inner @ inner) <= (1.0 - energy) * total)

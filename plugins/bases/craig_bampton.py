@@ -3,17 +3,16 @@
 import numpy as np
 from pydantic import Field
 
-from sparsemor.core.frames import oriented
-from sparsemor.core.plugin import Plugin
-from sparsemor.core.protocols import BlockData, Dictionary
-from sparsemor.plugins.bases.columns import independent
+from sparsemor.core import BlockData, Dictionary, Plugin
+from sparsemor.core.linalg.coherence import oriented
 from sparsemor.plugins.bases.eigenmodes import lowest_modes
 from sparsemor.plugins.bases.modal import joint_columns, load_names, mode_info, no_interface
-from sparsemor.plugins.bases.static_solve import StaticSolver
+from sparsemor.plugins.bases.orthogonalise import independent
+from sparsemor.plugins.bases.static_response import StaticSolver
 
 
 class CraigBampton(Plugin):
-    """Modes with the joints' points at rest, and the static shapes that displace these points.
+    """Craig-Bampton basis: fixed-interface modes and static constraint modes of the joints' points.
 
     A joint here holds the mean s = P^T u of a set of points, such as a rim, not each of them. The
     constraint modes of that interface minimise u.K u for s = 1 of one of its components, so they
@@ -28,10 +27,6 @@ class CraigBampton(Plugin):
     @property
     def needs_snapshots(self) -> bool:
         return False
-
-    def most_atoms(self, size: int) -> int:
-        """The largest dictionary of a block of this size."""
-        return size
 
     def unfit(self, data: BlockData, snapshots: int) -> str:
         """Why a block cannot have these modes: no joint acts on it."""

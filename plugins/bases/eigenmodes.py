@@ -8,10 +8,8 @@ import numpy as np
 from scipy import linalg
 from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
 
-from sparsemor.core.arrays import Csr, FloatArray
-from sparsemor.core.errors import InputError
-from sparsemor.core.protocols import BlockData
-from sparsemor.plugins.bases.static_solve import factorize
+from sparsemor.core import BlockData, Csr, FloatArray, InputError
+from sparsemor.plugins.bases.static_response import factorize
 
 _DENSE = 150
 """Unknowns up to which the dense solver is quicker than Lanczos."""

@@ -5,19 +5,22 @@ from collections.abc import Iterator
 import numpy as np
 from pydantic import Field, field_validator, model_validator
 
-from sparsemor.core.arrays import FloatArray
-from sparsemor.core.frames import oriented
-from sparsemor.core.model import distinct
-from sparsemor.core.plugin import Plugin
-from sparsemor.core.protocols import BlockData, Dictionary
-from sparsemor.plugins.bases.columns import independent
-from sparsemor.plugins.bases.pooling import largest_directions, steps_of
-from sparsemor.plugins.bases.static_solve import factorize, is_thermal
-from sparsemor.plugins.bases.unit_loads import known_step, moving_loads, refuse_both, refuse_nowhere
+from sparsemor.core import BlockData, Dictionary, FloatArray, Plugin
+from sparsemor.core.linalg.coherence import oriented
+from sparsemor.core.model.model import distinct
+from sparsemor.plugins.bases.load_patterns import (
+    known_step,
+    moving_loads,
+    refuse_both,
+    refuse_nowhere,
+)
+from sparsemor.plugins.bases.orthogonalise import independent
+from sparsemor.plugins.bases.response_compression import largest_directions, steps_of
+from sparsemor.plugins.bases.static_response import factorize, is_thermal
 
 
 class Impulse(Plugin):
-    """(B^-1 c1 C)^p B^-1 g: p steps after a unit of heat g acted on a place of the path.
+    """Impulse responses of heat: (B^-1 c1 C)^p B^-1 g, p steps after unit heat g on a path point.
 
     Temperatures under heat that moves are sums of these over all places and delays, so no training
     run is needed. With B = D and c1 C replaced by D - K, displacements are answered likewise.
@@ -35,8 +38,8 @@ class Impulse(Plugin):
     """Longer steps, this many from one delay to the next where they are more apart: nearly the
     same temperatures at a fraction of the cost. Left out: the steps of the run."""
     count: int | None = Field(default=None, ge=1)
-    """Pool the responses to this many orthonormal atoms, besides the uniform temperature and the
-    start: the largest singular vectors, each response standing for the delays around its own.
+    """Pool the responses to this many orthonormal atoms, in addition to the uniform temperature and
+    the start: the largest singular vectors, each response standing for the delays around its own.
     Left out: the responses themselves."""
     rank_rtol: float = Field(default=1e-10, gt=0.0, lt=1.0)
     """A response is left out when earlier ones hold all but this part of it (2-norm); pooled, a
@@ -58,9 +61,9 @@ class Impulse(Plugin):
     def needs_snapshots(self) -> bool:
         return False
 
-    def most_atoms(self, size: int) -> int:
+    def most_atoms(self, size: int) -> int | None:
         """The largest dictionary of a block of this size."""
-        return size if self.count is None else min(size, self.count + 2)
+        return None if self.count is None else min(size, self.count + 2)
 
     def unfit(self, data: BlockData, snapshots: int) -> str:
         """Why a block cannot have these responses: no load moves over it."""
@@ -104,8 +107,8 @@ class Impulse(Plugin):
 
 
 def _lasting(data: BlockData) -> tuple[FloatArray, list[str]]:
-    """What impulses need not hold: (n, 1 or 2) unit columns, the uniform temperature and the
-    start."""
+    """Directions that impulses need not represent: (n, 1 or 2) unit columns, the uniform
+    temperature and the start."""
     columns, names = [np.zeros((data.size, 0))], []
     if is_thermal(data):
         columns.append(np.full((data.size, 1), data.size**-0.5))

@@ -5,14 +5,11 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
-from sparsemor.core.arrays import FloatArray
-from sparsemor.core.errors import InputError
-from sparsemor.core.frames import oriented
-from sparsemor.core.plugin import Plugin
-from sparsemor.core.protocols import BlockData, Dictionary
-from sparsemor.plugins.bases.columns import independent
+from sparsemor.core import BlockData, Dictionary, FloatArray, InputError, Plugin
+from sparsemor.core.linalg.coherence import oriented
 from sparsemor.plugins.bases.eigenmodes import Modes, lowest_modes
-from sparsemor.plugins.bases.static_solve import StaticSolver, is_thermal
+from sparsemor.plugins.bases.orthogonalise import independent
+from sparsemor.plugins.bases.static_response import StaticSolver, is_thermal
 
 FIXED = "modal with interface: fixed"
 REST = 1e-7
@@ -20,7 +17,7 @@ REST = 1e-7
 
 
 class Modal(Plugin):
-    """The lowest modes of (K, M), or of (K_T, C): M-orthogonal, then of unit length.
+    """Modal basis: the lowest eigenmodes of (K, M), or of (K_T, C) for heat, of unit length.
 
     Needs no training run. Heat from a surface and forces at joints are held slowly by modes
     alone: `correction` adds what they miss of the static responses.
@@ -29,7 +26,7 @@ class Modal(Plugin):
     count: int = Field(default=20, ge=1)
     """Number of modes, the lowest ones; all when the block has fewer."""
     interface: Literal["free", "fixed"] = "free"
-    """Whether the points that joints hold (the mean of a rim, where a joint acts on one) move
+    """True if the points that joints hold (the mean of a rim, where a joint acts on one) move
     freely in the modes, or stay at rest."""
     correction: bool = False
     """Add the static response to every load, less what the modes hold of it (residual attachment
@@ -42,9 +39,9 @@ class Modal(Plugin):
     def needs_snapshots(self) -> bool:
         return False
 
-    def most_atoms(self, size: int) -> int:
+    def most_atoms(self, size: int) -> int | None:
         """The largest dictionary of a block of this size."""
-        return size if self.correction or self.start else min(self.count, size)
+        return None if self.correction or self.start else min(self.count, size)
 
     def unfit(self, data: BlockData, snapshots: int) -> str:
         """Why a block cannot have these modes: a fixed interface without a joint."""
@@ -116,8 +113,8 @@ def load_names(data: BlockData) -> tuple[str, ...]:
 def _beyond(
     X: FloatArray, shapes: FloatArray, data: BlockData
 ) -> tuple[FloatArray, list[int]]:
-    """What M-orthonormal shapes (n, k) leave of each column of X, M-orthogonal to them and to
-    the ones before; and the numbers of the columns of which enough is left."""
+    """Remainder of each column of X after projection on M-orthonormal shapes (n, k), M-orthogonal
+    to them and to the ones before; and the numbers of the columns of which enough is left."""
     basis, kept, rest = shapes, [], []
     for i, x in enumerate(X.T):
         size = float(np.sqrt(x @ (data.mass @ x)))

@@ -6,21 +6,18 @@ from typing import Literal, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from sparsemor.core.arrays import FloatArray
-from sparsemor.core.errors import InputError
-from sparsemor.core.plugin import Plugin
-from sparsemor.core.protocols import BlockData, Dictionary
-from sparsemor.core.snapshots import large, stretches
+from sparsemor.core import BlockData, Dictionary, FloatArray, InputError, Plugin
+from sparsemor.core.linalg.snapshots import column_chunks, large
 from sparsemor.plugins.bases.blocked_svd import Snapshots, leading, mean
-from sparsemor.plugins.bases.svd import held, left_singular, round_off_level, weighted
-from sparsemor.plugins.bases.windows import pooled, too_many_windows
+from sparsemor.plugins.bases.randomized_svd import held, left_singular, round_off_level, weighted
+from sparsemor.plugins.bases.windowed import pooled, too_many_windows
 
 SQUARABLE = 300
 """Binary exponent, of either sign, from which snapshots are scaled: 2e90 and 5e-91."""
 
 
 class Pod(Plugin):
-    """The left singular vectors of the snapshots, largest first, cut at the numerical rank.
+    """Proper orthogonal decomposition: left singular vectors of the snapshots up to their rank.
 
     Snapshots beyond 256 MB are read by stretches and decomposed by randomized subspace iteration;
     `count` or `energy` must then say how many columns are kept, unless they are few.
@@ -66,9 +63,9 @@ class Pod(Plugin):
     def needs_snapshots(self) -> bool:
         return True
 
-    def most_atoms(self, size: int) -> int:
+    def most_atoms(self, size: int) -> int | None:
         """The largest dictionary of a block of this size."""
-        return self.windows * min(self.count or size, size)
+        return None if self.count is None else self.windows * min(self.count, size)
 
     def unfit(self, data: BlockData, snapshots: int) -> str:
         """Why a block cannot be decomposed: more windows than snapshots."""
@@ -132,8 +129,8 @@ class Pod(Plugin):
         if found is None:
             raise InputError(
                 f"{8 * n * M / 1e9:.2g} GB of snapshots of {block} are decomposed by parts, and "
-                f"more than a third of {M} columns are asked for: say with count or energy how "
-                "many are to be kept", "count" if self.energy is None else "energy")
+                f"more than a third of {M} columns are requested: limit their number by count or "
+                "energy", "count" if self.energy is None else "energy")
         s = found.values
         if not 0.0 < given.total < np.inf:
             raise InputError(
@@ -159,8 +156,8 @@ class Pod(Plugin):
     def _cut(
         self, s: FloatArray, rank: int, total: float, beyond: float
     ) -> tuple[int, str]:
-        """How many columns stay, and which option or limit decided it. beyond: energy of columns
-        that were not looked for."""
+        """Number of columns kept, and the option or limit that decided it. beyond: energy of
+        columns that were not looked for."""
         kept, cut = rank, f"the other columns are round-off: below {s[0]:.3g} x rank_rtol"
         if rank == s.size:
             cut = "none: every column is above round-off"
@@ -207,14 +204,14 @@ def _checked(data: BlockData) -> FloatArray:
             f"pod has no snapshots of {data.name} (shape {A.shape}): give the scene a training "
             "run, or use a basis that needs none"
         )
-    finite = np.concatenate([np.isfinite(part).all(axis=0) for _, part in stretches(A)])
+    finite = np.concatenate([np.isfinite(part).all(axis=0) for _, part in column_chunks(A)])
     if not finite.all():
         bad = int(np.flatnonzero(~finite)[0])
         raise InputError(
-            f"snapshot {bad} of {data.name} holds values that are not finite: the training run "
+            f"snapshot {bad} of {data.name} has values that are not finite: the training run "
             "failed there; repeat it with a smaller time.step"
         )
-    if not any(part.any() for _, part in stretches(A)):
+    if not any(part.any() for _, part in column_chunks(A)):
         raise InputError(
             f"all {A.shape[1]} snapshots of {data.name} are zero: nothing moved or heated it in "
             "the training run; add a load there, or leave this block out of the budgets"

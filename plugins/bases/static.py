@@ -5,19 +5,15 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from sparsemor.core.arrays import FloatArray
-from sparsemor.core.errors import InputError
-from sparsemor.core.frames import oriented
-from sparsemor.core.plugin import Plugin
-from sparsemor.core.protocols import Basis, BlockData, Dictionary
-from sparsemor.core.slot import Slot
-from sparsemor.plugins.bases.columns import independent
+from sparsemor.core import Basis, BlockData, Dictionary, FloatArray, InputError, Plugin, Slot
+from sparsemor.core.linalg.coherence import oriented
 from sparsemor.plugins.bases.modal import load_names
-from sparsemor.plugins.bases.static_solve import StaticSolver, factorize, is_thermal
+from sparsemor.plugins.bases.orthogonalise import independent
+from sparsemor.plugins.bases.static_response import StaticSolver, factorize, is_thermal
 
 
 class Static(Plugin):
-    """K^-1 f of every load, weight, inertia and joint force; K^-1 K_fT T of temperatures.
+    """Static modes: K^-1 f of every load, weight, inertia and joint force; K^-1 K_fT T of heat.
 
     Quasi-static displacements are combinations of these. Temperatures are answered at `rates`;
     an insulated body also gets the uniform temperature, and every body its values at the start.

@@ -7,17 +7,15 @@ from typing import Any
 import numpy as np
 from pydantic import Field
 
-from sparsemor.core.arrays import Csr
-from sparsemor.core.dissection import expected_entries
-from sparsemor.core.linear import Solved, is_vector, unfit
-from sparsemor.core.memory import GIGA, machine
-from sparsemor.core.plugin import Plugin
-from sparsemor.core.protocols import Places
+from sparsemor.core import Csr, DofLocations, Plugin, Solved, unsuitable_matrix
+from sparsemor.core.linalg.factorized import is_vector
+from sparsemor.core.linalg.nested_dissection import expected_entries
+from sparsemor.core.simulation.memory.limits import GIGA, machine
 from sparsemor.plugins.linear_solvers.cholmod import Cholmod
 from sparsemor.plugins.linear_solvers.conjugate_gradients import ConjugateGradients
 from sparsemor.plugins.linear_solvers.pardiso import Pardiso
-from sparsemor.plugins.linear_solvers.scipy_splu import ENTRY, Splu
 from sparsemor.plugins.linear_solvers.smoothed_aggregation import SmoothedAggregation
+from sparsemor.plugins.linear_solvers.superlu import ENTRY, Splu
 
 SMALL = 3000
 """Unknowns up to which SuperLU serves whatever else is installed."""
@@ -26,7 +24,7 @@ PATIENCE = 300
 
 
 class Auto(Plugin):
-    """Direct where the factors fit in memory and conjugate gradients would take longer.
+    """Automatic choice: sparse direct if the factors fit in memory and pay off, else iterative.
 
     The factors' size is that of nested dissection, exact before the factorization. Conjugate
     gradients are tried on one random right-hand side, for as many iterations as cost a solve with
@@ -41,15 +39,15 @@ class Auto(Plugin):
     """What the factors of one matrix may take, GB; half of the machine's memory, or of
     SPARSEMOR_MEMORY, if left out."""
 
-    def factorize(self, A: Csr, places: Places | None = None) -> Solved:
-        fault = unfit("auto", A)
+    def factorize(self, A: Csr, places: DofLocations | None = None) -> Solved:
+        fault = unsuitable_matrix("auto", A)
         if fault is not None:
             return fault
         solver, note = self.choose(A, places)
         done: Solved = solver.factorize(A, places)
         return replace(done, note="; ".join(part for part in (note, done.note) if part))
 
-    def choose(self, A: Csr, places: Places | None = None) -> tuple[Any, str]:
+    def choose(self, A: Csr, places: DofLocations | None = None) -> tuple[Any, str]:
         """The solver that is taken for A (n, n), and why, in words."""
         n = A.shape[0]
         if n <= SMALL:
@@ -69,11 +67,11 @@ class Auto(Plugin):
         return best, (f"{_name(best)}: factors of {size:.2g} GB fit in {limit:.2g} GB, and "
                       f"conjugate gradients take more than {worth} iterations")
 
-    def expected(self, A: Csr, places: Places | None = None) -> int:
+    def expected(self, A: Csr, places: DofLocations | None = None) -> int:
         """Bytes that the solver it takes holds while it works."""
         return int(self.choose(A, places)[0].expected(A, places))
 
-    def _iterative(self, A: Csr, places: Places | None, why: str) -> tuple[Any, str]:
+    def _iterative(self, A: Csr, places: DofLocations | None, why: str) -> tuple[Any, str]:
         heat = places is None or not is_vector(places)
         took = self._tried(A, PATIENCE) if heat else None
         if took is None and find_spec("pyamg"):

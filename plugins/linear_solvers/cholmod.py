@@ -4,17 +4,22 @@ from typing import ClassVar, Literal
 
 from scipy.sparse import csc_matrix
 
-from sparsemor.core.arrays import Csr
-from sparsemor.core.dissection import expected_entries
-from sparsemor.core.linear import Solved, direct, refused, unfit
-from sparsemor.core.plugin import Plugin
-from sparsemor.core.protocols import Places
-from sparsemor.core.status import Status
-from sparsemor.plugins.sparse_solvers.extras import require
+from sparsemor.core import (
+    Csr,
+    DofLocations,
+    Plugin,
+    Solved,
+    Status,
+    not_solved,
+    require,
+    solved_directly,
+    unsuitable_matrix,
+)
+from sparsemor.core.linalg.nested_dissection import expected_entries
 
 
 class Cholmod(Plugin):
-    """A supernodal Cholesky factorization; solves quickest of all direct ones.
+    """Supernodal Cholesky factorization by CHOLMOD: the fastest direct solves.
 
     Needs the extra `cholmod`: scikit-sparse, built against SuiteSparse (libsuitesparse-dev). Chen,
     Davis, Hager and Rajamanickam 2008, doi 10.1145/1391989.1391995.
@@ -25,9 +30,9 @@ class Cholmod(Plugin):
     ordering: Literal["default", "amd", "metis", "nesdis"] = "default"
     """Elimination order; default lets CHOLMOD try several."""
 
-    def factorize(self, A: Csr, places: Places | None = None) -> Solved:
+    def factorize(self, A: Csr, places: DofLocations | None = None) -> Solved:
         require("sksparse", "cholmod", "cholmod")
-        fault = unfit("cholmod", A)
+        fault = unsuitable_matrix("cholmod", A)
         if fault is not None:
             return fault
         if A.shape[0] == 0:
@@ -39,9 +44,9 @@ class Cholmod(Plugin):
             factor = analyze(lower, mode="supernodal", ordering_method=self.ordering)
             factor.cholesky_inplace(lower)
         except CholmodError as error:
-            return refused("cholmod", A, Status.SINGULAR, f"not positive definite: {error}")
-        return direct("cholmod", A, 12 * int(factor.L().nnz), factor)
+            return not_solved("cholmod", A, Status.SINGULAR, f"not positive definite: {error}")
+        return solved_directly("cholmod", A, 12 * int(factor.L().nnz), factor)
 
-    def expected(self, A: Csr, places: Places | None = None) -> int:
+    def expected(self, A: Csr, places: DofLocations | None = None) -> int:
         """Bytes while it works: the factor, and as much again of fronts and copies."""
         return 2 * 12 * expected_entries(A, places)

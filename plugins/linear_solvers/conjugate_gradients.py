@@ -6,17 +6,14 @@ import numpy as np
 from pydantic import Field
 from scipy.linalg.blas import daxpy
 
-from sparsemor.core.arrays import Csr, FloatArray
-from sparsemor.core.linear import Solved, unfit
-from sparsemor.core.plugin import Plugin
-from sparsemor.core.protocols import Places
+from sparsemor.core import Csr, DofLocations, FloatArray, Plugin, Solved, unsuitable_matrix
 
 Precondition = Callable[[FloatArray], FloatArray]
 RESTARTS = 3
 
 
 class ConjugateGradients(Plugin):
-    """Conjugate gradients with the diagonal as preconditioner; nothing is factorized.
+    """Conjugate gradients with Jacobi (diagonal) preconditioning, without a factorization.
 
     For heat with its capacity over the step, whose condition does not grow with the mesh: 10 to 40
     iterations. Not for elasticity. Hestenes and Stiefel 1952, doi 10.6028/jres.049.044.
@@ -27,8 +24,8 @@ class ConjugateGradients(Plugin):
     max_iterations: int = Field(default=1000, ge=1)
     """Iterations of one column."""
 
-    def factorize(self, A: Csr, places: Places | None = None) -> Solved:
-        fault = unfit("cg", A)
+    def factorize(self, A: Csr, places: DofLocations | None = None) -> Solved:
+        fault = unsuitable_matrix("cg", A)
         if fault is not None:
             return fault
         inverse = 1.0 / A.diagonal()
@@ -38,7 +35,7 @@ class ConjugateGradients(Plugin):
 
         return Solved("cg", A, inverse.nbytes, column=column, rtol=self.rtol)
 
-    def expected(self, A: Csr, places: Places | None = None) -> int:
+    def expected(self, A: Csr, places: DofLocations | None = None) -> int:
         """Bytes while it works: vectors, and a copy of the matrix while it is checked."""
         return 96 * int(A.shape[0]) + 12 * int(A.nnz)
 

@@ -7,21 +7,27 @@ from typing import Any, ClassVar
 import numpy as np
 from scipy.sparse import csr_matrix, triu
 
-from sparsemor.core.arrays import Csr, FloatArray
-from sparsemor.core.dissection import expected_entries
-from sparsemor.core.linear import Solved, direct, refused, unfit
-from sparsemor.core.plugin import Plugin
-from sparsemor.core.protocols import Places
-from sparsemor.core.status import Status
-from sparsemor.core.threads import limit_loaded
-from sparsemor.plugins.sparse_solvers.extras import require
+from sparsemor.core import (
+    Csr,
+    DofLocations,
+    FloatArray,
+    Plugin,
+    Solved,
+    Status,
+    not_solved,
+    require,
+    solved_directly,
+    unsuitable_matrix,
+)
+from sparsemor.core.linalg.nested_dissection import expected_entries
+from sparsemor.core.linalg.threads import limit_loaded
 
 POSITIVE_DEFINITE = 2
 """PARDISO's number for real, symmetric positive definite matrices."""
 
 
 class Pardiso(Plugin):
-    """A multi-threaded supernodal Cholesky factorization, ten times as quick to make as SuperLU's.
+    """Multi-threaded supernodal Cholesky factorization by Intel MKL Pardiso: fast to factorize.
 
     Needs the extra `pardiso`, about 1 GB of Intel's libraries; SPARSEMOR_THREADS says how many
     threads (1 by default). Schenk and Gaertner 2004, doi 10.1016/j.future.2003.07.011.
@@ -29,9 +35,9 @@ class Pardiso(Plugin):
 
     direct: ClassVar[bool] = True
 
-    def factorize(self, A: Csr, places: Places | None = None) -> Solved:
+    def factorize(self, A: Csr, places: DofLocations | None = None) -> Solved:
         require("pypardiso", "pardiso", "pardiso")
-        fault = unfit("pardiso", A)
+        fault = unsuitable_matrix("pardiso", A)
         if fault is not None:
             return fault
         if A.shape[0] == 0:
@@ -45,13 +51,13 @@ class Pardiso(Plugin):
             engine.factorize(upper)
         except PyPardisoError as error:
             engine.free_memory(everything=True)
-            return refused("pardiso", A, Status.SINGULAR, f"not positive definite: {error}")
+            return not_solved("pardiso", A, Status.SINGULAR, f"not positive definite: {error}")
         solve = _Solve(engine, upper)
         # permanent memory of analysis and factors, kB; the wrapper keeps a copy of the matrix
         held = 1024 * int(engine.get_iparm(16) + engine.get_iparm(17)) + 2 * 12 * int(upper.nnz)
-        return direct("pardiso", A, held, solve)
+        return solved_directly("pardiso", A, held, solve)
 
-    def expected(self, A: Csr, places: Places | None = None) -> int:
+    def expected(self, A: Csr, places: DofLocations | None = None) -> int:
         """Bytes while it works: the factor, and as much again of fronts and copies."""
         return 2 * 12 * expected_entries(A, places)
 

@@ -6,21 +6,27 @@ import numpy as np
 from pydantic import Field
 from scipy.sparse import bsr_matrix, coo_array, csr_matrix
 
-from sparsemor.core.arrays import Csr, FloatArray, IntArray
-from sparsemor.core.linear import Solved, is_vector, rigid_motions, unfit
-from sparsemor.core.plugin import Plugin
-from sparsemor.core.protocols import Places
+from sparsemor.core import (
+    Csr,
+    DofLocations,
+    FloatArray,
+    IntArray,
+    Plugin,
+    Solved,
+    require,
+    unsuitable_matrix,
+)
+from sparsemor.core.linalg.factorized import is_vector, rigid_motions
 from sparsemor.plugins.linear_solvers.conjugate_gradients import iterate
-from sparsemor.plugins.sparse_solvers.extras import require
 
 WORKING = 10
 """Matrices as large as the given one that its hierarchy takes while it is made."""
 
 
 class SmoothedAggregation(Plugin):
-    """Conjugate gradients with one multigrid cycle a step, by smoothed aggregation.
+    """Conjugate gradients preconditioned by one smoothed-aggregation multigrid cycle.
 
-    For what no direct solver holds in memory. Told where the unknowns are, it hands rigid motions
+    For what no direct solver holds in memory. Given the dof locations, it passes rigid motions
     down to the coarse levels, without which elasticity converges slowly. Needs the extra `amg`.
     Vanek, Mandel and Brezina 1996, doi 10.1007/BF02238511; PyAMG, doi 10.21105/joss.05495.
     """
@@ -32,9 +38,9 @@ class SmoothedAggregation(Plugin):
     theta: float = Field(default=0.0, ge=0.0, lt=1.0)
     """Entries below this share of their diagonal entries count as no connection."""
 
-    def factorize(self, A: Csr, places: Places | None = None) -> Solved:
+    def factorize(self, A: Csr, places: DofLocations | None = None) -> Solved:
         require("pyamg", "amg", "amg")
-        fault = unfit("amg", A)
+        fault = unsuitable_matrix("amg", A)
         if fault is not None:
             return fault
         if A.shape[0] == 0:
@@ -54,7 +60,7 @@ class SmoothedAggregation(Plugin):
 
         return Solved("amg", A, _held(levels), column=column, rtol=self.rtol)
 
-    def expected(self, A: Csr, places: Places | None = None) -> int:
+    def expected(self, A: Csr, places: DofLocations | None = None) -> int:
         """Bytes while it works: what coarsening makes of the matrix on its way."""
         return WORKING * 12 * int(A.nnz)
 
@@ -88,7 +94,7 @@ def _held(levels: Any) -> int:
     return total
 
 
-def _whole_nodes(A: Csr, places: Places | None) -> tuple[Any, IntArray, FloatArray]:
+def _whole_nodes(A: Csr, places: DofLocations | None) -> tuple[Any, IntArray, FloatArray]:
     """A with all d unknowns of each node, the places of the given ones in it, the rigid motions.
 
     Blocks of d x d keep a node's displacements in one aggregate. Displacements that are held come

@@ -4,8 +4,7 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import Field
 
-from sparsemor.core.hooks import RunStart, hookimpl
-from sparsemor.core.plugin import Plugin
+from sparsemor.core import Plugin, RunStart, hookimpl
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -13,7 +12,7 @@ if TYPE_CHECKING:
 
 
 class ProgressBar(Plugin):
-    """Shows how far a run is, on standard error."""
+    """Progress bar of a run on standard error."""
 
     refresh: float = Field(default=4.0, gt=0)
     """How often the bar is redrawn, 1/s."""

@@ -2,12 +2,11 @@
 
 import numpy as np
 
-from sparsemor.core.arrays import FloatArray
-from sparsemor.core.plugin import Plugin
+from sparsemor.core import FloatArray, Plugin
 
 
 class NoPreconditioner(Plugin):
-    """P = I."""
+    """No preconditioning: P = I."""
 
     def check(self, rows: int, atoms: int) -> str:
         return ""

@@ -2,15 +2,14 @@
 
 import numpy as np
 
-from sparsemor.core.arrays import FloatArray
-from sparsemor.core.errors import InputError
-from sparsemor.core.plugin import Plugin
-from sparsemor.core.svd import svd
+from sparsemor.core import FloatArray, InputError, Plugin
+from sparsemor.core.linalg.svd import svd
 
 
 class Parseval(Plugin):
-    """P = (A A^T)^(-1/2): the rows of P A are orthonormal, and as near to those of A as such rows
-    can be.
+    """Parseval frame: P = (A A^T)^(-1/2), so that the rows of P A are orthonormal.
+
+    They are the orthonormal rows nearest to those of A.
 
     P A is the canonical Parseval frame of A's columns: its singular values are all 1, so the
     weights of a least-squares fit no longer favour any combination of rows (Casazza and Kutyniok,

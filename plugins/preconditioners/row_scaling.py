@@ -2,12 +2,11 @@
 
 import numpy as np
 
-from sparsemor.core.arrays import FloatArray
-from sparsemor.core.plugin import Plugin
+from sparsemor.core import FloatArray, Plugin
 
 
 class RowScaling(Plugin):
-    """P = diag(1 / |row|): every sampled equation weighs the same.
+    """Row scaling: P = diag(1 / |row|), so that all sampled equations have equal weight.
 
     Among all diagonal P the condition number of P A is then at most sqrt(m) times the least
     (van der Sluis 1969, doi 10.1007/BF02165096, applied to rows). Defined for every shape.

@@ -4,14 +4,12 @@ import numpy as np
 from pydantic import Field
 from scipy import linalg
 
-from sparsemor.core.arrays import FloatArray
-from sparsemor.core.errors import InputError
-from sparsemor.core.frames import condition_number, unit_columns
-from sparsemor.core.plugin import Plugin
+from sparsemor.core import FloatArray, InputError, Plugin
+from sparsemor.core.linalg.coherence import condition_number, unit_columns
 
 
 class UnitNormTightFrame(Plugin):
-    """P such that the columns of P B come close to a unit-norm tight frame of low coherence.
+    """Unit-norm tight frame: P that makes P B nearly such a frame, of low mutual coherence.
 
     P is nonsingular, so P B c = P b has the solutions of B c = b; only the order in which a
     greedy solver picks atoms and the weights of its least squares change. Alternating

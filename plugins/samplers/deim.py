@@ -4,18 +4,18 @@ from typing import Literal
 
 import numpy as np
 
-from sparsemor.core.arrays import FloatArray
-from sparsemor.plugins.samplers.candidates import Rows
-from sparsemor.plugins.samplers.factor import EPS, RowFactor
-from sparsemor.plugins.samplers.smallest import Smallest
-from sparsemor.plugins.samplers.span import SpanSampler
+from sparsemor.core import FloatArray
+from sparsemor.plugins.samplers.growing_qr import EPS, RowFactor
+from sparsemor.plugins.samplers.row_pool import Rows
+from sparsemor.plugins.samplers.smallest_singular_pair import Smallest
+from sparsemor.plugins.samplers.subspace import SpanSampler
 
 NEW = 1e-8
-"""A row of which less than this is not spanned says nothing new: beside another of its node."""
+"""A row of which less than this is not spanned says nothing new: next to another of its node."""
 
 
 class Deim(SpanSampler):
-    """As many interpolation points as independent atoms; further rows by GappyPOD+E.
+    """Q-DEIM: as many interpolation points as independent atoms; further rows by GappyPOD+E.
 
     Points: Chaturantabut and Sorensen 2010, doi 10.1137/090766498 (`greedy`); Drmac and Gugercin
     2016, doi 10.1137/15M1019271 (`qr`, Q-DEIM). Oversampling: Peherstorfer, Drmac and Gugercin

@@ -5,13 +5,13 @@ from typing import Literal
 import numpy as np
 from scipy import linalg
 
-from sparsemor.core.arrays import FloatArray
-from sparsemor.plugins.samplers.candidates import Rows
-from sparsemor.plugins.samplers.span import SpanSampler
+from sparsemor.core import FloatArray
+from sparsemor.plugins.samplers.row_pool import Rows
+from sparsemor.plugins.samplers.subspace import SpanSampler
 
 
 class Leverage(SpanSampler):
-    """Rows drawn with probabilities in proportion to their leverage scores, or the m largest.
+    """Leverage-score sampling: rows drawn with probability proportional to score, or the m largest.
 
     Mahoney 2011, doi 10.1561/2200000035; the largest: Papailiopoulos, Kyrillidis and Boutsidis
     2014, doi 10.1145/2623330.2623698. Given required rows R the score of row u is

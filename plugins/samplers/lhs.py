@@ -2,14 +2,13 @@
 
 import numpy as np
 
-from sparsemor.core.arrays import IntArray
-from sparsemor.core.protocols import BlockData, Dictionary
-from sparsemor.plugins.samplers.candidates import sample_rows
-from sparsemor.plugins.samplers.row_sampler import RowSampler
+from sparsemor.core import BlockData, Dictionary, IntArray
+from sparsemor.plugins.samplers.base import RowSampler
+from sparsemor.plugins.samplers.row_pool import sample_rows
 
 
 class LatinHypercube(RowSampler):
-    """Stratifies the candidate rows in the order of their numbers (a 1-D Latin hypercube)."""
+    """Latin hypercube sampling (one-dimensional): one row from each stratum of the row numbers."""
 
     def rows_beside(
         self, kept: IntArray, block: BlockData, m: int, dictionary: Dictionary,

@@ -2,14 +2,13 @@
 
 import numpy as np
 
-from sparsemor.core.arrays import IntArray
-from sparsemor.core.protocols import BlockData, Dictionary
-from sparsemor.plugins.samplers.candidates import sample_rows
-from sparsemor.plugins.samplers.row_sampler import RowSampler
+from sparsemor.core import BlockData, Dictionary, IntArray
+from sparsemor.plugins.samplers.base import RowSampler
+from sparsemor.plugins.samplers.row_pool import sample_rows
 
 
 class Uniform(RowSampler):
-    """Every set of m candidate rows is equally likely (of nodes, with `unit: node`)."""
+    """Uniform random sampling: all sets of m rows (or nodes, `unit: node`) are equally likely."""
 
     def rows_beside(
         self, kept: IntArray, block: BlockData, m: int, dictionary: Dictionary,

@@ -2,17 +2,17 @@
 
 import numpy as np
 
-from sparsemor.core.arrays import FloatArray
-from sparsemor.plugins.samplers.candidates import Rows
-from sparsemor.plugins.samplers.factor import LOST, RowFactor
-from sparsemor.plugins.samplers.span import SpanSampler
+from sparsemor.core import FloatArray
+from sparsemor.plugins.samplers.growing_qr import LOST, RowFactor
+from sparsemor.plugins.samplers.row_pool import Rows
+from sparsemor.plugins.samplers.subspace import SpanSampler
 
 TINY = 1e-300
 """Below every square that is not zero: logarithms of zero become very small, not infinite."""
 
 
 class SOpt(SpanSampler):
-    """Greedy rows of largest S = (sqrt det A^T A / prod |a_j|)^(1/k), A = the sampled rows.
+    """S-optimality: greedy rows of largest S = (sqrt det A^T A / prod |a_j|)^(1/k), A the sample.
 
     S is 1 for orthogonal columns and 0 for dependent ones. Shin and Xiu 2016, SIAM J. Sci. Comput.
     38, A385; for reduced models: Lauzon et al. 2024, doi 10.1137/22M1484018 (S-OPT).

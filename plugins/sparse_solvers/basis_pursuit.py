@@ -6,11 +6,8 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import Field, field_validator, model_validator
 
-from sparsemor.core.capabilities import CAPABILITIES
-from sparsemor.core.errors import InputError
-from sparsemor.core.status import Status
+from sparsemor.core import PROBLEM_FEATURES, InputError, Status, require
 from sparsemor.plugins.sparse_solvers.basis_pursuit_lp import without_small
-from sparsemor.plugins.sparse_solvers.extras import require
 from sparsemor.plugins.sparse_solvers.newton import LinearRecovery, Recovered
 from sparsemor.plugins.sparse_solvers.penalised import Penalised, weights
 
@@ -18,7 +15,7 @@ CONIC = "CLARABEL"
 
 
 class BasisPursuit(LinearRecovery):
-    """The least weighted l1 norm within a distance of all rows, by any solver of cvxpy.
+    """Basis pursuit denoising: least weighted l1 norm with bounded residual, solved by cvxpy.
 
     min sum_j |x_j| / budget_j  subject to  norm(A x - b) <= tolerance norm(b). Where there are
     unpenalised columns, rows are those that are left when these are rotated out. Needs the extra
@@ -36,7 +33,7 @@ class BasisPursuit(LinearRecovery):
     choose `norm: largest`, or `tolerance: 0`."""
     cut: float = Field(default=1e-9, ge=0.0, lt=1.0)
     """Share of the largest coefficient (column-scaled) at or below which one counts as zero:
-    interior points end near zero, not at it. What passes is harmless: it is fitted anew."""
+    interior points end near zero, not at it. What passes is harmless: it is fitted again."""
 
     @field_validator("solver")
     @classmethod
@@ -59,7 +56,8 @@ class BasisPursuit(LinearRecovery):
     @property
     def capabilities(self) -> frozenset[str]:
         """More rows than columns need a tolerance."""
-        return frozenset(CAPABILITIES) - ({"overdetermined"} if self.tolerance == 0.0 else set())
+        exact = {"overdetermined"} if self.tolerance == 0.0 else set()
+        return frozenset(PROBLEM_FEATURES) - exact
 
     def recover(self, problem: Penalised) -> Recovered:
         """x (k,), with zeros where the solver's answer is below `cut`."""

@@ -6,9 +6,7 @@ import numpy as np
 from pydantic import Field
 from scipy.optimize import linprog
 
-from sparsemor.core.arrays import FloatArray
-from sparsemor.core.capabilities import CAPABILITIES
-from sparsemor.core.status import Status
+from sparsemor.core import PROBLEM_FEATURES, FloatArray, Status
 from sparsemor.plugins.sparse_solvers.newton import LinearRecovery, Recovered
 from sparsemor.plugins.sparse_solvers.penalised import Penalised, weights
 
@@ -17,7 +15,7 @@ _STATUS = {0: Status.DONE, 2: Status.INFEASIBLE}
 
 
 class BasisPursuitLp(LinearRecovery):
-    """The least weighted l1 norm that satisfies every row, by HiGHS.
+    """Basis pursuit: least weighted l1 norm that satisfies every row, a linear program (HiGHS).
 
     min sum_j |x_j| / budget_j  subject to  |A x - b| <= tolerance max|b| in each row: a linear
     program in x = p - n with p, n >= 0 and a bounded slack in each row. Where there are
@@ -36,7 +34,8 @@ class BasisPursuitLp(LinearRecovery):
     @property
     def capabilities(self) -> frozenset[str]:
         """More rows than columns need a tolerance."""
-        return frozenset(CAPABILITIES) - ({"overdetermined"} if self.tolerance == 0.0 else set())
+        exact = {"overdetermined"} if self.tolerance == 0.0 else set()
+        return frozenset(PROBLEM_FEATURES) - exact
 
     def recover(self, problem: Penalised) -> Recovered:
         """x (k,), a vertex: at most as many nonzeros as rows, within what HiGHS resolves."""

@@ -3,15 +3,14 @@
 import numpy as np
 from pydantic import Field
 
-from sparsemor.core.arrays import BoolArray, FloatArray
-from sparsemor.core.status import Status
-from sparsemor.plugins.sparse_solvers.active_set import pruned
+from sparsemor.core import BoolArray, FloatArray, Status
+from sparsemor.plugins.sparse_solvers.least_squares_on_support import pruned
 from sparsemor.plugins.sparse_solvers.newton import LinearRecovery, Recovered
 from sparsemor.plugins.sparse_solvers.penalised import Penalised
 
 
 class Cosamp(LinearRecovery):
-    """Joins the active columns with twice the budget of new ones, solves, and keeps the largest.
+    """CoSaMP: joins the active columns with twice the budget of new ones, then keeps the largest.
 
     Sweeps end when the residual no longer falls; the best sweep counts. Where rows are short of
     three times the budgets, fewer new columns join. Needell and Tropp 2009, Algorithm 1,

@@ -4,8 +4,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
-from sparsemor.core.screening import Quadratic
+from sparsemor.core import BoolArray, FloatArray, IntArray, Quadratic
 from sparsemor.plugins.sparse_solvers.gram import Move, Normal, Part, Swap, gathered
 
 T = TypeVar("T")

@@ -1,16 +1,15 @@
-"""Whether other columns fit enough better than a support."""
+"""Comparison of least-squares fits of supports."""
 
 from math import sqrt
 
 import numpy as np
 
-from sparsemor.core.arrays import BoolArray
-from sparsemor.core.screening import Quadratic
-from sparsemor.plugins.sparse_solvers.active_set import EPS
+from sparsemor.core import BoolArray, Quadratic
 from sparsemor.plugins.sparse_solvers.factors import Factors
+from sparsemor.plugins.sparse_solvers.least_squares_on_support import EPS
 
 CLOSE = 1e-6
-"""Relative difference of norms that are not told apart."""
+"""Relative difference of norms that count as equal."""
 WORTH = 1e-3
 """Gain from which it pays to ask if any exchange can bring it."""
 
@@ -22,7 +21,7 @@ class Fits:
     def __init__(self, factors: Factors) -> None:
         self.factors = factors
 
-    def hopeless(
+    def never_valid(
         self, at: Quadratic, support: BoolArray, everyone: BoolArray, gain: float
     ) -> bool:
         """Do not even all columns together lower the norm by this fraction?"""

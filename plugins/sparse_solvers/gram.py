@@ -6,9 +6,8 @@ from math import sqrt
 import numpy as np
 from scipy.linalg import blas, lapack
 
-from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
-from sparsemor.core.screening import Quadratic
-from sparsemor.plugins.sparse_solvers.active_set import EPS
+from sparsemor.core import BoolArray, FloatArray, IntArray, Quadratic
+from sparsemor.plugins.sparse_solvers.least_squares_on_support import EPS
 
 NEARLY = 1e-12
 """Square of a unit column's distance from the others below which its coefficient is rounding."""
@@ -117,7 +116,7 @@ class Move:
 
 
 def places(rows: IntArray, columns: IntArray, k: int) -> IntArray:
-    """Where gram[rows, columns] lies in the upper triangle (k, k) in Fortran order."""
+    """Positions of gram[rows, columns] in the upper triangle (k, k) in Fortran order."""
     i, j = rows[:, None], columns[None, :]
     found: IntArray = np.minimum(i, j) + k * np.maximum(i, j)
     return found

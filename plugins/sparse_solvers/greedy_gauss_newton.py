@@ -7,17 +7,15 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
-from sparsemor.core.arrays import BoolArray, FloatArray
-from sparsemor.core.plugin import Plugin
-from sparsemor.core.protocols import Group, SparseOutcome, SparseProblem, SparseStart
-from sparsemor.core.status import Status
-from sparsemor.plugins.sparse_solvers.active_set import (
-    Fit,
-    Linearised,
-    fit,
-    independent,
-    pruned,
-    widened,
+from sparsemor.core import (
+    BoolArray,
+    FloatArray,
+    Group,
+    Plugin,
+    SparseOutcome,
+    SparseProblem,
+    SparseStart,
+    Status,
 )
 from sparsemor.plugins.sparse_solvers.iterates import (
     always_active,
@@ -25,12 +23,20 @@ from sparsemor.plugins.sparse_solvers.iterates import (
     small_step,
     within_budget,
 )
+from sparsemor.plugins.sparse_solvers.least_squares_on_support import (
+    Fit,
+    Linearised,
+    fit,
+    independent,
+    pruned,
+    widened,
+)
 from sparsemor.plugins.sparse_solvers.screen import ExchangeScreen, Rule
-from sparsemor.plugins.sparse_solvers.visits import Visits
+from sparsemor.plugins.sparse_solvers.support_cycles import Visits
 
 
 class GreedyGaussNewton(Plugin):
-    """Gauss-Newton whose every step may exchange atoms, as subspace pursuit does.
+    """Greedy Gauss-Newton: every iteration may exchange atoms, as in subspace pursuit.
 
     1 linearise; 2 least squares on the active columns; 3 join them with the columns of each
     group that correlate most with what is left, and solve again; 4 keep the `budget` largest of
@@ -67,7 +73,7 @@ class GreedyGaussNewton(Plugin):
             return self._iterate(problem, c, support)
 
     def screen(self, groups: Sequence[Group], seen: BoolArray, rows: int) -> ExchangeScreen:
-        """Steps 2 to 5 where the residual is linear (`core.screening`)."""
+        """Steps 2 to 5 where the residual is linear (`core.protocols.sparse_solver`)."""
         everyone = self.candidates == "all" and len(seen) <= rows
         rule = Rule(everyone, self.growth, self.gain, max(self.gain, self.hysteresis),
                     self.max_iterations)

@@ -1,14 +1,20 @@
-"""What iterations over supports share: where they start, when they end, what they hand back."""
+"""Shared parts of iterations over supports: start, stopping test, outcome."""
 
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from sparsemor.core.arrays import BoolArray, FloatArray
-from sparsemor.core.protocols import Group, SparseOutcome, SparseProblem, SparseStart
-from sparsemor.core.status import Status
-from sparsemor.plugins.sparse_solvers.active_set import EPS, Fit, Linearised, pruned
+from sparsemor.core import (
+    BoolArray,
+    FloatArray,
+    Group,
+    SparseOutcome,
+    SparseProblem,
+    SparseStart,
+    Status,
+)
+from sparsemor.plugins.sparse_solvers.least_squares_on_support import EPS, Fit, Linearised, pruned
 
 
 def always_active(groups: Sequence[Group], size: int) -> BoolArray:

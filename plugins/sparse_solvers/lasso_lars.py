@@ -5,15 +5,14 @@ import warnings
 import numpy as np
 from pydantic import Field, model_validator
 
-from sparsemor.core.arrays import FloatArray
-from sparsemor.plugins.sparse_solvers.active_set import pruned
-from sparsemor.plugins.sparse_solvers.extras import require
+from sparsemor.core import FloatArray, require
+from sparsemor.plugins.sparse_solvers.least_squares_on_support import pruned
 from sparsemor.plugins.sparse_solvers.newton import LinearRecovery, Recovered
 from sparsemor.plugins.sparse_solvers.penalised import Penalised, weights
 
 
 class LassoLars(LinearRecovery):
-    """Least squares with an l1 penalty, for all penalties at once: the path of its solutions.
+    """LASSO by least-angle regression (LARS): the solution path over all l1 penalties.
 
     min 1/2 |A x - b|^2 + penalty sum_j |x_j| / budget_j. With `penalty` the solution at that
     point counts. Without, the path is cut by the budgets: each of its knots is pruned to them and

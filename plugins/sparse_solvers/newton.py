@@ -7,21 +7,33 @@ from dataclasses import dataclass, replace
 import numpy as np
 from pydantic import Field
 
-from sparsemor.core.arrays import BoolArray, FloatArray
-from sparsemor.core.capabilities import CAPABILITIES, refusal
-from sparsemor.core.errors import InputError
-from sparsemor.core.plugin import Plugin
-from sparsemor.core.protocols import Group, SparseOutcome, SparseProblem, SparseStart
-from sparsemor.core.status import Status
-from sparsemor.plugins.sparse_solvers.active_set import Linearised, fit, independent, pruned
+from sparsemor.core import (
+    PROBLEM_FEATURES,
+    BoolArray,
+    FloatArray,
+    Group,
+    InputError,
+    Plugin,
+    SparseOutcome,
+    SparseProblem,
+    SparseStart,
+    Status,
+)
+from sparsemor.core.protocols.sparse_solver import refusal
 from sparsemor.plugins.sparse_solvers.iterates import (
     always_active,
     ended,
     small_step,
     within_budget,
 )
+from sparsemor.plugins.sparse_solvers.least_squares_on_support import (
+    Linearised,
+    fit,
+    independent,
+    pruned,
+)
 from sparsemor.plugins.sparse_solvers.penalised import Penalised
-from sparsemor.plugins.sparse_solvers.visits import Visits
+from sparsemor.plugins.sparse_solvers.support_cycles import Visits
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,7 +53,7 @@ class Support:
     status: Status
 
     def holds_for(self, other: Linearised) -> bool:
-        """Is the other the same linear problem? Then there is nothing to recover anew."""
+        """Is the other the same linear problem? Then there is nothing to recover again."""
         mine, its = self.linear, other
         if not np.array_equal(mine.J, its.J):
             return False
@@ -50,7 +62,7 @@ class Support:
 
 
 class LinearRecovery(Plugin):
-    """Newton's method whose every step recovers a support anew, on the linearised problem.
+    """Newton's method whose every step recovers a support again, on the linearised problem.
 
     1 linearise, columns scaled to unit length; 2 rotate the unpenalised columns out; 3 recover
     sparse coefficients (`recover`, the only thing that differs between these solvers); 4 keep the
@@ -71,8 +83,8 @@ class LinearRecovery(Plugin):
 
     @property
     def capabilities(self) -> frozenset[str]:
-        """Names of `core.capabilities`."""
-        return frozenset(CAPABILITIES)
+        """Names of `core.protocols.sparse_solver`."""
+        return frozenset(PROBLEM_FEATURES)
 
     @abstractmethod
     def recover(self, problem: Penalised) -> Recovered:

@@ -4,13 +4,13 @@ import numpy as np
 from pydantic import Field
 from scipy.linalg import solve_triangular
 
-from sparsemor.core.arrays import FloatArray
+from sparsemor.core import FloatArray
 from sparsemor.plugins.sparse_solvers.newton import LinearRecovery, Recovered
 from sparsemor.plugins.sparse_solvers.penalised import DEPENDENT, Penalised
 
 
 class OrthogonalMatchingPursuit(LinearRecovery):
-    """Adds, one at a time, the column that correlates most with what the chosen ones leave.
+    """Orthogonal matching pursuit: adds the column that correlates most with the residual.
 
     A group whose budget is spent is closed. Own implementation with an updated QR factorisation:
     scikit-learn's knows neither budgets by group nor columns that are always active, and works on

@@ -7,13 +7,12 @@ import numpy as np
 from scipy import linalg
 from scipy.linalg import lapack
 
-from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
-from sparsemor.core.protocols import Group
-from sparsemor.plugins.sparse_solvers.active_set import EPS, Linearised
+from sparsemor.core import BoolArray, FloatArray, Group, IntArray
 from sparsemor.plugins.sparse_solvers.iterates import always_active
+from sparsemor.plugins.sparse_solvers.least_squares_on_support import EPS, Linearised
 
 DEPENDENT = 1e-10
-"""Share of a unit column that must be left beside other columns, or it counts as one of them."""
+"""Share of a unit column that must be left next to other columns, or it counts as one of them."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -3,10 +3,9 @@ Gram matrix."""
 
 from typing import NamedTuple
 
-from sparsemor.core.arrays import BoolArray
-from sparsemor.core.screening import Quadratic
+from sparsemor.core import BoolArray, Quadratic
 from sparsemor.plugins.sparse_solvers.gram import Move
-from sparsemor.plugins.sparse_solvers.largest import Largest
+from sparsemor.plugins.sparse_solvers.hard_thresholding import Largest
 
 KEPT = 4
 """Reasons kept at once: where two proposals are close to each other, they come in turn."""

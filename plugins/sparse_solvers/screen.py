@@ -11,14 +11,11 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import blas
 
-from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
-from sparsemor.core.protocols import Group
-from sparsemor.core.screening import Error, Quadratic, Reason
-from sparsemor.plugins.sparse_solvers.active_set import EPS
+from sparsemor.core import BoolArray, FloatArray, GramError, Group, IntArray, Quadratic, Reason
+from sparsemor.plugins.sparse_solvers.candidates import Joining
 from sparsemor.plugins.sparse_solvers.factors import Factors, room
 from sparsemor.plugins.sparse_solvers.fits import Fits
-from sparsemor.plugins.sparse_solvers.joining import Joining
-from sparsemor.plugins.sparse_solvers.largest import (
+from sparsemor.plugins.sparse_solvers.hard_thresholding import (
     Largest,
     Sizes,
     Tolerance,
@@ -27,10 +24,11 @@ from sparsemor.plugins.sparse_solvers.largest import (
     first,
     reach,
 )
-from sparsemor.plugins.sparse_solvers.reasons import OfAll, OfJoined
+from sparsemor.plugins.sparse_solvers.least_squares_on_support import EPS
+from sparsemor.plugins.sparse_solvers.optimality_certificates import OfAll, OfJoined
 from sparsemor.plugins.sparse_solvers.refusal import Refusal, Refusals
 
-TINY, UNTOLD = 1e-300, Error(np.inf, np.inf)
+TINY, UNTOLD = 1e-300, GramError(np.inf, np.inf)
 FEW_WAYS = 4
 """Proposals that may be meant and are still tried, all of them."""
 
@@ -53,7 +51,7 @@ class Proposal(NamedTuple):
 
 
 class ExchangeScreen:
-    """Implements `core.screening.Screen`. What it keeps between steps only saves work."""
+    """Implements `Screen`. What it keeps between steps only saves work."""
 
     def __init__(self, rule: Rule, groups: Sequence[Group], seen: BoolArray, rows: int) -> None:
         self.rule, self.groups, self.seen, self.rows = rule, tuple(groups), seen, rows
@@ -64,7 +62,7 @@ class ExchangeScreen:
         self.fits = Fits(self.factors)
 
     def stays(self, at: Quadratic, support: BoolArray) -> bool:
-        """See `core.screening.Screen`."""
+        """See `core.protocols.sparse_solver.Screen`."""
         if self._stands(at, support):
             return True
         if not self.rule.everyone and self.joining.share(support) < 1.0:
@@ -79,7 +77,7 @@ class ExchangeScreen:
         return True
 
     def reason(self, at: Quadratic, support: BoolArray) -> Reason | None:
-        """See `core.screening.Screen`."""
+        """See `core.protocols.sparse_solver.Screen`."""
         order, others = self._largest(support), self.joining.others(support)
         inverse = self.factors.inverse(at, self.seen)
         if order is None or others is None or inverse is None:
@@ -93,7 +91,7 @@ class ExchangeScreen:
             whole, own, inverse, at.lengths, order, others)
 
     def settle(self, at: Quadratic, support: BoolArray) -> BoolArray | None:
-        """See `core.screening.Screen`."""
+        """See `core.protocols.sparse_solver.Screen`."""
         if self._stands(at, support):
             return support
         found = self._settled(at, support)
@@ -101,8 +99,8 @@ class ExchangeScreen:
             return self._settled(at.exact(), support)
         return found
 
-    def unlike(self, old: Quadratic, new: Quadratic, support: BoolArray) -> Error:
-        """See `core.screening.Screen`: of sizes near the threshold of each group, and of a rise."""
+    def unlike(self, old: Quadratic, new: Quadratic, support: BoolArray) -> GramError:
+        """See `Screen`: of sizes near the threshold of each group, and of a rise."""
         seen: list[list[FloatArray]] = []
         rises: list[tuple[float, float]] = []
         kept = support
@@ -118,7 +116,7 @@ class ExchangeScreen:
             seen.append([f.sizes for f in found if f is not None])
             rises.append(move.rise(at))
         (a, _), (b, error) = rises
-        return Error(
+        return GramError(
             max(apart(n[g.start : g.stop], o[g.start : g.stop], g.budget or 0)
                 for o, n in zip(*seen, strict=True) for g in self.groups),
             new.error.gram * abs(b - a) / max(error, TINY))
@@ -153,7 +151,7 @@ class ExchangeScreen:
     def _settled(self, at: Quadratic, support: BoolArray) -> BoolArray | None:
         """Subspace pursuit until the support reproduces itself."""
         now, rule = support, self.rule
-        if rule.everyone and self.fits.hopeless(at, support, self.seen, rule.hysteresis):
+        if rule.everyone and self.fits.never_valid(at, support, self.seen, rule.hysteresis):
             return support
         for _ in range(rule.exchanges):
             given = now is support or np.array_equal(now, support)

@@ -1,4 +1,4 @@
-"""Packaged studies: names that `study` knows. Each sets one part beside its alternatives."""
+"""Packaged studies: names that `study` knows. Each sets one part against its alternatives."""
 
 from pathlib import Path
 

@@ -118,4 +118,4 @@ def arguments() -> argparse.Namespace:
 
 
 if __name__ == "__main__":
-    sys.exit(report.conduct("accuracy", fill, arguments()))
+    sys.exit(report.run_plan("accuracy", fill, arguments()))

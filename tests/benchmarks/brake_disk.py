@@ -33,9 +33,9 @@ from method_runs import (
     worst,
 )
 
-from sparsemor.core.results import RunResult
-from sparsemor.core.run_facts import run_facts
-from sparsemor.core.scene import Scene, load
+from sparsemor.core.results.cost import run_facts
+from sparsemor.core.results.run_result import RunResult
+from sparsemor.core.scene.scene import Scene, load
 
 BLOCKS = ("disk.elastic", "pad.elastic", "disk.thermal", "pad.thermal")
 POD = {"basis": {"use": "pod", "count": 100}, "bases": {"pad.*": {"use": "pod", "count": 20}}}
@@ -230,4 +230,4 @@ def arguments() -> argparse.Namespace:
 
 
 if __name__ == "__main__":
-    sys.exit(report.conduct("brake_disk", fill, arguments()))
+    sys.exit(report.run_plan("brake_disk", fill, arguments()))

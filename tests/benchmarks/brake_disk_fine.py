@@ -20,7 +20,7 @@ import numpy as np
 import report
 from scaling import Mesh, Worker, trained
 
-from sparsemor.core.scene import load
+from sparsemor.core.scene.scene import load
 
 
 def recommended(tabled: int, count: int) -> dict[str, Any]:
@@ -131,4 +131,4 @@ def arguments() -> argparse.Namespace:
 
 
 if __name__ == "__main__":
-    sys.exit(report.conduct("brake_disk_fine", fill, arguments()))
+    sys.exit(report.run_plan("brake_disk_fine", fill, arguments()))

@@ -14,15 +14,15 @@ import numpy as np
 import report
 
 from sparsemor.core.arrays import Csr, FloatArray
-from sparsemor.core.cache import Cache
-from sparsemor.core.hooks import new_manager
-from sparsemor.core.model import StepFactors
-from sparsemor.core.prepared import prepared
+from sparsemor.core.model.block_patterns import chosen
+from sparsemor.core.model.model import StepFactors
 from sparsemor.core.protocols import Dictionary
-from sparsemor.core.results import RunResult
-from sparsemor.core.scene import Scene
-from sparsemor.reducers.choose import chosen
-from sparsemor.reducers.prepare import constants
+from sparsemor.core.registry.hooks import new_manager
+from sparsemor.core.results.run_result import RunResult
+from sparsemor.core.scene.scene import Scene
+from sparsemor.core.simulation.cache import Cache
+from sparsemor.core.simulation.prepare import prepared
+from sparsemor.reducers.step.prepare import constants
 
 POD = {"disk.thermal": (50, 100, 200, 400), "disk.elastic": (20, 50, 100, 200),
        "pad.elastic": (20, 40)}

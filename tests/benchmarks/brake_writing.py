@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import report
 
-from sparsemor.core.results import RunResult
-from sparsemor.core.run_facts import run_facts
+from sparsemor.core.results.cost import run_facts
+from sparsemor.core.results.run_result import RunResult
 
 
 def fill(

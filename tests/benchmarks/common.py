@@ -11,7 +11,6 @@ if "numpy" in sys.modules:
 os.environ.update(OPENBLAS_NUM_THREADS="1", OMP_NUM_THREADS="1", MKL_NUM_THREADS="1")
 
 import gc
-import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -19,16 +18,18 @@ from typing import Any
 
 import numpy as np
 
+from sparsemor.core import ReducedProblem
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.assemble import assemble
-from sparsemor.core.cache import Cache
-from sparsemor.core.hooks import new_manager
-from sparsemor.core.initial import consistent_state
-from sparsemor.core.model import Model
-from sparsemor.core.offline import Offline, offline_of
-from sparsemor.core.products import Products
+from sparsemor.core.model.assembly import assemble
+from sparsemor.core.model.initial_state import consistent_state
+from sparsemor.core.model.model import Model
 from sparsemor.core.protocols import State, StepSolver
-from sparsemor.core.scene import Scene, load
+from sparsemor.core.registry.hooks import new_manager
+from sparsemor.core.scene.scene import Scene, load
+from sparsemor.core.simulation.cache import Cache
+from sparsemor.core.simulation.offline import Offline, offline_of
+from sparsemor.core.simulation.offline_cache import Products
+from sparsemor.core.simulation.time_stepping import FixedStep, accepted_steps, started
 from sparsemor.core.status import SolveFailed
 
 LATE = 0.1
@@ -76,22 +77,18 @@ class Stepping:
 
     @classmethod
     def begin(cls, scene: Scene, model: Model, solver: StepSolver) -> "Stepping":
-        state, memory = solver.start(consistent_state(model))
-        return cls(scene, solver, scene.integrator.start(solver.layout, state), memory)
+        return cls(scene, solver, *started(solver, scene.integrator, consistent_state(model)))
 
     def step(self) -> tuple[float, int]:
         """Seconds and iterations of one step, as `simulate` counts it: formula, solution, rates.
 
         Raises SolveFailed.
         """
-        integrator, solver, h = self.scene.integrator, self.solver, self.scene.time.step
-        start = time.perf_counter()
-        formula = integrator.formula(solver.layout, self.state, h)
-        outcome, self.memory = solver.solve(formula, self.memory)
-        if not outcome.status.ok:
-            raise SolveFailed(outcome.status, formula.t, outcome.block, outcome.detail)
-        self.state = integrator.advance(solver.layout, self.state, formula, outcome.x, h)
-        return time.perf_counter() - start, outcome.iterations
+        h = self.scene.time.step
+        step = FixedStep(self.scene.integrator, self.solver, h)
+        taken = next(accepted_steps(step, self.state, self.memory, 1, h))
+        self.state, self.memory = taken.state, taken.memory
+        return taken.seconds, taken.outcome.iterations
 
     def advance(self, steps: int) -> tuple[float, float]:
         """Median ms and mean iterations of the next steps."""
@@ -189,8 +186,8 @@ class Case:
         full = scene.using({"reducer": "full"})
 
         def moving() -> dict[str, FloatArray]:
-            solver = full.reducer.prepare(
-                model, full.integrator, full.time.step, offline, np.random.default_rng(0))
+            solver = full.reducer.prepare(ReducedProblem(
+                model, full.integrator, full.time.step, offline, np.random.default_rng(0)))
             way = Stepping.begin(full, model, solver)
             names = [b.name for b in model.layout if b.field == "rigid"]
             kept = {n: [way.state.x[model.layout[n]]] for n in names}
@@ -207,9 +204,9 @@ class Case:
     def prepared(self, reducer: Mapping[str, Any] | str, seed: int = 1) -> StepSolver:
         """Raises SolveFailed where the sampled rows cannot tell the atoms apart."""
         scene = self.scene.using({"reducer": reducer})
-        solver: StepSolver = scene.reducer.prepare(
+        solver: StepSolver = scene.reducer.prepare(ReducedProblem(
             self.model, scene.integrator, scene.time.step, self.offline,
-            np.random.default_rng(seed))
+            np.random.default_rng(seed)))
         return solver
 
     def run(self, reducer: Mapping[str, Any] | str, seed: int = 1) -> Trajectory | SolveFailed:

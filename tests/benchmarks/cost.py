@@ -156,4 +156,4 @@ def arguments() -> argparse.Namespace:
 
 
 if __name__ == "__main__":
-    sys.exit(report.conduct("cost", fill, arguments()))
+    sys.exit(report.run_plan("cost", fill, arguments()))

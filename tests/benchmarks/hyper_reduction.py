@@ -14,7 +14,7 @@ import common
 import numpy as np
 import report
 
-from sparsemor.core.registry import Registry
+from sparsemor.core.registry.registry import Registry
 from sparsemor.core.status import SolveFailed
 
 METHODS: dict[str, dict[str, Any]] = {
@@ -153,4 +153,4 @@ def arguments() -> argparse.Namespace:
 
 
 if __name__ == "__main__":
-    sys.exit(report.conduct("hyper_reduction", fill, arguments()))
+    sys.exit(report.run_plan("hyper_reduction", fill, arguments()))

@@ -22,12 +22,12 @@ import numpy as np
 import report
 from scipy import sparse
 
-from sparsemor.bodies import fe
+from sparsemor.bodies import fem as fe
 from sparsemor.bodies.material import Material
-from sparsemor.bodies.mesh.disk import Disk
-from sparsemor.core.memory import peak, resident
-from sparsemor.core.protocols import Places
-from sparsemor.core.registry import Registry
+from sparsemor.bodies.mesh.generators.disk import Disk
+from sparsemor.core.protocols import DofLocations
+from sparsemor.core.registry.registry import Registry
+from sparsemor.core.simulation.memory.limits import peak, resident
 from sparsemor.plugins.linear_solvers.auto import Auto
 
 STEEL = Material(E=200e9, nu=0.3, rho=7850, alpha=12.3e-6, k=44.5, c=475)
@@ -71,16 +71,16 @@ def matrices(refine: float) -> Any:
     mesh = Disk(refine=refine).build(Path())
     n = len(mesh.points)
     A = fe.capacity(mesh, STEEL.rho, STEEL.c) / STEP + fe.conductivity(mesh, STEEL.k)
-    yield "T", A.tocsr(), Places(mesh.points, np.zeros(n, np.int64)), len(mesh.cells)
+    yield "T", A.tocsr(), DofLocations(mesh.points, np.zeros(n, np.int64)), len(mesh.cells)
     held = mesh.point_sets["hub"]
     free = np.setdiff1d(np.arange(3 * n), (3 * held[:, None] + np.arange(3)).ravel())
     M = sparse.kron(fe.scalar_mass(mesh, STEEL.rho), sparse.eye_array(3), format="csr")
     D = fe.elastic_stiffness(mesh, STEEL, 1.0, "solid") + M / STEP**2
     D = D.tocsr()[free][:, free]
-    yield "u", D.tocsr(), Places(mesh.points[free // 3], free % 3), len(mesh.cells)
+    yield "u", D.tocsr(), DofLocations(mesh.points[free // 3], free % 3), len(mesh.cells)
 
 
-def _save(file: Path, A: Any, places: Places) -> None:
+def _save(file: Path, A: Any, places: DofLocations) -> None:
     np.savez(file, data=A.data, indices=A.indices, indptr=A.indptr,
              coordinates=places.coordinates, component=places.component)
 
@@ -100,7 +100,7 @@ def measure(file: Path, name: str, repeats: int) -> dict[str, Any]:
     a = np.load(file)
     n = len(a["indptr"]) - 1
     A = sparse.csr_array((a["data"], a["indices"], a["indptr"]), shape=(n, n))
-    places = Places(a["coordinates"], a["component"])
+    places = DofLocations(a["coordinates"], a["component"])
     solver: Any = Registry().get("linear_solver", name)()
     small = sparse.csr_array(sparse.eye_array(200) * 2.0)
     solver.factorize(small).solve(np.ones(200))  # libraries are loaded, and counted with the base
@@ -165,4 +165,4 @@ if __name__ == "__main__":
     if asked.one:
         print(json.dumps(measure(Path(asked.one[0]), asked.one[1], asked.repeats)))
     else:
-        sys.exit(report.conduct("linear_solvers", fill, asked))
+        sys.exit(report.run_plan("linear_solvers", fill, asked))

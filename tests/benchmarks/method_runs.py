@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import report
 
-from sparsemor.core.compare import measure_errors
-from sparsemor.core.error_measures import Errors
+from sparsemor.core.analysis.compare import measure_errors
 from sparsemor.core.errors import InputError
-from sparsemor.core.results import RunResult
-from sparsemor.core.run_facts import run_facts
-from sparsemor.core.scene import Scene
-from sparsemor.core.simulate import simulate
+from sparsemor.core.results.cost import run_facts
+from sparsemor.core.results.error_norms import Errors
+from sparsemor.core.results.run_result import RunResult
+from sparsemor.core.scene.scene import Scene
+from sparsemor.core.simulation.simulate import simulate
 from sparsemor.core.status import SolveFailed
 
 STOPPED = 1e300
@@ -22,7 +22,7 @@ STOPPED = 1e300
 PHASES = ("start-up", "steady")
 MEANINGS = {
     "start-up": "largest error in the first 2 % of the steps; steady: in the rest",
-    "errors": "of a field: relative to its largest change; joint: of all unknowns, "
+    "errors": "of a field: relative to its largest change; combined: of all unknowns, "
               "relative to their norm at the same time, as the paper defines it",
     "ms": "online time over steps, writing included, and how often full order takes that"}
 """What the columns of the tables are."""
@@ -88,27 +88,27 @@ def over_seeds(
 
 
 def over_whole_run(row: Mapping[str, Any], measure: str) -> float | None:
-    """Largest error of a field, or of `joint`, start-up included."""
+    """Largest error of a field, or of `combined`, start-up included."""
     known = [v for when in PHASES if (v := row[f"{measure} {when}"]) is not None]
     return max(known) if known else None
 
 
 def elsewhere_columns(row: Mapping[str, Any], blocks: Sequence[str]) -> dict[str, Any]:
     """A run outside training as a row of a table."""
-    errors = {m: over_whole_run(row, m) for m in (*blocks, "joint")}
+    errors = {m: over_whole_run(row, m) for m in (*blocks, "combined")}
     more = ("ms", "speed_up", "offline_s", "atoms", "status")
     return {**errors, **{key: row[key] for key in more}}
 
 
 def _nothing(blocks: Sequence[str]) -> dict[str, Any]:
-    row = {f"{m} {when}": None for m in ("joint", *blocks) for when in PHASES}
+    row = {f"{m} {when}": None for m in ("combined", *blocks) for when in PHASES}
     more = ("ms", "speed_up", "offline_s", "atoms", "rows", "radius", "growth")
     return {**row, **dict.fromkeys(more), "stopped": True}
 
 
 def _phases(e: Errors, blocks: Sequence[str]) -> dict[str, float | None]:
     found: dict[str, float | None] = {}
-    for m in ("joint", *blocks):
+    for m in ("combined", *blocks):
         found[f"{m} start-up"], found[f"{m} steady"] = e.start_up.get(m), e.steady.get(m)
     return found
 

@@ -135,4 +135,4 @@ def arguments() -> argparse.Namespace:
 
 
 if __name__ == "__main__":
-    sys.exit(report.conduct("published", fill, arguments()))
+    sys.exit(report.run_plan("published", fill, arguments()))

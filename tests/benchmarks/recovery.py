@@ -21,7 +21,7 @@ import report
 
 from sparsemor.core.errors import InputError
 from sparsemor.core.protocols import SparseSolver
-from sparsemor.core.registry import Registry
+from sparsemor.core.registry.registry import Registry
 from sparsemor.core.status import Status
 from sparsemor.core.testing.problems import LeastSquares, chained, empty_start
 
@@ -179,4 +179,4 @@ def arguments(given: Sequence[str] | None = None) -> argparse.Namespace:
 
 
 if __name__ == "__main__":
-    sys.exit(report.conduct("recovery", fill, arguments()))
+    sys.exit(report.run_plan("recovery", fill, arguments()))

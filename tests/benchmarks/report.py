@@ -11,7 +11,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from sparsemor.core.text_table import text_table
+from sparsemor.core.results.tables import text_table
 
 
 @dataclass
@@ -94,7 +94,7 @@ def options(name: str, text: str | None) -> argparse.ArgumentParser:
     return parser
 
 
-def conduct(
+def run_plan(
     name: str, fill: Callable[[Report, argparse.Namespace], None], arguments: argparse.Namespace,
 ) -> int:
     """Fill a report, print it to standard output and write it; Ctrl-C keeps what there is."""

@@ -128,4 +128,4 @@ def arguments() -> argparse.Namespace:
 
 
 if __name__ == "__main__":
-    sys.exit(report.conduct("samplers", fill, arguments()))
+    sys.exit(report.run_plan("samplers", fill, arguments()))

@@ -189,7 +189,7 @@ def conclude(
             **w.mesh.named, method=w.method, ms=timed.get("median"), least=timed.get("least"),
             most=timed.get("most"), iterations=w.iterations or None,
             peak=w.facts.get("peak"), base=w.facts.get("base"),
-            foretold=w.facts.get("foretold"), told=w.facts.get("told"),
+            precheck_memory=w.facts.get("foretold"), told=w.facts.get("told"),
             prepare_s=w.facts.get("prepare_s"), solved=w.facts.get("reduced"),
             rows=w.facts.get("rows"), elements=w.facts.get("elements"),
             error=max(w.facts.get("errors", {}).values(), default=None),
@@ -239,4 +239,4 @@ def arguments() -> argparse.Namespace:
 
 
 if __name__ == "__main__":
-    sys.exit(report.conduct("scaling", fill, arguments()))
+    sys.exit(report.run_plan("scaling", fill, arguments()))

@@ -10,11 +10,11 @@ from typing import Any
 import report
 from brake_projections import leading, missed
 
-from sparsemor.core.model import Model, StepFactors
-from sparsemor.core.offline import Offline
-from sparsemor.core.scene import Scene
-from sparsemor.reducers.choose import chosen
-from sparsemor.reducers.prepare import constants
+from sparsemor.core.model.block_patterns import chosen
+from sparsemor.core.model.model import Model, StepFactors
+from sparsemor.core.scene.scene import Scene
+from sparsemor.core.simulation.offline import Offline
+from sparsemor.reducers.step.prepare import constants
 
 
 def projections(

@@ -4,7 +4,6 @@
 input, so that the windows of several methods can take turns.
 """
 
-import copy
 import gc
 import json
 import sys
@@ -15,21 +14,22 @@ import common
 import numpy as np
 from scaling_atoms import projections
 
+from sparsemor.core import ReducedProblem
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.cache import Cache
 from sparsemor.core.errors import InputError
-from sparsemor.core.foretold import foretold
-from sparsemor.core.hooks import new_manager
-from sparsemor.core.initial import consistent_state
-from sparsemor.core.memory import GIGA, peak, resident
-from sparsemor.core.offline import Offline
-from sparsemor.core.prepared import prepared
+from sparsemor.core.model.initial_state import consistent_state
 from sparsemor.core.protocols import StepSolver
-from sparsemor.core.scene import Scene, load
+from sparsemor.core.registry.hooks import new_manager
+from sparsemor.core.scene.scene import Scene, load
+from sparsemor.core.simulation.cache import Cache
+from sparsemor.core.simulation.memory.limits import GIGA, peak, resident
+from sparsemor.core.simulation.memory.precheck import precheck_memory
+from sparsemor.core.simulation.offline import Offline
+from sparsemor.core.simulation.prepare import prepared
 from sparsemor.core.status import SolveFailed
-from sparsemor.reducers.heat import CompressedHeat
-from sparsemor.reducers.known import Known
-from sparsemor.reducers.stepper import Stepper
+from sparsemor.reducers.step.solver import Stepper
+from sparsemor.reducers.step.thermal_block import CompressedHeat
+from sparsemor.reducers.step.time_tables import TimeTable
 
 BASE = resident()
 """What the interpreter and its libraries hold."""
@@ -101,12 +101,12 @@ class Way:
     def __init__(self, task: dict[str, Any]) -> None:
         self.task, self.scene = task, scene_of(task)
         self.full = task["reducer"] == "full"
-        early, begun = foretold(self.scene), time.process_time()
+        early, begun = precheck_memory(self.scene), time.process_time()
         model, offline = prepared(self.scene, Cache(), new_manager())
         before = time.process_time()
-        self.solver: StepSolver = self.scene.reducer.prepare(
+        self.solver: StepSolver = self.scene.reducer.prepare(ReducedProblem(
             model, self.scene.integrator, self.scene.time.step, offline,
-            np.random.default_rng(1))
+            np.random.default_rng(1)))
         spent = time.process_time() - before
         self.start, self.memory = self.solver.start(consistent_state(model))
         self.start = self.scene.integrator.start(self.solver.layout, self.start)
@@ -133,7 +133,7 @@ class Way:
         """CPU ms of each step, mean iterations; full order goes on, reduced models begin anew."""
         if self.running is None or not self.full:
             self.running = common.Stepping(
-                self.scene, self.solver, self.start, copy.deepcopy(self.memory))
+                self.scene, self.solver, self.start, self.memory.copy())
         taken, iterations = [], 0
         with common.no_collector():
             for _ in range(steps):
@@ -144,7 +144,7 @@ class Way:
 
     def errors(self, offline: Offline) -> dict[str, float]:
         """Largest distance from the training run, of its largest change, by block."""
-        way = common.Stepping(self.scene, self.solver, self.start, copy.deepcopy(self.memory))
+        way = common.Stepping(self.scene, self.solver, self.start, self.memory.copy())
         xs = [way.state.x]
         for _ in range(self.task["steps"]):
             way.step()
@@ -167,8 +167,9 @@ def ahead(solver: StepSolver, repeats: int = 5) -> float:
     the steps: the median of some repeats."""
     if not isinstance(solver, Stepper) or solver.mechanics is None:
         return 0.0
-    known: list[Known | None] = [*solver.drives.values(), *(h.given for h in solver.heat.values()
-                                        if isinstance(h, CompressedHeat))]
+    known: list[TimeTable | None] = [
+        *solver.drives.values(), *(h.given for h in solver.heat.values()
+                                   if isinstance(h, CompressedHeat))]
     known += [b.known for b in solver.mechanics.bodies if b.known not in known]
     asked = [(k.source, np.array(k.times)) for k in known if k is not None and k.rows is not None]
     spent = []

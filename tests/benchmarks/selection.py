@@ -165,4 +165,4 @@ def arguments() -> argparse.Namespace:
 
 
 if __name__ == "__main__":
-    sys.exit(report.conduct("selection", fill, arguments()))
+    sys.exit(report.run_plan("selection", fill, arguments()))

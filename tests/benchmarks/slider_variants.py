@@ -17,7 +17,7 @@ import common  # noqa: F401  # before NumPy: it limits linear algebra to one thr
 import report
 
 from sparsemor import load, simulate
-from sparsemor.core.results import RunResult
+from sparsemor.core.results.run_result import RunResult
 
 HEAT_ALONE = {"reducer": "full", "bodies.slider.fields": ["thermal"],
               "bodies.plate.fields": ["thermal"]}
@@ -93,5 +93,5 @@ def stored_heat(run: RunResult, body: dict[str, Any]) -> float:
 
 
 if __name__ == "__main__":
-    sys.exit(report.conduct("slider_variants", fill,
+    sys.exit(report.run_plan("slider_variants", fill,
                             report.options("slider_variants", __doc__).parse_args()))

@@ -19,11 +19,11 @@ import common
 import numpy as np
 import report
 
-from sparsemor.core.initial import consistent_state
+from sparsemor.core.model.initial_state import consistent_state
 from sparsemor.core.protocols import State, StepSolver
-from sparsemor.core.stability import LIMIT, Judgement, Reference, judge_along
-from sparsemor.core.stability.check import failed
-from sparsemor.core.stability.reference import course, course_times
+from sparsemor.core.simulation.linearization import LIMIT, Judgement, Reference, judge_along
+from sparsemor.core.simulation.linearization.check import failed
+from sparsemor.core.simulation.linearization.reference import linearization_times, states_along
 from sparsemor.core.status import SolveFailed
 
 ERRS, TIMES = 1e-5, 10.0
@@ -143,8 +143,9 @@ def one(sample: Sample, seed: int, reference: Reference) -> list[dict[str, Any]]
     begun = time.process_time()
     h, model = scene.time.step, sample.case.model
     if not sample.states:  # all samples of a case have its atoms
-        sample.states.extend(course(
-            model, scene.integrator, h, solver, consistent_state(model), course_times(h, steps)))
+        sample.states.extend(states_along(
+            model, scene.integrator, h, solver, consistent_state(model),
+            linearization_times(h, steps)))
     states = sample.states
     j = judge_along(solver, scene.integrator, h, steps, states, reference)
     spent = time.process_time() - begun
@@ -234,4 +235,4 @@ def arguments() -> argparse.Namespace:
 
 
 if __name__ == "__main__":
-    sys.exit(report.conduct("stability", fill, arguments()))
+    sys.exit(report.run_plan("stability", fill, arguments()))

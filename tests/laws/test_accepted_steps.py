@@ -5,16 +5,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sparsemor.bodies.body_part import PlanarBody
-from sparsemor.core.assemble import assemble
-from sparsemor.core.equations import rate_factors
-from sparsemor.core.initial import consistent_state
-from sparsemor.core.offline import Offline, step_count
-from sparsemor.core.scene import Scene, load
-from sparsemor.core.simulate import simulate
-from sparsemor.core.testing.run import March, march, scene_of
-from sparsemor.reducers.acceptance import estimated_error, largest_error
-from sparsemor.reducers.general import Summed
+from sparsemor.bodies.planar_body import PlanarBody
+from sparsemor.core import ReducedProblem
+from sparsemor.core.model.assembly import assemble
+from sparsemor.core.model.equations import rate_factors
+from sparsemor.core.model.initial_state import consistent_state
+from sparsemor.core.scene.scene import Scene, load
+from sparsemor.core.simulation.offline import Offline, step_count
+from sparsemor.core.simulation.simulate import simulate
+from sparsemor.core.testing.in_memory_run import March, march, scene_of
+from sparsemor.reducers.full.monolithic import Summed
+from sparsemor.reducers.step.acceptance import estimated_error, largest_error
 
 INTEGRATORS: list[dict[str, Any]] = [
     {"use": "bdf1"}, {"use": "bdf2"}, {"use": "generalized_alpha", "rho_inf": 0.7},
@@ -57,8 +58,8 @@ def corrections(scene: Scene, every: int) -> list[float]:
     value of each block so far, the largest of rigid coordinates and displacements."""
     model = assemble(scene)
     equations, h, integrator = Summed.of(model, price=0), scene.time.step, scene.integrator
-    solver = scene.reducer.prepare(
-        model, integrator, h, Offline.of(model, {}), np.random.default_rng(0))
+    solver = scene.reducer.prepare(ReducedProblem(
+        model, integrator, h, Offline.of(model, {}), np.random.default_rng(0)))
     state, memory = solver.start(consistent_state(model))
     state, found = integrator.start(solver.layout, state), []
     top = np.zeros(model.layout.size)
@@ -79,6 +80,7 @@ def corrections(scene: Scene, every: int) -> list[float]:
     return found
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("integrator", INTEGRATORS[1:], ids=["bdf2", "alpha-0.7", "alpha-1"])
 def test_each_accepted_step_solves_the_equations(integrator: dict[str, Any]) -> None:
     """A ratio of earlier steps accepted first changes here."""
@@ -111,6 +113,7 @@ def test_a_complete_basis_gives_the_same_steps(h: float, E: float) -> None:
     assert found["bar.rigid"] < 1e-9 and found["bar.elastic"] < 1e-7, found
 
 
+@pytest.mark.full
 def test_the_textbook_takes_the_first_step_of_the_double_pendulum_at_5e_5_s() -> None:
     """Positions of 1 m, rounded to 1e-16 m, bend links that have moved by 1e-8 m."""
     small = {"bodies.link1.mesh.elements": 320, "bodies.link2.mesh.elements": 320,
@@ -120,6 +123,7 @@ def test_the_textbook_takes_the_first_step_of_the_double_pendulum_at_5e_5_s() ->
     assert max(differences(fast, plain)[f"link{i}.elastic"] for i in (1, 2)) < 1e-6
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("integrator", INTEGRATORS[:3], ids=["bdf1", "bdf2", "alpha-0.7"])
 def test_errors_fall_with_the_order_of_the_integrator(integrator: dict[str, Any]) -> None:
     """And never rise: at small steps the iteration error was accumulated, step by step."""
@@ -149,6 +153,7 @@ def soft_bar(reducer: Any, steps: int) -> Scene:
         "time": {"end": steps * 1e-3, "step": 1e-3}, "integrator": SOFT, "reducer": reducer})
 
 
+@pytest.mark.full
 def test_steps_that_do_not_converge_are_solved_with_the_exact_jacobian() -> None:
     """The run ended at 0.04 s; now its end is that of a run by the textbook's method from there."""
     result = simulate(soft_bar({"use": "full"}, 45))

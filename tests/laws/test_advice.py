@@ -4,14 +4,14 @@ from pathlib import Path
 
 import pytest
 
-from sparsemor.core.scene import load
-from sparsemor.core.simulate import simulate
+from sparsemor.core.scene.scene import load
+from sparsemor.core.simulation.simulate import simulate
 from sparsemor.core.status import SolveFailed, Status
 
 TINY = Path(__file__).parents[1] / "scenes" / "tiny.yaml"
 TWINS = """
 import numpy as np
-from sparsemor.core.plugin import Plugin
+from sparsemor.core.registry.plugin import Plugin
 from sparsemor.core.protocols import Dictionary
 
 

@@ -3,21 +3,21 @@
 import numpy as np
 import pytest
 
-from sparsemor.bodies.spatial.frame import SpatialFrame
-from sparsemor.bodies.spatial.inertia import Inertia
-from sparsemor.bodies.spatial.items import (
+from sparsemor.bodies.frames.frame import SpatialFrame
+from sparsemor.bodies.frames.inertia import Inertia
+from sparsemor.bodies.frames.items import (
     Attachment,
     BodyForce,
     Reaction,
     SpaceForce,
     UnitLength,
 )
-from sparsemor.bodies.spatial.moments import moments_of
-from sparsemor.core.separable import FrameWork, amplitudes_along, evaluate_amplitudes
-from sparsemor.core.stage import FrameHistory
-from sparsemor.core.tables import Table, total, total_along
-from sparsemor.core.testing.run import March, march
-from sparsemor.reducers.felt import Felt
+from sparsemor.bodies.frames.moments import moments_of
+from sparsemor.core.protocols.load_tables import Table, total, total_along
+from sparsemor.core.protocols.prescribed_motion import FrameHistory
+from sparsemor.core.protocols.separable import FrameWork, amplitudes_along, evaluate_amplitudes
+from sparsemor.core.testing.in_memory_run import March, march
+from sparsemor.reducers.step.tabulated_loads import TabulatedLoads
 from tests.laws.test_given_frames import bar, plane_bar, turning
 
 TIMES = np.array([0.0, 0.01, 0.02, 0.03, 0.05])
@@ -65,7 +65,7 @@ def test_a_frame_drives_at_all_times_as_at_each(size, times) -> None:
 def test_tables_and_motions_at_many_times() -> None:
     rng = np.random.default_rng(0)
     table = Table(TIMES, rng.standard_normal((len(TIMES), 3)))
-    parts = table, Felt(table, rng.standard_normal((3, 3)))
+    parts = table, TabulatedLoads(table, rng.standard_normal((3, 3)))
     pose, rate, acceleration = rng.standard_normal((3, len(TIMES), 7))
     history = FrameHistory(TIMES, pose, rate, acceleration)
     assert table.along(TIMES.copy()) is table.values

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from sparsemor import simulate
-from sparsemor.core.joint_forces import alternation
-from sparsemor.core.results import RunResult
-from sparsemor.core.testing.run import scene_of
+from sparsemor.core.results.run_result import RunResult
+from sparsemor.core.simulation.diagnostics.alternating_joint_forces import alternation
+from sparsemor.core.testing.in_memory_run import scene_of
 
 
 def links(out: Path, integrator: Any, joints: bool = True) -> RunResult:
@@ -52,9 +52,9 @@ def test_damped_forces_and_free_bodies_are_not_noted(
 
 def test_the_share_is_the_amplitude_over_the_size() -> None:
     k = np.arange(22.0)
-    course = np.stack([10.0 + 0.1 * k, np.cos(0.3 * k)], axis=1)
-    assert alternation(course) == 0.0
-    course[:, 1] += 2.0 * (-1.0) ** k
-    assert alternation(course) == pytest.approx(2.0 / 12.1, rel=0.02)
-    course[7, 1] += 9.0  # one jump is no alternation
-    assert alternation(course) == 0.0
+    states_along = np.stack([10.0 + 0.1 * k, np.cos(0.3 * k)], axis=1)
+    assert alternation(states_along) == 0.0
+    states_along[:, 1] += 2.0 * (-1.0) ** k
+    assert alternation(states_along) == pytest.approx(2.0 / 12.1, rel=0.02)
+    states_along[7, 1] += 9.0  # one jump is no alternation
+    assert alternation(states_along) == 0.0

@@ -11,9 +11,9 @@ from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.protocols import BlockData, Dictionary
 from sparsemor.core.testing import check_basis
-from sparsemor.core.testing.data import random_block, with_snapshots
+from sparsemor.core.testing.random_inputs import random_block, with_snapshots
 from sparsemor.plugins.bases.pod import Pod
-from sparsemor.plugins.bases.svd import left_singular, round_off_level
+from sparsemor.plugins.bases.randomized_svd import left_singular, round_off_level
 
 
 @pytest.mark.parametrize(

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from sparsemor.core.cache import Cache, default_root, digest
-from sparsemor.core.plugin import Plugin
+from sparsemor.core.registry.plugin import Plugin
+from sparsemor.core.scene.digest import digest
+from sparsemor.core.simulation.cache import Cache, default_root
 
 ARRAYS = {"link1.elastic": np.arange(12.0).reshape(3, 4), "empty": np.zeros((0, 3)),
           "flag": np.array([True, False])}

@@ -12,18 +12,19 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_array
 
+from sparsemor.core import ReducedProblem
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.assemble import assemble
 from sparsemor.core.errors import InputError
-from sparsemor.core.hooks import new_manager
-from sparsemor.core.initial import consistent_state
-from sparsemor.core.model import Model
-from sparsemor.core.offline import Offline, step_count, train
+from sparsemor.core.model.assembly import assemble
+from sparsemor.core.model.initial_state import consistent_state
+from sparsemor.core.model.model import Model
 from sparsemor.core.protocols import State, StepSolver
-from sparsemor.core.scene import Scene, load
-from sparsemor.core.stability.check import Reference, judge
+from sparsemor.core.protocols.load_tables import LoadTable, Table
+from sparsemor.core.registry.hooks import new_manager
+from sparsemor.core.scene.scene import Scene, load
+from sparsemor.core.simulation.linearization.check import Reference, judge
+from sparsemor.core.simulation.offline import Offline, step_count, train
 from sparsemor.core.status import SolveFailed, Status
-from sparsemor.core.tables import LoadTable, Table
 from sparsemor.core.testing import installed
 
 TINY = Path(__file__).parents[1] / "scenes" / "tiny.yaml"
@@ -106,19 +107,19 @@ def outcome(basis: str, sampler: str, preconditioner: str, solver: str, integrat
         faults = scene.reducer.check(given.model)
         if faults:
             raise InputError(faults)
-        stepper = scene.reducer.prepare(
-            given.model, scene.integrator, scene.time.step,
-            Offline.of(given.model, given.snapshots), np.random.default_rng(scene.seed))
+        stepper = scene.reducer.prepare(ReducedProblem(
+            given.model, scene.integrator, scene.time.step, Offline.of(given.model,
+            given.snapshots), np.random.default_rng(scene.seed)))
     except InputError as error:
         return str(error)
     try:
         run(scene, given, stepper)
     except SolveFailed as failure:
-        foretold = judge(stepper, scene.integrator, scene.time.step, step_count(scene),
+        precheck_memory = judge(stepper, scene.integrator, scene.time.step, step_count(scene),
                          given.start, Reference(given.model))
-        if failure.status is not Status.DIVERGED or foretold.stable:
+        if failure.status is not Status.DIVERGED or precheck_memory.stable:
             raise
-        return foretold.in_words()
+        return precheck_memory.in_words()
     return ""
 
 
@@ -142,6 +143,7 @@ def pairs() -> list[Any]:
             for slow in [(solver, integrator) != ("greedy_gauss_newton", "bdf1")]]
 
 
+@pytest.mark.end_to_end
 @pytest.mark.parametrize(("solver", "integrator"), pairs())
 def test_all_combinations(solver: str, integrator: str) -> None:
     unknown = []

@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sparsemor.core.charts import FORMATS, write_run_charts
-from sparsemor.core.charts.fields import magnification
-from sparsemor.core.compare import Comparison, compare
-from sparsemor.core.error_measures import common_steps, measure_errors
+from sparsemor.core.analysis.charts import FORMATS, write_run_charts
+from sparsemor.core.analysis.charts.fields import magnification
+from sparsemor.core.analysis.compare import Comparison, compare
 from sparsemor.core.errors import InputError
-from sparsemor.core.layout import Block, Layout
 from sparsemor.core.protocols import Dictionary
-from sparsemor.core.results import RunResult, open_result
+from sparsemor.core.protocols.layout import Block, Layout
+from sparsemor.core.results.error_norms import common_steps, measure_errors
+from sparsemor.core.results.run_result import RunResult, open_result
 from sparsemor.core.status import Status
 from written_runs import (
     ALL,
@@ -48,8 +48,8 @@ def test_known_errors(tmp_path: Path) -> None:
     assert e.worst["thermal"] == pytest.approx(4.0 / 160.0, rel=1e-10)
     assert e.worst_late["thermal"] == 0.0
     q = np.delete(motion(ALL, TIMES)[10], np.r_[layout["pin.multiplier"]])
-    assert e.worst["joint"] == pytest.approx(4.0 / np.linalg.norm(q), rel=1e-10)
-    assert np.flatnonzero(e.series["joint"]).tolist() == [4, 10, 20, 30]
+    assert e.worst["combined"] == pytest.approx(4.0 / np.linalg.norm(q), rel=1e-10)
+    assert np.flatnonzero(e.series["combined"]).tolist() == [4, 10, 20, 30]
     assert e.until == 1.0
 
 
@@ -69,7 +69,7 @@ def test_start_up_is_told_from_the_rest(tmp_path: Path) -> None:
     assert e.steady["arm.elastic"] == pytest.approx(2e-5 / whole, rel=1e-9)
     assert e.start_up_present["arm.elastic"] == pytest.approx(5e-5 / (0.02 * whole), rel=1e-9)
     assert e.steady_present["elastic"] == pytest.approx(1e-5 / (0.03 * whole), rel=1e-9)
-    assert e.start_up_present["joint"] == e.start_up["joint"] == e.series["joint"][2]
+    assert e.start_up_present["combined"] == e.start_up["combined"] == e.series["combined"][2]
     assert e.start_up["thermal"] == e.steady_present["thermal"] == 0.0
     early = measure_errors(write_run(tmp_path / "c", blocks, reference, times),
                            write_run(tmp_path / "d", blocks, x[:3], times[:3]))
@@ -87,7 +87,7 @@ def test_vanishing_references_give_numbers(tmp_path: Path) -> None:
     run = write_run(tmp_path / "b", blocks, moved, t)
     assert measure_errors(zero, zero).worst["rigid"] == 0.0
     assert measure_errors(zero, run).worst["rigid"] == 0.5  # absolute: nothing to divide by
-    assert measure_errors(zero, run).worst["joint"] == 0.0  # every time is left out
+    assert measure_errors(zero, run).worst["combined"] == 0.0  # every time is left out
     resting = write_run(tmp_path / "c", blocks, still + [3.0, 4.0, 0.0], t)
     assert measure_errors(resting, write_run(
         tmp_path / "d", blocks, moved + [3.0, 4.0, 0.0], t)).worst["rigid"] == pytest.approx(0.1)
@@ -99,7 +99,7 @@ def test_huge_values_of_a_diverged_run_stay_finite(tmp_path: Path) -> None:
     run = write_run(tmp_path / "b", x=x, times=TIMES[:11], status=Status.DIVERGED)
     e = measure_errors(write_run(tmp_path / "a"), run)
     assert all(np.isfinite(v) for v in e.worst.values())
-    assert e.worst["joint"] > 1e240 and e.until == 0.25
+    assert e.worst["combined"] > 1e240 and e.until == 0.25
 
 
 def test_common_times() -> None:
@@ -149,13 +149,14 @@ def test_table_and_json(comparison: Comparison) -> None:
     assert data["runs"]["deim"]["status"] == "diverged" and data["runs"]["untf"]["rows"] == 5
     assert data["runs"]["untf"]["errors"] == comparison.errors["untf"]
     at = next(i for i, line in enumerate(lines) if line.startswith("first 2% / rest"))
-    assert lines[at].split()[4:] == ["joint", "arm.rigid", "arm.elastic", "arm.thermal"]
+    assert lines[at].split()[4:] == ["combined", "arm.rigid", "arm.elastic", "arm.thermal"]
     assert lines[at + 2].split()[:4] == ["untf", "-", "/", "1.0e-06"]  # steps of 2.5 %
     assert "start-up until 0.02 s" in lines[at + 4]
     steady = data["runs"]["untf"]["steady"]["arm.elastic"]
     assert steady == comparison.measured["untf"].steady["arm.elastic"] > 0.0
 
 
+@pytest.mark.full
 def test_written_tables_and_pictures(comparison: Comparison, tmp_path: Path) -> None:
     files = comparison.write(tmp_path)
     names = {"deformation", "temperature", "angles", "error_over_time", "work_precision",
@@ -164,9 +165,9 @@ def test_written_tables_and_pictures(comparison: Comparison, tmp_path: Path) -> 
         "errors.csv", "start_up.csv", "error_over_time.csv"}
     with (tmp_path / "errors.csv").open(encoding="utf-8") as text:
         rows = {r["run"]: r for r in csv.DictReader(text)}
-    assert float(rows["untf"]["joint"]) == comparison.errors["untf"]["joint"]
+    assert float(rows["untf"]["combined"]) == comparison.errors["untf"]["combined"]
     assert comparison.name == "full"
-    assert (rows["full"]["joint"], rows["deim"]["status"]) == ("", "diverged")
+    assert (rows["full"]["combined"], rows["deim"]["status"]) == ("", "diverged")
     assert float(rows["untf"]["offline_s"]) == 2.5
     with (tmp_path / "error_over_time.csv").open(encoding="utf-8") as text:
         series = list(csv.DictReader(text))
@@ -175,7 +176,7 @@ def test_written_tables_and_pictures(comparison: Comparison, tmp_path: Path) -> 
     assert float(series[40]["arm.elastic_present"]) == own[40]
     with (tmp_path / "start_up.csv").open(encoding="utf-8") as text:
         phases = {(r["run"], r["measure"]): r for r in csv.DictReader(text)}
-    assert float(phases["deim", "joint"]["steady_present"]) == pytest.approx(0.01)
+    assert float(phases["deim", "combined"]["steady_present"]) == pytest.approx(0.01)
     assert phases["deim", "angle_rad"]["steady_present"] == ""
     for name in names:
         assert_not_blank(tmp_path / f"{name}.png")
@@ -207,7 +208,7 @@ def test_offline_cost_pays_after_so_many_runs(
     runs = json.loads(made.to_json())["runs"]
     assert runs["cached"]["pays_after"] == 3 and runs["full"]["pays_after"] is None
     assert (runs["cached"]["offline_seconds"], runs["cached"]["offline_whole_seconds"]) == (.1, 1.7)
-    monkeypatch.setattr("sparsemor.core.charts.write_charts", lambda *_: [])
+    monkeypatch.setattr("sparsemor.core.analysis.charts.write_charts", lambda *_: [])
     made.write(tmp_path / "out")
     with (tmp_path / "out" / "errors.csv").open(encoding="utf-8") as text:
         rows = {r["run"]: r for r in csv.DictReader(text)}
@@ -223,6 +224,7 @@ def assert_not_blank(picture: Path) -> None:
     assert 0.005 < inked.mean() < 0.6 and len(np.unique(pixels @ [1.0, 300.0, 9e4])) > 20
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(("blocks", "expected"), [
     ((RIGID, PIN), {"angles"}),
     ((RIGID, ELASTIC), {"angles", "deformation"}),

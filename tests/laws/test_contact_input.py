@@ -5,12 +5,12 @@ from typing import Any
 
 import pytest
 
-from sparsemor.core.cache import Cache
-from sparsemor.core.checks import checked_model
 from sparsemor.core.errors import InputError
-from sparsemor.core.simulate import simulate
+from sparsemor.core.simulation.cache import Cache
+from sparsemor.core.simulation.simulate import simulate
+from sparsemor.core.simulation.validation import checked_model
 from sparsemor.core.status import SolveFailed, Status
-from sparsemor.core.testing.run import scene_of
+from sparsemor.core.testing.in_memory_run import scene_of
 
 NORMAL = {"use": "elastic_foundation", "stiffness": 1e9}
 COULOMB = {"use": "coulomb", "coefficient": 0.3, "critical_velocity": 0.01}
@@ -52,7 +52,7 @@ def refused(given: dict[str, Any]) -> str:
     ({"between": ["block:bottom_left", "base:top"]},
      "contacts.sole.between.0: none of the body's boundary edges"),
     ({"normal": NORMAL | {"stiffness": -1e9}},
-     "contacts.sole.normal.stiffness: Input should be greater than 0 (given: -1000000000.0)"),
+     "contacts.sole.normal.stiffness: Input should be greater than 0 (got -1000000000.0)"),
     ({"normal": NORMAL | {"damping": 1e3}},
      "contacts.sole.normal.damping_depth: missing: damping that sets in at once"),
     ({"friction": {"use": "coulomb", "coefficient": 0.3}},
@@ -138,6 +138,7 @@ def test_bodies_in_space_that_overlap_at_the_start_are_refused(height: float) ->
     checked_model(scene_of(given | {"bodies": touching}))
 
 
+@pytest.mark.full
 def test_surfaces_that_never_meet_are_told_at_the_end(tmp_path: Path) -> None:
     apart = tree(block={"pose": {"position": [0.0, 0.05]}})
     result = simulate(scene_of(apart), out=tmp_path / "apart", cache=Cache(tmp_path))

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from sparsemor import simulate
-from sparsemor.core.cache import Cache
-from sparsemor.core.hooks import new_manager
-from sparsemor.core.prepared import prepared
-from sparsemor.core.testing.run import scene_of
+from sparsemor.core.registry.hooks import new_manager
+from sparsemor.core.simulation.cache import Cache
+from sparsemor.core.simulation.prepare import prepared
+from sparsemor.core.testing.in_memory_run import scene_of
 
 FEET = '''
 """Feet on springs: a set of points of one body, held at a height by springs on its frame."""
@@ -19,8 +19,8 @@ from typing import Any, Literal
 import numpy as np
 from scipy.sparse import csr_array
 
-from sparsemor.core.plugin import Plugin
-from sparsemor.core.stage import SurfaceLoads
+from sparsemor.core.registry.plugin import Plugin
+from sparsemor.core.protocols.prescribed_motion import SurfaceLoads
 
 
 @dataclass(frozen=True)
@@ -75,9 +75,9 @@ class Feet:
     def blocks(self):
         return ()
 
-    def terms(self, layout, parts):
-        at = layout[f"{self.body.name}.rigid"].start + 1
-        return [Spring(np.array([at]), self.k, self.level)]
+    def contribute(self, equations):
+        block = f"{self.body.name}.rigid"
+        equations.local([block], Spring(equations.numbers(block)[1:2], self.k, self.level))
 
     def imported(self, motion):
         pose = motion[self.body.name].pose
@@ -149,6 +149,7 @@ def test_the_stage_moves_by_the_term_and_the_fields_take_what_is_imported(scene,
     assert abs(stored - 2.0 * 0.1) < 1e-9
 
 
+@pytest.mark.full
 def test_the_fields_answer_the_difference_between_springs_and_weight(scene, tmp_path):
     """Free fall without springs: no load, no deformation. On springs at rest: the static answer."""
     falling = simulate(scene.using({"contacts.feet.stiffness": 0.0}), cache=Cache(tmp_path))

@@ -10,14 +10,15 @@ import numpy as np
 import pytest
 from scipy.sparse import issparse
 
-from sparsemor.core.assemble import assemble
-from sparsemor.core.initial import consistent_state
-from sparsemor.core.model import Model
-from sparsemor.core.offline import Offline
-from sparsemor.core.scene import Scene, load
-from sparsemor.core.testing.run import march
-from sparsemor.reducers.sparse_stepper import SparseStepper
-from sparsemor.reducers.stepper import Stepper
+from sparsemor.core import ReducedProblem
+from sparsemor.core.model.assembly import assemble
+from sparsemor.core.model.initial_state import consistent_state
+from sparsemor.core.model.model import Model
+from sparsemor.core.scene.scene import Scene, load
+from sparsemor.core.simulation.offline import Offline
+from sparsemor.core.testing.in_memory_run import march
+from sparsemor.reducers.sparse.stepper import SparseStepper
+from sparsemor.reducers.step.solver import Stepper
 
 OFFLINE = {"dictionaries", "rows", "separated", "model", "body", "dictionary"}
 """What a solver keeps for decoding, and for preparing supports where there are local terms."""
@@ -53,9 +54,9 @@ class Run:
     def __init__(self, elements: int, reducer: str) -> None:
         scene, self.model, snapshots = trained(elements)
         self.scene = scene.using({"reducer": REDUCERS[reducer]})
-        self.solver = self.scene.reducer.prepare(
-            self.model, self.scene.integrator, self.scene.time.step,
-            Offline.of(self.model, snapshots), np.random.default_rng(0))
+        self.solver = self.scene.reducer.prepare(ReducedProblem(
+            self.model, self.scene.integrator, self.scene.time.step, Offline.of(self.model,
+            snapshots), np.random.default_rng(0)))
         state, self.memory = self.solver.start(consistent_state(self.model))
         self.state = self.scene.integrator.start(self.solver.layout, state)
 
@@ -109,6 +110,7 @@ def shapes(run: Run) -> list[tuple[str, tuple[int, ...]]]:
                   for where, a in arrays(reached))
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("reducer", ["galerkin", "deim", "lspg", "gnat", "sparse"])
 def test_arrays_of_a_step_do_not_grow_with_the_mesh(reducer: str) -> None:
     found = []
@@ -121,6 +123,7 @@ def test_arrays_of_a_step_do_not_grow_with_the_mesh(reducer: str) -> None:
     assert max(max(shape, default=0) for _, shape in found[0]) < 200
 
 
+@pytest.mark.full
 def test_arrays_of_a_step_that_selects_do_not_grow_with_the_mesh() -> None:
     """Which atoms are chosen may differ between meshes, how large an array can be may not."""
     largest = []
@@ -139,8 +142,9 @@ def test_arrays_of_a_step_that_selects_do_not_grow_with_the_mesh() -> None:
 def test_the_walk_sees_the_arrays_of_a_full_order_step() -> None:
     """The check of the check: the factors' right-hand sides are of the mesh's size."""
     scene, model, _ = trained(COARSE)
-    solver = scene.reducer.prepare(
-        model, scene.integrator, scene.time.step, Offline.of(model, {}), np.random.default_rng(0))
+    solver = scene.reducer.prepare(ReducedProblem(
+        model, scene.integrator, scene.time.step, Offline.of(model, {}),
+        np.random.default_rng(0)))
     assert max(max(a.shape) for _, a in arrays(solver) if a.ndim) >= 1467
 
 
@@ -149,10 +153,10 @@ def test_a_step_never_reads_the_full_operators(reducer: str) -> None:
     """They are taken away after `prepare`: the run goes on with the same numbers."""
     want = Run(COARSE, reducer).step(8)
     run = Run(COARSE, reducer)
-    np.testing.assert_array_equal(run.step(8, bare(run.solver)), want)
+    np.testing.assert_array_equal(run.step(8, rigid_copy(run.solver)), want)
 
 
-def bare(solver: Any) -> Any:
+def rigid_copy(solver: Any) -> Any:
     """The same solver without matrices, dictionaries and rows."""
     if isinstance(solver, SparseStepper):
         nothing: Any = None
@@ -161,7 +165,7 @@ def bare(solver: Any) -> Any:
                 for n, h in solver.heat.items()}
         elastic = {n: replace(e, block=replace(e.block, dictionary=nothing))
                    for n, e in solver.elastic.items()}
-        return replace(solver, base=bare(solver.base), heat=heat, elastic=elastic)
+        return replace(solver, base=rigid_copy(solver.base), heat=heat, elastic=elastic)
     assert isinstance(solver, Stepper)
     s = solver.separated
     return replace(solver, dictionaries={}, rows={}, separated=replace(

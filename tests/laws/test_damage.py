@@ -12,11 +12,11 @@ import xarray as xr
 from typer.testing import CliRunner
 
 from sparsemor import InputError, load, open_result, simulate
-from sparsemor.core import zarr_files
-from sparsemor.core.cache import Cache
 from sparsemor.core.cli import app
 from sparsemor.core.errors import Damaged
-from sparsemor.core.results import RunResult
+from sparsemor.core.results import zarr_files
+from sparsemor.core.results.run_result import RunResult
+from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.status import Status
 
 TINY = Path(__file__).parents[1] / "scenes" / "tiny.yaml"
@@ -76,6 +76,7 @@ def damage(file: Path, rng: np.random.Generator) -> str:
     return kind
 
 
+@pytest.mark.full
 def test_damaged_results_are_named_or_harmless(result: Path) -> None:
     rng, reference = np.random.default_rng(14), everything(open_result(result))
     files = sorted(p for p in (result / "result.zarr").rglob("*") if p.is_file())
@@ -98,6 +99,7 @@ def test_damaged_results_are_named_or_harmless(result: Path) -> None:
     assert same(everything(open_result(result)), reference)
 
 
+@pytest.mark.full
 def test_damaged_cache_entries_are_made_again(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -154,6 +156,7 @@ def test_other_zarr_readers_see_the_checksums(result: Path) -> None:
         data["bar.thermal.coefficients"].to_numpy()
 
 
+@pytest.mark.full
 def test_a_damaged_result_is_bad_input_of_commands(result: Path, tmp_path: Path) -> None:
     group = result / "result.zarr" / "zarr.json"
     text = group.read_text(encoding="utf-8")

@@ -7,17 +7,17 @@ import pytest
 from pydantic import ValidationError
 
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.assemble import assemble
-from sparsemor.core.offline import Offline, largest_coefficient
-from sparsemor.core.plugin import Plugin
+from sparsemor.core.model.assembly import assemble
 from sparsemor.core.protocols import BlockData, Dictionary
-from sparsemor.core.scene import load
+from sparsemor.core.registry.plugin import Plugin
+from sparsemor.core.scene.scene import load
+from sparsemor.core.simulation.offline import Offline, largest_coefficient
 from sparsemor.core.testing import check_basis
-from sparsemor.core.testing.data import random_block, random_dictionary
-from sparsemor.plugins.bases.dictionary import Overcomplete
+from sparsemor.core.testing.random_inputs import DISPLACEMENTS, random_block, random_dictionary
 from sparsemor.plugins.bases.modal import Modal
 from sparsemor.plugins.bases.pod import Pod
 from sparsemor.plugins.bases.static import Static
+from sparsemor.plugins.bases.union import Overcomplete
 
 
 class Given(Plugin):
@@ -39,7 +39,7 @@ class Given(Plugin):
 
 
 def block(n: int = 4) -> BlockData:
-    data = random_block(np.random.default_rng(0), "body.elastic")
+    data = random_block(np.random.default_rng(0), DISPLACEMENTS)
     return replace(data, coordinates=np.zeros((n, 1)))
 
 
@@ -69,7 +69,7 @@ def test_laws_with_every_option(basis: Overcomplete) -> None:
 @pytest.mark.parametrize("centred", [False, True])
 def test_what_each_basis_holds_the_dictionary_holds(centred: bool, orthonormal: bool) -> None:
     rng = np.random.default_rng(3)
-    data = random_block(rng, "body.elastic")
+    data = random_block(rng, DISPLACEMENTS)
     bases = [Pod(count=4, centred=centred), Modal(count=5), Static()]
     whole = Overcomplete(bases=bases, orthonormal=orthonormal).build(data)
     for basis in bases:

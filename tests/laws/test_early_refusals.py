@@ -5,11 +5,11 @@ from typing import Any
 
 import pytest
 
-from sparsemor.core.checks import checked_model
 from sparsemor.core.errors import InputError
-from sparsemor.core.hooks import hookimpl
-from sparsemor.core.scene import load
-from sparsemor.core.simulate import simulate
+from sparsemor.core.registry.hooks import hookimpl
+from sparsemor.core.scene.scene import load
+from sparsemor.core.simulation.simulate import simulate
+from sparsemor.core.simulation.validation import checked_model
 
 TINY = Path(__file__).parents[1] / "scenes" / "tiny.yaml"
 SPARSE = {"use": "sparse", "budgets": {"*": {"rows": 14, "atoms": 3}}}
@@ -19,10 +19,10 @@ CASES: dict[str, tuple[dict[str, Any], str, str]] = {
         "time.control", "the rows of this reducer change with the steps"),
     "more windows than snapshots": (
         {"reducer": {"use": "galerkin", "basis": {"use": "pod", "windows": 9}}},
-        "reducer.basis", "9 windows were asked of 5 snapshots of bar.elastic"),
+        "reducer.basis", "9 windows were requested of 5 snapshots of bar.elastic"),
     "windows of every second step": (
         {"reducer": {"use": "galerkin", "basis": {"use": "pod", "windows": 4}},
-         "training.every": 2}, "reducer.basis", "4 windows were asked of 3 snapshots"),
+         "training.every": 2}, "reducer.basis", "4 windows were requested of 3 snapshots"),
     "no interface": (
         {"reducer": {"use": "galerkin", "bases": {"*.thermal": "craig_bampton"}}},
         "reducer.basis", "craig_bampton: no joint acts on the unknowns of bar.thermal"),

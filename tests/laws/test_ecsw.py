@@ -2,22 +2,19 @@
 
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from small_scenes import coarse_pendulum, everything
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.checks import checked_model
 from sparsemor.core.errors import InputError
-from sparsemor.core.scene import Scene, load
-from sparsemor.core.testing.run import March, march, scene_of
-from sparsemor.reducers.ecsw import Ecsw
+from sparsemor.core.scene.scene import Scene, load
+from sparsemor.core.simulation.validation import checked_model
+from sparsemor.core.testing.in_memory_run import March, march, scene_of
+from sparsemor.reducers.projection.ecsw.reducer import Ecsw
 
-EVERYTHING = load(Path(__file__).parents[1] / "scenes" / "everything.yaml")
-PENDULUM = load("double_pendulum", {
-    "time.end": 0.1, "bodies.link1.mesh.elements": 320, "bodies.link2.mesh.elements": 320})
 BASES = {"basis": {"use": "pod", "count": 16}, "bases": {"*.thermal": {"use": "pod", "count": 12}}}
 
 
@@ -27,7 +24,7 @@ RULES: dict[str, Any] = {
 
 @cache
 def full(integrator: str) -> March:
-    return march(PENDULUM.using({"reducer": "full", "integrator": RULES[integrator]}))
+    return march(coarse_pendulum().using({"reducer": "full", "integrator": RULES[integrator]}))
 
 
 def unknowns(run: March, name: str) -> FloatArray:
@@ -54,7 +51,7 @@ def repeated(reference: March, scene: Scene, **options: Any) -> March:
 
 @cache
 def default() -> March:
-    return repeated(full("bdf1"), PENDULUM)
+    return repeated(full("bdf1"), coarse_pendulum())
 
 
 def test_the_pendulum_is_repeated_with_a_fraction_of_its_elements() -> None:
@@ -70,7 +67,7 @@ def test_the_pendulum_is_repeated_with_a_fraction_of_its_elements() -> None:
 
 def test_a_smaller_tolerance_keeps_more_elements_and_is_more_accurate() -> None:
     reference = full("bdf1")
-    rough, fine = repeated(reference, PENDULUM, tau=1e-3), default()
+    rough, fine = repeated(reference, coarse_pendulum(), tau=1e-3), default()
     for name, fact in rough.solver.facts.items():
         assert int(fact["elements_kept"]) < int(fine.solver.facts[name]["elements_kept"])
     elastic = [max(e for n, e in errors(r, reference).items() if n.endswith("elastic"))
@@ -78,21 +75,23 @@ def test_a_smaller_tolerance_keeps_more_elements_and_is_more_accurate() -> None:
     assert elastic[1] < 0.1 * elastic[0]
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("rule,bound", [("bdf2", 2e-4), ("undamped", 2e-3)])
 def test_second_order_rules_too(rule: str, bound: float) -> None:
     """Sampled rows are unstable under the undamped one; symmetric weighted operators are not.
     16 modes carry the start of a second-order run to these bounds."""
-    scene = PENDULUM.using({"integrator": RULES[rule]})
+    scene = coarse_pendulum().using({"integrator": RULES[rule]})
     reference = full(rule)
     assert max(errors(repeated(reference, scene), reference).values()) < bound
 
 
+@pytest.mark.full
 def test_everything_is_projected_as_galerkin_does() -> None:
     """Joints, films, given temperatures, radiation, fixed frames: only elements are left out."""
-    reference = march(EVERYTHING)
+    reference = march(everything())
     snapshots = {n: reference.block(n).T for n in reference.model.reducible()}
     basis = {"basis": {"use": "pod", "count": 10}}
-    runs = [march(EVERYTHING.using({"reducer": {"use": use, **basis}}), snapshots=snapshots)
+    runs = [march(everything().using({"reducer": {"use": use, **basis}}), snapshots=snapshots)
             for use in ("galerkin", "ecsw")]
     for name in snapshots:
         one, other = (unknowns(r, name) for r in runs)
@@ -114,6 +113,7 @@ def radiating(divisions: list[int]) -> Scene:
         "time": {"end": 100.0, "step": 2.0}})
 
 
+@pytest.mark.full
 def test_few_facets_radiate_for_all_and_no_more_on_a_finer_mesh() -> None:
     """The counting law: galerkin visits every facet in a step, ecsw a number that the mesh does not
     change. Nor does it change how many elements carry the heat."""
@@ -155,14 +155,14 @@ class Plain:
 
 
 def test_bodies_and_terms_that_offer_no_elements_are_refused_in_words() -> None:
-    model = checked_model(EVERYTHING)
+    model = checked_model(everything())
     assert not Ecsw().check(model)
     s = model.separated
-    bare = replace(s, heat=(
+    rigid_copy = replace(s, heat=(
         replace(s.heat[0], integrals=None), replace(s.heat[1], local=(Plain(),)), *s.heat[2:]),
         moving=tuple(m if m.operators is None else replace(
             m, operators=replace(m.operators, integrals=None)) for m in s.moving))
-    faults = Ecsw().check(replace(model, separated=bare))
+    faults = Ecsw().check(replace(model, separated=rigid_copy))
     words = [f.message for f in faults]
     assert len(words) == 5
     assert "body plate does not offer for its heat" in words[0]
@@ -173,7 +173,7 @@ def test_bodies_and_terms_that_offer_no_elements_are_refused_in_words() -> None:
 @pytest.mark.parametrize("tau", [0.0, 1e-9, 1.0])
 def test_a_tolerance_that_makes_no_sense_is_refused(tau: float) -> None:
     with pytest.raises(InputError, match="tau"):
-        PENDULUM.using({"reducer": {"use": "ecsw", "tau": tau}})
+        coarse_pendulum().using({"reducer": {"use": "ecsw", "tau": tau}})
 
 
 def largest(values: FloatArray) -> float:

@@ -5,9 +5,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sparsemor.reducers import element_equations, element_weights
-from sparsemor.reducers.element_equations import Equations, Rows
-from sparsemor.reducers.element_weights import train
+from sparsemor.reducers.projection.ecsw import training as element_weights
+from sparsemor.reducers.projection.ecsw import training_matrix as element_equations
+from sparsemor.reducers.projection.ecsw.training import train
+from sparsemor.reducers.projection.ecsw.training_matrix import Equations, Rows
 
 
 def positive(seed: int, shape: tuple[int, int] = (12, 90)) -> np.ndarray[Any, Any]:

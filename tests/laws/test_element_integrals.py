@@ -1,23 +1,20 @@
 """Integrals element by element: they add up to the operators, and weights keep these symmetric."""
 
-from pathlib import Path
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
 
-from sparsemor.core.assemble import assemble
-from sparsemor.core.integrals import WeighedTerm
-from sparsemor.core.scene import Scene, load
-
-EVERYTHING = load(Path(__file__).parents[1] / "scenes" / "everything.yaml")
-PENDULUM = load("double_pendulum", {
-    "time.end": 0.1, "bodies.link1.mesh.elements": 320, "bodies.link2.mesh.elements": 320})
+from small_scenes import coarse_pendulum, everything
+from sparsemor.core.model.assembly import assemble
+from sparsemor.core.protocols.element_integrals import WeighsElements
+from sparsemor.core.scene.scene import Scene
 
 
-@pytest.mark.parametrize("scene", [EVERYTHING, PENDULUM], ids=["everything", "pendulum"])
-def test_element_integrals_sum_up_to_the_operators(scene: Scene) -> None:
-    model = assemble(scene)
+@pytest.mark.parametrize("scene", [everything, coarse_pendulum])
+def test_element_integrals_sum_up_to_the_operators(scene: Callable[[], Scene]) -> None:
+    model = assemble(scene())
     seen = 0
     for m in model.separated.moving:
         if m.operators is None or m.operators.integrals is None:
@@ -41,7 +38,7 @@ def test_element_integrals_sum_up_to_the_operators(scene: Scene) -> None:
         rest = abs(b.conductivity - h.conductivity.weighted(one)).toarray()
         assert (rest.max(axis=1) > 1e-9 * abs(b.conductivity).max()).sum() <= len(rest) / 2
         seen += 1
-    assert seen == (7 if scene is EVERYTHING else 4)
+    assert seen == (7 if scene is everything else 4)
 
 
 def close(one: Any, other: Any) -> None:
@@ -52,7 +49,7 @@ def close(one: Any, other: Any) -> None:
 @pytest.mark.parametrize("seed", range(6))
 def test_projected_integrals_are_those_of_the_weighted_matrix(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    body = assemble(EVERYTHING).separated.moving[0]
+    body = assemble(everything()).separated.moving[0]
     assert body.operators is not None and body.operators.integrals is not None
     g = body.operators.integrals().coupling
     assert g is not None
@@ -65,7 +62,7 @@ def test_projected_integrals_are_those_of_the_weighted_matrix(seed: int) -> None
 @pytest.mark.parametrize("seed", range(8))
 def test_weighted_stiffness_is_symmetric_and_positive_semidefinite(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    model = assemble(EVERYTHING)
+    model = assemble(everything())
     g = [m.operators.integrals().stiffness for m in model.separated.moving
          if m.operators is not None and m.operators.integrals is not None]
     for b in model.separated.heat:
@@ -82,11 +79,11 @@ def test_weighted_stiffness_is_symmetric_and_positive_semidefinite(seed: int) ->
 @pytest.mark.parametrize("seed", range(6))
 def test_contributions_of_radiation_add_up_and_weights_scale_them(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    model = assemble(EVERYTHING)
+    model = assemble(everything())
     terms = [t for b in model.separated.heat for t in b.local]
     assert len(terms) == 4
     for term in terms:
-        assert isinstance(term, WeighedTerm)
+        assert isinstance(term, WeighsElements)
         n, m = len(term.columns), len(term.rows)
         left, x, t = rng.standard_normal((3, m)), 300 + 200 * rng.random((n, 4)), rng.random(4)
         zero = np.zeros(n)

@@ -9,15 +9,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sparsemor.core.charts.error_over_time import error_over_time_figure
-from sparsemor.core.charts.work_precision import WorkPoint, work_precision_figure
-from sparsemor.core.compare import Comparison, compare
-from sparsemor.core.error_measures import LIMIT, measure_errors
+from sparsemor.bodies.terms.field_kinds import BODY_KINDS
+from sparsemor.core.analysis.charts.error_over_time import error_over_time_figure
+from sparsemor.core.analysis.charts.work_precision import WorkPoint, work_precision_figure
+from sparsemor.core.analysis.compare import Comparison, compare
+from sparsemor.core.analysis.study.metrics import measured
+from sparsemor.core.analysis.study.plan import Plan
+from sparsemor.core.analysis.study.report import counted, in_words
+from sparsemor.core.results.error_norms import LIMIT, measure_errors
+from sparsemor.core.results.tables import marked, text_table
 from sparsemor.core.status import Status
-from sparsemor.core.study.measure import measured
-from sparsemor.core.study.plan import Plan
-from sparsemor.core.study.report import counted, in_words
-from sparsemor.core.text_table import marked, text_table
 from toy_scene import TOY_SCENE
 from toy_study import HEAD, planned
 from written_runs import ALL, motion, write_run
@@ -47,7 +48,7 @@ def test_what_is_above_the_limit_is_marked(
     assert sum("5.0e-01!" in line for line in lines) == 1  # start-up and rest
     told = json.loads(made.to_json())["runs"]
     assert list(told["wrong"]["above_limit"]) == ["elastic"] and not told["right"]["above_limit"]
-    monkeypatch.setattr("sparsemor.core.charts.write_charts", lambda *_: [])
+    monkeypatch.setattr("sparsemor.core.analysis.charts.write_charts", lambda *_: [])
     made.write(tmp_path / "out")
     with (tmp_path / "out" / "errors.csv").open(encoding="utf-8") as text:
         rows = {r["run"]: r for r in csv.DictReader(text)}
@@ -69,14 +70,14 @@ def test_a_mark_does_not_move_the_digits() -> None:
 def test_charts_show_the_limit(tmp_path: Path) -> None:
     made = runs(tmp_path)
     statuses = dict.fromkeys(made.runs, Status.DONE)
-    over_time = error_over_time_figure(made.measured, statuses)
-    high = error_over_time_figure(made.measured, statuses, 1.0)
+    over_time = error_over_time_figure(made.measured, statuses, BODY_KINDS)
+    high = error_over_time_figure(made.measured, statuses, BODY_KINDS, 1.0)
     assert over_time is not None and high is not None
     assert [t.get_text() for axes in over_time.axes for t in axes.texts] == ["limit 0.1"]
     assert not any(axes.texts for axes in high.axes)
     points = [WorkPoint(name, "", ms, None, {"elastic": e, "thermal": 1e-9}, Status.DONE)
               for name, ms, e in (("wrong", 1.0, 0.5), ("right", 2.0, 1e-6))]
-    figure = work_precision_figure(points, None)
+    figure = work_precision_figure(points, None, BODY_KINDS)
     assert figure is not None
     crossed = [tuple(line.get_xydata()[0]) for axes in figure.axes for line in axes.lines
                if line.get_marker() == "x"]
@@ -105,11 +106,11 @@ def test_a_field_that_changes_by_round_off_is_constant(
     (row,) = [t for t in str(made).splitlines() if t.startswith("run  ") and "done" in t]
     assert "constant" in row
     assert str(made).count("constant") == 2  # by field, and in the table by block
-    figure = error_over_time_figure(made.measured, {"run": Status.DONE})
+    figure = error_over_time_figure(made.measured, {"run": Status.DONE}, BODY_KINDS)
     assert figure is None or "temperature" not in [a.get_title(loc="left") for a in figure.axes]
     columns = measured(made.runs["run"], made.reference, 0.0, "")
     assert columns["constant"] == "thermal" and columns["error_thermal"] < 1e-12
-    monkeypatch.setattr("sparsemor.core.charts.write_charts", lambda *_: [])
+    monkeypatch.setattr("sparsemor.core.analysis.charts.write_charts", lambda *_: [])
     made.write(tmp_path / "out")
     with (tmp_path / "out" / "errors.csv").open(encoding="utf-8") as text:
         rows = {r["run"]: r for r in csv.DictReader(text)}
@@ -121,7 +122,7 @@ def test_a_run_that_moves_a_constant_field_has_an_error(tmp_path: Path) -> None:
     made = still(tmp_path, 0.2)
     assert measure_errors(made.reference, made.runs["run"]).worst["thermal"] == pytest.approx(0.2)
     assert "constant" not in str(made)
-    assert list(made.above_limit["run"]) == ["joint", "thermal"]
+    assert list(made.above_limit["run"]) == ["combined", "thermal"]
 
 
 @pytest.mark.usefixtures("toys")

@@ -12,9 +12,9 @@ from reduced_runs import learnt
 from sparsemor import SolveFailed, Status, load, simulate
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.protocols import BlockData
-from sparsemor.core.scene import Scene
-from sparsemor.core.testing.data import random_block
-from sparsemor.core.testing.run import march
+from sparsemor.core.scene.scene import Scene
+from sparsemor.core.testing.in_memory_run import march
+from sparsemor.core.testing.random_inputs import TEMPERATURES, random_block
 from sparsemor.plugins.bases.pod import Pod
 
 SCENES = Path(__file__).parents[1] / "scenes"
@@ -58,6 +58,7 @@ def test_a_training_run_heated_so_much(here: Path) -> None:
     assert found.value.status is Status.NOT_FINITE
 
 
+@pytest.mark.full
 def test_a_stiffness_beside_which_mass_is_nothing(here: Path) -> None:
     scene = load(SCENES / "small_brake.yaml", {
         "time.end": 0.001, "reducer": "full", "bodies.disk.material.E": 1e235})
@@ -91,7 +92,7 @@ def test_temperatures_of_any_size_have_the_same_modes(flux: float) -> None:
 @pytest.mark.parametrize("exponent", [-950, -600, -301, 0, 301, 600, 950])
 def test_atoms_do_not_depend_on_the_unit_of_snapshots(exponent: int) -> None:
     rng = np.random.default_rng(2)
-    block: BlockData = random_block(rng, "body.thermal")
+    block: BlockData = random_block(rng, TEMPERATURES)
     A = rng.standard_normal((block.size, 9)) * 0.5 ** np.arange(9)
     for centred in (False, True):
         pod = Pod(count=5, centred=centred)

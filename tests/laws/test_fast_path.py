@@ -1,18 +1,17 @@
 """The bordered step with constant factors gives what a plain Newton gives that knows only terms."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from sparsemor.core.scene import Scene, load
-from sparsemor.core.testing.run import March, march
+from small_scenes import everything
+from sparsemor.core.scene.scene import Scene, load
+from sparsemor.core.testing.in_memory_run import March, march
 from sparsemor.integrators.bdf1 import Bdf1
 from sparsemor.integrators.bdf2 import Bdf2
 from sparsemor.integrators.generalized_alpha import GeneralizedAlpha
 
-EVERYTHING = load(Path(__file__).parents[1] / "scenes" / "everything.yaml")
 INTEGRATORS = {"bdf1": Bdf1(), "bdf2": Bdf2(), "generalized_alpha": GeneralizedAlpha(rho_inf=0.6)}
 
 
@@ -36,26 +35,29 @@ def differences(fast: March, plain: March) -> dict[str, float]:
     return found
 
 
+@pytest.mark.end_to_end
 @pytest.mark.parametrize("integrator", [
     pytest.param(i, marks=[pytest.mark.slow] * (i != "bdf2")) for i in INTEGRATORS])
 def test_a_scene_with_everything(integrator: str) -> None:
     use = {"use": integrator, **INTEGRATORS[integrator].model_dump()}
-    fast, plain = both(EVERYTHING.using({"integrator": use}))
+    fast, plain = both(everything().using({"integrator": use}))
     assert len(fast.t) == 26
     found = differences(fast, plain)
     assert set(found) == {b.name for b in plain.model.layout}
     assert max(found.values()) < 1e-9, found
 
 
+@pytest.mark.full
 def test_rates_and_accelerations_agree_too() -> None:
-    fast, plain = both(EVERYTHING.using({"time.end": 0.003}))
+    fast, plain = both(everything().using({"time.end": 0.003}))
     for one, other, size in ((fast.v, plain.v, 1e-9), (fast.a, plain.a, 1e-7)):
         at = fast.model.layout.second
         assert np.abs(one - other)[:, at].max() < size * np.abs(other[:, at]).max()
 
 
+@pytest.mark.full
 def test_the_plain_newton_factorizes_in_each_iteration_and_the_fast_one_once_a_block() -> None:
-    scene = EVERYTHING.using({"time.end": 0.002})
+    scene = everything().using({"time.end": 0.002})
     fast, plain = both(scene)
     blocks = fast.model.reducible()
     memory = fast.solver.start(fast.end)[1]

@@ -7,18 +7,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from small_scenes import coarse_pendulum, everything
+from sparsemor.core.analysis.compare import compare
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.cache import Cache
-from sparsemor.core.compare import compare
-from sparsemor.core.offline import Offline, Recording
 from sparsemor.core.protocols import Dictionary
-from sparsemor.core.scene import Scene, load
-from sparsemor.core.separable import HeatBody, MovingBody
-from sparsemor.core.simulate import simulate
+from sparsemor.core.protocols.separable import HeatBody, MovingBody
+from sparsemor.core.scene.scene import Scene
+from sparsemor.core.simulation.cache import Cache
+from sparsemor.core.simulation.offline import Offline, Recording
+from sparsemor.core.simulation.simulate import simulate
 from sparsemor.core.status import SolveFailed
-from sparsemor.core.testing.run import March, march, scene_of
-from sparsemor.reducers.deim import Deim
-from sparsemor.reducers.forces import (
+from sparsemor.core.testing.in_memory_run import March, march, scene_of
+from sparsemor.reducers.projection.base import Linear, Reducible, left_inverse
+from sparsemor.reducers.projection.deim import Deim
+from sparsemor.reducers.projection.force_snapshots import (
     differences,
     force_modes,
     force_snapshots,
@@ -26,14 +28,9 @@ from sparsemor.reducers.forces import (
     replayed,
     states,
 )
-from sparsemor.reducers.prepare import constants
-from sparsemor.reducers.projected import Linear, Reducible, left_inverse
-from sparsemor.reducers.test_map import TestMap as Map
+from sparsemor.reducers.step.operators import TestMap as Map
+from sparsemor.reducers.step.prepare import constants
 
-EVERYTHING = load(Path(__file__).parents[1] / "scenes" / "everything.yaml")
-PENDULUM = load("double_pendulum", {
-    "bodies.link1.mesh.elements": 320, "bodies.link2.mesh.elements": 320, "time.end": 0.1,
-    "training.end": 0.1})
 RULES = {"bdf1": {"use": "bdf1"}, "generalized_alpha": {"use": "generalized_alpha", "rho_inf": 0.5}}
 
 
@@ -54,10 +51,11 @@ def block_of(scene: Scene, full: March, name: str) -> Reducible:
                      scene.time.step, np.random.default_rng(0))
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("rule", RULES)
 @pytest.mark.parametrize("name", ["plate.elastic", "plate.thermal", "wall.elastic"])
 def test_rates_are_replayed_from_the_snapshots_alone(rule: str, name: str) -> None:
-    scene = EVERYTHING.using({"integrator": RULES[rule]})
+    scene = everything().using({"integrator": RULES[rule]})
     full = march(scene)
     block = block_of(scene, full, name)
     V, A = replayed(block, full.block(name).T, Recording(scene.integrator, scene.time.step, 1))
@@ -66,10 +64,11 @@ def test_rates_are_replayed_from_the_snapshots_alone(rule: str, name: str) -> No
         np.testing.assert_allclose(found, want, rtol=0, atol=1e-13 * np.abs(want).max())
 
 
+@pytest.mark.full
 def test_force_is_what_the_other_terms_add_up_to() -> None:
     """The full-order residual vanishes, so the rest of each block's rows is minus its force."""
-    full = march(EVERYTHING)
-    block = block_of(EVERYTHING, full, "plate.thermal")
+    full = march(everything())
+    block = block_of(everything(), full, "plate.thermal")
     F, noise = force_snapshots(block)
     body = next(b for b in full.model.separated.heat if b.thermal == "plate.thermal")
     at = full.model.layout["plate.thermal"]
@@ -82,9 +81,10 @@ def test_force_is_what_the_other_terms_add_up_to() -> None:
     assert np.linalg.norm(F[:, j] - rest) < noise < 1e-9 * np.linalg.norm(F, 2)
 
 
+@pytest.mark.full
 def test_what_second_order_training_adds_is_no_state() -> None:
     """`train` appends x + h^2 a of the start for such rules; bdf1 has nothing to leave out."""
-    scene = EVERYTHING.using({"integrator": RULES["generalized_alpha"]})
+    scene = everything().using({"integrator": RULES["generalized_alpha"]})
     full = march(scene)
     block = block_of(scene, full, "bar.elastic")
     at, h = full.model.layout["bar.elastic"], scene.time.step
@@ -93,15 +93,16 @@ def test_what_second_order_training_adds_is_no_state() -> None:
     taken = Recording(scene.integrator, h, 1)
     np.testing.assert_array_equal(states(block, X, taken), X)
     np.testing.assert_array_equal(states(block, added, taken), X)
-    first_order = Recording(EVERYTHING.integrator, h, 1)
+    first_order = Recording(everything().integrator, h, 1)
     np.testing.assert_array_equal(states(block, added, first_order), added)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("rule", RULES)
 @pytest.mark.parametrize("every", [1, 4])
 def test_training_through_the_front_door(rule: str, every: int, tmp_path: Path) -> None:
     """The offline stage knows how snapshots were taken: replayed, or differences of every 4th."""
-    scene = PENDULUM.using({"training.every": every, "integrator": RULES[rule]})
+    scene = coarse_pendulum().using({"training.every": every, "integrator": RULES[rule]})
     cache = Cache(tmp_path)
     run, same = (simulate(scene.using({"reducer": r}), cache=cache) for r in ("deim", "galerkin"))
     found = compare(galerkin=run, reference=same).errors["galerkin"]
@@ -114,10 +115,10 @@ def test_training_through_the_front_door(rule: str, every: int, tmp_path: Path) 
 
 def test_a_constant_flux_is_one_mode_and_no_load_is_none() -> None:
     """Round-off of K T, whose rows cancel, makes no modes."""
-    full = march(PENDULUM.using({"reducer": "full"}))
+    full = march(coarse_pendulum().using({"reducer": "full"}))
     deim = Deim.model_validate({})
     for link in ("link1", "link2"):
-        block = block_of(PENDULUM, full, f"{link}.thermal")
+        block = block_of(coarse_pendulum(), full, f"{link}.thermal")
         assert force_modes(block, deim.force_basis).atoms.shape == (block.size, 1)
     rod = scene_of({
         "bodies": {"rod": {
@@ -137,7 +138,8 @@ def test_a_constant_flux_is_one_mode_and_no_load_is_none() -> None:
 
 def test_rows_are_chosen_from_the_modes() -> None:
     """The sampler is handed the modes, whatever vectors it would look at otherwise."""
-    block = block_of(PENDULUM, march(PENDULUM.using({"reducer": "full"})), "link1.elastic")
+    scene = coarse_pendulum()
+    block = block_of(scene, march(scene.using({"reducer": "full"})), "link1.elastic")
     of = {o: Deim.model_validate({"sampler": {"use": "deim", "of": o}}).maps(block).rows
           for o in ("operator", "atoms")}
     np.testing.assert_array_equal(of["operator"], of["atoms"])
@@ -187,7 +189,7 @@ def test_interpolation_gives_back_every_mode(seed: int, f: int, more: int) -> No
     grown = float(np.linalg.norm(back @ beside[points]))
     assert grown <= amplification * np.linalg.norm(beside) * (1 + 1e-9)
     U[points] = 0.0
-    with pytest.raises(SolveFailed, match="cannot tell its"):
+    with pytest.raises(SolveFailed, match="do not distinguish its"):
         interpolation("b", U, points)
 
 

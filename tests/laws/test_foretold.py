@@ -8,16 +8,15 @@ import pytest
 from typer.testing import CliRunner
 
 from sparsemor import load
-from sparsemor.bodies.fe.volume import capacity
-from sparsemor.bodies.flexible import Flexible
-from sparsemor.core import memory
-from sparsemor.core.checks import checked_model
+from sparsemor.bodies.fem.volume import capacity
+from sparsemor.bodies.flexible import Flexible, body_size
 from sparsemor.core.cli import app
 from sparsemor.core.errors import InputError
-from sparsemor.core.estimate import estimate
-from sparsemor.core.foretold import foretold
-from sparsemor.core.mesh import BodySize
-from sparsemor.core.registry import Registry
+from sparsemor.core.registry.registry import Registry
+from sparsemor.core.simulation.memory import limits as memory
+from sparsemor.core.simulation.memory.estimate import estimate
+from sparsemor.core.simulation.memory.precheck import precheck_memory
+from sparsemor.core.simulation.validation import checked_model
 
 SCENES = Path(__file__).parents[1] / "scenes"
 MESHES: list[dict[str, Any]] = [
@@ -76,7 +75,7 @@ def test_what_cannot_fit_is_refused_before_it_is_meshed(
     ({"use": "galerkin", "basis": {"use": "pod", "count": 3}}, "the operators of disk"),
 ])
 def test_the_counts_that_decide_are_told(reducer: Any, what: str) -> None:
-    told = foretold(load("brake_disk", {"bodies.disk.mesh.refine": 20, "reducer": reducer}))
+    told = precheck_memory(load("brake_disk", {"bodies.disk.mesh.refine": 20, "reducer": reducer}))
     assert told is not None and not told.exact
     assert what in [item.what for item in told.phases[told.largest]]
     assert told.total > 1e11
@@ -85,7 +84,7 @@ def test_the_counts_that_decide_are_told(reducer: Any, what: str) -> None:
 def test_factors_count_where_a_solver_must_have_them() -> None:
     sizes = {}
     for solver in ("splu", "auto", "cg"):
-        told = foretold(load("brake_disk", {
+        told = precheck_memory(load("brake_disk", {
             "bodies.disk.mesh.refine": 6, "reducer": "full", "linear_solver": solver}))
         assert told is not None
         sizes[solver] = told.total - told.base
@@ -94,12 +93,12 @@ def test_factors_count_where_a_solver_must_have_them() -> None:
 
 def test_counts_and_matrices_tell_the_same_start() -> None:
     scene = load(SCENES / "heated_disk.yaml", {"bodies.disk.mesh.refine": 0.5, "reducer": "full"})
-    from sparsemor.core.cache import Cache
-    from sparsemor.core.hooks import new_manager
-    from sparsemor.core.prepared import prepared
+    from sparsemor.core.registry.hooks import new_manager
+    from sparsemor.core.simulation.cache import Cache
+    from sparsemor.core.simulation.prepare import prepared
 
     model, offline = prepared(scene, Cache(), new_manager())
-    early = foretold(scene)
+    early = precheck_memory(scene)
     assert early is not None
     starts = [next(i.size for i in told.phases["steps"] if "at the start" in i.what)
               for told in (early, estimate(scene, model, offline, exact=False))]
@@ -108,11 +107,11 @@ def test_counts_and_matrices_tell_the_same_start() -> None:
 
 def test_bodies_that_do_not_know_their_size_are_left_to_the_later_count() -> None:
     scene = load("double_pendulum", {"bodies.link1.mesh": {"use": "file", "path": "no.msh"}})
-    told = foretold(scene)
+    told = precheck_memory(scene)
     assert told is not None
     assert all("link1" not in i.what for items in told.phases.values() for i in items)
     rigid = load(SCENES.parent.parent / "docs" / "examples" / "rigid_pendulum.yaml")
-    assert foretold(rigid) is None
+    assert precheck_memory(rigid) is None
 
 
 def test_a_wrong_end_of_the_training_is_told_once() -> None:
@@ -124,8 +123,8 @@ def test_a_wrong_end_of_the_training_is_told_once() -> None:
 
 def test_unknowns_of_a_body() -> None:
     mesh = mesh_of({"use": "disk"}).expected()
-    assert BodySize(mesh, True, True).unknowns == {"elastic": 8145, "thermal": 2715}
-    assert BodySize(mesh, False, True).unknowns == {"thermal": 2715}
-    assert BodySize(mesh, False, False).scalar_entries == mesh.pairs
-    assert BodySize(mesh, False, True).elastic_entries == 0
-    assert BodySize(mesh, True, True).elastic_entries == 12 * mesh.pairs
+    assert body_size(mesh, True, True).unknowns == {"elastic": 8145, "thermal": 2715}
+    assert body_size(mesh, False, True).unknowns == {"thermal": 2715}
+    assert body_size(mesh, False, False).scalar_entries == mesh.pairs
+    assert body_size(mesh, False, True).vector_entries == 0
+    assert body_size(mesh, True, True).vector_entries == 12 * mesh.pairs

@@ -1,29 +1,30 @@
 """Items of a spatial frame that are written elsewhere: evaluated everywhere, or refused."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import pytest
 
-from sparsemor.bodies.joints.space import rows_between
+from sparsemor.bodies.frames import nodal
+from sparsemor.bodies.frames.items import BodyForce
+from sparsemor.bodies.frames.many_times import Moved, Pushed
+from sparsemor.bodies.frames.motion import Motion, Sums
+from sparsemor.bodies.joints.conditions import rows_between
 from sparsemor.bodies.joints.space_part import SpaceJoint
 from sparsemor.bodies.loads.part import LoadPart
-from sparsemor.bodies.mesh.block import Block
-from sparsemor.bodies.spatial import nodal
-from sparsemor.bodies.spatial.course import Moved, Pushed
-from sparsemor.bodies.spatial.items import BodyForce
-from sparsemor.bodies.spatial.motion import Motion, Sums
+from sparsemor.bodies.mesh.generators.block import Block
 from sparsemor.bodies.targets import find_target
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.assemble import assemble
 from sparsemor.core.errors import InputError
-from sparsemor.core.layout import Layout
-from sparsemor.core.plugin import Plugin
-from sparsemor.core.protocols import Part, Term
-from sparsemor.core.stage import AtStart, Followed, FrameHistory, Stage
-from sparsemor.core.testing.run import march, scene_of
+from sparsemor.core.model.assembly import assemble
+from sparsemor.core.model.prescribed_motion import AtStart, Followed
+from sparsemor.core.protocols import Part
+from sparsemor.core.protocols.contributions import Equations
+from sparsemor.core.protocols.prescribed_motion import FrameHistory, Stage
+from sparsemor.core.registry.plugin import Plugin
+from sparsemor.core.testing.in_memory_run import march, scene_of
 
 FORCE = np.array([0.0, 50.0, -200.0])
 
@@ -65,13 +66,13 @@ class Push(Plugin):
         body: Any = target.body
         force = np.outer(target.mean(), FORCE)
 
-        def make(layout: Layout) -> Sequence[Term]:
+        def write(equations: Equations) -> None:
             item: Any = BodyForce(FORCE, target.mean() @ np.cross(body.X, FORCE), lambda t: 1.0)
             if self.kind != "own":
                 item = (Delegate if self.kind == "delegate" else Silent)(item)
-            return [body.frame_term(layout, item, nodal.with_torques(force))]
+            body.frame_item(equations, item, nodal.with_torques(force))
 
-        return LoadPart(name, make)
+        return LoadPart(name, write)
 
 
 def bar(kind: str, frame: str) -> dict[str, Any]:

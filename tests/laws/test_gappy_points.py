@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from sparsemor.core.arrays import FloatArray, IntArray
-from sparsemor.plugins.samplers import smallest
-from sparsemor.plugins.samplers.candidates import Rows
+from sparsemor.plugins.samplers import smallest_singular_pair as smallest
 from sparsemor.plugins.samplers.deim import pivots, raise_smallest
-from sparsemor.plugins.samplers.smallest import SMALL, Smallest, largest
+from sparsemor.plugins.samplers.row_pool import Rows
+from sparsemor.plugins.samplers.smallest_singular_pair import SMALL, Smallest, largest
 
 Columns = Callable[[int, int, int], FloatArray]
 

@@ -1,31 +1,38 @@
 """Steps with a term between bodies: full order and reduced models, solved as a whole."""
 
-import pickle
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 from reduced_runs import decoded, learnt
+from small_scenes import SCENES
+from sparsemor.core import ReducedProblem
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.errors import InputError
-from sparsemor.core.initial import consistent_state
-from sparsemor.core.model import Model
-from sparsemor.core.offline import Offline
+from sparsemor.core.model.initial_state import consistent_state
+from sparsemor.core.model.model import Model
 from sparsemor.core.protocols import StepSolver
-from sparsemor.core.scene import load
-from sparsemor.core.stability.differences import step_map
-from sparsemor.core.testing.run import March, march
+from sparsemor.core.results.saved_state import Saved
+from sparsemor.core.scene.scene import Scene, load
+from sparsemor.core.simulation.linearization.differences import step_map
+from sparsemor.core.simulation.offline import Offline
+from sparsemor.core.simulation.time_stepping import FixedStep, accepted_steps, started
+from sparsemor.core.testing.in_memory_run import March, march
 from sparsemor.core.testing.term import check_term
-from sparsemor.reducers.general import GeneralStepper
-from sparsemor.reducers.reduced_general import ReducedGeneral
+from sparsemor.reducers.full.monolithic import GeneralStepper
+from sparsemor.reducers.step.coupled_reduced import ReducedGeneral
 from springs import bars, coupled, with_other
 
-EVERYTHING = load(Path(__file__).parents[1] / "scenes" / "everything.yaml", {"time.end": 0.016})
+pytestmark = pytest.mark.full
+
+
+@cache
+def short() -> Scene:
+    return load(SCENES / "everything.yaml", {"time.end": 0.016})
 
 
 def nowhere() -> IntArray:
@@ -86,7 +93,7 @@ def test_the_springs_are_a_term() -> None:
 
 @cache
 def everything() -> March:
-    return march(EVERYTHING)
+    return march(short())
 
 
 ROWS = {"*.elastic": {"rows": 8}, "*.thermal": {"rows": 0}}
@@ -103,7 +110,7 @@ def test_without_a_coupling_term_both_paths_are_one(options: Mapping[str, Any]) 
     # least squares multiply the rounding of rates, which one path updates by the change: 2.6e-9 of
     # lspg and gnat, the same at `remaining` 1e-15; 4.5e-9 of sparse without AVX-512
     own = 1e-8 if options["use"] in ("sparse", "lspg", "gnat") else 1e-9
-    scene = EVERYTHING.using({"reducer": options})
+    scene = short().using({"reducer": options})
     fast = march(scene, model=full.model, snapshots=learnt(full))
     general = march(scene, model=with_other(full.model, Nothing()), snapshots=learnt(full))
     assert isinstance(general.solver, ReducedGeneral)
@@ -211,8 +218,8 @@ def test_sparse_without_a_choice_only() -> None:
     model = coupled(late)
     snapshots = {n: s[:, :5] for n, s in whole(model).items()}
     with pytest.raises(InputError, match="3 of 5 atoms would be selected"):
-        late.reducer.prepare(model, late.integrator, 1e-3, Offline.of(model, snapshots),
-                             np.random.default_rng(0))
+        late.reducer.prepare(ReducedProblem(
+            model, late.integrator, 1e-3, Offline.of(model, snapshots), np.random.default_rng(0)))
 
 
 class ByDifferences:
@@ -233,8 +240,8 @@ def test_the_response_of_a_step_is_its_derivative() -> None:
     model = coupled(scene)
     full = march(scene, model=model)
     scene = scene.using({"reducer": {"use": "galerkin", "basis": {"use": "pod", "count": 6}}})
-    solver: Any = scene.reducer.prepare(
-        model, scene.integrator, 1e-3, Offline.of(model, learnt(full)), np.random.default_rng(0))
+    solver: Any = scene.reducer.prepare(ReducedProblem(
+        model, scene.integrator, 1e-3, Offline.of(model, learnt(full)), np.random.default_rng(0)))
     state, memory = solver.start(consistent_state(model))
     state = scene.integrator.start(solver.layout, state)
     exact, near = (step_map(s, scene.integrator, 1e-3, state, memory)
@@ -248,23 +255,22 @@ def test_the_response_of_a_step_is_its_derivative() -> None:
 
 
 @pytest.mark.parametrize("reducer", ["full", "galerkin"])
-def test_memory_that_went_through_pickle_repeats_every_digit(reducer: str) -> None:
+def test_memory_that_was_stored_repeats_every_digit(reducer: str) -> None:
     scene = bars(reducer=reducer)
     model = coupled(scene)
     snapshots = learnt(march(scene.using({"reducer": "full"}), model=model))
-    solver: StepSolver = scene.reducer.prepare(
-        model, scene.integrator, 1e-3, Offline.of(model, snapshots), np.random.default_rng(0))
+    solver: StepSolver = scene.reducer.prepare(ReducedProblem(
+        model, scene.integrator, 1e-3, Offline.of(model, snapshots), np.random.default_rng(0)))
     ends = []
-    for broken in (None, 9):
-        state, memory = solver.start(consistent_state(model))
-        state = scene.integrator.start(solver.layout, state)
-        for n in range(20):
-            if n == broken:
-                memory = pickle.loads(pickle.dumps(memory))
-            formula = scene.integrator.formula(solver.layout, state, 1e-3)
-            outcome, memory = solver.solve(formula, memory)
-            assert outcome.status.ok
-            state = scene.integrator.advance(solver.layout, state, formula, outcome.x, 1e-3)
+    for stored in (False, True):
+        state, memory = started(solver, scene.integrator, consistent_state(model))
+        for count in (9, 11):
+            *_, last = accepted_steps(
+                FixedStep(scene.integrator, solver, 1e-3), state, memory, count, 1e-3)
+            state, memory = last.state, last.memory
+            if stored:
+                fresh = solver.start(consistent_state(model))[1]
+                memory = Saved.load(Saved.of(memory).dump()).into(fresh)
         ends.append(state.x)
         assert solver.counters(memory)["factorizations"] < 20
     assert np.array_equal(ends[0], ends[1])

@@ -7,22 +7,23 @@ import numpy as np
 import pytest
 from scipy import linalg
 
-from sparsemor.bodies.mesh.block import Block
-from sparsemor.bodies.mesh.rectangle import Rectangle
-from sparsemor.core.assemble import assemble
-from sparsemor.core.model import Model
+from sparsemor.bodies.mesh.generators.block import Block
+from sparsemor.bodies.mesh.generators.rectangle import Rectangle
+from sparsemor.core.model.assembly import assemble
+from sparsemor.core.model.model import Model
+from sparsemor.core.model.prescribed_motion import Followed
 from sparsemor.core.protocols import Dictionary
-from sparsemor.core.scene import Scene
-from sparsemor.core.separable import FrameWork
-from sparsemor.core.stage import Followed, FrameHistory, Stage
-from sparsemor.core.testing.run import March, march, scene_of
-from sparsemor.reducers import softest
-from sparsemor.reducers.driven_block import CompressedDriven, FullDriven
-from sparsemor.reducers.galerkin import Galerkin
-from sparsemor.reducers.heat import CompressedHeat
-from sparsemor.reducers.known import Known
-from sparsemor.reducers.natural import natural
-from sparsemor.reducers.stepper import Stepper
+from sparsemor.core.protocols.prescribed_motion import FrameHistory, Stage
+from sparsemor.core.protocols.separable import FrameWork
+from sparsemor.core.scene.scene import Scene
+from sparsemor.core.testing.in_memory_run import March, march, scene_of
+from sparsemor.reducers.full import coarse_correction as coarse
+from sparsemor.reducers.projection.galerkin import Galerkin
+from sparsemor.reducers.projection.modal_coordinates import modal_coordinates
+from sparsemor.reducers.step.prescribed_frame_block import CompressedPrescribed, FullPrescribed
+from sparsemor.reducers.step.solver import Stepper
+from sparsemor.reducers.step.thermal_block import CompressedHeat
+from sparsemor.reducers.step.time_tables import TimeTable
 
 STEPS, H = 8, 1e-3
 STEEL = {"nu": 0.3, "rho": 1100, "alpha": 1e-4, "k": 20, "c": 500}
@@ -130,7 +131,7 @@ def test_what_a_step_reads_does_not_grow_with_the_mesh_nor_by_rows_for_the_rigid
         solver = march(scene, model=turning(scene, 60.0, 4)).solver
         assert isinstance(solver, Stepper)
         block = solver.elastic["bar.elastic"]
-        assert isinstance(block, CompressedDriven)
+        assert isinstance(block, CompressedPrescribed)
         assert block.coupling.shape[0] == 5 and block.G.shape == (3, 5, 5)
         read.append([a.shape for a in (
             block.coupling, block.inertia, block.damping, block.E, block.base, block.G)])
@@ -176,13 +177,13 @@ def test_coordinates_change_nothing_in_the_span(full, monkeypatch) -> None:
     turned = reduced(full, POD)
     assert isinstance(turned.solver, Stepper)
     elastic, heat = (turned.solver.elastic["bar.elastic"], turned.solver.heat["bar.thermal"])
-    assert isinstance(elastic, CompressedDriven) and isinstance(heat, CompressedHeat)
+    assert isinstance(elastic, CompressedPrescribed) and isinstance(heat, CompressedHeat)
     assert elastic.inertia.ndim == heat.past.ndim == 1
     monkeypatch.setattr(Galerkin, "in_modes", lambda *given: {})
     plain = reduced(full, POD)
     assert isinstance(plain.solver, Stepper)
     other = plain.solver.elastic["bar.elastic"]
-    assert isinstance(other, CompressedDriven) and other.inertia.ndim == 2
+    assert isinstance(other, CompressedPrescribed) and other.inertia.ndim == 2
     for name in ("bar.elastic", "bar.thermal"):
         one, other = decoded(turned, name), decoded(plain, name)
         assert np.abs(one - other).max() < 1e-12 * np.abs(other).max()
@@ -194,7 +195,7 @@ def test_atoms_are_modes_of_the_same_span(full) -> None:
     K, M, rng = body.operators.stiffness, body.operators.mass, np.random.default_rng(3)
     A = np.linalg.qr(rng.standard_normal((K.shape[0], 7)))[0]
     old = Dictionary(A, np.zeros(len(A)), tuple("abcdefg"))
-    found = natural(old, K, M, "Hz")
+    found = modal_coordinates(old, K, M, "Hz")
     assert found is not None
     d, growth = found
     B = d.atoms
@@ -218,7 +219,7 @@ def test_atoms_that_are_not_orthonormal_keep_their_coordinates(full) -> None:
     assert d.provenance[0].startswith("static") and "coordinates" not in d.info
     (body,) = full.model.separated.moving
     doubled = replace(d, atoms=np.hstack([d.atoms, d.atoms]), provenance=d.provenance * 2)
-    assert natural(doubled, body.operators.stiffness, body.operators.mass, "Hz") is None
+    assert modal_coordinates(doubled, body.operators.stiffness, body.operators.mass, "Hz") is None
 
 
 def test_known_rows_are_what_the_source_gives() -> None:
@@ -229,7 +230,7 @@ def test_known_rows_are_what_the_source_gives() -> None:
         return np.stack([np.sin(times), times], axis=1)
 
     times = 1e-3 * np.arange(5)
-    known = Known.of(source, times)
+    known = TimeTable.of(source, times)
     assert asked == [times.tolist()]
     for t in (*times, times[3] + 1e-16):
         assert np.array_equal(known.at(t), known.at(round(t, 9)))
@@ -239,16 +240,17 @@ def test_known_rows_are_what_the_source_gives() -> None:
         assert np.array_equal(known.at(t), [np.sin(t), t])
     assert asked[1:] == [[0.0005], [-1e-3], [0.005]]
     assert np.array_equal(known.along(times[1:3]), source(times[1:3]))
-    assert np.array_equal(Known(source).at(0.3), [np.sin(0.3), 0.3])
+    assert np.array_equal(TimeTable(source).at(0.3), [np.sin(0.3), 0.3])
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("E, spin", [(5e12, 60.0), (5e5, 60.0), (5e4, 400.0)])
 def test_full_order_corrected_in_soft_modes_is_that_of_newton(E, spin) -> None:
     fine = (8, 3, 2)  # enough unknowns for it to have any
     fast = march(bar(E, fine), model=turning(bar(E, fine), spin, 4))
     assert isinstance(fast.solver, Stepper)
     block = fast.solver.elastic["bar.elastic"]
-    assert isinstance(block, FullDriven) and block.softest.Z.shape[1] > 0
+    assert isinstance(block, FullPrescribed) and block.coarse.Z.shape[1] > 0
     scene = bar(E, fine, method="newton")
     assert differ(fast, march(scene, model=turning(scene, spin, 4))) < 1e-9
 
@@ -258,13 +260,13 @@ def test_soft_modes_save_full_order_a_solve(monkeypatch) -> None:
     corrected = march(scene, model=turning(scene, 60.0, 4))
     assert isinstance(corrected.solver, Stepper)
     block = corrected.solver.elastic["bar.elastic"]
-    assert isinstance(block, FullDriven)
-    Z, o = block.softest.Z, block.ops
+    assert isinstance(block, FullPrescribed)
+    Z, o = block.coarse.Z, block.ops
     D = (o.stiffness + o.damping / H + o.mass / H**2).toarray()
     assert np.abs(Z.T @ D @ Z - np.eye(Z.shape[1])).max() < 1e-9
     counts = linalg.eigh(o.mass.toarray(), D, eigvals_only=True)[::-1]
-    assert block.softest.left >= np.sqrt(counts[0] * counts[Z.shape[1]])  # on the safe side
-    monkeypatch.setattr(softest, "MODES", 0)
+    assert block.coarse.left >= np.sqrt(counts[0] * counts[Z.shape[1]])  # on the safe side
+    monkeypatch.setattr(coarse, "MODES", 0)
     plain = march(scene, model=turning(scene, 60.0, 4))
     assert differ(corrected, plain) < 1e-12
     assert np.all(np.array(corrected.iterations) < plain.iterations)

@@ -8,14 +8,14 @@ import meshio
 import numpy as np
 import pytest
 
-from sparsemor.core.cache import Cache
-from sparsemor.core.export import export
-from sparsemor.core.hooks import hookimpl
-from sparsemor.core.results import RunResult, open_result
-from sparsemor.core.scene import Scene
-from sparsemor.core.simulate import simulate
+from sparsemor.core.registry.hooks import hookimpl
+from sparsemor.core.results.export import export
+from sparsemor.core.results.run_result import RunResult, open_result
+from sparsemor.core.scene.scene import Scene
+from sparsemor.core.simulation.cache import Cache
+from sparsemor.core.simulation.simulate import simulate
 from sparsemor.core.status import SolveFailed
-from sparsemor.core.testing.run import scene_of
+from sparsemor.core.testing.in_memory_run import scene_of
 
 RAMP = {"use": "ramp", "end": 1.0, "initial": 300.0, "final": 400.0}
 GALERKIN = {"use": "galerkin", "basis": {"use": "pod", "count": 4}}
@@ -57,6 +57,7 @@ def held(run: RunResult, hot: list[float]) -> None:
         run.nodal_temperature("slab", -1), run.nodal_temperature("slab", len(hot) - 1))
 
 
+@pytest.mark.full
 def test_a_resumed_run_stores_them_on(tmp_path: Path) -> None:
     class Stop:
         @hookimpl

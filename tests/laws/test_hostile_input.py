@@ -12,13 +12,13 @@ import pytest
 import mesh_mutants
 import scene_mutants
 from sparsemor.bodies.mesh.file import MeshFile
-from sparsemor.core.cache import Cache
-from sparsemor.core.checks import checked_model
 from sparsemor.core.errors import InputError
-from sparsemor.core.registry import Registry
-from sparsemor.core.scene import build
-from sparsemor.core.simulate import simulate
-from sparsemor.core.source import Source
+from sparsemor.core.registry.registry import Registry
+from sparsemor.core.scene.scene import build
+from sparsemor.core.scene.source import Source
+from sparsemor.core.simulation.cache import Cache
+from sparsemor.core.simulation.simulate import simulate
+from sparsemor.core.simulation.validation import checked_model
 from sparsemor.core.status import SolveFailed
 
 LONGEST = 10.0
@@ -55,6 +55,7 @@ def attempt(what: str, text: str, run: bool, place: Path) -> None:
             simulate(short, out=place / "out", cache=Cache(place / "cache"))
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("count, runs", [
     (100, 6), pytest.param(2000, 4, marks=pytest.mark.slow)])
 def test_damaged_scenes(

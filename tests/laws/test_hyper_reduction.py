@@ -2,29 +2,28 @@
 
 from collections.abc import Mapping
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 from reduced_runs import decoded
+from small_scenes import everything
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.equations import residual
 from sparsemor.core.errors import InputError
-from sparsemor.core.offline import Offline
-from sparsemor.core.plugin import Plugin
+from sparsemor.core.model.equations import residual
 from sparsemor.core.protocols import BlockData, Dictionary
-from sparsemor.core.scene import Scene, load
+from sparsemor.core.registry.plugin import Plugin
+from sparsemor.core.scene.scene import Scene, load
+from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.status import SolveFailed, Status
-from sparsemor.core.testing.run import March, march
-from sparsemor.reducers.deim import Deim
-from sparsemor.reducers.galerkin import Galerkin
-from sparsemor.reducers.gnat import Gnat
-from sparsemor.reducers.prepare import constants
-from sparsemor.reducers.projected import Linear, Projected, Reducible
+from sparsemor.core.testing.in_memory_run import March, march
+from sparsemor.reducers.projection.base import Linear, ProjectionReducer, Reducible
+from sparsemor.reducers.projection.deim import Deim
+from sparsemor.reducers.projection.galerkin import Galerkin
+from sparsemor.reducers.projection.least_squares import Gnat
+from sparsemor.reducers.step.prepare import constants
 
-EVERYTHING = load(Path(__file__).parents[1] / "scenes" / "everything.yaml")
 METHODS: dict[str, dict[str, Any]] = {
     "deim": {"use": "deim"}, "lspg": {"use": "lspg"}, "gnat": {"use": "gnat"},
     "gnat, energy": {"use": "gnat", "norm": "energy"}}
@@ -40,7 +39,7 @@ def pendulum(reducer: Any = "full", **changes: Any) -> Scene:
 @cache
 def trained(name: str) -> tuple[Scene, March, Mapping[str, FloatArray]]:
     """A scene, its full-order run, and that run's snapshots (n, M) by block."""
-    scene = EVERYTHING if name == "everything" else pendulum()
+    scene = everything() if name == "everything" else pendulum()
     full = march(scene)
     return scene, full, {n: full.block(n).T for n in full.model.reducible()}
 
@@ -72,7 +71,7 @@ def errors(run: March, reference: March) -> dict[str, float]:
 
 
 def blocks(name: str) -> dict[str, Reducible]:
-    """All reducible blocks of a trained scene, as `Projected.maps` gets them."""
+    """All reducible blocks of a trained scene, as `ProjectionReducer.maps` gets them."""
     scene, full, snapshots = trained(name)
     model, h = full.model, scene.time.step
     factors = constants(model.layout, scene.integrator, h)
@@ -99,6 +98,7 @@ class Doubled(Plugin):
         return Dictionary(atoms, np.zeros(data.size), tuple("abcde"))
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("method", [
     pytest.param(m, marks=[pytest.mark.slow] * (m != "deim")) for m in METHODS])
 def test_with_enough_points_the_pendulum_moves_as_under_galerkin(method: str) -> None:
@@ -131,6 +131,7 @@ def test_the_double_pendulum_at_its_size(method: str) -> None:
     assert found["rigid"] < 1e-8 and found["elastic"] < 1e-7 and found["thermal"] < 1e-8
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("norm", ["rows", "energy"])
 def test_gnat_that_sees_all_rows_is_lspg_or_galerkin(norm: str) -> None:
     """Both are the same least squares then; only the norm decides."""
@@ -144,6 +145,7 @@ def test_gnat_that_sees_all_rows_is_lspg_or_galerkin(norm: str) -> None:
     assert errors(seen, repeated("pendulum", other))["elastic"] > 1e-5
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("method", ["deim", "gnat, energy"])
 def test_few_atoms_cost_no_more_than_under_galerkin(method: str) -> None:
     """Six atoms leave a residual, and the plain norm of its rows costs some accuracy."""
@@ -225,13 +227,13 @@ def test_lspg_visits_all_elements() -> None:
 @pytest.mark.parametrize("options,key,words", [
     ({"points": {"*.elastic": 5}, "force_basis": {"use": "pod", "count": 9}}, "points",
      "5 points cannot determine 9 modes"),
-    ({"points": {"*.thermal": 10**6}}, "points", "1000000 points were asked of link1.thermal"),
+    ({"points": {"*.thermal": 10**6}}, "points", "1000000 points were requested of link1.thermal"),
     ({"points": {"*.rigidd": 5}}, "points.*.rigidd", "fits no block"),
     ({"force_bases": {"link3.*": "pod"}}, "force_bases.link3.*", "fits no block"),
 ])
 @pytest.mark.parametrize("reducer", [Deim, Gnat])
 def test_refused_by_counting(
-    reducer: type[Projected], options: dict[str, Any], key: str, words: str
+    reducer: type[ProjectionReducer], options: dict[str, Any], key: str, words: str
 ) -> None:
     model = trained("pendulum")[1].model
     assert not reducer.model_validate({}).check(model)
@@ -257,9 +259,10 @@ def test_points_that_see_nothing_are_named() -> None:
         repeated("pendulum", {"use": "deim", "sampler": "random", "points": {"*.thermal": 1}})
     assert caught.value.status is Status.RANK_DEFICIENT
     assert caught.value.block in ("link1.thermal", "link2.thermal")
-    assert "cannot tell its 1 modes apart" in caught.value.detail
+    assert "do not distinguish its 1 modes" in caught.value.detail
 
 
+@pytest.mark.full
 def test_too_few_modes_fail_by_name_or_are_measured() -> None:
     """Two force modes at two random elastic rows: steps do not contract, and it is said where."""
     few = {"use": "deim", "force_bases": {"*.elastic": {"use": "pod", "count": 2}}}
@@ -278,7 +281,7 @@ def test_points_without_a_load_say_so() -> None:
     block = blocks("pendulum")["link1.thermal"]
     away = np.flatnonzero(~np.isin(np.arange(block.size), block.model.required[block.name]))[:3]
     (note,) = Deim.model_validate({}).notes(block, away)
-    assert "link1.thermal miss heating" in note.text and "required: true" in note.text
+    assert "one that heating acts on" in note.text and "required: true" in note.text
 
 
 @pytest.mark.parametrize("reducer", ["galerkin", "lspg", "gnat", "deim"])

@@ -13,16 +13,16 @@ import pytest
 import threadpoolctl
 
 from sparsemor import InputError, load, simulate
-from sparsemor.core import identity
-from sparsemor.core.cache import Cache
-from sparsemor.core.cli.comparing import _run_one
-from sparsemor.core.hooks import hookimpl, new_manager
-from sparsemor.core.identity import FOLDERS, Identity
-from sparsemor.core.physics import IRRELEVANT, REDUCTION, RELEVANT
-from sparsemor.core.prepared import prepared
-from sparsemor.core.scene import Scene
-from sparsemor.core.study.plan import Plan
-from sparsemor.core.workshop import Workshop
+from sparsemor.core.analysis.study.plan import Plan
+from sparsemor.core.cli.compare import _run_one
+from sparsemor.core.model.body_cache import BodyCache
+from sparsemor.core.registry.hooks import hookimpl, new_manager
+from sparsemor.core.scene import run_identity as identity
+from sparsemor.core.scene.independent_of_physics import IRRELEVANT, REDUCTION, RELEVANT
+from sparsemor.core.scene.run_identity import FOLDERS, Identity
+from sparsemor.core.scene.scene import Scene
+from sparsemor.core.simulation.cache import Cache
+from sparsemor.core.simulation.prepare import prepared
 
 TINY = Path(__file__).parents[1] / "scenes" / "tiny.yaml"
 SHORT: Mapping[str, Any] = {"time.end": 0.003}
@@ -30,7 +30,7 @@ Distribute = Callable[..., None]
 BASIS = '''
 import numpy as np
 
-from sparsemor.core.plugin import Plugin
+from sparsemor.core.registry.plugin import Plugin
 from sparsemor.core.protocols import BlockData, Dictionary
 
 
@@ -63,6 +63,7 @@ def training_of(scene: Scene) -> str:
     return offline.products.used["training"]
 
 
+@pytest.mark.full
 def test_settings_without_influence_find_the_training_run() -> None:
     base = load(TINY, {**SHORT, "reducer": "galerkin"})
     assert training_of(base) == "miss"
@@ -86,6 +87,7 @@ def basis_of(module: str) -> str:
     return offline.products.used["basis"]
 
 
+@pytest.mark.full
 def test_a_basis_of_a_plugin_that_changed_is_made_again(
     distribute: Distribute, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -110,7 +112,7 @@ def test_a_changed_program_finds_nothing(monkeypatch: pytest.MonkeyPatch) -> Non
 
 
 def test_the_digest_of_the_program_reads_every_source() -> None:
-    root = Path(identity.__file__).parent.parent
+    root = Path(identity.__file__).parents[2]
     known = {p for folder in FOLDERS for p in identity._sources(root / folder)}
     assert {p for p in root.rglob("*.py") if p.parent != root} <= known
     assert len(known) > 200
@@ -162,6 +164,7 @@ def with_mesh(folder: Path, height: float) -> Scene:
         "bodies.bar.sets.left": left, "bodies.bar.sets.right": right})
 
 
+@pytest.mark.full
 def test_a_run_is_not_continued_on_another_mesh(tmp_path: Path) -> None:
     scene = with_mesh(tmp_path, 1.0)
     stop(scene, tmp_path / "out")
@@ -243,12 +246,13 @@ def test_a_comparison_keeps_no_run_of_another_program(
 ) -> None:
     scene = load(TINY, {**SHORT, "reducer": "full"})
     simulate(scene, out=tmp_path / "full")
-    assert _run_one(scene, tmp_path / "full", True, (), Workshop(), keep=False).status.ok
+    assert _run_one(scene, tmp_path / "full", True, (), BodyCache(), keep=False).status.ok
     monkeypatch.setattr(identity, "code_digest", lambda: "other")
     with pytest.raises(InputError, match="since it was computed, the code of sparsemor has chang"):
-        _run_one(scene, tmp_path / "full", True, (), Workshop(), keep=False)
+        _run_one(scene, tmp_path / "full", True, (), BodyCache(), keep=False)
 
 
+@pytest.mark.full
 def test_a_result_without_a_place_is_removed_when_the_process_ends() -> None:
     program = ("from sparsemor import load, simulate; r = simulate(load("
                f"{str(TINY)!r}, {{'time.end': 0.002, 'reducer': 'full'}})); "
@@ -258,6 +262,7 @@ def test_a_result_without_a_place_is_removed_when_the_process_ends() -> None:
     assert shown[1] == "True" and not Path(shown[0]).exists()
 
 
+@pytest.mark.full
 def test_runs_use_one_blas_thread_or_as_many_as_are_asked_for(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

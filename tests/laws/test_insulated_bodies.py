@@ -1,20 +1,19 @@
 """Bodies that nothing heats or cools: K 1 = 0, and their only temperature is uniform."""
 
-from pathlib import Path
+from functools import cache
 from typing import Any
 
 import numpy as np
 import pytest
 
 from reduced_runs import decoded, learnt
-from sparsemor.core.assemble import assemble
+from small_scenes import tiny
+from sparsemor.core.model.assembly import assemble
 from sparsemor.core.protocols import Dictionary
-from sparsemor.core.scene import Scene, load
-from sparsemor.core.testing.run import march, scene_of
-from sparsemor.reducers.natural import natural
+from sparsemor.core.scene.scene import Scene
+from sparsemor.core.testing.in_memory_run import march, scene_of
+from sparsemor.reducers.projection.modal_coordinates import modal_coordinates
 
-TINY = load(Path(__file__).parents[1] / "scenes" / "tiny.yaml", {
-    "loads": {"gravity": {"use": "gravity", "g": [0.0, -9.81]}}, "time.end": 0.01})
 BUDGETS = {"*.elastic": {"rows": 24, "atoms": 8}, "*.thermal": {"rows": 10, "atoms": 1}}
 REDUCERS: dict[str, dict[str, Any]] = {
     "galerkin": {}, "lspg": {}, "deim": {}, "gnat": {}, "ecsw": {},
@@ -22,10 +21,16 @@ REDUCERS: dict[str, dict[str, Any]] = {
 BASES = {"basis": {"use": "pod", "count": 8}, "bases": {"*.thermal": {"use": "pod", "count": 2}}}
 
 
+@cache
+def light() -> Scene:
+    return tiny().using({
+        "loads": {"gravity": {"use": "gravity", "g": [0.0, -9.81]}}, "time.end": 0.01})
+
+
 @pytest.mark.parametrize("reducer", REDUCERS)
 def test_every_reducer_runs_an_insulated_pendulum(reducer: str) -> None:
-    reference = march(TINY.using({"reducer": "full"}))
-    scene = TINY.using({"reducer": {"use": reducer, **BASES, **REDUCERS[reducer]}})
+    reference = march(light().using({"reducer": "full"}))
+    scene = light().using({"reducer": {"use": reducer, **BASES, **REDUCERS[reducer]}})
     run = march(scene, model=reference.model, snapshots=learnt(reference))
     T, want = decoded(run, "bar.thermal"), decoded(reference, "bar.thermal")
     np.testing.assert_allclose(T, want, rtol=1e-10)
@@ -72,7 +77,7 @@ def test_modes_of_an_insulated_body_do_not_depend_on_the_units_of_its_matrices(
     A = np.linalg.qr(np.column_stack([np.ones(n), np.random.default_rng(0).random((n, 3))]))[0]
     for k in (1, 4):
         d = Dictionary(A[:, :k], np.zeros(n), tuple(f"atom {i}" for i in range(k)))
-        made = natural(d, factor * heat.conductivity, heat.capacity, "/s")
+        made = modal_coordinates(d, factor * heat.conductivity, heat.capacity, "/s")
         assert made is not None
         turned = made[0].atoms
         for matrix in (heat.conductivity, heat.capacity):

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from sparsemor.bodies.terms.field_kinds import ELASTIC, MULTIPLIER, RIGID, THERMAL
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.layout import Block, Layout
-from sparsemor.core.plugin import Plugin
 from sparsemor.core.protocols import Integrator, State, StepFormula
+from sparsemor.core.protocols.layout import Block, Layout
+from sparsemor.core.registry.plugin import Plugin
 from sparsemor.core.testing import check_integrator
 from sparsemor.core.testing.integrator import integrate
 from sparsemor.integrators.bdf1 import Bdf1
@@ -17,8 +18,8 @@ from sparsemor.integrators.bdf2 import Bdf2
 from sparsemor.integrators.generalized_alpha import GeneralizedAlpha
 
 RADII = (0.0, 0.5, 0.8, 1.0)
-OSCILLATOR = Layout([Block("b", "elastic", 1)])
-PENDULUM = Layout([Block("b", "rigid", 2), Block("j", "multiplier", 1)])
+OSCILLATOR = Layout([Block("b", ELASTIC, 1)])
+PENDULUM = Layout([Block("b", RIGID, 2), Block("j", MULTIPLIER, 1)])
 
 
 @pytest.mark.parametrize(
@@ -113,7 +114,7 @@ def test_the_undamped_rule_keeps_the_energy() -> None:
 
 @pytest.mark.parametrize("rho", RADII)
 def test_fast_decays_shrink_by_rho_inf(rho: float) -> None:
-    layout, integrator = Layout([Block("b", "thermal", 1)]), GeneralizedAlpha(rho_inf=rho)
+    layout, integrator = Layout([Block("b", THERMAL, 1)]), GeneralizedAlpha(rho_inf=rho)
     rate, columns = 1e7, []
     for T, s in np.eye(2):
         state = one(T, -rate * T, 0.0, np.array([[s * rate]]))

@@ -5,11 +5,11 @@ from typing import Any
 
 import pytest
 
-from sparsemor.core.checks import checked_model
-from sparsemor.core.recorder import multiplier_components
-from sparsemor.core.results import RunResult
-from sparsemor.core.scene import load
-from sparsemor.core.simulate import simulate
+from sparsemor.core.results.run_result import RunResult
+from sparsemor.core.scene.scene import load
+from sparsemor.core.simulation.recorder import multiplier_components
+from sparsemor.core.simulation.simulate import simulate
+from sparsemor.core.simulation.validation import checked_model
 
 SCENES = Path(__file__).parents[1] / "scenes"
 TINY = SCENES / "tiny.yaml"

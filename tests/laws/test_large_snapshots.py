@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 
 from sparsemor import load, simulate
-from sparsemor.core import snapshots as snapshots_module
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.cache import Cache, scratch_folder
 from sparsemor.core.errors import InputError
-from sparsemor.core.hooks import new_manager
-from sparsemor.core.offline import largest_coefficient, train
-from sparsemor.core.products import Products
+from sparsemor.core.linalg import snapshots as snapshots_module
+from sparsemor.core.linalg.snapshots import SnapshotWriter, column_chunks
 from sparsemor.core.protocols import BlockData, Dictionary
-from sparsemor.core.snapshots import SnapshotWriter, stretches
-from sparsemor.core.testing.data import random_block
+from sparsemor.core.registry.hooks import new_manager
+from sparsemor.core.simulation.cache import Cache, scratch_folder
+from sparsemor.core.simulation.offline import largest_coefficient, train
+from sparsemor.core.simulation.offline_cache import Products
+from sparsemor.core.testing.random_inputs import random_block
 from sparsemor.plugins.bases.pod import Pod
 
 SCENES = Path(__file__).parents[1] / "scenes"
@@ -90,7 +90,7 @@ def test_all_columns_above_round_off_where_they_are_few(few_held: None) -> None:
 
 
 def test_more_than_a_third_is_refused_in_words(few_held: None) -> None:
-    with pytest.raises(InputError, match="say with count or energy") as refused:
+    with pytest.raises(InputError, match="limit their number by count or energy") as refused:
         Pod().build(data(matrix(2.0)))
     assert refused.value.faults[0].key == "count"
 
@@ -113,13 +113,13 @@ def test_rows_in_a_file_are_read_as_they_were_given(tmp_path: Path, few_held: No
         writer.append(row)
     kept = writer.finished()
     assert isinstance(kept, np.memmap) and np.array_equal(kept, rows)
-    found = list(stretches(kept.T))
+    found = list(column_chunks(kept.T))
     assert [at.stop - at.start for at, _ in found] == [7, 7, 7, 2]
     assert np.array_equal(np.concatenate([part for _, part in found], axis=1), rows.T)
     # what was read is no view of the map: its pages are not held
     assert not any(isinstance(part.base, np.memmap) for _, part in found)
     part = kept[3:].T
-    assert np.array_equal(np.concatenate([p for _, p in stretches(part)], axis=1), rows[3:].T)
+    assert np.array_equal(np.concatenate([p for _, p in column_chunks(part)], axis=1), rows[3:].T)
     d = Dictionary(np.eye(N)[:, :2], np.zeros(N), ("a", "b"))
     assert largest_coefficient(d, kept.T) == np.abs(rows[:, :2]).max()
 
@@ -145,6 +145,7 @@ def test_training_writes_to_disk_what_it_would_have_held(
     assert not list(cache.root.glob(".scratch.*"))
 
 
+@pytest.mark.full
 def test_a_run_on_streamed_snapshots_keeps_them_once(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

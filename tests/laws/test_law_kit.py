@@ -13,8 +13,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from sparsemor.core.errors import InputError
-from sparsemor.core.registry import Registry
-from sparsemor.core.scene import load
+from sparsemor.core.registry.registry import Registry
+from sparsemor.core.scene.scene import load
 from sparsemor.core.testing import (
     check_basis,
     check_friction_law,
@@ -75,7 +75,10 @@ LAWS: dict[str, Callable[[Any, int], None]] = {
     "observer": lambda p, seed: check_observer(p.observer, seed),
 }
 SCENE_KINDS = {"body", "joint", "load", "contact"}
-RANDOM = [(kind, name) for kind in LAWS for name in installed(kind)]
+QUICK = {"sparse_solver": {"greedy_gauss_newton"}}
+"""Of the kinds whose laws take long: those that the default tier checks."""
+RANDOM = [pytest.param(kind, name, marks=[pytest.mark.full] * (name not in QUICK.get(kind, {name})))
+          for kind in LAWS for name in installed(kind)]
 
 
 def made(kind: str, name: str) -> Any:
@@ -110,6 +113,7 @@ def test_laws_of_a_reducer(name: str, integrator: str) -> None:
     check_reducer(load(SCENES / "tiny.yaml", {"reducer": options, "integrator": integrator}))
 
 
+@pytest.mark.full
 def test_laws_of_bodies_joints_and_loads() -> None:
     scenes = [load(SCENES / name) for name in ("everything.yaml", "everything_in_space.yaml")]
     for scene in scenes:

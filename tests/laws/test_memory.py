@@ -9,16 +9,16 @@ import pytest
 from typer.testing import CliRunner
 
 from sparsemor import load, simulate
-from sparsemor.core import memory
-from sparsemor.core.cache import Cache
 from sparsemor.core.cli import app
 from sparsemor.core.errors import InputError
-from sparsemor.core.estimate import estimate, fitting
-from sparsemor.core.hooks import new_manager
-from sparsemor.core.prepared import prepared
-from sparsemor.core.run_facts import run_facts
+from sparsemor.core.registry.hooks import new_manager
+from sparsemor.core.results.cost import run_facts
+from sparsemor.core.simulation.cache import Cache
+from sparsemor.core.simulation.memory import limits as memory
+from sparsemor.core.simulation.memory.estimate import estimate, fitting
+from sparsemor.core.simulation.prepare import prepared
 from sparsemor.plugins.linear_solvers.auto import Auto
-from sparsemor.plugins.linear_solvers.scipy_splu import Splu
+from sparsemor.plugins.linear_solvers.superlu import Splu
 
 SCENE = Path(__file__).parents[1] / "scenes" / "heated_disk.yaml"
 
@@ -91,6 +91,7 @@ def _step_matrix(model: Any, name: str) -> Any:
     return (data.stiffness + 1e6 * data.mass).tocsr()
 
 
+@pytest.mark.full
 def test_phases_of_a_reduced_run(tmp_path: Path) -> None:
     scene, model, offline = asked(tmp_path)
     told = estimate(scene, model, offline, exact=False)
@@ -117,7 +118,7 @@ def test_results_say_what_was_held(tmp_path: Path) -> None:
 def test_snapshots_must_fit_on_the_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     import shutil
 
-    from sparsemor.core import estimate as module
+    from sparsemor.core.simulation.memory import estimate as module
 
     scene, model, offline = asked(tmp_path / "cache")
     monkeypatch.setattr(module, "HELD", 1000)

@@ -10,10 +10,10 @@ import pytest
 
 from sparsemor.bodies.mesh.check import check_mesh
 from sparsemor.bodies.mesh.file import MeshFile
-from sparsemor.bodies.mesh.rectangle import Rectangle
+from sparsemor.bodies.mesh.generators.rectangle import Rectangle
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
-from sparsemor.core.mesh import Mesh
+from sparsemor.core.protocols.mesh import Mesh
 
 SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 HALVES = np.array([[0, 1, 2], [0, 2, 3]])
@@ -196,8 +196,8 @@ NO_CELLS = "*NODE\n1, 0., 0., 0.\n*ELEMENT, TYPE=CPS3\n"
 
 def test_files_without_cells_or_coordinates_are_refused(tmp_path: Path) -> None:
     assert "no cells" in refused(tmp_path, "a.inp", NO_CELLS)
-    bare = "*NODE\n*ELEMENT, TYPE=CPS3\n1, 1, 2, 3\n"
-    assert "cannot be read as abaqus" in refused(tmp_path, "b.inp", bare)
+    rigid_copy = "*NODE\n*ELEMENT, TYPE=CPS3\n1, 1, 2, 3\n"
+    assert "cannot be read as abaqus" in refused(tmp_path, "b.inp", rigid_copy)
     assert "cannot be read as medit" in refused(
         tmp_path, "c.mesh", "MeshVersionFormatted 2\nDimension 1\nVertices\n1\n0 1\nEnd\n")
 

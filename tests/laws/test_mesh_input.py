@@ -9,11 +9,11 @@ from pydantic import ValidationError
 
 from sparsemor.bodies.material import Material, require
 from sparsemor.bodies.mesh.check import check_mesh
-from sparsemor.bodies.mesh.link import Link
-from sparsemor.bodies.mesh.rectangle import Rectangle
+from sparsemor.bodies.mesh.generators.link import Link
+from sparsemor.bodies.mesh.generators.rectangle import Rectangle
 from sparsemor.bodies.mesh.sets import PointSet, find_set, with_sets
 from sparsemor.core.errors import InputError
-from sparsemor.core.mesh import Mesh
+from sparsemor.core.protocols.mesh import Mesh
 
 SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 HALVES = np.array([[0, 1, 2], [0, 2, 3]])

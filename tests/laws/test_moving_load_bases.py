@@ -10,17 +10,17 @@ from scipy.sparse.linalg import splu
 from moving_plate import STEP, error, full, given, mesh, plate, run
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
-from sparsemor.core.path import path_rows
+from sparsemor.core.model.moving_loads import path_rows
 from sparsemor.core.protocols import Basis, BlockData, Dictionary
-from sparsemor.core.tables import Table
+from sparsemor.core.protocols.load_tables import Table
 from sparsemor.core.testing import check_basis
 from sparsemor.plugins.bases.attachment import Attachment
-from sparsemor.plugins.bases.dictionary import Overcomplete
 from sparsemor.plugins.bases.impulse import Impulse
+from sparsemor.plugins.bases.load_patterns import patch_weights, unit_loads
 from sparsemor.plugins.bases.modal import Modal
 from sparsemor.plugins.bases.pod import Pod
-from sparsemor.plugins.bases.pooling import likely_states
-from sparsemor.plugins.bases.unit_loads import patch_weights, unit_loads
+from sparsemor.plugins.bases.response_compression import likely_states
+from sparsemor.plugins.bases.union import Overcomplete
 from sparsemor.reducers.checks import most_atoms
 
 
@@ -244,12 +244,12 @@ def test_what_cannot_be_built_is_refused_in_words() -> None:
     with pytest.raises(InputError, match="no load moves over plate.thermal"):
         Impulse().build(replace(heat, moving=()))
     unknown = replace(heat, factors=(0.0, 0.0), step=0.0)
-    with pytest.raises(InputError, match="the step that plate.thermal is reduced for"):
+    with pytest.raises(InputError, match="the time step that plate.thermal is reduced for"):
         Impulse().build(unknown)
-    with pytest.raises(InputError, match="attachment with dynamic: true: the step"):
+    with pytest.raises(InputError, match="attachment with dynamic: true: the time step"):
         Attachment(dynamic=True).build(unknown)
     assert isinstance(Attachment(thermal=Modal(count=2)).build(still), Dictionary)
-    with pytest.raises(InputError, match="300 windows were asked of 221 snapshots"):
+    with pytest.raises(InputError, match="300 windows were requested of 221 snapshots"):
         Pod(windows=300).build(replace(heat, snapshots=full()[1]))
     for options in ({"delays": [3, 1]}, {"delays": [-1]}, {"delays": []}, {"positions": 0}):
         with pytest.raises(ValidationError):

@@ -8,9 +8,9 @@ import pytest
 
 from reduced_runs import learnt
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.assemble import assemble
-from sparsemor.core.scene import Scene
-from sparsemor.core.testing.run import March, march, scene_of
+from sparsemor.core.model.assembly import assemble
+from sparsemor.core.scene.scene import Scene
+from sparsemor.core.testing.in_memory_run import March, march, scene_of
 
 PLAIN = {"body": "bar", "joint": "pin", "pull": "pull", "heating": "heating"}
 OTHERS = [

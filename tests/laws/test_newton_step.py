@@ -5,14 +5,15 @@ from typing import Any
 
 import numpy as np
 
+from sparsemor.bodies.terms.field_kinds import RIGID
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.layout import Block, Layout
 from sparsemor.core.protocols import StepFormula, StepOutcome
+from sparsemor.core.protocols.layout import Block, Layout
 from sparsemor.core.status import Status
-from sparsemor.reducers.acceptance import Tolerances
-from sparsemor.reducers.dense import Lu
-from sparsemor.reducers.newton import solve
-from sparsemor.reducers.newton_memory import NewtonMemory
+from sparsemor.reducers.step.acceptance import Tolerances
+from sparsemor.reducers.step.newton.iteration import solve
+from sparsemor.reducers.step.newton.memory import NewtonMemory
+from sparsemor.reducers.step.reduced_residual import Lu
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -21,7 +22,7 @@ class Scalar:
 
     f: Any
     slope: Any
-    layout: Layout = Layout([Block("ball", "rigid", 1)])
+    layout: Layout = Layout([Block("ball", RIGID, 1)])
     price: int = 3
     named: tuple[tuple[str, frozenset[str]], ...] = (("sole", frozenset({"ball.rigid"})),)
 
@@ -92,7 +93,7 @@ def test_slow_convergence_is_not_taken_for_rounding() -> None:
 class Apart:
     """x = 0 in one block, hit at once, and (y - 1)^2 = 0 in another, where Newton halves."""
 
-    layout: Layout = Layout([Block("one", "rigid", 1), Block("two", "rigid", 1)])
+    layout: Layout = Layout([Block("one", RIGID, 1), Block("two", RIGID, 1)])
     price: int = 0
     named: tuple[tuple[str, frozenset[str]], ...] = ()
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.optimize import nnls
 
-from sparsemor.reducers.element_equations import Equations
-from sparsemor.reducers.element_weights import train
-from sparsemor.reducers.nnls import nonnegative
+from sparsemor.reducers.projection.ecsw.nnls import nonnegative
+from sparsemor.reducers.projection.ecsw.training import train
+from sparsemor.reducers.projection.ecsw.training_matrix import Equations
 
 
 @pytest.mark.parametrize("seed", range(12))

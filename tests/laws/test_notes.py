@@ -2,9 +2,11 @@
 
 from pathlib import Path
 
+import pytest
+
 from sparsemor import load, simulate
+from sparsemor.core.analysis.stability.survey import _unsampled
 from sparsemor.core.notes import Level, Note, information, kinds, sentences
-from sparsemor.core.stability.survey import _unsampled
 
 SLIDER = "tests/scenes/small_slider.yaml"
 INSIDE = {"reducer": "galerkin", "rigid_stage": None, "contacts.sole.surfaces": "deformed",
@@ -18,6 +20,7 @@ def test_levels_and_kinds_are_told_apart() -> None:
     assert kinds(notes) == ["x"]
 
 
+@pytest.mark.full
 def test_how_a_step_is_solved_is_information_and_no_unsampled_load(here: object) -> None:
     scene = load(str(Path(__file__).parents[2] / SLIDER), INSIDE)
     summary = simulate(scene).summary

@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 from sparsemor import load
-from sparsemor.core.assemble import assemble
+from sparsemor.core import ReducedProblem
+from sparsemor.core.model.assembly import assemble
 from sparsemor.core.notes import Level, Note
-from sparsemor.core.offline import Offline
-from sparsemor.core.scene import Scene
+from sparsemor.core.scene.scene import Scene
+from sparsemor.core.simulation.offline import Offline
 
 SCENES = Path(__file__).parents[1] / "scenes"
 RADIATION = {"use": "radiation", "on": ["bar:top"], "emissivity": 0.5, "surroundings": 300.0}
@@ -18,8 +19,9 @@ RADIATION = {"use": "radiation", "on": ["bar:top"], "emissivity": 0.5, "surround
 
 def notes(scene: Scene) -> list[Note]:
     model = assemble(scene)
-    solver = scene.reducer.prepare(
-        model, scene.integrator, scene.time.step, Offline.of(model, {}), np.random.default_rng(0))
+    solver = scene.reducer.prepare(ReducedProblem(
+        model, scene.integrator, scene.time.step, Offline.of(model, {}),
+        np.random.default_rng(0)))
     return [n for n in solver.notes if n.kind == "linear_solver"]
 
 

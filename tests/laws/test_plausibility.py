@@ -7,11 +7,11 @@ import meshio
 import numpy as np
 import pytest
 
-from sparsemor.bodies.mesh.rectangle import Rectangle
-from sparsemor.core.checks import checked_model
-from sparsemor.core.plausibility import before_run
-from sparsemor.core.scene import load
-from sparsemor.core.simulate import simulate
+from sparsemor.bodies.mesh.generators.rectangle import Rectangle
+from sparsemor.core.scene.scene import load
+from sparsemor.core.simulation.diagnostics.plausibility import before_run
+from sparsemor.core.simulation.simulate import simulate
+from sparsemor.core.simulation.validation import checked_model
 
 SCENES = Path(__file__).parents[1] / "scenes"
 TINY = SCENES / "tiny.yaml"
@@ -94,6 +94,7 @@ def test_what_is_no_mistake_is_not_told(changes):
     assert before_run(scene, checked_model(scene)) == ()
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("name", [
     "double_pendulum", "slider_plate", *sorted(str(p) for p in SCENES.glob("*.yaml"))])
 def test_our_own_scenes_are_plausible(name):

@@ -9,18 +9,20 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_array
 
+from small_scenes import everything, tiny
 from sparsemor import load
-from sparsemor.core.assemble import assemble
+from sparsemor.core import ReducedProblem
 from sparsemor.core.errors import InputError
-from sparsemor.core.initial import consistent_state
-from sparsemor.core.model import Model, StepFactors
-from sparsemor.core.offline import Offline
-from sparsemor.core.products import Products
+from sparsemor.core.model.assembly import assemble
+from sparsemor.core.model.initial_state import consistent_state
+from sparsemor.core.model.model import Model, StepFactors
 from sparsemor.core.protocols import Dictionary
-from sparsemor.core.scene import Scene
-from sparsemor.core.tables import LoadTable, Table
+from sparsemor.core.protocols.load_tables import LoadTable, Table
+from sparsemor.core.scene.scene import Scene
+from sparsemor.core.simulation.offline import Offline
+from sparsemor.core.simulation.offline_cache import Products
 from sparsemor.core.testing import check_sampler
-from sparsemor.core.testing.run import March, march
+from sparsemor.core.testing.in_memory_run import March, march
 from sparsemor.plugins.bases.impulse import Impulse
 from sparsemor.plugins.samplers.deim import Deim
 from sparsemor.plugins.samplers.leverage import Leverage
@@ -28,18 +30,17 @@ from sparsemor.plugins.samplers.lhs import LatinHypercube
 from sparsemor.plugins.samplers.random import Uniform
 from sparsemor.plugins.samplers.s_opt import SOpt
 from sparsemor.reducers.checks import required_rows
-from sparsemor.reducers.inverse_rows import inverse_rows
-from sparsemor.reducers.sampled import SampledElastic, SampledHeat, choose_rows
-from sparsemor.reducers.sparse import Sparse
-from tiny_scene import BUDGETS, TINY, full, snapshots
+from sparsemor.reducers.sparse.preconditioned_rows import inverse_rows
+from sparsemor.reducers.sparse.reducer import Sparse
+from sparsemor.reducers.sparse.sampled_block import SampledElastic, SampledHeat, choose_rows
+from tiny_scene import BUDGETS, full, snapshots
 
-EVERYTHING = load(Path(__file__).parents[1] / "scenes" / "everything.yaml")
 FIXED = {"*.elastic": {"rows": 10}, "*.thermal": {"rows": 8}}
 STEP = StepFactors(1e-3, 1e3, 1e6, 1e3)
 
 
 def with_reducer(**options: Any) -> Scene:
-    return TINY.using({"reducer": {
+    return tiny().using({"reducer": {
         "basis": {"use": "pod", "count": 5}, "bases": {"*.thermal": {"use": "pod", "count": 4}},
         **options}})
 
@@ -106,6 +107,7 @@ def pendulum() -> tuple[Scene, March]:
     return scene, march(scene.using({"reducer": "full"}))
 
 
+@pytest.mark.full
 def test_rows_of_the_error_come_near_to_galerkin() -> None:
     """The same rows, atoms and sampler: the elastic error falls by more than a digit."""
     scene, want = pendulum()
@@ -164,8 +166,8 @@ def test_prepared_rows_come_back_without_being_prepared_again(
                    basis={"use": "pod", "count": 14},
                    bases={"*.thermal": {"use": "pod", "count": 8}})
     model, h, integrator = full().model, scene.time.step, scene.integrator
-    solver: Any = scene.reducer.prepare(
-        model, integrator, h, Offline.of(model, snapshots()), np.random.default_rng(3))
+    solver: Any = scene.reducer.prepare(ReducedProblem(
+        model, integrator, h, Offline.of(model, snapshots()), np.random.default_rng(3)))
     made: list[tuple[int, str, bytes]] = []
     for kind in (SampledElastic, SampledHeat):
         own = kind.prepared
@@ -176,7 +178,7 @@ def test_prepared_rows_come_back_without_being_prepared_again(
             return own(block, support)
 
         monkeypatch.setattr(kind, "prepared", counted)
-    monkeypatch.setattr("sparsemor.reducers.sparse_build.inverse_rows", None)
+    monkeypatch.setattr("sparsemor.reducers.sparse.build.inverse_rows", None)
     state, memory = solver.start(consistent_state(model))
     state = integrator.start(solver.layout, state)
     for _ in range(24):
@@ -202,7 +204,7 @@ def test_bad_options_are_told_by_key(options: dict[str, Any], key: str, words: s
 
 
 def test_radiation_would_need_every_element() -> None:
-    model = assemble(EVERYTHING)
+    model = assemble(everything())
     budgets = {"*.elastic": {"rows": 8}, "*.thermal": {"rows": 0}}
     hot = sum(bool(b.local) for b in model.separated.heat)
     assert hot
@@ -257,8 +259,9 @@ def test_ring_rows_are_counted_and_kept() -> None:
     few = sparse(sampler={"use": "lhs", "required": "ring"},
                  bases={"*.thermal": {"use": "impulse", "count": 6}},
                  budgets={"*.elastic": {"rows": 10}, "*.thermal": {"rows": min(free, 2)}})
-    solver = few.reducer.prepare(model, few.integrator, few.time.step,
-                                 Offline.of(model, snapshots()), np.random.default_rng(0))
+    solver = few.reducer.prepare(ReducedProblem(
+        model, few.integrator, few.time.step, Offline.of(model, snapshots()),
+        np.random.default_rng(0)))
     assert np.isin(kept, solver.rows[name]).all()
     assert len(solver.rows[name]) == len(kept) + min(free, 2)
 
@@ -270,7 +273,7 @@ def test_ring_rows_are_counted_and_kept() -> None:
 ], ids=["galerkin", "sparse"])
 def test_impulses_in_a_reduced_run(reducer: dict[str, Any]) -> None:
     """No snapshot of the temperatures under the moving source is used."""
-    want = march(TINY.using({"reducer": "full"}), model=heated()).block("bar.thermal")
+    want = march(tiny().using({"reducer": "full"}), model=heated()).block("bar.thermal")
     heat = {"use": "dictionary", "orthonormal": True, "bases": [
         {"use": "impulse", "count": 10}, {"use": "static", "rates": [0, 10, 100, 1000]}]}
     scene = with_reducer(**{**reducer, "bases": {"*.thermal": heat}})
@@ -283,7 +286,7 @@ def test_impulses_in_a_reduced_run(reducer: dict[str, Any]) -> None:
 
 
 def test_dictionaries_depend_on_the_step_and_say_when_it_is_missing(tmp_path: Path) -> None:
-    from sparsemor.core.cache import Cache
+    from sparsemor.core.simulation.cache import Cache
 
     offline = Offline(heated(), snapshots, "key", Products(Cache(tmp_path)))
     basis = Impulse(delays=(0, 5))
@@ -291,5 +294,5 @@ def test_dictionaries_depend_on_the_step_and_say_when_it_is_missing(tmp_path: Pa
         STEP, STEP._replace(h=0.1, c1_first=10.0), STEP))
     assert offline.products.used["basis"] == "mixed" and np.array_equal(a, c)
     assert a.shape != b.shape or np.abs(a - b).max() > 1e-3
-    with pytest.raises(InputError, match="the step that bar.thermal is reduced for"):
+    with pytest.raises(InputError, match="the time step that bar.thermal is reduced for"):
         offline.dictionary("bar.thermal", basis)

@@ -6,8 +6,8 @@ import pytest
 
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
-from sparsemor.core.frames import coherence, condition_number, unit_columns
-from sparsemor.core.plugin import Plugin
+from sparsemor.core.linalg.coherence import coherence, condition_number, unit_columns
+from sparsemor.core.registry.plugin import Plugin
 from sparsemor.core.testing import check_preconditioner
 from sparsemor.plugins.preconditioners.none import NoPreconditioner
 from sparsemor.plugins.preconditioners.parseval import Parseval

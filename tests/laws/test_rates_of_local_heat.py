@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from reduced_runs import decoded, learnt
-from sparsemor.core.model import Model
+from sparsemor.core.model.model import Model
 from sparsemor.core.testing import check_term
-from sparsemor.core.testing.run import March, march
+from sparsemor.core.testing.in_memory_run import March, march
 from warm_capacity import plate, with_warm_capacity
 
 BASIS = {"basis": {"use": "pod", "count": 14}}

@@ -25,10 +25,10 @@ from sparsemor.core.testing.problems import (
     incoherent,
     tall,
 )
-from sparsemor.plugins.sparse_solvers.active_set import Linearised
 from sparsemor.plugins.sparse_solvers.basis_pursuit import BasisPursuit
 from sparsemor.plugins.sparse_solvers.basis_pursuit_lp import BasisPursuitLp
 from sparsemor.plugins.sparse_solvers.lasso_lars import LassoLars
+from sparsemor.plugins.sparse_solvers.least_squares_on_support import Linearised
 from sparsemor.plugins.sparse_solvers.newton import LinearRecovery, Recovered
 from sparsemor.plugins.sparse_solvers.omp import OrthogonalMatchingPursuit
 from sparsemor.plugins.sparse_solvers.penalised import Penalised
@@ -81,6 +81,7 @@ def test_gaussian_supports_are_found(
         np.testing.assert_allclose(outcome.c, problem.answer, atol=1e-10)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("solver", VARIANTS.values(), ids=list(VARIANTS))
 def test_options_keep_the_laws(solver: SparseSolver) -> None:
     check_sparse_solver(solver, trials=2)

@@ -18,6 +18,7 @@ from sparsemor.core.protocols import (
     SparseSolver,
     SparseStart,
 )
+from sparsemor.core.registry import optional_packages as extras
 from sparsemor.core.status import Status
 from sparsemor.core.testing import check_sparse_solver
 from sparsemor.core.testing.problems import (
@@ -28,12 +29,11 @@ from sparsemor.core.testing.problems import (
     incoherent,
     tall,
 )
-from sparsemor.plugins.sparse_solvers import extras
-from sparsemor.plugins.sparse_solvers.active_set import Linearised
 from sparsemor.plugins.sparse_solvers.basis_pursuit import BasisPursuit
 from sparsemor.plugins.sparse_solvers.basis_pursuit_lp import BasisPursuitLp
 from sparsemor.plugins.sparse_solvers.cosamp import Cosamp
 from sparsemor.plugins.sparse_solvers.lasso_lars import LassoLars
+from sparsemor.plugins.sparse_solvers.least_squares_on_support import Linearised
 from sparsemor.plugins.sparse_solvers.newton import LinearRecovery, Recovered
 from sparsemor.plugins.sparse_solvers.omp import OrthogonalMatchingPursuit
 from sparsemor.plugins.sparse_solvers.penalised import Penalised
@@ -67,6 +67,7 @@ def test_rotating_rows_away_changes_no_least_squares_problem(
     np.testing.assert_allclose(rest.b @ rest.A, left @ linear.J[:, 4:], atol=1e-12)
 
 
+@pytest.mark.full
 @each
 def test_the_answer_is_least_squares_on_its_support(solver: SparseSolver) -> None:
     rng = np.random.default_rng(7)
@@ -259,6 +260,7 @@ def test_a_missing_package_is_named_with_its_extra(
         plugin()
 
 
+@pytest.mark.full
 def test_optional_packages_are_imported_when_used_only() -> None:
     script = (
         "import sys\n"

@@ -1,28 +1,28 @@
 """Reduced steps, trained on the run that they repeat, give it back on a scene with everything."""
 
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 from reduced_runs import decoded
-from sparsemor.core.assemble import assemble
-from sparsemor.core.scene import load
-from sparsemor.core.testing.run import March, march
-from sparsemor.reducers.sparse import Sparse
+from small_scenes import everything
+from sparsemor.core.model.assembly import assemble
+from sparsemor.core.scene.scene import load
+from sparsemor.core.testing.in_memory_run import March, march
+from sparsemor.reducers.sparse.reducer import Sparse
 
-EVERYTHING = load(Path(__file__).parents[1] / "scenes" / "everything.yaml")
 # every row that a joint or load touches is kept; a few more of the elastic ones
 ROWS = {"*.elastic": {"rows": 8}, "*.thermal": {"rows": 0}}
 
 
 @cache
 def full() -> March:
-    return march(EVERYTHING)
+    return march(everything())
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("centred", [False, True], ids=["plain", "centred"])
 @pytest.mark.parametrize("options", [{"use": "galerkin"}, {"use": "sparse", "budgets": ROWS}],
                          ids=["galerkin", "sparse"])
@@ -32,7 +32,7 @@ def test_every_block_is_given_back(options: dict[str, Any], centred: bool) -> No
     reference = full()
     snapshots = {name: reference.block(name).T for name in reference.model.reducible()}
     reducer = {**options, "basis": {"use": "pod", "centred": centred}}
-    run = march(EVERYTHING.using({"reducer": reducer}), snapshots=snapshots)
+    run = march(everything().using({"reducer": reducer}), snapshots=snapshots)
     bounds = {"rigid": 1e-11, "elastic": 1e-8, "thermal": 1e-11, "multiplier": 1e-7}
     for b in reference.model.layout:
         want = reference.block(b.name)
@@ -43,6 +43,7 @@ def test_every_block_is_given_back(options: dict[str, Any], centred: bool) -> No
     assert any(k < n for n, k in sizes.values())
 
 
+@pytest.mark.full
 def test_mechanics_are_solved_when_only_heat_selects() -> None:
     """Without polish the sparse solver's own solution is taken, but only where it solved."""
     scene = load("double_pendulum", {"time.end": 0.03})
@@ -58,7 +59,7 @@ def test_mechanics_are_solved_when_only_heat_selects() -> None:
 
 def test_local_heat_needs_the_solve_on_the_support() -> None:
     """The selection is linear: without polish radiation would be dropped in silence."""
-    model = assemble(EVERYTHING)
+    model = assemble(everything())
     options = {"budgets": {"*.elastic": {"rows": 8}, "*.thermal": {"rows": 0, "atoms": 2}}}
     assert not Sparse.model_validate(options).check(model)
     faults = Sparse.model_validate({**options, "polish": False}).check(model)

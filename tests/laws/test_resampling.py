@@ -1,45 +1,45 @@
 """Rows that are drawn anew: when, which, and that a stopped run goes on with the same ones."""
 
-import pickle
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from small_scenes import tiny
 from sparsemor import simulate
 from sparsemor.core.arrays import IntArray
-from sparsemor.core.hooks import hookimpl
-from sparsemor.core.initial import consistent_state
-from sparsemor.core.protocols import Resampling, StepSolver
-from sparsemor.core.scene import Scene
-from sparsemor.core.testing.run import march
-from sparsemor.reducers.resampled import Resampled
-from tiny_scene import BUDGETS, FIXED, TINY, full, prepared, snapshots
+from sparsemor.core.model.initial_state import consistent_state
+from sparsemor.core.protocols import RedrawsRows, StepSolver
+from sparsemor.core.registry.hooks import hookimpl
+from sparsemor.core.results.saved_state import Saved
+from sparsemor.core.scene.scene import Scene
+from sparsemor.core.simulation.time_stepping import FixedStep, accepted_steps, started
+from sparsemor.core.testing.in_memory_run import march
+from sparsemor.reducers.sparse.resampling import Resampled
+from tiny_scene import BUDGETS, FIXED, full, prepared, snapshots
 
 
 def reduced(**options: Any) -> Scene:
-    return TINY.using({"reducer": {
+    return tiny().using({"reducer": {
         "use": "sparse", "basis": {"use": "pod", "count": 14}, "budgets": FIXED, **options}})
 
 
 class Going:
-    """A run that can be stopped, pickled and gone on with."""
+    """A run that can be stopped and gone on with."""
 
     def __init__(self, scene: Scene, solver: StepSolver | None = None) -> None:
         self.scene, self.solver = scene, solver or prepared(scene)
-        state, self.memory = self.solver.start(consistent_state(full().model))
-        self.state = scene.integrator.start(self.solver.layout, state)
+        self.state, self.memory = started(
+            self.solver, scene.integrator, consistent_state(full().model))
         self.rows: list[dict[str, IntArray]] = []
 
     def steps(self, count: int) -> "Going":
-        h, integrator = self.scene.time.step, self.scene.integrator
-        for _ in range(count):
-            formula = integrator.formula(self.solver.layout, self.state, h)
-            outcome, self.memory = self.solver.solve(formula, self.memory)
-            assert outcome.status.ok, outcome
-            self.state = integrator.advance(self.solver.layout, self.state, formula, outcome.x, h)
-            if isinstance(self.solver, Resampling):
+        h = self.scene.time.step
+        step = FixedStep(self.scene.integrator, self.solver, h)
+        for taken in accepted_steps(step, self.state, self.memory, count, h):
+            self.state, self.memory = taken.state, taken.memory
+            if isinstance(self.solver, RedrawsRows):
                 self.rows.append(dict(self.solver.rows_at(self.memory)))
         return self
 
@@ -72,13 +72,13 @@ def test_rows_change_every_n_steps(options: dict[str, Any], budgets: dict[str, A
 def test_a_resampled_run_goes_on_from_its_memory(
     options: dict[str, Any], budgets: dict[str, Any]
 ) -> None:
-    """Pickled between two changes, in another process's place: a new solver, the same bits."""
+    """Stored between two changes, in another process's place: a new solver, the same bits."""
     scene = reduced(budgets=budgets, **options)
     want = Going(scene).steps(20)
     run = Going(scene).steps(10)
-    state, memory = pickle.loads(pickle.dumps((run.state, run.memory)))
+    stored = Saved.of(run.memory).dump()
     again = Going(scene, prepared(scene))
-    again.state, again.memory = state, memory
+    again.state, again.memory = run.state, Saved.load(stored).into(again.memory)
     again.steps(10)
     np.testing.assert_array_equal(again.state.x, want.state.x)
     for a, b in zip(again.rows, want.rows[10:], strict=True):
@@ -121,6 +121,7 @@ class Rows:
         self.heard.append((self.step, block))
 
 
+@pytest.mark.full
 def test_observers_hear_of_new_rows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("SPARSEMOR_CACHE", str(tmp_path / "cache"))
     rows = Rows()

@@ -11,17 +11,20 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from sparsemor.core.checkpoint import checkpoint_file
+from sparsemor.bodies.terms.field_kinds import ELASTIC, MULTIPLIER, RIGID, THERMAL
+from sparsemor.core import BodyShape
 from sparsemor.core.errors import InputError
-from sparsemor.core.layout import Block, Layout
 from sparsemor.core.protocols import Dictionary
-from sparsemor.core.results import RunResult, open_result
-from sparsemor.core.run_header import BodyShape, Probe, RunHeader
+from sparsemor.core.protocols.layout import Block, Layout
+from sparsemor.core.results.checkpoint import checkpoint_file
+from sparsemor.core.results.metadata import Probe, RunHeader, load_layout
+from sparsemor.core.results.run_result import RunResult, open_result
+from sparsemor.core.results.store import ChunkOfSteps, ResultWriter
+from sparsemor.core.results.stored_arrays import StoredArrays
 from sparsemor.core.status import Status
-from sparsemor.core.store import ChunkOfSteps, ResultWriter
 
-FULL = Layout([Block("arm", "rigid", 3), Block("arm", "elastic", 6), Block("arm", "thermal", 3),
-               Block("pin", "multiplier", 2)])
+FULL = Layout([Block("arm", RIGID, 3), Block("arm", ELASTIC, 6), Block("arm", THERMAL, 3),
+               Block("pin", MULTIPLIER, 2)])
 POINTS = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 SHAPE = BodyShape(
     points=POINTS, cells=np.array([[0, 1, 2], [0, 2, 3]]), elastic_dofs=np.arange(2, 8),
@@ -38,7 +41,7 @@ def header(reduced: bool) -> RunHeader:
         step=0.01, steps_planned=100,
         dictionaries={"arm.elastic": DICTIONARY} if reduced else {},
         rows={"arm.elastic": np.array([0, 2, 5])} if reduced else {}, bodies={"arm": SHAPE},
-        probes=(Probe("tip", "arm", (1.0, 0.0)),), budgets={"arm.elastic": {"rows": 3, "atoms": 2}})
+        probes=(Probe("tip", "arm", (1.0, 0.0)),))
 
 
 def steps(layout: Layout, first: int, count: int) -> ChunkOfSteps:
@@ -144,14 +147,12 @@ def test_times_must_grow_and_names_must_fit(tmp_path: Path) -> None:
         writer.append(dataclasses.replace(steps(FULL, 5, 5), x=np.zeros((5, 3))))
 
 
-def test_an_existing_result_is_kept_unless_told(tmp_path: Path) -> None:
+def test_an_existing_result_is_kept(tmp_path: Path) -> None:
     path = tmp_path / "result.zarr"
     ResultWriter.create(path, header(False)).append(steps(FULL, 0, 5))
-    with pytest.raises(InputError, match="already holds a result"):
+    with pytest.raises(InputError, match="already contains a result"):
         ResultWriter.create(path, header(False))
     assert len(open_result(path).times) == 5
-    ResultWriter.create(path, header(True), overwrite=True)
-    assert len(open_result(path).times) == 0
     assert [p.name for p in tmp_path.iterdir()] == ["result.zarr"]
 
 
@@ -201,13 +202,14 @@ ENDLESS = """
 import sys
 from pathlib import Path
 import numpy as np
-from sparsemor.core.layout import Block, Layout
+from sparsemor.bodies.terms.field_kinds import RIGID, THERMAL
+from sparsemor.core.protocols.layout import Block, Layout
 from sparsemor.core.protocols import Dictionary
-from sparsemor.core.run_header import RunHeader
-from sparsemor.core.store import ChunkOfSteps, ResultWriter
+from sparsemor.core.results.metadata import RunHeader
+from sparsemor.core.results.store import ChunkOfSteps, ResultWriter
 
 path = Path(sys.argv[1])
-full = Layout([Block("b", "rigid", 3), Block("b", "thermal", 5)])
+full = Layout([Block("b", RIGID, 3), Block("b", THERMAL, 5)])
 layout = full.resized({"b.thermal": 2})
 head = RunHeader({}, "d", 1, {}, "sparse", layout, full, 1.0, 10,
                  {"b.thermal": Dictionary(np.eye(5, 2), np.ones(5), ("a", "b"))})
@@ -231,6 +233,7 @@ while True:
 """
 
 
+@pytest.mark.full
 def test_a_killed_run_is_whole_up_to_its_last_commit(tmp_path: Path) -> None:
     reached: list[int] = []
     for turn in range(20):  # each store is killed and resumed four times, more on a busy machine
@@ -261,3 +264,14 @@ def test_a_killed_run_is_whole_up_to_its_last_commit(tmp_path: Path) -> None:
             assert run.status is Status.INTERRUPTED and run.summary == {}
             assert np.array_equal(run.block("b.thermal")[:, 2], np.ones(count))
     assert max(reached) > 256  # more than one file a variable was written
+
+
+def test_a_result_without_kinds_tells_them_by_units(tmp_path: Path) -> None:
+    ResultWriter.create(tmp_path / "r.zarr", header(True))
+    stored = StoredArrays(tmp_path / "r.zarr")
+    assert load_layout(stored.attributes, "full_layout", stored.metadata).blocks == FULL.blocks
+    older = {k: v for k, v in stored.attributes.items() if k != "fields"}
+    told = load_layout(older, "full_layout", stored.metadata)
+    assert [(b.name, b.size) for b in told] == [(b.name, b.size) for b in FULL]
+    assert [(b.kind.order, b.kind.quantity, b.kind.reducible) for b in told] == [
+        (b.kind.order, b.kind.quantity, b.kind.reducible) for b in FULL]

@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 
 from sparsemor import InputError, SolveFailed, Status, load, open_result, simulate
-from sparsemor.core.assemble import assemble
-from sparsemor.core.cache import Cache
-from sparsemor.core.checks import checked_model
-from sparsemor.core.hooks import hookimpl
-from sparsemor.core.rigid_stage import rigid_scene
-from sparsemor.core.stage import Followed, FrameHistory, Stage
-from sparsemor.core.testing.run import March, march
+from sparsemor.core.model.assembly import assemble
+from sparsemor.core.model.prescribed_motion import Followed
+from sparsemor.core.protocols.prescribed_motion import FrameHistory, Stage
+from sparsemor.core.registry.hooks import hookimpl
+from sparsemor.core.simulation.cache import Cache
+from sparsemor.core.simulation.rigid_stage import rigid_scene
+from sparsemor.core.simulation.validation import checked_model
+from sparsemor.core.testing.in_memory_run import March, march
 
 SCENES = Path(__file__).parents[1] / "scenes"
 SLIDER, EVERYTHING = SCENES / "small_slider.yaml", SCENES / "everything.yaml"
@@ -30,6 +31,7 @@ def stage_of(run: March) -> Stage:
     return Stage(t, frames, frozenset(frames), reactions, {})
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("integrator", ["bdf1", "generalized_alpha"])
 @pytest.mark.parametrize("method", [
     "bordered", pytest.param("newton", marks=pytest.mark.slow)])
@@ -83,6 +85,7 @@ class Phases:
         self.seen.append(run.phase)
 
 
+@pytest.mark.full
 def test_one_stage_serves_training_and_runs_and_is_part_of_the_offline_cost(tmp_path):
     cache, pod = Cache(tmp_path), {"use": "galerkin", "basis": {"use": "pod", "count": 6}}
     first, again, other = Phases(), Phases(), Phases()
@@ -100,6 +103,7 @@ def test_one_stage_serves_training_and_runs_and_is_part_of_the_offline_cost(tmp_
     assert other.seen == ["rigid stage", "training", "run"]  # the training's own, the run's is kept
 
 
+@pytest.mark.full
 def test_a_result_tells_the_stage_and_where_bodies_are(tmp_path):
     result = simulate(load(SLIDER, SHORT), out=tmp_path / "a", cache=Cache(tmp_path / "c"))
     stage = result.stage()
@@ -133,6 +137,7 @@ def test_a_stage_that_fails_says_so(tmp_path):
     assert failed.value.status is Status.NOT_CONVERGED
 
 
+@pytest.mark.full
 def test_an_interrupted_run_goes_on_to_the_same_numbers(tmp_path):
     class Stop:
         @hookimpl
@@ -167,6 +172,7 @@ def test_what_two_stages_refuse(changes, key, words):
     assert any(k.startswith(key) and words in m for k, m in faults.items()), faults
 
 
+@pytest.mark.full
 def test_a_joint_of_bodies_that_do_not_move_stays_a_constraint(tmp_path):
     """A rigid stage cannot know its force; the flexible stage solves for it."""
     scene = load(SLIDER, SHORT)

@@ -7,15 +7,19 @@ import numpy as np
 import pytest
 
 from sparsemor import load, simulate
-from sparsemor.bodies.mesh.block import Block
-from sparsemor.bodies.spatial import rotation as rot
-from sparsemor.core.assemble import assemble
-from sparsemor.core.cache import Cache
-from sparsemor.core.checks import checked_model
-from sparsemor.core.placement import placed, turned
-from sparsemor.core.scene import Scene
-from sparsemor.core.stage import Followed, FrameHistory, Stage
-from sparsemor.core.testing.run import March, march, scene_of
+from sparsemor.bodies.frames import rotation as rot
+from sparsemor.bodies.mesh.generators.block import Block
+from sparsemor.core.model.assembly import assemble
+from sparsemor.core.model.prescribed_motion import Followed
+from sparsemor.core.protocols import PassesReactionsOn
+from sparsemor.core.protocols.poses import placed, turned
+from sparsemor.core.protocols.prescribed_motion import FrameHistory, Stage
+from sparsemor.core.scene.scene import Scene
+from sparsemor.core.simulation.cache import Cache
+from sparsemor.core.simulation.validation import checked_model
+from sparsemor.core.testing.in_memory_run import March, march, scene_of
+
+pytestmark = pytest.mark.full
 
 SCENES = Path(__file__).parents[1] / "scenes"
 SHORT: dict[str, Any] = {"time.end": 7.5e-5, "training.end": 7.5e-5, "reducer": "full"}
@@ -61,9 +65,9 @@ def stage_of(run: March) -> Stage:
     multipliers = {b.owner: run.x[:, layout[b.name]] for b in layout if b.field == "multiplier"}
     poses = {n: h.pose for n, h in frames.items()}
     joints: dict[str, Any] = dict(run.model.parts)
-    handed = {n: joints[n].handed_on(t, m, poses) for n, m in multipliers.items()
-              if hasattr(joints.get(n), "handed_on")}
-    return Stage(t, frames, frozenset(frames), multipliers, {}, handed)
+    passed_on = {n: joints[n].reactions_passed_on(t, m, poses) for n, m in multipliers.items()
+                 if isinstance(joints.get(n), PassesReactionsOn)}
+    return Stage(t, frames, frozenset(frames), multipliers, {}, passed_on)
 
 
 def given_of(free: March, scene: Scene) -> March:
@@ -129,7 +133,7 @@ def test_what_is_handed_on_balances_every_body():
         torque = turned(pose, al @ J + np.cross(w, Jw))
         center = placed(pose, np.tile(com, (len(pose), 1)))
         size = np.abs(force[late]).max(), 0.1 * np.abs(force[late]).max()
-        for joint, known in stage.handed.items():
+        for joint, known in stage.reactions_passed_on.items():
             part: Any = joints[joint]
             for i, side in enumerate(part.sides):
                 if side.body.name == name:

@@ -11,12 +11,12 @@ from sparsemor.core.arrays import IntArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.protocols import BlockData, Dictionary, Sampler
 from sparsemor.core.testing import check_sampler, installed
-from sparsemor.core.testing.data import random_block, random_dictionary
+from sparsemor.core.testing.random_inputs import random_block, random_dictionary
+from sparsemor.plugins.samplers.base import RowSampler
 from sparsemor.plugins.samplers.deim import Deim
 from sparsemor.plugins.samplers.leverage import Leverage
 from sparsemor.plugins.samplers.lhs import LatinHypercube, one_per_stratum
 from sparsemor.plugins.samplers.random import Uniform
-from sparsemor.plugins.samplers.row_sampler import RowSampler
 from sparsemor.plugins.samplers.s_opt import SOpt
 
 NONE = np.zeros(0, dtype=np.int64)
@@ -57,6 +57,7 @@ def test_each_stratum_gives_one_row(N: int, data: st.DataObject) -> None:
     assert np.array_equal(np.searchsorted(ends, rows, side="right"), np.arange(m))
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("sampler", [LatinHypercube(), Uniform()], ids=repr)
 def test_every_row_is_equally_likely(sampler: Sampler) -> None:
     block, runs = plane(10), 3000
@@ -86,6 +87,7 @@ def test_whole_nodes_leave_out_required_rows() -> None:
     assert np.array_equal(rows, np.arange(40))
 
 
+@pytest.mark.full
 def test_published_variant_neither_forces_nor_excludes_required_rows() -> None:
     required = np.array([3, 7], dtype=np.int64)
     hits = np.zeros(20)

@@ -2,6 +2,7 @@
 
 import os
 import pickle
+import signal
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -9,13 +10,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sparsemor import InputError, open_result, simulate
-from sparsemor.core.checkpoint import checkpoint_file
-from sparsemor.core.hooks import hookimpl
-from sparsemor.core.saved import MAGIC, Saved, SavedError
-from sparsemor.core.scene import Scene
-from sparsemor.core.scene import load as load_scene
-from sparsemor.core.tally import Tally
+from sparsemor import InputError, SolveFailed, open_result, simulate
+from sparsemor.core.registry.hooks import hookimpl
+from sparsemor.core.results.checkpoint import checkpoint_file
+from sparsemor.core.results.saved_state import MAGIC, Saved, SavedError
+from sparsemor.core.scene.scene import Scene
+from sparsemor.core.scene.scene import load as load_scene
+from sparsemor.core.simulation.step_statistics import Tally
 from sparsemor.core.testing import check_reducer
 
 TINY = Path(__file__).parents[1] / "scenes" / "tiny.yaml"
@@ -192,3 +193,18 @@ def test_ms_per_step_counts_all_that_a_step_takes(tmp_path: Path) -> None:
     summary = simulate(scene, out=tmp_path / "out").summary
     assert summary["ms_per_step"] == pytest.approx(1e3 * summary["wall_s"]["online"] / 20)
     assert 0.0 < summary["ms_per_step_solver"] < summary["ms_per_step"]
+
+
+class Strikes:
+    @hookimpl
+    def on_start(self) -> None:
+        signal.raise_signal(signal.SIGINT)
+
+
+def test_ctrl_c_before_the_first_step_leaves_a_run_that_can_be_continued(tmp_path: Path) -> None:
+    scene = load_scene(TINY, {"reducer": "full", "time.end": 0.005})
+    with pytest.raises(SolveFailed, match="interrupted at t = 0 s: continue it with --resume"):
+        simulate(scene, out=tmp_path, observers=[Strikes()])
+    assert open_result(tmp_path).times.tolist() == [0.0]
+    again, whole = simulate(scene, out=tmp_path, resume=True), simulate(scene)
+    np.testing.assert_array_equal(again.block("bar.elastic"), whole.block("bar.elastic"))

@@ -7,16 +7,19 @@ import numpy as np
 import pytest
 
 from sparsemor import load, simulate
-from sparsemor.core.assemble import assemble
-from sparsemor.core.cache import Cache
-from sparsemor.core.checks import checked_model
-from sparsemor.core.eliminated import solve_by_blocks
+from sparsemor.core import ReducedProblem
 from sparsemor.core.errors import InputError
-from sparsemor.core.initial import consistent_state
-from sparsemor.core.results import RunResult
-from sparsemor.core.scene import Scene
+from sparsemor.core.model.assembly import assemble
+from sparsemor.core.model.initial_state import consistent_state
+from sparsemor.core.model.schur_complement import solve_by_blocks
+from sparsemor.core.results.run_result import RunResult
+from sparsemor.core.scene.scene import Scene
+from sparsemor.core.simulation.cache import Cache
+from sparsemor.core.simulation.validation import checked_model
 from sparsemor.core.status import SolveFailed, Status
 from sparsemor.plugins.linear_solvers.conjugate_gradients import ConjugateGradients
+
+pytestmark = pytest.mark.full
 
 SCENES = Path(__file__).parents[1] / "scenes"
 FULL = {"reducer": "full", "training": {}}
@@ -78,13 +81,13 @@ def test_a_solver_that_stops_short_fails_the_step_by_name(tmp_path: Path) -> Non
 
 
 def test_elastic_failure_within_a_step_is_not_taken_for_overflow() -> None:
-    from sparsemor.core.offline import Offline
-    from sparsemor.core.step_control import step_of
+    from sparsemor.core.simulation.offline import Offline
+    from sparsemor.core.simulation.step_control import step_of
 
     scene = spatial(linear_solvers={"*.elastic": {"use": "cg", "rtol": 1e-12}})
     model = assemble(scene)
-    solver: Any = scene.reducer.prepare(
-        model, scene.integrator, 1e-3, Offline.of(model, {}), np.random.default_rng(0))
+    solver: Any = scene.reducer.prepare(ReducedProblem(
+        model, scene.integrator, 1e-3, Offline.of(model, {}), np.random.default_rng(0)))
     block = solver.elastic["bar.elastic"]
     D = block.factor.A
     short = ConjugateGradients(rtol=1e-12, max_iterations=1).factorize(D)
@@ -122,7 +125,7 @@ def test_training_and_bases_are_solved_by_the_same(tmp_path: Path) -> None:
 
 def test_large_blocks_are_eliminated_at_the_start(monkeypatch: pytest.MonkeyPatch) -> None:
     """Consistent accelerations do not depend on whether blocks are solved on their own."""
-    from sparsemor.core import eliminated
+    from sparsemor.core.model import schur_complement as eliminated
 
     for scene in (spatial(), load(SCENES / "everything.yaml", FULL)):
         whole = consistent_state(assemble(scene))
@@ -138,7 +141,7 @@ def test_large_blocks_are_eliminated_at_the_start(monkeypatch: pytest.MonkeyPatc
 def test_a_singular_whole_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     from scipy.sparse import csr_array, eye_array
 
-    from sparsemor.core import eliminated
+    from sparsemor.core.model import schur_complement as eliminated
 
     monkeypatch.setattr(eliminated, "FEW", 0)
     model = assemble(spatial())

@@ -7,13 +7,13 @@ import pytest
 
 from sparsemor.core.arrays import BoolArray, FloatArray
 from sparsemor.core.protocols import Group, SparseStart
-from sparsemor.core.screening import Error, Quadratic, Screening
+from sparsemor.core.protocols.sparse_solver import GramError, Quadratic, ScreensSupport
 from sparsemor.plugins.sparse_solvers.gram import Move, Normal, Part, Swap, gathered
 from sparsemor.plugins.sparse_solvers.greedy_gauss_newton import GreedyGaussNewton
-from sparsemor.plugins.sparse_solvers.largest import Largest, Tolerance, largest, within
+from sparsemor.plugins.sparse_solvers.hard_thresholding import Largest, Tolerance, largest, within
 from sparsemor.plugins.sparse_solvers.screen import ExchangeScreen
 
-CLOSE = Error(1e-9, 0.0)
+CLOSE = GramError(1e-9, 0.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,7 +56,7 @@ class Linear:
         return solver.screen(self.groups, self.J.any(axis=0), len(self.J))
 
     def around(
-        self, c: FloatArray, error: Error = CLOSE, hidden: float = 0.0,
+        self, c: FloatArray, error: GramError = CLOSE, hidden: float = 0.0,
         gram: FloatArray | None = None,
     ) -> Quadratic:
         """gram: that of an earlier question, where nothing changed in it."""
@@ -153,7 +153,7 @@ def test_a_reason_that_holds_is_one(solver: GreedyGaussNewton) -> None:
 
 def test_an_exchange_that_no_choice_makes_worth_while() -> None:
     """All columns together lower the norm by less: the support stays whatever is chosen."""
-    hopeless = 0
+    never_valid = 0
     for seed in range(40):
         problem = Linear.drawn(np.random.default_rng(seed))
         screen = problem.screen(SOLVERS[-2])
@@ -161,29 +161,29 @@ def test_an_exchange_that_no_choice_makes_worth_while() -> None:
         base = np.linalg.norm(problem.residual(problem.c))
         best = np.linalg.norm(problem.residual(np.linalg.lstsq(problem.J, problem.b)[0]))
         for gain in (0.05, 0.3, 0.9):
-            found = screen.fits.hopeless(at, problem.support, everyone, gain)
+            found = screen.fits.never_valid(at, problem.support, everyone, gain)
             assert found == bool(best > (1.0 - gain) * base)
-            hopeless += found
-        assert not screen.fits.hopeless(at, problem.support, everyone, 1e-8), "not worth asking"
-    assert 5 <= hopeless <= 115
+            never_valid += found
+        assert not screen.fits.never_valid(at, problem.support, everyone, 1e-8), "not worth asking"
+    assert 5 <= never_valid <= 115
 
 
 def test_what_is_closer_than_the_tolerance_is_not_told() -> None:
     """With a tolerance that no decision can beat, only those that both ways agree on are told."""
-    solver, untold = GreedyGaussNewton(candidates="all"), 0
+    solver, unavailable_resultants = GreedyGaussNewton(candidates="all"), 0
     for seed in range(40):
         problem = Linear.drawn(np.random.default_rng(seed))
         screen = problem.screen(solver)
         sure = screen.settle(problem.around(problem.c), problem.support)
-        unsure = screen.settle(problem.around(problem.c, Error(0.2, 0.1)), problem.support)
-        untold += unsure is None
+        unsure = screen.settle(problem.around(problem.c, GramError(0.2, 0.1)), problem.support)
+        unavailable_resultants += unsure is None
         assert unsure is None or (sure is not None and np.array_equal(unsure, sure))
-        exact = problem.around(problem.c, Error(0.2, 0.1))._replace(
+        exact = problem.around(problem.c, GramError(0.2, 0.1))._replace(
             exact=lambda p=problem: p.around(p.c))
         told = screen.settle(exact, problem.support)
         assert (told is None) == (sure is None), "a second look where the first is not enough"
         assert told is None or sure is None or np.array_equal(told, sure)
-    assert untold >= 20
+    assert unavailable_resultants >= 20
 
 
 def test_a_residual_at_round_off_keeps_its_support() -> None:
@@ -207,16 +207,16 @@ def test_how_unlike_another_jacobian_is(candidates: str) -> None:
     rng = np.random.default_rng(1)
     problem = Linear.drawn(rng)
     solver = GreedyGaussNewton(candidates=candidates)
-    screen, at = problem.screen(solver), problem.around(problem.c, Error(1e-3, 1e-7))
+    screen, at = problem.screen(solver), problem.around(problem.c, GramError(1e-3, 1e-7))
     assert max(screen.unlike(at, at, problem.support)) < 1e-12
     seen = []
     for change in (1e-6, 1e-4, 1e-2):
         moved = problem.J * (1.0 + change * rng.standard_normal(problem.J.shape))
-        other = replace(problem, J=moved).around(problem.c, Error(1e-3, 1e-7))
+        other = replace(problem, J=moved).around(problem.c, GramError(1e-3, 1e-7))
         seen.append(screen.unlike(other, at, problem.support))
     for kind in zip(*seen, strict=True):
         assert 1e-8 < kind[0] < kind[1] / 10 < kind[2] / 100
-    assert isinstance(solver, Screening)
+    assert isinstance(solver, ScreensSupport)
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -239,7 +239,7 @@ def test_least_squares_by_their_gram_matrix(seed: int) -> None:
         assert some.inverse is not None and 0.0 < some.rounding(want) < 1e-12
     move = Move.of(gram, Swap.of(old, new))
     assert move is not None
-    at = Quadratic(gram, J.T @ r, c, np.ones(12), Error(0.0, 1e-9), None, lambda: (0.0, 0.0))
+    at = Quadratic(gram, J.T @ r, c, np.ones(12), GramError(0.0, 1e-9), None, lambda: (0.0, 0.0))
     start = r - J @ c  # residual(d) = r + J (d - c)
     least = start + J[:, new] @ np.linalg.lstsq(J[:, new], -start, rcond=None)[0]
     rise, error = move.rise(at)

@@ -7,15 +7,16 @@ from typing import Any
 import numpy as np
 import pytest
 
+from sparsemor.bodies.terms.field_kinds import RIGID, THERMAL
+from sparsemor.core.analysis.charts.angles import angles_figure
+from sparsemor.core.analysis.charts.contact_forces import contact_forces_figure
+from sparsemor.core.analysis.charts.positions import moving_bodies, positions_figure
+from sparsemor.core.analysis.charts.style import save
+from sparsemor.core.analysis.charts.units import unit
 from sparsemor.core.arrays import FloatArray, IntArray
-from sparsemor.core.charts.angles import angles_figure
-from sparsemor.core.charts.contact_forces import contact_forces_figure
-from sparsemor.core.charts.positions import moving_bodies, positions_figure
-from sparsemor.core.charts.style import save
-from sparsemor.core.charts.units import unit
-from sparsemor.core.layout import Block, Layout
-from sparsemor.core.results import RunResult
-from sparsemor.core.stage import FrameHistory, Stage
+from sparsemor.core.protocols.layout import Block, Layout
+from sparsemor.core.protocols.prescribed_motion import FrameHistory, Stage
+from sparsemor.core.results.run_result import RunResult
 
 TIMES = np.linspace(0.0, 3.75e-3, 51)
 
@@ -23,7 +24,7 @@ TIMES = np.linspace(0.0, 3.75e-3, 51)
 class Followed(RunResult):
     """A result that holds no more than how its bodies moved."""
 
-    layout = Layout([Block("slider", "rigid", 3), Block("plate", "thermal", 2)])
+    layout = Layout([Block("slider", RIGID, 3), Block("plate", THERMAL, 2)])
     times = TIMES
     scene: dict[str, Any] = {}
 
@@ -57,6 +58,7 @@ def test_units(largest: float, si: str, expected: tuple[float, str]) -> None:
     assert unit(largest, si) == expected
 
 
+@pytest.mark.full
 def test_forces_of_each_contact() -> None:
     figure = contact_forces_figure(Followed(stage(("sole", "guide"))).contacts())
     assert figure is not None
@@ -71,8 +73,8 @@ def test_forces_of_each_contact() -> None:
 
 def test_a_contact_without_friction_has_one_line() -> None:
     whole = stage()
-    bare = replace(whole, contacts={"sole": {"normal": np.full(51, -2.0e4)}})
-    figure = contact_forces_figure(Followed(bare).contacts())
+    rigid_copy = replace(whole, contacts={"sole": {"normal": np.full(51, -2.0e4)}})
+    figure = contact_forces_figure(Followed(rigid_copy).contacts())
     assert figure is not None and len(figure.axes[0].lines) == 1
     assert figure.axes[0].get_ylabel() == "force (kN)"
     assert figure.axes[0].get_ylim()[0] < -20.0 and figure.axes[0].get_ylim()[1] >= 0.0
@@ -115,7 +117,7 @@ def test_a_disk_that_follows_its_stage_has_the_stages_speed() -> None:
     rate = np.stack([zero, zero, zero, 66.667 - 51.087 * t], axis=1)
     disk = FrameHistory(t, pose, rate, 0.0 * rate)
     run = Followed(Stage(t, {"disk": disk}, frozenset({"disk"}), {}, {}))
-    run.layout = Layout([Block("disk", "thermal", 2)])
+    run.layout = Layout([Block("disk", THERMAL, 2)])
     figure = angles_figure(run, {}, "full")
     assert figure is not None
     angle, speed = (np.asarray(axes.lines[0].get_ydata()) for axes in figure.axes)
@@ -126,6 +128,7 @@ def test_a_disk_that_follows_its_stage_has_the_stages_speed() -> None:
     assert moved is not None and [a.get_ylabel() for a in moved.axes] == ["turned (rad)"]
 
 
+@pytest.mark.full
 def test_pictures_show_something(tmp_path: Path) -> None:
     from matplotlib.image import imread
 

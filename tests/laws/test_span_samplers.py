@@ -11,12 +11,12 @@ from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.protocols import BlockData, Dictionary
 from sparsemor.core.testing import check_sampler
-from sparsemor.core.testing.data import random_block, random_dictionary
-from sparsemor.plugins.samplers.candidates import Rows
+from sparsemor.core.testing.random_inputs import random_block, random_dictionary
 from sparsemor.plugins.samplers.deim import Deim
 from sparsemor.plugins.samplers.leverage import Leverage, leverage
+from sparsemor.plugins.samplers.row_pool import Rows
 from sparsemor.plugins.samplers.s_opt import SOpt, s_quantity
-from sparsemor.plugins.samplers.span import SpanSampler, orthonormal
+from sparsemor.plugins.samplers.subspace import SpanSampler, orthonormal
 
 NONE = np.zeros(0, dtype=np.int64)
 EVERY: list[tuple[type[SpanSampler], dict[str, Any]]] = [
@@ -210,6 +210,7 @@ def test_top_leverage_takes_the_largest_scores() -> None:
     assert np.array_equal(rows, np.sort(np.argsort(-(U**2).sum(axis=1))[:7]))
 
 
+@pytest.mark.full
 def test_random_leverage_draws_in_proportion_to_the_scores() -> None:
     U = np.linalg.qr(np.random.default_rng(2).standard_normal((12, 3)))[0]
     share, runs = (U**2).sum(axis=1) / 3, 4000

@@ -19,7 +19,7 @@ from sparsemor.core.testing.problems import (
     incoherent,
 )
 from sparsemor.plugins.sparse_solvers.greedy_gauss_newton import GreedyGaussNewton
-from sparsemor.plugins.sparse_solvers.visits import Visits
+from sparsemor.plugins.sparse_solvers.support_cycles import Visits
 
 
 @pytest.mark.parametrize("seed", range(40))
@@ -67,6 +67,7 @@ def imitated() -> LeastSquares:
     return LeastSquares((Group("u", 0, 12, 5),), A, np.zeros_like(A), 0.0, answer)
 
 
+@pytest.mark.full
 def test_an_imitated_atom_is_found_when_all_may_enter() -> None:
     problem = imitated()
     start = np.zeros(12, dtype=np.bool_)

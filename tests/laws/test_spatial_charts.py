@@ -8,21 +8,24 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from sparsemor import load, simulate
+from sparsemor.core.analysis.charts import surface_pyvista, write_run_charts
+from sparsemor.core.analysis.charts.angles import angles_figure, rate_of, turning
+from sparsemor.core.analysis.charts.positions import moving_bodies, positions_figure
+from sparsemor.core.analysis.charts.probes import (
+    probe_displacement_figure,
+    probe_temperature_figure,
+)
+from sparsemor.core.analysis.charts.style import new_figure
+from sparsemor.core.analysis.charts.surface_fields import solid_bodies, surface_figures
+from sparsemor.core.analysis.charts.surface_matplotlib import paint
+from sparsemor.core.analysis.charts.surface_pyvista import rendered
+from sparsemor.core.analysis.charts.view import DARKEST, LIGHT, VIEWS, Surface, skin
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.cache import Cache
-from sparsemor.core.charts import write_run_charts
-from sparsemor.core.charts.angles import angles_figure, rate_of, turning
-from sparsemor.core.charts.painted import paint
-from sparsemor.core.charts.positions import moving_bodies, positions_figure
-from sparsemor.core.charts.probes import probe_displacement_figure, probe_temperature_figure
-from sparsemor.core.charts.rendered import rendered
-from sparsemor.core.charts.style import new_figure
-from sparsemor.core.charts.surfaces import solid_bodies, surface_figures
-from sparsemor.core.charts.view import DARKEST, LIGHT, VIEWS, Surface, skin
-from sparsemor.core.facets import boundary
-from sparsemor.core.mesh import Mesh
-from sparsemor.core.placement import turned_by
-from sparsemor.core.results import RunResult
+from sparsemor.core.model.facets import boundary
+from sparsemor.core.protocols.mesh import Mesh
+from sparsemor.core.protocols.poses import turned_by
+from sparsemor.core.results.run_result import RunResult
+from sparsemor.core.simulation.cache import Cache
 
 SCENE = """\
 format: 1
@@ -69,7 +72,7 @@ def by_matplotlib(_: object) -> None:
 
 def block(size: tuple[float, float, float]) -> tuple[FloatArray, Any]:
     """Points and outward triangles of a box about the origin, from two tetrahedra a corner."""
-    from sparsemor.bodies.mesh.block import Block
+    from sparsemor.bodies.mesh.generators.block import Block
 
     mesh = Block(size=size, divisions=(1, 1, 1)).build(Path())
     return mesh.points - 0.5 * np.array(size), boundary(Mesh(mesh.points, mesh.cells))
@@ -109,6 +112,7 @@ def flat(z: float, value: float) -> tuple[FloatArray, FloatArray]:
     return np.array([[[-9.0, -9.0, z], [9.0, -9.0, z], [0.0, 9.0, z]]]), np.full((1, 3), value)
 
 
+@pytest.mark.full
 def test_the_nearer_triangle_hides_the_farther_one() -> None:
     from matplotlib import colormaps
 
@@ -134,6 +138,7 @@ def ramp(triangles: int) -> Surface:
     return Surface(corners, 0.5 + 0.5 * corners[..., 1], 0.0, 1.0, "viridis", 1.1 * np.ones(2))
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("triangles", [200, 100_000])
 def test_colours_are_those_of_the_bar(triangles: int) -> None:
     from matplotlib import colormaps
@@ -172,11 +177,12 @@ def test_a_renderer_that_crashes_is_no_crash(monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_without_the_extra_matplotlib_draws(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("sparsemor.core.charts.rendered.find_spec", lambda name: None)
+    monkeypatch.setattr(surface_pyvista, "find_spec", lambda name: None)
     assert rendered([ramp(8)]) is None
     assert rendered([]) is None
 
 
+@pytest.mark.full
 def test_skins_at_chosen_times(run: RunResult) -> None:
     figures = surface_figures(run, [0.0049, 0.02], by_matplotlib)
     assert set(figures) == {"temperature_bar", "deformation_bar"} and solid_bodies(run) == ["bar"]
@@ -193,6 +199,7 @@ def test_skins_at_chosen_times(run: RunResult) -> None:
     assert "drawn with displacements × " in figures["deformation_bar"].get_supxlabel()
 
 
+@pytest.mark.full
 def test_many_times_make_more_rows(run: RunResult) -> None:
     figure = surface_figures(run, [0.0, 0.005, 0.01, 0.015, 0.02], by_matplotlib)["temperature_bar"]
     shown = [a for a in figure.axes[:-1] if a.get_visible()]
@@ -217,10 +224,11 @@ def test_images_take_their_panels_in_order(run: RunResult) -> None:
     assert np.array_equal(above.values, below.values)
 
 
+@pytest.mark.full
 def test_pictures_of_a_run_in_space(
     run: RunResult, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("sparsemor.core.charts.rendered.find_spec", lambda name: None)
+    monkeypatch.setattr(surface_pyvista, "find_spec", lambda name: None)
     files = write_run_charts(run, tmp_path, formats=["png"])
     assert {f.stem for f in files} == {
         "angles", "positions", "deformation_bar", "temperature_bar", "probe_displacement",

@@ -7,16 +7,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sparsemor.bodies.frame_term import FrameTerm
+from sparsemor.bodies.frames import rotation as rot
+from sparsemor.bodies.frames.frame import SpatialFrame
 from sparsemor.bodies.loads import radiation
-from sparsemor.bodies.mesh.block import Block
-from sparsemor.bodies.spatial import rotation as rot
-from sparsemor.bodies.spatial.frame import SpatialFrame
-from sparsemor.core.assemble import assemble
-from sparsemor.core.equations import jacobian, residual
-from sparsemor.core.model import Model
+from sparsemor.bodies.mesh.generators.block import Block
+from sparsemor.core.model.assembly import assemble
+from sparsemor.core.model.equations import jacobian, residual
+from sparsemor.core.model.frame_term import FrameTerm
+from sparsemor.core.model.model import Model
 from sparsemor.core.testing import check_term
-from sparsemor.core.testing.run import march, scene_of
+from sparsemor.core.testing.in_memory_run import march, scene_of
 from term_scales import scales
 
 TURNED: dict[str, Any] = {"axis": [1.0, 2.0, -0.5], "angle": 0.7}
@@ -101,7 +101,9 @@ def everything() -> dict[str, Any]:
         "time": {"end": 1.0, "step": 0.1}}
 
 
-PARTS = [*everything()["bodies"], *everything()["joints"], *everything()["loads"]]
+LONG = ("bar", "held", "hinge", "hub", "weld", "gravity")
+PARTS = [pytest.param(name, marks=[pytest.mark.full] * (name in LONG)) for name in (
+    *everything()["bodies"], *everything()["joints"], *everything()["loads"])]
 
 
 @pytest.fixture(scope="module")
@@ -111,7 +113,7 @@ def model() -> Model:
 
 @pytest.mark.parametrize("part", PARTS)
 def test_every_term_of(model: Model, part: str) -> None:
-    terms = model.parts[part].terms(model.layout, model.parts)
+    terms = model.by_part[part]
     assert bool(terms) is not (part == "warm")  # eliminated: in the terms of its body
     rng = np.random.default_rng(7)
     for i, term in enumerate(terms):
@@ -169,6 +171,7 @@ def test_radiation_of_a_triangle_is_integrated_exactly() -> None:
             assert (phi[0] ** a * phi[1] ** b * phi[2] ** c) @ weights == pytest.approx(exact)
 
 
+@pytest.mark.full
 def test_the_bordered_and_the_textbook_step_agree() -> None:
     scene = everything()
     for redundant in ("drive", "track", "shaft", "link", "brake"):

@@ -1,6 +1,5 @@
 """Laws of the linearised one-step map, of the gate, and of the states they are asked at."""
 
-import pickle
 from functools import cache
 from math import inf
 from typing import Any
@@ -9,19 +8,29 @@ import numpy as np
 import pytest
 
 from small_pendulum import small
-from sparsemor.core.cache import Cache
-from sparsemor.core.checks import checked_model
-from sparsemor.core.hooks import new_manager
-from sparsemor.core.initial import consistent_state
-from sparsemor.core.offline import offline_of
-from sparsemor.core.products import Products
+from sparsemor.core import ReducedProblem
+from sparsemor.core.model.initial_state import consistent_state
 from sparsemor.core.protocols import StepSolver
-from sparsemor.core.scene import Scene
-from sparsemor.core.simulate import simulate
-from sparsemor.core.stability import Judgement, Reference, eigenvalues, excess, judge, step_map
-from sparsemor.core.stability.check import over_the_run
-from sparsemor.core.stability.differences import packed, unpacked
-from sparsemor.core.stability.reference import course, course_times, started
+from sparsemor.core.registry.hooks import new_manager
+from sparsemor.core.results.saved_state import Saved
+from sparsemor.core.scene.scene import Scene
+from sparsemor.core.simulation.cache import Cache
+from sparsemor.core.simulation.linearization import (
+    Judgement,
+    Reference,
+    eigenvalues,
+    excess,
+    judge,
+    step_map,
+)
+from sparsemor.core.simulation.linearization.check import over_the_run
+from sparsemor.core.simulation.linearization.differences import packed, unpacked
+from sparsemor.core.simulation.linearization.reference import linearization_times, states_along
+from sparsemor.core.simulation.offline import offline_of
+from sparsemor.core.simulation.offline_cache import Products
+from sparsemor.core.simulation.simulate import simulate
+from sparsemor.core.simulation.time_stepping import started
+from sparsemor.core.simulation.validation import checked_model
 from sparsemor.core.testing.installed import installed
 
 pytestmark = pytest.mark.usefixtures("one_cache")
@@ -37,15 +46,16 @@ def prepared(integrator: str, reducer: str) -> tuple[Scene, StepSolver, Any]:
         scene = scene.using({"reducer": {
             "use": "galerkin", "basis": own["basis"], "bases": own["bases"]}})
     model = checked_model(scene)
-    solver = scene.reducer.prepare(
-        model, scene.integrator, scene.time.step,
-        offline_of(scene, model, Products(Cache()), new_manager()), np.random.default_rng(1))
+    solver = scene.reducer.prepare(ReducedProblem(
+        model, scene.integrator, scene.time.step, offline_of(scene, model, Products(Cache()),
+        new_manager()), np.random.default_rng(1)))
     return scene, solver, model
 
 
 # ------------------------------------------------------------------ the map
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("reducer", ["galerkin", "sparse"])
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 def test_the_map_moves_small_changes_as_a_step_does(integrator: str, reducer: str) -> None:
@@ -53,9 +63,9 @@ def test_the_map_moves_small_changes_as_a_step_does(integrator: str, reducer: st
     scene, solver, model = prepared(integrator, reducer)
     rule, h, layout = scene.integrator, scene.time.step, solver.layout
     state, memory = started(solver, rule, consistent_state(model))
-    before = pickle.dumps(memory)
+    before = Saved.of(memory).dump()
     step = step_map(solver, rule, h, state, memory)
-    assert pickle.dumps(memory) == before, "the solver's memory was written to"
+    assert Saved.of(memory).dump() == before, "the solver's memory was written to"
     rng = np.random.default_rng(5)
     size = np.concatenate([step.scale, step.scale / h, step.scale / h**2])
     extra = len(step.matrix) // layout.size - 3
@@ -64,7 +74,7 @@ def test_the_map_moves_small_changes_as_a_step_does(integrator: str, reducer: st
     def after(dz: Any) -> Any:
         moved = unpacked(packed(state) + dz, state)
         formula = rule.formula(layout, moved, h)
-        outcome, _ = solver.solve(formula, pickle.loads(before))
+        outcome, _ = solver.solve(formula, memory.copy())
         assert outcome.status.ok
         return packed(rule.advance(layout, moved, formula, outcome.x, h))
 
@@ -106,14 +116,15 @@ def test_heat_does_not_feel_the_motion() -> None:
     assert step.matrix[np.ix_(rest, heat)].any(), "temperatures bend the links"
 
 
+@pytest.mark.full
 def test_a_selecting_model_is_linearised_on_the_support_that_it_takes() -> None:
     scene = small(**{"reducer.solver": "greedy_gauss_newton"})
     scene = scene.using({"reducer.budgets": {"*.elastic": {"rows": 60, "atoms": 6},
                                              "*.thermal": {"rows": 30, "atoms": 4}}})
     model = checked_model(scene)
-    solver = scene.reducer.prepare(
-        model, scene.integrator, scene.time.step,
-        offline_of(scene, model, Products(Cache()), new_manager()), np.random.default_rng(1))
+    solver = scene.reducer.prepare(ReducedProblem(
+        model, scene.integrator, scene.time.step, offline_of(scene, model, Products(Cache()),
+        new_manager()), np.random.default_rng(1)))
     step = step_map(solver, scene.integrator, scene.time.step,
                     *started(solver, scene.integrator, consistent_state(model)))
     sizes = {b.name: b.size for b in step.layout}
@@ -185,17 +196,19 @@ def test_growth_adds_up_over_the_parts_of_the_run() -> None:
     assert broken.gate == inf and broken.t == 0.5
 
 
+@pytest.mark.full
 def test_a_run_is_looked_at_from_its_start_to_its_end() -> None:
-    assert course_times(1e-3, 100) == pytest.approx((0.0, 0.025, 0.05, 0.075, 0.1))
-    assert course_times(1e-3, 2) == pytest.approx((0.0, 1e-3, 2e-3))
-    assert course_times(1e-3, 10**6)[-1] == pytest.approx(4.0), "no further than 4000 steps"
+    assert linearization_times(1e-3, 100) == pytest.approx((0.0, 0.025, 0.05, 0.075, 0.1))
+    assert linearization_times(1e-3, 2) == pytest.approx((0.0, 1e-3, 2e-3))
+    assert linearization_times(1e-3, 10**6)[-1] == pytest.approx(4.0), "no further than 4000 steps"
     scene, solver, model = prepared("bdf1", "sparse")
-    states = course(model, scene.integrator, 1e-3, solver, consistent_state(model),
-                    course_times(1e-3, 100))
+    states = states_along(model, scene.integrator, 1e-3, solver, consistent_state(model),
+                    linearization_times(1e-3, 100))
     assert [s.t for s in states] == pytest.approx([0.0, 0.025, 0.05, 0.075, 0.1])
     alpha, of_alpha, its_model = prepared("generalized_alpha", "sparse")
-    assert len(course(its_model, alpha.integrator, 1e-3, of_alpha, consistent_state(its_model),
-                      course_times(1e-3, 100))) == 1, "rules that damp little: the start alone"
+    few = states_along(its_model, alpha.integrator, 1e-3, of_alpha, consistent_state(its_model),
+                       linearization_times(1e-3, 100))
+    assert len(few) == 1, "integrators that damp little: the start alone"
     at = model.layout["link1.rigid"]
     truth = simulate(scene.using({"reducer": "full"}), cache=Cache()).block("link1.rigid")[-1]
     np.testing.assert_allclose(states[-1].x[at], truth, atol=1e-8)

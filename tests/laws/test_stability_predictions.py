@@ -8,13 +8,13 @@ from typing import Any
 import pytest
 
 from small_pendulum import small
-from sparsemor.core.compare import compare
+from sparsemor.core.analysis.compare import compare
+from sparsemor.core.analysis.stability.survey import Entry, Finding, Survey, survey
+from sparsemor.core.analysis.stability.variants import Plan, variants
 from sparsemor.core.errors import InputError
-from sparsemor.core.results import RunResult
-from sparsemor.core.scene import Scene, load
-from sparsemor.core.simulate import simulate
-from sparsemor.core.stability.plan import Plan, variants
-from sparsemor.core.stability.survey import Entry, Finding, Survey, survey
+from sparsemor.core.results.run_result import RunResult
+from sparsemor.core.scene.scene import Scene, load
+from sparsemor.core.simulation.simulate import simulate
 from sparsemor.core.status import SolveFailed
 
 pytestmark = pytest.mark.usefixtures("one_cache")
@@ -67,6 +67,7 @@ def unstable() -> Scene:
     return scene_of(*max(known, key=lambda pair: pair[1].judgement.gate))
 
 
+@pytest.mark.full
 def test_run_warns_by_name_or_refuses_or_looks_away(tmp_path: Path) -> None:
     scene = unstable()
     warned = ran(scene, tmp_path / "warn")
@@ -86,6 +87,7 @@ def test_run_warns_by_name_or_refuses_or_looks_away(tmp_path: Path) -> None:
     assert not [n for n in quiet.summary["notes"] if "unstable" in n]
 
 
+@pytest.mark.full
 def test_no_alarm_where_the_run_is_good(tmp_path: Path) -> None:
     summary = simulate(small(check_stability="refuse"), out=tmp_path / "good").summary
     assert summary["status"] == "done" and summary["notes"] == []

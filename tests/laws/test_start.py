@@ -2,14 +2,14 @@
 
 import numpy as np
 
-from sparsemor.core.assemble import assemble
-from sparsemor.core.equations import residual
-from sparsemor.core.initial import consistent_state
-from sparsemor.core.scene import load
+from sparsemor.core.model.assembly import assemble
+from sparsemor.core.model.equations import residual
+from sparsemor.core.model.initial_state import consistent_state
+from sparsemor.core.scene.scene import load
 
 
 def test_accelerations_and_joint_forces_balance_the_weight() -> None:
-    """A mass that is lost beside the stiffness leaves 1e-6 of the weight and more open."""
+    """A mass that is lost next to the stiffness leaves 1e-6 of the weight and more open."""
     scene = load("double_pendulum", {
         "bodies.link1.mesh.elements": 320, "bodies.link2.mesh.elements": 320})
     model = assemble(scene)

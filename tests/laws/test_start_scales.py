@@ -6,16 +6,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sparsemor.bodies.mesh.block import Block
+from sparsemor.bodies.mesh.generators.block import Block
+from sparsemor.core import ReducedProblem
 from sparsemor.core.arrays import FloatArray, IntArray
-from sparsemor.core.assemble import assemble
-from sparsemor.core.constraint_rates import Constraints
-from sparsemor.core.initial import consistent_state, start_notes
-from sparsemor.core.model import Model
-from sparsemor.core.offline import Offline
+from sparsemor.core.model.assembly import assemble
+from sparsemor.core.model.constraint_rates import Constraints
+from sparsemor.core.model.initial_state import consistent_state, start_notes
+from sparsemor.core.model.model import Model
 from sparsemor.core.protocols import ReducedTerm, State, Term, Trial
-from sparsemor.core.scene import Scene
-from sparsemor.core.testing.run import scene_of
+from sparsemor.core.scene.scene import Scene
+from sparsemor.core.simulation.offline import Offline
+from sparsemor.core.testing.in_memory_run import scene_of
 
 H = 1e-3
 SPIN, HINGE = np.array([0.0, 7.0, 0.0]), np.array([0.0, 0.05, 0.04])
@@ -59,9 +60,9 @@ def start(tree: dict[str, Any]) -> tuple[Model, State]:
 
 
 def begun(scene: Scene, model: Model) -> State:
-    solver: Any = scene.reducer.prepare(
+    solver: Any = scene.reducer.prepare(ReducedProblem(
         model, scene.integrator, scene.time.step, Offline.of(model, {}),
-        np.random.default_rng(0))
+        np.random.default_rng(0)))
     state: State = solver.start(consistent_state(model))[0]
     return state
 
@@ -76,6 +77,7 @@ FULL: Any = "full"
 ATOMS: Any = {"use": "galerkin", "basis": {"use": "modal", "count": 12}}
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("reducer", [FULL, ATOMS], ids=["full", "galerkin"])
 @pytest.mark.parametrize("unit", [1e-5, 1e5])
 def test_a_unit_of_time_does_not_change_the_start(unit: float, reducer: Any) -> None:
@@ -89,6 +91,7 @@ def test_a_unit_of_time_does_not_change_the_start(unit: float, reducer: Any) -> 
     assert start_notes(model) == start_notes(other) == ()
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("reducer", [FULL, ATOMS], ids=["full", "galerkin"])
 def test_a_scene_that_is_10_km_away_starts_the_same(reducer: Any) -> None:
     (model, want), (other, got) = start(chain(reducer=reducer)), start(chain(1.0, 1e4, reducer))

@@ -10,14 +10,15 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from sparsemor.bodies.terms.field_kinds import BODY_KINDS
+from sparsemor.core.analysis.study.columns import RESERVED, TIMES, cell, columns_of
+from sparsemor.core.analysis.study.journal import Journal
+from sparsemor.core.analysis.study.plan import Plan
+from sparsemor.core.analysis.study.pools import Ended
+from sparsemor.core.analysis.study.progress import duration, in_words
+from sparsemor.core.analysis.study.scheduler import Row, Schedule, State
 from sparsemor.core.errors import InputError
-from sparsemor.core.plain import finite
-from sparsemor.core.study.columns import RESERVED, TIMES, cell, columns_of
-from sparsemor.core.study.journal import Journal
-from sparsemor.core.study.plan import Plan
-from sparsemor.core.study.pools import Ended
-from sparsemor.core.study.progress import duration, in_words
-from sparsemor.core.study.schedule import Row, Schedule, State
+from sparsemor.core.results.json_data import finite
 from toy_scene import TOY_SCENE
 from toy_study import GRID, HEAD, planned
 
@@ -40,6 +41,7 @@ PLAIN = st.recursive(
                                                                  max_size=3), max_leaves=6)
 
 
+@pytest.mark.full
 @example(values=["\r"], cut=1)
 @settings(max_examples=12, deadline=None)
 @given(values=st.lists(PLAIN, min_size=1, max_size=5), cut=st.integers(1, 12))
@@ -71,10 +73,10 @@ def test_the_folder_of_another_study_is_refused() -> None:
     Journal.open(Path("out"), plan)
     Journal.open(Path("out"), planned("# a comment\n" + HEAD + "grid: {seed: [1, 2]}\n"))
     for changed in (HEAD + "grid: {seed: [1, 3]}\n", HEAD + "grid: {seed: [2, 1]}\n"):
-        with pytest.raises(InputError, match="holds another study"):
+        with pytest.raises(InputError, match="contains another study"):
             Journal.open(Path("out"), planned(changed))
     Path("scene.yaml").write_text(TOY_SCENE.replace("mass: 1", "mass: 2"))
-    with pytest.raises(InputError, match="holds another study"):
+    with pytest.raises(InputError, match="contains another study"):
         Journal.open(Path("out"), planned(HEAD + "grid: {seed: [1, 2]}\n"))
     Path("mine").mkdir()
     Path("mine/thesis.tex").touch()
@@ -137,6 +139,7 @@ def done(name: str) -> dict[str, Any]:
     return {"status": "done", "message": "", "key": "k"}
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("slots", [1, 2, 7, 100])
 def test_a_run_starts_after_what_it_shares(slots: int) -> None:
     plan = planned(GRID)
@@ -187,7 +190,7 @@ def test_progress_in_words() -> None:
 
 def test_no_column_stands_twice() -> None:
     for given_settings in ([], ["seed"], ["reducer", "how", "set.time.end"]):
-        names = columns_of(given_settings, late=True, over_time=True)
+        names = columns_of(given_settings, BODY_KINDS, late=True, over_time=True)
         assert len(names) == len(set(names))
         assert set(names) >= RESERVED | {"reducer", "seed"}
-    assert not {"late_elastic", "error_over_time"} & set(columns_of([], late=False))
+    assert not {"late_elastic", "error_over_time"} & set(columns_of([], BODY_KINDS, late=False))

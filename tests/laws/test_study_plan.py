@@ -35,6 +35,7 @@ def test_a_grid_is_every_combination_in_order() -> None:
     assert "integrator.rho" not in first.settings
 
 
+@pytest.mark.full
 def test_runs_share_a_reference_when_their_physics_integrator_and_step_are_the_same() -> None:
     plan = planned(GRID)
     assert len(plan.references) == 3 * 2  # masses, and the integrator of `many`
@@ -47,6 +48,7 @@ def test_runs_share_a_reference_when_their_physics_integrator_and_step_are_the_s
                        ).references) == 1
 
 
+@pytest.mark.full
 def test_a_random_subset_repeats_nothing_and_knows_its_seed() -> None:
     axes = "{bodies.a.mass: [1, 2, 3, 4, 5], seed: [1, 2, 3, 4, 5]}"
     chosen = []
@@ -76,7 +78,7 @@ def test_a_combination_that_only_some_values_refuse_is_a_refused_run() -> None:
     ("", "the file is empty: a study is a mapping"),
     ("grid: {seed: [1]}\n", "study.yaml:1:1: scene: is missing"),
     ("scene: nowhere.yaml\ngrid: {seed: [1]}\n", "study.yaml:1:1: scene: there is no such file"),
-    (HEAD, "study.yaml:1:1: a study has exactly one of grid, list, random (given: none)"),
+    (HEAD, "study.yaml:1:1: a study has exactly one of grid, list, random (got none)"),
     (HEAD + "grid: {seed: [1]}\nlist: [{}]\n", "study.yaml:4:1: list: a study has exactly one of"),
     (HEAD + "gird: {seed: [1]}\n", "study.yaml:3:1: gird: no such option: did you mean grid"),
     (HEAD + "set: {time.stop: 1}\ngrid: {seed: [1]}\n",
@@ -96,7 +98,7 @@ def test_a_combination_that_only_some_values_refuse_is_a_refused_run() -> None:
     (HEAD + "grid:\n  seed: [1]\n  how: {a: {seed: 1}}\n",
      "study.yaml:5:3: grid.how: seed is also changed by the axis seed"),
     (HEAD + "list:\n- {seed: 1}\n- {seed: -1}\n",
-     "study.yaml:5:4: list.1.seed: Input should be greater than or equal to 0 (given: -1)"),
+     "study.yaml:5:4: list.1.seed: Input should be greater than or equal to 0 (got -1)"),
     (HEAD + "list:\n- {seed: 1, label: [x]}\n", "study.yaml:4:13: list.0.label: a label is a text"),
     (HEAD + "random: {count: 3, axes: {seed: [1, 2]}}\n",
      "study.yaml:3:10: random.count: the axes have 2 combinations"),
@@ -127,4 +129,4 @@ def test_faults_of_the_scene_are_told_where_they_are() -> None:
     with pytest.raises(InputError) as caught:
         planned(HEAD + "grid: {seed: [1, 2]}\n")
     assert str(caught.value).splitlines() == [
-        "scene.yaml:3:18: bodies.a.mass: Input should be greater than 0 (given: -1)"]
+        "scene.yaml:3:18: bodies.a.mass: Input should be greater than 0 (got -1)"]

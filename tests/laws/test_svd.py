@@ -8,11 +8,11 @@ from scipy import linalg, sparse
 
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
+from sparsemor.core.linalg.svd import svd
 from sparsemor.core.protocols import BlockData, Dictionary
-from sparsemor.core.svd import svd
 from sparsemor.plugins.samplers.deim import Deim
 from sparsemor.plugins.samplers.s_opt import SOpt
-from sparsemor.plugins.samplers.span import SpanSampler
+from sparsemor.plugins.samplers.subspace import SpanSampler
 
 GIVES_UP = np.linalg.LinAlgError("SVD did not converge")
 

@@ -8,17 +8,17 @@ from pydantic import ValidationError
 
 from sparsemor import load
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.cache import Cache
 from sparsemor.core.errors import InputError
-from sparsemor.core.hooks import new_manager
-from sparsemor.core.model import StepFactors
-from sparsemor.core.prepared import prepared
+from sparsemor.core.model.model import StepFactors
 from sparsemor.core.protocols import Basis, BlockData
+from sparsemor.core.registry.hooks import new_manager
+from sparsemor.core.simulation.cache import Cache
+from sparsemor.core.simulation.prepare import prepared
 from sparsemor.core.testing import check_basis
-from sparsemor.core.testing.run import march
+from sparsemor.core.testing.in_memory_run import march
 from sparsemor.plugins.bases.attachment import Attachment
 from sparsemor.plugins.bases.impulse import Impulse
-from sparsemor.plugins.bases.unit_loads import tabled_loads
+from sparsemor.plugins.bases.load_patterns import tabled_loads
 
 BRAKE = Path(__file__).parents[1] / "scenes" / "small_brake.yaml"
 H = 1e-3
@@ -50,6 +50,7 @@ def left_out(atoms: FloatArray, states: FloatArray) -> float:
     return float(np.linalg.norm(rest, axis=0).max() / np.linalg.norm(states, axis=0).max())
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("field", [0, 1])
 def test_all_shapes_have_the_second_moment_of_the_table(disk, field: int) -> None:
     data = disk[field]

@@ -8,11 +8,11 @@ import pytest
 from scipy.sparse import random_array
 
 from sparsemor import load
-from sparsemor.bodies.table_term import TableTerm
-from sparsemor.core.assemble import assemble
-from sparsemor.core.model import Model
-from sparsemor.core.stage import AtStart
-from sparsemor.core.tables import LoadTable, Table, seen_by, total
+from sparsemor.core.model.assembly import assemble
+from sparsemor.core.model.model import Model
+from sparsemor.core.model.prescribed_motion import AtStart
+from sparsemor.core.model.table_term import TableTerm
+from sparsemor.core.protocols.load_tables import LoadTable, Table, projected_tables, total
 from sparsemor.core.testing import check_term
 
 SLIDER = Path(__file__).parents[1] / "scenes" / "small_slider.yaml"
@@ -48,7 +48,7 @@ def test_what_a_map_sees_is_the_map_of_the_load():
              for c, s in zip(columns, (1, 1, 2), strict=True)]
     left, rows = rng.standard_normal((6, 20)), np.array([2, 3, 11])
     for test, dense in ((lambda m: left @ m, left), (lambda m: m[rows], np.eye(20)[rows])):
-        seen = seen_by(loads, test)
+        seen = projected_tables(loads, test)
         assert len(seen) == 2  # one table for loads of the same times
         for t in (0.0, 3.3, 7.0):
             want = dense @ sum(one.at(t) for one in loads)
@@ -92,5 +92,6 @@ def test_a_block_gets_the_rows_that_the_term_has(model):
         at, whole = model.layout[block], np.zeros(model.layout.size)
         whole[term.rows] = -term.residual(*(np.zeros(0),) * 3, 2.2)
         assert whole.any()
-        load = term.over(np.arange(at.start, at.stop))
+        (load,) = model.moving(block)
+        load = replace(load, table=term.load.table)
         np.testing.assert_array_equal(load.at(2.2), whole[at])

@@ -1,33 +1,33 @@
 """Every term of every body, joint and load of an assembled scene keeps the laws of a term."""
 
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from sparsemor.bodies.frame_term import FrameTerm
-from sparsemor.bodies.linear_term import LinearTerm
+from small_scenes import everything
+from sparsemor.bodies.frames.plane import PlanarFrame
 from sparsemor.bodies.loads.radiation import RadiationTerm
-from sparsemor.bodies.planar.frame import PlanarFrame
-from sparsemor.core.assemble import assemble
-from sparsemor.core.equations import jacobian, residual
-from sparsemor.core.model import Model
-from sparsemor.core.scene import load
+from sparsemor.core.model.assembly import assemble
+from sparsemor.core.model.equations import jacobian, residual
+from sparsemor.core.model.frame_term import FrameTerm
+from sparsemor.core.model.linear_term import LinearTerm
+from sparsemor.core.model.model import Model
 from sparsemor.core.testing import check_term
 from term_scales import scales
 
-EVERYTHING = load(Path(__file__).parents[1] / "scenes" / "everything.yaml")
-PARTS = [*EVERYTHING.bodies, *EVERYTHING.joints, *EVERYTHING.loads]
+LONG = ("weight",)
+PARTS = [pytest.param(name, marks=[pytest.mark.full] * (name in LONG)) for name in (
+    *everything().bodies, *everything().joints, *everything().loads)]
 
 
 @pytest.fixture(scope="module")
 def model() -> Model:
-    return assemble(EVERYTHING)
+    return assemble(everything())
 
 
 @pytest.mark.parametrize("part", PARTS)
 def test_every_term_of(model: Model, part: str) -> None:
-    terms = model.parts[part].terms(model.layout, model.parts)
+    terms = model.by_part[part]
     held_temperature = part in ("cooled", "held")  # eliminated: in the terms of their bodies
     assert bool(terms) is not held_temperature
     for i, term in enumerate(terms):

@@ -11,13 +11,13 @@ from scipy import linalg
 from scipy.sparse import csr_array
 
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.assemble import assemble
 from sparsemor.core.errors import InputError
-from sparsemor.core.model import Model
+from sparsemor.core.model.assembly import assemble
+from sparsemor.core.model.model import Model
 from sparsemor.core.protocols import BlockData, Dictionary
-from sparsemor.core.scene import load
+from sparsemor.core.scene.scene import load
 from sparsemor.core.testing import check_basis
-from sparsemor.core.testing.data import random_block, random_heat
+from sparsemor.core.testing.random_inputs import DISPLACEMENTS, random_block, random_heat
 from sparsemor.plugins.bases.craig_bampton import CraigBampton
 from sparsemor.plugins.bases.modal import Modal
 from sparsemor.plugins.bases.pod import Pod
@@ -148,7 +148,7 @@ def test_fixed_modes_and_constraint_modes_are_orthogonal_in_energy(count: int) -
 
 
 def test_all_fixed_modes_and_the_constraint_modes_span_the_block() -> None:
-    data = random_block(np.random.default_rng(2), "body.elastic")
+    data = random_block(np.random.default_rng(2), DISPLACEMENTS)
     atoms = CraigBampton(count=data.size).build(data).atoms
     assert atoms.shape == (data.size, data.size)
     assert np.linalg.matrix_rank(atoms) == data.size
@@ -235,10 +235,10 @@ def test_no_joint_no_interface(basis: CraigBampton | Modal) -> None:
 
 
 def test_what_cannot_be_built_is_refused_in_words() -> None:
-    bare = without_loads(link())
+    rigid_copy = without_loads(link())
     with pytest.raises(InputError, match="no load, joint or temperature acts on link1.elastic"):
-        Static().build(bare)
-    loose = bare.stiffness.tolil()
+        Static().build(rigid_copy)
+    loose = rigid_copy.stiffness.tolil()
     loose[7, :] = 0.0
     loose[:, 7] = 0.0
     moving = replace(link(), stiffness=csr_array(loose))

@@ -6,15 +6,16 @@ from typing import Any
 import numpy as np
 import pytest
 
+from small_scenes import tiny
 from sparsemor import simulate
-from sparsemor.core.cache import Cache
-from sparsemor.core.error_measures import measure_errors
-from sparsemor.core.offline import Offline
 from sparsemor.core.protocols import Dictionary
-from sparsemor.core.results import RunResult
-from sparsemor.core.scene import Scene
-from sparsemor.core.trial_space import trial_spaces
-from tiny_scene import TINY, full, snapshots
+from sparsemor.core.results.error_norms import measure_errors
+from sparsemor.core.results.run_result import RunResult
+from sparsemor.core.scene.scene import Scene
+from sparsemor.core.simulation.cache import Cache
+from sparsemor.core.simulation.diagnostics.trial_space import trial_spaces
+from sparsemor.core.simulation.offline import Offline
+from tiny_scene import full, snapshots
 
 ROWS = {"*.elastic": {"rows": 20}, "*.thermal": {"rows": 10}}
 
@@ -26,11 +27,12 @@ def shared(tmp_path_factory: pytest.TempPathFactory) -> Cache:
 
 @pytest.fixture(scope="module")
 def reference(tmp_path_factory: pytest.TempPathFactory) -> RunResult:
-    return simulate(TINY, out=tmp_path_factory.mktemp("reference") / "full")
+    return simulate(tiny(), out=tmp_path_factory.mktemp("reference") / "full")
 
 
-def run(shared: Cache, tmp_path: Path, scene: Scene = TINY, **reducer: Any) -> RunResult:
-    return simulate(scene.using({"reducer": reducer}), out=tmp_path / "run", cache=shared)
+def run(shared: Cache, tmp_path: Path, scene: Scene | None = None, **reducer: Any) -> RunResult:
+    scene = (scene or tiny()).using({"reducer": reducer})
+    return simulate(scene, out=tmp_path / "run", cache=shared)
 
 
 def notes(result: RunResult, kind: str) -> list[str]:
@@ -45,13 +47,14 @@ def notes(result: RunResult, kind: str) -> list[str]:
 # ------------------------------------------------------------------------ the trial space
 
 
+@pytest.mark.full
 def test_what_too_few_atoms_leave_out_is_said(
     shared: Cache, tmp_path: Path, reference: RunResult
 ) -> None:
     """The number is the projection error of the snapshots in the measure of `compare`."""
     result = run(shared, tmp_path, use="galerkin", basis={"use": "pod", "count": 1})
     space = {s.name: s for s in trial_spaces(
-        full().model, _offline(), _dictionaries(result), TINY.time.step, TINY.time.end)}
+        full().model, _offline(), _dictionaries(result), tiny().time.step, tiny().time.end)}
     for name in ("bar.elastic", "bar.thermal"):
         x = full().block(name).T
         A = np.asarray(result.to_xarray()[f"{name}.atoms"])
@@ -82,7 +85,7 @@ def test_dependent_atoms_span_what_they_span() -> None:
     A = np.linalg.qr(full().block("bar.elastic").T)[0][:, :3]
     zero, size = np.zeros(len(A)), len(A)
     found = [trial_spaces(full().model, _offline(), {"bar.elastic": Dictionary(a, zero, ())},
-                          TINY.time.step, TINY.time.end)[0]
+                          tiny().time.step, tiny().time.end)[0]
              for a in (A, np.hstack([A, A @ np.diag([1.0, 5.0, 1e-3])]), np.eye(size))]
     assert found[0].error > 1e-6
     assert found[1].error == pytest.approx(found[0].error, rel=1e-6)
@@ -106,6 +109,7 @@ def test_without_training_the_estimate_of_the_run_decides(
     assert error > 0.1 and 0.3 < stated / error < 3.0
 
 
+@pytest.mark.full
 def test_a_good_model_is_not_doubted(shared: Cache, tmp_path: Path, reference: RunResult) -> None:
     for name, reducer in {
         "galerkin": {"use": "galerkin"},
@@ -134,7 +138,7 @@ def test_a_field_that_does_not_change_has_no_note() -> None:
 def test_a_run_that_leaves_its_training_says_when_and_by_how_much(
     shared: Cache, tmp_path: Path
 ) -> None:
-    half = TINY.using({"training.end": 0.02})
+    half = tiny().using({"training.end": 0.02})
     result = run(shared, tmp_path, half, use="galerkin", basis={"use": "pod", "count": 6})
     (text,) = [t for t in notes(result, "beyond_training") if "bar.thermal" in t]
     assert "training ended at 0.02 s, the run at 0.04 s: train longer (training.end)" in text
@@ -146,7 +150,7 @@ def test_a_run_that_leaves_its_training_says_when_and_by_how_much(
 
 
 def test_a_run_in_the_range_of_its_training_says_nothing(shared: Cache, tmp_path: Path) -> None:
-    result = run(shared, tmp_path, TINY.using({"time.end": 0.02, "training.end": 0.04}),
+    result = run(shared, tmp_path, tiny().using({"time.end": 0.02, "training.end": 0.04}),
                  use="galerkin", basis={"use": "pod", "count": 6})
     assert notes(result, "beyond_training") == []
 
@@ -154,6 +158,7 @@ def test_a_run_in_the_range_of_its_training_says_nothing(shared: Cache, tmp_path
 # ------------------------------------------------------------------------ sampled rows
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("budgets", [ROWS, {"*.elastic": {"rows": 12}, "*.thermal": {"rows": 10}}])
 def test_the_error_of_sampled_rows_is_foreseen(
     shared: Cache, tmp_path: Path, reference: RunResult, budgets: Any
@@ -169,6 +174,7 @@ def test_the_error_of_sampled_rows_is_foreseen(
     assert f"{stated:.2g} of their largest change" in text
 
 
+@pytest.mark.full
 def test_good_rows_are_foreseen_too(
     shared: Cache, tmp_path: Path, reference: RunResult
 ) -> None:
@@ -182,6 +188,7 @@ def test_good_rows_are_foreseen_too(
 # ------------------------------------------------------------------------ options without effect
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(("options", "says"), [
     ({"solver": "omp"}, "reducer.solver has no effect: every budget covers its dictionary"),
     ({"solver": {"use": "greedy_gauss_newton", "hysteresis": 0.5}}, "reducer.solver has no effect"),
@@ -200,6 +207,7 @@ def test_an_option_without_effect_is_said(
     assert says in text
 
 
+@pytest.mark.full
 def test_options_that_act_or_were_not_given_are_not_mentioned(
     shared: Cache, tmp_path: Path
 ) -> None:

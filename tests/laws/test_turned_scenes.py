@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from sparsemor.bodies.mesh.block import Block
+from sparsemor.bodies.mesh.generators.block import Block
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.testing.run import March, march, scene_of
+from sparsemor.core.testing.in_memory_run import March, march, scene_of
 
 LENGTH, CENTER = 0.4, np.array([0.0, 0.05, 0.04])
 GROUND, AXIS = np.array([0.0, 1.0, 0.2]), np.array([0.3, -0.5, 0.8])
@@ -61,6 +61,7 @@ def chain(scene: Rotation, kind: str, held: str, seed: int) -> March:
         "reducer": TEXTBOOK, "integrator": ALPHA}))
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(("kind", "held", "seed"), [
     ("fixed", "", 1), ("fixed", "left", 2), ("fixed", "right", 3), ("revolute", "", 4),
     ("revolute", "right", 5), ("prismatic", "", 6), ("prismatic", "right", 7),
@@ -77,6 +78,7 @@ def test_a_chain_turned_as_a_whole_bends_the_same(kind: str, held: str, seed: in
         np.testing.assert_allclose(turned.block(name), u, rtol=0, atol=1e-8 * np.abs(u).max())
 
 
+@pytest.mark.full
 def test_a_free_body_that_is_driven_about_one_axis_is_free_about_the_others() -> None:
     """The prescribed angle is about the axis, whichever two directions across it measure it."""
     spin = 3.0 * np.pi * AXIS / np.linalg.norm(AXIS) + [5.0, 3.0, 0.0]  # the drive's, and across

@@ -9,8 +9,11 @@ import numpy as np
 import pytest
 from matplotlib.text import Annotation
 
-from sparsemor.core.charts.work_precision import WorkPoint, work_precision_figure
+from sparsemor.bodies.terms.field_kinds import BODY_KINDS
+from sparsemor.core.analysis.charts.work_precision import WorkPoint, work_precision_figure
 from sparsemor.core.status import Status
+
+pytestmark = pytest.mark.full
 
 FULL = WorkPoint("full", "", 0.8, 1.0, {}, Status.DONE)
 METHODS = {"galerkin": 0.04, "sparse": 0.055, "deim": 0.075, "gnat, Q-DEIM rows": 0.11}
@@ -21,7 +24,7 @@ def point(method: str, atoms: int, status: Status = Status.DONE) -> WorkPoint:
     error = 10.0 ** (-atoms / 5.0) * METHODS[method]
     return WorkPoint(method, f"{atoms} atoms", ms, 0.8 / ms, {
         "angle_rad": 1e-2 * error, "rigid": error, "elastic": 30 * error, "thermal": error,
-        "joint": 0.1 * error}, status, 1.0)
+        "combined": 0.1 * error}, status, 1.0)
 
 
 def grid() -> list[WorkPoint]:
@@ -34,7 +37,7 @@ def grid() -> list[WorkPoint]:
 @cache
 def drawn() -> Any:
     """The picture of the grid, which no test changes."""
-    return work_precision_figure(grid(), FULL)
+    return work_precision_figure(grid(), FULL, BODY_KINDS)
 
 
 def panels(figure: Any) -> dict[str, Any]:
@@ -50,7 +53,7 @@ def curve(axes: Any, colour: str) -> Any:
 def test_one_panel_a_field_and_one_line_a_method() -> None:
     figure = drawn()
     assert list(panels(figure)) == [
-        "angle", "elastic displacement", "temperature", "all unknowns jointly"]
+        "angle", "elastic displacement", "temperature", "all unknowns together"]
     axes = panels(figure)["temperature"]
     galerkin = curve(axes, "#0072B2")
     wanted = [point("galerkin", atoms) for atoms in (5, 10, 20, 40)]
@@ -71,8 +74,8 @@ def test_speed_up_over_the_reference_is_the_axis_above() -> None:
                            for a, x in ((above, gain), (axes, 0.8 / gain)))
             assert here == pytest.approx(there, abs=1e-6)
         assert any(list(line.get_xdata()) == [0.8, 0.8] for line in axes.lines)
-    bare = work_precision_figure(grid(), None)
-    assert bare is not None and not any(a.child_axes for a in bare.axes)
+    rigid_copy = work_precision_figure(grid(), None, BODY_KINDS)
+    assert rigid_copy is not None and not any(a.child_axes for a in rigid_copy.axes)
 
 
 def test_stopped_runs_are_hollow_at_the_edge_and_named() -> None:
@@ -91,7 +94,7 @@ def test_stopped_runs_are_hollow_at_the_edge_and_named() -> None:
 def test_runs_that_never_stepped_are_named_too() -> None:
     refused = replace(point("sparse", 5, Status.RANK_DEFICIENT), ms_per_step=None, speed_up=None)
     many = [replace(refused, budget=f"{i} atoms") for i in range(9)]
-    figure = work_precision_figure([point("galerkin", 5), *many], FULL)
+    figure = work_precision_figure([point("galerkin", 5), *many], FULL, BODY_KINDS)
     assert figure is not None
     note = figure.get_supxlabel().replace("\n", " ")
     assert "sparse 5 atoms (rank deficient), and 3 more" in note
@@ -104,7 +107,7 @@ def test_runs_that_never_stepped_are_named_too() -> None:
      for i in range(8)],
 ], ids=["lines", "one run a method", "equal errors"])
 def test_no_label_covers_another_or_leaves_its_panel(points: list[WorkPoint]) -> None:
-    figure = work_precision_figure(points, FULL)
+    figure = work_precision_figure(points, FULL, BODY_KINDS)
     assert figure is not None
     canvas: Any = figure.canvas  # Agg's, which the base class does not know
     renderer = canvas.get_renderer()
@@ -122,7 +125,7 @@ def test_no_label_covers_another_or_leaves_its_panel(points: list[WorkPoint]) ->
 
 
 def test_names_stand_beside_points_where_each_method_has_one() -> None:
-    figure = work_precision_figure([point(m, 20) for m in METHODS], FULL)
+    figure = work_precision_figure([point(m, 20) for m in METHODS], FULL, BODY_KINDS)
     assert figure is not None and not figure.legends
     words = {t.get_text() for t in panels(figure)["temperature"].texts}
     assert set(METHODS) <= words
@@ -130,7 +133,7 @@ def test_names_stand_beside_points_where_each_method_has_one() -> None:
 
 def test_an_error_of_zero_has_a_place() -> None:
     exact = replace(point("sparse", 5), errors={"thermal": 0.0})
-    figure = work_precision_figure([point("galerkin", 5), exact], FULL)
+    figure = work_precision_figure([point("galerkin", 5), exact], FULL, BODY_KINDS)
     assert figure is not None
     axes = panels(figure)["temperature"]
     low = axes.get_ylim()[0]
@@ -139,20 +142,20 @@ def test_an_error_of_zero_has_a_place() -> None:
 
 
 def test_nothing_to_draw() -> None:
-    assert work_precision_figure([], FULL) is None
+    assert work_precision_figure([], FULL, BODY_KINDS) is None
     timeless = replace(point("sparse", 5), ms_per_step=None)
     exact = replace(point("sparse", 5), errors={"thermal": 0.0})
-    assert work_precision_figure([timeless], FULL) is None
-    assert work_precision_figure([exact], None) is None
+    assert work_precision_figure([timeless], FULL, BODY_KINDS) is None
+    assert work_precision_figure([exact], None, BODY_KINDS) is None
     rigid = replace(point("sparse", 5), errors={"rigid": 1e-3})
-    only = work_precision_figure([rigid], None)
+    only = work_precision_figure([rigid], None, BODY_KINDS)
     assert only is not None and list(panels(only)) == ["rigid motion"]
 
 
 def test_names_with_dollar_signs_are_drawn_as_written() -> None:
     """An even number of them began a formula, whose fault came after the table was written."""
     odd = [replace(p, method=r"a $\frac{ b$", budget="$5$") for p in grid()[:2]]
-    figure = work_precision_figure(odd, replace(FULL, method="$x$"))
+    figure = work_precision_figure(odd, replace(FULL, method="$x$"), BODY_KINDS)
     figure.draw_without_rendering()
     shown = {t.get_text().replace(r"\$", "$") for a in figure.axes for t in a.texts}
     assert {"$x$ "} < shown

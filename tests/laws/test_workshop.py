@@ -10,11 +10,12 @@ import pytest
 from sparsemor import load, simulate
 from sparsemor.bodies import flexible
 from sparsemor.bodies.flexible import Flexible
-from sparsemor.core import checks, offline, rigid_stage
-from sparsemor.core.cache import Cache
-from sparsemor.core.checks import checked_model
-from sparsemor.core.rigid_stage import rigid_scene
-from sparsemor.core.workshop import Workshop, without_fields
+from sparsemor.core.model.body_cache import BodyCache, without_fields
+from sparsemor.core.simulation import offline, rigid_stage
+from sparsemor.core.simulation import validation as checks
+from sparsemor.core.simulation.cache import Cache
+from sparsemor.core.simulation.rigid_stage import rigid_scene
+from sparsemor.core.simulation.validation import checked_model
 
 SCENES = Path(__file__).parents[1] / "scenes"
 SHORT = {"time.end": 0.002, "time.step": 0.001, "training.end": 0.002, "check_stability": "off"}
@@ -39,6 +40,7 @@ def made(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
     return counts
 
 
+@pytest.mark.full
 def test_a_two_stage_run_builds_each_body_once(made: Counter[str], tmp_path: Path) -> None:
     scene = load(SCENES / "small_brake.yaml", {**SHORT, "reducer": {
         "use": "galerkin", "basis": {"use": "pod", "count": 2}}})
@@ -66,10 +68,10 @@ def test_a_run_in_one_stage_shares_its_bodies_with_its_training(
 
 def test_a_bare_body_is_the_one_that_is_built_without_fields() -> None:
     scene = load(SCENES / "small_brake.yaml")
-    shared, alone = Workshop(), Workshop()
+    shared, alone = BodyCache(), BodyCache()
     checked_model(scene, shared)
     for name, plugin in rigid_scene(scene).bodies.items():
-        one, other = (shop.body(plugin, name, Path()) for shop in (shared, alone))
+        one, other = (body_cache.body(plugin, name, Path()) for body_cache in (shared, alone))
         assert one.elasticity is other.elasticity is one.heat is other.heat is None
         np.testing.assert_array_equal(one.X, other.X)
         np.testing.assert_array_equal(one.pose, other.pose)
@@ -78,13 +80,13 @@ def test_a_bare_body_is_the_one_that_is_built_without_fields() -> None:
 
 def test_other_options_or_another_folder_are_another_body() -> None:
     plugin = load(SCENES / "small_brake.yaml").bodies["disk"]
-    shop = Workshop()
-    one = shop.body(plugin, "disk", Path())
-    assert shop.body(plugin.model_copy(), "disk", Path()) is one
-    assert shop.body(plugin, "other", Path()) is not one
-    assert shop.body(plugin, "disk", SCENES) is not one
-    assert shop.body(plugin.model_copy(update={"initial_temperature": 400.0}), "disk",
+    body_cache = BodyCache()
+    one = body_cache.body(plugin, "disk", Path())
+    assert body_cache.body(plugin.model_copy(), "disk", Path()) is one
+    assert body_cache.body(plugin, "other", Path()) is not one
+    assert body_cache.body(plugin, "disk", SCENES) is not one
+    assert body_cache.body(plugin.model_copy(update={"initial_temperature": 400.0}), "disk",
                      Path()) is not one
-    bare = shop.body(without_fields(plugin), "disk", Path())
-    assert bare.mesh is one.mesh and bare.heat is None
+    rigid_copy = body_cache.body(without_fields(plugin), "disk", Path())
+    assert rigid_copy.mesh is one.mesh and rigid_copy.heat is None
     assert without_fields(without_fields(plugin)) is None

@@ -12,10 +12,11 @@ import pytest
 from sparsemor import load, simulate
 from sparsemor.bodies.mesh.simplices import boundary
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.assemble import assemble
-from sparsemor.core.cache import Cache
-from sparsemor.core.results import RunResult
-from sparsemor.core.stage import AtStart, Stage
+from sparsemor.core.model.assembly import assemble
+from sparsemor.core.model.prescribed_motion import AtStart
+from sparsemor.core.protocols.prescribed_motion import Stage
+from sparsemor.core.results.run_result import RunResult
+from sparsemor.core.simulation.cache import Cache
 
 COARSE: dict[str, Any] = {
     "bodies.disk.mesh.refine": 0.4, "bodies.pad.mesh.refine": 0.6, "time.end": 0.012,
@@ -75,6 +76,7 @@ def inertia(run: RunResult) -> float:
     return float(J_CAR + 7850 * volume @ second)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("name", ["brake_disk", "brake_disk_published"])
 def test_unknowns_of_the_packaged_scenes(name: str) -> None:
     scene = load(name)
@@ -90,6 +92,7 @@ def test_both_packaged_scenes_are_one_problem() -> None:
     assert {key for key in one if one[key] != other[key]} == {"title", "reducer"}
 
 
+@pytest.mark.full
 def test_the_pad_is_pressed_in_at_once(coarse: RunResult) -> None:
     """Critical damping of the foundation (about 20 us) is far below the step: the first step
     already carries all but the inertia of 46 g that come to rest."""

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from sparsemor import InputError, load, simulate
-from sparsemor.core.scene import Scene
+from sparsemor.core.scene.scene import Scene
 
 SCENES = Path(__file__).parents[1] / "scenes"
 
@@ -28,6 +28,7 @@ def test_free_flight_through_the_other_surface_is_refused(here: Path, integrator
     assert "rigid_stage: {overrides: {integrator: bdf1}}" in fault.message
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("integrator", ["bdf2", "generalized_alpha"])
 def test_what_the_refusal_advises_runs(here: Path, integrator: str) -> None:
     def end(**changes: Any) -> float:
@@ -40,6 +41,7 @@ def test_what_the_refusal_advises_runs(here: Path, integrator: str) -> None:
     assert end(**{"rigid_stage.overrides": {"integrator": "bdf1"}}) == pytest.approx(want, rel=0.1)
 
 
+@pytest.mark.full
 def test_a_short_step_is_not_refused(here: Path) -> None:
     """Within 1e-5 s the pad moves 20 um, less than half a facet."""
     scene = brake("bdf2", **{"time.step": 1e-5, "time.end": 3e-5})

@@ -6,14 +6,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sparsemor.bodies.contact.planar_part import PlanarContact
+from sparsemor.bodies.contact.part import ContactPart
 from sparsemor.bodies.contact.term import ContactTerm
-from sparsemor.core.assemble import assemble
-from sparsemor.core.cache import Cache
-from sparsemor.core.scene import Scene
-from sparsemor.core.simulate import simulate
-from sparsemor.core.stage import FrameHistory
-from sparsemor.core.testing.run import march, scene_of
+from sparsemor.core.model.assembly import assemble
+from sparsemor.core.protocols.contributions import Equations, Origin, Records
+from sparsemor.core.protocols.prescribed_motion import FrameHistory
+from sparsemor.core.scene.scene import Scene
+from sparsemor.core.simulation.cache import Cache
+from sparsemor.core.simulation.simulate import simulate
+from sparsemor.core.testing.in_memory_run import march, scene_of
 
 WIDTH, SIDE = 0.02, 0.05
 STEEL = {"rho": 7800.0, "k": 45.0, "c": 480.0}
@@ -63,7 +64,7 @@ def test_conduction_stops_where_the_surfaces_end() -> None:
               {"frame": "fixed", "pose": {"position": [SIDE / 2, 0.0]},
                "initial_temperature": 10.0}, {}, end=1.0, step=1.0)
     model = assemble(s)
-    (term,) = model.parts["sole"].terms(model.layout, model.parts)
+    (term,) = model.by_part["sole"]
     zero = np.zeros(len(term.columns))
     r = term.residual(model.x0[term.columns], zero, zero, 0.0)
     block = model.layout["block.thermal"]
@@ -72,6 +73,7 @@ def test_conduction_stops_where_the_surfaces_end() -> None:
     assert abs(r.sum()) < 1e-13 * abs(into_block)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("share", [0.3, "effusivity"])
 def test_a_braked_block_turns_its_energy_into_heat(share: float | str) -> None:
     """All that is lost is friction heat: both bodies together gain it, each its share."""
@@ -91,7 +93,7 @@ def test_a_braked_block_turns_its_energy_into_heat(share: float | str) -> None:
             material["rho"] * material["c"] * WIDTH * SIDE**2)
         gained[name] = float(np.asarray(capacity @ T).sum())
     part = found.model.parts["sole"]
-    assert isinstance(part, PlanarContact)
+    assert isinstance(part, ContactPart)
     at = found.solver.layout["block.rigid"]
     motion = FrameHistory(found.t, found.x[:, at], found.v[:, at], found.a[:, at])
     power = part.history({"block": motion})["power"]
@@ -117,9 +119,11 @@ def test_conduction_along_a_known_motion_is_that_of_the_same_place() -> None:
     motion = {"block": FrameHistory(np.array([0.0, 2.0]), np.stack([0 * pose, 2 * pose]),
                                     np.ones((2, 3)), np.zeros((2, 3)))}
     part = told.parts["sole"]
-    assert isinstance(part, PlanarContact)
-    (term,) = part.conduction(told.layout, motion)
-    (free,) = moving.parts["sole"].terms(moving.layout, moving.parts)
+    assert isinstance(part, ContactPart)
+    records = Records()
+    part.conduction(Equations(told.layout, Origin("contacts", "sole"), records), motion)
+    (term,) = (r.term for r in records.local)
+    (free,) = moving.by_part["sole"]
     assert isinstance(free, ContactTerm)
     T = 100.0 * np.random.default_rng(0).random(len(term.columns))
     zero, v = np.zeros(len(T)), np.zeros(len(free.columns))
@@ -131,6 +135,7 @@ def test_conduction_along_a_known_motion_is_that_of_the_same_place() -> None:
     assert not np.any(np.isin(term.rows, np.arange(*told.layout.second.indices(10**6))))
 
 
+@pytest.mark.full
 def test_two_stages_heat_as_one_does_where_nothing_deforms(tmp_path: Path) -> None:
     """Friction heat and conduction: inside the step, and along the motion of a rigid stage."""
     one = scene(

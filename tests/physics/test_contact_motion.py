@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sparsemor.bodies.contact.planar_part import PlanarContact
+from sparsemor.bodies.contact.part import ContactPart
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.stage import FrameHistory
+from sparsemor.core.protocols.prescribed_motion import FrameHistory
 from sparsemor.core.status import SolveFailed, Status
-from sparsemor.core.testing.run import March, march, scene_of
+from sparsemor.core.testing.in_memory_run import March, march, scene_of
 
 RHO, WIDTH, G = 1000.0, 0.02, 9.81
 LENGTH, HEIGHT = 0.1, 0.05
@@ -52,7 +52,7 @@ def history(found: March, body: str = "block", contact: str = "sole") -> Mapping
     at = found.solver.layout[f"{body}.rigid"]
     motion = FrameHistory(found.t, found.x[:, at], found.v[:, at], found.a[:, at])
     part = found.model.parts[contact]
-    assert isinstance(part, PlanarContact)
+    assert isinstance(part, ContactPart)
     return part.history({body: motion})
 
 
@@ -80,6 +80,7 @@ def test_a_pressed_block_sinks_to_pressure_over_stiffness_and_gains_nothing_when
     assert np.abs(found.x[:, 2]).max() < 1e-12  # it does not turn
 
 
+@pytest.mark.full
 def test_a_dropped_block_keeps_its_energy_to_the_order_of_the_integrator() -> None:
     K = 1e7
     pose = {"position": [0.0, 0.002], "velocity": [0.0, -0.3]}
@@ -93,6 +94,7 @@ def test_a_dropped_block_keeps_its_energy_to_the_order_of_the_integrator() -> No
     assert lost[1] < 2e-4 and lost[0] / lost[1] > 4.0
 
 
+@pytest.mark.full
 def test_damping_takes_energy_from_a_dropped_block() -> None:
     K, c = 1e7, 2e4
     pose = {"position": [0.0, 0.0], "velocity": [0.0, -0.3]}
@@ -106,6 +108,7 @@ def test_damping_takes_energy_from_a_dropped_block() -> None:
     assert found.v[-1, 1] == pytest.approx(0.3 * restitution, rel=3e-3)  # the blow is a jump
 
 
+@pytest.mark.full
 def test_a_box_that_falls_on_its_corner_tumbles_without_gaining_energy() -> None:
     K = 1e8
     pose = {"position": [0.0, 0.06], "angle": 0.4, "velocity": [0.2, 0.0]}
@@ -140,6 +143,7 @@ def test_a_block_slides_down_a_slope_steeper_than_the_friction_angle() -> None:
     assert (speed[-1] - speed[-11]) / 1e-2 == pytest.approx(want, rel=1e-8)
 
 
+@pytest.mark.full
 def test_a_block_creeps_below_the_critical_velocity_on_a_gentler_slope() -> None:
     critical = 1e-3
     speed = incline({"coefficient": 0.5, "critical_velocity": critical}, 0.2)
@@ -186,6 +190,7 @@ def slider(steps: int) -> March:
         "time": {"end": steps * h, "step": h}}))
 
 
+@pytest.mark.full
 def test_the_slider_on_the_plate_of_the_paper() -> None:
     found = slider(1000)
     told = history(found, "slider")
@@ -205,11 +210,11 @@ def test_the_slider_on_the_plate_of_the_paper() -> None:
 def test_the_leading_edge_of_the_slider_carries_the_largest_pressure() -> None:
     found = slider(60)
     part = found.model.parts["sole"]
-    assert isinstance(part, PlanarContact)
+    assert isinstance(part, ContactPart)
     at = found.solver.layout["slider.rigid"]
     motion = FrameHistory(found.t, found.x[:, at], found.v[:, at], found.a[:, at])
     loads = part.imported({"slider": motion})["slider"]
-    order = np.argsort(part.first.X.real)
+    order = np.argsort(part.first.X[:, 0])
     push = loads.force[-1, order, 1]
     assert np.argmax(push) == len(push) - 2  # the corner itself has half a facet
     assert np.count_nonzero(push) == 24  # of 26 points; 1.125 of 1.25 mm touch

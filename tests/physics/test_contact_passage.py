@@ -9,6 +9,7 @@ from sparsemor import load, simulate
 SLIDER = Path(__file__).parents[1] / "scenes" / "small_slider.yaml"
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("step, few", [(2.0e-5, False), (3.0e-4, True)])
 def test_a_step_too_long_for_the_contact_is_warned_of(step: float, few: bool) -> None:
     """1 m/s over 1.25 mm of sole: 62 steps of 20 us, 4.2 of 300."""

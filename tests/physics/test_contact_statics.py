@@ -6,13 +6,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sparsemor.bodies.contact.planar_part import PlanarContact
+from sparsemor.bodies.contact.part import ContactPart
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.assemble import assemble
-from sparsemor.core.mesh import Mesh
-from sparsemor.core.plugin import Plugin
-from sparsemor.core.stage import FrameHistory
-from sparsemor.core.testing.run import scene_of
+from sparsemor.core.model.assembly import assemble
+from sparsemor.core.protocols.mesh import Mesh
+from sparsemor.core.protocols.prescribed_motion import FrameHistory
+from sparsemor.core.registry.plugin import Plugin
+from sparsemor.core.testing.in_memory_run import scene_of
 
 K, WIDTH = 1e9, 0.02
 
@@ -37,7 +37,7 @@ def rectangle(lower: list[float], size: list[float], divisions: list[int]) -> di
     return {"use": "rectangle", "lower": lower, "size": size, "divisions": divisions}
 
 
-def contact_of(mesh: Any, surface: str, swap: bool = False, **options: Any) -> PlanarContact:
+def contact_of(mesh: Any, surface: str, swap: bool = False, **options: Any) -> ContactPart:
     """`mesh` above a plate whose top is y = 0 in 7 facets."""
     thing = {"use": "flexible", "mesh": mesh, "thickness": WIDTH, "fields": [],
              "material": {"rho": 1000},
@@ -52,7 +52,7 @@ def contact_of(mesh: Any, surface: str, swap: bool = False, **options: Any) -> P
             "use": "polygonal", "between": between[::-1] if swap else between,
             "normal": {"use": "elastic_foundation", "stiffness": K}, **options}}}))
     part = model.parts["touch"]
-    assert isinstance(part, PlanarContact)
+    assert isinstance(part, ContactPart)
     return part
 
 
@@ -155,7 +155,7 @@ def test_action_is_minus_reaction_in_force_and_torque(
         h = motion[name]
         turn = np.exp(1j * h.pose[:, 2])[:, None]
         f = (loads[name].force[:, :, 0] + 1j * loads[name].force[:, :, 1]) * turn
-        z = h.pose[:, :1] + 1j * h.pose[:, 1:2] + turn * body.X
+        z = h.pose[:, :1] + 1j * h.pose[:, 1:2] + turn * (body.X @ [1, 1j])
         total += f.sum(axis=1)
         torque += (z.conj() * f).imag.sum(axis=1)
         size, arm = size + np.abs(f).sum(axis=1), arm + (np.abs(z) * np.abs(f)).sum(axis=1)

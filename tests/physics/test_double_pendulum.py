@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.scene import load
-from sparsemor.core.testing.run import March, march
+from sparsemor.core.scene.scene import load
+from sparsemor.core.testing.in_memory_run import March, march
 
 LINKS = ("link1", "link2")
 
@@ -30,6 +30,7 @@ def angles(run: March, times: list[float]) -> FloatArray:
     return np.asarray(np.degrees(np.stack(columns, axis=1)))
 
 
+@pytest.mark.full
 def test_angles(heated: March) -> None:
     table = [(-153.0813, -146.0835), (-94.3823, -96.7524), (-13.1448, -61.3529),
              (-157.5868, -253.3396)]

@@ -6,11 +6,11 @@ from scipy.sparse.linalg import spsolve
 from scipy.spatial import Delaunay
 
 from disk_fields import radial_and_hoop, rms
-from sparsemor.bodies import fe
+from sparsemor.bodies import fem as fe
 from sparsemor.bodies.material import Material
 from sparsemor.bodies.mesh.check import check_mesh
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.mesh import Mesh
+from sparsemor.core.protocols.mesh import Mesh
 
 STEEL = Material(E=200e9, nu=0.3, rho=7850, alpha=12.3e-6)
 RADIUS, SPEED, THICKNESS, RISE = 0.14, 66.667, 0.013, 100.0

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.sparse.linalg import splu
 
-from sparsemor.bodies import fe
-from sparsemor.bodies.mesh.rectangle import Rectangle
+from sparsemor.bodies import fem as fe
+from sparsemor.bodies.mesh.generators.rectangle import Rectangle
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.mesh import Mesh
+from sparsemor.core.protocols.mesh import Mesh
 
 FLUX = 1e6
 

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from scipy.sparse.linalg import spsolve
 
-from sparsemor.bodies import fe
-from sparsemor.bodies.fe import Model
+from sparsemor.bodies import fem as fe
+from sparsemor.bodies.fem import Model
 from sparsemor.bodies.material import Material
-from sparsemor.bodies.mesh.rectangle import Rectangle
+from sparsemor.bodies.mesh.generators.rectangle import Rectangle
 from sparsemor.core.arrays import Csr, FloatArray, IntArray
-from sparsemor.core.mesh import Mesh
+from sparsemor.core.protocols.mesh import Mesh
 
 ALLOY = Material(E=7e10, nu=0.3, rho=1000, alpha=2e-5)
 

@@ -8,13 +8,15 @@ import pytest
 from pressed_slider import BOTH, LOAD, SIDE, STEP, forces, full, scene, stored
 from reduced_runs import decoded, learnt
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.equations import rate_factors
-from sparsemor.core.model import Model
+from sparsemor.core.model.equations import rate_factors
+from sparsemor.core.model.model import Model
 from sparsemor.core.protocols import StepFormula
-from sparsemor.core.scene import Scene
+from sparsemor.core.scene.scene import Scene
 from sparsemor.core.status import SolveFailed, Status
-from sparsemor.core.testing.run import march
-from sparsemor.reducers.general import GeneralStepper, Summed
+from sparsemor.core.testing.in_memory_run import march
+from sparsemor.reducers.full.monolithic import GeneralStepper, Summed
+
+pytestmark = pytest.mark.full
 
 # --------------------------------------------------------------------------- mechanics
 

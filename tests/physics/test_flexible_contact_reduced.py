@@ -9,14 +9,16 @@ import pytest
 
 from pressed_slider import BOTH, LOAD, SIDE, STEP, full, scene, stored
 from reduced_runs import decoded, learnt
+from sparsemor.core.analysis.charts import write_run_charts
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.charts import write_run_charts
-from sparsemor.core.initial import consistent_state
-from sparsemor.core.results import RunResult
-from sparsemor.core.simulate import simulate
+from sparsemor.core.model.initial_state import consistent_state
+from sparsemor.core.results.run_result import RunResult
+from sparsemor.core.simulation.simulate import simulate
+from sparsemor.core.testing.in_memory_run import March, march
 from sparsemor.core.testing.reducer import check_reducer
-from sparsemor.core.testing.run import March, march
-from sparsemor.reducers.reduced_general import ReducedGeneral
+from sparsemor.reducers.step.coupled_reduced import ReducedGeneral
+
+pytestmark = pytest.mark.full
 
 # --------------------------------------------------------------------------- reduced
 
@@ -40,8 +42,8 @@ def test_a_reduced_run_repeats_its_training(reducer: dict[str, Any]) -> None:
 @pytest.mark.parametrize("reducer", ["full", {
     "use": "galerkin", "basis": {"use": "pod", "count": 5}}], ids=["full", "galerkin"])
 def test_the_laws_of_a_reducer(reducer: Any) -> None:
-    """Nothing hidden in the solver: pickled memory goes on to the same digits, kept factor and
-    all."""
+    """Nothing hidden in the solver: a copy of the memory, and one that was stored, go on to the
+    same digits, kept factor and all."""
     short = scene(BOTH, steps=6, reducer=reducer)
     check_reducer(short.using({"training": {"end": 6 * STEP, "every": 1}}))
 
@@ -134,7 +136,8 @@ def test_facets_left_out_cannot_touch() -> None:
                  near.jacobian(there, v[10], none, 0.0, c1, none)),
             ):
                 assert np.abs(whole - part).max() <= 1e-13 * np.abs(whole).max()
-            assert term.doubt(there, v[10], 0.0, STEP) == near.doubt(there, v[10], 0.0, STEP)
+            one, other = (t.check_step(there, v[10], 0.0, STEP) for t in (term, near))
+            assert one == other
     assert seen > 20
     far = x[10] + np.where(np.arange(x.shape[1]) == 0, 1.01 * term.margin, 0.0)
     assert not near.holds(far) and near.holds(x[11])
@@ -143,7 +146,8 @@ def test_facets_left_out_cannot_touch() -> None:
     deep = x[10] - 1.05 * reach * down
     for share in (0.1, 2.0):  # of half a facet in the step: told by the list, and by all facets
         speed = v[10] - share * reach / STEP * down
-        assert near.doubt(deep, speed, 0.0, STEP) == term.doubt(deep, speed, 0.0, STEP) != ""
+        one, other = (t.check_step(deep, speed, 0.0, STEP) for t in (near, term))
+        assert one == other != ""
 
 
 # --------------------------------------------------------------------------- its history
@@ -191,7 +195,7 @@ def test_a_reduced_run_tells_what_it_evaluates(tmp_path: Path) -> None:
             "budgets": {"*": {"rows": 5}}}
     elastic = scene(["elastic"], steps=4, slider={"frame": "fixed"}).using({"joints": {}})
     part = march(elastic.using({"reducer": some}), snapshots=learnt(march(elastic)))
-    assert part.solver.acting(None) == ()
+    assert part.solver.resultant_sources(None) == ()
     assert any("sole: this model evaluates a part" in note.text for note in part.solver.notes)
 
 

@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sparsemor.bodies.body_part import PlanarBody
+from sparsemor.bodies.planar_body import PlanarBody
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.testing.run import March, march, scene_of
+from sparsemor.core.testing.in_memory_run import March, march, scene_of
 
 G = 9.81
 BAR = {"use": "rectangle", "lower": [-0.1, -0.1], "size": [1.2, 0.2], "divisions": [12, 2]}
@@ -83,6 +83,7 @@ def test_energy_at_full_size() -> None:
     assert drift(run) < 1e-6
 
 
+@pytest.mark.full
 def test_energy_of_a_soft_link_is_kept_to_second_order() -> None:
     coarse, fine = (drift(pendulum(h, 0.25, 1.0, 7e7, BAR, BAR_SETS)) for h in (1e-3, 2.5e-4))
     assert fine < 1e-6
@@ -90,6 +91,7 @@ def test_energy_of_a_soft_link_is_kept_to_second_order() -> None:
 
 
 # bdf2 comes to its order only where it resolves the second vibration
+@pytest.mark.full
 @pytest.mark.parametrize("integrator,h", [(None, 1e-3), ("bdf2", 2.5e-4)],
                          ids=["generalized_alpha", "bdf2"])
 def test_a_soft_link_is_integrated_to_second_order(integrator: str | None, h: float) -> None:

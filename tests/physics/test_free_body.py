@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.spatial import Delaunay
 
-from sparsemor.bodies.body_part import PlanarBody
+from sparsemor.bodies.planar_body import PlanarBody
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.testing.run import March, march, scene_of
+from sparsemor.core.testing.in_memory_run import March, march, scene_of
 
 RUBBER = {"E": 5e6, "nu": 0.3, "rho": 1100}
 PLATE = {
@@ -66,6 +66,7 @@ def test_inertia_forces_of_a_free_body_balance_at_every_instant() -> None:
     assert np.abs(plate.mass_matrix @ acceleration).sum() > 0.1 * size
 
 
+@pytest.mark.full
 def test_momentum_is_kept_to_second_order() -> None:
     drifts = []
     for h in (1e-3, 5e-4):
@@ -144,6 +145,7 @@ def turned(angle: float) -> March:
         "integrator": {"use": "generalized_alpha", "rho_inf": 0.8}}))
 
 
+@pytest.mark.full
 def test_a_turned_scene_gives_turned_results() -> None:
     plain, other = turned(0.0), turned(2.2)
     e = np.exp(2.2j)

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from sparsemor.core.assemble import assemble
-from sparsemor.core.initial import start_notes
+from sparsemor.core.model.assembly import assemble
+from sparsemor.core.model.initial_state import start_notes
 from sparsemor.core.notes import Note
-from sparsemor.core.scene import load
-from sparsemor.core.testing.run import march, scene_of
+from sparsemor.core.scene.scene import load
+from sparsemor.core.testing.in_memory_run import march, scene_of
 
 RUBBER = {
     "use": "flexible", "thickness": 0.02, "fields": ["elastic"],
@@ -22,6 +22,7 @@ GLOWING = {
 }
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("spin", [8.0, 30.0, 100.0])
 def test_a_soft_body_that_spins_fast(spin: float) -> None:
     """Coriolis and centrifugal terms are not in the constant block; the step converges to the

@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.testing.run import March, march, scene_of
+from sparsemor.core.testing.in_memory_run import March, march, scene_of
 
 ALPHA = {"use": "generalized_alpha", "rho_inf": 0.5}
 SIGMA = 5.670374419e-8
@@ -48,8 +48,8 @@ def test_flux_into_a_slab_follows_the_series() -> None:
     rises = run.block("slab.thermal")[np.searchsorted(run.t, [1.274e-3, 2.549e-3, 3.749e-3])]
     np.testing.assert_allclose(rises[:, hot].mean(axis=1), [2.11038, 2.98455, 3.61980], rtol=2e-3)
     assert rises[-1, back].mean() == pytest.approx(0.23579, rel=5e-3)
-    bare = run.model.separated.heat[0].capacity
-    assert np.ones(len(x)) @ (bare @ rises[-1]) == pytest.approx(1e6 * 0.01 * 0.02 * 3.75e-3)
+    rigid_copy = run.model.separated.heat[0].capacity
+    assert np.ones(len(x)) @ (rigid_copy @ rises[-1]) == pytest.approx(1e6 * 0.01 * 0.02 * 3.75e-3)
 
 
 def test_films_on_both_sides_give_the_line_of_the_resistances() -> None:
@@ -106,6 +106,7 @@ def test_a_well_conducting_plate_cools_as_one_lump(integrator: str) -> None:
     np.testing.assert_allclose(T, want, atol=1.0 if integrator == "bdf1" else 0.2)
 
 
+@pytest.mark.full
 def test_a_plate_between_two_surroundings_tends_to_the_balance_of_radiation() -> None:
     glow = {"use": "radiation", "emissivity": 1.0}
     run = slab({"hot": {**glow, "on": ["slab:left"], "surroundings": 800.0},

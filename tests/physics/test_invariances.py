@@ -1,6 +1,6 @@
 """Laws of random scenes: what does not matter to the motion does not change the numbers.
 
-Chains of one to three rigid and flexible links with heat, all integrators (tests/shared/
+Chains of one to three rigid and flexible links with heat, all integrators (tests/support/
 random_chains.py). A field is compared relative to its own largest change.
 """
 
@@ -23,7 +23,7 @@ from random_chains import (
     turned,
 )
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.testing.run import March, march
+from sparsemor.core.testing.in_memory_run import March, march
 
 ALL = ("rigid", "elastic", "thermal")
 FEW = (0, 24, 26)
@@ -58,6 +58,7 @@ def assert_equal(found: Mapping[str, float], bound: float) -> None:
     assert found and max(found.values()) < bound, found
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("seed", SEEDS)
 def test_place(seed: int) -> None:
     rng = np.random.default_rng(100 + seed)
@@ -92,6 +93,7 @@ def test_order_of_parts(seed: int) -> None:
     assert_equal(differences(fields(run(seed), ALL), fields(other, ALL)), 1e-7)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("seed", SEEDS)
 def test_a_copy_of_the_scene_in_the_same_file(seed: int) -> None:
     other = march(scene(doubled(tree(seed))))
@@ -131,6 +133,7 @@ def test_time_reversal(seed: int) -> None:
         assert np.abs(home - pose[0]).max() < 1e-6 * np.abs(pose - pose[0]).max(), name
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("seed", SEEDS)
 def test_schur_complement_and_textbook_newton(seed: int) -> None:
     newton = march(scene({**tree(seed), "reducer": {"use": "full", "method": "newton"}}))

@@ -7,7 +7,7 @@ import pytest
 
 from joint_runs import run
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.testing.run import March
+from sparsemor.core.testing.in_memory_run import March
 
 ROD = {"use": "rigid", "mass": 2.0, "inertia": 0.05, "center": [0.3, 0.1],
        "points": {"a": [0, 0], "b": [0.6, 0.0]}}
@@ -56,6 +56,7 @@ def test_a_hanging_chain_carries_its_weight() -> None:
     np.testing.assert_allclose(got.block("B.multiplier")[-1], [0.0, 3.0 * 9.81], atol=1e-9)
 
 
+@pytest.mark.full
 def test_two_welded_rigid_bodies_are_one() -> None:
     """Up to the error of the time steps, which depends on the coordinates."""
     half = {"use": "rigid", "mass": 1.0, "inertia": 0.02, "center": [0.2, 0.0],
@@ -100,6 +101,7 @@ def tip(got: March, name: str) -> FloatArray:
     return np.stack([(place - place[0]).real, (place - place[0]).imag], axis=1)
 
 
+@pytest.mark.full
 def test_two_welded_beams_bend_as_one() -> None:
     """The weld joins mean position and mean rotation of two cross-sections, as beam theory does."""
     ground = {"use": "fixed", "between": ["ground", "one:left"]}

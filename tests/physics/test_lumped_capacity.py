@@ -8,10 +8,10 @@ import pytest
 
 from reduced_runs import decoded, learnt
 from sparsemor import simulate
-from sparsemor.core.assemble import assemble
-from sparsemor.core.results import RunResult
-from sparsemor.core.scene import Scene
-from sparsemor.core.testing.run import march, scene_of
+from sparsemor.core.model.assembly import assemble
+from sparsemor.core.results.run_result import RunResult
+from sparsemor.core.scene.scene import Scene
+from sparsemor.core.testing.in_memory_run import march, scene_of
 
 
 def bar(capacity: str, mesh: Any = None, **changes: Any) -> Scene:

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from sparsemor.bodies.mesh.check import check_mesh
-from sparsemor.bodies.mesh.link import Link
-from sparsemor.bodies.mesh.rectangle import Rectangle
+from sparsemor.bodies.mesh.generators.link import Link
+from sparsemor.bodies.mesh.generators.rectangle import Rectangle
 from sparsemor.bodies.mesh.simplices import boundary, signed_measures
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.mesh import Mesh
+from sparsemor.core.protocols.mesh import Mesh
 
 
 def quality(mesh: Mesh) -> FloatArray:

@@ -5,12 +5,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sparsemor.bodies.mesh.block import Block
 from sparsemor.bodies.mesh.check import check_mesh
-from sparsemor.bodies.mesh.disk import Disk
-from sparsemor.bodies.mesh.extrude import extrude
-from sparsemor.bodies.mesh.pad import Pad, pad_outline
-from sparsemor.bodies.mesh.plan import inside, interior_points, plan_mesh, polygon_area
+from sparsemor.bodies.mesh.generators.block import Block
+from sparsemor.bodies.mesh.generators.disk import Disk
+from sparsemor.bodies.mesh.generators.extrude import extrude
+from sparsemor.bodies.mesh.generators.outline import (
+    inside,
+    interior_points,
+    plan_mesh,
+    polygon_area,
+)
+from sparsemor.bodies.mesh.generators.pad import Pad, pad_outline
 from sparsemor.bodies.mesh.simplices import (
     all_facets,
     boundary,
@@ -19,7 +24,7 @@ from sparsemor.bodies.mesh.simplices import (
 )
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.errors import InputError
-from sparsemor.core.mesh import Mesh
+from sparsemor.core.protocols.mesh import Mesh
 
 
 def quality(points: FloatArray, cells: IntArray) -> FloatArray:

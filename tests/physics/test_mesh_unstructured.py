@@ -8,10 +8,10 @@ import pytest
 from pydantic import ValidationError
 
 from sparsemor.bodies.mesh.check import check_mesh
+from sparsemor.bodies.mesh.generators.unstructured import Unstructured, quality
 from sparsemor.bodies.mesh.simplices import boundary, signed_measures
-from sparsemor.bodies.mesh.unstructured import Unstructured, quality
 from sparsemor.core.errors import InputError
-from sparsemor.core.mesh import Mesh
+from sparsemor.core.protocols.mesh import Mesh
 from sparsemor.core.testing.mesh import check_mesh_plugin
 
 SLIDER: dict[str, Any] = {"size": (1.25e-3, 1.25e-3), "divisions": (24, 24), "elements": 1336}

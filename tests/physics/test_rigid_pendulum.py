@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from sparsemor.bodies import fe
-from sparsemor.bodies.mesh.link import Link
+from sparsemor.bodies import fem as fe
+from sparsemor.bodies.mesh.generators.link import Link
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.testing.run import March, march, scene_of
+from sparsemor.core.testing.in_memory_run import March, march, scene_of
 
 G, LENGTH, START = 9.81, 1.0, (0.0, np.radians(5.0))
 RADII = (0.0, 0.5, 0.8, 1.0)
@@ -91,6 +91,7 @@ def test_numbers_of_the_link() -> None:
     assert link() == pytest.approx((5.6287, 0.5, 0.610181), rel=1e-5)
 
 
+@pytest.mark.full
 def test_bdf1_gives_the_published_table() -> None:
     run = pendulum({"use": "bdf1"}, 1e-3, 4.0)
     table = [(-63.1867, -26.0900), (-153.0982, -146.0232), (-94.3623, -96.4472),
@@ -104,6 +105,7 @@ def test_reference_gives_the_published_table() -> None:
         np.testing.assert_allclose(np.degrees(reference(t)[0]), row, rtol=0, atol=1e-4)
 
 
+@pytest.mark.full
 def test_generalized_alpha_comes_near_the_reference() -> None:
     run = pendulum({"use": "generalized_alpha", "rho_inf": 0.8}, 1e-3, 4.0)
     table = [(-153.4535, -146.1370), (-94.2294, -99.3705), (-8.9981, -63.8328),
@@ -120,6 +122,7 @@ def errors(integrator: dict[str, Any], h: float, end: float) -> FloatArray:
     return np.array([np.abs(a - b).max() for a, b in zip(got, (q, w, lam), strict=True)])
 
 
+@pytest.mark.full
 def test_bdf1_is_of_first_order_in_everything() -> None:
     coarse, fine = (errors({"use": "bdf1"}, h, 0.5) for h in (5e-4, 2.5e-4))
     np.testing.assert_allclose(np.log2(coarse / fine), 1.0, atol=0.05)
@@ -153,6 +156,7 @@ def energy(run: March) -> FloatArray:
     return total
 
 
+@pytest.mark.full
 def test_bdf1_loses_energy_and_generalized_alpha_keeps_it() -> None:
     swing = 30.0  # J, of the order of what is exchanged
     lossy = energy(pendulum({"use": "bdf1"}, 1e-3, 1.0))

@@ -6,19 +6,22 @@ from typing import Any
 import numpy as np
 import pytest
 
+from sparsemor.core import ReducedProblem
 from sparsemor.core.arrays import BoolArray, FloatArray
-from sparsemor.core.assemble import assemble
-from sparsemor.core.initial import consistent_state
-from sparsemor.core.model import Model
-from sparsemor.core.offline import Offline
+from sparsemor.core.model.assembly import assemble
+from sparsemor.core.model.initial_state import consistent_state
+from sparsemor.core.model.model import Model
 from sparsemor.core.protocols import SparseOutcome, SparseProblem, SparseStart
-from sparsemor.core.scene import Scene, load
-from sparsemor.core.testing.run import march
+from sparsemor.core.scene.scene import Scene, load
+from sparsemor.core.simulation.offline import Offline
+from sparsemor.core.testing.in_memory_run import march
 from sparsemor.plugins.sparse_solvers.greedy_gauss_newton import GreedyGaussNewton
-from sparsemor.reducers.eliminated import Eliminated
-from sparsemor.reducers.screens import ROUGH, Look
-from sparsemor.reducers.selection import MechanicsProblem
-from sparsemor.reducers.sparse_stepper import SparseStepper
+from sparsemor.reducers.sparse.condensed_rows import Eliminated
+from sparsemor.reducers.sparse.elastic_screen import ROUGH, Look
+from sparsemor.reducers.sparse.joint_problem import MechanicsProblem
+from sparsemor.reducers.sparse.stepper import SparseStepper
+
+pytestmark = pytest.mark.full
 
 BUDGETS = {"*.elastic": {"rows": 80, "atoms": 11}, "*.thermal": {"rows": 40, "atoms": 5}}
 PUBLISHED = {"*.elastic": {"rows": 240, "atoms": 15}, "*.thermal": {"rows": 80, "atoms": 10}}
@@ -53,8 +56,9 @@ def prepared(
     scene = scene.using({"reducer": {
         "use": "sparse", "basis": "pod", "bases": {}, "budgets": BUDGETS, **options}})
     reducer = scene.reducer.model_copy(update={"solver": solver})
-    stepper = reducer.prepare(model, scene.integrator, scene.time.step,
-                              Offline.of(model, snapshots), np.random.default_rng(seed))
+    stepper = reducer.prepare(ReducedProblem(
+        model, scene.integrator, scene.time.step, Offline.of(model, snapshots),
+        np.random.default_rng(seed)))
     assert isinstance(stepper, SparseStepper)
     return scene, model, stepper
 
@@ -153,9 +157,9 @@ def test_the_border_is_eliminated(still: bool) -> None:
     assert now is not None and now.mechanics is not None and screens is not None
     x, screen = now.tried(formula, memory).x, screens.elastic
     assert screen is not None
-    new = Eliminated.of(now.mechanics, screen.still)
+    new = Eliminated.of(now.mechanics, memory.work, screen.still)
     assert new is not None
-    at = Look(screen, formula, x, now.mechanics).around(new, ROUGH)
+    at = Look(screen, formula, x, now.mechanics, memory.work).around(new, ROUGH)
 
     blocks = [stepper.elastic[b.elastic_name] for b in now.mechanics.bodies]
     joint = MechanicsProblem(now.mechanics, blocks, formula, x)

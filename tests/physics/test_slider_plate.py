@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from sparsemor import compare, load, simulate
-from sparsemor.core.assemble import assemble
-from sparsemor.core.cache import Cache
-from sparsemor.core.charts import write_charts
-from sparsemor.core.results import RunResult
-from sparsemor.core.rigid_stage import rigid_scene
-from sparsemor.core.stage import Stage
-from sparsemor.core.testing.run import march
+from sparsemor.core.analysis.charts import write_charts
+from sparsemor.core.model.assembly import assemble
+from sparsemor.core.protocols.prescribed_motion import Stage
+from sparsemor.core.results.run_result import RunResult
+from sparsemor.core.simulation.cache import Cache
+from sparsemor.core.simulation.rigid_stage import rigid_scene
+from sparsemor.core.testing.in_memory_run import march
 
 HEAT_ALONE = {"reducer": "full", "bodies.slider.fields": ["thermal"],
               "bodies.plate.fields": ["thermal"]}
@@ -74,6 +74,7 @@ def test_both_packaged_scenes_are_one_problem() -> None:
     assert different == {"title", "reducer"}
 
 
+@pytest.mark.full
 def test_hard_steps_of_a_second_order_rule_have_a_solution_and_it_is_found() -> None:
     """Little damping makes the slider bounce on its foundation: in step 12 and others full Newton
     steps go back and forth between two states. Shorter ones lead where those of the textbook method
@@ -103,6 +104,7 @@ def tilted() -> tuple[float, float, float]:
     return tilt, length, pressure
 
 
+@pytest.mark.full
 def test_forces(stage: Stage) -> None:
     contact = stage.contacts["sole"]
     assert contact["normal"][1:].mean() == pytest.approx(N, abs=0.01)
@@ -233,6 +235,7 @@ def test_variants(
     assert hottest(run, "slider", 3.75e-3) == pytest.approx(expected, rel=0.01)
 
 
+@pytest.mark.full
 def test_uniform_pressure_is_a_heated_slab(tmp_path: Path, cache: Cache) -> None:
     """Without tilt the slider is a slab with the flux mu p v / 2: a series (V4) gives 3.6198."""
     run = simulate(load("slider_plate", HEAT_ALONE | UPRIGHT), out=tmp_path, cache=cache)

@@ -4,9 +4,9 @@ from typing import Any
 
 import numpy as np
 
-from sparsemor.bodies.mesh.block import Block
-from sparsemor.core.assemble import assemble
-from sparsemor.core.testing.run import March, march, scene_of
+from sparsemor.bodies.mesh.generators.block import Block
+from sparsemor.core.model.assembly import assemble
+from sparsemor.core.testing.in_memory_run import March, march, scene_of
 
 BAR: dict[str, Any] = {
     "use": "flexible", "fields": ["elastic"], "reference": {"clamp": "left"},
@@ -35,8 +35,8 @@ def test_a_frame_at_rest_costs_no_inertia_but_that_of_the_displacements() -> Non
 
 
 def test_a_body_without_fields_is_rigid_with_the_mass_and_shape_of_its_mesh() -> None:
-    bare = {**BAR, "fields": []}
-    body = assemble(scene_of({"bodies": {"bar": bare}, "time": {"end": 1.0, "step": 0.1}}))
+    rigid_copy = {**BAR, "fields": []}
+    body = assemble(scene_of({"bodies": {"bar": rigid_copy}, "time": {"end": 1.0, "step": 0.1}}))
     assert {b.name for b in body.layout} == {"bar.rigid", "bar.multiplier"}
     part: Any = body.parts["bar"]
     sides, middle = np.array([0.5, 0.1, 0.06]), np.array([0.15, 0.0, 0.0])

@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 from sparsemor import simulate
-from sparsemor.bodies.mesh.block import Block
-from sparsemor.bodies.spatial import rotation as rot
+from sparsemor.bodies.frames import rotation as rot
+from sparsemor.bodies.mesh.generators.block import Block
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.testing.run import March, march, scene_of
+from sparsemor.core.testing.in_memory_run import March, march, scene_of
+
+pytestmark = pytest.mark.full
 
 ALPHA = {"use": "generalized_alpha", "rho_inf": 0.8}
 GRAVITY = {"g": {"use": "gravity", "g": [0.0, -3.0, -9.81]}}

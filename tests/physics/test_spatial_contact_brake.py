@@ -3,17 +3,17 @@
 import numpy as np
 import pytest
 
-from sparsemor.bodies.contact.spatial.part import SpatialContact
+from sparsemor.bodies.contact.part import ContactPart
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.assemble import assemble
-from sparsemor.core.stage import FrameHistory
-from sparsemor.core.testing.run import scene_of
+from sparsemor.core.model.assembly import assemble
+from sparsemor.core.protocols.prescribed_motion import FrameHistory
+from sparsemor.core.testing.in_memory_run import scene_of
 
 MU, PRESSURE, STIFFNESS, SPIN = 0.7, 5.078e6, 3.1e11, 66.667
 ANGLES = np.linspace(0.0, 2.0, 3)
 
 
-def brake(refine: float) -> SpatialContact:
+def brake(refine: float) -> ContactPart:
     """Both bodies turn by an angle, if at all."""
     hot = {"use": "flexible", "fields": ["thermal"], "frame": "spinning"}
     part = assemble(scene_of({
@@ -26,7 +26,7 @@ def brake(refine: float) -> SpatialContact:
             "normal": {"use": "elastic_foundation", "stiffness": STIFFNESS},
             "friction": {"use": "coulomb", "coefficient": MU, "critical_velocity": 0.05}}},
         "time": {"end": 1.0, "step": 0.1}})).parts["lining"]
-    assert isinstance(part, SpatialContact)
+    assert isinstance(part, ContactPart)
     return part
 
 
@@ -39,6 +39,7 @@ def motion() -> dict[str, FrameHistory]:
             "disk": FrameHistory(ANGLES, disk, rate, still)}
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("refine", [1.0, 1.5])
 def test_the_pad_brakes_with_the_mean_radius_of_the_contact(refine: float) -> None:
     """1440.0 N m on the smooth outline; here the polygon's."""

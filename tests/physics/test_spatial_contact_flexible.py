@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.cache import Cache
-from sparsemor.core.scene import Scene
-from sparsemor.core.simulate import simulate
-from sparsemor.core.testing.run import March, march, scene_of
-from sparsemor.reducers.reduced_general import ReducedGeneral
+from sparsemor.core.scene.scene import Scene
+from sparsemor.core.simulation.cache import Cache
+from sparsemor.core.simulation.simulate import simulate
+from sparsemor.core.testing.in_memory_run import March, march, scene_of
+from sparsemor.reducers.step.coupled_reduced import ReducedGeneral
 
 PRESSURE, MU, SPEED, STEP = 1e6, 0.3, 0.5, 1e-4
 MATERIAL = {"E": 2e9, "nu": 0.3, "rho": 2700, "alpha": 2e-5, "k": 150, "c": 900}
@@ -61,6 +61,7 @@ def forces(run: March) -> FloatArray:
     return out
 
 
+@pytest.mark.full
 def test_the_contact_carries_the_load_and_drags_against_the_slip() -> None:
     run = full()
     f = forces(run)
@@ -80,6 +81,7 @@ def test_the_contact_carries_the_load_and_drags_against_the_slip() -> None:
     assert 2 * heat == pytest.approx(drag * SPEED, rel=0.1)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("reducer", [
     {"use": "galerkin"},
     {"use": "sparse", "sampler": "deim", "budgets": {"*.elastic": {"rows": 27},
@@ -100,6 +102,7 @@ def test_a_reduced_run_repeats_its_training(reducer: dict[str, Any]) -> None:
         assert error < (1e-4 if b.field == "multiplier" else 1e-5), (b.name, error)
 
 
+@pytest.mark.full
 def test_a_run_without_stage_keeps_the_history_of_its_contact(tmp_path: Path) -> None:
     """The same interface as for a rigid stage and in the plane."""
     run = simulate(scene(steps=3), out=tmp_path / "run", cache=Cache(tmp_path))

@@ -7,16 +7,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sparsemor.bodies.contact.spatial.part import SpatialContact
-from sparsemor.bodies.spatial import rotation as rot
+from sparsemor.bodies.contact.part import ContactPart
+from sparsemor.bodies.frames import rotation as rot
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.assemble import assemble
-from sparsemor.core.cache import Cache
-from sparsemor.core.model import Model
-from sparsemor.core.simulate import simulate
-from sparsemor.core.stage import FrameHistory
+from sparsemor.core.model.assembly import assemble
+from sparsemor.core.model.model import Model
+from sparsemor.core.protocols.contributions import Equations, Origin, Records
+from sparsemor.core.protocols.prescribed_motion import FrameHistory
+from sparsemor.core.simulation.cache import Cache
+from sparsemor.core.simulation.simulate import simulate
 from sparsemor.core.status import SolveFailed, Status
-from sparsemor.core.testing.run import March, march, scene_of
+from sparsemor.core.testing.in_memory_run import March, march, scene_of
 
 RHO, G = 1000.0, 9.81
 SIZE = (0.1, 0.06, 0.05)
@@ -57,7 +58,7 @@ def history(found: March, body: str = "block", contact: str = "sole") -> Mapping
     at = found.solver.layout[f"{body}.rigid"]
     motion = FrameHistory(found.t, found.x[:, at], found.v[:, at], found.a[:, at])
     part = found.model.parts[contact]
-    assert isinstance(part, SpatialContact)
+    assert isinstance(part, ContactPart)
     return part.history({body: motion})
 
 
@@ -78,6 +79,7 @@ def test_a_pressed_block_sinks_to_pressure_over_stiffness_and_gains_nothing_when
     assert np.abs(found.x[:, 4:7]).max() < 1e-11  # it does not turn
 
 
+@pytest.mark.full
 def test_a_dropped_block_keeps_its_energy_to_the_order_of_the_integrator() -> None:
     K, lost = 1e7, []
     pose = {"position": [0.0, 0.0, 0.001], "velocity": [0.0, 0.0, -0.5]}
@@ -91,6 +93,7 @@ def test_a_dropped_block_keeps_its_energy_to_the_order_of_the_integrator() -> No
     assert lost[1] < 2e-3 and lost[0] / lost[1] > 4.0
 
 
+@pytest.mark.full
 def test_a_box_that_falls_on_its_corner_tumbles_without_gaining_energy() -> None:
     """Between two touches nothing but Euler's own damping is lost."""
     pose = {"position": [0.0, 0.0, 0.075], "axis": [1, 2, 0.3], "angle": 0.7,
@@ -132,12 +135,14 @@ def incline(friction: Mapping[str, float], end: float) -> FloatArray:
     return np.asarray(found.v[:, :3] @ (down / np.linalg.norm(down)))
 
 
+@pytest.mark.full
 def test_a_block_slides_down_a_slope_steeper_than_the_friction_angle() -> None:
     speed = incline({"coefficient": 0.2, "critical_velocity": 1e-3}, 0.1)
     want = G * (np.sin(SLOPE) - 0.2 * np.cos(SLOPE))
     assert (speed[-1] - speed[-11]) / 1e-2 == pytest.approx(want, rel=1e-5)
 
 
+@pytest.mark.full
 def test_a_block_creeps_below_the_critical_velocity_on_a_gentler_slope() -> None:
     critical = 1e-3
     speed = incline({"coefficient": 0.5, "critical_velocity": critical}, 0.1)
@@ -162,6 +167,7 @@ def test_a_point_that_flies_through_the_surface_in_one_step_is_noticed() -> None
             end=0.01, step=1e-3)
 
 
+@pytest.mark.full
 def test_a_pad_brakes_a_wheel_by_its_friction_at_every_angle() -> None:
     """A square pad on a wheel that spins by an angle: torque = mu F r_m, constant."""
     mu, pressure, K, side, reach = 0.7, 1e6, 1e11, 0.04, 0.1
@@ -204,6 +210,7 @@ def column(floor: float, divisions: tuple[int, ...], **options: Any) -> dict[str
         "fields": ["elastic"], "material": material}
 
 
+@pytest.mark.full
 def test_an_elastic_column_on_another_sinks_by_all_three_springs() -> None:
     """Both surfaces deform: p / K + p H / E for each column; without Poisson's ratio exactly."""
     pressure, K, E, side = 1e6, 1e11, 1e9, 0.1
@@ -245,11 +252,13 @@ def test_conduction_along_a_known_motion_is_that_of_the_same_place() -> None:
     moving, told = warm("floating"), warm("fixed")
     pose = np.array([0.06, 0.02, -1e-6, *rot.about([0, 0, 1], 0.4)])
     part = told.parts["sole"]
-    assert isinstance(part, SpatialContact)
+    assert isinstance(part, ContactPart)
     still = np.stack([pose, pose])
     motion = {"block": FrameHistory(np.array([0.0, 2.0]), still, np.ones((2, 7)), 0 * still)}
-    (term,) = part.conduction(told.layout, motion)
-    (free,) = moving.parts["sole"].terms(moving.layout, moving.parts)
+    records = Records()
+    part.conduction(Equations(told.layout, Origin("contacts", "sole"), records), motion)
+    (term,) = (r.term for r in records.local)
+    (free,) = moving.by_part["sole"]
     T = 100.0 * np.random.default_rng(0).random(len(term.columns))
     zero, v = np.zeros(len(T)), np.zeros(len(free.columns))
     r = term.residual(T, zero, zero, 1.0)

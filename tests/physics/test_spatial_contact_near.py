@@ -5,16 +5,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sparsemor.bodies.contact.follow import FollowedContact
-from sparsemor.bodies.contact.pace import Mover, Pace
-from sparsemor.bodies.spatial.attitude import attitude
+from sparsemor.bodies.contact.motion_bound import MotionBound, Mover
+from sparsemor.bodies.contact.verlet_list import FollowedContact
+from sparsemor.bodies.frames.attitude import attitude
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.assemble import assemble
-from sparsemor.core.initial import consistent_state
-from sparsemor.core.model import Model
+from sparsemor.core.model.assembly import assemble
+from sparsemor.core.model.initial_state import consistent_state
+from sparsemor.core.model.model import Model
 from sparsemor.core.protocols import Trial
-from sparsemor.core.scene import Scene
-from sparsemor.core.testing.run import march, scene_of
+from sparsemor.core.scene.scene import Scene
+from sparsemor.core.testing.in_memory_run import march, scene_of
 
 SIDE, STEP, SPEED = 0.02, 1e-4, 20.0
 FACET = SIDE / 4
@@ -81,6 +81,7 @@ def pushed(columns: int) -> tuple[Any, FloatArray, int]:
     return coupled.term, x, memory.counters()["searches"]
 
 
+@pytest.mark.full
 def test_a_reduced_step_evaluates_the_facets_near_the_contact() -> None:
     """Four times the plate: as many facets a step, as many searches over a run of 20 mm."""
     counted = []
@@ -105,7 +106,7 @@ TILTED = {"pose": {"spin": [-1.0, 2.0, 1.0]}}
 def compressed(m: Model, modes: int) -> tuple[FollowedContact, FloatArray, FloatArray]:
     """The contact under frames as they are and random displacements; its unknowns and rates at the
     start. The left side looks at all rows."""
-    (term,) = m.parts["sole"].terms(m.layout, m.parts)
+    (term,) = m.by_part["sole"]
     rng, n = np.random.default_rng(1), len(term.columns)
     rigid = np.concatenate([np.arange(m.layout.size)[m.layout[b]]
                             for b in ("block.rigid", "plate.rigid")])
@@ -140,6 +141,7 @@ def states(x: FloatArray, margin: float, rng: np.random.Generator) -> list[Float
     return found
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("plate", ["free", "spinning"])
 def test_facets_left_out_cannot_touch(plate: str) -> None:
     """Wherever the list holds, what it gives is what all facets give."""
@@ -159,7 +161,7 @@ def test_facets_left_out_cannot_touch(plate: str) -> None:
              near.jacobian(there, v, none, 0.0, c1, none)),
         ):
             assert np.abs(all_of_it - part).max() <= 1e-11 * np.abs(all_of_it).max()
-        assert whole.doubt(there, v, 0.0, STEP) == near.doubt(there, v, 0.0, STEP)
+        assert whole.check_step(there, v, 0.0, STEP) == near.check_step(there, v, 0.0, STEP)
         want = whole.resultants(there, v, 0.0)
         assert near.resultants(there, v, 0.0) == pytest.approx(want, rel=1e-9)
     assert seen >= 8
@@ -179,7 +181,8 @@ def test_a_step_through_the_surface_is_told_by_the_list_as_by_all_facets() -> No
     deep = x + 1.05 * reach * down
     for share in (0.2, 1.0, 20.0):  # of the depth within the step: by the list, and by all
         speed = share * reach / STEP * down
-        assert near.doubt(deep, speed, 0.0, STEP) == whole.doubt(deep, speed, 0.0, STEP) != ""
+        one, other = (t.check_step(deep, speed, 0.0, STEP) for t in (near, whole))
+        assert one == other != ""
 
 
 # --------------------------------------------------------------------------- the bound
@@ -198,7 +201,7 @@ def test_no_point_moves_farther_than_the_bound(frame: int) -> None:
     atoms[frame:, frame:] = 0.1 * rng.standard_normal((3 * n, modes))
     offset = np.zeros(len(atoms))
     offset[frame:] = 0.1 * rng.standard_normal(3 * n)
-    pace = Pace.of(mover, atoms, offset)
+    pace = MotionBound.of(mover, atoms, offset)
 
     def places(x: FloatArray) -> FloatArray:
         full = offset + atoms @ x

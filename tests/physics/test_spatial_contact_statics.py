@@ -6,16 +6,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sparsemor.bodies.contact.planar_part import PlanarContact
-from sparsemor.bodies.contact.spatial.meetings import AT_ONCE
-from sparsemor.bodies.contact.spatial.part import SpatialContact
-from sparsemor.bodies.mesh.block import Block
-from sparsemor.bodies.spatial import rotation as rot
-from sparsemor.core.assemble import assemble
-from sparsemor.core.mesh import Mesh
-from sparsemor.core.plugin import Plugin
-from sparsemor.core.stage import FrameHistory
-from sparsemor.core.testing.run import scene_of
+from sparsemor.bodies.contact.along_motion import AT_ONCE
+from sparsemor.bodies.contact.part import ContactPart
+from sparsemor.bodies.frames import rotation as rot
+from sparsemor.bodies.mesh.generators.block import Block
+from sparsemor.core.model.assembly import assemble
+from sparsemor.core.protocols.mesh import Mesh
+from sparsemor.core.protocols.prescribed_motion import FrameHistory
+from sparsemor.core.registry.plugin import Plugin
+from sparsemor.core.testing.in_memory_run import scene_of
 
 K = 1e9
 SIDE, WIDTH = 0.1, 0.06
@@ -58,7 +57,7 @@ PLATE = Block(lower=(-0.2, -0.2, -0.1), size=(0.4, 0.4, 0.1), divisions=(7, 5, 1
 def contact_of(
     mesh: Any, surface: str, swap: bool = False, plate: Any = PLATE, fields: tuple[str, ...] = (),
     **options: Any,
-) -> SpatialContact:
+) -> ContactPart:
     """`mesh` above a plate whose top is z = 0."""
     material = {"rho": 1000, "k": 50, "c": 500}
     thing = {"use": "flexible", "mesh": mesh, "fields": list(fields), "material": material,
@@ -73,7 +72,7 @@ def contact_of(
         "contacts": {"touch": {"use": "polygonal", "normal": normal,
                                "between": between[::-1] if swap else between, **options}}}))
     part = model.parts["touch"]
-    assert isinstance(part, SpatialContact)
+    assert isinstance(part, ContactPart)
     return part
 
 
@@ -232,7 +231,7 @@ def test_a_plane_problem_in_space_has_the_resultants_of_the_plane() -> None:
         "time": {"end": 1.0, "step": 0.1}, "contacts": {"touch": {
             "use": "polygonal", "between": ["thing:bottom", "plate:top"], "normal": normal,
             "friction": COULOMB}}})).parts["touch"]
-    assert isinstance(plane, PlanarContact)
+    assert isinstance(plane, ContactPart)
     solid = contact_of(Block(size=(SIDE, 1.0, SIDE), divisions=(3, 2, 1)), "bottom",
                        plate=Block(lower=(-0.2, -0.5, -0.1), size=(0.4, 2.0, 0.1),
                                    divisions=(7, 3, 1)), normal=normal, friction=COULOMB)

@@ -6,13 +6,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sparsemor.bodies.mesh.block import Block
-from sparsemor.bodies.spatial import rotation as rot
-from sparsemor.bodies.spatial.body import SpatialBody
+from sparsemor.bodies.frames import rotation as rot
+from sparsemor.bodies.mesh.generators.block import Block
+from sparsemor.bodies.spatial_body import SpatialBody
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.assemble import assemble
 from sparsemor.core.errors import InputError
-from sparsemor.core.testing.run import March, march, scene_of
+from sparsemor.core.model.assembly import assemble
+from sparsemor.core.testing.in_memory_run import March, march, scene_of
 
 CORNERS = ["left_front_bottom", "right_front_bottom", "left_back_bottom"]
 BAR: dict[str, Any] = {
@@ -71,6 +71,7 @@ def flights() -> tuple[March, March]:
     return flight(5e-4), flight(2.5e-4)
 
 
+@pytest.mark.full
 def test_inertia_forces_of_a_free_body_balance_at_every_instant() -> None:
     """To round-off: the equations hold at the step's end, whatever the integrator."""
     got = flights()[0]
@@ -84,6 +85,7 @@ def test_inertia_forces_of_a_free_body_balance_at_every_instant() -> None:
         assert np.abs(moments(bar, place, acceleration)).max() < 1e-8 * size
 
 
+@pytest.mark.full
 def test_momentum_and_energy_are_kept_to_second_order() -> None:
     """rho_inf = 1: nothing is damped."""
     drifts, losses = [], []
@@ -138,6 +140,7 @@ def swings(h: float) -> tuple[float, float, float]:
             float(np.ptp(about)) / abs(about[0]), moved)
 
 
+@pytest.mark.full
 def test_a_bar_that_swings_on_a_ball_keeps_energy_and_turn_about_the_vertical() -> None:
     """General motion under gravity, rho_inf = 1: to second order."""
     coarse, fine = (np.array(swings(h)) for h in (2e-3, 1e-3))
@@ -146,6 +149,7 @@ def test_a_bar_that_swings_on_a_ball_keeps_energy_and_turn_about_the_vertical() 
     assert np.all(np.log2(coarse[:2] / fine[:2]) > 1.8)
 
 
+@pytest.mark.full
 def test_reference_conditions_do_not_change_the_motion() -> None:
     """Other ties of the displacements describe the same body: nodes in space agree to the time
     error, which falls with the square of the step."""
@@ -158,6 +162,7 @@ def test_reference_conditions_do_not_change_the_motion() -> None:
     assert np.log2(gaps[0] / gaps[1]) > 1.5
 
 
+@pytest.mark.full
 def test_a_very_stiff_flexible_body_is_the_rigid_body_of_its_numbers() -> None:
     """Hung on one corner, under gravity."""
     joint = {"A": {"use": "spherical", "between": ["ground", "bar:left_front_bottom"]}}
@@ -193,6 +198,7 @@ def test_a_very_stiff_flexible_body_is_the_rigid_body_of_its_numbers() -> None:
 # --------------------------------------------------------------------------- spin about an axis
 
 
+@pytest.mark.full
 def test_a_spin_about_a_principal_axis_is_cheap_and_as_wide_as_statics_say() -> None:
     """On a hinge along the axis: the shape is the static answer to the centrifugal force, one
     factor serves the whole run, and a step takes one or two iterations."""

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from joint_runs import run
-from sparsemor.bodies.spatial import rotation as rot
+from sparsemor.bodies.frames import rotation as rot
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.assemble import assemble
 from sparsemor.core.errors import InputError
-from sparsemor.core.testing.run import March, scene_of
+from sparsemor.core.model.assembly import assemble
+from sparsemor.core.testing.in_memory_run import March, scene_of
 
 TILT: dict[str, Any] = {"axis": [1.0, -2.0, 0.5], "angle": 1.1}
 R = rot.rotation(rot.about(TILT["axis"], TILT["angle"]))
@@ -62,6 +62,7 @@ def space(h: float) -> March:
                1.0, h, {"g": {"use": "gravity", "g": listed(R @ G)}})
 
 
+@pytest.mark.full
 def test_a_plane_problem_in_space_is_the_plane_problem() -> None:
     """A tilted plane of hinged links: the difference is the time error of other coordinates, which
     vanishes with the square of the step."""
@@ -99,6 +100,7 @@ def test_a_weld_carries_weight_and_moment() -> None:
     assert np.abs(got.block("rod.rigid") - got.block("rod.rigid")[0]).max() < 1e-14
 
 
+@pytest.mark.full
 def test_two_welded_bodies_are_one() -> None:
     """Of the same mass, centre and tensor of inertia, turning freely."""
     two_turn: dict[str, Any] = {"axis": [0.0, 1.0, 0.3], "angle": 0.8}
@@ -160,6 +162,7 @@ def test_a_slider_moves_along_its_axis_as_a_falling_mass() -> None:
     np.testing.assert_allclose(x[:, 3:], np.tile(x[0, 3:], (len(x), 1)), rtol=0, atol=1e-12)
 
 
+@pytest.mark.full
 def test_a_nut_on_a_moving_rod_slides_and_turns() -> None:
     """A cylinder on a free rod: total momentum is kept, the axes stay one line."""
     axis = R @ [0.0, 0.0, 1.0]
@@ -200,6 +203,7 @@ def test_a_nut_on_a_moving_rod_slides_and_turns() -> None:
     np.testing.assert_allclose(kept, np.tile(kept[0], (len(kept), 1)), rtol=0, atol=2e-5)
 
 
+@pytest.mark.full
 def test_a_driven_hinge_turns_as_told_any_number_of_times() -> None:
     turn = {"use": "ramp", "end": 10.0, "final": 200.0}  # 20 rad/s
     got = run({"rod": {**ROD, "pose": {"spin": [0.0, 0.0, 20.0]}}},
@@ -212,6 +216,7 @@ def test_a_driven_hinge_turns_as_told_any_number_of_times() -> None:
     assert np.abs(got.block("M.multiplier")[100:]).max() < 1e-3  # a steady turn needs no moment
 
 
+@pytest.mark.full
 def test_a_driven_point_follows_and_its_force_is_the_inertia_force() -> None:
     move = {"use": "sine", "amplitude": 0.05, "frequency": 2.0}
     w = 4 * np.pi

@@ -5,9 +5,9 @@ import pytest
 from scipy.integrate import cumulative_simpson
 from scipy.special import ellipj, ellipk
 
-from sparsemor.bodies.spatial import rotation as rot
+from sparsemor.bodies.frames import rotation as rot
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.testing.run import march, scene_of
+from sparsemor.core.testing.in_memory_run import march, scene_of
 
 G = 9.81
 ROD = {"mass": 0.8, "arm": 0.5, "across": 0.05, "along": 1e-3, "down": 0.6}
@@ -50,6 +50,7 @@ def height(t: FloatArray, speed: float) -> FloatArray:
     return np.asarray(low + (high - low) * ellipj(start + beat * t, m)[0] ** 2)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("speed", [2.0, 6.0])
 def test_a_spherical_pendulum_swings_as_elliptic_functions_say(speed: float) -> None:
     """Height and azimuth, over several swings, below the level and above it; second order."""

@@ -8,10 +8,10 @@ import pytest
 
 from sparsemor import simulate
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.assemble import assemble
-from sparsemor.core.cache import Cache
-from sparsemor.core.results import RunResult
-from sparsemor.core.testing.run import march, scene_of
+from sparsemor.core.model.assembly import assemble
+from sparsemor.core.results.run_result import RunResult
+from sparsemor.core.simulation.cache import Cache
+from sparsemor.core.testing.in_memory_run import march, scene_of
 
 WIDTH = 1.25e-3
 MATERIAL = {"E": 7e10, "nu": 0.0, "rho": 2700, "alpha": 2.4e-5, "k": 150, "c": 900}
@@ -86,6 +86,7 @@ def swung(deep: bool) -> FloatArray:
     return np.asarray(u.reshape(len(u), -1, d)[:, part.points["right"]].mean(axis=1))
 
 
+@pytest.mark.full
 def test_a_plane_flexible_problem_in_space_is_nearly_the_plane_problem() -> None:
     """With nu = 0 on one plane pattern the bodies differ by the tetrahedra's way through the
     thickness alone, which softens the one in space a little."""
@@ -147,6 +148,7 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> tuple[RunResult, RunResult
     return flat, deep
 
 
+@pytest.mark.full
 def test_the_rigid_stage_is_that_of_the_plane(
     runs: tuple[RunResult, RunResult]
 ) -> None:

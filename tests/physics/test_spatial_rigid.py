@@ -8,9 +8,11 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.special import ellipj
 
-from sparsemor.bodies.spatial import rotation as rot
+from sparsemor.bodies.frames import rotation as rot
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.testing.run import March, march, scene_of
+from sparsemor.core.testing.in_memory_run import March, march, scene_of
+
+pytestmark = pytest.mark.full
 
 ALPHA: dict[str, Any] = {"use": "generalized_alpha", "rho_inf": 1.0}
 MOMENTS = np.array([1.0, 2.0, 3.0])

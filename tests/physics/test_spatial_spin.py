@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from sparsemor import compare, simulate
-from sparsemor.bodies.mesh.block import Block
-from sparsemor.bodies.spatial import rotation as rot
+from sparsemor.bodies.frames import rotation as rot
+from sparsemor.bodies.mesh.generators.block import Block
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.assemble import assemble
 from sparsemor.core.errors import InputError
-from sparsemor.core.testing.run import March, march, scene_of
+from sparsemor.core.model.assembly import assemble
+from sparsemor.core.testing.in_memory_run import March, march, scene_of
 
 WHEEL: dict[str, Any] = {
     "use": "rigid", "frame": "spinning", "mass": 10.0, "inertia": [15.0, 15.0, 28.1866],
@@ -66,6 +66,7 @@ def nodes(got: March, name: str) -> FloatArray:
     return np.asarray(y[:3] + (body.X + u.reshape(-1, 3)) @ A.T)
 
 
+@pytest.mark.full
 def test_a_spinning_frame_and_a_free_one_on_a_hinge_move_alike() -> None:
     """An unbalanced plate, welded to the wheel: nodes in space agree to the time error."""
     gaps = []
@@ -102,6 +103,7 @@ def test_a_spinning_plate_costs_one_factor_and_one_or_two_iterations() -> None:
     assert got.solver.counters(got.solver.start(got.end)[1])["factorizations"] == 1
 
 
+@pytest.mark.full
 def test_probes_and_positions_of_a_spinning_body() -> None:
     scene = {"bodies": {"plate": {**PLATE, "pose": {"angle": 0.2, "spin": [0.0, 0.0, 10.0]}}},
              "probes": {"tip": {"body": "plate", "at": [0.15, 0.1, 0.02]}},

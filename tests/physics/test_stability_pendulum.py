@@ -5,16 +5,24 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sparsemor.core.assemble import assemble
-from sparsemor.core.hooks import new_manager
-from sparsemor.core.initial import consistent_state
-from sparsemor.core.offline import Offline, train
+from sparsemor.core import ReducedProblem
+from sparsemor.core.analysis.stability.eigenvalue_errors import exact_values, own_radii, own_values
+from sparsemor.core.model.assembly import assemble
+from sparsemor.core.model.initial_state import consistent_state
 from sparsemor.core.protocols import StepSolver
-from sparsemor.core.scene import Scene
-from sparsemor.core.stability import Reference, StepMap, eigenvalues, judge, radius, step_map
-from sparsemor.core.stability.departure import exact_values, own_radii, own_values
-from sparsemor.core.stability.reference import started
-from sparsemor.core.testing.run import scene_of
+from sparsemor.core.registry.hooks import new_manager
+from sparsemor.core.scene.scene import Scene
+from sparsemor.core.simulation.linearization import (
+    Reference,
+    StepMap,
+    eigenvalues,
+    judge,
+    radius,
+    step_map,
+)
+from sparsemor.core.simulation.offline import Offline, train
+from sparsemor.core.simulation.time_stepping import started
+from sparsemor.core.testing.in_memory_run import scene_of
 
 H, G = 1e-3, 9.81
 DOWN, UP = -np.pi / 2, np.pi / 2
@@ -25,8 +33,8 @@ def stepped(scene: Scene) -> tuple[StepMap, StepSolver]:
     model = assemble(scene)
     snapshots = {} if not model.reducible() else {
         n: s.T for n, s in train(scene.for_training(), new_manager()).items()}
-    solver: StepSolver = scene.reducer.prepare(
-        model, scene.integrator, H, Offline.of(model, snapshots), np.random.default_rng(1))
+    solver: StepSolver = scene.reducer.prepare(ReducedProblem(
+        model, scene.integrator, H, Offline.of(model, snapshots), np.random.default_rng(1)))
     state, memory = started(solver, scene.integrator, consistent_state(model))
     return step_map(solver, scene.integrator, H, state, memory), solver
 
@@ -137,6 +145,7 @@ def test_full_order_eigenvalues_are_those_of_the_dense_pencil() -> None:
         assert np.abs(values - dense[: len(values)]).max() < 1e-8 * top
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("integrator", ["bdf1", {"use": "generalized_alpha", "rho_inf": 0.8}])
 def test_the_projected_model_grows_as_full_order_does(integrator: Any) -> None:
     """What reduced models are judged by: its growing pair is that of the whole coupled map."""

@@ -11,13 +11,13 @@ from scipy.integrate import solve_ivp
 
 from sparsemor import InputError, SolveFailed, Status, load, simulate
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.results import RunResult
-from sparsemor.core.scene import Scene
-from sparsemor.core.testing.run import scene_of
+from sparsemor.core.results.run_result import RunResult
+from sparsemor.core.scene.scene import Scene
+from sparsemor.core.testing.in_memory_run import scene_of
 
 SECOND = ["bdf2", "generalized_alpha"]
 INTEGRATORS = ["bdf1", *SECOND]
-SWING = Path(__file__).parents[1] / "examples" / "scenes" / "swing.yaml"
+SWING = Path(__file__).parents[1] / "scenes" / "swing.yaml"
 
 
 @pytest.fixture(autouse=True)
@@ -55,6 +55,7 @@ def swing_error(run: RunResult) -> float:
     return float(np.abs(angle - swung()).max()) / np.sqrt(3.0) / moved
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("integrator", SECOND)
 def test_a_pendulum_meets_its_tolerance_with_fewer_steps_than_the_smallest(
     integrator: str
@@ -113,6 +114,7 @@ def warm() -> FloatArray:
     return np.asarray(simulate(slab("generalized_alpha", 0.004, None)).block("slab.thermal")[-1])
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 def test_heat_meets_its_tolerance(integrator: str) -> None:
     tolerance = 2e-2 if integrator == "bdf1" else 2e-3
@@ -141,6 +143,7 @@ REDUCERS: dict[str, Any] = {
 }
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("integrator", [
     pytest.param(i, marks=[pytest.mark.slow] * (i != "bdf2")) for i in INTEGRATORS])
 def test_every_reducer_takes_controlled_steps(integrator: str) -> None:

@@ -7,8 +7,8 @@ import pytest
 from scipy.sparse.linalg import eigsh
 
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.assemble import assemble
-from sparsemor.core.testing.run import March, march, scene_of
+from sparsemor.core.model.assembly import assemble
+from sparsemor.core.testing.in_memory_run import March, march, scene_of
 
 ALLOY = {"E": 7e10, "nu": 0.3, "rho": 1000, "alpha": 2e-5}
 WARM = {"k": 44.5, "c": 475}
@@ -85,6 +85,7 @@ def test_frequencies_of_the_assembled_cantilever() -> None:
     assert frequencies(tree) == pytest.approx([137.884, 826.74], rel=1e-5)
 
 
+@pytest.mark.full
 def test_a_released_cantilever_swings_with_its_first_frequency() -> None:
     """Under its sudden weight, without damping: ups and downs about the static deflection."""
     tree = cantilever(24, 3, loads={"gravity": {"use": "gravity"}},

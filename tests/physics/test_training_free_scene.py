@@ -5,14 +5,15 @@ from typing import Any
 
 import pytest
 
-from sparsemor.core.cache import Cache
-from sparsemor.core.compare import compare
-from sparsemor.core.results import RunResult
-from sparsemor.core.scene import load
-from sparsemor.core.simulate import simulate
+from small_scenes import coarse_pendulum
+from sparsemor.core.analysis.compare import compare
+from sparsemor.core.results.run_result import RunResult
+from sparsemor.core.simulation.cache import Cache
+from sparsemor.core.simulation.simulate import simulate
+
+pytestmark = pytest.mark.full
 
 COARSE = {f"bodies.link{i}.mesh.elements": 320 for i in (1, 2)}
-SHORT = load("double_pendulum", {**COARSE, "time.end": 0.1, "training.end": 0.1})
 RATES = [0, 1, 3, 10, 30, 100, 300, 1000]
 HEAT = {"use": "static", "rates": RATES, "orthonormal": True}
 
@@ -23,7 +24,7 @@ def full(tmp_path_factory: pytest.TempPathFactory) -> RunResult:
 
 
 def run(reducer: dict[str, Any], folder: Path) -> RunResult:
-    scene = SHORT.using({"reducer": reducer})
+    scene = coarse_pendulum().using({"reducer": reducer})
     return simulate(scene, out=folder / "run", cache=Cache(folder / "cache"))
 
 
@@ -53,7 +54,7 @@ def test_a_basis_is_that_of_the_scene_that_runs(tmp_path: Path) -> None:
     push = {**pull, "on": "link2:left"}
     names = []
     for load_ in (pull, push):
-        scene = SHORT.using({
+        scene = coarse_pendulum().using({
             "time.end": 0.01, "training.end": 0.01, "loads.tip": load_, "reducer": {
                 "use": "galerkin", "basis": "static"},
             "training.overrides": {"loads.tip": pull}})

@@ -7,14 +7,17 @@ import numpy as np
 import pytest
 
 from sparsemor import compare, load, simulate
-from sparsemor.core.cache import Cache
-from sparsemor.core.hooks import new_manager
-from sparsemor.core.prepared import prepared
-from sparsemor.core.results import RunResult
-from sparsemor.core.scene import Scene
-from sparsemor.core.stability.plan import Plan
-from sparsemor.core.stability.survey import survey
+from sparsemor.core import ReducedProblem
+from sparsemor.core.analysis.stability.survey import survey
+from sparsemor.core.analysis.stability.variants import Plan
+from sparsemor.core.registry.hooks import new_manager
+from sparsemor.core.results.run_result import RunResult
+from sparsemor.core.scene.scene import Scene
+from sparsemor.core.simulation.cache import Cache
+from sparsemor.core.simulation.prepare import prepared
 from sparsemor.core.status import SolveFailed
+
+pytestmark = pytest.mark.full
 
 SLIDER = Path(__file__).parents[1] / "scenes" / "small_slider.yaml"
 POD = {"use": "pod", "count": 25}
@@ -88,8 +91,8 @@ def test_a_step_does_not_grow_with_the_loaded_surface(cache):
             "bodies.plate.mesh.divisions": divisions, "time.end": 1.5e-4, "training.end": 1.5e-4,
             "reducer": {"use": "galerkin", "basis": {"use": "pod", "count": 8}}})
         model, offline = prepared(scene, cache, new_manager())
-        solver: Any = scene.reducer.prepare(
-            model, scene.integrator, scene.time.step, offline, np.random.default_rng(0))
+        solver: Any = scene.reducer.prepare(ReducedProblem(
+            model, scene.integrator, scene.time.step, offline, np.random.default_rng(0)))
         known = [*(b.known for b in solver.mechanics.bodies if b.known is not None),
                  *(b.given for b in solver.heat.values())]
         widths.append([k.rows.shape for k in known])

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from sparsemor import load, simulate
-from sparsemor.core.cache import Cache
-from sparsemor.core.hooks import new_manager
-from sparsemor.core.prepared import prepared
-from sparsemor.core.results import RunResult
+from sparsemor.core.registry.hooks import new_manager
+from sparsemor.core.results.run_result import RunResult
+from sparsemor.core.simulation.cache import Cache
+from sparsemor.core.simulation.prepare import prepared
 
 BRAKE = Path(__file__).parents[1] / "scenes" / "small_brake.yaml"
 POD = {"use": "pod", "count": 25}
@@ -35,6 +35,7 @@ def errors(run: RunResult, reference: RunResult) -> dict[str, float]:
                           / np.abs(reference.block(b.name)).max()) for b in reference.layout}
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(("reducer", "allowed"), [
     ({"use": "full", "method": "newton"}, 1e-11),
     ({"use": "galerkin", "basis": POD}, 1e-4),
@@ -61,6 +62,7 @@ def test_nothing_is_left_to_the_general_path(cache):
         assert m.guide is not None and m.operators is not None and len(m.operators.tables) == 1
 
 
+@pytest.mark.full
 def test_the_elastic_disk_is_loaded_with_the_resultants_of_the_contact(full, cache):
     """Nodal forces in body axes, turned into space, add up to pressure and friction."""
     stage = full.stage()

@@ -1,0 +1,105 @@
+"""Contact of rigid surfaces along a prescribed motion, many times at once."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+
+from sparsemor.bodies.contact.broad_phase import BroadPhase
+from sparsemor.bodies.contact.cells import reached
+from sparsemor.bodies.contact.kinematics import attitude_of, crossed
+from sparsemor.bodies.contact.pieces import Overlaps, Pairs, Pieces
+from sparsemor.bodies.contact.surface import Surface
+from sparsemor.bodies.contact.tractions import Interface
+from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core.protocols.prescribed_motion import FrameHistory
+
+Motion: TypeAlias = Mapping[str, FrameHistory]
+"""Body -> its motion; a body that is not named stands still."""
+AT_ONCE = 60_000
+"""Pairs of facets, about, that are evaluated together: memory for some tens of MB."""
+
+
+def steps(motion: Motion) -> int:
+    """Number of times of a motion."""
+    return max((len(h.times) for h in motion.values()), default=1)
+
+
+class Path:
+    """Frame of one body at all times: origin R and its velocity (T, d), A (T, d, d), angular
+    velocity w (T, 1 or 3) in body axes, rad/s. One row for all times where the body stands still.
+    """
+
+    def __init__(self, surface: Surface, motion: Motion) -> None:
+        history, d = motion.get(surface.body.name), surface.d
+        pose = surface.body.pose[None] if history is None else history.pose
+        rate = np.zeros_like(pose) if history is None else history.rate
+        if not rate.any() and not np.diff(pose, axis=0).any():
+            pose, rate = pose[:1], rate[:1]
+        self.R, self.R1 = pose[:, :d], rate[:, :d]
+        attitudes = [attitude_of(q, v) for q, v in zip(pose, rate, strict=True)]
+        self.A = np.stack([a.A for a in attitudes])
+        self.w = np.stack([a.w for a in attitudes])
+
+    def at(self, now: slice) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """R, R1, A, w of some of the times."""
+        now = now if len(self.R) > 1 else slice(0, 1)
+        return self.R[now], self.R1[now], self.A[now], self.w[now]
+
+
+def relative_motion(
+    first: Path, second: Path, X: FloatArray, now: slice
+) -> tuple[FloatArray, FloatArray]:
+    """Positions and velocities (T, n, d) of the first body's points X (n, d), in the second's axes
+    and against them; T is 1 where neither body moves."""
+    R, R1, A, w = first.at(now)
+    S, S1, B, v = second.at(now)
+    C = B.transpose(0, 2, 1) @ A
+    z = (R - S)[:, None] @ B + X @ C.transpose(0, 2, 1)
+    own = crossed(w[:, None], X[None]) @ C.transpose(0, 2, 1)
+    rate = (R1 - S1)[:, None] @ B + own - crossed(v[:, None], z)
+    return z, np.asarray(rate)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Window:
+    """Times begin to stop; time (P,) of each overlap, counted from begin, and its nodes (P, 2 d), d
+    of either surface."""
+
+    begin: int
+    stop: int
+    time: IntArray
+    nodes: IntArray
+    overlaps: Overlaps
+    pieces: Pieces
+
+    @property
+    def times(self) -> int:
+        return self.stop - self.begin
+
+
+def windows(
+    first: Surface, second: Surface, near: BroadPhase, face: Interface, motion: Motion
+) -> Iterator[Window]:
+    """Pieces in contact at all times, in order."""
+    one, other, all_times = Path(first, motion), Path(second, motion), steps(motion)
+    i, j, planes, cells = first.facets, second.facets, second.planes, second.cells
+    begin, together = 0, 1
+    while begin < all_times:
+        stop = min(begin + together, all_times)
+        z, rate = relative_motion(one, other, first.X, slice(begin, stop))
+        count = stop - begin
+        if len(z) < count:
+            z, rate = np.repeat(z, count, axis=0), np.repeat(rate, count, axis=0)
+        middles = z[:, i].mean(axis=2)
+        here, g = near.pairs(middles.reshape(-1, first.d), second.tree)
+        k, f = np.divmod(here, len(i))
+        some = reached(middles[k, f], first.radii[f], planes, cells, g)
+        k, f, g = k[some], f[some], g[some]
+        o, kept = Overlaps.of(Pairs(z[k[:, None], i[f]], rate[k[:, None], i[f]], planes.some(g),
+                                    cells.some(g)))
+        nodes = np.concatenate([i[f[kept]], j[g[kept]]], axis=1)
+        yield Window(begin, stop, k[kept], nodes, o, Pieces.cut(o, face.normal, face.friction))
+        each = max(len(i), len(here) / count)
+        begin, together = stop, max(1, int(AT_ONCE / each))

@@ -1,0 +1,227 @@
+"""Convex parts of facets: intervals of segments, polygons in triangles, all cut at once.
+
+A place on a facet is its d barycentric numbers, so what is linear on the facet is cut exactly: the
+place where it vanishes between two corners is the root of a linear function.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Self
+
+import numpy as np
+
+from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
+
+NONE = -1
+"""Tag of an edge that bounds nothing: the facet's own, or one between two parts."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Parts:
+    """corners (P, V, d) barycentric, the first `count` (P,) of each used, 0: the part is empty.
+
+    edges (P, V): tag of the edge from each corner to the next; in the plane, where V = 2, of the
+    end that the corner is.
+    """
+
+    corners: FloatArray
+    count: IntArray
+    edges: IntArray
+
+    @classmethod
+    def whole(cls, number: int, d: int) -> Self:
+        """The facets themselves."""
+        corners = np.broadcast_to(np.eye(d), (number, d, d)).copy()
+        return cls(corners, np.full(number, d), np.full((number, d), NONE))
+
+    @classmethod
+    def within(cls, bounds: FloatArray, tags: IntArray) -> "Parts":
+        """Of P facets, where all that is linear and bounds (P, d, B) at the corners is at least 0;
+        tags (B,) of the edges cut."""
+        number, d, _ = bounds.shape
+        if d == 2:
+            return _interval(bounds, tags)
+        made: Parts = cls.whole(number, d)
+        for k, tag in enumerate(tags.tolist()):
+            made = made.cut(made.values(bounds[:, :, k]), tag)
+        return made
+
+    def some(self, chosen: IntArray | BoolArray) -> "Parts":
+        return Parts(self.corners[chosen], self.count[chosen], self.edges[chosen])
+
+    @property
+    def used(self) -> BoolArray:
+        """(P, V)"""
+        return np.asarray(np.arange(self.edges.shape[1]) < self.count[:, None])
+
+    def values(self, at_corners: FloatArray) -> FloatArray:
+        """(P, V) of what is linear and at_corners (P, d) at the facet's corners."""
+        return np.asarray((self.corners @ at_corners[:, :, None])[:, :, 0])
+
+    def following(self) -> IntArray:
+        """(P, V) number of the corner after each."""
+        after = np.arange(1, self.edges.shape[1] + 1)[None]
+        return np.where(after >= self.count[:, None], 0, after)
+
+    def cut(self, values: FloatArray, tag: int, share: FloatArray | None = None) -> "Parts":
+        """Part of a cell where values (P, V) at the corners are at least 0. share (P, V): where
+        along each edge the value vanishes; left out: where a linear one does."""
+        some_in, some_out = self._signs(values)
+        if not some_out.any():
+            return self
+        rows, left = np.flatnonzero(some_in & some_out), np.where(some_in, self.count, 0)
+        if not len(rows):
+            return replace(self, count=left)
+        at, part = self.some(rows), None if share is None else share[rows]
+        cut = _cut_interval if self.corners.shape[2] == 2 else _cut_polygon
+        parts = cut(at, values[rows], tag, part)
+        width, new = self.edges.shape[1], parts.edges.shape[1]
+        grown = self if new <= width else _widened(self, new)
+        corners, edges = grown.corners.copy(), grown.edges.copy()
+        corners[rows, :new], edges[rows, :new], left[rows] = parts.corners, parts.edges, parts.count
+        return replace(self, corners=corners, edges=edges, count=left)
+
+    def split(self, cuts: Sequence[tuple[FloatArray, float]]) -> tuple[IntArray, "Parts"]:
+        """Parts that pass no level of what is linear, given as values (P, d) at the facets' corners
+        and level; and which each is of."""
+        of = np.arange(len(self.count))
+        if not cuts:
+            return of, self
+        if self.corners.shape[2] == 2:
+            return _split_intervals(self, cuts)
+        now = of, self
+        for values, level in cuts:
+            found = []
+            for sign in (1.0, -1.0):
+                at = now[1].values(sign * (level - values[now[0]]))
+                found.append(left((now[0], now[1].cut(at, NONE))))
+            now = joined(found)
+        return now
+
+    def simplices(self) -> tuple[IntArray, FloatArray, FloatArray]:
+        """Segments or triangles that make up the parts: of which (N,), corners (N, d, d)
+        barycentric, and size (N,): (d - 1)! times the measure in the first d - 1 numbers, the facet
+        itself having 1."""
+        if self.corners.shape[2] == 2:
+            of = np.flatnonzero(self.count > 0)
+            corners = self.corners[of]
+            return of, corners, corners[:, 1, 1] - corners[:, 0, 1]
+        V = self.edges.shape[1]
+        of, k = np.nonzero(np.arange(1, V - 1) + 1 < self.count[:, None])
+        corners = np.stack([self.corners[of, 0], self.corners[of, k + 1], self.corners[of, k + 2]],
+                           axis=1)
+        a, b = corners[:, 1, :2] - corners[:, 0, :2], corners[:, 2, :2] - corners[:, 0, :2]
+        return of, corners, np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
+
+    def _signs(self, values: FloatArray) -> tuple[BoolArray, BoolArray]:
+        """(P,) which have a corner where the value is at least 0, and one where it is below."""
+        some_in, some_out = np.zeros((2, len(values)), bool)
+        for corner, column in enumerate(values.T):  # quicker than along rows of a few numbers
+            there, inside = corner < self.count, column >= 0
+            some_in |= there & inside
+            some_out |= there & ~inside
+        return some_in, some_out
+
+
+def left(parts: tuple[IntArray, Parts]) -> tuple[IntArray, Parts]:
+    """Those that are not empty, with their numbers."""
+    some = np.flatnonzero(parts[1].count > 0)
+    return parts[0][some], parts[1].some(some)
+
+
+def joined(found: Sequence[tuple[IntArray, Parts]]) -> tuple[IntArray, Parts]:
+    """All of them, sorted by their numbers."""
+    width = max(p.edges.shape[1] for _, p in found)
+    wide = [_widened(p, width) for _, p in found]
+    of = np.concatenate([f for f, _ in found])
+    order = np.argsort(of, kind="stable")
+    return of[order], Parts(np.concatenate([p.corners for p in wide])[order],
+                            np.concatenate([p.count for p in wide])[order],
+                            np.concatenate([p.edges for p in wide])[order])
+
+
+def _widened(p: Parts, width: int) -> Parts:
+    more = width - p.edges.shape[1]
+    if not more:
+        return p
+    return Parts(np.pad(p.corners, ((0, 0), (0, more), (0, 0))), p.count,
+                 np.pad(p.edges, ((0, 0), (0, more)), constant_values=NONE))
+
+
+# ---------------------------------------------------------------------- polygons
+
+
+def _cut_polygon(at: Parts, c: FloatArray, tag: int, share: FloatArray | None) -> Parts:
+    """Of polygons that all have a corner below 0: corners kept and edges crossed, in order."""
+    after, used = at.following(), at.used
+    c2 = np.take_along_axis(c, after, axis=1)
+    p2 = np.take_along_axis(at.corners, after[:, :, None], axis=1)
+    inside = c >= 0
+    kept, crossed = used & inside, used & (inside != (c2 >= 0))
+    if share is None:
+        share = c / np.where(crossed, c - c2, 1.0)
+    root = at.corners + share[:, :, None] * (p2 - at.corners)
+    R, V = c.shape
+    mask = np.stack([kept, crossed], axis=2).reshape(R, 2 * V)
+    corners = np.stack([at.corners, root], axis=2).reshape(R, 2 * V, 3)
+    tags = np.stack([at.edges, np.where(inside, tag, at.edges)], axis=2).reshape(R, 2 * V)
+    rows, k = np.nonzero(mask)
+    count = mask.sum(axis=1)
+    to = (np.cumsum(mask, axis=1) - 1)[rows, k]
+    width = max(int(count.max()), 3)
+    made: Any = np.zeros((R, width, 3))
+    edges = np.full((R, width), NONE)
+    made[rows, to], edges[rows, to] = corners[rows, k], tags[rows, k]
+    return Parts(made, np.where(count < 3, 0, count), edges)
+
+
+# ---------------------------------------------------------------------- intervals
+
+
+def _at(s: FloatArray) -> FloatArray:
+    """(..., 2) barycentric numbers of the second corner's number s (...)."""
+    return np.stack([1.0 - s, s], axis=-1)
+
+
+def _interval(bounds: FloatArray, tags: IntArray) -> Parts:
+    """See `Parts.within`."""
+    f0, f1 = bounds[:, 0], bounds[:, 1]
+    drop = f0 - f1
+    root = f0 / np.where(drop == 0, 1.0, drop)
+    starts = np.where(f0 < 0, np.where(f1 > 0, root, 2.0), 0.0)
+    stops = np.where(f1 < 0, np.where(f0 > 0, root, -1.0), 1.0)
+    low, high = starts.max(axis=1), stops.min(axis=1)
+    edges = np.stack([np.where(low > 0, tags[starts.argmax(axis=1)], NONE),
+                      np.where(high < 1, tags[stops.argmin(axis=1)], NONE)], axis=1)
+    return Parts(_at(np.stack([low, high], axis=1)), np.where(high > low, 2, 0), edges)
+
+
+def _cut_interval(at: Parts, c: FloatArray, tag: int, share: FloatArray | None) -> Parts:
+    """Of intervals with one end below 0."""
+    rows, out = np.arange(len(c)), np.where(c[:, 0] < 0, 0, 1)
+    t = c[:, 0] / (c[:, 0] - c[:, 1]) if share is None else share[:, 0]
+    corners, edges = at.corners.copy(), at.edges.copy()
+    corners[rows, out] = at.corners[:, 0] + t[:, None] * (at.corners[:, 1] - at.corners[:, 0])
+    edges[rows, out] = tag
+    return Parts(corners, np.where(corners[:, 0, 1] < corners[:, 1, 1], 2, 0), edges)
+
+
+def _split_intervals(
+    p: Parts, cuts: Sequence[tuple[FloatArray, float]]
+) -> tuple[IntArray, Parts]:
+    """See `Parts.split`."""
+    low, high = p.corners[:, 0, 1], p.corners[:, 1, 1]
+    inner = [np.clip(_crossing(values, level), low, high) for values, level in cuts]
+    ends = np.sort(np.stack([low, *inner, high], axis=1), axis=1)
+    of, k = np.nonzero((np.diff(ends, axis=1) > 0) & (p.count > 0)[:, None])
+    start, stop = ends[of, k], ends[of, k + 1]
+    edges = np.stack([np.where(start == low[of], p.edges[of, 0], NONE),
+                      np.where(stop == high[of], p.edges[of, 1], NONE)], axis=1)
+    return of, Parts(_at(np.stack([start, stop], axis=1)), np.full(len(of), 2), edges)
+
+
+def _crossing(values: FloatArray, level: float) -> FloatArray:
+    """(P,) second corner's number where values (P, 2) pass the level; -1 where they are constant.
+    """
+    rise = values[:, 1] - values[:, 0]
+    return np.where(rise == 0, -1.0, (level - values[:, 0]) / np.where(rise == 0, 1.0, rise))

@@ -1,0 +1,90 @@
+"""Initial overlap of two bodies: whether they can start as they are placed."""
+
+import numpy as np
+
+from sparsemor.bodies.body import Body
+from sparsemor.bodies.contact.kinematics import attitude_of
+from sparsemor.bodies.contact.projection import nearest
+from sparsemor.bodies.contact.surface import Surface
+from sparsemor.bodies.mesh.simplices import boundary
+from sparsemor.core.arrays import BoolArray, FloatArray
+from sparsemor.core.errors import InputError
+
+OVERLAP = 0.1
+"""Largest penetration at the start, as a share of the smallest facet of both surfaces."""
+AT_ONCE = 2_000_000
+"""Points times facets that are evaluated together."""
+
+
+def check_start(first: Surface, second: Surface) -> None:
+    """InputError (key `between`) when a point of either surface is inside the other body by more
+    than `OVERLAP` of the smallest facet."""
+    size = float(min(first.sizes.min(), second.sizes.min()))
+    for one, other in ((first, second), (second, first)):
+        found = _deepest(one, other, OVERLAP * size)
+        if found is None:
+            continue
+        place = ", ".join(f"{x:.6g}" for x in found[0])
+        a, b = one.body.name, other.body.name
+        raise InputError(
+            f"bodies {a!r} and {b!r} overlap at the start: a point of {a!r} at ({place}) m is "
+            f"{found[1]:.3g} m below the surface of {b!r}, more than {OVERLAP:g} of the smallest "
+            f"facet ({size:.3g} m); correct a pose", "between")
+
+
+def _deepest(one: Surface, other: Surface, allowed: float) -> tuple[FloatArray, float] | None:
+    """The point (d,) of `one` that is deepest inside the other body, and its depth, m; None where
+    none is deeper than allowed."""
+    z = placed(one.body, one.X)
+    z = z[_in_box(other.body, z)]
+    if not len(z):
+        return None
+    depth = nearest(z, placed(other.body, other.X)[other.facets]).distance
+    z, depth = z[depth > allowed], depth[depth > allowed]  # `within` looks at every facet
+    inside = within(other.body, z)
+    if not inside.any():
+        return None
+    worst = int(np.argmax(np.where(inside, depth, -1.0)))
+    return z[worst], float(depth[worst])
+
+
+def rotation(body: Body) -> FloatArray:
+    """(d, d): body axes to space axes at the start."""
+    return attitude_of(body.pose, 0.0 * body.pose).A
+
+
+def placed(body: Body, X: FloatArray) -> FloatArray:
+    """(n, d) positions at the start of reference points X (n, d), m."""
+    return np.asarray(body.pose[: X.shape[1]] + X @ rotation(body).T)
+
+
+def _in_box(body: Body, z: FloatArray) -> BoolArray:
+    """(n,) points in space that are inside the box about the body in its own axes."""
+    X = body.coordinates
+    own = (z - body.pose[: z.shape[1]]) @ rotation(body)
+    return np.asarray(((own > X.min(axis=0)) & (own < X.max(axis=0))).all(axis=1))
+
+
+def within(body: Body, z: FloatArray) -> BoolArray:
+    """(n,) points z (n, d) in space that are inside the undeformed body at the start: its surface
+    fills their field of view."""
+    assert body.mesh is not None
+    corners = placed(body, body.coordinates)[boundary(body.mesh)]
+    share = np.zeros(len(z))
+    for part in np.array_split(np.arange(len(z)), 1 + len(z) * len(corners) // AT_ONCE):
+        share[part] = _view(corners[None] - z[part, None, None]).sum(axis=1)
+    return np.asarray(share > 0.5)
+
+
+def _view(rays: FloatArray) -> FloatArray:
+    """(n, F) share of the field of view that facets fill, from rays (n, F, d, d) to their corners:
+    angle over 2 pi in the plane, solid angle over 4 pi in space (Van Oosterom and Strackee,
+    10.1109/TBME.1983.325207)."""
+    if rays.shape[3] == 2:
+        a, b = rays[:, :, 0], rays[:, :, 1]
+        across = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+        return np.asarray(np.arctan2(across, (a * b).sum(-1)) / (2.0 * np.pi))
+    a, b, c = (rays[:, :, i] for i in range(3))
+    p, q, r = (np.linalg.norm(x, axis=2) for x in (a, b, c))
+    over = p * q * r + (a * b).sum(-1) * r + (b * c).sum(-1) * p + (c * a).sum(-1) * q
+    return np.asarray(np.arctan2((a * np.cross(b, c)).sum(-1), over) / (2.0 * np.pi))

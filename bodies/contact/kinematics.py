@@ -1,0 +1,214 @@
+"""Points of both surfaces in the second body's axes, and their derivatives by the unknowns.
+
+With frames R, A of the two bodies (B: the second's) and y = X + u in the first one's axes,
+
+    a = B^T (R1 - R2 + A y),    C = B^T A,    da = B^T (dR1 - dR2) + C (dphi1 x y + du) - dphi2 x a
+
+with small rotations dphi in body axes; in the plane phi has one component.
+"""
+
+from functools import cached_property
+from math import cos, sin
+from typing import TypeAlias
+
+import numpy as np
+
+from sparsemor.bodies.contact.side import Side, Sizes
+from sparsemor.bodies.frames.rotation import LEVI_CIVITA
+from sparsemor.bodies.frames.unit_quaternion import UnitQuaternion
+from sparsemor.core.arrays import FloatArray, IntArray
+
+QUARTER = np.array([[0.0, -1.0], [1.0, 0.0]])
+"""Quarter turn in the plane: w x r = w QUARTER r."""
+ONE, ZERO = np.ones((1, 1)), np.zeros((1, 1))
+
+
+class Angle:
+    """Attitude in the plane, with the members of `UnitQuaternion`: A (2, 2), w (1,), by (1, 1)."""
+
+    __slots__ = ("A", "w")
+    by, w_by = ONE, ZERO
+
+    def __init__(self, angle: float, rate: FloatArray) -> None:
+        c, s = cos(angle), sin(angle)
+        self.A, self.w = np.array([[c, -s], [s, c]]), rate
+
+    def rows(self, torque: FloatArray) -> FloatArray:
+        return torque
+
+    def rows_by(self, torque: FloatArray) -> FloatArray:
+        return ZERO
+
+
+Attitude: TypeAlias = UnitQuaternion | Angle
+
+
+def attitude_of(pose: FloatArray, rate: FloatArray) -> Attitude:
+    """Of rigid coordinates, position first: (x, y, angle), or those of a body in space."""
+    return Angle(float(pose[2]), rate[2:]) if len(pose) == 3 else UnitQuaternion.of(pose, rate)
+
+
+def arms(r: FloatArray) -> FloatArray:
+    """(n, d, 1 or 3) of r (n, d): arms(r)[i] @ w = w x r[i], and its transpose gives r[i] x f."""
+    if r.shape[1] == 2:
+        return np.stack([-r[:, 1], r[:, 0]], axis=1)[:, :, None]
+    return np.asarray(np.einsum("abc,nc->nab", LEVI_CIVITA, r))
+
+
+def turning(w: FloatArray) -> FloatArray:
+    """(d, d) of w (1,) or (3,): turning(w) @ r = w x r."""
+    return np.asarray(w[0] * QUARTER if len(w) == 1 else -LEVI_CIVITA @ w)
+
+
+def crossed(w: FloatArray, r: FloatArray) -> FloatArray:
+    """(..., d) w x r of angular velocities (..., 1 or 3) and vectors r (..., d)."""
+    if r.shape[-1] == 2:
+        return np.asarray(w * np.stack([-r[..., 1], r[..., 0]], axis=-1))
+    return np.cross(w, r)
+
+
+def moment(r: FloatArray, f: FloatArray) -> FloatArray:
+    """(1 or 3,) sum of r x f over points (n, d)."""
+    if r.shape[1] == 2:
+        return np.array([r[:, 0] @ f[:, 1] - r[:, 1] @ f[:, 0]])
+    return np.asarray(np.cross(r, f).sum(axis=0))
+
+
+class Kinematics:
+    """At local unknowns x and their rates v: a, va (n1, d) and b, vb (n2, d), positions and
+    velocities in the second body's axes."""
+
+    def __init__(self, sides: tuple[Side, Side], x: FloatArray, v: FloatArray, t: float) -> None:
+        self.sizes = n = Sizes.of(*sides)
+        (q1, q2, u1, u2), (p1, p2, du1, self.vb) = n.split(x), n.split(v)
+        pose1, rate1 = sides[0].pose(q1, p1, t)
+        pose2, rate2 = sides[1].pose(q2, p2, t)
+        self.one, self.two = attitude_of(pose1, rate1), attitude_of(pose2, rate2)
+        self.B, d = self.two.A, n.d
+        self.C = self.B.T @ self.one.A
+        self.y = sides[0].surface.X + u1
+        self.k = crossed(self.one.w, self.y) + du1
+        self.drift = (rate1[:d] - rate2[:d]) @ self.B
+        self.a = (pose1[:d] - pose2[:d]) @ self.B + self.y @ self.C.T
+        self.rate = self.drift + self.k @ self.C.T
+        self.va = self.rate - crossed(self.two.w, self.a)
+        self.b = sides[1].surface.X + u2
+
+    @property
+    def finite(self) -> bool:
+        return bool(np.isfinite(self.a).all() and np.isfinite(self.va).all()
+                    and np.isfinite(self.b).all() and np.isfinite(self.vb).all())
+
+    # ------------------------------------------------------------------ derivatives
+
+    @cached_property
+    def by_frames(self) -> FloatArray:
+        """(n1, d, frames): the first points' positions by the unknowns of both frames."""
+        n = self.sizes
+        made = np.zeros((n.n1, n.d, n.frames))
+        if n.f1:
+            made[:, :, : n.d] = self.B.T
+            made[:, :, n.d : n.f1] = self.C @ arms(self.y) @ self.one.by
+        if n.f2:
+            made[:, :, n.f1 : n.f1 + n.d] = -self.B.T
+            made[:, :, n.f1 + n.d :] = -arms(self.a) @ self.two.by
+        return made
+
+    def _rates_by_frames(self, c: FloatArray) -> FloatArray:
+        """(n1, d, frames): their velocities, c (frames,) as in `by_rates`."""
+        n, d = self.sizes, self.sizes.d
+        one, two = self.one, self.two
+        made = -turning(two.w) @ self.by_frames
+        if n.f1:
+            made[:, :, :d] += self.B.T * c[:d]
+            made[:, :, d : n.f1] += self.C @ (
+                arms(self.k) @ one.by + arms(self.y) @ (one.w_by + one.by * c[d : n.f1]))
+        if n.f2:
+            made[:, :, n.f1 : n.f1 + d] -= self.B.T * c[n.f1 : n.f1 + d]
+            made[:, :, n.f1 + d :] -= (arms(self.rate) @ two.by + arms(self.a) @ (
+                two.w_by + two.by * c[n.f1 + d :]))
+        return made
+
+    def by_unknowns(self, z: FloatArray, i: IntArray) -> FloatArray:
+        """(P, k, m) derivatives by the unknowns of each pair: both frames, then displacements of
+        the corners; z (P, k, D): by the positions of the first facet's corners i (P, d), and of the
+        second's."""
+        n, D = self.sizes, i.shape[1] ** 2
+        first = z[:, :, :D]
+        parts = []
+        if n.frames:
+            parts.append(first @ self.by_frames[i].reshape(len(i), D, n.frames))
+        if n.u1:
+            parts.append((first.reshape(*first.shape[:2], -1, n.d) @ self.C).reshape(first.shape))
+        if n.u2:
+            parts.append(z[:, :, D:])
+        return np.concatenate(parts, axis=2) if parts else np.zeros((*z.shape[:2], 0))
+
+    def by_rates(self, z: FloatArray, i: IntArray, j: IntArray, c1: FloatArray) -> FloatArray:
+        """The same for velocities, where the rates of the unknowns change by c1 (local,) times what
+        these do; z (P, k, D): by the velocities of corners i and j (P, d)."""
+        n, D = self.sizes, i.shape[1] ** 2
+        first = z[:, :, :D]
+        _, _, c_u, c_b = n.split(c1)
+        parts = []
+        if n.frames:
+            made = self._rates_by_frames(c1[: n.frames])
+            parts.append(first @ made[i].reshape(len(i), D, n.frames))
+        if n.u1:
+            spin = self.C @ turning(self.one.w) - turning(self.two.w) @ self.C
+            own = spin + self.C * c_u[i][:, :, None]
+            at = first.reshape(*first.shape[:2], -1, n.d).transpose(0, 2, 1, 3) @ own
+            parts.append(at.transpose(0, 2, 1, 3).reshape(first.shape))
+        if n.u2:
+            parts.append(z[:, :, D:] * c_b[j].reshape(len(j), 1, D))
+        return np.concatenate(parts, axis=2) if parts else np.zeros((*z.shape[:2], 0))
+
+    # ------------------------------------------------------------------ forces
+
+    def rows(self, f: FloatArray) -> FloatArray:
+        """(local,) generalized forces of f (n1 + n2, d), N, in the second body's axes."""
+        n, first = self.sizes, f[: self.sizes.n1]
+        whole, own = self.B @ first.sum(axis=0), first @ self.C
+        parts = [np.zeros(0)]
+        if n.f1:
+            parts += [whole, self.one.rows(moment(self.y, own))]
+        if n.f2:
+            parts += [-whole, self.two.rows(-moment(self.a, first))]
+        if n.u1:
+            parts.append(own.ravel())
+        if n.u2:
+            parts.append(f[n.n1 :].ravel())
+        return np.concatenate(parts)
+
+    def rows_by(self, f: FloatArray, i: IntArray) -> tuple[FloatArray, FloatArray]:
+        """Derivatives of `rows` by the frames, the forces f (P, d, d) at corners i (P, d) held: of
+        the frames' rows (frames, frames) in sum, of the corners' displacements (P, d^2, frames).
+        The derivative of the frames' rows by the displacements is the transpose of the latter.
+        """
+        n, d = self.sizes, self.sizes.d
+        one, two, at = self.one, self.two, i.ravel()
+        flat = f.reshape(-1, d)
+        y, a, g = self.y[at], self.a[at], flat @ self.C  # g: in the first body's axes
+        frames, own = np.zeros((n.frames, n.frames)), np.zeros((len(at), d, n.frames))
+        R1, q1 = slice(0, d), slice(d, n.f1)
+        R2, q2 = slice(n.f1, n.f1 + d), slice(n.f1 + d, n.frames)
+        if n.f1:
+            own[:, :, q1] = -arms(g) @ one.by
+            frames[q1, q1] = one.rows_by(moment(y, g)) + one.by.T @ _total(
+                arms(y), own[:, :, q1])
+        if n.f2:
+            turned = arms(flat) @ two.by
+            own[:, :, q2] = self.C.T @ turned
+            frames[q2, q2] = two.rows_by(-moment(a, flat)) - _total(turned, arms(a)) @ two.by
+            frames[R2, q2] = -self.B @ turned.sum(axis=0)
+            frames[q2, R2] = frames[R2, q2].T
+            if n.f1:
+                frames[R1, q2] = -frames[R2, q2]
+                frames[q1, q2] = one.by.T @ _total(arms(y), own[:, :, q2])
+                frames[q2, R1], frames[q2, q1] = frames[R1, q2].T, frames[q1, q2].T
+        return frames, own.reshape(len(i), d * d, n.frames)
+
+
+def _total(a: FloatArray, b: FloatArray) -> FloatArray:
+    """(k, l) sum of a[i]^T b[i] over a (n, d, k) and b (n, d, l)."""
+    return np.asarray(a.reshape(-1, a.shape[2]).T @ b.reshape(-1, b.shape[2]))

@@ -1,0 +1,273 @@
+"""Derivatives of the nodal forces and heats of a contact, in the second body's axes.
+
+With y = sum s da - sum eta db - delta sum g (n . db), the virtual displacement of the first body's
+point against the second body's, everything follows from a few rules (w, h, L: see below):
+
+    d delta = -n . y,   d eta = g . y,   dn = -sum g (n . db),
+    dw = -L y + (n . y) h - delta dh   with w at rest, L = sum b' g^T, h = L^T n = sum g (n . b').
+
+A force F = p (n - phi slip) acts on w, on y and on dn; it is brought to the corners by the
+transpose of y. Where only the first surface moves, y = sum s da and the rest is zero.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sparsemor.bodies.contact.edges import moving_edges
+from sparsemor.bodies.contact.pieces import Overlaps, Pieces
+from sparsemor.bodies.contact.planes import area_slopes, area_vector
+from sparsemor.bodies.contact.tractions import Interface, Loads, Samples, drop, weights_of
+from sparsemor.core.arrays import FloatArray, IntArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Slopes:
+    """Of each overlap, rows being forces on the corners (D = d^2 where only the first surface
+    moves, else 2 d^2), then heats (2 d): by position z and by velocity rate (P, D + 2 d, D), by
+    temperature T (P, 2 d, 2 d) of the heats."""
+
+    z: FloatArray
+    rate: FloatArray
+    T: FloatArray
+
+    @classmethod
+    def of(
+        cls, o: Overlaps, pieces: Pieces, face: Interface, loads: Loads, T: FloatArray | None,
+        deforms: bool, warms: bool,
+    ) -> "Slopes":
+        """deforms: the traction may jump at every border of a cell; warms: rows of heats are asked
+        for, which are else zero."""
+        q = Samples.at(o, pieces.overlap, pieces.samples(face.points), face)
+        W = weights_of(o, pieces, face)
+        answers = Answers.of(o, q, face, T)
+        moves, warm = (_first_moves, _warm_first) if o.pairs.vb is None else (
+            _both_move, _warm_both)
+        forces = moves(o, q, W, answers)
+        M, D = forces[0].shape[:2]
+        heats = warm(o, q, W, answers, face) if warms else (np.zeros((M, 2 * o.d, D)),) * 2
+        z, rate = (np.concatenate(x, axis=1) for x in zip(forces, heats, strict=True))
+        whole = np.concatenate([loads.force.reshape(M, 2 * o.d**2)[:, :D], loads.heat], axis=1)
+        z += whole[:, :, None] * (_measure(o)[:, :D] / o.measure[:, None])[q.of][:, None]
+        by_z, by_rate = summed(z, q.of, len(o.at)), summed(rate, q.of, len(o.at))
+        for of, jump in moving_edges(o, pieces, face, T, deforms):
+            np.add.at(by_z, of, jump[:, :, :D])
+        return cls(by_z, by_rate, _conduction(o, q, W, face))
+
+
+def summed(values: FloatArray, of: IntArray, number: int) -> FloatArray:
+    """(number, ...): sums of values (M, ...) with the same `of` (M,), sorted."""
+    made = np.zeros((number, *values.shape[1:]))
+    if len(of):
+        starts = np.flatnonzero(np.diff(of, prepend=-1))
+        made[of[starts]] = np.add.reduceat(values, starts, axis=0)
+    return made
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Answers:
+    """Per area, at points (M, q): force on the first body by y, by w and by dn (d, d); friction
+    heat and conducted heat by them (d); the force, the friction heat, the heat that flows."""
+
+    force_y: FloatArray
+    force_w: FloatArray
+    force_n: FloatArray
+    heat_y: FloatArray
+    heat_w: FloatArray
+    heat_n: FloatArray
+    flow_y: FloatArray
+    force: FloatArray
+    heat: FloatArray
+    flow: FloatArray
+
+    @classmethod
+    def of(cls, o: Overlaps, q: Samples, face: Interface, T: FloatArray | None) -> "Answers":
+        planes, vb = o.pairs.planes, o.pairs.vb
+        n, v = planes.n[q.of][:, None], q.slip
+        N, V = n[..., None, :], v[..., None, :]
+        p, p_depth, p_sink, phi = (x[..., None] for x in (q.p, q.p_depth, q.p_sink, q.phi))
+        u = n - phi * v
+        # d phi / d speed over the speed; whose square must not underflow
+        moves = np.abs(q.speed) > 1e-100
+        bend = np.where(moves, q.ratio_slip - q.phi, 0.0) / np.where(moves, q.speed, 1.0) ** 2
+        eye = np.eye(o.d)
+        slides = p[..., None] * (phi[..., None] * eye + bend[..., None, None] * v[..., None] * V)
+        across = eye - n[..., None] * N
+        force_w = -u[..., None] * (p_sink * n)[..., None, :] - slides @ across
+        work = (q.ratio * q.speed)[..., None]
+        grip = p * (q.ratio_slip + q.phi)[..., None]
+        heat_w = -p_sink * work * n + grip * v
+        force_y, heat_y = -u[..., None] * (p_depth * n)[..., None, :], -p_depth * work * n
+        force_n, heat_n = np.zeros_like(force_y), np.zeros_like(heat_y)
+        if vb is not None:
+            turn = _turning(vb, planes.g, planes.n)[q.of][:, None]
+            force_y, heat_y = force_y + force_w @ turn, heat_y + (heat_w[..., None, :] @ turn)[
+                ..., 0, :]
+            off = -q.sink[..., None]  # n . w
+            w = v + off * n
+            force_n = -u[..., None] * (p_sink * w)[..., None, :] + p[..., None] * eye + slides @ (
+                off[..., None] * eye + n[..., None] * w[..., None, :])
+            heat_n = -p_sink * work * w - grip * off * v
+        flow, flow_y = np.zeros_like(q.p), np.zeros_like(v)
+        if T is not None and face.conductance > 0:
+            flow = face.conductance * drop(q, T)
+            slope = (T[:, None, o.d :] @ planes.g)[q.of]
+            flow_y = flow_y - face.conductance * slope
+        return cls(force_y, force_w, force_n, heat_y, heat_w, heat_n, flow_y, p * u,
+                   q.power(), flow)
+
+
+def _turning(vb: FloatArray, g: FloatArray, n: FloatArray) -> FloatArray:
+    """(P, d, d): dw = (-L + h n^T) y."""
+    L = vb.transpose(0, 2, 1) @ g
+    h = L.transpose(0, 2, 1) @ n[:, :, None]
+    return np.asarray(h * n[:, None] - L)
+
+
+def _measure(o: Overlaps) -> FloatArray:
+    """(P, 2 d^2): derivative of the measure by the corners of both facets."""
+    a, n, g = o.pairs.a, o.pairs.planes.n, o.pairs.planes.g
+    first = -area_slopes(a, n)
+    second = (g @ area_vector(a)[:, :, None]) * n[:, None]
+    return np.concatenate([first, second], axis=1).reshape(len(a), -1)
+
+
+def _first_moves(
+    o: Overlaps, q: Samples, W: FloatArray, of: Answers
+) -> tuple[FloatArray, FloatArray]:
+    """Forces (M, d^2, d^2) by position and by velocity of the first facet's corners."""
+    (M, k), d, D = W.shape, o.d, o.d**2
+    pairs = (q.s[..., :, None] * q.s[..., None, :]).reshape(M, k, D) * W[..., None]
+    made = [pairs.transpose(0, 2, 1) @ force.reshape(M, k, D)
+            for force in (of.force_y, of.force_w)]
+    by_z, by_rate = (f.reshape(M, d, d, d, d).transpose(0, 1, 3, 2, 4).reshape(M, D, D)
+                     for f in made)
+    return by_z, by_rate
+
+
+def _warm_first(
+    o: Overlaps, q: Samples, W: FloatArray, of: Answers, face: Interface
+) -> tuple[FloatArray, FloatArray]:
+    """Heats (M, 2 d, d^2) by position and by velocity of the first facet's corners."""
+    (M, k), d = W.shape, o.d
+
+    def columns(by: FloatArray) -> FloatArray:
+        return (q.s[..., :, None] * by[..., None, :]).reshape(M, k, d**2) * W[..., None]
+
+    by_z = _heats(q, columns(of.heat_y), face.share) + _conducted(q, columns(of.flow_y))
+    moved = _carried(o, q, of, face.share) * W[..., None, None]
+    by_z[:, d:] += np.einsum("mqja,mqi->mjia", moved, q.s).reshape(M, d, d**2)
+    return by_z, _heats(q, columns(of.heat_w), face.share)
+
+
+def _heats(q: Samples, columns: FloatArray, share: float) -> FloatArray:
+    """(M, 2 d, D): friction heat's derivative columns (M, q, D) at the corners."""
+    return np.concatenate([share * (q.s.transpose(0, 2, 1) @ columns),
+                           (1.0 - share) * (q.eta.transpose(0, 2, 1) @ columns)], axis=1)
+
+
+def _conducted(q: Samples, columns: FloatArray) -> FloatArray:
+    """(M, 2 d, D): heat that flows leaves the first and enters the second."""
+    return np.concatenate([-(q.s.transpose(0, 2, 1) @ columns),
+                           q.eta.transpose(0, 2, 1) @ columns], axis=1)
+
+
+def _carried(o: Overlaps, q: Samples, of: Answers, share: float) -> FloatArray:
+    """(M, q, d, d): share of d eta = g . y in the heat at the second facet's corners, by y."""
+    into = (1.0 - share) * of.heat + of.flow
+    return np.asarray(into[..., None, None] * o.pairs.planes.g[q.of][:, None])
+
+
+def _displacement(o: Overlaps, q: Samples) -> FloatArray:
+    """(M, q, d, 2 d^2): y by the corners of both facets."""
+    n, g = o.pairs.planes.n[q.of], o.pairs.planes.g[q.of]
+    eye = np.eye(o.d)
+    first = q.s[..., None, :, None] * eye[:, None]
+    lean = g.transpose(0, 2, 1)[..., None] * n[:, None, None]  # (M, a, k, b)
+    second = -(q.eta[..., None, :, None] * eye[:, None]
+               + q.depth[..., None, None, None] * lean[:, None])
+    return np.concatenate([first, second], axis=3).reshape(*q.p.shape, o.d, -1)
+
+
+def _both_move(
+    o: Overlaps, q: Samples, W: FloatArray, of: Answers
+) -> tuple[FloatArray, FloatArray]:
+    """Forces (M, 2 d^2, 2 d^2) by position and by velocity of both facets' corners."""
+    B, tilt, swing = _moves(o, q)
+    (M, k), d, D = W.shape, o.d, B.shape[3]
+    by_z = of.force_y @ B + of.force_n @ tilt - of.force_w @ swing
+    back = (W[..., None, None] * B).transpose(0, 3, 1, 2).reshape(M, D, d * k)
+    at_corners, by_rate = (back @ x.reshape(M, d * k, D) for x in (by_z, of.force_w @ B))
+    return at_corners + _bent(o, q, W, of, B, tilt), by_rate
+
+
+def _warm_both(
+    o: Overlaps, q: Samples, W: FloatArray, of: Answers, face: Interface
+) -> tuple[FloatArray, FloatArray]:
+    """Heats (M, 2 d, 2 d^2) by position and by velocity of both facets' corners."""
+    B, tilt, swing = _moves(o, q)
+
+    def columns(by: FloatArray, of_what: FloatArray) -> FloatArray:
+        return W[..., None] * (by[..., None, :] @ of_what)[..., 0, :]
+
+    heat = columns(of.heat_y, B) + columns(of.heat_n, tilt) - columns(of.heat_w, swing)
+    by_z = _heats(q, heat, face.share) + _conducted(q, columns(of.flow_y, B))
+    by_z[:, o.d :] += (W[..., None, None] * (_carried(o, q, of, face.share) @ B)).sum(axis=1)
+    return by_z, _heats(q, columns(of.heat_w, B), face.share)
+
+
+def _moves(o: Overlaps, q: Samples) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """(M, q, d, D), (M, 1, d, D), (M, q, d, D): y, dn and delta dh by both facets' corners."""
+    tilt, swing = (x[q.of][:, None] for x in _tilts(o))
+    return _displacement(o, q), tilt, q.depth[..., None, None] * swing
+
+
+def _tilts(o: Overlaps) -> tuple[FloatArray, FloatArray]:
+    """(P, d, D) each: the normal, and h, by the corners of both facets."""
+    n, g, vb = o.pairs.planes.n, o.pairs.planes.g, o.pairs.vb
+    assert vb is not None
+    P, d, D = len(n), o.d, o.d**2
+    tilt, swing = np.zeros((P, d, 2 * D)), np.zeros((P, d, 2 * D))
+    tilt[:, :, D:] = -(g.transpose(0, 2, 1)[..., None] * n[:, None, None]).reshape(P, d, D)
+    L = vb.transpose(0, 2, 1) @ g
+    h = (L.transpose(0, 2, 1) @ n[:, :, None])[:, :, 0]
+    swing[:, :, D:] = -(g.transpose(0, 2, 1)[..., None] * h[:, None, None]).reshape(P, d, D)
+    swing += (L.transpose(0, 2, 1) - n[:, :, None] * h[:, None]) @ tilt
+    return tilt, swing
+
+
+def _bent(
+    o: Overlaps, q: Samples, W: FloatArray, of: Answers, B: FloatArray, tilt: FloatArray
+) -> FloatArray:
+    """(M, D, D) of a constant force whose weights at the second facet's corners move."""
+    n, g = o.pairs.planes.n[q.of], o.pairs.planes.g[q.of]
+    F = W[..., None] * of.force
+    M, d, D = len(W), o.d, o.d**2
+    gF, nF = (F @ g.transpose(0, 2, 1)), (F @ n[:, :, None])[..., 0]  # (M, q, d), (M, q)
+    gB = g[:, None] @ B  # (M, q, d, D): d eta
+    found = np.zeros((M, 2 * D, 2 * D))
+    second = found[:, D:].reshape(M, d, d, 2 * D)
+    second -= np.einsum("mqa,mqjc->mjac", F, gB)
+    nB = (n[:, None, None] @ B)[..., 0, :]
+    # -d delta (g . F) n with d delta = -n . y
+    second += (gF.transpose(0, 2, 1) @ nB)[:, :, None] * n[:, None, :, None]
+    arm = (q.depth[..., None] * gF).sum(axis=1)
+    up = (q.depth * nF).sum(axis=1)
+    t = tilt[:, 0]
+    # dg = -sum g (g_j . db) - n (g_j . dn)
+    by_b = np.zeros((M, d, 2 * D))
+    by_b[:, :, D:] = (arm[:, None, :, None] * g[:, :, None]).reshape(M, d, D)
+    by_b += up[:, None, None] * (g @ t)
+    second += by_b[:, :, None] * n[:, None, :, None]
+    second -= arm[:, :, None, None] * t[:, None]
+    found[:, D:] = second.reshape(M, D, 2 * D)
+    return found
+
+
+def _conduction(o: Overlaps, q: Samples, W: FloatArray, face: Interface) -> FloatArray:
+    """(P, 2 d, 2 d)"""
+    if face.conductance == 0.0:
+        return np.zeros((len(o.at), 2 * o.d, 2 * o.d))
+    g = np.concatenate([q.s, -q.eta], axis=2)
+    local = -face.conductance * ((g * W[..., None]).transpose(0, 2, 1) @ g)
+    return summed(local, q.of, len(o.at))

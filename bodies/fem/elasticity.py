@@ -1,0 +1,98 @@
+"""Isotropic thermoelasticity of linear simplices: one law for plane stress, plane strain, solids.
+
+sigma = lam tr(eps) I + 2 mu eps - beta dT I, with constants that depend on the model only.
+"""
+
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from sparsemor.bodies.material import Material, require
+from sparsemor.bodies.mesh.simplices import gradients
+from sparsemor.core.arrays import Csr, FloatArray
+from sparsemor.core.errors import InputError
+from sparsemor.core.protocols.mesh import Mesh
+
+Model: TypeAlias = Literal["plane_stress", "plane_strain", "solid"]
+
+
+@dataclass(frozen=True, slots=True)
+class Law:
+    """lam, mu in Pa, beta in Pa/K, for the components in the model's own d dimensions.
+
+    The stress across the plane is lam_out tr(eps) - beta_out dT; both are 0 in plane stress.
+    """
+
+    lam: float
+    mu: float
+    beta: float
+    lam_out: float
+    beta_out: float
+
+
+def law(material: Material, model: Model) -> Law:
+    """The constants of `material`; InputError when E or nu is missing."""
+    E, nu, alpha = require(material, ("E", "nu", "alpha"), "elastic")
+    mu = E / (2 * (1 + nu))
+    if model == "plane_stress":
+        return Law(E * nu / (1 - nu**2), mu, E * alpha / (1 - nu), 0.0, 0.0)
+    # held across the plane, an element pushes outwards as if alpha were (1 + nu) alpha in the
+    # plane's own law; written with the solid's constants the factor is the same beta
+    lam, beta = E * nu / ((1 + nu) * (1 - 2 * nu)), E * alpha / (1 - 2 * nu)
+    return Law(lam, mu, beta, lam, beta)
+
+
+def elastic_stiffness(
+    mesh: Mesh, material: Material, thickness: float = 1.0, model: Model = "plane_stress"
+) -> Csr:
+    """(d N, d N), N/m; unknown number is d * node + component. thickness in m, 1 in 3-D.
+
+    Singular: rigid motion is not removed.
+    """
+    from sparsemor.bodies.fem import forms
+
+    _check_model(mesh, model)
+    s = law(material, model)
+    return forms.matrix(forms.stiffness, mesh, 0, rows=True, columns=True,
+                        lam=thickness * s.lam, mu=thickness * s.mu)
+
+
+def thermoelastic_coupling(
+    mesh: Mesh, material: Material, thickness: float = 1.0, model: Model = "plane_stress"
+) -> Csr:
+    """K_fT (d N, N), N/K: nodal thermal forces are K_fT (T - T_ref), T linear in each cell."""
+    from sparsemor.bodies.fem import forms
+
+    _check_model(mesh, model)
+    weight = thickness * law(material, model).beta
+    return forms.matrix(forms.expansion, mesh, 1, rows=True, weight=weight)
+
+
+def stress(
+    mesh: Mesh, material: Material, model: Model, u: FloatArray, dT: FloatArray
+) -> FloatArray:
+    """(E, 3, 3), Pa: Cauchy stress at each cell's centroid, out-of-plane part included.
+
+    u (d N,): displacements, m. dT (N,): temperatures above the stress-free one, K.
+    """
+    _check_model(mesh, model)
+    s, d = law(material, model), mesh.dimension
+    grad_u = np.einsum("ecj,eci->eij", gradients(mesh), u.reshape(-1, d)[mesh.cells])
+    strain = (grad_u + grad_u.transpose(0, 2, 1)) / 2
+    spread = np.trace(strain, axis1=1, axis2=2)
+    warm = dT[mesh.cells].mean(axis=1)
+    sigma = np.zeros((len(mesh.cells), 3, 3))
+    sigma[:, :d, :d] = 2 * s.mu * strain
+    sigma[:, range(d), range(d)] += (s.lam * spread - s.beta * warm)[:, None]
+    if d == 2:
+        sigma[:, 2, 2] = s.lam_out * spread - s.beta_out * warm
+    return sigma
+
+
+def _check_model(mesh: Mesh, model: Model) -> None:
+    allowed = ("solid",) if mesh.dimension == 3 else ("plane_stress", "plane_strain")
+    if model not in allowed:
+        raise InputError(
+            f"{model} does not suit a {mesh.dimension}-D mesh: take {' or '.join(allowed)}", "model"
+        )

@@ -1,0 +1,99 @@
+"""Internal force and heat balance of a body, element by element (`core.protocols`)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sparsemor.bodies.fem.fields import Heat
+from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core.protocols.element_integrals import ElasticIntegrals, HeatIntegrals, Integrals
+from sparsemor.core.protocols.mesh import Mesh
+from sparsemor.core.protocols.separable import Amplitude
+
+if TYPE_CHECKING:
+    from sparsemor.bodies.body import Body
+
+
+def elastic_integrals(body: Body) -> ElasticIntegrals:
+    """Internal forces of the free displacements: as `body_terms.write_elasticity`."""
+    from sparsemor.bodies.fem import forms
+
+    e, mesh, t = body.elasticity, body.mesh, body.thickness
+    assert e is not None and e.law is not None and mesh is not None
+    K = forms.elements(forms.stiffness, mesh, 0, rows=True, columns=True,
+                       lam=t * e.law.lam, mu=t * e.law.mu)
+    Kt = forms.elements(forms.expansion, mesh, 1, rows=True, weight=t * e.law.beta)
+    n = len(e.free)
+    d = mesh.dimension
+    corners = d * mesh.cells[:, :, None] + np.arange(d)
+    rows = _places(e.free, d * len(mesh.points))[corners.reshape(len(mesh.cells), -1)]
+    assert body.T0 is not None and body.T_ref is not None
+    stiffness = Integrals(rows, rows, K, (n, n))
+    if body.heat is None:
+        return ElasticIntegrals(
+            stiffness, None, _columns(rows, n, [_applied(Kt, mesh, body.T0 - body.T_ref)]), ())
+    nodes = _places(body.heat.free, len(mesh.points))[mesh.cells]
+    given, amplitudes = [-_applied(Kt, mesh, body.T_ref)], []
+    for held, function in body.heat.prescribed:
+        given.append(_applied(Kt, mesh, _indicator(mesh, held)))
+        amplitudes.append(function.value)
+    coupling = Integrals(rows, nodes, Kt, (n, len(body.heat.free)))
+    return ElasticIntegrals(stiffness, coupling, _columns(rows, n, given), tuple(amplitudes))
+
+
+def heat_integrals(body: Body) -> HeatIntegrals:
+    """Heat balance of the free temperatures: as `body_terms.write_conduction`."""
+    from sparsemor.bodies.fem import forms
+
+    h, mesh = body.heat, body.mesh
+    assert h is not None and h.constants is not None and mesh is not None
+    capacity, conductivity = h.constants
+    C = forms.elements(forms.mass, mesh, 2, weight=capacity)
+    if h.lumped:
+        C = C.sum(axis=2)[:, :, None] * np.eye(C.shape[1])
+    K = forms.elements(forms.conduction, mesh, 0, weight=conductivity)
+    n = len(h.free)
+    nodes = _places(h.free, len(mesh.points))[mesh.cells]
+    given, amplitudes = _prescribed(h, mesh, C, K)
+    return HeatIntegrals(
+        Integrals(nodes, nodes, C, (n, n)), Integrals(nodes, nodes, K, (n, n)),
+        _columns(nodes, n, given), amplitudes)
+
+
+def _prescribed(
+    h: Heat, mesh: Mesh, C: FloatArray, K: FloatArray
+) -> tuple[list[FloatArray], tuple[Amplitude, ...]]:
+    """Contribution of prescribed temperatures and their rates to the remaining rows."""
+    columns, amplitudes = [np.zeros(mesh.cells.shape)], []
+    for held, function in h.prescribed:
+        there = _indicator(mesh, held)
+        columns += [-_applied(K, mesh, there), -_applied(C, mesh, there)]
+        amplitudes += [function.value, function.rate]
+    return columns, tuple(amplitudes)
+
+
+def _places(free: IntArray, size: int) -> IntArray:
+    """(size,) position of each unknown among the free ones, -1 where it is none."""
+    places = np.full(size, -1, dtype=np.int64)
+    places[free] = np.arange(len(free))
+    return places
+
+
+def _indicator(mesh: Mesh, nodes: IntArray) -> FloatArray:
+    there = np.zeros(len(mesh.points))
+    there[nodes] = 1.0
+    return there
+
+
+def _applied(matrices: FloatArray, mesh: Mesh, nodal: FloatArray) -> FloatArray:
+    """(E, p): element matrices (E, p, d + 1) times nodal values (N,)."""
+    return np.asarray(np.einsum("epc,ec->ep", matrices, nodal[mesh.cells]))
+
+
+def _columns(rows: IntArray, n: int, given: Sequence[FloatArray]) -> Integrals:
+    """Vectors (E, p), one for each column."""
+    columns = np.broadcast_to(np.arange(len(given)), (len(rows), len(given)))
+    return Integrals(rows, columns, np.stack(given, axis=2), (n, len(given)))

@@ -1,0 +1,148 @@
+"""Weak forms of a thermoelastic body: the form is the code, in any dimension.
+
+    mass        w u v                   stiffness  lam div u div v + 2 mu eps(u) : eps(v)
+    conduction  w grad u . grad v       expansion  w T div v
+    flux        w v on facets           normal     w v . n on facets
+
+u, v: trial and test functions, scalar (temperature, one displacement component) or vector with the
+unknown number d * node + component. Imported only where something is assembled: scikit-fem takes
+longer to import than a scene takes to be read.
+"""
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import skfem
+from scipy.sparse import csr_array, diags_array
+from skfem.helpers import ddot, div, dot, grad, sym_grad
+
+from sparsemor.core.arrays import BoolArray, Csr, FloatArray, IntArray
+from sparsemor.core.protocols.mesh import Mesh
+
+CHUNK = 1 << 15
+"""Cells assembled at a time: what is held next to the matrix stays below about 100 MB."""
+_MESHES = {2: skfem.MeshTri, 3: skfem.MeshTet}
+_ELEMENTS = {2: skfem.ElementTriP1, 3: skfem.ElementTetP1}
+
+
+def mass(u: Any, v: Any, w: Any) -> Any:
+    return w.weight * u * v
+
+
+def conduction(u: Any, v: Any, w: Any) -> Any:
+    return w.weight * dot(grad(u), grad(v))
+
+
+def stiffness(u: Any, v: Any, w: Any) -> Any:
+    return w.lam * div(u) * div(v) + 2 * w.mu * ddot(sym_grad(u), sym_grad(v))
+
+
+def expansion(temperature: Any, v: Any, w: Any) -> Any:
+    return w.weight * temperature * div(v)
+
+
+def flux(v: Any, w: Any) -> Any:
+    return w.weight * v
+
+
+def normal(v: Any, w: Any) -> Any:
+    return w.weight * dot(v, w.n)
+
+
+def matrix(
+    form: Any, mesh: Mesh, order: int, *, rows: bool = False, columns: bool = False,
+    **weights: float,
+) -> Csr:
+    """Matrix of a bilinear form on all cells; integrands of degree `order` are exact.
+
+    rows, columns: whether the test and the trial function are vectors: d N unknowns for N.
+    """
+    d, n = mesh.dimension, len(mesh.points)
+    shape = (d * n if rows else n, d * n if columns else n)
+    whole = csr_array(shape)
+    for part in _chunks(form, mesh, order, rows, columns, weights):
+        chunk = csr_array(part.tocsr())
+        chunk.sum_duplicates()
+        chunk.eliminate_zeros()
+        chunk.resize(shape)  # scikit-fem stops at the last point that a cell uses
+        whole = chunk if not whole.nnz else whole + chunk
+    return whole
+
+
+def elements(
+    form: Any, mesh: Mesh, order: int, *, rows: bool = False, columns: bool = False,
+    **weights: float,
+) -> FloatArray:
+    """(E, p, q): matrix of a bilinear form on each cell, corner by corner, components inside."""
+    d, corners = mesh.dimension, mesh.cells.shape[1]
+    p, q = (corners * d if vector else corners for vector in (rows, columns))
+    return np.concatenate([  # scikit-fem keeps its entries by trial, test function and cell
+        part.data.reshape(q, p, -1).transpose(2, 1, 0)
+        for part in _chunks(form, mesh, order, rows, columns, weights)])
+
+
+def facet_matrix(form: Any, mesh: Mesh, facets: IntArray, **weights: float) -> Csr:
+    """(N, N): matrix of a bilinear form of scalars on boundary facets (F, d) of point numbers.
+
+    Shape functions of other points vanish there but for round-off, which is left out.
+    """
+    basis = _facet_basis(mesh, facets, vector=False)
+    whole = csr_array(skfem.BilinearForm(form).assemble(basis, **weights))
+    whole.resize((len(mesh.points), len(mesh.points)))
+    here = diags_array(_on(mesh, facets).astype(float))
+    kept = csr_array(here @ whole @ here)
+    kept.sum_duplicates()
+    kept.eliminate_zeros()
+    return kept
+
+
+def facet_vector(
+    form: Any, mesh: Mesh, facets: IntArray, *, vector: bool = False, **weights: float
+) -> FloatArray:
+    """(N,) or, of vectors, (N, d): linear form on boundary facets (F, d) of point numbers; zero at
+    all other points."""
+    basis = _facet_basis(mesh, facets, vector)
+    values = skfem.LinearForm(form).assemble(basis, **weights)
+    whole = np.zeros(len(mesh.points) * (mesh.dimension if vector else 1))
+    whole[:len(values)] = values
+    whole[~np.repeat(_on(mesh, facets), mesh.dimension if vector else 1)] = 0.0
+    return whole.reshape(-1, mesh.dimension) if vector else whole
+
+
+def _on(mesh: Mesh, facets: IntArray) -> BoolArray:
+    """(N,): points of the facets."""
+    found: BoolArray = np.zeros(len(mesh.points), dtype=np.bool_)
+    found[facets] = True
+    return found
+
+
+def _chunks(
+    form: Any, mesh: Mesh, order: int, rows: bool, columns: bool, weights: dict[str, float]
+) -> Iterator[Any]:
+    whole = _mesh(mesh)
+    for start in range(0, len(mesh.cells), CHUNK):
+        cells = np.arange(start, min(start + CHUNK, len(mesh.cells)))
+        scalar = skfem.Basis(whole, _ELEMENTS[mesh.dimension](), intorder=max(order, 1),
+                             elements=cells)
+        vector = scalar.with_element(skfem.ElementVector(_ELEMENTS[mesh.dimension]()))
+        trial, test = (vector if columns else scalar), (vector if rows else scalar)
+        yield skfem.BilinearForm(form).coo_data(trial, test, **weights)
+
+
+def _mesh(mesh: Mesh) -> Any:
+    return _MESHES[mesh.dimension](
+        np.ascontiguousarray(mesh.points.T), np.ascontiguousarray(mesh.cells.T), sort_t=False)
+
+
+def _facet_basis(mesh: Mesh, facets: IntArray, vector: bool) -> Any:
+    """Basis on some boundary facets, found among scikit-fem's own by their sorted points."""
+    whole, wanted = _mesh(mesh), np.sort(facets, axis=1)
+    own = whole.facets.T
+    keys, sought = (np.ravel_multi_index(a.T, (len(mesh.points),) * mesh.dimension)
+                    for a in (own, wanted))
+    order = np.argsort(keys)
+    found = order[np.searchsorted(keys, sought, sorter=order)]
+    element = _ELEMENTS[mesh.dimension]()
+    return skfem.FacetBasis(
+        whole, skfem.ElementVector(element) if vector else element, facets=found, intorder=2)

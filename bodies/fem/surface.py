@@ -1,0 +1,64 @@
+"""Boundary facets of linear simplices, and integrals over some of them.
+
+A facet is a row of d point numbers, ordered so that its normal points out of the body.
+"""
+
+import numpy as np
+
+from sparsemor.bodies.mesh.simplices import boundary
+from sparsemor.core.arrays import Csr, FloatArray, IntArray
+from sparsemor.core.errors import InputError
+from sparsemor.core.protocols.mesh import Mesh
+
+
+def boundary_facets(mesh: Mesh, nodes: IntArray) -> IntArray:
+    """(F, d): the boundary facets whose points all belong to `nodes`, outward ordered.
+
+    InputError when there are none: the set is inside the body, or a single point.
+    """
+    facets = boundary(mesh)
+    facets = facets[np.isin(facets, nodes).all(axis=1)]
+    if not len(facets):
+        kind = "edge" if mesh.dimension == 2 else "face"
+        raise InputError(
+            f"none of the body's boundary {kind}s has all its points among the {len(nodes)} "
+            f"points of this set: name a set that covers a piece of the surface"
+        )
+    return facets
+
+
+def facet_normals(mesh: Mesh, facets: IntArray) -> FloatArray:
+    """(F, d), m (2-D) or m2 (3-D): outward normals whose length is the facet's measure."""
+    sides = mesh.points[facets[:, 1:]] - mesh.points[facets[:, :1]]
+    if mesh.dimension == 2:
+        return np.stack([sides[:, 0, 1], -sides[:, 0, 0]], axis=1)
+    return np.asarray(np.cross(sides[:, 0], sides[:, 1]) / 2)
+
+
+def facet_measures(mesh: Mesh, facets: IntArray) -> FloatArray:
+    """(F,) length (m) or area (m2) of each facet."""
+    return np.asarray(np.linalg.norm(facet_normals(mesh, facets), axis=1))
+
+
+def surface_load(mesh: Mesh, facets: IntArray, thickness: float = 1.0) -> FloatArray:
+    """(N,), m2: integral of phi_i over the facets. Times a flux (W/m2) it is nodal heat (W)."""
+    from sparsemor.bodies.fem import forms
+
+    return forms.facet_vector(forms.flux, mesh, facets, weight=thickness)
+
+
+def surface_normal_load(mesh: Mesh, facets: IntArray, thickness: float = 1.0) -> FloatArray:
+    """(N, d), m2: integral of phi_i n, n outward. Times minus a pressure (Pa): nodal forces (N)."""
+    from sparsemor.bodies.fem import forms
+
+    return forms.facet_vector(forms.normal, mesh, facets, vector=True, weight=thickness)
+
+
+def surface_mass(mesh: Mesh, facets: IntArray, weight: float) -> Csr:
+    """(N, N): integral of weight phi_i phi_j over the facets.
+
+    weight: film coefficient (W/(m2 K)) * thickness (m, 1 in 3-D) gives a convection matrix, W/K.
+    """
+    from sparsemor.bodies.fem import forms
+
+    return forms.facet_matrix(forms.mass, mesh, facets, weight=weight)

@@ -1,0 +1,107 @@
+"""Attitude of a frame: free (unit quaternion), or about the z axis of space (angle).
+
+What the equations need of either is A and its derivatives by the turning coordinates, so one kernel
+serves both. The angle is for what spins about a fixed axis: it needs no multiplier, and BDF1 keeps
+a constant rate of it, where it takes (w h / 2)^2 of the rate from a quaternion in each step.
+"""
+
+from typing import TypeAlias
+
+import numpy as np
+
+from sparsemor.bodies.frames import rotation as rot
+from sparsemor.core.arrays import FloatArray
+
+Rates: TypeAlias = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
+"""w, alpha (3,) in body axes, 1/s and 1/s^2; their derivatives (3, n) by the coordinates."""
+
+
+class Free:
+    """Quaternion p (4,). A (3, 3): body axes to space axes."""
+
+    __slots__ = ("A", "E", "G", "p")
+    size = 4
+
+    def __init__(self, p: FloatArray) -> None:
+        self.p, self.E, self.G = p, rot.to_space(p), rot.to_body(p)
+        self.A = self.E.dot(self.G.T)
+
+    def of_body(self, b: FloatArray) -> FloatArray:
+        """(3, n): derivative of A b."""
+        return rot.of_body_vector(self.E, b)
+
+    def of_space(self, f: FloatArray) -> FloatArray:
+        """(3, n): derivative of A^T f."""
+        return rot.of_space_vector(self.G, f)
+
+    def bend(self, f: FloatArray, b: FloatArray) -> FloatArray:
+        """(n, n): second derivative of f . A b."""
+        return rot.bend(f, b)
+
+    def turning(self, q1: FloatArray, q2: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """w and alpha alone."""
+        return 2.0 * self.G.dot(q1), 2.0 * self.G.dot(q2)
+
+    def rates(self, q1: FloatArray, q2: FloatArray, c1: float, c2: float) -> Rates:
+        """G is linear in p and G(p) q = -G(q) p."""
+        G = self.G
+        return (*self.turning(q1, q2), (2.0 * c1) * G - 2.0 * rot.to_body(q1),
+                (2.0 * c2) * G - 2.0 * rot.to_body(q2))
+
+    def lever(self) -> FloatArray:
+        """(n, 3): force on the coordinates of a torque in body axes."""
+        return 2.0 * self.G.T
+
+    def of_lever(self, torque: FloatArray) -> FloatArray:
+        """(n, n): derivative of lever @ torque."""
+        return rot.of_moment(torque)
+
+
+Z = np.array([[0.0], [0.0], [1.0]])
+
+
+class Spin:
+    """Angle (1,), rad, about the z axis of space and body."""
+
+    __slots__ = ("A",)
+    size = 1
+
+    def __init__(self, q: FloatArray) -> None:
+        c, s = np.cos(q[0]), np.sin(q[0])
+        self.A = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+    def of_body(self, b: FloatArray) -> FloatArray:
+        return np.asarray(self.A.dot([[-b[1]], [b[0]], [0.0]]))
+
+    def of_space(self, f: FloatArray) -> FloatArray:
+        b = self.A.T.dot(f)
+        return np.array([[b[1]], [-b[0]], [0.0]])
+
+    def bend(self, f: FloatArray, b: FloatArray) -> FloatArray:
+        return np.array([[-f.dot(self.A.dot([b[0], b[1], 0.0]))]])
+
+    def turning(self, q1: FloatArray, q2: FloatArray) -> tuple[FloatArray, FloatArray]:
+        return np.array([0.0, 0.0, q1[0]]), np.array([0.0, 0.0, q2[0]])
+
+    def rates(self, q1: FloatArray, q2: FloatArray, c1: float, c2: float) -> Rates:
+        return (*self.turning(q1, q2), c1 * Z, c2 * Z)
+
+    def lever(self) -> FloatArray:
+        return Z.T
+
+    def of_lever(self, torque: FloatArray) -> FloatArray:
+        return np.zeros((1, 1))
+
+
+Attitude: TypeAlias = Free | Spin
+
+
+def attitude(q: FloatArray) -> Attitude:
+    """Of turning coordinates (4,) or (1,)."""
+    return Free(q) if len(q) == Free.size else Spin(q)
+
+
+def angular_velocity(pose: FloatArray, velocity: FloatArray) -> FloatArray:
+    """(3,) in space axes, rad/s, of rigid coordinates (position first) and their rates."""
+    a = attitude(pose[3:])
+    return np.asarray(a.A @ a.rates(velocity[3:], velocity[3:], 0.0, 0.0)[0])

@@ -1,0 +1,228 @@
+"""Conditions between two frames: directions that stay perpendicular, points that slide.
+
+Both are products of coordinates of both bodies, so they live in the kernel of one of them (the own
+one, which may be flexible) and read the other's rigid coordinates as border unknowns; the ground
+is an other body that stands at the origin. All derivatives follow from the potential
+sum lambda_k g_k, so the border stays symmetric.
+"""
+
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from sparsemor.bodies.frames import rotation as rot
+from sparsemor.bodies.frames.attitude import Attitude, attitude
+from sparsemor.bodies.frames.motion import Motion, Sums
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.protocols.poses import placed, turned
+from sparsemor.core.protocols.prescribed_quantities import derivatives
+from sparsemor.core.protocols.separable import Amplitude
+
+STILL = np.array([0.0, 0, 0, 1, 0, 0, 0])
+"""Rigid coordinates of the ground."""
+
+
+class Wrench(NamedTuple):
+    """force (T, 3), N, at the own point and moment (T, 3), N m, on the own side, in space axes;
+    reach (T, 3), m: where that force meets the other body, None where it has no part in it."""
+
+    force: FloatArray
+    moment: FloatArray
+    reach: FloatArray | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Facing:
+    """g_k = (A d_k) . (A_o e_k) with d (l, 3) in own axes, e (l, 3) in the other's.
+
+    others: number of the other body's coordinates that are border unknowns, 0 when it stands at
+    `place` (7 or 4,). turns: d turns with the mean rotation of a flexible set, (3,) rad, in own
+    axes; `turned` is that rotation in the shape that displacements count from. turn: angle (rad) by
+    which e is turned about `axis` (3,) of the other body, a function of time.
+    """
+
+    own: FloatArray
+    other: FloatArray
+    others: int = 0
+    place: FloatArray = field(default_factory=lambda: STILL)
+    turns: bool = False
+    turned: FloatArray = field(default_factory=lambda: np.zeros(3))
+    turn: Amplitude | None = None
+    axis: FloatArray | None = None
+
+    @property
+    def directions(self) -> int:
+        return 3 if self.turns else 0
+
+    @property
+    def forces(self) -> int:
+        return len(self.own)
+
+    def names(self, source: str) -> tuple[str, ...]:
+        return tuple(f"joint {source} turn {a}" for a in "xyz") if self.turns else ()
+
+    def shifted(self, s: FloatArray, quadratic: FloatArray) -> "Facing":
+        return replace(self, turned=self.turned + s) if self.turns else self
+
+    def faces(self, t: float) -> FloatArray:
+        """(l, 3) e at t, s."""
+        if self.turn is None or self.axis is None:
+            return self.other
+        A = rot.rotation(rot.about(self.axis.tolist(), self.turn(t)))
+        return np.asarray(self.other.dot(A.T))
+
+    def time_derivative(self, order: int, t: float, h: float) -> "Facing | None":
+        """With e' = alpha' n x e and e'' = alpha'' n x e + alpha'^2 n x (n x e), n the axis."""
+        if self.turn is None or self.axis is None:
+            return None
+        rate, curvature = derivatives(self.turn, t, h)
+        n = rot.skew(self.axis / np.linalg.norm(self.axis))
+        D = rate * n if order == 1 else curvature * n + rate**2 * n.dot(n)
+        return replace(self, other=self.faces(t).dot(D.T), turn=None)
+
+    def wrench(
+        self, times: FloatArray, forces: FloatArray, pose: FloatArray, other: FloatArray | None
+    ) -> Wrench:
+        far, none = self.place[None] if other is None else other, np.zeros((len(times), 3))
+        faces = np.stack([self.faces(t) for t in times.tolist()])  # (T, l, 3)
+        moment = none
+        for k, d in enumerate(self.own):
+            f = turned(np.broadcast_to(far, (len(times), far.shape[1])), faces[:, k])
+            moment = moment + forces[:, k : k + 1] * np.cross(turned(pose, d), f)
+        return Wrench(none, moment, none)
+
+    def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
+        far = attitude((m.y[o : o + self.others] if self.others else self.place)[3:])
+        turning = self.turns and m.elastic
+        theta, at = self.turned, slice(j, j + 3)
+        if turning:
+            theta = theta + m.s[at]
+            out.sigma[at] = 0.0
+            out.sigma_y[:, at] = 0.0
+        for i, (d0, e) in enumerate(zip(self.own, self.faces(m.t), strict=True)):
+            lam, d, f = m.y[k + i], d0 + rot.cross(theta, d0), far.A.dot(e)
+            D, D_o = m.turn.of_body(d), far.of_body(e)
+            self._own_rows(m, k + i, lam, d, f, D, out)
+            out.rows[k + i] = m.A.dot(d).dot(f)
+            if self.others:
+                self._other_rows(m, far, o + 3, k + i, lam, m.A.dot(d), e, D, D_o, out)
+            if turning:
+                self._turning(m, at, o, k + i, lam, rot.skew(d0), f, D_o, out)
+        if turning:
+            out.tau[:, at] = out.sigma_y[:, at]
+
+    @staticmethod
+    def _own_rows(
+        m: Motion, k: int, lam: float, d: FloatArray, f: FloatArray, D: FloatArray, out: Sums
+    ) -> None:
+        """Derivatives by the own turning coordinates; D = d (A d) / dq."""
+        mine, at = f.dot(D), m.at
+        out.rows[at] += lam * mine
+        out.H[k, at] = out.H[at, k] = mine
+        out.H[at, at] += lam * m.turn.bend(f, d)
+
+    @staticmethod
+    def _other_rows(
+        m: Motion, far: Attitude, o: int, k: int, lam: float, Ad: FloatArray, e: FloatArray,
+        D: FloatArray, D_o: FloatArray, out: Sums,
+    ) -> None:
+        """Derivatives by the other's turning coordinates, from o on, and by both."""
+        H, theirs, both, there = out.H, Ad.dot(D_o), lam * D.T.dot(D_o), slice(o, o + far.size)
+        out.rows[there] += lam * theirs
+        H[k, there] = H[there, k] = theirs
+        H[there, there] += lam * far.bend(Ad, e)
+        H[m.at, there] += both
+        H[there, m.at] += both.T
+
+    def _turning(
+        self, m: Motion, at: slice, o: int, k: int, lam: float, lever: FloatArray, f: FloatArray,
+        D_o: FloatArray, out: Sums,
+    ) -> None:
+        """Contribution of the mean rotation of a flexible set: d g = (d0 x A^T f) . d turned."""
+        pull = lever.dot(m.A.T.dot(f))
+        out.sigma[at] += lam * pull
+        out.sigma_y[k, at] = pull
+        out.sigma_y[m.at, at] += lam * lever.dot(m.turn.of_space(f)).T
+        if self.others:
+            out.sigma_y[o + 3 : o + self.others, at] += lam * lever.dot(m.A.T.dot(D_o)).T
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Slide:
+    """g_k = (R + A z - R_o - A_o z_o) . (A_o e_k): the own point stays on lines of the other body.
+
+    point (3,) = z in own axes, m; lines (l, 3) = e and base (3,) = z_o in the other's.
+    """
+
+    point: FloatArray
+    lines: FloatArray
+    base: FloatArray
+    others: int = 0
+    place: FloatArray = field(default_factory=lambda: STILL)
+    directions = 3
+
+    @property
+    def forces(self) -> int:
+        return len(self.lines)
+
+    def names(self, source: str) -> tuple[str, ...]:
+        return tuple(f"joint {source} {a}" for a in "xyz")
+
+    def shifted(self, s: FloatArray, quadratic: FloatArray) -> "Slide":
+        return replace(self, point=self.point + s)
+
+    def wrench(
+        self, times: FloatArray, forces: FloatArray, pose: FloatArray, other: FloatArray | None
+    ) -> Wrench:
+        far, none = self.place[None] if other is None else other, np.zeros((len(times), 3))
+        lines = [turned(far, e) for e in self.lines]
+        force = sum((forces[:, k : k + 1] * f for k, f in enumerate(lines)), none)
+        return Wrench(force, none, placed(pose, np.broadcast_to(self.point, (len(pose), 3))))
+
+    def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
+        y_o = m.y[o : o + self.others] if self.others else self.place
+        far = attitude(y_o[3:])
+        z = self.point + m.s[j : j + 3] if m.elastic else self.point
+        gap, D = m.R + m.A.dot(z) - y_o[:3], m.turn.of_body(z)
+        lam = m.y[k : k + self.forces]
+        lines, n = self.lines, far.A.dot(self.lines.T).T  # (l, 3) in space axes
+        mine = slice(k, k + self.forces)
+        f = lam.dot(n)
+        H, own = out.H, m.at
+        out.rows[mine] = n.dot(gap) - lines.dot(self.base)
+        out.rows[:3] += f
+        out.rows[own] += f.dot(D)
+        H[mine, :3], H[:3, mine] = n, n.T
+        H[mine, own] = n.dot(D)
+        H[own, mine] = H[mine, own].T
+        H[own, own] += m.turn.bend(f, z)
+        if self.others:
+            self._other(m, far, o, k, lam, gap, n, D, out)
+        if m.elastic:
+            at = slice(j, j + 3)
+            out.sigma[at] = m.A.T.dot(f)
+            out.sigma_y[own, at] = m.turn.of_space(f).T
+            out.sigma_y[mine, at] = n.dot(m.A)
+            if self.others:
+                turn = far.of_body(lam.dot(lines))
+                out.sigma_y[o + 3 : o + self.others, at] = turn.T.dot(m.A)
+            out.tau[:, at] = out.sigma_y[:, at]
+
+    def _other(
+        self, m: Motion, far: Attitude, o: int, k: int, lam: FloatArray, gap: FloatArray,
+        n: FloatArray, D: FloatArray, out: Sums,
+    ) -> None:
+        """Derivatives by the other's coordinates, from o on."""
+        H, line = out.H, lam.dot(self.lines)
+        place, there = slice(o, o + 3), slice(o + 3, o + self.others)
+        turn = far.of_body(line)  # of the force, by the other's turning coordinates
+        out.rows[place] -= lam.dot(n)
+        out.rows[there] += gap.dot(turn)
+        H[there, there] += far.bend(gap, line)
+        for rows, block in ((slice(0, 3), turn), (m.at, D.T.dot(turn)), (place, -turn)):
+            H[rows, there] += block
+            H[there, rows] += block.T
+        for i, e in enumerate(self.lines):
+            H[k + i, place] = H[place, k + i] = -n[i]
+            H[k + i, there] = H[there, k + i] = gap.dot(far.of_body(e))

@@ -1,0 +1,147 @@
+"""Inertia of a spatial body, rigid or flexible (equations.md, section 1; notation: motion.py).
+
+With z = X + u and the second moments of moments.py, the torque of the inertia forces about the
+frame origin is
+
+    sum z x M acc = (sum m z) x A^T R'' + J alpha + w x J w + K1 w + 2nd moments of (z, u''),
+
+J of the moments (z, z), K1 of (z, u'). A rigid body is the case of constant moments.
+"""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from sparsemor.bodies.frames import rotation as rot
+from sparsemor.bodies.frames.many_times import Moved, Pushed
+from sparsemor.bodies.frames.moments import FREE, Moments
+from sparsemor.bodies.frames.motion import Motion, Sums
+from sparsemor.core.arrays import Csr, FloatArray
+
+FIRST = 3
+"""Directions of the first moment, before those of the second moments."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Inertia:
+    """mass (kg), moment (3,) = sum m X (kg m), second (g,) = X.M_g X (kg m^2).
+
+    Directions: m e_i (3), then M_g X (g).
+    """
+
+    mass: float
+    moment: FloatArray
+    second: FloatArray
+    moments: Moments = FREE
+    tensor: FloatArray = field(init=False)
+    """(3, 3) moments of inertia of the reference shape about the frame origin, kg m^2."""
+    others = 0
+    forces = 0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "tensor", self.moments.tensor.dot(self.second))
+
+    @property
+    def directions(self) -> int:
+        return FIRST + self.moments.count
+
+    def names(self, source: str) -> tuple[str, ...]:
+        return (*(f"inertia {a}" for a in "xyz"), *self.moments.names)
+
+    def shifted(self, s: FloatArray, quadratic: FloatArray) -> "Inertia":
+        return replace(self, moment=self.moment + s[:FIRST],
+                       second=self.second + self.moments.symmetric * s[FIRST:] + quadratic)
+
+    def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
+        m.acc_b = m.A.T.dot(m.acc)
+        m.dacc_b = m.turn.of_space(m.acc)
+        wx, alx = rot.skew(m.w), rot.skew(m.al)
+        spin = wx.dot(wx) + alx
+        z, J, swing, by_rate, torque = self._shape(m, j, spin, wx)
+        Jw, zx = J.dot(m.w), rot.skew(z)
+        out.rows[:3] += self.mass * m.acc + m.A.dot(swing)
+        out.torque += torque + zx.dot(m.acc_b) + J.dot(m.al) + wx.dot(Jw)
+        swing_w, gyro = -(rot.skew(wx.dot(z)) + wx.dot(zx)), wx.dot(J) - rot.skew(Jw)
+        if by_rate is not None:
+            z1, on_w = by_rate
+            swing_w -= 2.0 * rot.skew(z1)
+            gyro += on_w
+        out.diagonal[:3] += m.c2 * self.mass
+        out.H[:3, m.at] += m.turn.of_body(swing) + m.A.dot(swing_w.dot(m.dw) - zx.dot(m.dal))
+        out.torque_y[:, :3] += m.c2 * zx.dot(m.A.T)
+        out.torque_y[:, 3:] += zx.dot(m.dacc_b) + gyro.dot(m.dw) + J.dot(m.dal)
+        if m.elastic:
+            self._on_displacements(m, j, spin, wx, out)
+
+    def _shape(
+        self, m: Motion, j: int, spin: FloatArray, wx: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray, tuple[FloatArray, FloatArray] | None,
+               FloatArray | float]:
+        """sum m z; J; sum m acc without R'', body axes; sum m u' and K1 when the body deforms; and
+        the torque that they make: K1 w and that of u''."""
+        if not m.elastic:
+            return self.moment, self.tensor, spin.dot(self.moment), None, 0.0
+        first = slice(j, j + FIRST)
+        s, c1, c2 = m.s[first], m.c1, m.c2
+        z, z1, z2 = self.moment + s, c1 * s + m.s1[first], c2 * s + m.s2[first]
+        N, N1, N2 = self._moments(m, j)
+        tensor, axial = self.moments.tensor, self.moments.axial
+        on_w = 2.0 * tensor.dot(N1)  # as J of (z, z), with the factor of 2 w x u'
+        swing = spin.dot(z) + 2.0 * wx.dot(z1) + z2
+        return z, tensor.dot(N), swing, (z1, on_w), on_w.dot(m.w) + axial.dot(N2)
+
+    def _moments(self, m: Motion, j: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """(g,) each: z.M_g z, z.M_g u', z.M_g u''."""
+        g, signs = self.moments.count, self.moments.signs
+        at = slice(j + FIRST, j + FIRST + g)
+        s, s1, s2, c1, c2 = m.s[at], m.s1[at], m.s2[at], m.c1, m.c2
+        return (self.second + self.moments.symmetric * s + m.form,
+                signs * (c1 * s + s1) + c1 * m.form + m.forms[:g],
+                signs * (c2 * s + s2) + c2 * m.form + m.forms[g:])
+
+    def push(self, m: Moved, j: int, out: Pushed) -> None:
+        """Loads on the displacements, without derivatives."""
+        k, at = self.moments, j + FIRST
+        factors = k.factors(m.w, m.al)
+        out.sigma[..., j:at] = m.in_body(m.acc)
+        out.sigma[..., at : at + k.count] = factors
+        twice = 2.0 * m.w.dot(k.turn.T)  # 2 w~ as a sum of the B_g
+        out.coefficients[..., : k.count] = factors + m.c1 * twice
+        out.coefficients[..., k.count : 2 * k.count] = twice
+
+    def _on_displacements(
+        self, m: Motion, j: int, spin: FloatArray, wx: FloatArray, out: Sums
+    ) -> None:
+        c1, c2, k = m.c1, m.c2, self.moments
+        first, second = slice(j, j + FIRST), slice(j + FIRST, j + FIRST + k.count)
+        self.push(m, j, out)
+        out.sigma_y[:3, first], out.sigma_y[m.at, first] = c2 * m.A, m.dacc_b.T
+        out.sigma_y[m.at, second] = (k.slopes(m.w).dot(m.dw) + k.turn.dot(m.dal)).T
+        out.tau[:3, first] = m.A.dot(spin + (2.0 * c1) * wx + c2 * np.eye(3))
+        out.torque_s[:, first] = -rot.skew(m.acc_b)
+        by_shape, by_rate = self._levers(m.w, m.al, wx)
+        out.torque_s[:, second] = (
+            k.symmetric * by_shape + k.signs * (c1 * by_rate + c2 * k.axial))
+
+    def _levers(
+        self, w: FloatArray, al: FloatArray, wx: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """(3, g) each: torque of a unit of z.M_g z and of z.M_g u'."""
+        Jw = self.moments.levers.dot(w)
+        return self.moments.levers.dot(al) + wx.dot(Jw), 2.0 * Jw
+
+    def exact(self, m: Motion, out: Sums) -> None:
+        """Derivatives that are quadratic in u, which only the exact Jacobian needs."""
+        wx, lever, k = rot.skew(m.w), m.turn.lever(), self.moments
+        out.kappa_y[m.at] = (k.slopes(m.w).dot(m.dw) + k.turn.dot(m.dal)).T
+        out.mu_y[m.at] = 2.0 * k.turn.dot(m.dw).T
+        by_shape, by_rate = self._levers(m.w, m.al, wx)
+        for i, torque in enumerate((by_shape, by_rate, k.axial)):
+            out.quad[m.at, i] = lever.dot(torque)
+
+
+def of_mesh(m: Csr, X: FloatArray, moments: Moments) -> Inertia:
+    """Of a mass matrix m (N, N), kg, and reference points X (N, 3), m."""
+    weights = np.asarray(m.sum(axis=1)).ravel()
+    return Inertia(
+        float(weights.sum()), weights @ X, moments.numbers(X.T @ (m @ X)), moments)

@@ -1,0 +1,45 @@
+"""The attitude of a body as contact sees it: that of its quaternion brought to unit length.
+
+Newton's method visits quaternions of other lengths, where the matrix of body axes is no rotation:
+surfaces would be stretched there and penetrations be wrong by more than they are.
+"""
+
+from typing import Self
+
+import numpy as np
+
+from sparsemor.bodies.frames.attitude import Free, attitude
+from sparsemor.core.arrays import FloatArray
+
+
+class UnitQuaternion:
+    """Of turning coordinates q (n,) and their rates: A (3, 3), body axes to space; w (3,), angular
+    velocity in body axes, rad/s; by (3, n): small rotation in body axes by q, and w by the rates;
+    w_by (3, n): w by q."""
+
+    __slots__ = ("A", "_down", "_lever", "_of_lever", "_size", "_unit", "by", "w", "w_by")
+
+    def __init__(self, q: FloatArray, rate: FloatArray) -> None:
+        self._size = size = float(np.linalg.norm(q)) if len(q) == Free.size else 1.0
+        self._unit = q / size if len(q) == Free.size else np.zeros(len(q))
+        turn = attitude(q / size)
+        rates = turn.rates(rate / size, rate / size, 0.0, 0.0)
+        self._down = (np.eye(len(q)) - np.outer(self._unit, self._unit)) / size
+        self._lever, self._of_lever = turn.lever() / size, turn.of_lever
+        self.A, self.w, self.by = turn.A, rates[0], self._lever.T
+        self.w_by = rates[2] @ self._down - np.outer(self.w, self._unit) / size
+
+    def rows(self, torque: FloatArray) -> FloatArray:
+        """(n,) force on the coordinates of a torque (3,) in body axes, N m."""
+        return np.asarray(self._lever @ torque)
+
+    def rows_by(self, torque: FloatArray) -> FloatArray:
+        """(n, n): derivative of `rows` by the coordinates, the torque held."""
+        force = self._lever @ torque
+        return np.asarray(self._of_lever(torque) @ self._down
+                          - np.outer(force, self._unit)) / self._size
+
+    @classmethod
+    def of(cls, pose: FloatArray, rate: FloatArray) -> Self:
+        """Of rigid coordinates, position first."""
+        return cls(pose[3:], rate[3:])

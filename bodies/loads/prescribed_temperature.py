@@ -1,0 +1,64 @@
+"""Prescribed temperature: the nodes of a set follow a function of time, and cost no unknowns."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+
+from sparsemor.bodies.any_body import AnyBody
+from sparsemor.bodies.loads.amplitude import Quantity
+from sparsemor.bodies.targets import find_target, need_field
+from sparsemor.core.errors import InputError
+from sparsemor.core.protocols import Effect, Part
+from sparsemor.core.protocols.contributions import Equations
+from sparsemor.core.protocols.layout import Block
+from sparsemor.core.protocols.separable import Amplitude
+from sparsemor.core.registry.plugin import Plugin
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Held:
+    """Stands in the scene for nodes whose temperatures are given; `adjusted` are its bodies."""
+
+    name: str
+    adjusted: Mapping[str, AnyBody]
+    localized: bool = True
+    surroundings: Amplitude | None = None
+
+    def blocks(self) -> Sequence[Block]:
+        return ()
+
+    def contribute(self, equations: Equations) -> None:
+        """Nothing: the bodies write the effect of the temperatures that they are given."""
+
+
+class PrescribedTemperature(Plugin):
+    """Prescribed temperature T(t) on sets of nodes, imposed by elimination of these unknowns."""
+
+    acts_on: ClassVar[Effect] = "temperature"
+
+    on: list[str]
+    """Sets `body:set`."""
+    temperature: Quantity
+    """Temperature, K, a number or a function of time."""
+
+    def build(self, name: str, parts: Mapping[str, Part]) -> Held:
+        bodies: dict[str, AnyBody] = {}
+        for i, text in enumerate(self.on):
+            target = find_target({**parts, **bodies}, text, f"on.{i}")
+            need_field(target, "thermal", f"on.{i}")
+            heat = target.body.heat
+            assert heat is not None
+            taken = np.setdiff1d(target.nodes, heat.free)
+            if len(taken):
+                raise InputError(f"{len(taken)} nodes of {text!r} have a prescribed temperature "
+                                 "already", f"on.{i}")
+            free = np.setdiff1d(heat.free, target.nodes)
+            if not len(free):
+                raise InputError(f"with {text!r} the temperature of every node of "
+                                 f"{target.body.name!r} is prescribed, so that none is left to "
+                                 "solve for: prescribe fewer nodes, or refine the mesh", f"on.{i}")
+            bodies[target.body.name] = replace(target.body, heat=replace(
+                heat, free=free, prescribed=(*heat.prescribed, (target.nodes, self.temperature))))
+        return Held(name, bodies, surroundings=self.temperature.value)

@@ -1,0 +1,134 @@
+"""Triangles of equal size inside a closed outline, as many as asked for and no other number.
+
+A triangulation of a simply connected region with N points, B of them on the outline, has
+T = 2 N - 2 - B triangles: with B and N given the count is exact, whatever the smoothing does.
+"""
+
+import numpy as np
+from scipy.spatial import Delaunay, QhullError, cKDTree
+
+from sparsemor.bodies.mesh.simplices import signed_measures
+from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
+from sparsemor.core.errors import InputError
+
+ROUNDS = 10
+"""Rounds of smoothing: more of them change the worst triangle's quality by 2 % at most."""
+
+
+def interior_points(triangles: int, outline: int) -> int:
+    """Number of interior points for this number of triangles; InputError when there is none."""
+    twice = triangles + 2 - outline
+    if twice % 2 or twice < 0:
+        least = outline - 2
+        raise InputError(
+            f"{triangles} triangles cannot be made with {outline} points on the outline: the "
+            f"number must be at least {least} and, like it, {'odd' if outline % 2 else 'even'}; "
+            f"take {max(least, triangles + 1)}", "triangles")
+    return twice // 2
+
+
+def plan_mesh(
+    outline: FloatArray, triangles: int, fixed: FloatArray | None = None, rounds: int = ROUNDS
+) -> tuple[FloatArray, IntArray]:
+    """Points (N, 2), m, and counter-clockwise triangles (T, 3); the same ones in every call.
+
+    outline (B, 2): a closed polygon without crossings, counter-clockwise, its points at about
+    equal distances; fixed (f, 2): points inside that must be nodes. They come first, in this
+    order: outline, fixed, others. InputError when the outline is too coarse to be followed.
+    """
+    B = len(outline)
+    held = np.zeros((0, 2)) if fixed is None else np.asarray(fixed, dtype=np.float64)
+    inner = _with_fixed(_lattice(outline, interior_points(triangles, B)), held)
+    points = np.concatenate([outline, inner])
+    first = B + len(held)
+    for _ in range(rounds):
+        points[first:] = _centred(points, _triangulate(points, outline))[first:]
+    cells = _triangulate(points, outline)
+    if len(cells) != triangles:
+        raise InputError(
+            f"{len(cells)} triangles were made, not {triangles}: the outline of {B} points is too "
+            "coarse for its corners, or too fine for so few triangles", "triangles")
+    return points, cells
+
+
+def inside(points: FloatArray, outline: FloatArray) -> BoolArray:
+    """(n,) whether points (n, 2) lie inside a polygon (B, 2): crossings of a ray to the right."""
+    x, y = points[:, :1], points[:, 1:]
+    (x0, y0), (x1, y1) = outline.T, np.roll(outline, -1, axis=0).T
+    spans = (y0 > y) != (y1 > y)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        crossing = x0 + (y - y0) * (x1 - x0) / (y1 - y0)
+    return np.asarray((spans & (x < crossing)).sum(axis=1) % 2 == 1)
+
+
+def polygon_area(outline: FloatArray) -> float:
+    """Signed area of a polygon (B, 2), m2: positive when it runs counter-clockwise."""
+    (x, y), (x1, y1) = outline.T, np.roll(outline, -1, axis=0).T
+    return float(np.sum(x * y1 - x1 * y) / 2)
+
+
+def _lattice(outline: FloatArray, count: int) -> FloatArray:
+    """(count, 2): points of a triangular lattice that keep away from the outline."""
+    if count == 0:
+        return np.zeros((0, 2))
+    sides = np.roll(outline, -1, axis=0) - outline
+    border = cKDTree(np.concatenate([outline + s * sides for s in np.linspace(0, 1, 8)[:-1]]))
+    # one lattice point a cell of area sqrt(3)/2 spacing^2; a finer lattice holds more of them
+    spacing = float(np.sqrt(polygon_area(outline) / count * 2 / np.sqrt(3)))
+    while True:
+        grid = _triangular(outline.min(axis=0), outline.max(axis=0), spacing)
+        away, _ = border.query(grid, distance_upper_bound=0.6 * spacing)
+        grid = grid[np.isinf(away)]
+        grid = grid[inside(grid, outline)]
+        if len(grid) >= count:
+            break
+        spacing *= 0.995
+    # what is too many goes where the smoothing closes the gap: evenly over the region
+    return np.asarray(grid[np.linspace(0, len(grid) - 1, count).round().astype(np.int64)])
+
+
+def _triangular(low: FloatArray, high: FloatArray, spacing: float) -> FloatArray:
+    """Points of a triangular lattice over a box, rows along x, symmetric about its middle."""
+    height = spacing * np.sqrt(3) / 2
+    columns, rows = np.ceil((high - low) / [spacing, height]).astype(np.int64) // 2 + 1
+    i, j = np.meshgrid(np.arange(-columns, columns + 1), np.arange(-rows, rows + 1))
+    x = spacing * (i + 0.5 * (j % 2))
+    return np.stack([x.ravel(), height * j.ravel()], axis=1) + (low + high) / 2
+
+
+def _with_fixed(inner: FloatArray, fixed: FloatArray) -> FloatArray:
+    """The fixed points, then the others: each fixed one stands in for the nearest other."""
+    if len(fixed) > len(inner):
+        raise InputError(
+            f"{len(fixed)} points must be nodes, but only {len(inner)} lie inside: take more "
+            "triangles", "triangles")
+    left = inner
+    for point in fixed:
+        left = np.delete(left, np.argmin(np.sum((left - point) ** 2, axis=1)), axis=0)
+    return np.concatenate([fixed, left])
+
+
+def _centred(points: FloatArray, cells: IntArray) -> FloatArray:
+    """Each point at the centroid of the triangles around it (Lloyd's step on that patch)."""
+    area = signed_measures(points, cells)
+    moment = area[:, None] * points[cells].mean(axis=1)
+    at, n = cells.ravel(), len(points)
+    total = np.bincount(at, np.repeat(area, 3), n)
+    moved = [np.bincount(at, np.repeat(m, 3), n) / total for m in moment.T]
+    return np.stack(moved, axis=1)
+
+
+def _triangulate(points: FloatArray, outline: FloatArray) -> IntArray:
+    """Delaunay triangles inside the outline, counter-clockwise; all of its sides are edges."""
+    try:
+        cells = Delaunay(points).simplices.astype(np.int64)
+    except QhullError as error:  # all points on one line
+        reason = str(error).partition("\n")[0]
+        raise InputError(f"the outline cannot be triangulated: {reason}") from None
+    # a triangle outside has all its corners on the outline
+    suspect = np.flatnonzero((cells < len(outline)).all(axis=1))
+    outside = ~inside(points[cells[suspect]].mean(axis=1), outline)
+    cells = np.delete(cells, suspect[outside], axis=0)
+    turned = signed_measures(points, cells) < 0
+    cells[turned] = cells[turned][:, [0, 2, 1]]
+    return np.asarray(cells)

@@ -1,0 +1,57 @@
+"""Warnings of a flexible body on its mesh and its sets: legal, and almost surely mistakes."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from sparsemor.bodies.mesh.sets import PointSet
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.notes import Note
+from sparsemor.core.protocols.mesh import Mesh
+from sparsemor.core.simulation.diagnostics.plausibility import outside
+
+COINCIDENT = 1e-9
+"""Distance of two nodes, relative to the mesh's diagonal, below which they are at one place."""
+COLD, SPACE = 150.0, 5.0
+"""Temperatures (K) of radiation between these are most likely degrees Celsius; below `SPACE` the
+surroundings may be space."""
+CELSIUS = 273.15
+"""0 degrees Celsius, K."""
+
+
+def mesh_notes(name: str, mesh: Mesh, sets: Mapping[str, PointSet]) -> tuple[Note, ...]:
+    """Nodes that coincide without being shared, and sets far from the mesh."""
+    found = [note for key, one in sets.items() if one.nearest is not None
+             for note in outside(f"bodies.{name}.sets.{key}", one.nearest, mesh.points)]
+    count = coincident_nodes(mesh.points)
+    if count:
+        found.append(Note(
+            f"{count} nodes of {name} coincide with another node but are not shared: the mesh is "
+            "cut open there, as by a crack; merge them in the mesh file unless a crack is "
+            "intended", "coincident_nodes"))
+    return tuple(found)
+
+
+def coincident_nodes(points: FloatArray) -> int:
+    """Number of nodes (N, d) that lie on a node of a lower number."""
+    radius = COINCIDENT * float(np.linalg.norm(np.ptp(points, axis=0)))
+    pairs = cKDTree(points).query_pairs(radius, output_type="ndarray")
+    return len(np.unique(pairs[:, 1]))
+
+
+def celsius_notes(
+    load: str, surroundings: float, starts: Mapping[str, FloatArray | None]
+) -> tuple[Note, ...]:
+    """Temperatures of radiation that look like degrees Celsius.
+
+    surroundings: K, at the start; starts: body -> initial temperatures (N,), K.
+    """
+    cold = {f"the initial temperature of {name}": float(T.min())
+            for name, T in starts.items() if T is not None and T.min() < COLD}
+    if SPACE < surroundings < COLD or (cold and surroundings < COLD):
+        cold["the surroundings"] = surroundings
+    return tuple(
+        Note(f"loads.{load} radiates with temperatures in K, and {what} is {T:g} K, which is "
+             f"{T - CELSIUS:.4g} degrees Celsius: if {T:g} degrees Celsius are meant, write "
+             f"{T + CELSIUS:g}", "celsius") for what, T in cold.items())

@@ -1,0 +1,53 @@
+"""Loads that move over the surface of a body, as tables on its elastic and thermal blocks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core.protocols.contributions import Equations
+from sparsemor.core.protocols.load_tables import LoadTable, Table
+from sparsemor.core.protocols.prescribed_motion import SurfaceLoads
+
+if TYPE_CHECKING:
+    from sparsemor.bodies.body import Body
+
+
+def write_surface_loads(
+    body: Body, equations: Equations, loads: SurfaceLoads, times: FloatArray
+) -> None:
+    """Forces on the elastic and heat on the thermal unknowns of the loaded nodes.
+
+    A frame that is given needs no resultants: its rigid equations are not solved.
+    """
+    names = [f"{equations.origin.part}, node {n}" for n in loads.nodes.tolist()]
+    if body.elasticity is not None:
+        d = loads.force.shape[2]
+        dofs = (d * loads.nodes[:, None] + np.arange(d)).ravel()
+        force = loads.force.reshape(len(times), -1)
+        _write(equations, f"{body.name}.elastic", body.elasticity.free, dofs,
+               [f"{n}, {axis}" for n in names for axis in "xyz"[:d]], Table(times, force))
+    if body.heat is not None:
+        _write(equations, f"{body.name}.thermal", body.heat.free, loads.nodes, names,
+               Table(times, loads.heat))
+
+
+def _write(
+    equations: Equations, block: str, free: IntArray, places: IntArray, names: Sequence[str],
+    table: Table,
+) -> None:
+    """Column i of the table acts on place number places[i] of a field; where that is no unknown
+    (held displacements, given temperatures) it does nothing. No table where it acts on none."""
+    acts = np.flatnonzero(np.isin(places, free))
+    if not len(acts):
+        return
+    at = np.searchsorted(free, places[acts])
+    columns = csr_array((np.ones(len(acts)), (at, np.arange(len(acts)))),
+                        shape=(len(free), len(acts)))
+    equations.table(block, LoadTable(
+        equations.origin.part, columns, tuple(names[i] for i in acts.tolist()),
+        table.columns(acts)))

@@ -1,0 +1,56 @@
+"""sparsemor: sparse, projection-free model order reduction of thermomechanical multibody systems.
+
+    from sparsemor import load, simulate, compare, study
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from sparsemor.core.analysis.compare import compare as compare
+    from sparsemor.core.analysis.study import study as study
+    from sparsemor.core.errors import InputError as InputError
+    from sparsemor.core.registry.registry import Registry as Registry
+    from sparsemor.core.results.export import export as export
+    from sparsemor.core.results.run_result import open_result as open_result
+    from sparsemor.core.scene.scene import Scene as Scene
+    from sparsemor.core.scene.scene import load as load
+    from sparsemor.core.simulation.simulate import simulate as simulate
+    from sparsemor.core.status import SolveFailed as SolveFailed
+    from sparsemor.core.status import Status as Status
+
+    __version__: str
+
+_HOMES = {
+    "InputError": "errors",
+    "Registry": "registry.registry",
+    "Scene": "scene.scene",
+    "SolveFailed": "status",
+    "Status": "status",
+    "compare": "analysis.compare",
+    "export": "results.export",
+    "load": "scene.scene",
+    "open_result": "results.run_result",
+    "simulate": "simulation.simulate",
+    "study": "analysis.study",
+}
+
+__all__ = [
+    "InputError", "Registry", "Scene", "SolveFailed", "Status", "__version__", "compare",
+    "export", "load", "open_result", "simulate", "study",
+]
+
+
+def __getattr__(name: str) -> Any:
+    # names are imported when they are asked for, so that importing the package stays quick
+    if name == "__version__":
+        from importlib.metadata import version
+
+        return version("sparsemor")
+    if name in _HOMES:
+        return getattr(import_module(f"sparsemor.core.{_HOMES[name]}"), name)
+    raise AttributeError(f"module 'sparsemor' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

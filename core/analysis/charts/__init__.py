@@ -1,0 +1,90 @@
+"""Pictures of runs, drawn with matplotlib's objects only: no window, no global state."""
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from sparsemor.core.analysis.charts.active_atoms import active_atoms_figure
+from sparsemor.core.analysis.charts.angles import angles_figure
+from sparsemor.core.analysis.charts.contact_forces import contact_forces_figure
+from sparsemor.core.analysis.charts.error_over_time import error_over_time_figure
+from sparsemor.core.analysis.charts.planar_fields import deformation_figure
+from sparsemor.core.analysis.charts.positions import moving_bodies, positions_figure
+from sparsemor.core.analysis.charts.probes import (
+    probe_displacement_figure,
+    probe_temperature_figure,
+)
+from sparsemor.core.analysis.charts.style import save
+from sparsemor.core.analysis.charts.surface_fields import surface_figures
+from sparsemor.core.analysis.charts.work_precision import WorkPoint, work_precision_figure
+from sparsemor.core.protocols.layout import Quantity
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from sparsemor.core.analysis.compare import Comparison
+    from sparsemor.core.results.run_result import RunResult
+
+FORMATS = ("png", "svg")
+
+
+def write_charts(
+    comparison: "Comparison",
+    folder: Path,
+    times: Sequence[float] | None = None,
+    formats: Sequence[str] = FORMATS,
+) -> list[Path]:
+    """The pictures that make sense for these runs; returns their paths.
+
+    `times` (s): when the bodies are drawn.
+    """
+    figures = _of_reference(comparison.reference, times)
+    figures["angles"] = angles_figure(comparison.reference, comparison.runs, comparison.name)
+    figures["error_over_time"] = error_over_time_figure(
+        comparison.measured, {name: run.status for name, run in comparison.runs.items()},
+        comparison.reference.layout.kinds, comparison.limit)
+    figures["work_precision"] = work_precision_figure(
+        *comparison.work_points(), comparison.reference.layout.kinds, comparison.limit)
+    for name, run in comparison.runs.items():
+        file = re.sub(r"[^\w.-]+", "_", f"active_atoms_{name}")
+        figures[file] = active_atoms_figure(run, name)
+    return _save_all(figures, folder, formats)
+
+
+def write_run_charts(
+    run: "RunResult",
+    folder: Path,
+    times: Sequence[float] | None = None,
+    formats: Sequence[str] = FORMATS,
+) -> list[Path]:
+    """The same for one run alone: all but errors and costs."""
+    figures = _of_reference(run, times)
+    figures["angles"] = angles_figure(run, {}, run.reducer)
+    figures["active_atoms"] = active_atoms_figure(run, run.reducer)
+    return _save_all(figures, folder, formats)
+
+
+def _of_reference(run: "RunResult", times: Sequence[float] | None) -> "dict[str, Figure | None]":
+    return {"deformation": deformation_figure(run, Quantity.DISPLACEMENT, times),
+            "temperature": deformation_figure(run, Quantity.TEMPERATURE, times),
+            "probe_displacement": probe_displacement_figure(run),
+            "probe_temperature": probe_temperature_figure(run), **surface_figures(run, times),
+            "contact_forces": contact_forces_figure(run.contacts()),
+            "positions": positions_figure(moving_bodies(run))}
+
+
+def _save_all(
+    figures: "dict[str, Figure | None]", folder: Path, formats: Sequence[str]
+) -> list[Path]:
+    folder.mkdir(parents=True, exist_ok=True)
+    return [path for name, figure in figures.items() if figure is not None
+            for path in save(figure, folder, name, formats)]
+
+
+__all__ = [
+    "FORMATS", "WorkPoint", "active_atoms_figure", "angles_figure", "contact_forces_figure",
+    "deformation_figure", "error_over_time_figure", "positions_figure",
+    "probe_displacement_figure", "probe_temperature_figure", "surface_figures",
+    "work_precision_figure", "write_charts", "write_run_charts",
+]

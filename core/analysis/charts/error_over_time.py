@@ -1,0 +1,76 @@
+"""Errors of the runs over time, combined and per field (as Figs. 7 and 8 of the paper)."""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sparsemor.core.analysis.charts.style import (
+    COLUMN,
+    LIMIT_COLOUR,
+    SMALL,
+    label_of,
+    legend_above,
+    new_figure,
+    style_of,
+    tidy,
+)
+from sparsemor.core.analysis.charts.units import unit
+from sparsemor.core.protocols.layout import FieldKind
+from sparsemor.core.results.error_norms import LIMIT, Errors
+from sparsemor.core.status import Status
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_LOWEST, _HIGHEST = 1e-16, 1e4  # a diverged run leaves the picture, the others stay legible
+_MOST_POINTS = 2000
+
+
+def error_over_time_figure(
+    measured: Mapping[str, Errors], statuses: Mapping[str, Status], kinds: Sequence[FieldKind],
+    limit: float = LIMIT,
+) -> "Figure | None":
+    """One panel a measure, logarithmic, with a line at `limit` where an error is above it; None
+    when there is no error above 0. Fields that are constant in all runs have no panel. kinds: of
+    the runs' fields, in the order of the panels."""
+    titles = {"combined": "all unknowns together",
+              **{k.name: k.label for k in kinds if k.order > 0}}
+    names = [m for m in titles if any(_positive(e, m) for e in measured.values())
+             and not all(e.still(m) for e in measured.values())]
+    end = max((errors.until for errors in measured.values()), default=0.0)
+    if not names or end <= 0.0:
+        return None
+    clock = unit(end, "s")
+    figure = new_figure(COLUMN, 0.55 + 1.4 * len(names))
+    panels = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
+    for measure, axes in zip(names, panels, strict=True):
+        top, bottom = 0.0, np.inf
+        for number, (run, errors) in enumerate(measured.items()):
+            style = style_of(number)
+            if measure in errors.series:
+                every = max(1, len(errors.times) // _MOST_POINTS)
+                line = errors.series[measure][::every]
+                shown = np.where(line > 0.0, line, np.nan)  # a log axis has no place for 0
+                axes.plot(clock.factor * errors.times[::every], shown, color=style.colour,
+                          linestyle=style.dash, linewidth=1.1, label=label_of(run, statuses[run]))
+                if (line > 0.0).any():
+                    top = max(top, float(line.max()))
+                    bottom = min(bottom, float(np.quantile(line[line > 0.0], 0.02)))
+        if top > limit:
+            axes.axhline(limit, color=LIMIT_COLOUR, linewidth=0.8, linestyle=":", zorder=0)
+            axes.text(0.99, limit, f"limit {limit:g}", fontsize=SMALL, color=LIMIT_COLOUR,
+                      ha="right", va="bottom", transform=axes.get_yaxis_transform())
+        axes.set_yscale("log")
+        axes.yaxis.set_minor_formatter("")  # within one decade they would run into each other
+        upper = 3.0 * min(top, _HIGHEST)
+        axes.set_ylim(min(max(bottom / 3.0, _LOWEST), 0.1 * upper), upper)
+        axes.set_xlim(0.0, clock.factor * end)
+        last = axes is panels[-1]
+        tidy(axes, f"time ({clock.name})" if last else "", "relative error", titles[measure])
+    legend_above(figure, panels[0].get_legend_handles_labels()[0], columns=2)
+    return figure
+
+
+def _positive(errors: Errors, measure: str) -> bool:
+    return measure in errors.series and bool((errors.series[measure] > 0.0).any())

@@ -1,0 +1,66 @@
+"""The two fields that bodies are coloured by: their values, units, colours, and magnification."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from sparsemor.core.analysis.charts.units import unit
+from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core.protocols.layout import Quantity
+from sparsemor.core.results.run_result import RunResult
+
+MAPS = {Quantity.DISPLACEMENT: "viridis", Quantity.TEMPERATURE: "YlOrRd"}
+"""The cold inside of a heated body stays light, so that a thin hot layer is seen."""
+
+
+def drawn_steps(run: RunResult, times: Sequence[float] | None) -> IntArray:
+    """Stored steps next to `times` (s; default: a third, two, the end)."""
+    end = float(run.times[-1])
+    return run.steps_at(times or (end / 3.0, 2.0 * end / 3.0, end))
+
+
+def values_of(run: RunResult, body: str, step: int, quantity: Quantity) -> FloatArray | None:
+    """(N,) |u|, m, or temperature, K; None for a body without the field."""
+    if run.layout.of(body, quantity) is None:
+        return None
+    if quantity is Quantity.TEMPERATURE:
+        return run.nodal_temperature(body, step)
+    return np.asarray(np.linalg.norm(run.nodal_displacement(body, step), axis=1))
+
+
+def scale_of(
+    run: RunResult, bodies: Sequence[str], steps: Sequence[int], quantity: Quantity
+) -> tuple[float, str]:
+    """Factor from SI units, and the label of the colour bar."""
+    if quantity is Quantity.TEMPERATURE:
+        return 1.0, "temperature (K)"
+    largest = max(float(np.abs(run.nodal_displacement(b, s)).max()) for b in bodies for s in steps)
+    shown = unit(largest, "m")
+    return shown.factor, f"displacement |u| ({shown.name})"
+
+
+def shades(values: FloatArray, quantity: Quantity) -> tuple[float, float]:
+    """Ends of the colours for these values; displacements start at 0."""
+    low = 0.0 if quantity is Quantity.DISPLACEMENT else float(values.min())
+    high = float(values.max())
+    # one colour throughout still needs a scale
+    return (low, high) if low < high else (low - 0.5, high + 0.5)
+
+
+def magnification(run: RunResult, bodies: Sequence[str], steps: Sequence[int]) -> float:
+    """1, 2 or 5 times a power of ten that makes the largest |u| about 6 % of a body; at least 1."""
+    ratio = 0.0
+    for body in bodies:
+        size = float(np.ptp(run.points(body), axis=0).max())
+        for step in steps:
+            u = np.linalg.norm(run.nodal_displacement(body, step), axis=1).max()
+            ratio = max(ratio, float(u) / size)
+    if ratio == 0.0 or ratio >= 0.06:
+        return 1.0
+    return float(round_below(0.06 / ratio))
+
+
+def round_below(x: float) -> float:
+    """The largest of 1, 2, 5 times a power of ten that is not above x > 0."""
+    power = 10.0 ** np.floor(np.log10(x))
+    return float(power * max(m for m in (1.0, 2.0, 5.0) if m * power <= x * (1.0 + 1e-12)))

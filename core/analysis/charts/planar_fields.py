@@ -1,0 +1,135 @@
+"""Bodies where they are, coloured by a field, at three times (as Fig. 5 of the paper)."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from sparsemor.core.analysis.charts.fields import (
+    MAPS,
+    drawn_steps,
+    magnification,
+    scale_of,
+    shades,
+    values_of,
+)
+from sparsemor.core.analysis.charts.style import (
+    COLUMN,
+    NORMAL,
+    PAGE,
+    SMALL,
+    TRACE,
+    new_figure,
+    tidy,
+)
+from sparsemor.core.analysis.charts.units import Unit, unit
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.model.facets import boundary
+from sparsemor.core.protocols.layout import Quantity
+from sparsemor.core.protocols.mesh import Mesh
+from sparsemor.core.protocols.poses import PLANAR
+from sparsemor.core.results.run_result import RunResult
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def drawable_bodies(run: RunResult) -> list[str]:
+    """Planar bodies with a mesh of triangles."""
+    return [body for body in run.bodies
+            if run.points(body).shape[1] == 2 and run.cells(body).shape[1:] == (3,)
+            and ((frame := run.layout.of(body, Quantity.POSE)) is None or frame.size == PLANAR)]
+
+
+def deformation_figure(
+    run: RunResult, quantity: Quantity, times: Sequence[float] | None = None
+) -> "Figure | None":
+    """|u| or temperature on the moved bodies at `times` (s; default: a third, two, the end).
+
+    Displacements are magnified by a round factor, which the picture states. None when no planar
+    body has the field.
+    """
+    bodies = drawable_bodies(run)
+    if len(run.times) == 0 or not any(
+            run.layout.of(b, quantity) is not None for b in bodies):
+        return None
+    steps = drawn_steps(run, times).tolist()
+    factor = magnification(run, bodies, steps)
+    scale, label = scale_of(run, bodies, steps, quantity)
+    colours = [[values_of(run, b, s, quantity) for b in bodies] for s in steps]
+    seen = np.concatenate([v * scale for row in colours for v in row if v is not None])
+    low, high = shades(seen, quantity)
+    box, clock = _bounds(run, bodies, steps, factor), unit(float(run.times[-1]), "s")
+    metre = _length_unit(box)
+    figure, panels = _panels(len(steps), (box[3] - box[2]) / (box[1] - box[0]))
+    drawn: Any = None
+    for axes, step, row in zip(panels, steps, colours, strict=True):
+        place = axes.get_subplotspec()
+        tidy(axes, f"x ({metre.name})" if place.is_last_row() else "",
+             f"y ({metre.name})" if place.is_first_col() else "",
+             f"t = {clock.factor * run.times[step]:.3f} {clock.name}")
+        for body, values in zip(bodies, row, strict=True):
+            _trace(axes, run, body, metre)
+            x, y = metre.factor * run.positions(body, step, factor).T
+            cells = run.cells(body)
+            if values is not None:
+                drawn = axes.tripcolor(x, y, cells, values * scale, shading="gouraud",
+                                       rasterized=True, vmin=low, vmax=high, cmap=MAPS[quantity])
+            edges = boundary(Mesh(run.points(body), cells))
+            axes.plot(x[edges].T, y[edges].T, color="#606060", linewidth=0.3)
+        axes.set_aspect("equal")
+        axes.set(xlim=[metre.factor * x for x in box[:2]],
+                 ylim=[metre.factor * y for y in box[2:]])
+    bar = figure.colorbar(drawn, ax=panels, shrink=0.9, pad=0.015, aspect=30)
+    bar.set_label(label, fontsize=NORMAL)
+    bar.ax.tick_params(labelsize=SMALL, width=0.6, length=3)
+    notes = [f"drawn with displacements × {factor:g}"] * any(
+        run.layout.of(b, Quantity.DISPLACEMENT) is not None for b in bodies)
+    notes += ["grey: path of each body frame's origin"] * any(
+        _path(run, b) is not None for b in bodies)
+    figure.supxlabel("; ".join(notes), fontsize=SMALL)
+    return figure
+
+
+def _panels(count: int, slope: float) -> "tuple[Figure, list[Any]]":
+    """Side by side, or below each other where what is drawn is wide; slope: height by width."""
+    wide = slope < 0.75
+    rows, columns = (count, 1) if wide else (1, count)
+    width = 1.35 * COLUMN if wide else PAGE
+    panel = (width - 1.2) / columns * slope
+    figure = new_figure(width, rows * (panel + 0.35) + 0.6)
+    panels = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
+    return figure, list(panels.ravel())
+
+
+def _length_unit(box: tuple[float, float, float, float]) -> Unit:
+    return unit(max(box[1] - box[0], box[3] - box[2]), "m")
+
+
+def _bounds(
+    run: RunResult, bodies: Sequence[str], steps: Sequence[int], factor: float
+) -> tuple[float, float, float, float]:
+    points = [run.positions(b, s, factor) for b in bodies for s in steps]
+    points += [path for b in bodies if (path := _path(run, b)) is not None]
+    low, high = np.concatenate(points).min(axis=0), np.concatenate(points).max(axis=0)
+    margin = 0.04 * float((high - low).max())
+    return (float(low[0] - margin), float(high[0] + margin),
+            float(low[1] - margin), float(high[1] + margin))
+
+
+def _trace(axes: Any, run: RunResult, body: str, metre: Unit) -> None:
+    """The path of the body frame's origin, which sits at a joint in most scenes."""
+    path = _path(run, body)
+    if path is not None:
+        axes.plot(*(metre.factor * path.T), color=TRACE, linewidth=0.8, zorder=0)
+
+
+def _path(run: RunResult, body: str) -> FloatArray | None:
+    """(j, 2) where the origin of the body's frame was, solved for or followed; None: it stays."""
+    frame = run.layout.of(body, Quantity.POSE)
+    if frame is not None:
+        return run.block(frame.name)[:, :2]
+    stage = run.stage()
+    if stage is None or body not in stage.moves:
+        return None
+    return stage.frames[body].pose[stage.times <= run.times[-1], :2]

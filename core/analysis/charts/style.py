@@ -1,0 +1,101 @@
+"""The look of every picture: colours, dashes, sizes. Nothing global is changed."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from sparsemor.core.status import Status
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+COLUMN, PAGE = 3.5, 7.2
+"""Widths of a figure in a column and across a page, inches."""
+SMALL, NORMAL = 7.0, 8.0
+"""Sizes of type, points."""
+REFERENCE_COLOUR = "#b0b0b0"
+TRACE = "#d0d0d0"
+LIMIT_COLOUR = "#8b0000"
+"""Of errors above a limit."""
+
+# Okabe and Ito's set without its yellow, which is lost on white paper.
+_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+_DASHES: tuple[Any, ...] = (
+    "-", (0, (5, 1.5)), (0, (1.2, 1.2)), (0, (6, 1.5, 1.2, 1.5)), (0, (3, 1, 1, 1, 1, 1)),
+    (0, (8, 3)))
+_MARKERS = ("o", "s", "^", "D", "v", "P")
+
+
+@dataclass(frozen=True, slots=True)
+class LineStyle:
+    """Line style of one run in every picture; dashes and markers survive black-and-white print."""
+
+    colour: str
+    dash: Any
+    marker: str
+
+
+def style_of(number: int) -> LineStyle:
+    """The style of run `number`; colours and dashes go round at different lengths."""
+    turn = number // len(_COLOURS)
+    return LineStyle(
+        _COLOURS[number % len(_COLOURS)],
+        _DASHES[(number + turn) % len(_DASHES)],
+        _MARKERS[(number + turn) % len(_MARKERS)],
+    )
+
+
+def plain(text: str) -> str:
+    """A name that is drawn as written: a dollar sign in it begins no formula."""
+    return text.replace("$", r"\$")
+
+
+def label_of(name: str, status: Status) -> str:
+    """The run's name, with how it ended if it did not end well."""
+    name = plain(name)
+    return name if status.ok else f"{name} ({status.value.replace('_', ' ')})"
+
+
+def new_figure(width: float, height: float) -> "Figure":
+    """An empty figure with its own Agg canvas and constrained layout; inches."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width, height), layout="constrained", dpi=200, facecolor="white")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def tidy(axes: "Axes", xlabel: str = "", ylabel: str = "", title: str = "") -> None:
+    """Labels, light grid, no box on the free sides."""
+    axes.set_xlabel(xlabel, fontsize=NORMAL)
+    axes.set_ylabel(ylabel, fontsize=NORMAL)
+    if title:
+        axes.set_title(title, fontsize=NORMAL, loc="left")
+    axes.tick_params(labelsize=SMALL, width=0.6, length=3)
+    axes.grid(True, color="#e6e6e6", linewidth=0.5)
+    axes.set_axisbelow(True)
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
+    for spine in axes.spines.values():
+        spine.set_linewidth(0.6)
+
+
+def legend_above(figure: "Figure", handles: list[Any], columns: int = 3) -> None:
+    """One legend for all panels, outside them, so that it never covers data."""
+    figure.legend(
+        handles=handles, loc="outside upper left", ncols=min(columns, len(handles)),
+        fontsize=SMALL, frameon=False, handlelength=3.2, columnspacing=1.2, borderaxespad=0.2)
+
+
+def save(figure: "Figure", folder: Path, name: str, formats: Iterable[str]) -> list[Path]:
+    """Writes name.png, name.svg, ..; returns their paths."""
+    files = []
+    for kind in formats:
+        file = folder / f"{name}.{kind}"
+        metadata = {"Date": None} if kind == "svg" else None  # the same run, the same file
+        figure.savefig(file, format=kind, dpi=300, metadata=metadata)
+        files.append(file)
+    return files

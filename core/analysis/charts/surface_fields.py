@@ -1,0 +1,175 @@
+"""Skins of bodies in space, coloured by a field, at some times (as Fig. 19 of the paper)."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import repeat
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sparsemor.core.analysis.charts.fields import (
+    MAPS,
+    drawn_steps,
+    magnification,
+    round_below,
+    scale_of,
+    shades,
+    values_of,
+)
+from sparsemor.core.analysis.charts.style import NORMAL, PAGE, SMALL, new_figure
+from sparsemor.core.analysis.charts.surface_matplotlib import paint
+from sparsemor.core.analysis.charts.surface_pyvista import rendered
+from sparsemor.core.analysis.charts.units import unit
+from sparsemor.core.analysis.charts.view import VIEWS, Surface, View, half_of, middle
+from sparsemor.core.model.facets import boundary
+from sparsemor.core.protocols.layout import Quantity
+from sparsemor.core.protocols.mesh import Mesh
+from sparsemor.core.results.run_result import RunResult
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+NAMES: Mapping[Quantity, str] = {
+    Quantity.DISPLACEMENT: "deformation", Quantity.TEMPERATURE: "temperature"}
+_ACROSS = 3
+Render = Callable[[Sequence[Surface]], list[NDArray[np.uint8]] | None]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Skin:
+    """One body and field at all drawn times, from each side: surfaces by view, then by time."""
+
+    run: RunResult
+    body: str
+    steps: list[int]
+    factor: float
+    label: str
+    surfaces: list[list[Surface]]
+
+
+def solid_bodies(run: RunResult) -> list[str]:
+    """Bodies with a mesh of tetrahedra."""
+    return [body for body in run.bodies if run.cells(body).shape[1:] == (4,)]
+
+
+def surface_figures(
+    run: RunResult, times: Sequence[float] | None = None, render: Render = rendered
+) -> "dict[str, Figure]":
+    """`temperature_BODY` and `deformation_BODY` (|u|) of each body in space, from above and below.
+
+    times: s (default: a third, two, the end). Displacements are magnified by a round factor, which
+    the picture states. render: tried first; what it does not draw, matplotlib draws.
+    """
+    if len(run.times) == 0:
+        return {}
+    steps = drawn_steps(run, times).tolist()
+    skins = {f"{NAMES[q]}_{body}": _skin_of(run, body, q, steps)
+             for body in solid_bodies(run) for q in NAMES
+             if run.layout.of(body, q) is not None}
+    every = [s for skin in skins.values() for row in skin.surfaces for s in row]
+    images = render(every)
+    drawn = repeat(None) if images is None else iter(images)
+    return {name: _figure(skin, drawn) for name, skin in skins.items()}
+
+
+def _skin_of(run: RunResult, body: str, quantity: Quantity, steps: list[int]) -> _Skin:
+    factor = magnification(run, [body], steps)
+    scale, label = scale_of(run, [body], steps, quantity)
+    triangles = boundary(Mesh(run.points(body), run.cells(body)))
+    fields = [values_of(run, body, step, quantity) for step in steps]
+    values = [scale * field[triangles] for field in fields if field is not None]
+    low, high = shades(np.concatenate(values), quantity)
+    places = [run.positions(body, step, factor) for step in steps]
+    rows = []
+    for view in VIEWS:
+        seen = [view.seen(place) for place in places]
+        half = half_of(seen)
+        rows.append([Surface((s - middle(s))[triangles], v, low, high, MAPS[quantity], half)
+                     for s, v in zip(seen, values, strict=True)])
+    return _Skin(run, body, steps, factor, label, rows)
+
+
+def _figure(skin: _Skin, images: Iterator[NDArray[np.uint8] | None]) -> "Figure":
+    """Rows in pairs, from above and from below, of up to three times."""
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
+
+    across = min(_ACROSS, len(skin.steps))
+    groups = -(-len(skin.steps) // across)
+    slope = max(row[0].half[1] / row[0].half[0] for row in skin.surfaces)
+    panel = min((PAGE - 1.3) / across, 3.2)
+    figure = new_figure(panel * across + 1.3, len(VIEWS) * groups * (panel * slope + 0.25) + 0.35)
+    grid = figure.subplots(len(VIEWS) * groups, across, squeeze=False)
+    for axes in grid.ravel():
+        axes.set_visible(False)
+    clock = unit(float(skin.run.times[-1]), "s")
+    for side, (view, row) in enumerate(zip(VIEWS, skin.surfaces, strict=True)):
+        for number, (step, surface) in enumerate(zip(skin.steps, row, strict=True)):
+            group, column = divmod(number, across)
+            axes = grid[len(VIEWS) * group + side, column]
+            _panel(axes, surface, next(images))
+            if side == 0:
+                axes.set_title(f"t = {clock.factor * skin.run.times[step]:.4g} {clock.name}",
+                               fontsize=NORMAL, loc="left")
+            if column == 0:
+                axes.set_ylabel(view.name, fontsize=NORMAL)
+                _directions(axes, view, surface)
+                _length(axes, surface)
+    first = skin.surfaces[0][0]
+    colours = ScalarMappable(Normalize(first.low, first.high), first.colours)
+    bar = figure.colorbar(colours, ax=grid.ravel().tolist(), shrink=0.8, pad=0.015, aspect=30)
+    bar.set_label(skin.label, fontsize=NORMAL)
+    bar.ax.tick_params(labelsize=SMALL, width=0.6, length=3)
+    figure.supxlabel(_note(skin), fontsize=SMALL)
+    return figure
+
+
+def _panel(axes: "Axes", surface: Surface, image: NDArray[np.uint8] | None) -> None:
+    w, h = surface.half
+    axes.set_visible(True)
+    if image is None:
+        paint(axes, surface)
+    else:
+        axes.imshow(image, extent=(-w, w, -h, h), interpolation="antialiased", rasterized=True)
+    axes.set(xlim=(-w, w), ylim=(-h, h), xticks=[], yticks=[], aspect="equal")
+    for spine in axes.spines.values():
+        spine.set_visible(False)
+
+
+def _directions(axes: "Axes", view: View, surface: Surface) -> None:
+    """Axes x, y and z, in a corner to the left."""
+    size = 0.16 * float(surface.half.min())
+    corner = (surface.half - 1.5 * size) * (-1.0, _emptier(surface, -1.0))
+    for name, (dx, dy) in zip("xyz", view.axes[:2].T, strict=True):
+        tip = corner + size * np.array([dx, dy])
+        axes.plot([corner[0], tip[0]], [corner[1], tip[1]], color="black", linewidth=0.7)
+        x, y = corner + 1.45 * size * np.array([dx, dy])
+        axes.text(x, y, name, fontsize=SMALL, ha="center", va="center")
+
+
+def _length(axes: "Axes", surface: Surface) -> None:
+    """A bar of round length in a corner to the right."""
+    half = surface.half
+    length = round_below(0.5 * float(half[0]))
+    shown = unit(length, "m")
+    low = _emptier(surface, 1.0) < 0.0
+    x, y = 0.97 * half[0], (-0.97 if low else 0.85) * half[1]
+    axes.plot([x - length, x], [y, y], color="black", linewidth=1.2, solid_capstyle="butt")
+    axes.text(x - 0.5 * length, y + 0.02 * half[0], f"{shown.factor * length:g} {shown.name}",
+              fontsize=SMALL, ha="center", va="bottom")
+
+
+def _emptier(surface: Surface, side: float) -> float:
+    """-1.0 for the lower corner on the left (side -1) or right (1), 1.0 for the upper one: that
+    with less of the body in it."""
+    x, y = (surface.corners.reshape(-1, 3)[:, :2] / surface.half).T
+    inside = [int(np.sum((side * x > 0.5) & (up * y > 0.5))) for up in (-1.0, 1.0)]
+    return -1.0 if inside[0] <= inside[1] else 1.0
+
+
+def _note(skin: _Skin) -> str:
+    drawn = f"drawn with displacements × {skin.factor:g}; " if (
+        skin.run.layout.of(skin.body, Quantity.DISPLACEMENT) is not None) else ""
+    return f"{drawn}each panel is centred on the body"

@@ -1,0 +1,46 @@
+"""Skins drawn by pyvista (extra `pictures3d`), without a window and in a process of its own.
+
+VTK may end its process where neither a display nor EGL or OSMesa is to be had, and it changes
+things for the whole process. So it gets another one, and a picture that does not come about is
+drawn by `painted`.
+"""
+
+import subprocess
+import sys
+from collections.abc import Sequence
+from dataclasses import asdict
+from importlib.util import find_spec
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sparsemor.core.analysis.charts.view import Surface
+
+_SECONDS = 300.0
+_WORKER = "sparsemor.core.analysis.charts.surface_pyvista_worker"
+
+
+def rendered(surfaces: Sequence[Surface]) -> list[NDArray[np.uint8]] | None:
+    """An image (h, w, 3) each, which fills its panel; None where pyvista cannot draw."""
+    if not surfaces or find_spec("pyvista") is None:
+        return None
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        for number, surface in enumerate(surfaces):
+            arrays: dict[str, Any] = asdict(surface)
+            np.savez(folder / f"{number}.npz", **arrays)
+        try:
+            done = subprocess.run(
+                [sys.executable, "-m", _WORKER, name], check=False, capture_output=True,
+                stdin=subprocess.DEVNULL, timeout=_SECONDS)
+        except subprocess.TimeoutExpired:
+            return None
+        files = [folder / f"{number}.npy" for number in range(len(surfaces))]
+        if done.returncode != 0 or not all(file.exists() for file in files):
+            return None
+        images = [np.load(file) for file in files]
+    blank = any(image.min() == image.max() for image in images)
+    return None if blank else images

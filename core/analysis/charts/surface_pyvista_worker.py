@@ -1,0 +1,49 @@
+"""The process that draws surfaces with pyvista: `python -m` this module, then FOLDER.
+
+Reads FOLDER/0.npz, .. as `rendered` writes them; for each an image 0.npy, .. (h, w, 3) of bytes.
+"""
+
+import sys
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sparsemor.core.analysis.charts.view import DARKEST, LIGHT
+
+PIXELS = 700
+"""Along the longer side of a panel."""
+
+
+def _render(file: Path) -> None:
+    pyvista: Any = import_module("pyvista")
+    with np.load(file) as data:
+        corners, values, half = data["corners"], data["values"], data["half"]
+        ends, colours = (float(data["low"]), float(data["high"])), str(data["colours"])
+    points, where = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
+    of_points = np.zeros(len(points))
+    of_points[where.ravel()] = values.ravel()
+    skin = pyvista.PolyData.from_regular_faces(points, where.reshape(-1, 3))
+    size = np.maximum(1, np.round(PIXELS * half / half.max()).astype(int))
+    far = 10.0 * float(np.abs(corners).max() + half.max())
+    plotter = pyvista.Plotter(off_screen=True, window_size=size.tolist(), lighting="none")
+    plotter.add_light(pyvista.Light(position=tuple(far * LIGHT), light_type="scene light"))
+    plotter.set_background("white")
+    plotter.add_mesh(
+        skin, scalars=of_points, clim=ends, cmap=colours, show_scalar_bar=False,
+        smooth_shading=True, split_sharp_edges=True, ambient=DARKEST, diffuse=1.0 - DARKEST,
+        specular=0.0)
+    plotter.camera_position = [(0.0, 0.0, far), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0)]
+    plotter.enable_parallel_projection()
+    plotter.camera.parallel_scale = float(half[1])
+    plotter.reset_camera_clipping_range()
+    plotter.enable_anti_aliasing("ssaa")
+    image = plotter.screenshot(None, return_img=True)
+    np.save(file.with_suffix(".npy"), image)
+    plotter.close()
+
+
+if __name__ == "__main__":
+    for given in sorted(Path(sys.argv[1]).glob("*.npz")):
+        _render(given)

@@ -1,0 +1,245 @@
+"""Work-precision chart: error against time per step, one line for each method."""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from textwrap import fill
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from sparsemor.core.analysis.charts.label_placement import place_labels
+from sparsemor.core.analysis.charts.style import (
+    COLUMN,
+    LIMIT_COLOUR,
+    NORMAL,
+    REFERENCE_COLOUR,
+    SMALL,
+    LineStyle,
+    legend_above,
+    new_figure,
+    plain,
+    style_of,
+    tidy,
+)
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.protocols.layout import FieldKind, Quantity
+from sparsemor.core.results.error_norms import LIMIT
+from sparsemor.core.status import Status
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_NAMED = 6
+"""Most runs that stopped early which are named under the picture."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WorkPoint:
+    """One run. method: what is compared; budget: how much of it ("30/20 atoms"), or "".
+
+    ms_per_step: computing time, None when no step was taken; speed_up over the reference, None
+    when not known; errors: measure (`angle_rad`, a field, `combined`) -> largest
+    error over time; offline_seconds: before the first step.
+    """
+
+    method: str
+    budget: str
+    ms_per_step: float | None
+    speed_up: float | None
+    errors: Mapping[str, float]
+    status: Status
+    offline_seconds: float | None = None
+
+    @property
+    def name(self) -> str:
+        return f"{self.method} {self.budget}".strip()
+
+
+@dataclass(frozen=True, slots=True)
+class _Range:
+    """Limits of one panel: errors low..high between decades, and the edge for stopped runs."""
+
+    bottom: float
+    top: float
+    edge: float
+
+
+def work_precision_figure(
+    points: Sequence[WorkPoint], reference: WorkPoint | None, kinds: Sequence[FieldKind],
+    limit: float = LIMIT,
+) -> "Figure | None":
+    """One panel a measure, both axes logarithmic: error against ms/step, and above the panel
+    the speed-up over the reference, whose time is a vertical line. kinds: of the runs' fields;
+    poses have a panel where no body turns by an angle.
+
+    Points of a method are joined in the order of the numbers in their budgets; the first and the
+    last are labelled. Runs that did not
+    reach their end stand at the upper edge, hollow, and are named below; a cross marks errors above
+    `limit`. None when no run has both a time and an error.
+    """
+    points = [_drawn(p) for p in points]
+    reference = None if reference is None else _drawn(reference)
+    timed = [p for p in points if p.ms_per_step]
+    titles = {"angle_rad": "angle", **{k.name: k.label for k in kinds if k.order > 0},
+              "combined": "all unknowns together"}
+    measures = [m for m in titles if any(p.errors.get(m, 0.0) > 0.0 for p in timed)]
+    if "angle_rad" in measures:
+        poses = {k.name for k in kinds if k.quantity is Quantity.POSE}
+        measures = [m for m in measures if m not in poses]
+    if not measures:
+        return None
+    methods = list(dict.fromkeys(p.method for p in points))
+    alone = len({p.method for p in timed}) == len(timed)  # then names stand beside the points
+    stopped = [p for p in points if not p.status.ok]
+    columns = 2 if len(measures) > 1 else 1
+    rows = -(-len(measures) // columns)
+    figure = new_figure(1.1 * COLUMN * columns, 0.3 + 2.75 * rows)
+    panels = figure.subplots(rows, columns, squeeze=False).ravel()
+    for axes in panels[len(measures):]:
+        axes.set_visible(False)
+    jobs = []
+    for measure, axes in zip(measures, panels, strict=False):
+        unit = " (rad)" if measure == "angle_rad" else ""
+        relative = "" if unit else "relative "
+        tidy(axes, "computing time (ms/step)", f"largest {relative}error{unit}")
+        _time_axis(axes, timed, reference, 0.22 if alone else 0.12)
+        axes.set_title(titles[measure], fontsize=NORMAL, loc="left", fontweight="bold")
+        shown = [p for p in timed if measure in p.errors or not p.status.ok]
+        texts, lines = _lines(axes, measure, shown, methods, alone, limit)
+        if reference is not None and reference.ms_per_step:
+            lines.append(np.array([[reference.ms_per_step, y] for y in axes.get_ylim()]))
+        jobs.append((axes, texts, lines))
+    if not alone:
+        legend_above(figure, _handles(methods, points), columns=2 if columns == 1 else 4)
+    below = [_stopped_note(stopped, columns)] if stopped else []
+    if any(e > limit for p in timed for m, e in p.errors.items() if m in measures and p.status.ok):
+        below.append(f"crossed out: error above {limit:g}")
+    if below:
+        figure.supxlabel("\n".join(below), fontsize=SMALL, x=0.01, ha="left")
+    figure.draw_without_rendering()  # the layout must stand before labels are placed
+    for axes, texts, lines in jobs:
+        place_labels(axes, texts, not alone, lines)
+    return figure
+
+
+def _drawn(point: WorkPoint) -> WorkPoint:
+    return replace(point, method=plain(point.method), budget=plain(point.budget))
+
+
+def _lines(
+    axes: Any, measure: str, points: Sequence[WorkPoint], methods: Sequence[str], alone: bool,
+    limit: float,
+) -> tuple[list[tuple[float, float, str, str]], list[FloatArray]]:
+    """Draws the points; returns (ms, error, label, colour) of each, and the lines (j, 2).
+
+    Along a line the first and the last budget are labelled, or there is more text than line.
+    """
+    from matplotlib.ticker import LogLocator, NullLocator
+
+    limits = _limits(measure, points)
+    axes.set_yscale("log")
+    axes.set_ylim(limits.bottom, limits.top)
+    axes.yaxis.set_major_locator(LogLocator(numticks=7))
+    axes.yaxis.set_minor_locator(NullLocator())
+    texts: list[tuple[float, float, str, str]] = []
+    lines: list[FloatArray] = []
+    for number, method in enumerate(methods):
+        style = style_of(number)
+        own = sorted((p for p in points if p.method == method), key=_budget_order)
+        ended = [p for p in own if p.status.ok]
+        # an error of 0 has no place on a logarithmic axis: it stands at the lower edge
+        placed = [(p, max(p.errors.get(measure, 0.0), limits.bottom)) for p in ended]
+        placed += [(p, limits.edge) for p in own if not p.status.ok]
+        line = np.array([[p.ms_per_step, y] for p, y in placed[:len(ended)]]).reshape(-1, 2)
+        axes.plot(*line.T, color=style.colour, linestyle=style.dash, linewidth=1.1)
+        lines.append(line)
+        for p, y in placed:
+            _marker(axes, p.ms_per_step, y, style, p.status.ok)
+            if p.status.ok and p.errors.get(measure, 0.0) > limit:
+                axes.plot([p.ms_per_step], [y], linestyle="none", marker="x", markersize=9,
+                          color=LIMIT_COLOUR, clip_on=False, zorder=4)
+            told = not p.status.ok or p is ended[0] or p is ended[-1]
+            label = method if alone else p.budget if told else ""
+            texts.append((float(p.ms_per_step or 0.0), y, label, style.colour))
+    return texts, lines
+
+
+def _marker(axes: Any, x: float | None, y: float, style: LineStyle, ok: bool) -> None:
+    axes.plot([x], [y], linestyle="none", marker=style.marker, markersize=5.5, color=style.colour,
+              markerfacecolor=style.colour if ok else "white", clip_on=False, zorder=3)
+
+
+def _limits(measure: str, points: Sequence[WorkPoint]) -> _Range:
+    errors = [p.errors.get(measure, 0.0) for p in points if p.status.ok]
+    known = [e for e in errors if e > 0.0] or [1e-3]
+    bottom = 10.0 ** np.floor(np.log10(min(known) / 2.0))
+    top = max(10.0 ** np.ceil(np.log10(max(known) * 2.0)), 10.0 * bottom)
+    if any(not p.status.ok for p in points):
+        top *= 100.0
+    return _Range(float(bottom), float(top), float(top))
+
+
+def _budget_order(p: WorkPoint) -> tuple[list[float], float]:
+    numbers = [float(n) for n in re.findall(r"\d+(?:\.\d+)?(?:e[-+]?\d+)?", p.budget)]
+    return numbers, p.ms_per_step or 0.0
+
+
+def _time_axis(
+    axes: Any, points: Sequence[WorkPoint], reference: WorkPoint | None, spare: float
+) -> None:
+    """ms/step below; where the reference's time is known, speed-up above and a line there.
+
+    spare: room next to the points, as a share of their span.
+    """
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
+
+    axes.set_xscale("log")
+    base = reference.ms_per_step if reference is not None else None
+    times = [p.ms_per_step for p in points if p.ms_per_step] + ([base] if base else [])
+    low, high = np.log10(min(times)), np.log10(max(times))
+    margin = spare * max(high - low, 0.5)
+    axes.set_xlim(10.0 ** (low - margin), 10.0 ** (high + margin))
+    span = high - low + 2 * margin
+    subs = (1.0, 2.0, 3.0, 5.0, 7.0) if span < 0.9 else (1.0, 2.0, 5.0) if span < 2.6 else (1.0,)
+    scales = [axes.xaxis]
+    if base and reference is not None:
+        axes.axvline(base, color=REFERENCE_COLOUR, linewidth=1.2, zorder=0)
+        axes.text(base, 0.02, f"{reference.method} ", rotation=90, ha="right", va="bottom",
+                  color="#606060", fontsize=SMALL, transform=axes.get_xaxis_transform())
+        above = axes.secondary_xaxis("top", functions=(_ratio_to(base), _ratio_to(base)))
+        above.set_xlabel(f"speed-up over {reference.method}", fontsize=SMALL)
+        above.tick_params(labelsize=SMALL, width=0.6, length=3)
+        above.spines["top"].set_linewidth(0.6)
+        scales.append(above.xaxis)
+    for scale in scales:
+        scale.set_major_locator(LogLocator(subs=subs, numticks=12))
+        scale.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        scale.set_minor_locator(NullLocator())
+
+
+def _ratio_to(base: float) -> Any:
+    # matplotlib also asks for 0 and below, while it lays out the axis
+    return lambda value: base / np.maximum(value, 1e-300)
+
+
+def _handles(methods: Sequence[str], points: Sequence[WorkPoint]) -> list[Any]:
+    from matplotlib.lines import Line2D
+
+    handles = []
+    for number, method in enumerate(methods):
+        style = style_of(number)
+        ok = any(p.status.ok for p in points if p.method == method)
+        handles.append(Line2D([], [], color=style.colour, linestyle=style.dash, linewidth=1.1,
+                              marker=style.marker, markersize=5.0, label=method,
+                              markerfacecolor=style.colour if ok else "white"))
+    return handles
+
+
+def _stopped_note(stopped: Sequence[WorkPoint], columns: int) -> str:
+    named = [f"{p.name} ({p.status.value.replace('_', ' ')})" for p in stopped[:_NAMED]]
+    more = f", and {len(stopped) - _NAMED} more" if len(stopped) > _NAMED else ""
+    return fill(f"hollow, stopped early: {', '.join(named)}{more}", 62 * columns)
+
+
+__all__ = ["WorkPoint", "work_precision_figure"]

@@ -1,0 +1,282 @@
+"""Comparison of runs with a reference: errors, times and pictures."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.errors import InputError
+from sparsemor.core.results.cost import RunFacts, pays_after, run_facts
+from sparsemor.core.results.error_norms import (
+    LIMIT,
+    START_UP,
+    Errors,
+    measure_errors,
+    measure_names,
+)
+from sparsemor.core.results.run_result import RunResult
+from sparsemor.core.results.tables import CONSTANT, MARK, csv_table, marked, text_table
+from sparsemor.core.results.zarr_files import to_json
+
+if TYPE_CHECKING:
+    from sparsemor.core.analysis.charts.work_precision import WorkPoint
+
+REFERENCE = "reference"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Comparison:
+    """Runs by name, measured against `reference`. `str()` gives the table.
+
+    name: what the reference is called: its reducer, or "reference" if a run has that name.
+    limit: errors above it (relative; rad for angles) are marked.
+    """
+
+    reference: RunResult
+    runs: Mapping[str, RunResult]
+    measured: Mapping[str, Errors]
+    name: str = REFERENCE
+    limit: float = LIMIT
+
+    @property
+    def above_limit(self) -> dict[str, dict[str, float]]:
+        """run -> measure -> error above `limit`: combined, fields, angle_rad; runs without one are
+        absent."""
+        return {run: found for run, e in self.measured.items() if (found := e.above(self.limit))}
+
+    @property
+    def errors(self) -> dict[str, dict[str, float]]:
+        """run -> measure -> largest error over time: combined, fields, `body.field`, angle_rad."""
+        return {run: e.worst for run, e in self.measured.items()}
+
+    @property
+    def late_errors(self) -> dict[str, dict[str, float]]:
+        """The same, from `errors_from` on."""
+        return {run: e.worst_late for run, e in self.measured.items()}
+
+    @property
+    def series(self) -> dict[str, dict[str, FloatArray]]:
+        """run -> measure -> (j,) error at each of `measured[run].times`."""
+        return {run: e.series for run, e in self.measured.items()}
+
+    @property
+    def facts(self) -> dict[str, RunFacts]:
+        """Cost of each run; the reference comes first."""
+        return {name: run_facts(run) for name, run in self._all().items()}
+
+    @property
+    def pays_after(self) -> dict[str, int | None]:
+        """run -> number of online runs after which offline and online together beat as many of
+        the reference; None when never, or when one of the two did not reach its end."""
+        facts = self.facts
+        return {run: pays_after(facts[self.name], facts[run]) for run in self.runs}
+
+    def work_points(self) -> "tuple[list[WorkPoint], WorkPoint]":
+        """Each run, and the reference, as points of the work-precision chart."""
+        from sparsemor.core.analysis.charts.work_precision import WorkPoint
+
+        facts = self.facts
+        base = facts[self.name].ms_per_step
+
+        def point(name: str, f: RunFacts) -> WorkPoint:
+            gain = base / f.ms_per_step if base and f.ms_per_step else None
+            return WorkPoint(name, "", f.ms_per_step, gain, self.errors.get(name, {}), f.status,
+                             f.offline_whole_seconds)
+
+        found = {name: point(name, f) for name, f in facts.items()}
+        return [found[run] for run in self.runs], found[self.name]
+
+    @property
+    def notes(self) -> dict[str, str]:
+        """run -> how it was compared only in part; absent for runs that reached the end."""
+        end = float(self.reference.times[-1])
+        found = {}
+        for run, e in self.measured.items():
+            parts = [f"{self.runs[run].status.value}, compared up to {e.until:.6g} s of {end:.6g} s"
+                     ] if e.until < end * (1.0 - 1e-9) else []
+            if e.unshared:
+                parts.append("not compared, because only one run has them or their sizes differ: "
+                             + ", ".join(e.unshared))
+            if parts:
+                found[run] = f"{run}: {'; '.join(parts)}"
+        return found
+
+    def __str__(self) -> str:
+        facts, pays = self.facts, self.pays_after
+        base = facts[self.name].ms_per_step
+        measures = measure_names(self.reference.layout.kinds)
+        fields = [f for f in measures if any(f in e.worst for e in self.measured.values())]
+        head = ["run", "reducer", "status", "ms/step", "speed-up", "iterations", "atoms", "rows",
+                "offline s", "pays after"]
+        table = [[*head, *(f.replace("_", " ") for f in fields)]]
+        for name, f in facts.items():
+            errors = self.errors.get(name, {})
+            label = f"{name} (reference)" if name == self.name != REFERENCE else name
+            table.append([
+                label, f.reducer, f.status.value, _text(f.ms_per_step, ".3g"),
+                _ratio(base, f.ms_per_step), _text(f.iterations, ".2f"), f.atoms_text, str(f.rows),
+                _text(f.offline_whole_seconds, ".3g"), _text(pays.get(name), "d"),
+                *(self._error(name, errors, field) for field in fields)])
+        if all(name == f.reducer for name, f in facts.items()):
+            table = [[row[0], *row[2:]] for row in table]  # the second column repeats the first
+        late = next((e.late_from for e in self.measured.values() if e.late_from > 0.0), 0.0)
+        phases = ["", phase_table(self.measured, self._blocks(), self.limit)]
+        return "\n".join([text_table(table), *self._late_lines(late, fields), *phases,
+                          *self._limit_lines(), *self.notes.values()])
+
+    def to_json(self) -> str:
+        """Errors, times and counts of every run, for programs."""
+        pays = self.pays_after
+        runs = {name: f.as_dict() | {"pays_after": pays.get(name),
+                                     "errors": self.errors.get(name, {}),
+                                     "late_errors": self.late_errors.get(name, {}),
+                                     "above_limit": self.above_limit.get(name, {}),
+                                     "constant": self._constant(name),
+                                     **self._phases(name),
+                                     "note": self.notes.get(name, "")}
+                for name, f in self.facts.items()}
+        return to_json({"reference": self.name, "runs": runs}).decode()
+
+    def write(self, directory: str | Path, charts: bool = True) -> list[Path]:
+        """errors.csv, start_up.csv, error_over_time.csv and, if wanted, the charts (PNG and SVG);
+        returns their paths."""
+        folder = Path(directory)
+        folder.mkdir(parents=True, exist_ok=True)
+        tables = {"errors.csv": self._error_rows(), "start_up.csv": phase_rows(self.measured),
+                  "error_over_time.csv": self._series_rows()}
+        for name, rows in tables.items():
+            (folder / name).write_text(csv_table(rows), encoding="utf-8")
+        written = [folder / name for name in tables]
+        if not charts:
+            return written
+        from sparsemor.core.analysis.charts import write_charts
+
+        return [*written, *write_charts(self, folder)]
+
+    def _all(self) -> dict[str, RunResult]:
+        return {self.name: self.reference, **self.runs}
+
+    def _blocks(self) -> list[str]:
+        return [b.name for b in self.reference.layout.differential]
+
+    def _phases(self, name: str) -> dict[str, dict[str, float]]:
+        e = self.measured.get(name)
+        return {} if e is None else {
+            "start_up": e.start_up, "steady": e.steady,
+            "start_up_present": e.start_up_present, "steady_present": e.steady_present}
+
+    def _late_lines(self, late: float, fields: list[str]) -> list[str]:
+        if late <= 0.0:
+            return []
+        table = [[f"from {late:g} s", *(f.replace("_", " ") for f in fields)]]
+        table += [[run, *(self._error(run, e, f) for f in fields)]
+                  for run, e in self.late_errors.items()]
+        return ["", text_table(table)]
+
+    def _error_rows(self) -> list[list[Any]]:
+        measures = ["combined", *self._blocks(), "angle_rad"]
+        rows: list[list[Any]] = [
+            ["run", "status", "ms_per_step", "offline_s", "offline_whole_s", "online_s",
+             "pays_after", *measures, "above_limit", "constant"]]
+        pays = self.pays_after
+        for name, f in self.facts.items():
+            errors = self.errors.get(name, {})
+            rows.append([name, f.status.value, f.ms_per_step, f.offline_seconds,
+                         f.offline_whole_seconds, f.online_seconds, pays.get(name),
+                         *(errors.get(m) for m in measures),
+                         " ".join(self.above_limit.get(name, {})), " ".join(self._constant(name))])
+        return rows
+
+    def _error(self, run: str, errors: Mapping[str, float], measure: str) -> str:
+        e = self.measured.get(run)
+        still = e is not None and e.still(measure)
+        return CONSTANT if still else marked(errors.get(measure), ".2e", self.limit)
+
+    def _constant(self, run: str) -> list[str]:
+        return sorted(self.measured[run].constant) if run in self.measured else []
+
+    def _limit_lines(self) -> list[str]:
+        above = self.above_limit
+        if not above:
+            return []
+        worst = [f"{run} ({', '.join(f'{m} {e:.2g}' for m, e in found.items())})"
+                 for run, found in above.items()]
+        return [f"{MARK} above {self.limit:g}: {len(above)} of {len(self.runs)} runs: "
+                f"{'; '.join(worst)}"]
+
+    def _series_rows(self) -> list[list[Any]]:
+        """Each measure over time; `_present`: relative to the norm at the same time."""
+        measures = sorted({m for e in self.measured.values() for m in e.series})
+        present = sorted({m for e in self.measured.values() for m in e.present} - {"combined"})
+        rows: list[list[Any]] = [["run", "time_s", *measures, *(f"{m}_present" for m in present)]]
+        for run, e in self.measured.items():
+            columns = [e.series[m].tolist() for m in measures]
+            columns += [e.present[m].tolist() for m in present]
+            rows += [[run, *values] for values in zip(e.times.tolist(), *columns, strict=True)]
+        return rows
+
+
+def compare(
+    reference: RunResult, *, errors_from: float = 0.0, error_limit: float = LIMIT,
+    **runs: RunResult
+) -> Comparison:
+    """Measure each run against the reference; `errors_from` (s) adds errors from there on, errors
+    above `error_limit` are marked.
+
+    Raises InputError when a run has no unknowns or times in common with the reference.
+    """
+    if not runs:
+        raise InputError("name at least one run in addition to the reference")
+    measured = {}
+    for name, run in runs.items():
+        try:
+            measured[name] = measure_errors(reference, run, errors_from)
+        except InputError as fault:
+            raise fault.under(name) from None
+    name = REFERENCE if reference.reducer in runs else reference.reducer
+    return Comparison(reference, runs, measured, name, error_limit)
+
+
+def _text(value: float | None, form: str) -> str:
+    return "-" if value is None else format(value, form)
+
+
+def _ratio(base: float | None, own: float | None) -> str:
+    return f"{base / own:.3g}" if base and own else "-"
+
+
+def phase_table(
+    measured: Mapping[str, Errors], blocks: list[str], limit: float = LIMIT
+) -> str:
+    """One line a run: `start-up / steady` of the combined error and of each block, by name.
+
+    The combined error is relative to the norm at the same time, blocks to their largest change. A
+    run that was compared in one of the two only has `-` for the other. Errors above `limit` are
+    marked.
+    """
+    end = next((e.start_up_end for e in measured.values()), 0.0)
+    head = [f"first {START_UP:.0%} / rest", "combined", *blocks]
+    table = [[run, *(CONSTANT if e.still(m) else
+                     _pair(e.start_up.get(m), e.steady.get(m), limit) for m in head[1:])]
+             for run, e in measured.items()]
+    note = f"start-up until {end:.4g} s; relative to the norm at the same time: start_up.csv"
+    return "\n".join([text_table([head, *table]), note])
+
+
+def phase_rows(measured: Mapping[str, Errors]) -> list[list[Any]]:
+    """Rows of start_up.csv, one a run and measure. `_present`: relative to the reference's norm at
+    the same time, as the paper defines its combined error; empty where there is none."""
+    rows: list[list[Any]] = [
+        ["run", "measure", "start_up", "steady", "start_up_present", "steady_present"]]
+    for run, e in measured.items():
+        phases = e.start_up, e.steady, e.start_up_present, e.steady_present
+        rows += [[run, m, *(phase.get(m) for phase in phases)] for m in e.series]
+    return rows
+
+
+def _pair(start_up: float | None, steady: float | None, limit: float) -> str:
+    return " / ".join(marked(v, ".1e", limit) for v in (start_up, steady))
+
+
+__all__ = ["Comparison", "Errors", "compare"]

@@ -1,0 +1,276 @@
+"""Stability survey: number of stable seeds of each variant, printed by `sparsemor stability`."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from math import isfinite
+from typing import Any
+
+import numpy as np
+
+from sparsemor.core.analysis.stability.eigenvalue_errors import (
+    EigenvalueErrors,
+    departure,
+    exact_values,
+    own_radii,
+)
+from sparsemor.core.analysis.stability.variants import Plan, Variant, variants
+from sparsemor.core.errors import InputError
+from sparsemor.core.linalg.threads import fixed_threads
+from sparsemor.core.model.initial_state import consistent_state
+from sparsemor.core.model.model import Model
+from sparsemor.core.protocols import ChecksModel, ReducedProblem, State, StepSolver
+from sparsemor.core.protocols.reducer import is_full_order
+from sparsemor.core.registry.hooks import new_manager
+from sparsemor.core.results.tables import text_table
+from sparsemor.core.scene.scene import Scene
+from sparsemor.core.simulation.cache import Cache
+from sparsemor.core.simulation.linearization.check import (
+    LIMIT,
+    Judgement,
+    Reference,
+    failed,
+    judged,
+    over_the_run,
+)
+from sparsemor.core.simulation.linearization.differences import step_map
+from sparsemor.core.simulation.linearization.reference import (
+    along,
+    linearization_times,
+    projected,
+    states_along,
+    times_checked,
+)
+from sparsemor.core.simulation.offline import Offline, step_count
+from sparsemor.core.simulation.prepare import prepared
+from sparsemor.core.simulation.time_stepping import started
+from sparsemor.core.simulation.validation import checked_model, time_faults
+from sparsemor.core.status import SolveFailed
+
+UNKNOWN = EigenvalueErrors(None, {}, None)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Finding:
+    """One seed of one variant: the worst of its linearisations. own: radius of each field's own map
+    there; missed: loads and joints that act on no sampled row of a block; fields: names of all that
+    are reduced."""
+
+    seed: int
+    judgement: Judgement
+    departure: EigenvalueErrors
+    own: Mapping[str, float]
+    missed: int
+    fields: tuple[str, ...]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain numbers; None for what is infinite or not known."""
+        j, d = self.judgement, self.departure
+        numbers = {"radius": j.radius, "reference": j.reference, "growth": j.growth,
+                   "gate": j.gate}
+        known = {k: v if v is not None and isfinite(v) else None for k, v in numbers.items()}
+        return {"seed": self.seed, "stable": j.stable, **known, "block": j.block, "t": j.t,
+                "status": j.status.value, "missed": self.missed, "departure": d.projected,
+                **{f"departure_{field}": d.fields.get(field) for field in self.fields},
+                "imaginary": d.imaginary, "own": dict(self.own)}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Entry:
+    """One variant over its seeds."""
+
+    settings: Mapping[str, str]
+    findings: Sequence[Finding]
+
+    @property
+    def stable(self) -> int:
+        return sum(f.judgement.stable for f in self.findings)
+
+    @property
+    def radii(self) -> list[float]:
+        return sorted(f.judgement.radius for f in self.findings)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Settings and sums over the seeds."""
+        gates = [f.judgement.gate for f in self.findings]
+        numbers = {"median_radius": _median(self.radii), "worst_radius": max(self.radii),
+                   "median_gate": _median(gates), "worst_gate": max(gates)}
+        return {
+            **self.settings, "stable": self.stable, "seeds": len(self.findings),
+            **{k: v if isfinite(v) else None for k, v in numbers.items()},
+            "departure": _worst(f.departure.projected for f in self.findings),
+            **{f"departure_{field}": _worst(f.departure.fields.get(field) for f in self.findings)
+               for field in dict.fromkeys(n for f in self.findings for n in f.fields)},
+            "imaginary": _worst(f.departure.imaginary for f in self.findings),
+            "missed": sum(f.missed > 0 for f in self.findings)}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Survey:
+    """The table; `str()` prints it with the least rows that are stable for all seeds."""
+
+    entries: Sequence[Entry]
+
+    def least_rows(self) -> list[dict[str, str]]:
+        """For each combination of the other settings: the fewest rows from which on every asked
+        number of rows is stable for all seeds ("none" if not even the most)."""
+        groups: dict[tuple[str, ...], list[Entry]] = {}
+        for e in self.entries:
+            groups.setdefault(tuple(v for k, v in e.settings.items() if k != "rows"), []).append(e)
+        found = []
+        for entries in groups.values():
+            least = "none"
+            for e in sorted(entries, key=lambda e: _numbers(e.settings["rows"]), reverse=True):
+                if e.stable < len(e.findings):
+                    break
+                least = e.settings["rows"]
+            found.append({**entries[0].settings, "rows": least})
+        return found
+
+    def __str__(self) -> str:
+        head = ["sampler", "required", "rows", "atoms", "integrator", "step", "stable",
+                "median radius", "worst radius", "worst gate", "departure", "imaginary", "missed"]
+        table = [head]
+        for e in self.entries:
+            d = e.as_dict()
+            table.append([*e.settings.values(), f"{d['stable']}/{d['seeds']}",
+                          _text(d["median_radius"], ".6f"), _text(d["worst_radius"], ".6f"),
+                          _text(d["worst_gate"], ".3g"), _text(d["departure"], ".2g", "-"),
+                          _text(d["imaginary"], ".2g", "-"), str(d["missed"])])
+        lines = [text_table(table), ""]
+        for least in self.least_rows():
+            rows = least.pop("rows")
+            if rows != "-":
+                lines.append(f"least rows stable for all seeds: {rows}  ("
+                             f"{', '.join(v for v in least.values() if v != '-')})")
+        return "\n".join(lines)
+
+    def as_dict(self) -> dict[str, Any]:
+        return {"limit": LIMIT, "least_rows": self.least_rows(), "variants": [
+            e.as_dict() | {"each": [f.as_dict() for f in e.findings]} for e in self.entries]}
+
+
+@fixed_threads()
+def survey(
+    scene: Scene, plan: Plan, *, cache: Cache | None = None, observers: Sequence[object] = (),
+    told: Callable[[Entry], None] = lambda entry: None,
+) -> Survey:
+    """Linearise every seed of every variant. `told` hears each line as it is done.
+
+    Training runs and bases come from the cache, one for each integrator and step. Raises
+    InputError before anything is computed, SolveFailed where a training run fails.
+    """
+    chosen = list(variants(scene, plan))
+    model = checked_model(scene)
+    for v in chosen:
+        _refuse(v, model, plan)
+    manager = new_manager(observers)
+    cases: dict[str, _Case] = {}
+    entries = []
+    with np.errstate(all="ignore"):
+        for v in chosen:
+            key = v.scene.digest("integrator", "time")
+            if key not in cases:
+                cases[key] = _Case.of(v.scene, *prepared(v.scene, cache or Cache(), manager), plan)
+            entry = Entry(v.settings, [
+                _finding(v.scene, cases[key], seed) for seed in range(1, plan.seeds + 1)])
+            told(entry)
+            entries.append(entry)
+    return Survey(entries)
+
+
+def _refuse(v: Variant, model: Model, plan: Plan) -> None:
+    faults = time_faults(v.scene)
+    if isinstance(v.scene.reducer, ChecksModel):
+        faults += InputError(list(v.scene.reducer.check(model))).under("reducer").faults
+    if faults:
+        raise InputError(faults)
+    if is_full_order(v.scene.reducer):
+        raise InputError("full order is what reduced models are judged by: name another one",
+                         "reducer")
+    try:
+        times_checked(plan.at or (), v.scene.time.step, v.scene.time.end)
+    except InputError as error:
+        raise InputError(f"--at: {error.faults[0].message}") from None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Case:
+    """Data shared by the variants of one integrator and time step: the model (whose rigid stage
+    they take part in), its offline products, and where and by what they are judged."""
+
+    model: Model
+    offline: Offline
+    states: Sequence[State]
+    reference: Reference
+    exact: Mapping[str, Any]
+
+    @classmethod
+    def of(cls, scene: Scene, model: Model, offline: Offline, plan: Plan) -> "_Case":
+        return cls(model, offline, _states(scene, model, offline, plan.at),
+                   Reference(model, scene.source.registry), exact_values(model))
+
+
+def _states(
+    scene: Scene, model: Model, offline: Offline, times: Sequence[float] | None
+) -> list[State]:
+    """States of linearisation: on the run of the projected model with the scene's atoms."""
+    start, h, integrator = consistent_state(model), scene.time.step, scene.integrator
+    if times is not None and not any(times):
+        return [start] * len(times)
+    solver = scene.reducer.prepare(ReducedProblem(
+        model, integrator, h, offline, np.random.default_rng(scene.seed)))
+    known = scene.source.registry
+    if times is None:
+        due = linearization_times(h, step_count(scene))
+        return states_along(model, integrator, h, solver, start, due, known)
+    twin = projected(model, integrator, h, solver, {}, known)
+    return along(twin, integrator, h, start, times)
+
+
+def _finding(scene: Scene, case: _Case, seed: int) -> Finding:
+    """The worst of one seed's linearisations, with the growth over all of them."""
+    h, integrator, steps = scene.time.step, scene.integrator, step_count(scene)
+    fields = tuple(k.name for k in case.model.layout.kinds if k.reducible)
+    try:
+        solver: StepSolver = scene.reducer.prepare(ReducedProblem(
+            case.model, integrator, h, case.offline, np.random.default_rng(seed)))
+    except SolveFailed as failure:
+        return Finding(seed, failed(0.0, steps, failure), UNKNOWN, {}, 0, fields)
+    found = []
+    for full in case.states:
+        try:
+            step = step_map(solver, integrator, h, *started(solver, integrator, full))
+        except SolveFailed as failure:
+            return Finding(seed, failed(full.t, steps, failure), UNKNOWN, {},
+                           _unsampled(solver), fields)
+        theirs = case.reference.step(step, integrator, h, full)
+        found.append(Finding(seed, judged(step, theirs, full.t, steps),
+                             departure(step, theirs, case.exact), own_radii(step),
+                             _unsampled(solver), fields))
+    worst = max(found, key=lambda f: f.judgement.excess)
+    return replace(worst, judgement=over_the_run([f.judgement for f in found]))
+
+
+def _unsampled(solver: StepSolver) -> int:
+    """Number of loads and joints with no sampled row in a block they act on."""
+    return sum(note.kind == "unsampled" for note in solver.notes)
+
+
+def _numbers(rows: str) -> tuple[int, ...]:
+    return tuple(int(n) if n.isdigit() else 0 for n in rows.split("/"))
+
+
+def _median(values: Sequence[float]) -> float:
+    ordered = sorted(values)
+    middle = len(ordered) // 2
+    return ordered[middle] if len(ordered) % 2 else 0.5 * (ordered[middle - 1] + ordered[middle])
+
+
+def _worst(values: Any) -> float | None:
+    return max((v for v in values if v is not None), default=None)
+
+
+def _text(value: float | None, form: str, missing: str = "no step") -> str:
+    return missing if value is None else format(value, form)
+
+

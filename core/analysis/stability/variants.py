@@ -1,0 +1,138 @@
+"""Variants of a scene in a stability survey."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import Any
+
+from sparsemor.core.errors import InputError
+from sparsemor.core.protocols import (
+    BlockBudget,
+    BudgetsFields,
+    DrawsRequired,
+    Sampler,
+    SamplesRows,
+)
+from sparsemor.core.registry.plugin import Plugin
+from sparsemor.core.scene.scene import Scene
+
+Counts = tuple[int, ...]
+"""A number for each field that is reduced, in the order of blocks."""
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """Options that are varied; None keeps that of the scene. rows, atoms: one for each reduced
+    field.
+
+    required: whether the rows of joints and loads are kept; steps: s; integrators: a name or
+    `{use: name, ..}`; seeds: how many, 1, 2, ..; at: times of the linearisations, s (as `run` does
+    when not given: from the start to the end).
+    """
+
+    samplers: Sequence[str] | None = None
+    required: Sequence[bool] | None = None
+    rows: Sequence[Counts] | None = None
+    atoms: Sequence[Counts] | None = None
+    steps: Sequence[float] | None = None
+    integrators: Sequence[Any] | None = None
+    seeds: int = 10
+    at: Sequence[float] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Variant:
+    """One combination as a scene, and its settings in words (for the columns of the table)."""
+
+    scene: Scene
+    settings: Mapping[str, str]
+
+
+def variants(scene: Scene, plan: Plan) -> Iterator[Variant]:
+    """Every combination, rows and atoms varying fastest. Raises InputError."""
+    fields = reduced_fields(scene)
+    axes = (plan.integrators, plan.steps, plan.samplers, plan.required, plan.atoms, plan.rows)
+    for integrator, step, sampler, required, atoms, rows in product(*(a or [None] for a in axes)):
+        changes: dict[str, Any] = {}
+        if integrator is not None:
+            changes["integrator"] = integrator
+        if step is not None:
+            changes["time.step"] = step
+        changed = scene.using(changes, label="variant") if changes else scene
+        reducer: Any = scene.reducer
+        if sampler is not None or required is not None:
+            assert isinstance(reducer, Plugin)
+            reducer = reducer.model_copy(update={"sampler": _sampler(scene, sampler, required)})
+        if atoms is not None or rows is not None:
+            reducer = _with_budgets(scene.reducer_name, reducer, fields, rows, atoms)
+        if reducer is not scene.reducer:
+            changed = changed.with_reducer(reducer, label="variant")
+        yield Variant(changed, settings(changed))
+
+
+def reduced_fields(scene: Scene) -> tuple[str, ...]:
+    """Names of the fields that bodies of a scene may have and reducers replace."""
+    return tuple(k.name for k in scene.field_kinds if k.reducible)
+
+
+def settings(scene: Scene) -> dict[str, str]:
+    """Settings that distinguish a variant; "-" where its reducer has no such option."""
+    reducer, options = scene.reducer, dict(scene.dump()["integrator"])
+    name = options.pop("use")
+    told = ", ".join(f"{k} {v:g}" if isinstance(v, float) else f"{k} {v}"
+                     for k, v in options.items())
+    sampler = reducer.sampler if isinstance(reducer, SamplesRows) else None
+    required = sampler.required if isinstance(sampler, DrawsRequired) else None
+    budgets = [reducer.field_budget(field) for field in reduced_fields(scene)] if isinstance(
+        reducer, BudgetsFields) else []
+
+    def joined(counts: Sequence[int | None]) -> str:
+        limited = any(b is not None for b in budgets)
+        return "/".join("-" if n is None else str(n) for n in counts) if limited else "-"
+
+    known = [b or BlockBudget() for b in budgets]
+    return {
+        "sampler": "-" if sampler is None else _name(scene, sampler),
+        "required": "-" if required is None else "kept" if required else "drawn",
+        "rows": joined([b.rows for b in known]), "atoms": joined([b.atoms for b in known]),
+        "integrator": f"{name} ({told})" if told else name, "step": f"{scene.time.step:g}"}
+
+
+def _sampler(scene: Scene, name: str | None, required: bool | None) -> Sampler:
+    """The sampler of a variant: the scene's own with its options, another with its defaults."""
+    if not isinstance(scene.reducer, SamplesRows):
+        raise InputError(f"--samplers: reducer {scene.reducer_name} takes no rows")
+    own, registry = scene.reducer.sampler, scene.source.registry
+    use = _name(scene, own) if name is None else name
+    chosen: Any = own if use == _name(scene, own) else registry.get("sampler", use).model_validate(
+        {}, context={"registry": registry})
+    may_draw = isinstance(chosen, DrawsRequired)
+    if may_draw:
+        inherited = own.required if isinstance(own, DrawsRequired) else True
+        kept = inherited if required is None else required
+        chosen = chosen.model_copy(update={"required": kept})
+    elif required is False:
+        raise InputError(f"--required: sampler {use} keeps the required rows in any case")
+    varied: Sampler = chosen
+    return varied
+
+
+def _name(scene: Scene, sampler: Sampler) -> str:
+    return scene.source.registry.name_of("sampler", type(sampler))
+
+
+def _with_budgets(
+    name: str, reducer: Any, fields: Sequence[str], rows: Counts | None, atoms: Counts | None
+) -> Any:
+    if not isinstance(reducer, BudgetsFields):
+        raise InputError(f"--rows, --atoms: reducer {name} has no budgets")
+    if rows is not None:
+        reducer = reducer.with_rows(_by_field("rows", fields, rows))
+    return reducer if atoms is None else reducer.with_atoms(_by_field("atoms", fields, atoms))
+
+
+def _by_field(option: str, fields: Sequence[str], counts: Counts) -> dict[str, int]:
+    if len(counts) != len(fields):
+        raise InputError(f"--{option}: give {'/'.join(fields)}, {len(fields)} numbers "
+                         f"(got {'/'.join(map(str, counts))})")
+    return dict(zip(fields, counts, strict=True))

@@ -1,0 +1,222 @@
+"""From axes to points: what each run of a study changes."""
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+from math import prod
+from typing import Any
+
+import numpy as np
+
+from sparsemor.core.analysis.study.columns import RESERVED
+from sparsemor.core.analysis.study.file import Finding, RandomSubset, Study, StudyFile
+from sparsemor.core.scene.overrides import split
+from sparsemor.core.scene.yaml_reader import KeyPath
+
+LABEL, SEED = "label", "seed"
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """One value of an axis. columns: what the table says of it; changes: key -> value; owners:
+    key -> where it is written; place: where the choice itself is."""
+
+    columns: Mapping[str, Any]
+    changes: Mapping[str, Any]
+    owners: Mapping[str, KeyPath]
+    place: KeyPath
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """One run: a choice of every axis."""
+
+    choices: tuple[Choice, ...]
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        return {k: v for c in self.choices for k, v in c.columns.items()}
+
+    @property
+    def changes(self) -> dict[str, Any]:
+        return {k: v for c in self.choices for k, v in c.changes.items()}
+
+    @property
+    def owners(self) -> dict[str, KeyPath]:
+        return {k: v for c in self.choices for k, v in c.owners.items()}
+
+    @property
+    def places(self) -> tuple[KeyPath, ...]:
+        return tuple(c.place for c in self.choices)
+
+
+Axis = Sequence[Choice]
+
+
+def points_of(study: Study) -> list[Point]:
+    """Every run of a study in order, the last axis fastest. Raises `LocatedError`."""
+    file = study.file
+    axes, findings = _axes(file)
+    if file.seeds:
+        where: KeyPath = ("seeds",)
+        findings += _repeated(file.seeds, where)
+        findings += [Finding((*where, i), f"a seed is at least 0 (got {s})")
+                     for i, s in enumerate(file.seeds) if s < 0]
+        findings += [Finding(where, f"the seed is also changed at {_words(owner)}")
+                     for axis in axes for choice in axis
+                     for key, owner in choice.owners.items() if key == SEED][:1]
+    count = prod(len(axis) for axis in axes)
+    if file.random is not None and file.random.count > count:
+        findings.append(Finding(
+            ("random", "count"), f"the axes have {count} combinations: take at most that many "
+            f"(got {file.random.count})"))
+    study.check(findings)
+    seeds = [_plain(SEED, s, ("seeds", i)) for i, s in enumerate(file.seeds)]
+    combined = [Point(choices) for choices in _combinations(axes, file.random)]
+    points = [Point((*p.choices, s)) for p in combined for s in seeds] if seeds else combined
+    study.check(_of_chart(file, points))
+    return points
+
+
+def setting_columns(points: Sequence[Point]) -> list[str]:
+    """Columns that tell what was changed, the seed last; a run need not have them all."""
+    names = dict.fromkeys(name for p in points for name in p.settings)
+    return sorted(names, key=lambda n: (n == SEED, n.startswith("set.")))
+
+
+def chart_columns(file: StudyFile, points: Sequence[Point]) -> list[str]:
+    """Columns that name a line of the work-precision chart."""
+    if file.method:
+        return [file.method] if isinstance(file.method, str) else list(file.method)
+    names = [n for n in setting_columns(points)
+             if n not in (SEED, file.budget) and not n.startswith("set.")]
+    if LABEL in names and file.budget != LABEL:
+        return [LABEL]
+    several = [n for n in names if len({json.dumps(p.settings.get(n)) for p in points}) > 1]
+    return several or names
+
+
+def _axes(file: StudyFile) -> tuple[list[Axis], list[Finding]]:
+    if file.listed is not None:
+        return _list_axis(file.listed)
+    where: KeyPath = ("grid",) if file.grid is not None else ("random", "axes")
+    given = file.grid if file.grid is not None else file.random.axes if file.random else {}
+    axes: list[Axis] = []
+    findings: list[Finding] = []
+    owned: dict[tuple[str | int, ...], str] = {}
+    for name, values in given.items():
+        faults = _axis_faults(name, values, (*where, name))
+        findings += faults
+        if faults:
+            continue
+        axis = _axis(name, values, (*where, name))
+        for key in dict.fromkeys(k for c in axis for k in c.changes):
+            other = owned.setdefault(split(key), name)
+            if other != name:
+                findings.append(Finding(
+                    (*where, name), f"{key} is also changed by the axis {other}: no two axes "
+                    "change the same key"))
+        axes.append(axis)
+    return axes, findings
+
+
+def _list_axis(items: Sequence[Mapping[str, Any]]) -> tuple[list[Axis], list[Finding]]:
+    axis, findings = [], []
+    for i, item in enumerate(items):
+        changes = {k: v for k, v in item.items() if k != LABEL}
+        owners: dict[str, KeyPath] = {k: ("list", i, k) for k in changes}
+        axis.append(Choice(dict(item), changes, owners, ("list", i)))
+        if isinstance(item.get(LABEL, ""), dict | list):
+            findings.append(Finding(("list", i, LABEL), "a label is a text or a number"))
+    findings += _repeated([item for item in items], ("list",))
+    return [axis], findings
+
+
+def _axis(name: str, values: Any, where: KeyPath) -> Axis:
+    if isinstance(values, list):
+        return [_plain(name, v, (*where, i)) for i, v in enumerate(values)]
+    return [_named(name, label, dict(changes or {}), (*where, label))
+            for label, changes in values.items()]
+
+
+def _plain(name: str, value: Any, place: KeyPath) -> Choice:
+    return Choice({name: value}, {name: value}, {name: place}, place)
+
+
+def _named(name: str, label: str, changes: dict[str, Any], place: KeyPath) -> Choice:
+    columns = {name: _number(label)} | {f"set.{k}": v for k, v in changes.items()}
+    return Choice(columns, changes, {k: (*place, k) for k in changes}, place)
+
+
+def _number(label: str) -> Any:
+    """`240: {...}` is a number in the table; YAML's keys are all text here."""
+    for kind in (int, float):
+        try:
+            return kind(label)
+        except ValueError:
+            continue
+    return label
+
+
+def _axis_faults(name: str, values: Any, where: KeyPath) -> list[Finding]:
+    if isinstance(values, list) and values:
+        return _repeated(values, where)
+    if not isinstance(values, dict) or not values:
+        return [Finding(where, "an axis is a list of values of that key, or named alternatives "
+                        "{label: {key: value}}, at least one")]
+    findings = [Finding((*where, label), "an alternative is a mapping {key: value}")
+                for label, changes in values.items() if not isinstance(changes, dict | None)]
+    if name in RESERVED:
+        findings.append(_taken(name, where))
+    return findings
+
+
+def taken_names(file: StudyFile, columns: Iterable[str]) -> list[Finding]:
+    """Axes of named alternatives that are called as one of these columns of the results."""
+    where: KeyPath = ("grid",) if file.grid is not None else ("random", "axes")
+    axes = file.grid if file.grid is not None else file.random.axes if file.random else {}
+    return [_taken(name, (*where, name)) for name, values in axes.items()
+            if isinstance(values, dict) and name in set(columns)]
+
+
+def _taken(name: str, where: KeyPath) -> Finding:
+    return Finding(where, f"{name} is a column of the results: choose another name")
+
+
+def _repeated(values: Sequence[Any], where: KeyPath) -> list[Finding]:
+    seen: dict[str, int] = {}
+    findings = []
+    for i, value in enumerate(values):
+        first = seen.setdefault(json.dumps(value, sort_keys=True), i)
+        if first != i:
+            findings.append(Finding((*where, i), f"the same as item {first}: remove one"))
+    return findings
+
+
+def _combinations(axes: Sequence[Axis], some: RandomSubset | None) -> list[tuple[Choice, ...]]:
+    if some is None:
+        return list(product(*axes))
+    shape = tuple(len(axis) for axis in axes)
+    rng = np.random.default_rng(some.seed)
+    chosen = np.sort(rng.choice(prod(shape), some.count, replace=False))
+    return [tuple(axis[int(i)] for axis, i in zip(axes, np.unravel_index(n, shape), strict=True))
+            for n in chosen]
+
+
+def _of_chart(file: StudyFile, points: Sequence[Point]) -> list[Finding]:
+    from sparsemor.core.registry.registry import near
+
+    names = setting_columns(points)
+    lines = [file.method] if isinstance(file.method, str) else file.method
+    places: list[tuple[KeyPath, str]] = [
+        (("method",) if isinstance(file.method, str) else ("method", i), name)
+        for i, name in enumerate(lines)]
+    if file.budget:
+        places.append((("budget",), file.budget))
+    return [Finding(path, f"nothing of that name varies: {near(name, names, 'there are')}")
+            for path, name in places if name not in names]
+
+
+def _words(path: KeyPath) -> str:
+    return ".".join(map(str, path))

@@ -1,0 +1,69 @@
+"""The same jobs through an existing dask.distributed cluster."""
+
+import queue
+from typing import Any, cast
+
+from sparsemor.core.analysis.study.jobs import execute
+from sparsemor.core.analysis.study.pools import Ended, Payload
+from sparsemor.core.errors import InputError
+
+SECONDS = 10.0
+"""How long to look for the scheduler."""
+
+
+class DaskPool:
+    """Jobs as tasks of the cluster at `address`, which itself repeats those whose worker dies.
+
+    Raises InputError when there is no scheduler, or no dask.distributed.
+    """
+
+    repeats = 0
+
+    def __init__(self, address: str) -> None:
+        self._client = _connected(address)
+        self._ended: queue.Queue[tuple[str, Any]] = queue.Queue()
+        self._futures: dict[str, Any] = {}
+
+    @property
+    def workers(self) -> int:
+        """Threads in the cluster now."""
+        return sum(int(n) for n in self._client.nthreads().values())
+
+    @property
+    def slots(self) -> int:
+        # more than there are workers: those that join on the way find work waiting
+        return max(2 * self.workers, 8)
+
+    def submit(self, name: str, job: Payload) -> None:
+        future = self._client.submit(execute, dict(job), key=f"sparsemor-{id(self)}-{name}",
+                                     pure=False)
+        self._futures[name] = future
+        future.add_done_callback(lambda f: self._ended.put((name, f)))
+
+    def next(self, timeout: float) -> Ended | None:
+        try:
+            name, future = self._ended.get(timeout=timeout)
+        except queue.Empty:
+            return None
+        del self._futures[name]
+        if future.status == "finished":
+            return Ended(name, future.result())
+        error = future.exception() if future.status == "error" else None
+        return Ended(name, None, f"{type(error).__name__}: {error}" if error else future.status)
+
+    def close(self) -> None:
+        self._client.cancel(list(self._futures.values()))
+        self._client.close()
+
+
+def _connected(address: str) -> Any:
+    try:
+        from distributed import Client
+    except ImportError:
+        raise InputError("a cluster needs the extra `dask`: pip install 'sparsemor[dask]'",
+                         "scheduler") from None
+    try:
+        client = cast(Any, Client)  # which has no types
+        return client(address, timeout=SECONDS, set_as_default=False)
+    except (OSError, ValueError) as error:  # TimeoutError is an OSError
+        raise InputError(f"no scheduler responds at {address} ({error})", "scheduler") from None

@@ -1,0 +1,147 @@
+"""The study file: which scene, what is changed, what it is measured against."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import Field, ModelWrapValidatorHandler, ValidationError, model_validator
+
+from sparsemor.core.errors import Fault
+from sparsemor.core.registry.plugin import Plugin
+from sparsemor.core.registry.registry import Registry
+from sparsemor.core.registry.validation_errors import custom, dotted, with_advice
+from sparsemor.core.scene.defaults import FULL_ORDER
+from sparsemor.core.scene.source import Source
+from sparsemor.core.scene.yaml_reader import KeyPath, LocatedError, located
+
+FORMS = ("grid", "list", "random")
+FULL = {"reducer": FULL_ORDER}
+
+
+class RandomSubset(Plugin):
+    """Some runs of a grid, drawn without repetition."""
+
+    count: int = Field(ge=1)
+    """How many."""
+    seed: int = Field(default=0, ge=0)
+    """Of the draw; the runs themselves use the scene's seed."""
+    axes: dict[str, Any] = Field(min_length=1)
+    """The grid, as in `grid`."""
+
+
+class StudyFile(Plugin):
+    """Contents of a study file, with exactly one of `grid`, `list` and `random`."""
+
+    format: Literal[1] = 1
+    """Version of the study format."""
+    title: str = ""
+    """For people."""
+    scene: str = Field(min_length=1)
+    """A packaged scene's name, or a scene file, relative to the study file."""
+    changes: dict[str, Any] = Field(default={}, alias="set")
+    """Changes to the scene for all runs, the reference included: dotted key -> value."""
+    reference: Literal["fixed"] | dict[str, Any] = FULL
+    """What makes a run its own reference: dotted key -> value. `fixed`, or these changes under
+    the key `fixed`: one reference for all runs."""
+    grid: dict[str, Any] | None = Field(default=None, min_length=1)
+    """Axis name -> values of that key, or named alternatives {label: {key: value}}; every
+    combination is a run."""
+    listed: list[dict[str, Any]] | None = Field(default=None, alias="list", min_length=1)
+    """Changes of each run, one mapping a run; its key `label` names it."""
+    random: RandomSubset | None = None
+    """Some runs of a grid."""
+    seeds: list[int] = []
+    """Each run once with each of these seeds."""
+    method: str | list[str] = []
+    """Columns that name a line of the chart; all that vary but `budget` and the seed by default."""
+    budget: str = ""
+    """The column along a line of the chart."""
+    errors_from: float = Field(default=0.0, ge=0)
+    """From when on the late errors are counted, s."""
+    over_time: bool = False
+    """Keep each run's error over time, and draw it: one line a method."""
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _one_form(cls, data: Any, validate: ModelWrapValidatorHandler["StudyFile"]) -> "StudyFile":
+        lines = []
+        try:
+            file = validate(data)
+        except ValidationError as error:
+            lines = with_advice(cls, error)
+        given = [form for form in FORMS if isinstance(data, dict) and data.get(form) is not None]
+        if len(given) != 1:
+            what = f"(got {' and '.join(given) or 'none'})"
+            message = f"a study has exactly one of {', '.join(FORMS)} {what}"
+            lines.append(custom("form", message, (given[1],) if given else (), None))
+        if lines:
+            raise ValidationError.from_exception_data("Study", lines)
+        return file
+
+    @property
+    def fixed(self) -> bool:
+        """True if all runs have one reference."""
+        return self.reference == "fixed" or "fixed" in self.reference
+
+    @property
+    def reference_changes(self) -> dict[str, Any]:
+        """Changes that turn a run into its reference; the reducer is `full` unless set."""
+        if isinstance(self.reference, str):
+            return FULL
+        given = self.reference.get("fixed", self.reference)
+        return FULL | (given or {})
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """Something wrong at a place of the study file."""
+
+    path: KeyPath
+    message: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Study:
+    """A study file that was read."""
+
+    file: StudyFile
+    source: Source
+
+    @property
+    def name(self) -> str:
+        return Path(self.source.document.name).stem
+
+    @classmethod
+    def read(cls, study: str | Path, registry: Registry) -> "Study":
+        """A packaged study or a file. Raises `LocatedError` with every fault of its form."""
+        source = Source.read(study, registry, "study")
+        try:
+            read = cls(StudyFile.model_validate(source.tree), source)
+        except ValidationError as error:
+            raise source.invalid(error) from None
+        reference = read.file.reference
+        if isinstance(reference, dict) and "fixed" in reference:
+            read.check(_of_fixed(reference))
+        return read
+
+    def check(self, findings: Sequence[Finding]) -> None:
+        """Raise what was found, if anything was, in the order of the file."""
+        if findings:
+            raise self.locate(findings)
+
+    def locate(self, findings: Iterable[Finding]) -> LocatedError:
+        place = self.source.document.place
+        ordered = sorted(set(findings), key=lambda f: (place(f.path), dotted(f.path), f.message))
+        name = self.source.document.name
+        return LocatedError(
+            [Fault(dotted(f.path), f.message) for f in ordered],
+            [located(name, place(f.path), dotted(f.path), f.message) for f in ordered])
+
+
+def _of_fixed(reference: dict[str, Any]) -> list[Finding]:
+    if not isinstance(reference["fixed"], dict | None):
+        return [Finding(("reference", "fixed"), "give changes to the scene, {key: value}")]
+    beside = [key for key in reference if key != "fixed"]
+    return [Finding(("reference", key), "move it under `fixed`, the only key allowed here")
+            for key in beside]

@@ -1,0 +1,178 @@
+"""Jobs of a worker: a reference, offline products shared by runs, or one run.
+
+Jobs and answers are plain data, so that they travel to any process or machine.
+"""
+
+import logging
+import os
+import shutil
+import sys
+import tempfile
+import traceback
+import uuid
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sparsemor.core.analysis.study.metrics import measured
+from sparsemor.core.errors import InputError
+from sparsemor.core.linalg.threads import fixed_threads
+from sparsemor.core.model.model import Model
+from sparsemor.core.protocols import ReducedProblem
+from sparsemor.core.registry.hooks import new_manager
+from sparsemor.core.registry.registry import Registry
+from sparsemor.core.results.json_data import finite
+from sparsemor.core.results.run_result import RunResult, open_result
+from sparsemor.core.results.stored_arrays import StoredArrays
+from sparsemor.core.scene.digest import digest
+from sparsemor.core.scene.run_identity import Identity
+from sparsemor.core.scene.scene import Scene, build
+from sparsemor.core.scene.source import Source
+from sparsemor.core.scene.yaml_reader import Document
+from sparsemor.core.simulation.cache import Cache
+from sparsemor.core.simulation.offline import TRAINING
+from sparsemor.core.simulation.offline_cache import mesh_content
+from sparsemor.core.simulation.prepare import prepared
+from sparsemor.core.simulation.simulate import simulate
+from sparsemor.core.simulation.validation import checked_model
+from sparsemor.core.status import SolveFailed, Status
+
+_log = logging.getLogger(__name__)
+REFUSED, BROKEN, DIED = "refused", "error", "worker_died"
+"""How a run can end in addition to the names of `Status`."""
+
+
+def execute(job: Mapping[str, Any], registry: Registry | None = None) -> dict[str, Any]:
+    """Result of a job; failures in it are returned, not raised.
+
+    Raises KeyboardInterrupt when Ctrl-C was pressed.
+    """
+    try:
+        with fixed_threads():
+            answer = _KINDS[job["kind"]](job, scene_of(job["scene"], registry), registry)
+    except InputError as error:
+        answer = {"status": REFUSED, "message": _one_line(str(error))}
+    except SolveFailed as error:
+        if error.status is Status.INTERRUPTED:
+            raise KeyboardInterrupt from None
+        answer = {"status": error.status.value, "message": str(error)}
+    # a fault in some plugin's code must not end the runs of the others
+    except Exception as error:
+        traceback.print_exc(file=sys.stderr)
+        answer = {"status": BROKEN, "message": _one_line(f"{type(error).__name__}: {error}")}
+    return dict(finite(answer))
+
+
+def scene_of(data: Mapping[str, Any], registry: Registry | None = None) -> Scene:
+    """The scene that `SceneData.plain` described."""
+    tree = dict(data["tree"])
+    document = Document(str(data["name"]), tree)
+    return build(Source(document, tree, registry or Registry(), Path(data["folder"])))
+
+
+def _reference(
+    job: Mapping[str, Any], scene: Scene, registry: Registry | None
+) -> dict[str, Any]:
+    key = _reference_key(scene, checked_model(scene))
+    _remove_damaged(key)
+    result = _stored_reference(scene, key)
+    return {"status": result.status.value, "key": key}
+
+
+def _products(
+    job: Mapping[str, Any], scene: Scene, registry: Registry | None
+) -> dict[str, Any]:
+    """Training run and bases go to the cache, by preparing one of the runs that need them.
+
+    Only a training run that fails is the others' failure too; the rest each run reports itself.
+    """
+    model, offline = prepared(scene, Cache(), new_manager())
+    with np.errstate(all="ignore"):
+        try:
+            scene.reducer.prepare(ReducedProblem(
+                model, scene.integrator, scene.time.step, offline,
+                np.random.default_rng(scene.seed)))
+        except InputError:
+            pass
+        except SolveFailed as error:
+            if error.status is Status.INTERRUPTED or error.detail.startswith(TRAINING):
+                raise
+    return {"status": Status.DONE.value}
+
+
+def _run(job: Mapping[str, Any], scene: Scene, registry: Registry | None) -> dict[str, Any]:
+    reference = _stored_reference(scene_of(job["reference"], registry), job["reference_key"])
+    if job["is_reference"]:
+        failure = reference.summary.get("message", "")
+        return measured(reference, reference, job["errors_from"], failure)
+    with _scratch(job["scratch"]) as place:
+        failure = ""
+        try:
+            result = simulate(scene, out=place)
+        except SolveFailed as error:
+            if error.status is Status.INTERRUPTED or not isinstance(error.result, RunResult):
+                raise
+            result, failure = error.result, str(error)
+        return measured(result, reference, job["errors_from"], failure)
+
+
+_KINDS = {"reference": _reference, "products": _products, "run": _run}
+
+
+def _reference_key(scene: Scene, model: Model) -> str:
+    """Holds identity and meshes, as the key of offline products does."""
+    return digest(scene.digest(), Identity.of(scene).plain(), mesh_content(model))
+
+
+def _remove_damaged(key: str) -> None:
+    """Removes a reference from the cache of which not every byte is as it was written."""
+    kept = Cache().root / "reference" / key
+    try:
+        if (kept / "result.zarr").is_dir():
+            StoredArrays(kept / "result.zarr").verify()
+    except InputError as fault:
+        _log.warning("cache entry reference/%s is damaged (%s): made again", key, fault)
+        shutil.rmtree(kept, ignore_errors=True)
+
+
+def _stored_reference(scene: Scene, key: str) -> RunResult:
+    """The reference's run from the cache, or made and kept there; failed ones too."""
+    kept = Cache().root / "reference" / key
+    if (kept / "result.zarr").is_dir():
+        return open_result(kept)
+    fresh = kept.with_name(f".{key}.{uuid.uuid4().hex}")
+    try:
+        try:
+            simulate(scene, out=fresh)
+        except SolveFailed as error:
+            if error.status is Status.INTERRUPTED or not isinstance(error.result, RunResult):
+                raise
+        try:
+            os.rename(fresh, kept)
+        except OSError:
+            if not kept.is_dir():  # else another process was quicker
+                raise
+    finally:
+        shutil.rmtree(fresh, ignore_errors=True)
+    return open_result(kept)
+
+
+@contextmanager
+def _scratch(folder: str | None) -> Iterator[Path]:
+    """A place for the result of a run, which only its measures outlive."""
+    if folder is not None and Path(folder).parent.is_dir():
+        place = Path(folder)
+        shutil.rmtree(place, ignore_errors=True)  # of an attempt that was killed
+    else:
+        place = Path(tempfile.mkdtemp(prefix="sparsemor-study-"))
+    try:
+        yield place
+    finally:
+        shutil.rmtree(place, ignore_errors=True)
+
+
+def _one_line(text: str) -> str:
+    return "; ".join(text.splitlines())

@@ -1,0 +1,139 @@
+"""The folder of a study: rows as they come, each whole, and the table at the end."""
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from sparsemor.core.analysis.study.columns import TIMES, cell, fact_columns, with_facts
+from sparsemor.core.analysis.study.plan import Plan
+from sparsemor.core.errors import InputError
+from sparsemor.core.results.atomic_files import append_synced, replace_file, replaced
+from sparsemor.core.results.output_directory import OutputDirectory
+from sparsemor.core.results.tables import csv_table
+
+ABOUT, LINES, CSV = "study.json", "runs.jsonl", "runs.csv"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Journal:
+    """`runs.jsonl` counts; `runs.csv` is the same for other programs, mended when continued."""
+
+    folder: Path
+    columns: tuple[str, ...]
+
+    @classmethod
+    def open(cls, folder: Path, plan: Plan) -> "Journal":
+        """A new study's folder, or that of the same study. Raises InputError for another's."""
+        about = folder / ABOUT
+        if about.is_file():
+            try:
+                kept = json.loads(about.read_text(encoding="utf-8"))
+            except ValueError:
+                kept = {}
+            if kept.get("digest") != plan.digest:
+                raise InputError(
+                    f"{folder} contains another study, or this one before its file, its scene or "
+                    "the program changed: choose another --out, or replace it with --force", "out")
+        else:
+            if OutputDirectory(folder).occupied():
+                raise InputError(f"{folder} is not empty and contains no study: choose another "
+                                 "--out", "out")
+            _make(folder)
+            _replace(about, json.dumps(
+                {"format": 1, "study": plan.study.name, "digest": plan.digest,
+                 "runs": len(plan.runs), "columns": plan.columns, "settings": plan.settings},
+                indent=2) + "\n")
+        return cls(folder, plan.columns)
+
+    def rows(self, drop: Sequence[str] = ()) -> list[dict[str, Any]]:
+        """Committed rows, without an incomplete last line and without rows of a status in `drop`.
+
+        Writes both files again, so that they agree.
+        """
+        lines = self.folder / LINES
+        found = list(_whole_lines(lines)) if lines.exists() else []
+        kept = [row for row in found if row["status"] not in drop]
+        _replace(lines, "".join(_line(row) for row in kept))
+        _replace(self.folder / CSV, csv_table([self.columns, *_cells(self.columns, kept)]))
+        return kept
+
+    def add(self, row: Mapping[str, Any]) -> None:
+        """Commit one row: on return it is on disk."""
+        full = {name: row.get(name) for name in self.columns}
+        append_synced(self.folder / LINES, _line(full).encode())
+        line = csv_table(_cells(self.columns, [full]))
+        append_synced(self.folder / CSV, line.encode())
+
+    def write_table(self, rows: Sequence[Mapping[str, Any]], times: bool) -> list[Path]:
+        """table.csv, table.jsonl and, with pyarrow, runs.parquet: sorted by run, with a column
+        for every number among the facts. Without `times` two executions give the same bytes."""
+        facts = fact_columns(rows)
+        names = [n for n in (*self.columns, *facts) if times or n not in TIMES]
+        ordered = sorted(rows, key=lambda row: int(row["run"]))
+        table = [{n: r[n] for n in names} for r in (with_facts(row, facts) for row in ordered)]
+        _replace(self.folder / "table.csv", csv_table([names, *_cells(names, table)]))
+        _replace(self.folder / "table.jsonl", "".join(_line(row) for row in table))
+        parquet = _write_parquet(self.folder / "runs.parquet", names, table)
+        return [self.folder / "table.csv", self.folder / "table.jsonl", *parquet]
+
+
+def is_study(folder: Path) -> bool:
+    """True if a directory is what an earlier study left."""
+    return (folder / ABOUT).is_file()
+
+
+def _whole_lines(path: Path) -> Iterator[dict[str, Any]]:
+    for line in path.read_bytes().splitlines(keepends=True):
+        if not line.endswith(b"\n"):
+            return
+        try:
+            row = json.loads(line)
+        except ValueError:
+            return  # a disk that lost power may hold anything behind the last whole row
+        yield row
+
+
+def _make(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{folder} cannot be made: {error.strerror}", "out") from None
+
+
+def _line(row: Mapping[str, Any]) -> str:
+    return json.dumps(row, separators=(",", ":"), allow_nan=False) + "\n"
+
+
+def _cells(names: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> list[list[str]]:
+    return [[cell(row.get(n)) for n in names] for row in rows]
+
+
+def _replace(path: Path, text: str) -> None:
+    replace_file(path, text.encode(), synced=True)
+
+
+def _write_parquet(
+    path: Path, names: Sequence[str], rows: Sequence[Mapping[str, Any]]
+) -> list[Path]:
+    """Numbers as numbers where a column holds nothing else; [] without pyarrow."""
+    try:
+        import pyarrow
+        from pyarrow import parquet
+    except ImportError:
+        return []
+    columns = {n: _of_one_type([row[n] for row in rows]) for n in names}
+    table = pyarrow.table({n: pyarrow.array(values) for n, values in columns.items()})
+    with replaced(path) as part:
+        parquet.write_table(table, part)
+    return [path]
+
+
+def _of_one_type(values: list[Any]) -> list[Any]:
+    kinds = {type(v) for v in values if v is not None}
+    if kinds == {int, float}:
+        return [None if v is None else float(v) for v in values]
+    if len(kinds) <= 1 and not kinds & {dict, list}:
+        return values
+    return [None if v is None else cell(v) for v in values]

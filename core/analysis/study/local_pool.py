@@ -1,0 +1,101 @@
+"""Worker processes on this machine; one that dies is replaced."""
+
+import json
+import os
+import queue
+import signal
+import subprocess
+import sys
+import threading
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO
+
+from sparsemor.core.analysis.study.pools import Ended, Payload
+
+ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS",
+              "VECLIB_MAXIMUM_THREADS", "NUMEXPR_NUM_THREADS")
+
+_WORKER = "sparsemor.core.analysis.study.worker"
+
+
+@dataclass(slots=True, eq=False)
+class _Worker:
+    process: "subprocess.Popen[str]"
+    job: str = ""
+
+
+class LocalPool:
+    """`workers` fresh processes with one BLAS thread each; `log` gets what they print."""
+
+    repeats = 3
+
+    def __init__(self, workers: int, log: Path) -> None:
+        self.workers = self.slots = workers
+        self._log: IO[str] = log.open("a", encoding="utf-8")
+        self._alive: list[_Worker] = []
+        self._said: queue.Queue[tuple[_Worker, str]] = queue.Queue()
+
+    def submit(self, name: str, job: Payload) -> None:
+        immobile = next((w for w in self._alive if not w.job), None) or self._start()
+        immobile.job = name
+        assert immobile.process.stdin is not None
+        try:
+            immobile.process.stdin.write(json.dumps({"name": name, "job": job}) + "\n")
+            immobile.process.stdin.flush()
+        except BrokenPipeError:
+            pass  # it is dead: the end of its output tells so
+
+    def next(self, timeout: float) -> Ended | None:
+        try:
+            worker, line = self._said.get(timeout=timeout)
+        except queue.Empty:
+            return None
+        if line.endswith("\n"):
+            worker.job = ""
+            told = json.loads(line)
+            return Ended(told["name"], told["answer"])
+        self._alive.remove(worker)
+        code = worker.process.wait()
+        return Ended(worker.job, None, _cause(code)) if worker.job else None
+
+    def close(self) -> None:
+        for worker in self._alive:
+            worker.process.kill()  # its answer will not be heard
+        for worker in self._alive:
+            worker.process.wait()
+            for stream in (worker.process.stdin, worker.process.stdout):
+                if stream is not None:
+                    _close(stream)
+        self._alive.clear()
+        self._log.close()
+
+    def _start(self) -> _Worker:
+        process = subprocess.Popen(
+            [sys.executable, "-m", _WORKER], text=True, encoding="utf-8",
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._log,
+            env=os.environ | dict.fromkeys(ONE_THREAD, "1"))
+        worker = _Worker(process)
+        self._alive.append(worker)
+        threading.Thread(target=self._listen, args=(worker,), daemon=True).start()
+        return worker
+
+    def _listen(self, worker: _Worker) -> None:
+        assert worker.process.stdout is not None
+        for line in worker.process.stdout:
+            if line.endswith("\n"):  # else it died in the middle of its answer
+                self._said.put((worker, line))
+        self._said.put((worker, ""))
+
+
+def _close(stream: "IO[str]") -> None:
+    try:
+        stream.close()
+    except BrokenPipeError:
+        pass  # what it did not read is lost with it
+
+
+def _cause(code: int) -> str:
+    if code >= 0:
+        return f"exit code {code}"
+    return signal.Signals(-code).name if -code in set(signal.Signals) else f"signal {-code}"

@@ -1,0 +1,95 @@
+"""One run in numbers: errors, cost and counts, as the columns of a study's table."""
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+from sparsemor.core.analysis.study.columns import SERIES
+from sparsemor.core.errors import InputError
+from sparsemor.core.results.cost import RunFacts, pays_after, run_facts
+from sparsemor.core.results.error_norms import Errors, measure_errors, measure_names
+from sparsemor.core.results.run_result import RunResult
+
+SPANS = 120
+
+
+def measured(
+    run: RunResult, reference: RunResult, errors_from: float, failure: str
+) -> dict[str, Any]:
+    """Columns of `run` against `reference`; failure: why it stopped, "" if it did not."""
+    facts, base, summary = run_facts(run), run_facts(reference), run.summary
+    errors, note, series = _errors(reference, run, errors_from)
+    measures = measure_names(reference.layout.kinds)
+    constant = [] if series is None else [m for m in measures if m in series.constant]
+    return {
+        "status": facts.status.value,
+        "message": "; ".join(text for text in (failure, note) if text),
+        "reference_status": base.status.value,
+        "above_limit": "" if series is None else " ".join(series.above()),
+        **errors,
+        SERIES: None if series is None else thinned(series, measures),
+        "steps": facts.steps,
+        "t_end": summary.get("t_end"),
+        "iterations": facts.iterations,
+        "atoms_all": facts.atoms,
+        "atoms_active": facts.active_atoms,
+        "rows_sampled": facts.rows,
+        "factorizations": summary.get("factorizations"),
+        "support_changes": summary.get("support_changes"),
+        "elements_touched": sum(summary.get("elements_touched", {}).values()),
+        "notes": "; ".join(summary.get("notes", ())),
+        "facts": summary.get("facts", {}),
+        "constant": " ".join(constant),
+        **_cost(run, facts, base),
+    }
+
+
+def _errors(
+    reference: RunResult, run: RunResult, errors_from: float
+) -> tuple[dict[str, float | None], str, Errors | None]:
+    try:
+        errors = measure_errors(reference, run, errors_from)
+    except InputError as error:
+        return {}, f"not measured: {error}", None
+    if errors.until <= float(reference.times[0]):
+        return {}, "", None  # it stopped in its first step: at the start all runs are right
+    measures = measure_names(reference.layout.kinds)
+    found = {f"error_{m}": errors.worst.get(m) for m in measures}
+    if errors_from > 0.0:
+        found |= {f"late_{m}": errors.worst_late.get(m) for m in measures}
+    for when, worst in (("start_up", errors.start_up), ("steady", errors.steady)):
+        found |= {f"{when}_{m}": worst.get(m) for m in measures}
+    return found, "", errors
+
+
+def thinned(errors: Errors, measures: Iterable[str]) -> dict[str, list[float]]:
+    """Errors over time in at most 120 points: the largest in each of spans that grow, so that the
+    start is seen step by step. `time` (s): the end of each span."""
+    count = len(errors.times)
+    ends = np.unique(np.geomspace(1, max(count - 1, 1), SPANS).round().astype(np.int64))
+    ends = ends[ends < count]
+    found = {"time": errors.times[ends]}
+    for m in measures:
+        if m in errors.series:
+            spans = np.maximum.reduceat(errors.series[m], np.append(1, ends[:-1] + 1))
+            found[m] = spans
+    return {name: [float(f"{v:.4g}") for v in values] for name, values in found.items()}
+
+
+def _cost(run: RunResult, facts: RunFacts, base: RunFacts) -> dict[str, Any]:
+    """Times. offline_s: of this run; offline_total_s: had nothing been in the
+    cache; pays_after: online runs after which that is made good."""
+    ms, base_ms, used = facts.ms_per_step, base.ms_per_step, run.summary.get("cache", {})
+    return {
+        "ms_per_step": ms,
+        "reference_ms_per_step": base_ms,
+        "speed_up": base_ms / ms if ms and base_ms else None,
+        "offline_s": facts.offline_seconds,
+        "offline_total_s": facts.offline_whole_seconds,
+        "offline_cache": ", ".join(f"{k} {how}" for k, how in used.items()),
+        "online_s": facts.online_seconds,
+        "pays_after": pays_after(base, facts),
+        "ms_per_step_solver": facts.ms_per_step_solver,
+    }
+

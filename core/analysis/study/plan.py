@@ -1,0 +1,259 @@
+"""Every run of a study as a validated scene, what it shares with others, and what is wrong."""
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from sparsemor.core.analysis.study.axes import (
+    Point,
+    chart_columns,
+    points_of,
+    setting_columns,
+    taken_names,
+)
+from sparsemor.core.analysis.study.columns import columns_of, error_columns
+from sparsemor.core.analysis.study.file import Finding, Study
+from sparsemor.core.errors import Fault, InputError
+from sparsemor.core.protocols import FieldKind, UsesBases
+from sparsemor.core.protocols.layout import ordered
+from sparsemor.core.protocols.reducer import is_full_order
+from sparsemor.core.registry.registry import Registry, near
+from sparsemor.core.scene.digest import digest
+from sparsemor.core.scene.independent_of_physics import NOT_PHYSICS, training_physics
+from sparsemor.core.scene.overrides import split
+from sparsemor.core.scene.run_identity import Identity, environment
+from sparsemor.core.scene.scene import Scene, build
+from sparsemor.core.scene.source import Source
+from sparsemor.core.scene.yaml_reader import KeyPath, LocatedError
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SceneData:
+    """A scene as plain data, which another process can build again."""
+
+    tree: Mapping[str, Any]
+    name: str
+    folder: str
+
+    @classmethod
+    def of(cls, scene: Scene) -> "SceneData":
+        source = scene.source
+        return cls(source.tree, source.document.name, str(scene.folder))
+
+    def plain(self) -> dict[str, Any]:
+        return {"tree": self.tree, "name": self.name, "folder": self.folder}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Run:
+    """One run. reference, training, products: keys of what it shares ("" for nothing);
+    is_reference: it is its own reference; refused: why there is nothing to run."""
+
+    number: int
+    settings: Mapping[str, Any]
+    reducer: str = ""
+    seed: int | None = None
+    scene: SceneData | None = None
+    reference: str = ""
+    is_reference: bool = False
+    training: str = ""
+    products: str = ""
+    refused: str = ""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Plan:
+    """All runs and the references they are measured against, by key. fields: kinds that the bodies
+    may have."""
+
+    study: Study
+    runs: tuple[Run, ...]
+    references: Mapping[str, SceneData]
+    columns: tuple[str, ...]
+    settings: tuple[str, ...]
+    lines: tuple[str, ...]
+    digest: str
+    fields: tuple[FieldKind, ...] = ()
+
+    @classmethod
+    def of(cls, study: str | Path, registry: Registry | None = None) -> "Plan":
+        """Raises `LocatedError` with every fault; nothing is written or run.
+
+        A choice that no run can take is a fault of the file; one that only some combinations
+        refuse leaves those runs refused.
+        """
+        known = registry or Registry()
+        read = Study.read(study, known)
+        points = points_of(read)
+        maker = _Maker(read, _scene_of(read, known))
+        runs = [maker.run(number, point) for number, point in enumerate(points, 1)]
+        read.check(maker.never_valid(points))
+        maker.check_scene(len(points))
+        settings = setting_columns(points)
+        fields = ordered(maker.fields)
+        columns = columns_of(settings, fields, read.file.errors_from > 0.0, read.file.over_time)
+        read.check(taken_names(read.file, error_columns(fields)))
+        about = digest(
+            read.source.tree, environment(), maker.identities,
+            [[r.refused, dict(r.scene.tree) if r.scene else None] for r in runs],
+            {key: dict(s.tree) for key, s in maker.references.items()})
+        return cls(read, tuple(runs), maker.references, tuple(columns), tuple(settings),
+                   tuple(chart_columns(read.file, points)), about, fields)
+
+
+@dataclass(slots=True)
+class _Maker:
+    """Builds runs, remembers what failed where, and builds no reference twice."""
+
+    study: Study
+    base: Source
+    references: dict[str, SceneData] = field(default_factory=dict)
+    blamed: dict[int, list[Finding]] = field(default_factory=dict)
+    scene_lines: dict[int, list[str]] = field(default_factory=dict)
+    identities: dict[str, Any] = field(default_factory=dict)
+    fields: list[FieldKind] = field(default_factory=list)
+    _known: dict[str, Any] = field(default_factory=dict)
+
+    def run(self, number: int, point: Point) -> Run:
+        settings, changes = point.settings, point.changes
+        source = self.base
+        try:
+            source = self.base.changed(changes, "run")
+            scene = build(source)
+            self.fields += scene.field_kinds
+            dump = scene.dump()
+            identity = Identity.of(scene)
+            self.identities |= {"files": {**self.identities.get("files", {}), **identity.files},
+                                "plugins": {**self.identities.get("plugins", {}),
+                                            **identity.plugins}}
+            reference = self._once("reference", self._followed(changes),
+                                   lambda: self._reference(number, point))
+        except InputError as error:
+            return Run(number, settings, refused=self._blame(number, error, source, point.owners))
+        if isinstance(reference, str):
+            return Run(number, settings, refused=reference)
+        key, reference_dump = reference
+        physics = {k: v for k, v in changes.items()
+                   if split(k)[0] not in NOT_PHYSICS - {"training"}}
+        training = self._once("training", physics, lambda: _training_key(scene))
+        reducer = scene.reducer
+        bases = [reducer.basis, dict(reducer.bases)] if isinstance(reducer, UsesBases) else []
+        if not bases:
+            training = ""
+        own = is_full_order(reducer) and _compared(dump) == _compared(reference_dump)
+        return Run(number, settings, scene.reducer_name, scene.seed, SceneData.of(scene), key,
+                   own, training, digest(training, bases) if training else "")
+
+    def _followed(self, changes: Mapping[str, Any]) -> dict[str, Any]:
+        """The changes of a run that its reference shares."""
+        if self.study.file.fixed:
+            return {}
+        return {k: v for k, v in changes.items() if split(k)[0] not in NOT_PHYSICS}
+
+    def _reference(self, number: int, point: Point) -> tuple[str, dict[str, Any]] | str:
+        """(key, dump) of a run's reference, or why there is none."""
+        owners = point.owners | {
+            k: self._reference_place(k) for k in self.study.file.reference_changes}
+        source = self.base
+        try:
+            source = self.base.changed(self._followed(point.changes), "run")
+            source = source.changed(self.study.file.reference_changes, "reference")
+            scene = build(source)
+        except InputError as error:
+            return "reference: " + self._blame(number, error, source, owners)
+        key = scene.digest()[:16]
+        self.references[key] = SceneData.of(scene)
+        return key, scene.dump()
+
+    def _reference_place(self, key: str) -> KeyPath:
+        written = self.study.source.document.places
+        inner: KeyPath = ("reference", "fixed", key)
+        return inner if inner in written else ("reference", key)
+
+    def _once(self, kind: str, changes: Mapping[str, Any], make: Callable[[], Any]) -> Any:
+        key = kind + json.dumps(changes, sort_keys=True)
+        if key in self._known:
+            return self._known[key]
+        made = make()
+        if isinstance(made, tuple) or kind != "reference":  # each run is told of a failure
+            self._known[key] = made
+        return made
+
+    def _blame(
+        self, number: int, error: InputError, source: Source, owners: Mapping[str, KeyPath]
+    ) -> str:
+        """Keeps who is to blame for the faults of a run; returns them in words."""
+        words = []
+        for fault in error.faults:
+            label, given = source.origin(fault.key) or ("", "")
+            if not label and fault.key in owners:  # it could not even be applied
+                label, given = "run", fault.key
+            inner = f"{fault.key}: " if fault.key else ""
+            words.append(inner + fault.message)
+            if label == "set":
+                path: KeyPath = ("set", given)
+            elif label:
+                path = owners[given]
+            else:
+                self.scene_lines.setdefault(number, []).extend(source.lines(InputError([fault])))
+                continue
+            said = "" if path[-1] == fault.key else inner
+            self.blamed.setdefault(number, []).append(Finding(path, said + fault.message))
+        return "; ".join(words)
+
+    def never_valid(self, points: list[Point]) -> list[Finding]:
+        """Findings at choices that no run could take."""
+        found: dict[KeyPath, list[Finding]] = {}
+        for n, findings in self.blamed.items():
+            for f in findings:
+                choice = next((p for p in points[n - 1].places if f.path[:len(p)] == p), ())
+                found.setdefault(choice, []).append(f)
+        never_valid = []
+        for choice, findings in found.items():
+            takers = [n for n, p in enumerate(points, 1) if not choice or choice in p.places]
+            if all(any(f in self.blamed.get(n, ()) for f in findings) for n in takers):
+                never_valid += findings
+        return never_valid
+
+    def check_scene(self, count: int) -> None:
+        """Raise the scene file's own faults when no run got past them."""
+        runs = len(self.scene_lines)
+        if runs and runs == count:
+            lines = list(dict.fromkeys(x for found in self.scene_lines.values() for x in found))
+            raise LocatedError([Fault("", line) for line in lines], lines)
+
+
+def _training_key(scene: Scene) -> str:
+    """Digest of all that the training run of a scene depends on; "" where it has none."""
+    try:
+        training, physics = training_physics(scene)
+    except InputError:
+        return ""  # the run will say what is wrong
+    return digest(physics.digest(), training.training.every)
+
+
+def _compared(dump: Mapping[str, Any]) -> dict[str, Any]:
+    """The part of a full-order scene that its unknowns depend on."""
+    return {k: v for k, v in dump.items() if k not in NOT_PHYSICS} | {
+        "reducer": dump["reducer"], "output": dump["output"]}
+
+
+def _scene_of(study: Study, registry: Registry) -> Source:
+    """The scene with `set` applied; faults at the study's keys."""
+    named = study.file.scene
+    folder = Path(study.source.document.name).parent
+    packaged = [p.name for p in registry.names("scene")]
+    if named in packaged:
+        source = Source.read(named, registry)
+    elif (folder / named).is_file():
+        source = Source.read(folder / named, registry)
+    else:
+        raise study.locate([Finding(
+            ("scene",), f"there is no such file next to the study, and no packaged scene is "
+            f"called {named!r}: {near(named, packaged, 'packaged')}")])
+    try:
+        return source.changed(study.file.changes, "set")
+    except InputError as error:
+        raise study.locate([Finding(("set", f.key), f.message) for f in error.faults]) from None

@@ -1,0 +1,63 @@
+"""Progress of a study on standard error: a bar in a terminal, lines elsewhere."""
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from sparsemor.core.analysis.study.columns import cell
+from sparsemor.core.analysis.study.plan import Plan
+from sparsemor.core.analysis.study.run import Watch
+from sparsemor.core.analysis.study.scheduler import Row, State
+
+
+@contextmanager
+def shown(plan: Plan, quiet: bool) -> Iterator[Watch]:
+    """Receiver of the progress that `run_plan` reports."""
+    if quiet:
+        yield lambda state, row: None
+    elif sys.stderr.isatty():
+        with _bar() as watch:
+            yield watch
+    else:
+        yield lambda state, row: _line(plan, state, row)
+
+
+def in_words(state: State) -> str:
+    """`12/216 done, 2 running, 1 failed, 3 min left`."""
+    parts = [f"{state.done}/{state.total} done", f"{state.running} running",
+             f"{state.failed} failed"]
+    if state.seconds_left is not None:
+        parts.append(f"{duration(state.seconds_left)} left")
+    return ", ".join(parts)
+
+
+def duration(seconds: float) -> str:
+    """`40 s`, `12 min`, `3.5 h`."""
+    if seconds < 99.5:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 5970 else f"{seconds / 3600:.1f} h"
+
+
+def _line(plan: Plan, state: State, row: Row | None) -> None:
+    if row is None:
+        return
+    settings = " ".join(f"{n}={cell(row[n])}" for n in plan.settings
+                        if row.get(n) is not None and not n.startswith("set."))
+    print(f"run {row['run']}: {row['status']} ({settings}); {in_words(state)}", file=sys.stderr,
+          flush=True)
+
+
+@contextmanager
+def _bar() -> Iterator[Watch]:
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn
+
+    with Progress(BarColumn(), TextColumn("{task.description}"), console=Console(stderr=True),
+                  transient=True) as bar:
+        task: Any = bar.add_task("starting", total=None)
+
+        def watch(state: State, row: Row | None) -> None:
+            bar.update(task, total=state.total, completed=state.done, description=in_words(state))
+
+        yield watch

@@ -1,0 +1,168 @@
+"""A study's table for people: text on the screen, the work-precision chart."""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from statistics import median
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from sparsemor.core.analysis.study.columns import ERROR, SERIES, cell
+from sparsemor.core.analysis.study.plan import Plan
+from sparsemor.core.analysis.study.run import StudyOutcome
+from sparsemor.core.results.error_norms import LIMIT, measure_names
+from sparsemor.core.results.tables import CONSTANT, MARK, marked, text_table
+from sparsemor.core.status import Status
+
+if TYPE_CHECKING:
+    from sparsemor.core.analysis.charts.work_precision import WorkPoint
+    from sparsemor.core.results.error_norms import Errors
+
+SHOWN = 60
+"""Most rows on a screen; the files have all."""
+CHART = "work_precision"
+_DECIMAL = {"ms_per_step": ".3g", "speed_up": ".3g"}
+
+
+def in_words(plan: Plan, rows: Sequence[Mapping[str, Any]]) -> str:
+    """The table with the columns that people look at first, and how the runs ended."""
+    settings = [n for n in plan.settings if not n.startswith("set.")]
+    names = ["run", *settings, "status", "ms_per_step", "speed_up",
+             *(n for n in _errors(plan)[1:] if any(row.get(n) is not None for row in rows))]
+    head = [n.removeprefix(ERROR).replace("_", " ") for n in names]
+    errors = _errors(plan)
+    shown = [[_text(n, row, n in errors) for n in names] for row in rows[:SHOWN]]
+    more = [f"and {len(rows) - SHOWN} more"] if len(rows) > SHOWN else []
+    return "\n".join([*([text_table([head, *shown])] if shown else []), *more, "",
+                      counted(plan, rows), *_reasons(rows)])
+
+
+def counted(plan: Plan, rows: Sequence[Mapping[str, Any]]) -> str:
+    """`24 runs: 20 done (2 with an error above 0.1), 3 diverged, 1 refused`."""
+    by_status = Counter(str(row["status"]) for row in rows)
+    above = Counter(str(row["status"]) for row in rows if row.get("above_limit"))
+    words = [f"{n} {status}" + (
+        f" ({above[status]} with an error above {LIMIT:g}, marked {MARK})" if above[status] else "")
+        for status, n in by_status.most_common()]
+    missing = len(plan.runs) - len(rows)
+    return f"{len(plan.runs)} runs: " + ", ".join(
+        words + ([f"{missing} not run yet"] if missing else []))
+
+
+def work_points(plan: Plan, rows: Sequence[Mapping[str, Any]]) -> "list[WorkPoint]":
+    """Points of the work-precision chart; a line is named by the study's `method` columns.
+
+    Runs that differ in the seed only are one point: median times, largest errors. Those of them
+    that stopped are another, with the status of the first.
+    """
+    known = {s.value for s in Status}
+    groups: dict[tuple[str, str, bool], list[Mapping[str, Any]]] = {}
+    for row in rows:
+        if row["ms_per_step"] is not None and row["status"] in known:
+            method = ", ".join(cell(row[n]) for n in plan.lines if row.get(n) is not None)
+            budget = cell(row.get(plan.study.file.budget))
+            key = method or plan.study.name, budget, Status(row["status"]).ok
+            groups.setdefault(key, []).append(row)
+    errors = _errors(plan)
+    return [_point(method, budget, group, errors)
+            for (method, budget, _), group in groups.items()]
+
+
+def _errors(plan: Plan) -> tuple[str, ...]:
+    """Columns of errors over whole runs."""
+    return tuple(f"{ERROR}{m}" for m in measure_names(plan.fields))
+
+
+def _point(
+    method: str, budget: str, rows: Sequence[Mapping[str, Any]], names: Sequence[str]
+) -> "WorkPoint":
+    from sparsemor.core.analysis.charts.work_precision import WorkPoint
+
+    def middle(name: str) -> float | None:
+        values = [row[name] for row in rows if row[name] is not None]
+        return median(values) if values else None
+
+    errors = {n.removeprefix(ERROR): max(row[n] for row in rows if row[n] is not None)
+              for n in names if any(row[n] is not None for row in rows)}
+    return WorkPoint(method, budget, middle("ms_per_step"), middle("speed_up"), errors,
+                     Status(rows[0]["status"]), middle("offline_total_s"))
+
+
+def draw(done: StudyOutcome) -> list[Path]:
+    """work_precision and, where the study asks for it, error_over_time, PNG and SVG, in the study's
+    folder; [] when there is nothing to draw."""
+    from sparsemor.core.analysis.charts import FORMATS, error_over_time_figure
+    from sparsemor.core.analysis.charts.style import save
+    from sparsemor.core.analysis.charts.work_precision import work_precision_figure
+
+    figures = {CHART: work_precision_figure(
+        work_points(done.plan, done.rows), _reference(done.rows), done.plan.fields)}
+    if done.plan.study.file.over_time:
+        figures[SERIES] = error_over_time_figure(
+            *over_time(done.plan, done.rows), done.plan.fields)
+    return [path for name, figure in figures.items() if figure is not None
+            for path in save(figure, done.folder, name, FORMATS)]
+
+
+def over_time(
+    plan: Plan, rows: Sequence[Mapping[str, Any]]
+) -> "tuple[dict[str, Errors], dict[str, Status]]":
+    """Errors over time and status by method: of runs that differ in the seed only the first that
+    stopped, else the one with the largest combined error."""
+    from sparsemor.core.results.error_norms import Errors
+
+    chosen: dict[str, Mapping[str, Any]] = {}
+    for row in rows:
+        if not row.get(SERIES):
+            continue
+        name = ", ".join(cell(row[n]) for n in plan.lines if row.get(n) is not None)
+        name, kept = name or plan.study.name, chosen.get(name or plan.study.name)
+        if kept is None or _rank(row) > _rank(kept):
+            chosen[name] = row
+    made = {}
+    for name, row in chosen.items():
+        series = {m: np.array(v) for m, v in row[SERIES].items()}
+        times = series.pop("time")
+        made[name] = Errors(times, series, {}, {}, 0.0, float(times[-1]), {}, 0.0)
+    return made, {name: Status(row["status"]) for name, row in chosen.items()}
+
+
+def _rank(row: Mapping[str, Any]) -> tuple[bool, float]:
+    return row["status"] != Status.DONE.value, float(row["error_combined"] or 0.0)
+
+
+def _reference(rows: Sequence[Mapping[str, Any]]) -> "WorkPoint | None":
+    """The one reference of all rows; several have no one line in the chart."""
+    from sparsemor.core.analysis.charts.work_precision import WorkPoint
+
+    found = {(row["reference_ms_per_step"], row["reference_status"]) for row in rows
+             if row["reference_ms_per_step"]}
+    if len(found) != 1:
+        return None
+    ms, status = found.pop()
+    return WorkPoint("reference", "", ms, 1.0, {}, Status(status))
+
+
+def _reasons(rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Each message once, with the first run that gave it."""
+    first: dict[str, Any] = {}
+    for row in rows:
+        if row["message"]:
+            first.setdefault(str(row["message"]), row)
+    lines = [f"run {row['run']}: {row['status']}: {text}" if row["status"] not in text
+             else f"run {row['run']}: {text}" for text, row in first.items()]
+    return lines[:8] + ([f"and {len(lines) - 8} other messages"] if len(lines) > 8 else [])
+
+
+def _text(name: str, row: Mapping[str, Any], is_error: bool) -> str:
+    value = row.get(name)
+    if value is None:
+        return "-"
+    if is_error:
+        measure = name.removeprefix(ERROR)
+        still = measure in str(row.get("constant") or "").split() and value <= 1e-9
+        return CONSTANT if still else marked(value, ".2e", LIMIT)
+    form = _DECIMAL.get(name)
+    return format(value, form) if form is not None else cell(value)
+

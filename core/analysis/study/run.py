@@ -1,0 +1,115 @@
+"""A study from its file to its table, through whoever does the runs."""
+
+import shutil
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from sparsemor.core.analysis.study.jobs import DIED
+from sparsemor.core.analysis.study.journal import Journal, is_study
+from sparsemor.core.analysis.study.plan import Plan
+from sparsemor.core.analysis.study.pools import Pool, SerialPool
+from sparsemor.core.analysis.study.scheduler import Row, Schedule, State
+from sparsemor.core.errors import InputError
+from sparsemor.core.registry.registry import Registry
+from sparsemor.core.results.output_directory import OutputDirectory
+from sparsemor.core.status import Status
+
+Watch = Callable[[State, Row | None], None]
+"""Called after each run with its row, and with None from time to time."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StudyOutcome:
+    """A study whose every run has its row, sorted by run; `files`: what was written at the end."""
+
+    plan: Plan
+    folder: Path
+    rows: tuple[Row, ...]
+    files: tuple[Path, ...]
+
+    @property
+    def failed(self) -> int:
+        return sum(row["status"] != Status.DONE.value for row in self.rows)
+
+
+def study(
+    file: str | Path, *, out: str | Path | None = None, workers: int = 0, scheduler: str = "",
+    times: bool = True, registry: Registry | None = None,
+) -> list[Row]:
+    """Conduct a study and return its table: one mapping a run, in order.
+
+    file: a packaged study's name or a path. out: the folder, `runs/NAME` when not given; the
+    same call again goes on with what is left. workers: processes on this machine, 0 for none;
+    scheduler: address of a dask.distributed cluster. times: whether the table has the columns
+    that depend on the machine. Raises InputError, before anything is written.
+    """
+    plan = Plan.of(file, registry)
+    done = run_plan(plan, out=out, workers=workers, scheduler=scheduler, times=times,
+                   registry=registry)
+    return list(done.rows)
+
+
+def run_plan(
+    plan: Plan, *, out: str | Path | None = None, workers: int = 0, scheduler: str = "",
+    times: bool = True, force: bool = False, registry: Registry | None = None,
+    watch: Watch = lambda state, row: None,
+) -> StudyOutcome:
+    """As `study`, with a plan that was made already, and informed of progress.
+
+    KeyboardInterrupt leaves what was committed; `force` replaces an earlier study. Raises
+    InputError when another run has the folder.
+    """
+    if workers < 0:
+        raise InputError(f"at least 0, for none but this process (got {workers})", "workers")
+    if workers and scheduler:
+        raise InputError("give either --workers or --scheduler", "workers")
+    folder = (Path(out) if out is not None else Path("runs", plan.study.name)).absolute()
+    cluster = _cluster(scheduler) if scheduler else None  # refused before anything is written
+    try:
+        with OutputDirectory(folder).claimed(
+                resume=not force, force=force, known=lambda: is_study(folder),
+                kind="studies only, and this is no study"):
+            journal = Journal.open(folder, plan)
+            rows = journal.rows(drop=(DIED,))
+            kept = {int(row["run"]) for row in rows}
+            left = [run for run in plan.runs if run.number not in kept]
+            if left:
+                with _pool(workers, cluster, folder, registry) as (pool, scratch):
+                    Schedule(plan, left, pool, rows, scratch).go(journal.add, watch)
+                rows = journal.rows()
+            rows.sort(key=lambda row: int(row["run"]))
+            files = journal.write_table(rows, times)
+    finally:
+        if cluster is not None:
+            cluster.close()
+    return StudyOutcome(plan, folder, tuple(rows), tuple(files))
+
+
+def _cluster(address: str) -> Pool:
+    from sparsemor.core.analysis.study.dask_pool import DaskPool
+
+    return DaskPool(address)
+
+
+@contextmanager
+def _pool(
+    workers: int, cluster: Pool | None, folder: Path, registry: Registry | None
+) -> Iterator[tuple[Pool, str | None]]:
+    """Pool of workers, and a folder that they share (None: no common one is certain)."""
+    if cluster is not None:
+        yield cluster, None
+        return
+    from sparsemor.core.analysis.study.local_pool import LocalPool
+
+    pool: Pool = LocalPool(workers, folder / "workers.log") if workers else SerialPool(registry)
+    scratch: Any = folder / ".scratch"
+    shutil.rmtree(scratch, ignore_errors=True)
+    scratch.mkdir()
+    try:
+        yield pool, str(scratch)
+    finally:
+        pool.close()
+        shutil.rmtree(scratch, ignore_errors=True)

@@ -1,0 +1,194 @@
+"""Gives out the jobs of a study: references and offline products first, then the runs.
+
+A run waits for what it shares with others, so that nothing shared is made twice at a time.
+"""
+
+import heapq
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from sparsemor.core.analysis.study.jobs import BROKEN, DIED, REFUSED
+from sparsemor.core.analysis.study.plan import Plan, Run
+from sparsemor.core.analysis.study.pools import Ended, Pool
+from sparsemor.core.status import Status
+
+Row = dict[str, Any]
+Answer = dict[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class State:
+    """Progress of a study. seconds_left: None while it cannot be estimated."""
+
+    total: int
+    done: int
+    failed: int
+    running: int
+    seconds_left: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class _Job:
+    name: str
+    after: tuple[str, ...]
+    run: Run
+
+
+class Schedule:
+    """One pass through the runs that are left. `scratch`: a folder for results that only the
+    workers see, or None."""
+
+    def __init__(
+        self, plan: Plan, left: Sequence[Run], pool: Pool, earlier: Sequence[Mapping[str, Any]],
+        scratch: str | None,
+    ) -> None:
+        self._plan, self._pool, self._scratch = plan, pool, scratch
+        self._jobs = {job.name: job for job in _jobs_of(left)}
+        self._order = {name: i for i, name in enumerate(self._jobs)}
+        self._unmet = {name: len(job.after) for name, job in self._jobs.items()}
+        self._waiters: dict[str, list[str]] = {}
+        for job in self._jobs.values():
+            for name in job.after:
+                self._waiters.setdefault(name, []).append(job.name)
+        self._ready = [(self._order[n], n) for n, count in self._unmet.items() if not count]
+        heapq.heapify(self._ready)
+        self._answers: dict[str, Answer] = {}
+        self._deaths: dict[str, int] = {}
+        self._flying: set[str] = set()
+        self._begun, self._ended, self._runs_left = time.monotonic(), 0, len(left)
+        self._done = len(earlier)
+        self._failed = sum(row["status"] != Status.DONE.value for row in earlier)
+
+    @property
+    def state(self) -> State:
+        spent = time.monotonic() - self._begun
+        seconds = spent / self._ended * self._runs_left if self._ended else None
+        return State(len(self._plan.runs), self._done, self._failed, len(self._flying), seconds)
+
+    def go(self, commit: Callable[[Row], None], watch: Callable[[State, Row | None], None]) -> None:
+        """Until every run has its row. `commit` gets each row; `watch` is called after it, and
+        from time to time."""
+        while self._ready or self._flying:
+            while self._ready and len(self._flying) < self._pool.slots:
+                name = heapq.heappop(self._ready)[1]
+                self._start(name, commit, watch)
+            if not self._flying:
+                continue
+            watch(self.state, None)
+            ended = self._pool.next(1.0)
+            if ended is not None:
+                self._end(ended, commit, watch)
+
+    def _start(
+        self, name: str, commit: Callable[[Row], None], watch: Callable[[State, Row | None], None]
+    ) -> None:
+        job = self._jobs[name]
+        spoiled = next((a for n in job.after if (a := self._spoils(n)) is not None), None)
+        if job.run.refused and name.startswith("run:"):
+            spoiled = {"status": REFUSED, "message": job.run.refused}
+        if spoiled is not None:
+            self._settle(name, spoiled, commit, watch)
+            return
+        self._flying.add(name)
+        self._pool.submit(name, self._payload(job))
+
+    def _payload(self, job: _Job) -> dict[str, Any]:
+        kind, run = job.name.partition(":")[0], job.run
+        reference = self._plan.references[run.reference].plain()
+        if kind == "reference":
+            return {"kind": kind, "scene": reference}
+        assert run.scene is not None
+        if kind == "products":
+            return {"kind": kind, "scene": run.scene.plain()}
+        return {
+            "kind": kind, "scene": run.scene.plain(), "reference": reference,
+            "reference_key": self._answers[f"reference:{run.reference}"]["key"],
+            "is_reference": run.is_reference,
+            "errors_from": self._plan.study.file.errors_from,
+            "scratch": f"{self._scratch}/run-{run.number}" if self._scratch else None,
+        }
+
+    def _end(
+        self, ended: Ended, commit: Callable[[Row], None],
+        watch: Callable[[State, Row | None], None],
+    ) -> None:
+        self._flying.discard(ended.name)
+        answer = ended.answer
+        if answer is None:
+            deaths = self._deaths[ended.name] = self._deaths.get(ended.name, 0) + 1
+            if deaths <= self._pool.repeats:
+                heapq.heappush(self._ready, (self._order[ended.name], ended.name))
+                return
+            times = f"{deaths} times, " if deaths > 1 else ""
+            answer = {"status": DIED, "message": f"its worker died ({times}last: {ended.death})"}
+        self._settle(ended.name, answer, commit, watch)
+
+    def _settle(
+        self, name: str, answer: Answer, commit: Callable[[Row], None],
+        watch: Callable[[State, Row | None], None],
+    ) -> None:
+        self._answers[name] = answer
+        for waiter in self._waiters.get(name, ()):
+            self._unmet[waiter] -= 1
+            if not self._unmet[waiter]:
+                heapq.heappush(self._ready, (self._order[waiter], waiter))
+        if not name.startswith("run:"):
+            return
+        row = self._row(self._jobs[name], answer)
+        commit(row)
+        self._done, self._ended = self._done + 1, self._ended + 1
+        self._runs_left -= 1
+        self._failed += row["status"] != Status.DONE.value
+        watch(self.state, row)
+
+    def _row(self, job: _Job, answer: Answer) -> Row:
+        run = job.run
+        own = {"run": run.number, "reducer": run.reducer, "seed": run.seed,
+               "workers": self._pool.workers, "repeats": self._deaths.get(job.name, 0)}
+        # an axis may be called `reducer`: its labels then stand in that column
+        return own | answer | dict(run.settings)
+
+    def _spoils(self, name: str) -> Answer | None:
+        """Jobs that cannot run because `name`, which they depend on, failed."""
+        answer = self._answers[name]
+        kind, status = name.partition(":")[0], answer["status"]
+        if kind == "reference" and "key" not in answer:
+            return {"status": status, "message": f"reference: {answer['message']}"}
+        # a refusal may be of the one run that was prepared: the others say their own
+        if kind == "products" and status not in (Status.DONE.value, REFUSED, BROKEN):
+            return answer
+        return None
+
+
+def _jobs_of(runs: Sequence[Run]) -> list[_Job]:
+    """References, then offline products that several runs share, then the runs."""
+    possible = [run for run in runs if not run.refused]
+    references = {f"reference:{run.reference}": run for run in reversed(possible)}
+    trained: dict[str, list[Run]] = {}
+    for run in possible:
+        if run.training:
+            trained.setdefault(run.training, []).append(run)
+    products: list[_Job] = []
+    waits_for: dict[str, str] = {}
+    for group in trained.values():
+        if len(group) == 1:
+            continue
+        first = f"products:{group[0].products}"
+        for token in dict.fromkeys(run.products for run in group):
+            sharing = [run for run in group if run.products == token]
+            name = f"products:{token}"
+            if name != first and len(sharing) == 1:
+                waits_for[token] = first  # it makes its own basis from the shared training run
+                continue
+            products.append(_Job(name, () if name == first else (first,), sharing[0]))
+            waits_for[token] = name
+    jobs = [_Job(name, (), run) for name, run in reversed(references.items())] + products
+    for run in runs:
+        after: tuple[str, ...] = ()
+        if not run.refused:
+            shared = waits_for.get(run.products)
+            after = (f"reference:{run.reference}", *((shared,) if shared else ()))
+        jobs.append(_Job(f"run:{run.number}", after, run))
+    return jobs

@@ -1,0 +1,37 @@
+"""Worker process of a study, `python -m` this module: one job per line in, one answer out.
+
+It ends when its input does, so it does not outlive the process that started it.
+"""
+
+import json
+import os
+import queue
+import signal
+import sys
+import threading
+
+
+def main() -> None:
+    """Answer jobs until the input ends."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the process that gives out jobs
+    answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
+    os.dup2(2, 1)  # what plugins print is no answer
+    lines: queue.Queue[str] = queue.Queue()
+    threading.Thread(target=_listen, args=(lines,), daemon=True).start()
+    from sparsemor.core.analysis.study.jobs import execute
+
+    while True:
+        message = json.loads(lines.get())
+        answer = execute(message["job"])
+        answers.write(json.dumps({"name": message["name"], "answer": answer}) + "\n")
+        answers.flush()
+
+
+def _listen(lines: "queue.Queue[str]") -> None:
+    for line in sys.stdin:
+        lines.put(line)
+    os._exit(0)  # also in the middle of a run: nobody wants its answer
+
+
+if __name__ == "__main__":
+    main()

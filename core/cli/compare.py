@@ -1,0 +1,190 @@
+"""`sparsemor compare`: one scene solved by several reducers; the first is the reference."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from sparsemor.core.cli.options import (
+    FAILED,
+    Force,
+    Json,
+    Quiet,
+    Resume,
+    SceneName,
+    Settings,
+    exit_codes,
+    leave,
+    load_with,
+    located_in,
+    out_option,
+    place_for_result,
+    print_json,
+    progress,
+    warn,
+)
+from sparsemor.core.errors import InputError
+from sparsemor.core.model.body_cache import BodyCache
+from sparsemor.core.protocols.reducer import shared_options
+from sparsemor.core.registry.registry import Registry
+from sparsemor.core.results.atomic_files import writing
+from sparsemor.core.results.output_directory import OutputDirectory
+from sparsemor.core.scene.defaults import COMPARED
+from sparsemor.core.scene.scene import Scene
+from sparsemor.core.status import SolveFailed, Status
+
+Out = Annotated[Path | None, out_option("runs/SCENE-compare")]
+
+
+def compare(
+    scene: SceneName,
+    reducers: Annotated[
+        str, typer.Option(help="Names of reducers; the first is the reference.")
+    ] = COMPARED,
+    settings: Settings = None, out: Out = None, resume: Resume = False, force: Force = False,
+    charts: Annotated[
+        bool, typer.Option("--charts/--no-charts", help="Draw pictures, which may take longer "
+                           "than the runs.")
+    ] = True,
+    as_json: Json = False, quiet: Quiet = False,
+    error_limit: Annotated[
+        float, typer.Option(min=0.0, help="Errors above this are marked in tables and charts.")
+    ] = 0.1,
+) -> None:
+    """Run a scene with several reducers and tabulate errors and cost."""
+    with exit_codes(as_json):
+        loaded = load_with(scene, settings)
+        scenes = variants(loaded, [n.strip() for n in reducers.split(",") if n.strip()])
+        directory = out or Path("runs", f"{loaded.name}-compare")
+        body_cache = BodyCache()
+        _refuse_early(scenes, body_cache)
+        with place_for_result(directory, resume, force):
+            results, failures = _run_all(scenes, directory, resume, quiet or as_json, body_cache)
+        _report(results, failures, directory, as_json, quiet, charts, error_limit)
+
+
+def variants(scene: Scene, reducers: list[str], registry: Registry | None = None
+             ) -> dict[str, Scene]:
+    """The scene once per reducer.
+
+    The scene's own reducer keeps its options. Others get those that they have in common with it:
+    options that both share with others, such as `basis`, `bases` and `budgets`, and any option of
+    the same name, type and default. An option
+    with another default means something else there: `deim` chooses its points by its own sampler.
+    """
+    if len(reducers) < 2 or len(set(reducers)) < len(reducers):
+        raise InputError(
+            f"--reducers: give two or more different names (got {','.join(reducers)})")
+    known = registry or Registry()
+    own: dict[str, Any] = scene.dump()["reducer"]
+    cls = known.get("reducer", scene.reducer_name)
+    chosen: dict[str, Scene] = {}
+    for name in reducers:
+        if name == scene.reducer_name:
+            chosen[name] = scene
+            continue
+        other = known.get("reducer", name)
+        theirs, mine = other.model_fields, cls.model_fields
+        shared = {*shared_options(cls)} & {*shared_options(other)}
+        common = {
+            key: value for key, value in own.items() if key in theirs and (
+                key in shared or (theirs[key].annotation == mine[key].annotation
+                                  and theirs[key].default == mine[key].default))
+        }
+        chosen[name] = scene.using({"reducer": {"use": name, **common}}, label="--reducers")
+    return chosen
+
+
+def _refuse_early(scenes: dict[str, Scene], body_cache: BodyCache) -> None:
+    """Refuses bad input of any of the runs before the first one starts."""
+    from sparsemor.core.simulation.validation import checked_model
+
+    for scene in scenes.values():
+        with located_in(scene):
+            checked_model(scene, body_cache)
+
+
+def _run_all(
+    scenes: dict[str, Scene], directory: Path, resume: bool, quiet: bool, body_cache: BodyCache
+) -> tuple[dict[str, Any], dict[str, SolveFailed]]:
+    """Results by name, also of runs that stopped early, and what stopped them. A run that is the
+    training run of the others leaves its snapshots to them.
+
+    Bad input that a later run finds removes those that were made here.
+    """
+    from sparsemor.core.simulation.offline import is_training_run
+
+    results: dict[str, Any] = {}
+    failures: dict[str, SolveFailed] = {}
+    teacher = next((n for n, s in scenes.items() if is_training_run(s)), "")
+    old = {name for name in scenes if OutputDirectory(directory / name).is_result()}
+    for name, scene in scenes.items():
+        with located_in(scene), progress(quiet) as observers:
+            try:
+                results[name] = _run_one(
+                    scene, directory / name, resume, observers, body_cache, keep=name == teacher)
+            except InputError:
+                for made in set(results) - old:
+                    OutputDirectory(directory / made).remove_result()
+                raise
+            except SolveFailed as error:
+                if not results or error.status is Status.INTERRUPTED:
+                    raise  # nothing to compare with, or no wish to
+                failures[name] = error
+                if error.result is not None:
+                    results[name] = error.result
+    return results, failures
+
+
+def _run_one(
+    scene: Scene, here: Path, resume: bool, observers: Sequence[object], body_cache: BodyCache,
+    keep: bool,
+) -> Any:
+    from sparsemor.core.results.run_result import open_result
+    from sparsemor.core.scene.run_identity import Identity
+    from sparsemor.core.simulation.simulate import simulate
+
+    if resume and OutputDirectory(here).is_result():
+        earlier = open_result(here)
+        if earlier.status.ok and earlier.attributes["scene_digest"] == scene.digest():
+            changed = Identity.of(scene).changes(earlier.attributes.get("identity", {}))
+            if changed:
+                raise InputError(f"{here} cannot be kept: since it was computed, "
+                                 f"{'; '.join(changed)}. Start again, with --force", "resume")
+            return earlier
+        return simulate(scene, out=here, resume=True, observers=observers, body_cache=body_cache)
+    return simulate(scene, out=here, observers=observers, body_cache=body_cache, keep_training=keep)
+
+
+def _report(
+    results: dict[str, Any], failures: dict[str, SolveFailed], directory: Path, as_json: bool,
+    quiet: bool, charts: bool, error_limit: float,
+) -> None:
+    from sparsemor.core.analysis.compare import compare as compared
+
+    reference, *others = results
+    failed = [f"{name}: {error}" for name, error in failures.items()]
+    if not others:
+        if as_json:
+            print_json({"status": "failed", "failures": failed})
+        leave(failed, FAILED)
+    comparison = compared(results[reference], error_limit=error_limit,
+                          **{name: results[name] for name in others})
+    with writing(directory):
+        comparison.write(directory, charts)
+    summaries = {name: dict(result.summary) for name, result in results.items()}
+    if as_json:
+        print_json({"status": "failed" if failed else "done", "reference": reference,
+                    "runs": [{"run": name, **summary} for name, summary in summaries.items()],
+                    "errors": comparison.errors, "above_limit": comparison.above_limit,
+                    "start_up": {n: e.start_up for n, e in comparison.measured.items()},
+                    "steady": {n: e.steady for n, e in comparison.measured.items()},
+                    "failures": failed, "out": str(directory)})
+    elif not quiet:
+        typer.echo(str(comparison))
+        typer.echo(f"table{' and charts' * charts}: {directory}")
+    if not quiet:
+        warn([f"{name}: {note}" for name, s in summaries.items() for note in s.get("notes", ())])
+    if failed:
+        leave(failed, FAILED)

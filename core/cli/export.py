@@ -1,0 +1,88 @@
+"""`sparsemor export` and `sparsemor pictures`: files for ParaView, and charts, of a stored run."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from sparsemor.core.cli.options import (
+    Force,
+    Json,
+    Quiet,
+    exit_codes,
+    numbers,
+    options,
+    print_json,
+    under,
+    warn,
+    words,
+)
+
+Run = Annotated[str, typer.Argument(
+    metavar="RUN", help="Directory of a run, finished or not.")]
+At = Annotated[str | None, typer.Option(
+    "--at", help="Times in s, such as 0.3,1.2; the nearest stored steps are used.")]
+
+
+def export(
+    run: Run,
+    form: Annotated[str, typer.Option("--format", help="vtu or xdmf.")] = "vtu",
+    out: Annotated[Path | None, typer.Option(
+        "--out", help="Directory for the files (default: inside the run's directory).")] = None,
+    at: At = None,
+    every: Annotated[int, typer.Option(
+        "--every", help="Export every N-th stored step (not with --at).")] = 1,
+    fields: Annotated[str | None, typer.Option(
+        "--fields", help="Some of displacement,temperature (default: all).")] = None,
+    bodies: Annotated[str | None, typer.Option(
+        "--body", help="Bodies, such as disk,pad (default: all that have a mesh).")] = None,
+    force: Force = False, as_json: Json = False, quiet: Quiet = False,
+) -> None:
+    """Write the moving bodies of a stored run with their fields, for ParaView."""
+    with exit_codes(as_json), options():
+        from sparsemor.core.results.export import export as write
+        from sparsemor.core.results.run_result import open_result
+
+        result = open_result(run)
+        done = write(
+            result, out or result.path.parent / form, form, bodies=words(bodies),
+            fields=words(fields), at=numbers("at", at), every=every, force=force)
+        if as_json:
+            print_json({
+                "status": "done", "out": done.folder, "format": form, "times": len(done.times),
+                "files": {b: str(f) for b, f in done.files.items()}, "fields": done.fields,
+                "notes": done.notes})
+        elif not quiet:
+            for body, file in done.files.items():
+                typer.echo(_line(result, body, file, done.fields[body], len(done.times)))
+        if not quiet and not as_json:
+            warn(done.notes)
+
+
+def pictures(
+    run: Run, at: At = None,
+    out: Annotated[Path | None, typer.Option(
+        "--out", help="Directory for the files (default: `pictures` in the run's).")] = None,
+    as_json: Json = False, quiet: Quiet = False,
+) -> None:
+    """Draw a stored run: motion, fields at some times, probes, atoms in use. PNG and SVG."""
+    with exit_codes(as_json), options():
+        from sparsemor.core.analysis.charts import write_run_charts
+        from sparsemor.core.results.run_result import open_result
+
+        result = open_result(run)
+        times = numbers("at", at)
+        with under("at" if times else ""):
+            result.steps_at(times)
+        folder = out or result.path.parent / "pictures"
+        files = write_run_charts(result, folder, times)
+        if as_json:
+            print_json({"status": "done", "out": folder, "files": [str(f) for f in files]})
+        elif not quiet:
+            for file in files:
+                typer.echo(str(file))
+
+
+def _line(run: Any, body: str, file: Path, fields: tuple[str, ...], times: int) -> str:
+    what = ", ".join(fields) or "no field"
+    return f"{file}: {len(run.points(body))} points, {times} times, {what}"

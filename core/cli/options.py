@@ -1,0 +1,179 @@
+"""Shared parts of the commands: options, exit codes, output directories."""
+
+import json
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from sparsemor.core.errors import Damaged, InputError
+from sparsemor.core.registry.registry import Registry
+from sparsemor.core.results.output_directory import OutputDirectory
+from sparsemor.core.scene.overrides import parse_settings
+from sparsemor.core.scene.scene import Scene, load
+from sparsemor.core.scene.yaml_reader import LocatedError
+from sparsemor.core.status import SolveFailed, Status
+
+SceneName = Annotated[
+    str, typer.Argument(metavar="SCENE", help="A packaged scene's name (`sparsemor plugins scene` "
+                        "lists them), or a scene file.")]
+Settings = Annotated[
+    list[str] | None, typer.Option(
+        "--set", metavar="KEY=VALUE",
+        help="Change the scene: time.end=0.5, reducer=full, reducer.sampler.use=random. May be "
+             "repeated.")]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
+Resume = Annotated[bool, typer.Option("--resume", help="Continue an interrupted run.")]
+Force = Annotated[bool, typer.Option("--force", help="Replace an earlier result.")]
+
+FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
+_OPTIONS = ("out", "resume")
+
+
+def out_option(otherwise: str) -> Any:
+    """`--out`, and where the result goes without it."""
+    return typer.Option("--out", help=f"Directory for the result (default: {otherwise}).")
+
+
+def load_with(scene: str, settings: Sequence[str] | None) -> Scene:
+    """The scene with `--set` applied. Raises `LocatedError`."""
+    try:
+        overrides = parse_settings(settings or ())
+    except InputError as error:
+        lines = [f"--set {f.key}: {f.message}" if f.key else f.message for f in error.faults]
+        raise LocatedError(error.faults, lines) from None
+    return load(scene, overrides)
+
+
+@contextmanager
+def located_in(scene: Scene) -> Iterator[None]:
+    """Adds file, line and column to faults found after loading."""
+    try:
+        yield
+    except (LocatedError, Damaged):  # what is damaged on disk is nowhere in the scene
+        raise
+    except InputError as error:
+        # what is wrong with an option of the command is nowhere in the file
+        own = [f for f in error.faults if f.key in _OPTIONS]
+        rest = [f for f in error.faults if f.key not in _OPTIONS]
+        lines = [f"--{f.key}: {f.message}" for f in own]
+        raise LocatedError(
+            error.faults, lines + (scene.locate(InputError(rest)) if rest else [])) from error
+
+
+@contextmanager
+def options() -> Iterator[None]:
+    """Faults of a command without a scene: each key is the name of an option."""
+    try:
+        yield
+    except LocatedError:
+        raise
+    except InputError as error:
+        lines = [f"--{f.key}: {f.message}" if f.key else f.message for f in error.faults]
+        raise LocatedError(error.faults, lines) from error
+
+
+@contextmanager
+def under(option: str) -> Iterator[None]:
+    """Faults without a key get that of an option, if one is named."""
+    try:
+        yield
+    except InputError as error:
+        raise (error.under(option) if option else error) from None
+
+
+def words(text: str | None) -> list[str] | None:
+    """The items of a comma-separated list; None stays None."""
+    return None if text is None else [w.strip() for w in text.split(",") if w.strip()]
+
+
+def numbers(option: str, text: str | None) -> list[float] | None:
+    """The numbers of a comma-separated list. Raises InputError under the option's name."""
+    try:
+        return None if text is None else [float(w) for w in words(text) or ()]
+    except ValueError:
+        raise InputError(f"must be numbers separated by commas (got {text})", option) from None
+
+
+@contextmanager
+def exit_codes(as_json: bool = False) -> Iterator[None]:
+    """Turns bad input and failed runs into clear lines and an exit code."""
+    try:
+        yield
+    except InputError as error:
+        lines = error.lines if isinstance(error, LocatedError) else str(error).splitlines()
+        if as_json:
+            print_json({"status": "bad_input", "errors": list(lines)})
+        leave(lines, BAD_INPUT)
+    except SolveFailed as error:
+        result = getattr(error, "result", None)
+        if as_json:
+            summary = result.summary if result is not None else {}
+            print_json({**summary, "status": error.status.value, "message": str(error)})
+        where = [f"results up to the failure: {result.path}"] if result is not None else []
+        stopped = error.status is Status.INTERRUPTED
+        leave([str(error), *where], INTERRUPTED if stopped else FAILED)
+    except KeyboardInterrupt:  # before the first step, or a second time
+        if as_json:
+            print_json({"status": Status.INTERRUPTED.value, "message": "interrupted"})
+        leave(["interrupted"], INTERRUPTED)
+    except BrokenPipeError:  # the program's end is quiet about it
+        raise
+    except OSError as error:  # such as a full disk; what was committed is readable
+        lines = [f"{error.filename or 'input or output'}: {error.strerror or error}"]
+        if as_json:
+            print_json({"status": "failed", "message": lines[0]})
+        leave(lines, FAILED)
+
+
+def warn(notes: Sequence[str]) -> None:
+    """Prints warnings about a run on standard error."""
+    for note in notes:
+        typer.echo(f"warning: {note}", err=True)
+
+
+def inform(notes: Sequence[str]) -> None:
+    """Prints notes about a run on standard error."""
+    for note in notes:
+        typer.echo(f"note: {note}", err=True)
+
+
+def leave(lines: Sequence[str], code: int) -> None:
+    for line in lines:
+        typer.echo(line, err=True)
+    raise typer.Exit(code)
+
+
+def print_json(value: Mapping[str, Any]) -> None:
+    typer.echo(json.dumps(value, indent=2, allow_nan=False, default=str))
+
+
+@contextmanager
+def progress(quiet: bool) -> Iterator[Sequence[object]]:
+    """Observers for a run: a progress bar when a person is watching standard error."""
+    if quiet or not sys.stderr.isatty():
+        yield ()
+        return
+    registry = Registry()
+    if "progress" not in {p.name for p in registry.names("observer")}:
+        yield ()
+        return
+    plugin: Any = registry.get("observer", "progress")()
+    observer = plugin.observer()
+    try:
+        yield (observer,)
+    finally:
+        observer.close()
+
+
+@contextmanager
+def place_for_result(out: Path, resume: bool, force: bool) -> Iterator[None]:
+    """The output directory, claimed until the end of this command (`OutputDirectory.claimed`)."""
+    with ExitStack() as stack:
+        with options():
+            stack.enter_context(OutputDirectory(out).claimed(resume=resume, force=force))
+        yield

@@ -1,0 +1,177 @@
+"""`sparsemor validate`, `schema` and `plugins`: what is given, and what there is."""
+
+import json
+import re
+from typing import Annotated, Any
+
+import typer
+from pydantic import BaseModel
+
+from sparsemor.core.cli.options import (
+    Json,
+    SceneName,
+    Settings,
+    exit_codes,
+    load_with,
+    located_in,
+    print_json,
+    warn,
+)
+from sparsemor.core.errors import InputError
+from sparsemor.core.registry.contracts import abilities_of, required_members, shapes
+from sparsemor.core.registry.option_types import type_in_words
+from sparsemor.core.registry.registry import PluginName, Registry, near
+from sparsemor.core.scene.source import Source
+
+FILES = ("scene", "study")
+"""Kinds whose plugins are files, without options."""
+
+
+def validate(scene: SceneName, settings: Settings = None, as_json: Json = False) -> None:
+    """Check a scene file and build its parts, without running it."""
+    with exit_codes(as_json):
+        loaded = load_with(scene, settings)
+        with located_in(loaded):
+            from sparsemor.core.notes import Level, sentences
+            from sparsemor.core.simulation.diagnostics.plausibility import before_run
+            from sparsemor.core.simulation.validation import checked_model
+
+            found = sentences(before_run(loaded, checked_model(loaded)), Level.WARNING)
+        if as_json:
+            print_json({"status": "done", "scene": loaded.dump(), "notes": found})
+        else:
+            warn(found)
+            typer.echo(f"{loaded.name}: valid ({', '.join(loaded.bodies)})")
+
+
+def schema() -> None:
+    """Print the JSON schema of scene files, with the plugins installed here."""
+    from sparsemor.core.scene.json_schema import scene_schema
+
+    typer.echo(json.dumps(scene_schema(), indent=2))
+
+
+def plugins(
+    which: Annotated[
+        str | None, typer.Argument(metavar="[KIND or NAME]", help="Show only these.")] = None,
+    as_json: Json = False,
+) -> None:
+    """List the installed plugins; with a name, also its options."""
+    with exit_codes(as_json):
+        shown = [_described(Registry(), p) for p in _chosen(Registry(), which)]
+        with_options = which is not None and which not in Registry().kinds()
+        if as_json:
+            print_json({"plugins": shown})
+        elif with_options:
+            for plugin in shown:
+                _print_options(plugin)
+        else:
+            _print_table(shown)
+
+
+def _chosen(registry: Registry, which: str | None) -> list[PluginName]:
+    kinds = registry.kinds()
+    every = [p for kind in kinds for p in registry.names(kind)]
+    chosen = [p for p in every if which is None or which in (p.kind, p.name, p.qualified)]
+    if which is not None and not chosen:
+        alike = [kind for kind in kinds if which in kind.split("_")]
+        if alike:
+            raise InputError(f"no plugin and no kind is called {which!r}: did you mean the kind "
+                             f"{' or '.join(alike)}?")
+        names = sorted({p.name for p in every} | set(kinds))
+        raise InputError(f"no plugin and no kind is called {which!r}: {near(which, names)}")
+    return chosen
+
+
+def _described(registry: Registry, plugin: PluginName) -> dict[str, Any]:
+    found: dict[str, Any] = {
+        "kind": plugin.kind, "name": plugin.name, "use": registry.spelling(plugin),
+        "distribution": plugin.distribution, "version": plugin.version, "doc": "",
+        "broken": "", "options": [], "required": [], "abilities": [],
+    }
+    try:
+        if plugin.kind in FILES:
+            return {**found, "doc": _title(registry, plugin)}
+        cls = registry.get(plugin.kind, found["use"])
+    except InputError as error:
+        cause = error.__cause__
+        return {**found, "broken": f"{type(cause).__name__}: {cause}" if cause else str(error)}
+    return {**found, "doc": first_sentence(cls.__doc__ or ""), "options": _options(cls),
+            "required": required_members(plugin.kind),
+            "abilities": [_ability(a) for a in abilities_of(plugin.kind, cls)]}
+
+
+def _ability(protocol: type) -> dict[str, Any]:
+    return {"name": protocol.__name__, "members": shapes(protocol),
+            "doc": first_sentence(protocol.__doc__ or "")}
+
+
+def _title(registry: Registry, plugin: PluginName) -> str:
+    """Title of a packaged scene or study."""
+    return str(Source.read(registry.spelling(plugin), registry, plugin.kind).tree.get("title", ""))
+
+
+def _options(cls: type[BaseModel]) -> list[dict[str, Any]]:
+    properties = cls.model_json_schema()["properties"] if cls.model_fields else {}
+    return [
+        {
+            "name": name, "type": type_in_words(properties.get(name, {})),
+            "required": field.is_required(), "default": properties.get(name, {}).get("default"),
+            "doc": field.description or "",
+        }
+        for name, field in cls.model_fields.items()
+    ]
+
+
+def first_sentence(text: str) -> str:
+    """First sentence of a docstring, which may span lines."""
+    paragraph = " ".join(text.strip().partition("\n\n")[0].split())
+    return re.split(r"(?<=[.!?])\s+(?=[A-Z`(])", paragraph, maxsplit=1)[0]
+
+
+def _print_table(shown: list[dict[str, Any]]) -> None:
+    from rich.table import Table
+
+    table = Table("kind", "name", "distribution", _folded("description"))
+    for p in shown:
+        doc = p["broken"] and f"BROKEN: {p['broken']}"
+        table.add_row(p["kind"], p["use"], f"{p['distribution']} {p['version']}",
+                      _plain(doc or p["doc"]))
+    _console().print(table)
+
+
+def _print_options(plugin: dict[str, Any]) -> None:
+    from rich.table import Table
+
+    origin = f"{plugin['distribution']} {plugin['version']}"
+    _console().print(_plain(f"{plugin['kind']} {plugin['use']} ({origin}): "
+                            f"{plugin['broken'] or plugin['doc']}"))
+    if plugin["options"]:
+        table = Table("option", _folded("type"), _folded("default"), _folded("meaning"))
+        for o in plugin["options"]:
+            default = "(required)" if o["required"] else json.dumps(o["default"])
+            table.add_row(o["name"], _plain(o["type"]), _plain(default), _plain(o["doc"]))
+        _console().print(table)
+    if plugin["required"]:
+        _console().print(_plain(f"Every {plugin['kind']} has: {', '.join(plugin['required'])}"))
+    for a in plugin["abilities"]:
+        _console().print(_plain(f"{a['name']} ({', '.join(a['members'])}): {a['doc']}"))
+
+
+def _folded(heading: str) -> Any:
+    """Column that wraps long words instead of cutting them."""
+    from rich.table import Column
+
+    return Column(heading, overflow="fold")
+
+
+def _console() -> Any:
+    from rich.console import Console
+
+    return Console(highlight=False)
+
+
+def _plain(text: str) -> Any:
+    from rich.text import Text
+
+    return Text(text)  # square brackets in types are no markup

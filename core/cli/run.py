@@ -1,0 +1,127 @@
+"""`sparsemor run`."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from sparsemor.core.cli.options import (
+    Force,
+    Json,
+    Quiet,
+    Resume,
+    SceneName,
+    Settings,
+    exit_codes,
+    inform,
+    load_with,
+    located_in,
+    out_option,
+    place_for_result,
+    print_json,
+    progress,
+    warn,
+)
+from sparsemor.core.protocols.reducer import shared_options
+from sparsemor.core.registry.registry import Registry
+from sparsemor.core.results.solver_report import solvers_in_words
+from sparsemor.core.scene.overrides import parse_settings
+from sparsemor.core.scene.scene import Scene
+from sparsemor.core.scene.source import Source
+
+Out = Annotated[Path | None, out_option("runs/SCENE-REDUCER")]
+
+
+def run(
+    scene: SceneName, settings: Settings = None, out: Out = None, resume: Resume = False,
+    force: Force = False, as_json: Json = False, quiet: Quiet = False,
+) -> None:
+    """Simulate a scene and store the result."""
+    with exit_codes(as_json):
+        loaded = load_with(scene, settings)
+        directory = out or Path("runs", f"{loaded.name}-{reducer_name(loaded)}")
+        with (place_for_result(directory, resume, force), located_in(loaded),
+              progress(quiet or as_json) as observers):
+            from sparsemor.core.simulation.simulate import simulate
+
+            result = simulate(loaded, out=directory, resume=resume, observers=observers)
+        summary = dict(result.summary)
+        if as_json:
+            print_json(summary)
+        elif not quiet:
+            typer.echo(in_words(summary))
+            typer.echo(f"result: {directory}")
+        if not quiet:
+            warn(summary.get("notes", ()))
+        if not (quiet or as_json):  # programs find it in the summary
+            inform([*summary.get("information", ()), *replaced_reducer(scene, settings)])
+
+
+def replaced_reducer(scene: str, settings: Sequence[str] | None) -> list[str]:
+    """A sentence where `--set reducer=NAME` left out options of the scene's own reducer, which
+    `compare --reducers NAME` keeps."""
+    name = parse_settings(settings or ()).get("reducer")
+    own = Source.read(scene, Registry()).tree.get("reducer")
+    if not isinstance(name, str) or not isinstance(own, Mapping):
+        return []
+    registry = Registry()
+    if name not in {p.name for p in registry.names("reducer")}:
+        return []
+    cls = registry.get("reducer", name)
+    left = [key for key in shared_options(cls) if key in own and key in cls.model_fields]
+    return [f"reducer {name} runs with its own defaults: {', '.join(left)} of the scene's reducer "
+            f"{own.get('use')} {'is' if len(left) == 1 else 'are'} left out; `compare --reducers` "
+            "keeps what both have"] if left else []
+
+
+def reducer_name(scene: Scene) -> str:
+    return scene.reducer_name
+
+
+def in_words(summary: Mapping[str, Any]) -> str:
+    """Aligned lines of a summary; entries that the run does not report are left out."""
+    lines = [("status", summary.get("status")), ("reducer", summary.get("reducer"))]
+    if "steps" in summary:
+        lines.append(("steps", f"{summary['steps']} to t = {summary.get('t_end', 0.0):g} s"))
+    wall = summary.get("wall_s")
+    if isinstance(wall, Mapping):
+        per_step = summary.get("ms_per_step")
+        rate = f" ({per_step:.3g} ms/step)" if isinstance(per_step, int | float) else ""
+        lines += [("offline", f"{wall['offline']:.3g} s{_cached(summary)}"),
+                  ("online", f"{wall['online']:.3g} s{rate}")]
+    iterations = summary.get("newton_iterations")
+    lines.append(("iterations", None if iterations is None else f"{_short(iterations)} per step"))
+    lines.append(("factorized", summary.get("factorizations")))
+    lines += [("linear solver", told) for told in solvers_in_words(
+        summary.get("linear_solvers", ()))]
+    held = summary.get("memory")
+    if held:
+        lines.append(("memory", f"{held['peak_gb']:.2g} GB at most"))
+    for name in ("rows", "atoms", "atoms_active", "elements_touched", "probes"):
+        lines += [(name.replace("_", " "), f"{k}: {_short(v)}")
+                  for k, v in _entries(summary.get(name))]
+    width = max(len(label) for label, _ in lines)
+    return "\n".join(f"{label:<{width}}  {value}" for label, value in lines if value is not None)
+
+
+def _cached(summary: Mapping[str, Any]) -> str:
+    """Cache hits and misses of the offline products."""
+    used = ", ".join(f"{k} {v}" for k, v in summary.get("cache", {}).items())
+    return f" (cache: {used})" if used else ""
+
+
+def _entries(value: object) -> list[tuple[str, object]]:
+    if isinstance(value, Mapping):
+        return list(value.items())
+    return [] if value is None else [("all", value)]
+
+
+def _short(value: object) -> str:
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    if isinstance(value, list | tuple):
+        return ", ".join(map(_short, value))
+    if isinstance(value, Mapping):
+        return ", ".join(f"{k} {_short(v)}" for k, v in value.items())
+    return str(value)

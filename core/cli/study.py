@@ -1,0 +1,97 @@
+"""`sparsemor study`: many runs of one scene, one table."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from sparsemor.core.cli.options import (
+    FAILED,
+    INTERRUPTED,
+    Force,
+    Json,
+    Quiet,
+    exit_codes,
+    leave,
+    print_json,
+)
+from sparsemor.core.errors import InputError
+from sparsemor.core.scene.yaml_reader import LocatedError
+
+if TYPE_CHECKING:
+    from sparsemor.core.analysis.study import StudyOutcome
+    from sparsemor.core.analysis.study.plan import Plan
+
+_OPTIONS = ("out", "workers", "scheduler")
+
+
+def study(
+    file: Annotated[str, typer.Argument(
+        metavar="STUDY", help="A packaged study's name (`sparsemor plugins study` lists them), or "
+                              "a study file.")],
+    out: Annotated[Path | None, typer.Option("--out", help="Directory for the table (default: "
+                                             "runs/NAME). A stopped study is continued.")
+                   ] = None,
+    workers: Annotated[int, typer.Option(help="Worker processes on this machine; 0: none.")] = 0,
+    scheduler: Annotated[str, typer.Option(
+        metavar="ADDRESS", help="A dask.distributed cluster, as tcp://host:8786.")] = "",
+    no_times: Annotated[bool, typer.Option(
+        "--no-times", help="Leave out the columns that depend on the machine.")] = False,
+    force: Force = False, as_json: Json = False, quiet: Quiet = False,
+) -> None:
+    """Run a scene under every combination of changes and tabulate errors and cost."""
+    with exit_codes(as_json):
+        from sparsemor.core.analysis.study.plan import Plan
+        from sparsemor.core.analysis.study.progress import shown
+        from sparsemor.core.analysis.study.run import run_plan
+
+        plan = Plan.of(file)
+        folder = (out or Path("runs", plan.study.name)).absolute()
+        try:
+            with shown(plan, quiet or as_json) as watch:
+                done = run_plan(plan, out=folder, workers=workers, scheduler=scheduler,
+                               times=not no_times, force=force, watch=watch)
+        except KeyboardInterrupt:
+            _interrupted(plan, folder, as_json, quiet)
+        except LocatedError:
+            raise
+        except InputError as error:
+            raise _of_options(error) from None
+        else:
+            _report(done, as_json, quiet)
+
+
+def _report(done: "StudyOutcome", as_json: bool, quiet: bool) -> None:
+    from sparsemor.core.analysis.study.report import draw, in_words
+
+    charts = draw(done)
+    none = all(row["status"] != "done" for row in done.rows)
+    if as_json:
+        print_json({"status": "failed" if none else "done", "out": str(done.folder),
+                    "runs": list(done.rows)})
+    elif not quiet:
+        typer.echo(in_words(done.plan, done.rows))
+        names = ", ".join(path.name for path in (*done.files, *charts))
+        typer.echo(f"{done.folder}: {names}")
+    if none:
+        leave(["no run reached its end"], FAILED)
+
+
+def _interrupted(plan: "Plan", folder: Path, as_json: bool, quiet: bool) -> None:
+    from sparsemor.core.analysis.study.journal import Journal, is_study
+    from sparsemor.core.analysis.study.report import in_words
+
+    rows: list[Any] = Journal(folder, plan.columns).rows() if is_study(folder) else []
+    rows.sort(key=lambda row: int(row["run"]))
+    if as_json:
+        print_json({"status": "interrupted", "out": str(folder), "runs": rows})
+    elif not quiet:
+        typer.echo(in_words(plan, rows))
+    leave([f"interrupted: the same command continues {folder / 'runs.csv'}"], INTERRUPTED)
+
+
+def _of_options(error: InputError) -> LocatedError:
+    """Faults of the command's own options."""
+    lines = [f"--{f.key}: {f.message}" if f.key in _OPTIONS else f"{f.key}: {f.message}"
+             for f in error.faults]
+    return LocatedError(error.faults, lines)

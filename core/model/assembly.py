@@ -1,0 +1,201 @@
+"""From a validated scene to a model: parts, layout of the unknowns, contributions."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core.errors import Gather, InputError
+from sparsemor.core.model.body_cache import BodyCache
+from sparsemor.core.model.contributions import Touched, close, general_terms, touched
+from sparsemor.core.model.factorizations import BlockSolvers
+from sparsemor.core.model.model import Model
+from sparsemor.core.model.prescribed_motion import (
+    NOTHING,
+    PrescribedQuantities,
+    carrying,
+    following,
+    prescribable,
+)
+from sparsemor.core.protocols import (
+    Body,
+    ChangesBodies,
+    ConductsHeat,
+    HasProbes,
+    LocalizesRows,
+    Part,
+    ProbePlace,
+)
+from sparsemor.core.protocols.capabilities import BUILT
+from sparsemor.core.protocols.contributions import Equations, Origin, Records
+from sparsemor.core.protocols.layout import Layout
+from sparsemor.core.protocols.prescribed_motion import FrameHistory
+from sparsemor.core.registry.returned_values import complete
+from sparsemor.core.scene.digest import digest
+from sparsemor.core.scene.options import Probe
+from sparsemor.core.scene.scene import Scene
+
+_PARTS = ("bodies", "joints", "contacts", "loads", "probes")
+"""What of a scene a model depends on."""
+
+
+def assemble(
+    scene: Scene, given: PrescribedQuantities = NOTHING, body_cache: BodyCache | None = None
+) -> Model:
+    """Builds every body, joint, contact and load. Raises InputError with all faults found, as
+    dotted keys of the scene (`joints.A.between.0`). given: motion, reactions and surface loads that
+    are not solved for. shop: where bodies, and models without given motion, are that were built
+    before."""
+    if body_cache is None or given is not NOTHING:
+        return _assembled(scene, given, body_cache or BodyCache())
+    key = digest(str(scene.folder), scene.digest(*_PARTS))
+    model = body_cache.model(key, lambda: _assembled(scene, given, body_cache))
+    # with a log of its own, and a start of its own
+    return replace(model, solvers=BlockSolvers(scene.linear_solver, scene.linear_solvers))
+
+
+def _assembled(scene: Scene, given: PrescribedQuantities, body_cache: BodyCache) -> Model:
+    bodies, joints, contacts, loads, probes = _build(scene, given, body_cache)
+    connectors = {**joints, **contacts, **loads}
+    parts = {**bodies, **connectors}
+    layout = Layout([b for part in parts.values() for b in part.blocks()])
+    if not layout.size:
+        raise InputError("nothing in this scene can change: no body moves, deforms or has heat",
+                         "bodies")
+    records = Records()
+    motion = given.motion(bodies)
+    for group, built in (("bodies", bodies), ("joints", joints), ("contacts", contacts),
+                         ("loads", loads)):
+        for name, part in built.items():
+            equations = Equations(layout, Origin(group, name), records)
+            if motion is None or group != "contacts":
+                part.contribute(equations)
+            else:
+                _along(equations, bodies, name, part, given, motion)
+    terms = general_terms(layout, records)
+    x0, v0 = _start(layout, bodies)
+    required, loaded = _required(layout, connectors, touched(layout, records))
+    return Model(
+        layout=layout, parts=parts, by_part={n: tuple(terms.get(n, ())) for n in parts},
+        separated=close(layout, records, scene.time.step), x0=x0, v0=v0,
+        required=required, loaded=loaded, probes=probes,
+        geometry={k: g for b in bodies.values() for k, g in b.geometry().items()},
+        solvers=BlockSolvers(scene.linear_solver, scene.linear_solvers),
+    )
+
+
+def _build(
+    scene: Scene, given: PrescribedQuantities, body_cache: BodyCache
+) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any], dict[str, Any], tuple[ProbePlace, ...]]:
+    """Bodies, joints, contacts, loads and probes. What mentions a body that failed is not tried:
+    its own faults would only repeat those of the body."""
+    gather = Gather()
+    base = scene.file_folder or Path()
+    bodies: dict[str, Any] = {}
+    for name, plugin in scene.bodies.items():
+        body = gather(f"bodies.{name}", _body, body_cache, plugin, name, base, given)
+        if body is not None:
+            bodies[name] = body
+    failed = set(scene.bodies) - set(bodies)
+    connectors: dict[str, dict[str, Any]] = {"joints": {}, "contacts": {}, "loads": {}}
+    for group, built in connectors.items():  # loads see what joints made of the bodies
+        for name, plugin in getattr(scene, group).items():
+            if _mentioned(plugin, failed):
+                continue
+            part = gather(f"{group}.{name}", _connector, plugin, name, bodies,
+                          given if group == "joints" else NOTHING, BUILT[group.removesuffix("s")])
+            if part is not None:
+                built[name] = part
+                bodies.update(part.adjusted if isinstance(part, ChangesBodies) else {})
+    probes = [gather(f"probes.{name}", _probe, bodies[probe.body], name, probe)
+              for name, probe in scene.probes.items() if probe.body in bodies]
+    gather.check()
+    return (bodies, connectors["joints"], connectors["contacts"], connectors["loads"],
+            tuple(p for p in probes if p))
+
+
+def _probe(body: Any, name: str, probe: Probe) -> ProbePlace:
+    if not isinstance(body, HasProbes):
+        raise InputError(f"{type(body).__name__} has no method probe(name, at): this kind of body "
+                         "takes no probes", "body")
+    place: ProbePlace = body.probe(name, probe.at)
+    return place
+
+
+def _body(
+    body_cache: BodyCache, plugin: Any, name: str, base: Path, given: PrescribedQuantities
+) -> Any:
+    """A body, guided where its motion is given."""
+    body = body_cache.body(plugin, name, base)
+    complete(body, Body, plugin, "build", abilities=BUILT["body"])
+    motion = given.frame(name, body)
+    return body if motion is None else following(body).with_motion(motion)
+
+
+def _connector(
+    plugin: Any, name: str, bodies: Mapping[str, Any], given: PrescribedQuantities,
+    abilities: tuple[type, ...],
+) -> Any:
+    """A joint, contact or load; a joint has known multipliers where they are given."""
+    part = plugin.build(name, bodies)
+    complete(part, Part, plugin, "build", abilities=abilities)
+    forces = given.reactions(name, part)
+    return part if forces is None else prescribable(part).known(forces)
+
+
+def _along(
+    equations: Equations, bodies: Mapping[str, Any], name: str, contact: Any,
+    given: PrescribedQuantities,
+    motion: Mapping[str, FrameHistory],
+) -> None:
+    """A contact that follows a given motion: tabled loads on each surface, and what depends on
+    temperatures, if a contact has a method `conduction(equations, motion)`."""
+    times = next(iter(motion.values())).times
+    for body, resultant_sources in given.surface_loads(name, contact, motion).items():
+        carrying(bodies[body]).surface_loads(equations, resultant_sources, times)
+    if isinstance(contact, ConductsHeat):
+        contact.conduction(equations, motion)
+
+
+def _mentioned(plugin: Any, names: set[str]) -> bool:
+    """True if an option of a connector is one of these bodies, or `body:set` of one."""
+    pending = list(plugin.model_dump().values()) if names else []
+    while pending:
+        value = pending.pop()
+        if isinstance(value, str) and value.partition(":")[0] in names:
+            return True
+        if isinstance(value, Mapping):
+            pending += value.values()
+        elif isinstance(value, list | tuple):
+            pending += value
+    return False
+
+
+def _start(layout: Layout, bodies: Mapping[str, Any]) -> tuple[FloatArray, FloatArray]:
+    x, v = np.zeros(layout.size), np.zeros(layout.size)
+    for body in bodies.values():
+        for name, (value, rate) in body.initial().items():
+            if name in layout:
+                x[layout[name]], v[layout[name]] = value, rate
+    return x, v
+
+
+def _required(
+    layout: Layout, connectors: Mapping[str, Any], acts: Touched
+) -> tuple[dict[str, IntArray], dict[str, dict[str, IntArray]]]:
+    """Local rows of each block that a joint or a localized load acts on, and on whose account."""
+    loaded: dict[str, dict[str, IntArray]] = {}
+    for b in layout:
+        if b.kind.reducible:
+            loaded[b.name] = {
+                name: acts[name][b.name] for name, part in connectors.items()
+                if not (isinstance(part, LocalizesRows) and not part.localized)
+                and b.name in acts.get(name, {})}
+    required = {
+        name: np.unique(np.concatenate([*found.values(), np.zeros(0, np.int64)])).astype(np.int64)
+        for name, found in loaded.items()
+    }
+    return required, loaded

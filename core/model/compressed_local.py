@@ -1,0 +1,85 @@
+"""A local term under trial and test maps: only the elements at its kept rows are visited."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from sparsemor.core.arrays import Csr, FloatArray
+from sparsemor.core.protocols import ChecksStep, NamesSource, ReportsResultants, Term, Trial
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CompressedLocal:
+    """left @ term(offset + atoms xi), the term restricted to the rows that `left` reads."""
+
+    term: Term
+    atoms: FloatArray
+    offset: FloatArray
+    left: FloatArray
+
+    @classmethod
+    def of(cls, term: Term, trial: Trial, left: FloatArray) -> "CompressedLocal":
+        used = np.flatnonzero(np.any(left != 0, axis=0))
+        kept = term.restrict(used)
+        at = np.searchsorted(term.columns, kept.columns)
+        return cls(kept, trial.atoms[at], trial.offset[at], left[:, used])
+
+    @property
+    def elements(self) -> int:
+        return self.term.elements
+
+    def residual(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> FloatArray:
+        T = self.atoms
+        return self.left @ self.term.residual(self.offset + T @ x, T @ v, T @ a, t)
+
+    def jacobian(
+        self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: FloatArray, c2: FloatArray
+    ) -> FloatArray:
+        T = self.atoms
+        full = self.offset + T @ x, T @ v, T @ a, t
+        k1, k2 = self._spread(c1), self._spread(c2)
+        if k1 is not None and k2 is not None:
+            return self._seen(self.term.jacobian(*full, k1, k2))
+        zero, one = np.zeros(len(self.offset)), np.ones(len(self.offset))
+        fixed, of_v, of_a = (self._seen(self.term.jacobian(*full, i, j))
+                             for i, j in ((zero, zero), (one, zero), (zero, one)))
+        return np.asarray(fixed + (of_v - fixed) * c1 + (of_a - fixed) * c2)
+
+    def _seen(self, J: Csr) -> FloatArray:
+        """left @ J @ atoms: of a term that acts in few places most rows are empty."""
+        some = np.flatnonzero(np.diff(J.indptr))
+        return np.asarray(self.left[:, some] @ np.asarray(J[some] @ self.atoms))
+
+    def check_step(self, x: FloatArray, v: FloatArray, t: float, h: float) -> str:
+        """Objection of the term itself to the end of a step of about h (s)."""
+        if not isinstance(self.term, ChecksStep):
+            return ""
+        T = self.atoms
+        return self.term.check_step(self.offset + T @ x, T @ v, t, h)
+
+    @property
+    def source(self) -> str:
+        return self.term.source if isinstance(self.term, NamesSource) else ""
+
+    @property
+    def histories(self) -> tuple[str, ...]:
+        """Resultants of the term that its kept elements determine."""
+        return self.term.histories if isinstance(self.term, ReportsResultants) else ()
+
+    def resultants(self, x: FloatArray, v: FloatArray, t: float) -> dict[str, float]:
+        """Those of the term itself."""
+        term: Any = self.term
+        found: dict[str, float] = term.resultants(self.offset + self.atoms @ x, self.atoms @ v, t)
+        return found
+
+    def _spread(self, c: FloatArray) -> FloatArray | None:
+        """The factor of each of the term's columns, None when atoms of different ones mix in it."""
+        if not len(c) or c.min() == c.max():
+            return np.full(len(self.offset), float(c[0]) if len(c) else 0.0)
+        used = self.atoms != 0
+        low, high = (np.where(used, c, fill) for fill in (np.inf, -np.inf))
+        factor = high.max(axis=1)
+        free = ~used.any(axis=1)
+        same = bool(np.all((low.min(axis=1) == factor) | free))
+        return np.where(free, 0.0, factor) if same else None

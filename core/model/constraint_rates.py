@@ -1,0 +1,122 @@
+"""Constraints g(x, t) along the motion: their first and second total time derivatives.
+
+With velocities v and without accelerations
+
+    g'  = G v + dg/dt,      g'' = (d/ds G(x + s v, t)) v + 2 (dG/dt) v + d2g/dt2,      G = dg/dx.
+
+Derivatives by time alone are exact where the functions of time know theirs. The one along the
+motion is a central difference of sixth order of exact Jacobians, over a rotation of 1e-2 rad or one
+time step, whichever is shorter: no unit of time or length, and no distance to the origin, enters.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.protocols import Term, TimeDependent
+from sparsemor.core.protocols.layout import Layout, Quantity
+from sparsemor.core.protocols.poses import PLANAR
+from sparsemor.core.protocols.prescribed_quantities import from_right
+
+ROTATION = 1e-2
+"""rad"""
+ROUND_OFF = 1e-14
+"""Relative error of positions that may show in a velocity over one step."""
+
+
+def motion_step(layout: Layout, v: FloatArray, h: float) -> float:
+    """Time, s, over which a constraint's Jacobian is differenced: h, less where a body turns by
+    more than ROTATION in it. The norm of a quaternion's rate is half the angular rate."""
+    turning = 0.0
+    for b in layout:
+        if b.kind.quantity is Quantity.POSE:
+            rates = v[layout[b.name]][2 if b.size == PLANAR else 3 :]
+            turning = max(turning, float(np.abs(rates).max(initial=0.0)))
+    return min(h, ROTATION / turning) if turning > 0.0 else h
+
+
+def along(function: Callable[[float], FloatArray], s: float) -> FloatArray:
+    """Derivative of `function` at 0 by central differences of sixth order in steps of s."""
+    one, two, three = (function(k * s) - function(-k * s) for k in (1, 2, 3))
+    return np.asarray((45.0 * one - 9.0 * two + three) / (60.0 * s))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Constraints:
+    """The rows of all multipliers of a model, alone. h: time step, s."""
+
+    layout: Layout
+    terms: tuple[Term, ...]
+    h: float
+
+    @classmethod
+    def of(cls, layout: Layout, terms: tuple[Term, ...], h: float) -> "Constraints":
+        rows = layout.algebraic
+        here = ((t, np.flatnonzero((t.rows >= rows.start) & (t.rows < rows.stop))) for t in terms)
+        return cls(layout, tuple(t.restrict(keep) for t, keep in here if len(keep)), h)
+
+    def rate(self, x: FloatArray, v: FloatArray, t: float) -> tuple[FloatArray, FloatArray]:
+        """(l,) g', then the size of what it is summed from: sum |G_j v_j| + |dg/dt|, and of what
+        that could hide: the change of dg/dt in one step, and round-off of G x in one step."""
+        v = self._second(v)
+        found, size = self._zero(), self._zero()
+        for term in self.terms:
+            J, j = self._jacobian(term, x, t), term.columns
+            of_time, faster = (self._of_time(term, x, t, order) for order in (1, 2))
+            self._add(found, term, J @ v[j] + of_time)
+            self._add(size, term, abs(J) @ np.abs(v[j]) + np.abs(of_time)
+                      + self.h * np.abs(faster) + ROUND_OFF / self.h * (abs(J) @ np.abs(x[j])))
+        return found, size
+
+    def curvature(self, x: FloatArray, v: FloatArray, t: float) -> FloatArray:
+        """(l,) g'' with zero accelerations."""
+        v = self._second(v)
+        found = along(lambda s: self._moving(x + s * v, v, t), motion_step(self.layout, v, self.h))
+        for term in self.terms:
+            mixed = self._mixed(term, x, v[term.columns], t)
+            self._add(found, term, 2.0 * mixed + self._of_time(term, x, t, 2))
+        return found
+
+    def _of_time(self, term: Term, x: FloatArray, t: float, order: int) -> FloatArray:
+        """(m,) partial derivative of a term by time."""
+        zero, xj = np.zeros(len(term.columns)), x[term.columns]
+        if not isinstance(term, TimeDependent):
+            return from_right(lambda s: term.residual(xj, zero, zero, s), order, t, self.h)
+        of_time = term.time_derivative(order, t, self.h)
+        return np.zeros(len(term.rows)) if of_time is None else (
+            of_time.residual(xj, zero, zero, t))
+
+    def _mixed(self, term: Term, x: FloatArray, v: FloatArray, t: float) -> FloatArray:
+        """(m,) (dG/dt) v of a term, v at its columns."""
+        if not isinstance(term, TimeDependent):
+            return from_right(lambda s: np.asarray(self._jacobian(term, x, s) @ v), 1, t, self.h)
+        of_time = term.time_derivative(1, t, self.h)
+        return np.zeros(len(term.rows)) if of_time is None else (
+            np.asarray(self._jacobian(of_time, x, t) @ v))
+
+    def _moving(self, x: FloatArray, v: FloatArray, t: float) -> FloatArray:
+        """(l,) G(x, t) v."""
+        found = self._zero()
+        for term in self.terms:
+            self._add(found, term, self._jacobian(term, x, t) @ v[term.columns])
+        return found
+
+    def _jacobian(self, term: Term, x: FloatArray, t: float) -> Any:
+        j = term.columns
+        zero = np.zeros(len(j))
+        return term.jacobian(x[j], zero, zero, t, zero, zero)
+
+    def _second(self, v: FloatArray) -> FloatArray:
+        """v of second-order unknowns, zero of others."""
+        found = np.zeros(len(v))
+        found[self.layout.second] = v[self.layout.second]
+        return found
+
+    def _zero(self) -> FloatArray:
+        return np.zeros(self.layout.algebraic.stop - self.layout.algebraic.start)
+
+    def _add(self, to: FloatArray, term: Term, values: FloatArray) -> None:
+        np.add.at(to, term.rows - self.layout.algebraic.start, values)

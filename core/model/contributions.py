@@ -1,0 +1,350 @@
+"""Contributions closed into equations: operators of each block, couplings between blocks, local
+terms, constraints; and the general form, term by term, of the same records.
+
+A matrix on (a, a) is an operator of block a, one on (a, b) couples blocks; a local term belongs to
+the block that it names, or to none where it names several. The two forms are made independently of
+each other, so that one checks the other.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from sparsemor.core.arrays import Csr, FloatArray, IntArray
+from sparsemor.core.errors import Fault, InputError
+from sparsemor.core.model.frame_term import frame_rows, frame_term, name_of, numbers
+from sparsemor.core.model.linear_term import matrix_term, target_term, vector_term
+from sparsemor.core.model.table_term import table_term
+from sparsemor.core.protocols import Term
+from sparsemor.core.protocols.contributions import (
+    BodyRecord,
+    FrameRecord,
+    LocalRecord,
+    MatrixRecord,
+    Origin,
+    Records,
+    VectorRecord,
+)
+from sparsemor.core.protocols.layout import Block, Layout, Quantity
+from sparsemor.core.protocols.load_tables import LoadTable
+from sparsemor.core.protocols.separable import (
+    Amplitude,
+    ElasticLocal,
+    ElasticOperators,
+    HeatBody,
+    HeatCoupling,
+    LoadColumn,
+    MovingBody,
+    Separated,
+)
+
+R = TypeVar("R", MatrixRecord, VectorRecord)
+Touched = Mapping[str, Mapping[str, IntArray]]
+"""Part -> block -> local rows that it acts on, sorted."""
+
+
+# ---------------------------------------------------------------------- the general form
+
+
+def general_terms(layout: Layout, records: Records) -> dict[str, list[Term]]:
+    """Part -> its equations as terms. An item without rows (a force on a prescribed frame without
+    an elastic field) gives none."""
+    found: dict[str, list[Term]] = {}
+    owners = {b.name: b for b in records.bodies}
+    made: list[tuple[Origin, Term]] = []
+    for f in records.frames:
+        if _acts(layout, f):
+            made.append((f.origin, frame_term(layout, owners[f.body], f)))
+    matrices, vectors = _by_block(records.matrices), _by_block(records.vectors)
+    for at, group in matrices.items():
+        made.append((at[0], matrix_term(layout, group, vectors.pop(at, []))))
+    made += [(origin, vector_term(layout, rest)) for (origin, _), rest in vectors.items()]
+    made += [(t.origin, table_term(layout, t)) for t in records.tables]
+    made += [(r.origin, r.term) for r in records.local]
+    made += [(c.origin, target_term(layout, c)) for c in records.constraints]
+    for origin, term in made:
+        if len(term.rows):
+            found.setdefault(origin.part, []).append(term)
+    return found
+
+
+def _by_block(records: Sequence[R]) -> dict[tuple[Origin, str], list[R]]:
+    """Records by part and by the block of their rows."""
+    groups: dict[tuple[Origin, str], list[R]] = {}
+    for r in records:
+        groups.setdefault((r.origin, r.rows), []).append(r)
+    return groups
+
+
+def touched(layout: Layout, records: Records) -> Touched:
+    """The rows that each part acts on."""
+    found: dict[str, dict[str, list[IntArray]]] = {}
+
+    def add(origin: Origin, block: str, rows: IntArray) -> None:
+        if len(rows):
+            found.setdefault(origin.part, {}).setdefault(block, []).append(rows)
+
+    for f in records.frames:
+        at = frame_rows(layout, f)[1]
+        if len(at):
+            block = name_of(layout, f.body, Quantity.DISPLACEMENT)
+            add(f.origin, block, at - layout[block].start)
+    for m in records.matrices:
+        for X in (m.A, m.B, m.M):
+            if X is not None:
+                add(m.origin, m.rows, np.flatnonzero(np.diff(X.indptr)))
+    for r in records.vectors:
+        add(r.origin, r.rows, np.flatnonzero(r.w))
+    for t in records.tables:
+        add(t.origin, t.rows, np.flatnonzero(np.diff(t.load.columns.indptr)))
+    for local in records.local:
+        for block in local.blocks:
+            here, rows = layout[block], local.term.rows
+            add(local.origin, block, rows[(rows >= here.start) & (rows < here.stop)] - here.start)
+    return {part: {block: np.unique(np.concatenate(rows)).astype(np.int64)
+                   for block, rows in blocks.items()} for part, blocks in found.items()}
+
+
+# ---------------------------------------------------------------------- operators of blocks
+
+
+def close(layout: Layout, records: Records, step: float) -> Separated:
+    """The records as operators of each block and what is left between them. step: s. InputError
+    for an item that a prescribed frame could not evaluate."""
+    closing = _Closing(layout, records)
+    moving = [m for b in records.bodies if (m := closing.mechanics(b)) is not None]
+    heat = [closing.heat(b) for b in layout if closing.field(b.name) is Quantity.TEMPERATURE]
+    return Separated(
+        tuple(moving), tuple(heat), closing.border, tuple(closing.targets()),
+        tuple(closing.other()), step, tuple(closing.couplings()))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Closing:
+    layout: Layout
+    records: Records
+
+    @property
+    def rigid(self) -> int:
+        """Number of rigid unknowns, which come first."""
+        return self.layout.frames.stop
+
+    @property
+    def border(self) -> int:
+        """Number of rigid unknowns and multipliers."""
+        return self.rigid + self.layout.size - self.layout.algebraic.start
+
+    def targets(self) -> Iterable[tuple[int, Amplitude]]:
+        """Position among rigid unknowns and multipliers, and the function it equals."""
+        for c in self.records.constraints:
+            first = self.layout[c.block].start - self.layout.algebraic.start + self.rigid
+            yield from ((first + i, f) for i, f in enumerate(c.targets))
+
+    def other(self) -> Iterable[Term]:
+        """Terms of what neither belongs to one block nor has a slot between blocks."""
+        layout, r = self.layout, self.records
+        fields = {b.name for b in layout if self.field(b.name)}
+        for m in r.matrices:
+            if not self._has_slot(m) and not self._couples_heat(m):
+                yield matrix_term(layout, [m], [])
+        for (_, rows), group in _by_block(r.vectors).items():
+            if rows not in fields:
+                yield vector_term(layout, group)
+        for t in r.tables:
+            if t.rows not in fields:
+                yield table_term(layout, t)
+        for local in r.local:
+            if self._owner(local) is None and len(local.term.rows):
+                yield local.term
+
+    def _has_slot(self, m: MatrixRecord) -> bool:
+        """True if the operators of a body hold the matrix."""
+        rows, columns = self.layout.block(m.rows), self.layout.block(m.columns)
+        if rows.owner != columns.owner:
+            return False
+        if m.rows != m.columns:  # temperatures drive displacements
+            pair = self.field(m.rows), self.field(m.columns)
+            return pair == (Quantity.DISPLACEMENT, Quantity.TEMPERATURE) and (
+                m.B is None and m.M is None)
+        return self.field(m.rows) is Quantity.DISPLACEMENT or (
+            self.field(m.rows) is Quantity.TEMPERATURE and m.M is None)
+
+    def field(self, block: str) -> Quantity | None:
+        """Displacements or temperatures where there are operators for the block, None elsewhere: of
+        each body one block of either at most."""
+        b = self.layout.block(block)
+        if b != self.layout.of(b.owner, b.kind.quantity):
+            return None
+        if b.kind.quantity is Quantity.DISPLACEMENT:
+            return b.kind.quantity if self._deforms(b.owner) else None
+        return b.kind.quantity if b.kind.quantity is Quantity.TEMPERATURE else None
+
+    def _owner(self, local: LocalRecord) -> str | None:
+        """The block whose operators hold a local term: it adds to these rows alone, and reads no
+        other block but, where it adds to displacements, the temperatures of the same body."""
+        rows = self.layout.containing(local.term.rows)
+        if len(rows) != 1 or self.field(rows[0]) is None:
+            return None
+        (block,), read = rows, set(rows)
+        if self.field(block) is Quantity.DISPLACEMENT:
+            read.add(name_of(self.layout, self.layout.block(block).owner, Quantity.TEMPERATURE))
+            if local.together:
+                return None
+        return block if read.issuperset(local.blocks) else None
+
+    def _deforms(self, body: str) -> bool:
+        """True if a body has elastic operators: inertia on displacements."""
+        return any(f.body == body and f.generators for f in self.records.frames)
+
+    def _local(self, block: str) -> tuple[Term, ...]:
+        """Local terms that the operators of a block hold."""
+        return tuple(r.term for r in self.records.local
+                     if len(r.term.rows) and self._owner(r) == block)
+
+    def _elastic_local(self, term: Term, block: str, thermal: str) -> ElasticLocal:
+        """A local term with positions in the block, and in the temperatures of the body."""
+        first, columns = self.layout[block].start, term.columns.copy()
+        hot = ~np.isin(columns, numbers(self.layout, block))
+        columns[~hot] -= first
+        if hot.any():
+            columns[hot] -= self.layout[thermal].start
+        return ElasticLocal(term, term.rows - first, columns, hot)
+
+    def couplings(self) -> Iterable[HeatCoupling]:
+        """Matrices between thermal blocks of different bodies."""
+        for m in self.records.matrices:
+            if self._couples_heat(m) and not self._has_slot(m):
+                shape = tuple(len(numbers(self.layout, n)) for n in (m.rows, m.columns))
+                A, B = (csr_array(shape) if X is None else X for X in (m.A, m.B))
+                yield HeatCoupling(
+                    m.rows, m.columns, A, B, matrix_term(self.layout, [m], []))
+
+    def _couples_heat(self, m: MatrixRecord) -> bool:
+        return self.field(m.rows) is self.field(m.columns) is Quantity.TEMPERATURE and (
+            m.M is None)
+
+    # ------------------------------------------------------------------ one body
+
+    def mechanics(self, body: BodyRecord) -> MovingBody | None:
+        """The mechanical equations of one body as constant matrices and one frame kernel; None when
+        it neither moves nor deforms."""
+        frames = [f for f in self.records.frames if f.body == body.name and _acts(self.layout, f)]
+        if not frames:
+            return None
+        elastic, thermal = (name_of(self.layout, body.name, q) for q in (
+            Quantity.DISPLACEMENT, Quantity.TEMPERATURE))
+        inertia = next((f for f in frames if f.generators), None)
+        at_rest = not body.moves and body.guide is None
+        if at_rest:  # nothing of the mass but M u''
+            frames = [f for f in frames if f is not inertia]
+        frame = body.kernel(tuple(f.item for f in frames))
+        if not body.moves:
+            _check_pushing(body, frames)
+        operators = None
+        if elastic and inertia is not None:
+            operators = self._elastic(body, elastic, thermal, frames, inertia)
+        origin = np.zeros(frame.border)
+        if at_rest:
+            origin[: len(body.pose)] = body.pose
+        return MovingBody(
+            body.name, frame, self._to_border(body, frames), origin,
+            elastic, thermal, operators, body.guide)
+
+    def _to_border(self, body: BodyRecord, frames: Sequence[FrameRecord]) -> FloatArray:
+        """(b, N): rigid coordinates, its own and those that its items read, and attachment forces
+        from rigid blocks and multipliers."""
+        layout, shift = self.layout, self.rigid - self.layout.algebraic.start
+        own = np.zeros((len(body.pose), self.border))
+        at = numbers(layout, name_of(layout, body.name, Quantity.POSE))
+        own[np.arange(len(at)), at] = 1.0
+        others, forces = [], []
+        for f in frames:
+            kernel, read = body.kernel((f.item,)), numbers(layout, f.reads)
+            T = np.zeros((kernel.rigid_size - len(own), self.border))
+            T[np.arange(len(read)), read] = 1.0
+            others.append(T)
+            T = np.zeros((kernel.border - kernel.rigid_size, self.border))
+            if f.C is not None:
+                T[:, numbers(layout, f.multipliers) + shift] = f.C.T
+            forces.append(T)
+        return np.concatenate([own, *others, *forces])
+
+    def _elastic(
+        self, body: BodyRecord, block: str, thermal: str, frames: Sequence[FrameRecord],
+        inertia: FrameRecord,
+    ) -> ElasticOperators:
+        """frames: what acts through the frame; inertia: one of them unless the frame is at rest."""
+        n, hot = (len(numbers(self.layout, b)) for b in (block, thermal))
+        columns = tuple(LoadColumn(name, f.item.forces > 0)
+                        for f in frames for name in f.item.names(f.origin.part))
+        here = [m for m in self.records.matrices if m.rows == block and self._has_slot(m)]
+        own = [m for m in here if m.columns == block]
+        added = [m.M for m in own if m.M is not None]
+        mass = sum(added, inertia.generators[0])
+        coupling = [-m.A for m in here if m.columns == thermal and m.A is not None]
+        constant, loads, amplitudes, names = self._given(block)
+        return ElasticOperators(
+            mass=mass, damping=_sum([m.B for m in own], (n, n)),
+            stiffness=_sum([m.A for m in own], (n, n)),
+            generators=inertia.generators if inertia in frames else (),
+            directions=np.concatenate([np.zeros((n, 0)), *(f.directions for f in frames)], axis=1),
+            coupling=_sum(coupling, (n, hot)) if hot else None,
+            constant=constant, loads=loads, amplitudes=amplitudes, columns=columns,
+            load_names=names, integrals=body.elastic_integrals, tables=self._tables(block),
+            local=tuple(self._elastic_local(t, block, thermal) for t in self._local(block)))
+
+    def heat(self, of: Block) -> HeatBody:
+        """The equations of one thermal block."""
+        block = of.name
+        integrals = next((b.heat_integrals for b in self.records.bodies if b.name == of.owner),
+                         None)
+        n = len(numbers(self.layout, block))
+        own = [m for m in self.records.matrices if m.rows == m.columns == block]
+        constant, loads, amplitudes, names = self._given(block)
+        return HeatBody(
+            of.owner, block, _sum([m.B for m in own], (n, n)), _sum([m.A for m in own], (n, n)),
+            constant, loads, amplitudes, self._local(block), names, integrals,
+            self._tables(block))
+
+    def _given(
+        self, block: str
+    ) -> tuple[FloatArray, FloatArray, tuple[Amplitude, ...], tuple[str, ...]]:
+        """Constant right-hand side, load columns, their amplitudes and names."""
+        here = [r for r in self.records.vectors if r.rows == block]
+        n = len(numbers(self.layout, block))
+        constant = sum((r.w for r in here if r.amplitude is None), np.zeros(n))
+        timed = [(r, r.amplitude) for r in here if r.amplitude is not None]
+        loads = np.stack([r.w for r, _ in timed], axis=1) if timed else np.zeros((n, 0))
+        return constant, loads, tuple(f for _, f in timed), tuple(r.name for r, _ in timed)
+
+    def _tables(self, block: str) -> tuple[LoadTable, ...]:
+        return tuple(t.load for t in self.records.tables if t.rows == block)
+
+
+def _acts(layout: Layout, record: FrameRecord) -> bool:
+    """True if an item reads or acts on an unknown."""
+    return bool(sum(map(len, frame_rows(layout, record))) or record.reads in layout)
+
+
+def _check_pushing(body: BodyRecord, frames: Sequence[FrameRecord]) -> None:
+    """InputError for items that a prescribed frame could not evaluate."""
+    faults = [
+        Fault(f.origin.key,
+              f"its item {type(item).__name__} has no method `push`, which is how items act on a "
+              f"body whose frame is prescribed or at rest ({body.name!r} is one): give it that "
+              "method (bodies/frames/items.py, `Pushing`)")
+        for f in frames for item in body.kernel((f.item,)).without_push]
+    if faults:
+        raise InputError(faults)
+
+
+def _sum(matrices: Sequence[Csr | None], shape: tuple[int, int]) -> Csr:
+    """Sum of those that there are."""
+    given = [m for m in matrices if m is not None]
+    total = given[0] if given else csr_array(shape)
+    for m in given[1:]:
+        total = total + m
+    return csr_array(total)

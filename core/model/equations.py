@@ -1,0 +1,48 @@
+"""All terms of a model summed into one residual and one Jacobian, row by row."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.sparse import coo_array, csc_array
+
+from sparsemor.core.arrays import Csr, FloatArray
+from sparsemor.core.protocols import Term
+from sparsemor.core.protocols.layout import Layout
+
+
+def residual(
+    layout: Layout, terms: Sequence[Term], x: FloatArray, v: FloatArray, a: FloatArray, t: float
+) -> FloatArray:
+    """(n,) residual of the whole system."""
+    r = np.zeros(layout.size)
+    for term in terms:
+        j = term.columns
+        np.add.at(r, term.rows, term.residual(x[j], v[j], a[j], t))
+    return r
+
+
+def jacobian(
+    layout: Layout, terms: Sequence[Term], x: FloatArray, v: FloatArray, a: FloatArray, t: float,
+    c1: FloatArray, c2: FloatArray,
+) -> Csr:
+    """(n, n) csc; c1, c2 (n,) per unknown."""
+    rows, columns, values = [], [], []
+    for term in terms:
+        j = term.columns
+        J = coo_array(term.jacobian(x[j], v[j], a[j], t, c1[j], c2[j]))
+        # short numbers: this is what takes most memory at the start of a large run
+        rows.append(term.rows.astype(np.int32)[J.row])
+        columns.append(j.astype(np.int32)[J.col])
+        values.append(J.data)
+    n = layout.size
+    places = np.concatenate(rows), np.concatenate(columns)
+    return csc_array((np.concatenate(values), places), shape=(n, n))
+
+
+def rate_factors(
+    layout: Layout, c1: float, c2: float, c1_first: float
+) -> tuple[FloatArray, FloatArray]:
+    """c1, c2 of each unknown: second-order, first-order and algebraic ones differ."""
+    k1, k2 = np.zeros(layout.size), np.zeros(layout.size)
+    k1[layout.second], k1[layout.first], k2[layout.second] = c1, c1_first, c2
+    return k1, k2

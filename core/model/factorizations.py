@@ -1,0 +1,86 @@
+"""Linear solvers of the blocks of a model, and reports of their factorizations."""
+
+import time
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+
+from sparsemor.core.arrays import Csr, FloatArray
+from sparsemor.core.model.block_patterns import chosen
+from sparsemor.core.protocols import DofLocations, Factorized, LinearSolver
+from sparsemor.core.status import SolveFailed
+
+
+@dataclass(slots=True)
+class Factored:
+    """Factorizations for one block and one purpose ("steps", "start"). count: how often;
+    seconds: all of them; memory: bytes of the largest."""
+
+    block: str
+    purpose: str
+    solver: str
+    note: str
+    unknowns: int
+    iterative: bool
+    count: int = 0
+    seconds: float = 0.0
+    memory: int = 0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BlockSolvers:
+    """The scene's choice: a default, and others by block pattern. `log` is filled as it serves."""
+
+    default: LinearSolver
+    others: Mapping[str, LinearSolver] = field(default_factory=dict)
+    log: list[Factored] = field(default_factory=list)
+
+    def of(self, block: str) -> LinearSolver:
+        return chosen(block, self.others, self.default)
+
+    def factorize(
+        self, block: str, A: Csr, places: DofLocations | None, purpose: str = "steps"
+    ) -> Factorized:
+        """A (n, n) of a block made ready. Raises SolveFailed where it is singular or not finite,
+        InputError where the solver does not serve."""
+        start = time.perf_counter()
+        made = self.of(block).factorize(A, places)
+        if not made.status.ok:
+            raise SolveFailed(made.status, 0.0, block, f"{made.solver}: {made.note}")
+        self._tell(block, purpose, made, A.shape[0], time.perf_counter() - start)
+        return made
+
+    def _tell(
+        self, block: str, purpose: str, made: Factorized, unknowns: int, seconds: float
+    ) -> None:
+        key = (block, purpose, made.solver, unknowns)
+        one = next((f for f in self.log if (f.block, f.purpose, f.solver, f.unknowns) == key), None)
+        if one is None:
+            one = Factored(block, purpose, made.solver, made.note, unknowns, made.iterative)
+            self.log.append(one)
+        one.count += 1
+        one.seconds += seconds
+        one.memory = max(one.memory, made.memory)
+
+
+def factorizations_in(phase: str, log: Iterable[Factored]) -> list[Factored]:
+    """The same, made in another phase of the run."""
+    return [replace(f, purpose=f"{phase}, {f.purpose}") for f in log]
+
+
+def solved(
+    factor: Factorized, b: FloatArray, block: str, start: FloatArray | None = None
+) -> FloatArray:
+    """x of b (n,) or (n, j), before the first step. Raises SolveFailed where an iteration stops
+    short."""
+    if not factor.iterative:
+        return factor.solve(b)
+    found = factor.outcome(b, start)
+    if not found.status.ok:
+        raise SolveFailed(found.status, 0.0, block, short(factor, found.residual, found.iterations))
+    return found.x
+
+
+def short(factor: Factorized, residual: float, iterations: int) -> str:
+    """Note on an iteration that stopped before convergence."""
+    return (f"linear solver {factor.solver} left {residual:.1e} of its right-hand side after "
+            f"{iterations} iterations")

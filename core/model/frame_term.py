@@ -1,0 +1,217 @@
+"""A frame kernel as a Term: the general (row by row) face of the separable equations.
+
+Residual, with y = Y x the border unknowns and s = D x the functionals of the displacement:
+
+    r = L rows(y, s, ...) + W sigma + sum_g (kappa_g V_g x + mu_g V_g v) + V_m a
+
+The matrices are sparse for a full-order term and small and dense for a compressed one; the sums
+are the same, so both are this one class (law: compress == left @ residual).
+"""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from scipy.sparse import csr_array, issparse
+
+from sparsemor.core.arrays import Csr, FloatArray, IntArray
+from sparsemor.core.protocols import Trial
+from sparsemor.core.protocols.contributions import NO_NUMBERS, BodyRecord, FrameRecord
+from sparsemor.core.protocols.layout import Layout, Quantity
+from sparsemor.core.protocols.prescribed_motion import FrameHistory
+from sparsemor.core.protocols.separable import BodyFrame, FrameWork
+
+
+def _dense(matrix: Any) -> FloatArray:
+    return np.asarray(matrix.toarray() if issparse(matrix) else matrix, dtype=np.float64)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FrameEquations:
+    """The sum above for n columns and m rows. b border unknowns, p directions, g generators.
+
+    Y (b, n), D (p, n), Q: g matrices (n, n) of the quadratic forms, L (m, b), W (m, p),
+    V: g matrices (m, n) (the first is the mass), y0 (b,) values that are not unknowns. guide: the
+    motion of a frame that is given, added to y = Y x + y0 and its rates.
+    """
+
+    frame: BodyFrame
+    Y: Any
+    y0: FloatArray
+    D: Any
+    Q: tuple[Any, ...]
+    L: Any
+    W: Any
+    V: tuple[Any, ...]
+    guide: FrameHistory | None = None
+
+    @property
+    def elements(self) -> int:
+        return 0
+
+    def _evaluate(
+        self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: float, c2: float
+    ) -> FrameWork:
+        f = self.frame
+        work = FrameWork(f.p, f.border, f.generators)
+        r1, r2 = v - c1 * x, a - c2 * x
+        form, forms = np.zeros(f.generators), np.zeros((2, f.generators))
+        for g, Q in enumerate(self.Q):
+            form[g], forms[:, g] = x @ (Q @ x), (x @ (Q @ r1), x @ (Q @ r2))
+        f.evaluate(*self._border(x, v, a, t), c1, c2,
+                   self.D @ x, self.D @ r1, self.D @ r2, form, forms.ravel(), t, work)
+        return work
+
+    def _border(
+        self, x: FloatArray, v: FloatArray, a: FloatArray, t: float
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """(b,) each: border unknowns, rates and accelerations."""
+        border = (np.asarray(self.y0 + self.Y @ x), np.asarray(self.Y @ v), np.asarray(self.Y @ a))
+        if self.guide is not None:
+            for values, known in zip(border, self.guide.at(t), strict=True):
+                values[: len(known)] += known
+        return border
+
+    def residual(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> FloatArray:
+        w, g = self._evaluate(x, v, a, t, 0.0, 0.0), self.frame.generators
+        r = self.L @ w.border[:, -1] + self.W @ w.sigma[-1]
+        for i, V in enumerate(self.V):
+            r = r + V @ (w.coefficients[i] * x + w.coefficients[g + i] * v)
+        if self.V:
+            r = r + self.V[0] @ a
+        return np.asarray(r, dtype=np.float64)
+
+    def jacobian(
+        self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: FloatArray, c2: FloatArray
+    ) -> Any:
+        """Exact; c1, c2 must be the same for all second-order columns."""
+        k1, k2 = float(np.max(c1, initial=0.0)), float(np.max(c2, initial=0.0))
+        w = self._evaluate(x, v, a, t, k1, k2)
+        _, rates, accelerations = self._border(x, v, a, t)
+        self.frame.exact(rates, accelerations, k1, k2, w)
+        column, row = self.W @ w.sigma[:-1].T, w.tau @ self.D
+        for g, V in enumerate(self.V):
+            column = column + np.outer(V @ x, w.kappa_y[:, g]) + np.outer(V @ v, w.mu_y[:, g])
+        for g, Q in enumerate(self.Q):
+            tx = Q.T @ x
+            row = row + np.outer(w.quad[:, 0, g], Q @ x + tx)
+            row = row + np.outer(w.quad[:, 1, g], Q @ v + k1 * tx)
+            row = row + np.outer(w.quad[:, 2, g], Q @ a + k2 * tx)
+        factors = w.coefficients[: len(self.V)].tolist()
+        if self.V:
+            factors[0] += k2
+        Y, L, H = self.Y, self.L, w.border[:, :-1]
+        if not self.V or issparse(self.V[0]):  # few columns of Y and few rows of L are not zero
+            Y, L, column, row, H = (csr_array(m) for m in (Y, L, column, row, H))
+        J = column @ Y + L @ (row + H @ Y)
+        for factor, V in zip(factors, self.V, strict=True):
+            J = J + factor * V
+        return J
+
+    def mapped(self, trial: Trial, left: FloatArray) -> "FrameEquations":
+        """Trial and test maps applied: the mesh-sized dimension disappears."""
+        T, o = trial.atoms, trial.offset
+        Qo = tuple(Q @ o for Q in self.Q)
+        frame = self.frame
+        W = self.W
+        if np.any(o):
+            s = np.asarray(self.D @ o)
+            frame = frame.shifted(s, np.array([o @ q for q in Qo]))
+        D, shifted = _dense(self.D @ T), dict(frame.shape_columns)
+        W = _dense(left @ W)
+        for column, g in shifted.items():  # a direction M_g X becomes M_g (X + offset)
+            W[:, column] += left @ (self.V[g] @ o)
+            D[column] += T.T @ Qo[g]
+        return replace(
+            self, frame=frame, Y=_dense(self.Y @ T), y0=self.y0 + self.Y @ o, D=D,
+            Q=tuple(T.T @ _dense(Q @ T) for Q in self.Q), L=_dense(left @ self.L), W=W,
+            V=tuple(_dense(left @ _dense(V @ T)) for V in self.V),
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FrameTerm:
+    """Equations of one frame at global `rows` (m,) and `columns` (n,); no element is visited.
+
+    `body` names its owner, `source` the part of the scene that it comes from.
+    """
+
+    body: str
+    rows: IntArray
+    columns: IntArray
+    equations: FrameEquations
+    elements: int = 0
+    source: str = ""
+
+    def residual(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> FloatArray:
+        return self.equations.residual(x, v, a, t)
+
+    def jacobian(
+        self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: FloatArray, c2: FloatArray
+    ) -> Any:
+        return csr_array(self.equations.jacobian(x, v, a, t, c1, c2))
+
+    def time_derivative(self, order: int, t: float, h: float) -> "FrameTerm | None":
+        """Of its constraint rows; joints that are unknown hold no frame that is prescribed."""
+        frame = self.equations.frame.time_derivative(order, t, h)
+        return None if frame is None else replace(
+            self, equations=replace(self.equations, frame=frame))
+
+    def restrict(self, keep: IntArray) -> "FrameTerm":
+        e = self.equations
+        kept = replace(e, L=e.L[keep], W=e.W[keep], V=tuple(V[keep] for V in e.V))
+        return replace(self, rows=self.rows[keep], equations=kept)
+
+    def compress(self, trial: Trial, left: FloatArray) -> FrameEquations:
+        return self.equations.mapped(trial, left)
+
+
+def frame_rows(layout: Layout, record: FrameRecord) -> tuple[IntArray, IntArray, IntArray]:
+    """Positions of the rigid, elastic and multiplier unknowns that an item acts on."""
+    rigid, elastic = (numbers(layout, name_of(layout, record.body, q)) for q in (
+        Quantity.POSE, Quantity.DISPLACEMENT))
+    lam = numbers(layout, record.multipliers)
+    used = slice(None) if record.generators else np.flatnonzero(
+        np.any(record.directions != 0, axis=1))
+    return rigid, elastic[used], lam
+
+
+def name_of(layout: Layout, body: str, quantity: Quantity) -> str:
+    """Name of the first block of a body whose entries mean `quantity`, "" where it has none."""
+    block = layout.of(body, quantity)
+    return "" if block is None else block.name
+
+
+def numbers(layout: Layout, block: str) -> IntArray:
+    """Positions of a block's unknowns, none where the layout does not have it."""
+    return np.arange(layout.size)[layout[block]] if block in layout else NO_NUMBERS
+
+
+def frame_term(layout: Layout, body: BodyRecord, record: FrameRecord) -> FrameTerm:
+    """One item of a body's frame by itself, as a term."""
+    frame = body.kernel((record.item,))
+    rigid, el, lam = frame_rows(layout, record)
+    other, pose = numbers(layout, record.reads), len(body.pose)
+    at = np.sort(np.concatenate([rigid, other, el, lam]))
+    own, read, mine, forces = (np.searchsorted(at, n) for n in (rigid, other, el, lam))
+    Y, y0 = np.zeros((frame.border, len(at))), np.zeros(frame.border)
+    Y[np.arange(len(own)), own] = 1.0
+    Y[pose + np.arange(len(read)), read] = 1.0
+    if not body.moves and body.guide is None:
+        y0[:pose] = body.pose
+    if record.C is not None:
+        Y[frame.rigid_size :, forces] = record.C.T
+    D, W = np.zeros((frame.p, len(at))), np.zeros((len(at), frame.p))
+    if frame.p:
+        first = layout[name_of(layout, record.body, Quantity.DISPLACEMENT)].start
+        P = record.directions[el - first]
+        D[:, mine], W[mine] = P.T, P
+    V = _embedded(record.generators, mine, len(at))
+    return FrameTerm(record.body, at, at, FrameEquations(
+        frame, Y, y0, D, V, Y.T.copy(), W, V, body.guide), source=record.origin.part)
+
+
+def _embedded(matrices: tuple[Csr, ...], at: IntArray, size: int) -> tuple[Csr, ...]:
+    """Each (n, n) as the rows and columns `at` (n,) of a matrix (size, size)."""
+    embed = csr_array((np.ones(len(at)), (np.arange(len(at)), at)), shape=(len(at), size))
+    return tuple(csr_array(embed.T @ A @ embed) for A in matrices)

@@ -1,0 +1,120 @@
+"""Consistent rates at the start: the equations of motion and the second derivative of the
+constraints hold at t = 0 (second-order integrators lose their order without this)."""
+
+import numpy as np
+from scipy.sparse import block_array, csr_array
+
+from sparsemor.core.arrays import Csr, FloatArray
+from sparsemor.core.model.constraint_rates import Constraints
+from sparsemor.core.model.equations import jacobian, residual
+from sparsemor.core.model.schur_complement import solve_by_blocks
+from sparsemor.core.notes import Note
+from sparsemor.core.protocols import AssembledModel, State
+from sparsemor.core.protocols.layout import Layout
+from sparsemor.core.status import SolveFailed, Status
+
+LOST = 1.0
+"""Largest stiffness over mass of a row before the mass is lost in the difference of two Jacobians:
+with c = 1 it has four digits only for elastic bodies, and accelerations one or two."""
+BROKEN, NEXT_TO = 1e-4, 1e-6
+"""Rate of a constraint that is broken, as a share of the velocities of its own joint and of those
+of all joints."""
+
+
+def consistent_state(model: AssembledModel) -> State:
+    """The start with accelerations, temperature rates and multipliers that satisfy the equations.
+
+    Unknown are a (second-order), v (first-order) and the multipliers; all enter linearly. Found
+    once a model, whose other users get the same arrays, which cannot be written to. Raises
+    SolveFailed (singular) when they are not determined.
+    """
+    if not model.starts:
+        model.starts.append(_solved(model, 0.0))
+    return model.starts[0]
+
+
+def _solved(model: AssembledModel, t: float) -> State:
+    layout, n = model.layout, model.layout.size
+    x, v, a = model.x0.copy(), model.v0.copy(), np.zeros(n)
+    algebraic, first, second = layout.algebraic, layout.first, layout.second
+    K = jacobian(layout, model.terms, x, v, a, t, np.zeros(n), np.zeros(n))
+    M, C = (_derivative(model, K, State(t, x, v, a, x), rate)[part][:, part]
+            for rate, part in ((2, second), (1, first)))
+    held, across = K[:, algebraic], K[algebraic][:, second]
+    del K  # beside A: as large as all operators of the model
+    A = block_array([
+        [M, None, held[second]], [None, C, held[first]], [across, None, held[algebraic]]],
+        format="csr")
+    r = residual(layout, model.terms, x, v, a, t)
+    r[algebraic] = _constraints(model).curvature(x, v, t)
+    _check_finite(layout, r, t, "forces or heat at the start")
+    if not np.isfinite(A.data).all():
+        raise SolveFailed(Status.NOT_FINITE, t, "", "forces or heat at the start")
+    try:
+        z = -solve_by_blocks(model, A, r)
+    except RuntimeError:
+        raise SolveFailed(Status.SINGULAR, t, "", "accelerations at the start") from None
+    _check_finite(layout, z, t, "accelerations and joint forces at the start")
+    a[second], v[first], x[algebraic] = z[second], z[first], x[algebraic] + z[algebraic]
+    for series in (x, v, a):
+        series.flags.writeable = False
+    return State(t, x, v, a, np.zeros((n, 0)))
+
+
+def _check_finite(layout: Layout, values: FloatArray, t: float, what: str) -> None:
+    """Raises SolveFailed (not finite) with the first block that is not."""
+    broken = [b.name for b in layout if not np.isfinite(values[layout[b.name]]).all()]
+    if broken:
+        raise SolveFailed(Status.NOT_FINITE, t, broken[0], what)
+
+
+def _derivative(model: AssembledModel, K: Csr, s: State, rate: int) -> Csr:
+    """(n, n) derivative of the residual by v (rate 1) or a (rate 2), from Jacobians: they are
+    affine in c1 and c2, which are taken so large that mass is not lost against stiffness in any of
+    the rows that have a mass."""
+    layout, part = model.layout, model.layout.second if rate == 2 else model.layout.first
+    factors, c, D = np.zeros((3, layout.size)), 1.0, K
+    if part.start == part.stop:
+        return 0.0 * K
+    stiff = _largest(K, part)
+    for _ in range(8):
+        factors[rate] = c
+        D = jacobian(layout, model.terms, s.x, s.v, s.a, s.t, factors[1], factors[2]) - K
+        mass = _largest(D, part)
+        some = mass > 0
+        lost = float((stiff[some] / mass[some]).max(initial=0.0))
+        if lost <= LOST:
+            break
+        c *= max(1e4, min(lost, 1e16))
+    return D / c
+
+
+def _largest(A: Csr, part: slice) -> FloatArray:
+    """Largest |entry| of each row in a diagonal part of A."""
+    return np.asarray(abs(csr_array(A[part][:, part])).max(axis=1).toarray()).ravel()
+
+
+def start_notes(model: AssembledModel, t: float = 0.0) -> tuple[Note, ...]:
+    """A sentence for each joint whose constraint the velocities at the start break."""
+    layout = model.layout
+    rows = layout.algebraic
+    if rows.start == rows.stop:
+        return ()
+    rates, sizes = _constraints(model).rate(model.x0, model.v0, t)
+    most = float(sizes.max(initial=0.0))
+    notes = []
+    for b in layout:
+        if b.kind.order == 0:
+            at = slice(layout[b.name].start - rows.start, layout[b.name].stop - rows.start)
+            rate = float(np.abs(rates[at]).max())
+            if rate > BROKEN * float(sizes[at].max()) + NEXT_TO * most:
+                notes.append(Note(
+                    f"the velocities at the start break joint {b.owner} by {rate:.3g} m/s or "
+                    "rad/s: the first steps jump, and a second-order integrator loses its order; "
+                    "give the bodies fitting velocities, or let the motion begin smoothly",
+                    "start"))
+    return tuple(notes)
+
+
+def _constraints(model: AssembledModel) -> Constraints:
+    return Constraints.of(model.layout, model.terms, model.separated.step)

@@ -1,0 +1,180 @@
+"""An assembled scene: unknowns, equations and start, ready for any reducer."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from sparsemor.core.arrays import Csr, FloatArray, IntArray
+from sparsemor.core.model.factorizations import BlockSolvers
+from sparsemor.core.model.moving_loads import path_rows, ring
+from sparsemor.core.protocols import (
+    BlockData,
+    DofLocations,
+    Factorized,
+    MovesOverBody,
+    Part,
+    ProbePlace,
+    State,
+    StepFactors,
+    Term,
+)
+from sparsemor.core.protocols.layout import Layout
+from sparsemor.core.protocols.load_tables import LoadTable
+from sparsemor.core.protocols.prescribed_motion import Stage
+from sparsemor.core.protocols.separable import ElasticOperators, HeatBody, LoadColumn, Separated
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Model:
+    """layout, equations and the state at the start. `blocks` has data of each reducible block.
+
+    by_part: the general form of the equations, the terms of each part; separated: the same
+    equations as operators of each block.
+    required: local row numbers of each reducible block that joints and localized loads touch;
+    loaded: the same for each load by name, so that a sample that misses one can say which. solvers:
+    who solves with the blocks' constant matrices. stage: the histories that its given frames,
+    reactions and surface loads come from. starts: its consistent start, once that was asked for
+    (core/model/initial_state.py); a changed copy of the model has its own.
+    """
+
+    layout: Layout
+    parts: Mapping[str, Part]
+    by_part: Mapping[str, tuple[Term, ...]]
+    separated: Separated
+    x0: FloatArray
+    v0: FloatArray
+    required: Mapping[str, IntArray]
+    loaded: Mapping[str, Mapping[str, IntArray]]
+    probes: tuple[ProbePlace, ...]
+    geometry: Mapping[str, Any]
+    solvers: BlockSolvers
+    stage: Stage | None = None
+    starts: list[State] = field(default_factory=list, init=False, repr=False)
+
+    @property
+    def terms(self) -> tuple[Term, ...]:
+        """All terms of the general form."""
+        return tuple(t for terms in self.by_part.values() for t in terms)
+
+    def reducible(self) -> tuple[str, ...]:
+        return tuple(b.name for b in self.layout if b.kind.reducible)
+
+    def places(self, name: str) -> DofLocations:
+        """Dof locations of a reducible block."""
+        return DofLocations(*self.geometry[name])
+
+    def factorize(
+        self, name: str, A: Csr, purpose: str = "steps", places: DofLocations | None = None
+    ) -> Factorized:
+        """A matrix (n, n) of a reducible block, made ready by the solver that the scene names."""
+        return self.solvers.factorize(
+            name, A, self.places(name) if places is None else places, purpose)
+
+    def block_data(
+        self, name: str, snapshots: FloatArray | None = None, step: StepFactors | None = None
+    ) -> BlockData:
+        """Data of one reducible block for bases and samplers; snapshots (n, M) if given;
+        step: the steps that it is reduced for.
+
+        Nothing is solved here: constant matrices are passed on, load columns put side by side.
+        """
+        taken = step or StepFactors(0.0, 0.0, 0.0, 0.0)
+        n = self.layout[name].stop - self.layout[name].start
+        coordinates, component = self.geometry[name]
+        common = {
+            "name": name, "snapshots": np.zeros((n, 0)) if snapshots is None else snapshots,
+            "coordinates": coordinates, "component": component, "start": self.x0[self.layout[name]],
+            "ring": self.ring(name), "moving": self.moving(name), "step": taken.h,
+            "solver": self.solvers.of(name),
+        }
+        for h in self.separated.heat:
+            if h.thermal == name:
+                loads, names, _ = _loads([
+                    (h.loads, _columns(h.loads, h.load_names)), _constant(h.constant)])
+                return BlockData(order=1, mass=h.capacity, stiffness=h.conductivity, loads=loads,
+                                 load_names=names, factors=(0.0, taken.c1_first), **common)
+        for m in self.separated.moving:
+            if m.elastic == name and m.operators is not None:
+                ops = m.operators
+                loads, names, joints = _loads([
+                    (ops.directions, ops.columns or _columns(ops.directions)),
+                    (ops.loads, _columns(ops.loads, ops.load_names)), _constant(ops.constant)])
+                coupled = ops.coupling is not None and m.thermal in self.layout
+                return BlockData(
+                    mass=ops.mass, stiffness=ops.stiffness, loads=loads, load_names=names,
+                    joints=joints, interface=self._interface(name),
+                    coupling=ops.coupling if coupled else None,
+                    heat=self.block_data(m.thermal, step=step) if coupled else None,
+                    damping=ops.damping, factors=(taken.c1, taken.c2), **common)
+        raise KeyError(name)
+
+    def with_separated(self, separated: Separated) -> "Model":
+        """The same model with other operators in its blocks; a consistent start is its own."""
+        return replace(self, separated=separated)
+
+    def moving(self, name: str) -> tuple[LoadTable, ...]:
+        """The loads on a block whose place changes."""
+        source = self._operators(name)
+        return () if source is None else source.tables
+
+    def ring(self, name: str) -> IntArray:
+        """Local rows of the elements that touch the path of the moving loads and contacts of a
+        block, sorted; a part whose place on the body changes says `moving = True`."""
+        found = [rows for part, rows in self.loaded[name].items()
+                 if isinstance(one := self.parts[part], MovesOverBody) and one.moving]
+        path = np.concatenate([path_rows(self.moving(name)), *found]).astype(np.int64)
+        source = self._operators(name)
+        if source is None or not len(path):
+            return np.zeros(0, np.int64)
+        pair = ((source.capacity, source.conductivity) if isinstance(source, HeatBody) else
+                (source.mass, source.stiffness))
+        return ring(*pair, self.geometry[name][0], np.unique(path))
+
+    def _operators(self, name: str) -> HeatBody | ElasticOperators | None:
+        for h in self.separated.heat:
+            if h.thermal == name:
+                return h
+        return next((m.operators for m in self.separated.moving if m.elastic == name), None)
+
+    def _interface(self, name: str) -> IntArray:
+        """Local rows of a block that joints act on, sorted."""
+        rows = [r for part, r in self.loaded[name].items()
+                if self.layout.multipliers(part) is not None]
+        return np.unique(np.concatenate([*rows, np.zeros(0, np.int64)])).astype(np.int64)
+
+
+Columns = tuple[LoadColumn, ...]
+
+
+def _columns(matrix: FloatArray, names: tuple[str, ...] = ()) -> Columns:
+    """Of given loads, none of which is a joint's force."""
+    return tuple(map(LoadColumn, names or [f"load {i}" for i in range(matrix.shape[1])]))
+
+
+def _constant(vector: FloatArray) -> tuple[FloatArray, Columns]:
+    return vector[:, None], (LoadColumn("constant part"),)
+
+
+def _loads(
+    groups: list[tuple[FloatArray, Columns]]
+) -> tuple[FloatArray, tuple[str, ...], IntArray]:
+    """All load columns (n, j) that are not zero, names that differ, and which are joint forces."""
+    matrices, kept = [], list[LoadColumn]()
+    for matrix, columns in groups:
+        some = [i for i, c in enumerate(columns) if c.name and matrix[:, i].any()]
+        matrices.append(matrix[:, some])
+        kept += [columns[i] for i in some]
+    joints = np.flatnonzero([c.joint for c in kept]).astype(np.int64)
+    return np.concatenate(matrices, axis=1), distinct([c.name for c in kept]), joints
+
+
+def distinct(names: list[str]) -> tuple[str, ...]:
+    """The same names, those that come again with a number: "push", "push (2)"."""
+    seen: dict[str, int] = {}
+    found = []
+    for name in names:
+        seen[name] = seen.get(name, 0) + 1
+        found.append(name if seen[name] == 1 else f"{name} ({seen[name]})")
+    return tuple(found)

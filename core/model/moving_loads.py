@@ -1,0 +1,40 @@
+"""Moving loads of a block: the rows of their path, and the elements around it."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from sparsemor.core.arrays import Csr, FloatArray, IntArray
+from sparsemor.core.protocols.load_tables import LoadTable
+
+
+def loaded_columns(load: LoadTable) -> IntArray:
+    """Numbers of the columns of a moving load that act at some time and on some unknown."""
+    acts = np.any(load.table.values != 0.0, axis=0)
+    tabulated = np.asarray(abs(load.columns).sum(axis=0)).ravel() > 0.0
+    return np.flatnonzero(acts & tabulated).astype(np.int64)
+
+
+def path_rows(moving: Sequence[LoadTable]) -> IntArray:
+    """Rows that one of the loads acts on at some time, sorted."""
+    touched = [np.flatnonzero(np.asarray(abs(load.columns[:, loaded_columns(load)]).sum(axis=1)))
+               for load in moving]
+    return np.unique(np.concatenate([*touched, np.zeros(0, np.int64)])).astype(np.int64)
+
+
+def ring(mass: Csr, stiffness: Csr, coordinates: FloatArray, rows: IntArray) -> IntArray:
+    """All rows of the elements that touch a node of `rows`, sorted: the nodes that the mass or the
+    stiffness couples with it, because elements are all that couples nodes."""
+    if not len(rows):
+        return rows
+    node = np.unique(coordinates, axis=0, return_inverse=True)[1].reshape(-1)
+    at = np.flatnonzero(np.isin(node, node[rows]))
+    pattern = _ones(mass) + _ones(stiffness)  # a triangle with a right angle lacks an entry in one
+    near = np.union1d(at, pattern[at].indices)
+    return np.flatnonzero(np.isin(node, node[near])).astype(np.int64)
+
+
+def _ones(matrix: Csr) -> Csr:
+    m = csr_array(matrix)
+    return csr_array((np.ones(m.nnz), m.indices, m.indptr), shape=m.shape)

@@ -1,0 +1,70 @@
+"""One solve with a matrix of the whole model, its large symmetric blocks eliminated first."""
+
+import numpy as np
+from scipy.sparse import csc_array
+from scipy.sparse.linalg import splu
+
+from sparsemor.core.arrays import Csr, FloatArray, IntArray
+from sparsemor.core.model.factorizations import solved
+from sparsemor.core.protocols import AssembledModel
+
+FEW = 3000
+"""Unknowns up to which a block is not worth a factorization of its own."""
+BORDER = 300
+"""Columns next to a block up to which eliminating it pays: each takes a solve and n numbers."""
+
+
+def solve_by_blocks(model: AssembledModel, A: Csr, r: FloatArray) -> FloatArray:
+    """A^-1 r; A (n, n) csr over the model's layout.
+
+    Mass and capacity of the large blocks are left to the linear solvers of the scene (Schur
+    complement); what remains, rigid coordinates, multipliers, small blocks and any that others
+    couple to, is solved as one sparse system. Raises RuntimeError where it is singular.
+    """
+    n = A.shape[0]
+    border = np.ones(n, dtype=np.bool_)
+    parts = []
+    for name in model.reducible():
+        at = model.layout[name]
+        if at.stop - at.start <= FEW:
+            continue
+        own = np.arange(at.start, at.stop)
+        right = csc_array(A[at])
+        beside = np.setdiff1d(np.flatnonzero(np.diff(right.indptr)), own)
+        below = csc_array(A[:, at]).tocsr()
+        under = np.setdiff1d(np.flatnonzero(np.diff(below.indptr)), own)
+        if len(beside) > BORDER or not border[beside].all() or not border[under].all():
+            continue
+        border[own] = False
+        parts.append((name, own, beside, right[:, beside].toarray(), below[under], under))
+    rest = np.flatnonzero(border)
+    place = np.full(n, -1)
+    place[rest] = np.arange(len(rest))
+    S, b, answers = A[rest][:, rest].tolil(), r[rest].copy(), []
+    for name, own, beside, right, below, under in parts:
+        factor = model.factorize(name, A[own][:, own].tocsr(), "start")
+        x = solved(factor, np.column_stack([r[own], right]), name)
+        answers.append(x)
+        changed = below @ x
+        b[place[under]] -= changed[:, 0]
+        _subtract(S, place[under], place[beside], changed[:, 1:])
+    z = np.zeros(n)
+    z[rest] = _scaled(S.tocsc(), b)
+    for (_, own, beside, *_), x in zip(parts, answers, strict=True):
+        z[own] = x[:, 0] - x[:, 1:] @ z[beside]
+    return z
+
+
+def _subtract(S: Csr, rows: IntArray, columns: IntArray, values: FloatArray) -> None:
+    if len(rows) and len(columns):
+        S[np.ix_(rows, columns)] = S[np.ix_(rows, columns)].toarray() - values
+
+
+def _scaled(A: Csr, r: FloatArray) -> FloatArray:
+    """Rows and columns of very different units: forces, heat, metres."""
+    if not len(r):
+        return r
+    size = np.sqrt(np.maximum(abs(A).max(axis=0).toarray().ravel(), 1e-300))
+    S = A.copy()
+    S.data = S.data / (size[S.indices] * np.repeat(size, np.diff(S.indptr)))
+    return np.asarray(splu(S).solve(r / size) / size)

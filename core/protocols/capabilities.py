@@ -1,0 +1,72 @@
+"""Optional abilities of plugins, of what they build, and of terms, step solvers and frames.
+
+Each is a protocol that core and reducers ask for by `isinstance`; what lacks it simply does not
+have the ability. The documentation and `sparsemor plugins NAME` print this table.
+"""
+
+from collections.abc import Mapping
+
+from sparsemor.core.protocols import (
+    basis,
+    body,
+    contact,
+    element_integrals,
+    integrator,
+    joint,
+    layout,
+    linear_solver,
+    mesh,
+    part,
+    reducer,
+    sampler,
+    separable,
+    sparse_solver,
+    step_solver,
+    term,
+)
+
+CAPABILITIES: Mapping[str, tuple[type, ...]] = {
+    "basis": (basis.BoundsAtoms, basis.ChecksBlock, basis.CentresSnapshots),
+    "body": (body.EstimatesSize, body.SelectsFields, layout.DeclaresFields),
+    "contact": (contact.DeclaresSurfaces, contact.NamesSides),
+    "function": (integrator.HasCurvature,),
+    "integrator": (integrator.ChecksLayout,),
+    "joint": (part.DeclaresEffect,),
+    "linear_solver": (linear_solver.EstimatesMemory, linear_solver.StatesFillIn),
+    "load": (part.DeclaresEffect,),
+    "mesh": (mesh.EstimatesMeshSize,),
+    "reducer": (reducer.ChecksModel, reducer.UsesBases, reducer.UsesForceBasis,
+                reducer.HoldsSnapshots, reducer.ResamplesRows, reducer.SharesOptions,
+                reducer.SamplesRows, reducer.BudgetsFields),
+    "sampler": (sampler.ChoosesRowsKept, sampler.SamplesNodes, sampler.DrawsRequired),
+    "sparse_solver": (sparse_solver.LimitsProblems, sparse_solver.ScreensSupport),
+}
+"""Kind of plugin -> optional protocols of its class."""
+EVERY = (part.ReadsFiles,)
+"""Optional protocols of plugins of every kind."""
+
+_ANY_PART = (part.HasNotes,)
+_CONNECTOR = (part.LocalizesRows, part.MovesOverBody, part.ChangesBodies, part.HasSurroundings,
+              *_ANY_PART)
+BUILT: Mapping[str, tuple[type, ...]] = {
+    "body": (body.HasProbes, body.HasMesh, body.HasShape, body.CopiesRigidly, body.HasPose,
+             body.FollowsMotion, body.CarriesSurfaceLoads, *_ANY_PART),
+    "contact": (contact.ImportsMotion, contact.ConductsHeat, contact.ReportsNoContact,
+                contact.ReportsChatter, contact.ReportsPassage, *_CONNECTOR),
+    "joint": (joint.NamesMultipliers, joint.PrescribesReactions,
+              joint.PassesReactionsOn, *_CONNECTOR),
+    "load": _CONNECTOR,
+}
+"""Kind of plugin -> optional protocols of the part that its `build` returns."""
+
+OTHERS: Mapping[str, tuple[type, ...]] = {
+    "term": (term.HasConstantMatrices, term.NamesSource, term.ChecksStep, term.ReportsResultants,
+             term.TimeDependent, part.HasSurroundings, element_integrals.WeighsElements),
+    "reduced term": (term.WrapsTerm, term.RelocatesNear, term.ChecksStep, term.ReportsResultants),
+    "step solver": (step_solver.RedrawsRows, step_solver.FreezesSupport,
+                    step_solver.RespondsByBlock, step_solver.RespondsExactly,
+                    step_solver.CountsLinearIterations, step_solver.ReportsTerms),
+    "memory of a step solver": (step_solver.Restarts,),
+    "frame": (separable.EvaluatesManyTimes,),
+}
+"""Values that pass between parts of the product -> its optional protocols."""

@@ -1,0 +1,23 @@
+"""The base of every plugin: a frozen pydantic model whose fields are its options."""
+
+from typing import ClassVar
+
+from pydantic import BaseModel, ConfigDict
+
+API = 2
+"""Version of the extension API, `sparsemor.core`."""
+
+
+class Plugin(BaseModel):
+    """Fields are options, methods fill the protocol of the plugin's kind. No second config class.
+
+    Unknown options, and numbers that are not finite, are refused. A plugin that sets
+    `sparsemor_api` to the version it was written for is refused by name where that is another one.
+    """
+
+    sparsemor_api: ClassVar[int] = API
+
+    model_config = ConfigDict(
+        frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True,
+        ignored_types=(bool, str),  # checked with the class's protocol, where it is named
+    )

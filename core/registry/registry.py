@@ -1,0 +1,225 @@
+"""Registry of plugins: classes by kind and name, from entry points."""
+
+import difflib
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+from importlib import metadata
+from typing import Any
+
+from stevedore.driver import DriverManager
+
+from sparsemor.core.errors import InputError
+from sparsemor.core.registry.contracts import refusal
+from sparsemor.core.registry.plugin import Plugin
+
+PREFIX = "sparsemor."
+"""Entry-point groups are `sparsemor.<kind>`."""
+OWN = "sparsemor"
+"""Distribution whose plugins a plain name means where another one offers the same name."""
+_UNNAMED = "an unnamed distribution"
+
+
+@dataclass(frozen=True, slots=True)
+class PluginName:
+    """A plugin that is installed. Nothing of it has been imported."""
+
+    kind: str
+    name: str
+    distribution: str
+    version: str
+    target: str
+
+    @property
+    def qualified(self) -> str:
+        """`package:name`, which selects this plugin where several packages offer the name."""
+        return f"{self.distribution}:{self.name}"
+
+    @property
+    def origin(self) -> str:
+        """The distribution and its version."""
+        return f"{self.distribution} {self.version}" if self.distribution else _UNNAMED
+
+
+class Registry:
+    """The plugins installed here: a value, never a global.
+
+    A name is plain (`lhs`) or qualified by its distribution (`sparsemor-other:lhs`). Where several
+    distributions offer a plain name, it means the one of sparsemor itself.
+
+    Entry points are read on first use and kept, so one registry sees one state of the machine.
+    `entry_points` replaces what is installed: tests and embedding programs pass their own list.
+    """
+
+    def __init__(self, entry_points: Iterable[metadata.EntryPoint] | None = None) -> None:
+        self._given = None if entry_points is None else tuple(entry_points)
+
+    @cached_property
+    def _entry_points(self) -> tuple[metadata.EntryPoint, ...]:
+        if self._given is not None:
+            return tuple(e for e in self._given if e.group.startswith(PREFIX))
+        installed = metadata.entry_points()
+        groups = sorted(g for g in installed.groups if g.startswith(PREFIX))
+        return tuple(e for g in groups for e in installed.select(group=g))
+
+    def kinds(self) -> tuple[str, ...]:
+        """Every kind that some installed distribution offers, sorted."""
+        return tuple(sorted({e.group.removeprefix(PREFIX) for e in self._entry_points}))
+
+    def names(self, kind: str) -> tuple[PluginName, ...]:
+        """The plugins of one kind, sorted by name. Imports nothing."""
+        found = [_named(e) for e in self._of(kind)]
+        return tuple(sorted(found, key=lambda p: (p.name, p.distribution)))
+
+    def get(self, kind: str, name: str) -> type[Plugin]:
+        """Import the plugin's class.
+
+        Raises `InputError` when the name is unknown, ambiguous, fails to import, is not a
+        `sparsemor.core.registry.plugin.Plugin`, or breaks the protocol of its kind.
+        """
+        one = self._only(kind, name)
+        loaded = _Driver(one).plugin
+        blame = f"report it to the authors of that package (its entry point is {one.value})"
+        if not (isinstance(loaded, type) and issubclass(loaded, Plugin)):
+            raise InputError(f"{kind} plugin {one.name!r} of {_origin(one)} is no "
+                             f"sparsemor.core.registry.plugin.Plugin class: {blame}")
+        broken = refusal(kind, loaded)
+        if broken:
+            raise InputError(f"{kind} plugin {one.name!r} of {_origin(one)} {broken}: {blame}")
+        return loaded
+
+    def load(self, kind: str, name: str) -> Any:
+        """Import whatever object the entry point names (packaged scenes are paths)."""
+        return _Driver(self._only(kind, name)).plugin
+
+    def spelling(self, plugin: PluginName) -> str:
+        """The name to write for a plugin: plain where that selects it, else `package:name`."""
+        offers = self._called(plugin.kind, plugin.name)
+        plain = len(offers) < 2 or canonical(plugin.distribution) == OWN
+        return plugin.name if plain else plugin.qualified
+
+    def passed_over(self, kind: str, name: str) -> str:
+        """A sentence on the other packages that offer a plain name, "" where there are none."""
+        offers = self._called(kind, name)
+        if len(offers) < 2:
+            return ""
+        one = self._only(kind, name)
+        others = [_named(e) for e in offers if e is not one]
+        return (f"{kind} plugin {name!r} is that of {_origin(one)}; "
+                f"{' and '.join(p.origin for p in others)} offers one of that name too: write "
+                f"{' or '.join(p.qualified for p in others)} for it, or {_named(one).qualified} "
+                "for this one")
+
+    def name_of(self, kind: str, cls: type) -> str:
+        """The name under which a class is registered, the inverse of `get`."""
+        same = f"{cls.__module__}:{cls.__qualname__}"
+        package = cls.__module__.partition(".")[0]
+        candidates = self._of(kind)
+        for e in candidates:
+            if e.value.replace(" ", "") == same:
+                return self.spelling(_named(e))
+        # a package may name its class through a re-export; import only that package's own
+        for e in candidates:
+            if e.module.partition(".")[0] == package and _loads_as(e, cls):
+                return self.spelling(_named(e))
+        raise InputError(
+            f"{same} is not registered as a {kind}, so it cannot be written down by name: give it "
+            f"an entry point in the group {PREFIX}{kind}"
+        )
+
+    def _of(self, kind: str) -> list[metadata.EntryPoint]:
+        return [e for e in self._entry_points if e.group == PREFIX + kind]
+
+    def _called(self, kind: str, name: str) -> list[metadata.EntryPoint]:
+        """All plugins that a plain or qualified name may mean."""
+        package, colon, plain = name.partition(":")
+        if not colon:
+            return [e for e in self._of(kind) if e.name == name]
+        return [e for e in self._of(kind) if e.name == plain and e.dist is not None
+                and canonical(e.dist.name) == canonical(package)]
+
+    def _only(self, kind: str, name: str) -> metadata.EntryPoint:
+        """The plugin that a name means; InputError when there is none, or no single one."""
+        found = self._called(kind, name)
+        if not found:
+            raise InputError(self._unknown(kind, name))
+        if len(found) == 1:
+            return found[0]
+        own = [e for e in found if e.dist is not None and canonical(e.dist.name) == OWN]
+        if len(own) == 1:
+            return own[0]
+        raise InputError(
+            f"{kind} plugin {name!r} is offered by {' and by '.join(map(_origin, found))}: write "
+            f"{' or '.join(_named(e).qualified for e in found)}, or uninstall one of them")
+
+    def _unknown(self, kind: str, name: str) -> str:
+        names = sorted({self.spelling(p) for p in self.names(kind)})
+        if not names:
+            return f"there is no kind of plugin called {kind!r}: {near(kind, self.kinds())}"
+        return f"no {kind} plugin is called {name!r}: {near(name, names, 'installed')}"
+
+
+class _Driver(DriverManager[Any]):
+    """stevedore's "load exactly one", kept away from its cache of entry points on disk."""
+
+    def __init__(self, entry_point: metadata.EntryPoint) -> None:
+        self._only = entry_point
+        super().__init__(
+            entry_point.group, entry_point.name,
+            on_load_failure_callback=_reraise, on_missing_entrypoints_callback=None,
+        )
+
+    def list_entry_points(self) -> list[metadata.EntryPoint]:
+        return [self._only]
+
+    @property
+    def plugin(self) -> Any:
+        return self.extensions[0].plugin
+
+    def _load_one_plugin(self, ep: metadata.EntryPoint, *args: Any) -> Any:
+        # stevedore lets an AssertionError or a sys.exit() of the plugin's module through
+        try:
+            return super()._load_one_plugin(ep, *args)
+        except (Exception, SystemExit) as cause:
+            kind = ep.group.removeprefix(PREFIX)
+            raise InputError(
+                f"{kind} plugin {ep.name!r} of {_origin(ep)} cannot be imported "
+                f"({type(cause).__name__}: {cause}): fix or uninstall the package"
+            ) from cause
+
+
+def _loads_as(e: metadata.EntryPoint, cls: type) -> bool:
+    try:
+        return _Driver(e).plugin is cls
+    except InputError:  # another plugin's failure is no concern of this one
+        return False
+
+
+def _reraise(_manager: Any, _entry_point: metadata.EntryPoint, error: BaseException) -> None:
+    raise error
+
+
+def near(given: str, known: Iterable[str], label: str = "allowed") -> str:
+    """Advice after a name nobody knows: the nearest ones, then all of them."""
+    names = list(known)
+    close = difflib.get_close_matches(given, names, n=3, cutoff=0.6)
+    hint = f"did you mean {' or '.join(close)}? " if close else ""
+    return f"{hint}{label}: {', '.join(names) or 'none'}"
+
+
+def _named(e: metadata.EntryPoint) -> PluginName:
+    dist = e.dist
+    return PluginName(
+        e.group.removeprefix(PREFIX), e.name,
+        dist.name if dist else "", dist.version if dist else "", e.value,
+    )
+
+
+def _origin(e: metadata.EntryPoint) -> str:
+    return _named(e).origin
+
+
+def canonical(distribution: str) -> str:
+    """A distribution's name as package indexes compare it (PEP 503)."""
+    return re.sub(r"[-_.]+", "-", distribution).lower()

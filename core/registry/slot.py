@@ -1,0 +1,118 @@
+"""A place in the configuration that some plugin of one kind fills."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated, Any, ClassVar
+
+from pydantic import (
+    BaseModel,
+    Field,
+    GetCoreSchemaHandler,
+    SerializationInfo,
+    ValidationError,
+    ValidationInfo,
+    WithJsonSchema,
+)
+from pydantic_core import CoreSchema, core_schema
+from typing_extensions import is_protocol
+
+from sparsemor.core.errors import InputError
+from sparsemor.core.notes import Note
+from sparsemor.core.registry.contracts import missing_members, origin, refusal
+from sparsemor.core.registry.registry import Registry
+from sparsemor.core.registry.validation_errors import shown, with_advice
+
+
+@dataclass(frozen=True, slots=True)
+class Slot:
+    """`Annotated[Basis, Slot("basis")]` takes an instance, `pod`, or `{use: pod, energy: 0.99}`.
+
+    The name is looked up in the registry of the validation context (key "registry"), else among
+    all that is installed; the options are validated by the plugin's own model. Its class, and that
+    of an instance, is checked against the protocol of its kind. Notes on the choice go to the list
+    in the context's key "notes", if there is one. Serialises back to `{use: name, ...}`.
+    """
+
+    kind: str
+
+    MARK: ClassVar[str] = "x-sparsemor-slot"
+    """Where a JSON schema leaves the slot open, for `core.scene.json_schema` to fill in."""
+
+    def __get_pydantic_core_schema__(
+        self, source: Any, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        def fill(value: object, info: ValidationInfo) -> object:
+            return self._fill(value, source, dict(info.context or {}))
+
+        open_place = Annotated[Any, WithJsonSchema({self.MARK: self.kind})]
+        return core_schema.with_info_plain_validator_function(
+            fill,
+            json_schema_input_schema=handler.generate_schema(open_place),
+            serialization=core_schema.plain_serializer_function_ser_schema(
+                self._write, info_arg=True
+            ),
+        )
+
+    def _fill(self, value: object, source: Any, context: dict[str, Any]) -> object:
+        if isinstance(value, str):
+            return self._build(value, {}, context)
+        if isinstance(value, Mapping):
+            options = dict(value)
+            name = options.pop("use", None)
+            if not isinstance(name, str):
+                raise InputError(f"name the {self.kind} with `use: name`", "use")
+            return self._build(name, options, context)
+        missing = _missing_members(source, value)
+        if value is None or missing or isinstance(value, int | float | list | tuple | set | bytes):
+            lacks = f" that has {', '.join(missing)}" if missing else ""
+            raise InputError(
+                f"give the name of a {self.kind} plugin, or {{use: name, option: value}}, or an "
+                f"instance{lacks} (got {shown(value)})"
+            )
+        broken = refusal(self.kind, type(value))
+        if broken:
+            raise InputError(f"the {self.kind} {origin(value)} {broken}")
+        return value
+
+    def _build(self, name: str, options: dict[str, Any], context: dict[str, Any]) -> BaseModel:
+        registry: Registry = context.setdefault("registry", Registry())
+        cls = registry.get(self.kind, name)
+        passed_over = registry.passed_over(self.kind, name)
+        if passed_over:
+            context.get("notes", []).append(Note(passed_over, "same_name"))
+        try:
+            return cls.model_validate(name_default_slots(cls, options), context=context)
+        except ValidationError as error:
+            raise ValidationError.from_exception_data(name, with_advice(cls, error)) from None
+
+    def _write(self, value: Any, info: SerializationInfo) -> Any:
+        if not isinstance(value, BaseModel):
+            return value
+        registry = (info.context or {}).get("registry") or Registry()
+        options = value.model_dump(mode=info.mode, context={"registry": registry})
+        return {"use": registry.name_of(self.kind, type(value)), **options}
+
+
+def slot_default(name: str) -> Any:
+    """The default of a slot: `sampler: Annotated[Sampler, Slot("sampler")] = slot_default("lhs")`.
+
+    It is typed `Any` because the name becomes an instance only when the model is validated.
+    """
+    return Field(default=name, validate_default=True)
+
+
+def name_default_slots(cls: type[BaseModel], options: Mapping[str, Any]) -> dict[str, Any]:
+    """`solver: {rtol: 1e-9}` without `use` sets an option of the slot's default plugin."""
+    named = dict(options)
+    for key, field in cls.model_fields.items():
+        given = named.get(key)
+        is_slot = any(isinstance(m, Slot) for m in field.metadata)
+        if is_slot and isinstance(field.default, str) and isinstance(given, Mapping):
+            named[key] = {"use": field.default, **given}
+    return named
+
+
+def _missing_members(source: Any, value: object) -> list[str]:
+    if not (isinstance(source, type) and is_protocol(source)):
+        return []
+    return missing_members(source, type(value))

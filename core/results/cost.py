@@ -1,0 +1,92 @@
+"""Cost of a run: times, iterations, atoms and rows."""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from sparsemor.core.results.run_result import RunResult
+from sparsemor.core.results.solver_report import solvers_in_words
+from sparsemor.core.status import Status
+
+
+@dataclass(frozen=True, slots=True)
+class RunFacts:
+    """ms_per_step: online time over steps, writing included. ms_per_step_solver: median time of
+    the step solver alone. iterations: mean a step.
+
+    offline_seconds: of this run; offline_whole_seconds: had nothing been in the cache.
+    atoms: dictionary columns; active_atoms: mean number in use. rows: sampled rows. None: not
+    known. end: last stored time, s. linear_solvers: of the steps, by block, in words; peak_gb: the
+    most that its process had held by its end.
+    """
+
+    reducer: str
+    status: Status
+    steps: int
+    ms_per_step: float | None
+    offline_seconds: float | None
+    offline_whole_seconds: float | None
+    online_seconds: float | None
+    iterations: float | None
+    atoms: int
+    active_atoms: float
+    rows: int
+    end: float = 0.0
+    linear_solvers: str = ""
+    peak_gb: float | None = None
+    ms_per_step_solver: float | None = None
+
+    @property
+    def atoms_text(self) -> str:
+        return f"{self.active_atoms:.3g}/{self.atoms}" if self.atoms else "-"
+
+    def as_dict(self) -> dict[str, Any]:
+        return {name: getattr(self, name) for name in self.__slots__} | {
+            "status": self.status.value}
+
+
+def run_facts(run: RunResult) -> RunFacts:
+    """From the summary where the run wrote one, else from its stored steps."""
+    summary = run.summary
+    stepped = np.flatnonzero(run.step_seconds > 0.0)
+    steps = int(summary.get("steps", stepped.size))
+    wall = summary.get("wall_s", {})
+    solver: float | None = summary.get("ms_per_step_solver")
+    if solver is None and stepped.size:
+        solver = 1e3 * float(np.median(run.step_seconds[stepped]))
+    reduced = [b.name for b in run.layout if b.name in run.solver_layout and run.reduced(b.name)]
+    return RunFacts(
+        reducer=run.reducer,
+        status=run.status,
+        steps=steps,
+        ms_per_step=summary.get("ms_per_step"),
+        offline_seconds=wall.get("offline"),
+        offline_whole_seconds=summary.get("offline_whole_s", wall.get("offline")),
+        online_seconds=wall.get("online"),
+        iterations=float(run.iterations[stepped].mean()) if stepped.size else None,
+        atoms=sum(run.support(name).shape[1] for name in reduced),
+        active_atoms=float(sum(run.support(name).sum(axis=1).mean() for name in reduced))
+        if len(run.times) else 0.0,
+        rows=sum(run.rows(b.name).size for b in run.layout),
+        end=float(run.times[-1]) if len(run.times) else 0.0,
+        linear_solvers="; ".join(solvers_in_words(summary.get("linear_solvers", ()))),
+        peak_gb=summary.get("memory", {}).get("peak_gb"),
+        ms_per_step_solver=solver,
+    )
+
+
+def pays_after(full: RunFacts, own: RunFacts) -> int | None:
+    """offline / (online of full order - own online), rounded up; None when it never pays.
+
+    Online runs of the same time span after which the offline stage is made good. Offline as if
+    nothing had been in the cache: else the second run would seem to be free.
+    """
+    offline, online, base = own.offline_whole_seconds, own.online_seconds, full.online_seconds
+    if offline is None or online is None or base is None or online >= base:
+        return None
+    same_span = abs(full.end - own.end) <= 1e-9 * max(full.end, own.end)
+    if not (full.status.ok and own.status.ok and same_span):
+        return None
+    return max(1, math.ceil(offline / (base - online)))

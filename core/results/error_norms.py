@@ -1,0 +1,231 @@
+"""Error norms of one run against another: Eq. 34 of the paper, and one error per block.
+
+The combined measure divides by all unknowns together, so temperatures of 300 K and metres of motion
+hide the elastic error. Each block is therefore also measured against its own change. A start from
+zero makes errors relative to the present norm large for a few steps, so the start-up is reported
+separately.
+"""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
+from sparsemor.core.errors import InputError
+from sparsemor.core.protocols.layout import Block, FieldKind, Quantity
+from sparsemor.core.protocols.poses import BY_ANGLE
+from sparsemor.core.results.run_result import RunResult
+
+TIME_MATCH = 1e-9
+START_UP = 0.02
+"""Share of the reference's time span, and so of its steps, that counts as start-up."""
+CONSTANT = 1e-9
+"""A block that changes by at most this share of its own size is constant: its change is round-off,
+and an error relative to that would say nothing."""
+LIMIT = 0.1
+"""Errors above this (relative; rad for angles) are marked."""
+_BATCH_ENTRIES = 2**21
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Errors:
+    """Errors of one run against a reference, over their common stored times.
+
+    times (j,) s. series: name -> (j,) error at each time; worst, worst_late: name -> the largest
+    one over all times, and over those from `late_from` (s) on. Names are `combined` (Eq. 34), each
+    `body.field`, each field (its worst block), and `angle_rad`. until: the last common time, s.
+    present: as series, blocks and fields relative to the reference's norm at the same time, as
+    `combined` is. start_up_end: when the start-up ends, s. constant: names of blocks and fields
+    that do not change in the reference; their errors are relative to their size. unshared: blocks
+    that only one of the runs has, or that differ in size; they are not compared.
+    """
+
+    times: FloatArray
+    series: dict[str, FloatArray]
+    worst: dict[str, float]
+    worst_late: dict[str, float]
+    late_from: float
+    until: float
+    present: dict[str, FloatArray]
+    start_up_end: float
+    unshared: tuple[str, ...] = ()
+    constant: frozenset[str] = frozenset()
+
+    @property
+    def start_up(self) -> dict[str, float]:
+        """name -> the largest of `series` in the first 2 % of the reference's time span; empty
+        when no time that both have lies in it. The start itself is not counted."""
+        return self._largest(self.series, self._early)
+
+    @property
+    def steady(self) -> dict[str, float]:
+        """The same, after the start-up."""
+        return self._largest(self.series, self.times > self.start_up_end)
+
+    @property
+    def start_up_present(self) -> dict[str, float]:
+        """name -> the largest of `present` during the start-up."""
+        return self._largest(self.present, self._early)
+
+    @property
+    def steady_present(self) -> dict[str, float]:
+        """The same, after the start-up."""
+        return self._largest(self.present, self.times > self.start_up_end)
+
+    @property
+    def _early(self) -> BoolArray:
+        early: BoolArray = (self.times > self.times[0]) & (self.times <= self.start_up_end)
+        return early
+
+    def still(self, name: str) -> bool:
+        """True if a block or field is constant in the reference, and in the run as well."""
+        return name in self.constant and self.worst.get(name, 0.0) <= CONSTANT
+
+    def above(self, limit: float = LIMIT) -> dict[str, float]:
+        """name -> largest error, of those above `limit` (relative; rad for `angle_rad`), the
+        combined measure, fields and angles only."""
+        return {m: e for m, e in self.worst.items() if "." not in m and e > limit}
+
+    @staticmethod
+    def _largest(series: dict[str, FloatArray], when: BoolArray) -> dict[str, float]:
+        return {name: float(e[when].max()) for name, e in series.items()} if when.any() else {}
+
+
+def measure_errors(reference: RunResult, run: RunResult, late_from: float = 0.0) -> Errors:
+    """Compare at the stored times both runs have, few steps in memory at a time.
+
+    combined(t) = |q_ref - q| / |q_ref| over all unknowns but multipliers; times with q_ref = 0 are
+    left out. A block's error is |x_ref - x|(t) / max over t of |x_ref - x_ref(0)|; if the
+    reference is constant (that change is at most 1e-9 of max |x_ref|) it is relative to
+    max |x_ref|, and absolute if that is 0 too.
+    A block's present error is |x_ref - x|(t) / |x_ref|(t), 0 where x_ref vanishes.
+    angle_rad is the largest error of any rotation that an angle describes, rad.
+    Blocks that only one of them has are left out (`unshared`). Raises InputError when the runs have
+    no time, or no block, in common.
+    """
+    blocks, unshared = _common_blocks(reference, run)
+    here, there = common_steps(reference.times, run.times)
+    error = {b.name: np.zeros(len(here)) for b in blocks}
+    size = {b.name: np.zeros(len(here)) for b in blocks}
+    scale = {b.name: 0.0 for b in blocks}
+    angle = np.zeros(len(here))
+    for b in blocks:
+        start = reference.block(b.name, slice(0, 1))
+        for part in _batches(len(here), b.size):
+            x_ref = reference.block(b.name, here[part])
+            difference = x_ref - run.block(b.name, there[part])
+            error[b.name][part], size[b.name][part] = _norms(difference), _norms(x_ref)
+            scale[b.name] = max(scale[b.name], float(_norms(x_ref - start).max()))
+            if _turns(b):
+                angle[part] = np.maximum(angle[part], np.abs(difference[:, -1]))
+    constant = {name for name in scale if scale[name] <= CONSTANT * float(size[name].max())}
+    for name in constant:
+        scale[name] = float(size[name].max()) or 1.0
+    fields = {b.field for b in blocks}
+    constant |= {f for f in fields if all(b.name in constant for b in blocks if b.field == f)}
+    times = reference.times[here]
+    series = {"combined": _combined(list(error.values()), list(size.values()))}
+    series |= _per_field(blocks, {name: e / scale[name] for name, e in error.items()})
+    if any(map(_turns, blocks)):
+        series["angle_rad"] = angle
+    present = {name: _ratio(e, size[name]) for name, e in error.items()}
+    late = times >= late_from
+    return Errors(
+        times=times,
+        series=series,
+        worst={name: float(e.max()) for name, e in series.items()},
+        worst_late={name: float(e[late].max()) for name, e in series.items() if late.any()},
+        late_from=late_from,
+        until=float(times[-1]),
+        present={"combined": series["combined"], **_per_field(blocks, present)},
+        start_up_end=_start_up_end(reference.times),
+        unshared=unshared,
+        constant=frozenset(constant),
+    )
+
+
+def measure_names(kinds: Iterable[FieldKind]) -> tuple[str, ...]:
+    """Names of errors of whole runs, in the order of tables: combined, fields, angle."""
+    return ("combined", *(k.name for k in kinds if k.order > 0), "angle_rad")
+
+
+def common_steps(reference: FloatArray, run: FloatArray) -> tuple[IntArray, IntArray]:
+    """Numbers of the steps at the same times, equal to 1e-9 of the longer run's end."""
+    if len(reference) and len(run):
+        after = np.clip(np.searchsorted(reference, run), 1, max(1, len(reference) - 1))
+        before = after - 1
+        after = np.minimum(after, len(reference) - 1)
+        left = np.abs(reference[before] - run) <= np.abs(reference[after] - run)
+        nearest = np.where(left, before, after)
+        close = TIME_MATCH * max(abs(float(reference[-1])), abs(float(run[-1])))
+        there = np.flatnonzero(np.abs(reference[nearest] - run) <= close)
+        if there.size:
+            return nearest[there].astype(np.int64), there.astype(np.int64)
+    raise InputError(
+        f"the runs have no stored time in common ({_span(reference)}; {_span(run)}): store both "
+        "with steps that meet, time.step and output.every")
+
+
+def _span(times: FloatArray) -> str:
+    if len(times) < 2:
+        return f"{len(times)} stored steps"
+    return f"{len(times)} steps from {times[0]:g} s, next {times[1]:g} s, to {times[-1]:g} s"
+
+
+def _common_blocks(
+    reference: RunResult, run: RunResult
+) -> tuple[list[Block], tuple[str, ...]]:
+    """Blocks of equal name and size, in the reference's order, and the names of the others."""
+    blocks = reference.layout.differential
+    sizes = {b.name: b.size for b in run.layout.differential}
+    common = [b for b in blocks if sizes.get(b.name) == b.size]
+    shared = {b.name for b in common}
+    odd = [b for b in (*blocks, *run.layout.differential) if b.name not in shared]
+    if not common:
+        listed = ", ".join(sorted({f"{b.name} ({b.size})" for b in odd}))
+        raise InputError(f"the runs have no unknowns in common: {listed}")
+    return common, tuple(sorted({b.name for b in odd}))
+
+
+def _turns(block: Block) -> bool:
+    """True if the last entry of a block is the angle of a frame, rad."""
+    return block.kind.quantity is Quantity.POSE and block.size in BY_ANGLE
+
+
+def _batches(count: int, size: int) -> Iterator[slice]:
+    steps = max(1, _BATCH_ENTRIES // size)
+    for start in range(0, count, steps):
+        yield slice(start, min(count, start + steps))
+
+
+def _norms(rows: FloatArray) -> FloatArray:
+    # Scaled, because the last steps of a diverged run may be too large to square.
+    largest = np.abs(rows).max(axis=1)
+    safe = np.where(largest > 0.0, largest, 1.0)
+    return np.asarray(largest * np.linalg.norm(rows / safe[:, None], axis=1), dtype=np.float64)
+
+
+def _combined(errors: list[FloatArray], sizes: list[FloatArray]) -> FloatArray:
+    error, size = _norms(np.stack(errors, axis=1)), _norms(np.stack(sizes, axis=1))
+    return _ratio(error, size)
+
+
+def _ratio(error: FloatArray, size: FloatArray) -> FloatArray:
+    with np.errstate(over="ignore"):  # a diverged run over a start from almost nothing
+        ratio = np.divide(error, size, out=np.zeros_like(error), where=size > 0.0)
+    return np.minimum(ratio, np.finfo(np.float64).max)
+
+
+def _start_up_end(times: FloatArray) -> float:
+    span = float(times[-1] - times[0])
+    return float(times[0]) + START_UP * span + TIME_MATCH * span  # a step at 2 % belongs to it
+
+
+def _per_field(blocks: list[Block], by_block: dict[str, FloatArray]) -> dict[str, FloatArray]:
+    fields: dict[str, FloatArray] = {}
+    for b in blocks:
+        earlier = fields.get(b.field)
+        now = by_block[b.name]
+        fields[b.field] = now if earlier is None else np.maximum(earlier, now)
+    return fields | by_block

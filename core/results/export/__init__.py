@@ -1,0 +1,99 @@
+"""A run for other programs: one time series a body, as files that ParaView opens."""
+
+import shutil
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core.results.atomic_files import writing
+from sparsemor.core.results.export.request import FIELDS, FORMATS, ExportPlan, plan_export
+from sparsemor.core.results.export.snapshot import Frame, frame_at
+from sparsemor.core.results.export.vtu import VtuSeries
+from sparsemor.core.results.export.xdmf import XdmfSeries
+from sparsemor.core.results.output_directory import OutputDirectory
+from sparsemor.core.results.run_result import RunResult
+
+
+class Series(Protocol):
+    """The files of one body, written time by time; `close` makes them whole."""
+
+    file: Path
+
+    def write(self, step: int, time: float, frame: Frame) -> None: ...
+    def close(self) -> None: ...
+
+
+_WRITERS: Mapping[str, Callable[[Path, str, IntArray], Series]] = {
+    "vtu": VtuSeries, "xdmf": XdmfSeries}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Exported:
+    """Written export: body -> the file to open, body -> fields in it, and at which times, s.
+
+    notes: fields that were asked for and that a body does not have.
+    """
+
+    folder: Path
+    files: dict[str, Path]
+    fields: dict[str, tuple[str, ...]]
+    times: FloatArray
+    notes: tuple[str, ...]
+
+
+def export(
+    run: RunResult,
+    folder: str | Path,
+    format: str = "vtu",
+    *,
+    bodies: Sequence[str] | None = None,
+    fields: Sequence[str] | None = None,
+    at: Sequence[float] | None = None,
+    every: int = 1,
+    force: bool = False,
+) -> Exported:
+    """Write the bodies where they are, with displacement (m, space axes) and temperature (K).
+
+    One file to open a body: `body.pvd` with a .vtu a time, or `body.xdmf` with raw numbers
+    next to it. Without `at` (s) every stored step is written, or each `every`-th; with it, the
+    stored steps next to these times. One time after the other is held in memory.
+    Raises InputError, having written nothing, for what the run does not have, and where `folder`
+    holds something; `force` replaces an earlier export.
+    """
+    plan = plan_export(run, format, bodies, fields, at, every)
+    target = Path(folder).absolute()
+    OutputDirectory(target).require_replaceable(
+        force, "use --force to overwrite, or choose another --out", lambda: _is_export(target),
+        "exports only, and this is something else")
+    fresh = target.with_name(f".{target.name}.new")
+    shutil.rmtree(fresh, ignore_errors=True)
+    try:
+        fresh.mkdir(parents=True)
+        with writing(target):
+            names = {body: _write(run, plan, body, fresh) for body in plan.fields}
+        shutil.rmtree(target, ignore_errors=True)
+        fresh.rename(target)
+    finally:
+        shutil.rmtree(fresh, ignore_errors=True)
+    files = {body: target / name for body, name in names.items()}
+    return Exported(target, files, dict(plan.fields), run.times[plan.steps], plan.notes)
+
+
+def _write(run: RunResult, plan: ExportPlan, body: str, folder: Path) -> str:
+    series = _WRITERS[plan.format](folder, body, run.cells(body))
+    for step in plan.steps.tolist():
+        series.write(step, float(run.times[step]), frame_at(run, body, step, plan.fields[body]))
+    series.close()
+    return series.file.name
+
+
+def _is_export(folder: Path) -> bool:
+    """True if all that is in it are series and their folders."""
+    inside = list(folder.iterdir()) if folder.is_dir() else []
+    series = {p.stem for p in inside if p.suffix in (".pvd", ".xdmf")}
+    return bool(series) and {p.stem for p in inside} == series
+
+
+__all__ = ["FIELDS", "FORMATS", "Exported", "export"]

@@ -1,0 +1,96 @@
+"""Request of an export, checked before anything is written."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from sparsemor.core.arrays import IntArray
+from sparsemor.core.errors import Gather, InputError
+from sparsemor.core.protocols.layout import Quantity
+from sparsemor.core.registry.registry import near
+from sparsemor.core.results.run_result import RunResult
+
+FORMATS = ("vtu", "xdmf")
+FIELDS = {q.value: q for q in (Quantity.DISPLACEMENT, Quantity.TEMPERATURE)}
+"""Names of fields in files, and the quantity of the blocks that they are made of."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ExportPlan:
+    """steps (j,): stored steps, increasing. fields: body -> names of its fields."""
+
+    format: str
+    steps: IntArray
+    fields: Mapping[str, tuple[str, ...]]
+    notes: tuple[str, ...]
+
+
+def plan_export(
+    run: RunResult, format: str, bodies: Sequence[str] | None, fields: Sequence[str] | None,
+    at: Sequence[float] | None, every: int,
+) -> ExportPlan:
+    """Raises InputError with every fault found."""
+    if not run.bodies:
+        raise InputError("no body of this run has a mesh: there are no points to write")
+    if len(run.times) == 0:
+        raise InputError("the run has no stored step yet")
+    gather = Gather()
+    gather("format", _known, format, FORMATS, "format", "formats")
+    chosen = gather("body", _bodies, run, bodies)
+    wanted = gather("fields", _fields, fields)
+    steps = gather("at", run.steps_at, at)
+    gather("every", _thinning, every, at)
+    found = None
+    if chosen is not None and wanted is not None:
+        found = gather("fields", _by_body, run, chosen, wanted, fields is not None)
+    gather.check()
+    assert steps is not None and found is not None
+    return ExportPlan(format, steps[::every], *found)
+
+
+def _known(name: str, names: Sequence[str], one: str, many: str) -> None:
+    if name not in names:
+        raise InputError(f"no {one} is called {name!r}: {near(name, names, many)}")
+
+
+def _each(names: Sequence[str], known: Sequence[str], one: str, many: str) -> None:
+    gather = Gather()
+    for name in names:
+        gather("", _known, name, known, one, many)
+    gather.check()
+    if not names:
+        raise InputError(f"name at least one: {', '.join(known)}")
+
+
+def _bodies(run: RunResult, bodies: Sequence[str] | None) -> list[str]:
+    if bodies is not None:
+        _each(bodies, run.bodies, "body with a mesh", "bodies with a mesh")
+    return list(dict.fromkeys(run.bodies if bodies is None else bodies))
+
+
+def _fields(fields: Sequence[str] | None) -> tuple[str, ...]:
+    if fields is None:
+        return tuple(FIELDS)
+    _each(fields, tuple(FIELDS), "field", "fields")
+    return tuple(dict.fromkeys(fields))
+
+
+def _by_body(
+    run: RunResult, bodies: Sequence[str], wanted: Sequence[str], asked: bool
+) -> tuple[dict[str, tuple[str, ...]], tuple[str, ...]]:
+    """Fields of each body, and what to say of those that were asked for and are not there."""
+    found = {body: tuple(f for f in wanted if run.layout.of(body, FIELDS[f]) is not None)
+             for body in bodies}
+    missing = tuple(f"{body} has no {field}: the run did not solve for it"
+                    for body in bodies for field in wanted if field not in found[body])
+    if asked and not any(found.values()):
+        raise InputError("; ".join(missing))
+    return found, missing if asked else ()
+
+
+def _thinning(every: int, at: Sequence[float] | None) -> None:
+    if every < 1:
+        raise InputError(f"`every` must be at least 1 (got {every})")
+    if every > 1 and at is not None:
+        raise InputError("give times or `every`, not both")
+
+

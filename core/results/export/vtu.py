@@ -1,0 +1,34 @@
+"""VTK's XML files: an unstructured grid a time, and a collection (.pvd) that names them."""
+
+from pathlib import Path
+from xml.sax.saxutils import quoteattr
+
+from sparsemor.core.arrays import IntArray
+from sparsemor.core.results.export.snapshot import Frame
+
+_NAMES = {3: "triangle", 4: "tetra"}
+
+
+class VtuSeries:
+    """`body.pvd`, and `body/body_STEP.vtu` with float64 numbers, compressed."""
+
+    def __init__(self, folder: Path, body: str, cells: IntArray) -> None:
+        self.file = folder / f"{body}.pvd"
+        self._folder = folder / body
+        self._folder.mkdir()
+        self._cells = [(_NAMES[cells.shape[1]], cells.astype("int32"))]
+        self._lines: list[str] = []
+
+    def write(self, step: int, time: float, frame: Frame) -> None:
+        from meshio import Mesh
+        from meshio.vtu import write
+
+        name = f"{self._folder.name}/{self._folder.name}_{step:06d}.vtu"
+        mesh = Mesh(frame.points, self._cells, point_data=dict(frame.fields))
+        write(self.file.parent / name, mesh)
+        self._lines.append(f'<DataSet timestep="{time!r}" part="0" file={quoteattr(name)}/>')
+
+    def close(self) -> None:
+        self.file.write_text("\n".join([
+            '<?xml version="1.0"?>', '<VTKFile type="Collection" version="0.1">', "<Collection>",
+            *self._lines, "</Collection>", "</VTKFile>", ""]), encoding="utf-8")

@@ -1,0 +1,55 @@
+"""XDMF 3: one text file that says which raw numbers, in files next to it, are what and when.
+
+Written here and not by `meshio.xdmf.TimeSeriesWriter`, which keeps the points where they were at
+the start and puts its raw files into the working directory.
+"""
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sparsemor.core.arrays import IntArray
+from sparsemor.core.results.export.snapshot import Frame
+
+_TOPOLOGY = {3: "Triangle", 4: "Tetrahedron"}
+
+
+class XdmfSeries:
+    """`body.xdmf`, and in `body/` little-endian numbers: cells once, the rest for each step."""
+
+    def __init__(self, folder: Path, body: str, cells: IntArray) -> None:
+        self.file = folder / f"{body}.xdmf"
+        self._body = body
+        (folder / body).mkdir()
+        self._topology = (
+            f'<Topology TopologyType="{_TOPOLOGY[cells.shape[1]]}" NumberOfElements="{len(cells)}">'
+            f"{self._item('cells', cells.astype('<i4'))}</Topology>")
+        self._grids: list[str] = []
+
+    def write(self, step: int, time: float, frame: Frame) -> None:
+        points = self._item(f"points_{step:06d}", frame.points)
+        attributes = [
+            f'<Attribute Name="{name}" AttributeType="{"Scalar" if v.ndim == 1 else "Vector"}" '
+            f'Center="Node">{self._item(f"{name}_{step:06d}", v)}</Attribute>'
+            for name, v in frame.fields.items()]
+        self._grids.append("\n".join([
+            f'<Grid Name="{self._body}" GridType="Uniform">', f'<Time Value="{time!r}"/>',
+            self._topology, f'<Geometry GeometryType="XYZ">{points}</Geometry>',
+            *attributes, "</Grid>"]))
+
+    def close(self) -> None:
+        self.file.write_text("\n".join([
+            '<?xml version="1.0"?>', '<Xdmf Version="3.0">', "<Domain>",
+            f'<Grid Name="{self._body}" GridType="Collection" CollectionType="Temporal">',
+            *self._grids, "</Grid>", "</Domain>", "</Xdmf>", ""]), encoding="utf-8")
+
+    def _item(self, name: str, values: NDArray[np.generic]) -> str:
+        """Writes the numbers; returns the element that points at them."""
+        place = f"{self._body}/{name}.bin"
+        whole = values.dtype.kind == "i"
+        stored = values.astype("<i4" if whole else "<f8")
+        stored.tofile(self.file.parent / place)
+        return (f'<DataItem DataType="{"Int" if whole else "Float"}" Format="Binary" '
+                f'Precision="{stored.dtype.itemsize}" Endian="Little" '
+                f'Dimensions="{" ".join(map(str, stored.shape))}">{place}</DataItem>')

@@ -1,0 +1,122 @@
+"""Metadata of a run, written before its first step."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from sparsemor.core.arrays import IntArray
+from sparsemor.core.protocols import BodyShape, Dictionary
+from sparsemor.core.protocols.layout import Block, FieldKind, Layout, Quantity
+from sparsemor.core.protocols.prescribed_motion import Stage
+
+POSE_UNITS, REACTION_UNITS = "m, rad", "N, N m"
+"""Units of followed frames and of reaction forces. Planar frames are (Rx, Ry, theta)."""
+CONTACT_UNITS = {"normal": "N", "friction": "N", "power": "W", "length": "m", "area": "m2",
+                 "pressure": "Pa"}
+"""Units of contact resultants by name."""
+
+
+@dataclass(frozen=True, slots=True)
+class Probe:
+    """A point that is recorded each stored step; `position` (d,) in the body frame, m.
+
+    `components` and `units` name the columns of what the run passes in, in the same order.
+    """
+
+    name: str
+    body: str
+    position: tuple[float, ...]
+    components: tuple[str, ...] = ("x", "y")
+    units: tuple[str, ...] = ("m", "m")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RunHeader:
+    """Everything that is known before the first step.
+
+    layout: the solver's own unknowns; full_layout: the full-order ones. dictionaries: block ->
+    map back to full unknowns (absent: the block is kept as it is). rows: block -> sampled rows.
+    step: s. versions: distribution -> version. scene: the plain dump of the scene. stage: the
+    histories that the run follows. identity: of code, plugins and files (scene/run_identity.py).
+    platform: processor, BLAS and its threads (linalg/threads.py). contacts: contact -> names of the
+    resultants that are kept at the stored steps. multipliers: block -> name and unit of each of
+    its unknowns.
+    """
+
+    scene: Mapping[str, Any]
+    scene_digest: str
+    seed: int
+    versions: Mapping[str, str]
+    reducer: str
+    layout: Layout
+    full_layout: Layout
+    step: float
+    steps_planned: int
+    dictionaries: Mapping[str, Dictionary] = field(default_factory=dict)
+    rows: Mapping[str, IntArray] = field(default_factory=dict)
+    bodies: Mapping[str, BodyShape] = field(default_factory=dict)
+    probes: tuple[Probe, ...] = ()
+    stage: Stage | None = None
+    identity: Mapping[str, Any] = field(default_factory=dict)
+    platform: Mapping[str, Any] = field(default_factory=dict)
+    contacts: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    multipliers: Mapping[str, tuple[tuple[str, str], ...]] = field(default_factory=dict)
+
+    def attributes(self) -> dict[str, Any]:
+        """The part of the header that is not arrays, as plain data."""
+        return {
+            "scene": dict(self.scene),
+            "scene_digest": self.scene_digest,
+            "seed": self.seed,
+            "versions": dict(self.versions),
+            "identity": dict(self.identity),
+            "platform": dict(self.platform),
+            "reducer": self.reducer,
+            "fields": {k.name: k.plain() for k in self.full_layout.kinds},
+            "layout": dump_layout(self.layout),
+            "full_layout": dump_layout(self.full_layout),
+            "provenance": {name: list(d.provenance) for name, d in self.dictionaries.items()},
+            "dictionary_info": {name: dict(d.info) for name, d in self.dictionaries.items()},
+            "bodies": list(self.bodies),
+            "step": self.step,
+            "steps_planned": self.steps_planned,
+            "contacts": {name: list(kept) for name, kept in self.contacts.items()},
+        }
+
+
+def dump_layout(layout: Layout) -> list[list[Any]]:
+    return [[b.owner, b.field, b.size] for b in layout]
+
+
+def load_layout(
+    attributes: Mapping[str, Any], which: str, arrays: Mapping[str, Mapping[str, Any]]
+) -> Layout:
+    """The layout `which` ("layout" or "full_layout") of a result with these attributes.
+
+    arrays: name -> metadata of its arrays, whose units tell the kinds of a result that does not
+    hold them.
+    """
+    dump = attributes[which]
+    if "fields" in attributes:
+        kinds = {name: FieldKind.of_plain(data) for name, data in attributes["fields"].items()}
+    else:
+        kinds = {name: _kind_by_unit(name, _unit(f"{owner}.{name}", arrays))
+                 for owner, name, _ in dump}
+    return Layout([*(Block("", kind, 0) for kind in kinds.values()),
+                   *(Block(owner, kinds[name], size) for owner, name, size in dump)])
+
+
+def _unit(block: str, arrays: Mapping[str, Mapping[str, Any]]) -> str:
+    stored = arrays[block] if block in arrays else arrays[f"{block}.coefficients"]
+    return str(stored["attributes"].get("units", ""))
+
+
+def _kind_by_unit(name: str, unit: str) -> FieldKind:
+    """The kind of a block in a result that does not hold kinds: its unit says what it is."""
+    if unit == POSE_UNITS:
+        return FieldKind(name, 2, unit, Quantity.POSE)
+    if unit == "m":
+        return FieldKind(name, 2, unit, Quantity.DISPLACEMENT, reducible=True)
+    if unit == "K":
+        return FieldKind(name, 1, unit, Quantity.TEMPERATURE, reducible=True)
+    return FieldKind(name, 0, unit)

@@ -1,0 +1,107 @@
+"""Probes: position, displacement and temperature of material points, from reduced unknowns."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.protocols import Dictionary, ProbePlace
+from sparsemor.core.protocols.layout import Layout, Quantity
+from sparsemor.core.protocols.poses import placed
+from sparsemor.core.results.metadata import Probe
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Linear:
+    """value = base + x[at] @ weights; weights (k, j) on the solver's own unknowns."""
+
+    at: slice
+    weights: FloatArray
+    base: FloatArray
+
+    @classmethod
+    def of(
+        cls, name: str, weights: FloatArray, layout: Layout, maps: Mapping[str, Dictionary]
+    ) -> "Linear":
+        if name not in maps:
+            return cls(layout[name], weights, np.zeros(weights.shape[1]))
+        d = maps[name]
+        return cls(layout[name], d.atoms.T @ weights, d.offset @ weights)
+
+    def __call__(self, x: FloatArray) -> FloatArray:
+        # row by row: one product for all rows rounds differently for other numbers of rows, and a
+        # resumed run commits its rows in other batches
+        W = self.weights.T
+        return np.stack([self.base + W @ row for row in x[:, self.at]])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ProbeReader:
+    """A probe compiled for one layout: its cost does not grow with the mesh."""
+
+    place: ProbePlace
+    rigid: slice | None
+    displacement: Linear | None
+    temperature: Linear | None
+
+    @classmethod
+    def of(
+        cls, place: ProbePlace, layout: Layout, maps: Mapping[str, Dictionary]
+    ) -> "ProbeReader":
+        frame, moved, heated = (layout.of(place.body, q) for q in (
+            Quantity.POSE, Quantity.DISPLACEMENT, Quantity.TEMPERATURE))
+        u, T = place.displacement, place.temperature
+        return cls(
+            place, None if frame is None else layout[frame.name],
+            None if u is None or moved is None else Linear.of(moved.name, u, layout, maps),
+            None if T is None or heated is None
+            else Linear.of(heated.name, T[:, None], layout, maps))
+
+    @property
+    def name(self) -> str:
+        return self.place.name
+
+    def header(self) -> Probe:
+        axes = ["x", "y", "z"][: len(self.place.point)]
+        names, units = axes[:], ["m"] * len(axes)
+        if self.displacement is not None:
+            names, units = names + [f"u_{a}" for a in axes], units * 2
+        if self.temperature is not None:
+            names, units = [*names, "temperature"], [*units, "K"]
+        point = tuple(float(c) for c in self.place.point)
+        return Probe(self.name, self.place.body, point, tuple(names), tuple(units))
+
+    def __call__(self, t: FloatArray, x: FloatArray) -> FloatArray:
+        """(j, components) at times t (j,) for states x (j, n)."""
+        d = len(self.place.point)
+        u = np.zeros((len(t), d)) if self.displacement is None else self.displacement(x)
+        columns = [*placed(self._pose(t, x), self.place.point + u).T]
+        if self.displacement is not None:
+            columns += [*u.T]
+        if self.temperature is not None:
+            T = self.temperature(x)[:, 0]
+            for weight, function in self.place.given:
+                T = T + weight * np.array([function.value(s) for s in t])
+            columns.append(T)
+        return np.stack(columns, axis=1)
+
+    def _pose(self, t: FloatArray, x: FloatArray) -> FloatArray:
+        """(j, 3), (j, 4) or (j, 7) of the body's frame."""
+        if self.rigid is not None:
+            return x[:, self.rigid]
+        if self.place.guide is not None:
+            return np.stack([self.place.guide.at(s)[0] for s in t.tolist()])
+        return np.tile(self.place.pose, (len(t), 1))
+
+    def described(self, row: FloatArray) -> dict[str, Any]:
+        """One row by name, for people and programs."""
+        values = [float(v) for v in row]
+        d = len(self.place.point)
+        found: dict[str, Any] = {"position": values[:d]}
+        if self.displacement is not None:
+            found["displacement"] = values[d : 2 * d]
+        if self.temperature is not None:
+            found["temperature"] = values[-1]
+        return found

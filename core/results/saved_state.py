@@ -1,0 +1,261 @@
+"""State of a run as plain data and arrays, in a file that holds no code and no names of classes.
+
+An object is stored as its fields: the mapping that `__getstate__` returns, its attributes by
+default. Reading fills the fields of an object of the same structure that the program made itself,
+such as the memory that `StepSolver.start` returns, so a file decides values and never types.
+"""
+
+import io
+import json
+import zlib
+from collections.abc import Mapping, Sequence, Set
+from copy import deepcopy
+from dataclasses import dataclass, field
+from enum import Enum
+from types import BuiltinFunctionType, FunctionType, MethodType, ModuleType
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sparsemor.core.protocols import StepMemory
+
+MAGIC = b"sparsemor state 1\n"
+_SEQUENCES: Mapping[str, tuple[type, ...]] = {
+    "list": (list,), "tuple": (tuple,), "set": (set, frozenset)}
+_NO_STATE = (type, Enum, FunctionType, BuiltinFunctionType, MethodType, ModuleType)
+
+
+class SavedError(ValueError):
+    """Stored state that does not fit the program's own, or a file that is damaged."""
+
+
+@runtime_checkable
+class SetsState(Protocol):
+    """Object that takes what its `__getstate__` returned."""
+
+    def __setstate__(self, state: Any) -> None: ...
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Saved:
+    """Tree of JSON values that refers to arrays by their number."""
+
+    tree: Any
+    arrays: tuple[NDArray[Any], ...]
+
+    @classmethod
+    def of(cls, value: Any, name: str = "memory") -> "Saved":
+        """From None, numbers, strings, bytes, arrays, random generators, lists, tuples, sets,
+        mappings, and objects with such fields.
+
+        Raises TypeError with the place of what is none of these.
+        """
+        packer = _Packer()
+        tree = packer.node(value, name)
+        return cls(tree, tuple(packer.arrays))
+
+    def into(self, fresh: Any, name: str = "memory") -> Any:
+        """The value, in objects of `fresh`, which are changed.
+
+        Entries of a list or mapping that `fresh` lacks are made like its first one. Raises
+        SavedError where fields, or kinds of values, differ.
+        """
+        return _value(self.tree, fresh, self.arrays, name)
+
+    def dump(self) -> bytes:
+        """Magic line, CRC-32 of the rest, then .npy arrays one after another, the tree first."""
+        body = io.BytesIO()
+        text = json.dumps(self.tree, separators=(",", ":"), allow_nan=False).encode()
+        for array in (np.frombuffer(text, np.uint8), *self.arrays):
+            np.lib.format.write_array(body, array, allow_pickle=False)
+        payload = body.getvalue()
+        return MAGIC + b"%08x\n" % zlib.crc32(payload) + payload
+
+    @classmethod
+    def load(cls, data: bytes) -> "Saved":
+        """Inverse of `dump`. Executes nothing that is in the data; raises SavedError."""
+        head = len(MAGIC)
+        if data[:head] != MAGIC:
+            raise SavedError("it is of another format")
+        payload = data[head + 9:]
+        if data[head:head + 9] != b"%08x\n" % zlib.crc32(payload):
+            raise SavedError("its checksum does not match: the file is damaged")
+        stream, arrays = io.BytesIO(payload), []
+        try:
+            while stream.tell() < len(payload):
+                arrays.append(np.lib.format.read_array(stream, allow_pickle=False))
+            return cls(json.loads(arrays[0].tobytes().decode()), tuple(arrays[1:]))
+        except (ValueError, IndexError, RecursionError) as error:
+            raise SavedError(f"it cannot be read ({error})") from None
+
+
+@dataclass(slots=True)
+class _Packer:
+    arrays: list[NDArray[Any]] = field(default_factory=list)
+    open: list[int] = field(default_factory=list)
+
+    def node(self, value: Any, name: str) -> Any:
+        """JSON of a value; every compound one is a mapping with one key, its kind."""
+        if isinstance(value, _NO_STATE):
+            raise TypeError(f"{name}: a {type(value).__name__} is no state that can be saved")
+        if isinstance(value, np.ndarray | np.generic):
+            label = "array" if isinstance(value, np.ndarray) else "scalar"
+            return {label: self._array(value, name)}
+        if value is None or isinstance(value, bool | int | str):
+            return value
+        if isinstance(value, float):
+            return {"float": value.hex()}
+        if isinstance(value, bytes):
+            return {"bytes": value.hex()}
+        if id(value) in self.open:
+            raise TypeError(f"{name}: refers to an object that it is part of")
+        self.open.append(id(value))
+        try:
+            return self._compound(value, name)
+        finally:
+            self.open.pop()
+
+    def _array(self, value: Any, name: str) -> int:
+        array = np.asarray(value)
+        if array.dtype.hasobject:
+            raise TypeError(f"{name}: an array of objects cannot be saved")
+        self.arrays.append(array)
+        return len(self.arrays) - 1
+
+    def _compound(self, value: Any, name: str) -> Any:
+        if isinstance(value, Mapping):
+            return {"map": [[self.node(k, f"a key of {name}"), self.node(v, f"{name}[{k!r}]")]
+                            for k, v in value.items()]}
+        if isinstance(value, list | tuple):
+            label = "list" if isinstance(value, list) else "tuple"
+            return {label: [self.node(v, f"{name}[{i}]") for i, v in enumerate(value)]}
+        if isinstance(value, set | frozenset):
+            return {"set": [self.node(v, name) for v in sorted(value)]}
+        if isinstance(value, np.random.Generator):
+            return {"generator": self.node(value.bit_generator.state, name)}
+        state = value.__getstate__()
+        if isinstance(value, SetsState):
+            return {"state": self.node(state, name)}
+        return {"fields": {n: self.node(v, f"{name}.{n}")
+                           for n, v in _attributes(state, value, name).items()}}
+
+
+def _attributes(state: Any, value: Any, name: str) -> dict[str, Any]:
+    """Fields in what `__getstate__` returned: a mapping, or that and the one of slots, or None."""
+    parts = state if isinstance(state, tuple) else (state,)
+    found: dict[str, Any] = {}
+    for part in parts:
+        if part is not None and not isinstance(part, Mapping):
+            raise TypeError(f"{name}: a {type(value).__name__} has no fields to save")
+        found |= dict(part or {})
+    return found
+
+
+def _value(node: Any, like: Any, arrays: tuple[NDArray[Any], ...], name: str) -> Any:
+    """The value of a node. like: value of the same structure, None where there is none."""
+    if node is None:
+        return None
+    if isinstance(node, bool | int | str):
+        return _checked(node, like, name)
+    try:
+        (kind, content), = node.items()
+        if kind in ("float", "bytes", "array", "scalar"):
+            return _checked(_leaf(kind, content, arrays), like, name)
+        if kind == "map":
+            return _mapping(content, like, arrays, name)
+        if kind in ("list", "tuple", "set"):
+            return _sequence(kind, content, like, arrays, name)
+        if kind == "generator":
+            return _generator(_value(content, None, arrays, name), like, name)
+        if kind in ("state", "fields"):
+            return _object(kind, content, like, arrays, name)
+    except (AttributeError, TypeError, ValueError, IndexError, KeyError) as error:
+        if isinstance(error, SavedError):
+            raise
+        raise SavedError(f"{name} cannot be read ({error})") from None
+    raise SavedError(f"{name} is of an unknown kind {kind!r}")
+
+
+def _leaf(kind: str, content: Any, arrays: tuple[NDArray[Any], ...]) -> Any:
+    if kind == "float":
+        return float.fromhex(content)
+    if kind == "bytes":
+        return bytes.fromhex(content)
+    return arrays[content] if kind == "array" else arrays[content][()]
+
+
+def _checked(value: Any, like: Any, name: str) -> Any:
+    if like is not None and _kind(like) != _kind(value):
+        raise SavedError(f"{name} is {_kind(value)}, and {_kind(like)} in this program")
+    return value
+
+
+def _kind(value: Any) -> str:
+    if isinstance(value, np.ndarray):
+        return f"an array of {value.dtype} with {value.ndim} axes"
+    if isinstance(value, bool | int | float | np.number | np.bool_):
+        return "a number"
+    return f"a {type(value).__name__}"
+
+
+def _mapping(content: Any, like: Any, arrays: tuple[NDArray[Any], ...], name: str) -> Any:
+    if like is not None and not isinstance(like, Mapping):
+        raise SavedError(f"{name} is a mapping, and {_kind(like)} in this program")
+    keys = [_value(k, None, arrays, name) for k, _ in content]
+    known = dict(like or {})
+    first = next(iter(known.values()), None)
+    more = None if set(keys) <= set(known) else _another(first)  # before any of them is filled
+    return {k: _value(v, known[k] if k in known else _another(more), arrays, f"{name}[{k!r}]")
+            for k, (_, v) in zip(keys, content, strict=True)}
+
+
+def _sequence(
+    kind: str, content: Any, like: Any, arrays: tuple[NDArray[Any], ...], name: str
+) -> Any:
+    if like is not None and not isinstance(like, _SEQUENCES[kind]):
+        raise SavedError(f"{name} is a {kind}, and {_kind(like)} in this program")
+    if kind == "set":
+        made = frozenset(_value(v, None, arrays, name) for v in content)
+        return set(made) if isinstance(like, set) else made
+    known = list(like) if isinstance(like, list | tuple) else []
+    more = _another(known[0]) if known and len(content) > len(known) else None
+    values = [_value(v, known[i] if i < len(known) else _another(more), arrays, f"{name}[{i}]")
+              for i, v in enumerate(content)]
+    return values if kind == "list" else tuple(values)
+
+
+def _generator(state: Any, like: Any, name: str) -> np.random.Generator:
+    if not isinstance(like, np.random.Generator):
+        raise SavedError(f"{name} is a random generator, and {_kind(like)} in this program")
+    like.bit_generator.state = state
+    return like
+
+
+def _object(
+    kind: str, content: Any, like: Any, arrays: tuple[NDArray[Any], ...], name: str
+) -> Any:
+    if like is None or isinstance(like, Mapping | list | tuple | np.ndarray | str | int | float):
+        raise SavedError(f"{name} is an object with fields, and "
+                         f"{'nothing' if like is None else _kind(like)} in this program")
+    own = like.__getstate__()
+    if (kind == "state") != isinstance(like, SetsState):
+        raise SavedError(f"{name} was stored in another way than this program does it")
+    if isinstance(like, SetsState):
+        like.__setstate__(_value(content, own, arrays, name))
+        return like
+    known = _attributes(own, like, name)
+    if known.keys() != content.keys():
+        odd = ", ".join(sorted(known.keys() ^ content.keys()))
+        raise SavedError(f"{name} has other fields than in this program: {odd}")
+    for field_name, node in content.items():
+        value = _value(node, known[field_name], arrays, f"{name}.{field_name}")
+        object.__setattr__(like, field_name, value)
+    return like
+
+
+def _another(like: Any) -> Any:
+    """An object of the same structure to fill: step memory gets working arrays of its own, which
+    are not in its state."""
+    plain = isinstance(like, Mapping | Sequence | Set | np.ndarray)
+    return like.copy() if isinstance(like, StepMemory) and not plain else deepcopy(like)

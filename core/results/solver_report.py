@@ -1,0 +1,33 @@
+"""Report of the linear solvers of a run: factorizations, iterations per step, memory."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+from sparsemor.core.model.factorizations import Factored
+
+
+def solvers_summary(
+    log: Iterable[Factored], iterations: Mapping[str, int], steps: int
+) -> list[dict[str, Any]]:
+    """One entry for each block and purpose; `iterations`: those of the steps, by block."""
+    found = []
+    for f in log:
+        one: dict[str, Any] = {
+            "block": f.block, "for": f.purpose, "solver": f.solver, "why": f.note,
+            "unknowns": f.unknowns, "factorizations": f.count, "factor_s": f.seconds,
+            "memory_gb": f.memory / 1e9}
+        if f.purpose == "steps" and f.iterative:
+            one["iterations_a_step"] = iterations.get(f.block, 0) / max(steps, 1)
+        found.append(one)
+    return found
+
+
+def solvers_in_words(entries: Sequence[Mapping[str, Any]]) -> list[str]:
+    """`disk.elastic: amg, 5.2 iterations a step, 0.12 GB`, of the steps of this run."""
+    lines = []
+    for e in entries:
+        if e["for"] == "steps":
+            count = e.get("iterations_a_step")
+            told = "" if count is None else f", {count:.3g} iterations a step"
+            lines.append(f"{e['block']}: {e['solver']}{told}, {e['memory_gb']:.2g} GB")
+    return lines

@@ -1,0 +1,283 @@
+"""A run's result on disk, appended as the steps come; readable at any moment, even after a kill.
+
+Order of every append: data files first, then one rename of the group's metadata. A file of a
+chunk that is not yet full is replaced by a longer one with the same first rows, so what was
+committed stays as it was. This holds for a killed process; a power cut may lose recent files.
+A store that is moved, removed or replaced while it is written to ends the run with an OSError.
+"""
+
+import errno
+import os
+import shutil
+import uuid
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
+from sparsemor.core.errors import Damaged, InputError
+from sparsemor.core.results import zarr_files as zf
+from sparsemor.core.results.atomic_files import replace_file, writing
+from sparsemor.core.results.checkpoint import (
+    Checkpoint,
+    checkpoint_file,
+    load_checkpoint,
+    save_checkpoint,
+)
+from sparsemor.core.results.metadata import RunHeader, load_layout
+from sparsemor.core.results.output_lock import FixedFolder
+from sparsemor.core.results.saved_state import Saved, SavedError
+from sparsemor.core.results.stage_arrays import stage_attributes
+from sparsemor.core.results.variables import TIME, fixed_arrays, steps_per_chunk, time_arrays
+from sparsemor.core.scene.run_identity import Identity
+from sparsemor.core.status import Status
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ChunkOfSteps:
+    """j stored steps in a row.
+
+    times (j,) s; x (j, n) in the solver's layout; iterations (j,); step_seconds (j,) s;
+    supports: block -> (j, k) active atoms (a dictionary's block left out has all in use);
+    probes: name -> (j, components); contacts: `contact.history` -> (j,); given: body -> (j,
+    functions) its given temperatures, K.
+    """
+
+    times: FloatArray
+    x: FloatArray
+    iterations: IntArray
+    step_seconds: FloatArray
+    supports: Mapping[str, BoolArray] = field(default_factory=dict)
+    probes: Mapping[str, FloatArray] = field(default_factory=dict)
+    contacts: Mapping[str, FloatArray] = field(default_factory=dict)
+    given: Mapping[str, FloatArray] = field(default_factory=dict)
+
+
+class ResultWriter:
+    """Appends steps to a store. One writer a store; `stored` counts the committed steps."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._folder = FixedFolder(path)
+        self._document = zf.read_group(path)
+        self._arrays = {name: m for name, m in zf.arrays_of(self._document).items()
+                        if m["dimension_names"][0] == TIME}
+        self._layout = load_layout(
+            self._document["attributes"], "layout", zf.arrays_of(self._document))
+        self._chunk = zf.chunk_shape(self._arrays[TIME])[0]
+        self._tails = {name: self._last_chunk(name) for name in self._arrays}
+        self._last_time = self._stored_time()
+
+    @classmethod
+    def create(cls, path: str | Path, header: RunHeader) -> "ResultWriter":
+        """A new, empty store at `path`, which appears all at once.
+
+        Raises InputError when there is one already.
+        """
+        target = Path(path).absolute()
+        if target.exists():
+            raise InputError(
+                f"{path} already contains a result: continue it with --resume, choose another "
+                "directory, or remove it", key="out")
+        target.parent.mkdir(parents=True, exist_ok=True)
+        fresh = target.with_name(f".{target.name}.new")
+        shutil.rmtree(fresh, ignore_errors=True)
+        try:
+            fresh.mkdir()
+            _write_empty(fresh, header)
+        except (OSError, ValueError):
+            shutil.rmtree(fresh, ignore_errors=True)
+            raise
+        checkpoint_file(target).unlink(missing_ok=True)
+        os.replace(fresh, target)
+        return cls(target)
+
+    @classmethod
+    def resume(
+        cls, path: str | Path, scene_digest: str | None = None, identity: Identity | None = None
+    ) -> tuple["ResultWriter", Checkpoint]:
+        """The writer of a stopped run, cut back to its last checkpoint, and that checkpoint.
+
+        Raises InputError when there is nothing to resume, the run has ended well, its scene was
+        another one than `scene_digest` states, or something else that `identity` holds has changed.
+        """
+        target = Path(path).absolute()
+        document, checkpoint = _resumable(target, scene_digest, identity)
+        for name, metadata in zf.arrays_of(document).items():
+            (target / name / zf.GROUP_FILE).unlink(missing_ok=True)
+            if metadata["dimension_names"][0] == TIME:
+                metadata["shape"][0] = checkpoint.stored
+        document["attributes"].update(status=Status.INTERRUPTED.value, summary={})
+        zf.write_group(target, document)
+        return cls(target), checkpoint
+
+    @staticmethod
+    def resumable(
+        path: str | Path, scene_digest: str | None = None, identity: Identity | None = None
+    ) -> None:
+        """Raises InputError when `resume` would; changes nothing."""
+        _resumable(Path(path).absolute(), scene_digest, identity)
+
+    @property
+    def stored(self) -> int:
+        return int(self._arrays[TIME]["shape"][0])
+
+    def append(self, steps: ChunkOfSteps) -> None:
+        """Store and commit. Raises ValueError, storing nothing, for what is not finite."""
+        columns = self._columns(steps)
+        for name, values in columns.items():
+            self._check(name, values, len(steps.times))
+        self._check_times(steps.times)
+        if len(steps.times) == 0:
+            return
+        first = self.stored // self._chunk
+        with self._folder.kept(self._last_time):
+            for name, values in columns.items():
+                self._write(name, first, values)
+            for metadata in self._arrays.values():
+                metadata["shape"][0] += len(steps.times)
+            zf.write_group(self.path, self._document)
+        self._last_time = float(steps.times[-1])
+
+    def checkpoint(self, arrays: Mapping[str, NDArray[Any]], memory: Any = None) -> None:
+        """Remember how to go on from the last appended step; `memory`: state that saved_state.py
+        can write. Raises TypeError where it cannot."""
+        run = self._document["attributes"]["run"]
+        with self._folder.kept(self._last_time), writing(checkpoint_file(self.path)):
+            save_checkpoint(self.path, Checkpoint(run, self.stored, arrays, Saved.of(memory)))
+
+    def finish(self, status: Status, summary: Mapping[str, Any]) -> None:
+        """Write how the run ended. Its checkpoint stays only if there is something to resume.
+
+        Raises OSError when the store was moved or removed, or one of its files is missing.
+        """
+        with self._folder.kept(self._last_time):
+            try:
+                zf.check_chunks(self.path, zf.arrays_of(self._document))
+            except Damaged as error:
+                raise OSError(errno.EIO, str(error)) from None
+            for name, metadata in zf.arrays_of(self._document).items():
+                folder = self.path / name
+                if zf.chunk_count(metadata) == 0:
+                    folder.mkdir(exist_ok=True)
+                replace_file(folder / zf.GROUP_FILE, zf.to_json(metadata))
+            self._document["attributes"].update(status=status.value, summary=dict(summary))
+            zf.write_group(self.path, self._document)
+            if status.ok:
+                checkpoint_file(self.path).unlink(missing_ok=True)
+
+    def discard(self) -> None:
+        """Remove the store and its checkpoint, if they are still where they were written."""
+        if self._folder.in_place():
+            checkpoint_file(self.path).unlink(missing_ok=True)
+            shutil.rmtree(self.path, ignore_errors=True)
+
+    def _columns(self, steps: ChunkOfSteps) -> dict[str, NDArray[Any]]:
+        j = len(steps.times)
+        if steps.x.shape != (j, self._layout.size):
+            raise ValueError(f"x: shape {steps.x.shape}, expected {(j, self._layout.size)}")
+        columns: dict[str, NDArray[Any]] = {
+            TIME: steps.times, "iterations": steps.iterations, "step_seconds": steps.step_seconds}
+        for b in self._layout:
+            values = steps.x[:, self._layout[b.name]]
+            if b.name in self._arrays:
+                columns[b.name] = values
+            else:
+                columns[f"{b.name}.coefficients"] = values
+                everything = np.ones(values.shape, dtype=np.bool_)
+                columns[f"{b.name}.active"] = steps.supports.get(b.name, everything)
+        columns |= {f"probe.{name}": values for name, values in steps.probes.items()}
+        columns |= {f"contact.{name}": values for name, values in steps.contacts.items()}
+        columns |= {f"{body}.given": values for body, values in steps.given.items()}
+        if columns.keys() != self._arrays.keys():
+            odd = ", ".join(sorted(columns.keys() ^ self._arrays.keys()))
+            raise ValueError(f"the steps and the header disagree on: {odd}")
+        return columns
+
+    def _check(self, name: str, values: NDArray[Any], count: int) -> None:
+        metadata = self._arrays[name]
+        expected = (count, *metadata["shape"][1:])
+        if values.shape != expected:
+            raise ValueError(f"{name}: shape {values.shape}, expected {expected}")
+        if metadata["data_type"] == "float64" and not np.isfinite(values).all():
+            row = int(np.flatnonzero(~np.isfinite(values.reshape(count, -1)).all(axis=1))[0])
+            raise ValueError(f"{name}: not finite in row {row} of the {count} steps to store")
+
+    def _check_times(self, times: FloatArray) -> None:
+        before = np.concatenate([[self._last_time], times])
+        if np.any(np.diff(before) <= 0.0):
+            raise ValueError(f"time: must grow, after {self._last_time} s came {times}")
+
+    def _write(self, name: str, first: int, values: NDArray[Any]) -> None:
+        rows = np.concatenate([self._tails[name], values])
+        for number, start in enumerate(range(0, len(rows), self._chunk), start=first):
+            part = rows[start:start + self._chunk]
+            zf.write_chunk(self.path, name, self._arrays[name], number, part)
+        self._tails[name] = rows[len(rows) - len(rows) % self._chunk:].copy()
+
+    def _last_chunk(self, name: str) -> NDArray[Any]:
+        metadata = self._arrays[name]
+        number, rest = divmod(self.stored, self._chunk)
+        if rest == 0:
+            return np.zeros((0, *metadata["shape"][1:]), dtype=metadata["data_type"])
+        return zf.read_chunk(self.path, name, metadata, number, rest)
+
+    def _stored_time(self) -> float:
+        if self.stored == 0:
+            return -np.inf
+        number, rest = divmod(self.stored - 1, self._chunk)
+        return float(zf.read_chunk(self.path, TIME, self._arrays[TIME], number, rest + 1)[-1])
+
+
+def _write_empty(path: Path, header: RunHeader) -> None:
+    growing = time_arrays(header)
+    fixed: dict[str, dict[str, Any]] = {}
+    for name, dimensions, attributes, values in fixed_arrays(header):
+        dtype = "int64" if values.dtype.kind in "iu" else "float64"
+        if not np.isfinite(values).all():
+            raise ValueError(f"{name}: not finite")
+        if name in growing or name in fixed:
+            raise ValueError(f"two arrays of the result are named {name!r}: rename the probe")
+        fixed[name] = zf.array_metadata(values.shape, values.shape, dtype, dimensions, attributes)
+        if values.size:
+            zf.write_chunk(path, name, fixed[name], 0, values)
+    attributes = header.attributes() | {
+        "format": zf.FORMAT, "run": uuid.uuid4().hex, "steps_per_chunk": steps_per_chunk(header),
+        "status": Status.INTERRUPTED.value, "summary": {}, "stage": stage_attributes(header.stage),
+    }
+    zf.write_group(path, zf.group_document(attributes, growing | fixed))
+
+
+def _resumable(
+    target: Path, scene_digest: str | None, identity: Identity | None
+) -> tuple[dict[str, Any], Checkpoint]:
+    def refuse(why: str) -> InputError:
+        return InputError(f"{target} cannot be resumed: {why}", key="resume")
+
+    if not (target / zf.GROUP_FILE).exists():
+        raise refuse("there is no result; start the run without --resume")
+    document = zf.read_group(target)
+    attributes = document["attributes"]
+    if attributes["status"] == Status.DONE.value:
+        raise refuse("the run has ended; nothing is left to do")
+    if scene_digest not in (None, attributes["scene_digest"]):
+        raise refuse("it was made from another scene; run into a new directory")
+    if identity is not None and (changed := identity.changes(attributes.get("identity", {}))):
+        raise refuse(f"since it was stopped, {'; '.join(changed)}. Start the run again, with "
+                     "--force or into another directory")
+    try:
+        checkpoint = load_checkpoint(target)
+    except SavedError as error:
+        raise refuse(f"{checkpoint_file(target).name}: {error}; start again, with --force or into "
+                     "another directory") from None
+    if checkpoint is None or checkpoint.run != attributes["run"]:
+        raise refuse("it was stopped before its first checkpoint; start again, with --force or "
+                     "into another directory")
+    return document, checkpoint
+
+
+__all__ = ["Checkpoint", "ChunkOfSteps", "ResultWriter", "RunHeader"]

@@ -1,0 +1,115 @@
+"""Arrays of a result as its metadata committed them: each chunk is checked when it is read."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sparsemor.core.arrays import IntArray
+from sparsemor.core.results import zarr_files as zf
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+ALL = slice(None)
+
+
+class StoredArrays:
+    """One result's arrays by name, at the moment of the last commit before this was made.
+
+    `attributes`: of the group, as plain data. Raises Damaged, with the path of the file, when
+    the metadata are damaged; so does `read` for a chunk that is missing or damaged.
+    """
+
+    def __init__(self, root: Path) -> None:
+        self.root = root
+        document = zf.read_group(root)
+        self.attributes: dict[str, Any] = document["attributes"]
+        self._arrays = zf.arrays_of(document)
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._arrays
+
+    @property
+    def metadata(self) -> dict[str, dict[str, Any]]:
+        """name -> metadata of each array."""
+        return self._arrays
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(self._arrays)
+
+    def shape(self, name: str) -> tuple[int, ...]:
+        return tuple(self._arrays[name]["shape"])
+
+    def attributes_of(self, name: str) -> dict[str, Any]:
+        return dict(self._arrays[name]["attributes"])
+
+    def check(self) -> None:
+        """Raises Damaged when a committed chunk has no file, or one of another size."""
+        zf.check_chunks(self.root, self._arrays)
+
+    def verify(self) -> None:
+        """Reads every chunk. Raises Damaged when one is missing or damaged."""
+        for name, metadata in self._arrays.items():
+            for number in range(zf.chunk_count(metadata)):
+                zf.read_chunk(self.root, name, metadata, number, 0)
+
+    def read(self, name: str, rows: slice | IntArray = ALL) -> NDArray[Any]:
+        """A copy of the rows `rows` along the first axis, all others whole."""
+        metadata = self._arrays[name]
+        first_axis, *inner = self.shape(name)
+        wanted = np.arange(first_axis)[rows]
+        values = np.empty((len(wanted), *inner), dtype=metadata["data_type"])
+        if zf.chunk_count(metadata) == 0:
+            return values
+        per_chunk = zf.chunk_shape(metadata)[0]
+        chunk_of = wanted // per_chunk
+        for number in np.unique(chunk_of).tolist():
+            first = number * per_chunk
+            count = min(per_chunk, first_axis - first)
+            chunk = zf.read_chunk(self.root, name, metadata, number, count)
+            at = chunk_of == number
+            values[at] = chunk[wanted[at] - first]
+        return values
+
+    def dataset(self) -> "xr.Dataset":
+        """All arrays, lazily, with dimension names, units and the group's attributes."""
+        import xarray as xr
+        from xarray.backends import BackendArray, BackendEntrypoint
+        from xarray.core import indexing
+
+        stored = self
+
+        class Lazy(BackendArray):
+            """One array, read when it is indexed."""
+
+            def __init__(self, name: str) -> None:
+                self.name, self.shape = name, stored.shape(name)
+                self.dtype = np.dtype(stored._arrays[name]["data_type"])
+
+            def __getitem__(self, key: indexing.ExplicitIndexer) -> Any:
+                return indexing.explicit_indexing_adapter(
+                    key, self.shape, indexing.IndexingSupport.OUTER, self._at)
+
+            def _at(self, key: tuple[Any, ...]) -> NDArray[Any]:
+                first, *inner = key
+                values = stored.read(self.name, np.array([first]) if np.ndim(first) == 0
+                                     and not isinstance(first, slice) else first)
+                for axis, part in reversed(list(enumerate(inner, start=1))):
+                    values = values[(ALL,) * axis + (part,)]
+                return values if isinstance(first, slice) or np.ndim(first) else values[0]
+
+        class Result(BackendEntrypoint):
+            """xarray's way to open these arrays."""
+
+            def open_dataset(
+                self, filename_or_obj: Any, *, drop_variables: Any = None
+            ) -> xr.Dataset:
+                variables = {
+                    name: (tuple(m["dimension_names"]), indexing.LazilyIndexedArray(Lazy(name)),
+                           dict(m["attributes"])) for name, m in stored._arrays.items()}
+                return xr.Dataset(variables, attrs=dict(stored.attributes))
+
+        return xr.open_dataset(str(self.root), engine=Result)

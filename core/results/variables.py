@@ -1,0 +1,130 @@
+"""Arrays of a result: names, dimensions, units and fixed values."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sparsemor.core.protocols import BodyShape
+from sparsemor.core.protocols.layout import Quantity
+from sparsemor.core.results.metadata import CONTACT_UNITS, POSE_UNITS, RunHeader
+from sparsemor.core.results.stage_arrays import stage_arrays
+from sparsemor.core.results.zarr_files import array_metadata
+
+TIME = "time"
+_CHUNK_BYTES = 2**22
+_CHUNK_STEPS = 256
+
+
+def steps_per_chunk(header: RunHeader) -> int:
+    """Rows of one file: about 4 MB for the widest block, at most 256 steps."""
+    widest = max((b.size for b in header.layout), default=1)
+    return int(np.clip(_CHUNK_BYTES // (8 * widest), 8, _CHUNK_STEPS))
+
+
+def time_arrays(header: RunHeader) -> dict[str, dict[str, Any]]:
+    """name -> metadata of the arrays that grow with time, of length 0."""
+    per_chunk = steps_per_chunk(header)
+    made: dict[str, dict[str, Any]] = {}
+
+    def add(name: str, dtype: str, inner: tuple[tuple[str, int], ...], **attributes: Any) -> None:
+        if name in made:
+            raise ValueError(f"two arrays of the result are named {name!r}: rename the probe")
+        sizes = [size for _, size in inner]
+        made[name] = array_metadata(
+            [0, *sizes], [per_chunk, *sizes], dtype, [TIME, *(d for d, _ in inner)], attributes
+        )
+
+    add(TIME, "float64", (), units="s", long_name="time")
+    add("iterations", "int64", (), units="1", long_name="iterations of the step")
+    add("step_seconds", "float64", (), units="s", long_name="computing time of the step")
+    for b in header.layout:
+        if b.name in header.dictionaries:
+            inner = ((f"{b.name}.atom", b.size),)
+            add(f"{b.name}.coefficients", "float64", inner, units=b.kind.unit)
+            add(f"{b.name}.active", "bool", inner, long_name="atom is in use")
+        elif b.name in header.multipliers:
+            names, units = zip(*header.multipliers[b.name], strict=True)
+            add(b.name, "float64", ((f"{b.name}.unknown", b.size),), units=", ".join(units),
+                components=list(names))
+        else:
+            add(b.name, "float64", ((f"{b.name}.unknown", b.size),), units=b.kind.unit)
+    for p in header.probes:
+        inner = ((f"probe.{p.name}.component", len(p.components)),)
+        add(
+            f"probe.{p.name}", "float64", inner, units=", ".join(p.units), body=p.body,
+            components=list(p.components), position=[float(v) for v in p.position],
+        )
+    for body, shape in header.bodies.items():
+        if shape.given:
+            add(f"{body}.given", "float64", ((f"{body}.function", len(shape.given)),), units="K",
+                long_name="given temperatures")
+    for name, kept in header.contacts.items():
+        for what in kept:
+            add(f"contact.{name}.{what}", "float64", (), units=CONTACT_UNITS.get(what, ""))
+    return made
+
+
+def fixed_arrays(
+    header: RunHeader,
+) -> Iterator[tuple[str, tuple[str, ...], dict[str, Any], NDArray[Any]]]:
+    """(name, dimensions, attributes, values) of the arrays that are written once."""
+    for name, d in header.dictionaries.items():
+        block = header.full_layout[name]
+        size = block.stop - block.start
+        unknown = f"{name}.unknown"
+        _expect(f"atoms of {name}", d.atoms.shape, (size, _size(header, name)))
+        _expect(f"offset of {name}", d.offset.shape, (size,))
+        yield f"{name}.atoms", (unknown, f"{name}.atom"), {"units": "1"}, d.atoms
+        units = {"units": header.full_layout.block(name).kind.unit}
+        yield f"{name}.offset", (unknown,), units, d.offset
+    for name, rows in header.rows.items():
+        yield f"{name}.rows", (f"{name}.row",), {"long_name": "sampled rows"}, rows
+    if header.stage is not None:
+        yield from stage_arrays(header.stage)
+    for name, shape in header.bodies.items():
+        yield from _body_arrays(header, name, shape)
+
+
+def _body_arrays(
+    header: RunHeader, body: str, shape: BodyShape
+) -> Iterator[tuple[str, tuple[str, ...], dict[str, Any], NDArray[Any]]]:
+    node, axis = f"{body}.node", f"{body}.axis"
+    yield f"{body}.points", (node, axis), {"units": "m"}, shape.points
+    yield f"{body}.cells", (f"{body}.cell", f"{body}.corner"), {}, shape.cells
+    for quantity, numbers in ((Quantity.DISPLACEMENT, shape.elastic_dofs),
+                              (Quantity.TEMPERATURE, shape.thermal_nodes)):
+        block = header.full_layout.of(body, quantity)
+        if (numbers is None) is not (block is None):
+            raise ValueError(f"{body}: the layout and the body's shape disagree on its "
+                             f"{quantity.value}")
+        if numbers is not None and block is not None:
+            _expect(f"unknowns of {block.name}", numbers.shape, (block.size,))
+            yield f"{block.name}.places", (f"{block.name}.unknown",), {}, numbers
+    if shape.eliminated_displacement is not None:
+        _expect(f"{body}: eliminated_displacement", shape.eliminated_displacement.shape,
+                shape.points.shape)
+        yield (f"{body}.eliminated_displacement", (node, axis), {"units": "m"},
+               shape.eliminated_displacement)
+    if shape.eliminated_temperature is not None:
+        _expect(f"{body}: eliminated_temperature", shape.eliminated_temperature.shape,
+                shape.points.shape[:1])
+        yield (f"{body}.eliminated_temperature", (node,), {"units": "K"},
+               shape.eliminated_temperature)
+    if shape.given:
+        yield (f"{body}.given_of", (node,), {"long_name": "given temperature of the node, or -1"},
+               shape.given_of)
+    if shape.pose is not None:
+        yield (f"{body}.pose", (f"{body}.coordinate",),
+               {"units": POSE_UNITS, "long_name": "frame at the start"}, shape.pose)
+
+
+def _size(header: RunHeader, name: str) -> int:
+    place = header.layout[name]
+    return int(place.stop - place.start)
+
+
+def _expect(what: str, shape: tuple[int, ...], expected: tuple[int, ...]) -> None:
+    if shape != expected:
+        raise ValueError(f"{what}: shape {shape}, expected {expected}")

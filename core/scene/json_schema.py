@@ -1,0 +1,105 @@
+"""The JSON schema of a scene, every slot opened to the plugins installed here."""
+
+import copy
+from typing import Any
+
+from pydantic import BaseModel
+
+from sparsemor.core.errors import InputError
+from sparsemor.core.registry.registry import Registry
+from sparsemor.core.registry.slot import Slot
+from sparsemor.core.scene.scene import Scene
+
+_HERE = "#/$defs/"
+
+
+def scene_schema(registry: Registry | None = None) -> dict[str, Any]:
+    """Draft 2020-12, for editors and other programs. Plugins that cannot be imported are left out.
+
+    A slot takes a plugin's name, when the plugin needs no options, or an object with `use` and
+    the plugin's options; third-party plugins are completed like any other.
+    """
+    found = _Definitions(registry or Registry())
+    schema = found.of_model(Scene, "Scene")
+    found.open_slots()
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        **schema,
+        "$defs": dict(sorted(found.definitions.items())),
+    }
+
+
+class _Definitions:
+    """Collects definitions; a slot met in one of them asks for its kind's plugins."""
+
+    def __init__(self, registry: Registry) -> None:
+        self.registry = registry
+        self.definitions: dict[str, Any] = {}
+        self._wanted: list[str] = []
+
+    def of_model(self, cls: type[BaseModel], prefix: str) -> dict[str, Any]:
+        """The model's own schema; its definitions are filed under `prefix`."""
+        schema = cls.model_json_schema()
+        inner = schema.pop("$defs", {})
+        for name, definition in inner.items():
+            self.definitions[f"{prefix}.{name}"] = self._linked(definition, prefix)
+        linked: dict[str, Any] = self._linked(schema, prefix)
+        return linked
+
+    def open_slots(self) -> None:
+        done: set[str] = set()
+        while self._wanted:
+            kind = self._wanted.pop()
+            if kind not in done:
+                done.add(kind)
+                self.definitions[_slot(kind)] = self._any_of(kind)
+
+    def _any_of(self, kind: str) -> dict[str, Any]:
+        choices: list[Any] = []
+        for name in sorted(map(self.registry.spelling, self.registry.names(kind))):
+            try:
+                cls = self.registry.get(kind, name)
+            except InputError:
+                continue
+            options = self.of_model(cls, f"{kind}.{name}")
+            if not options.get("required"):
+                choices.append({"const": name})
+            choices.append(_with_use(options, name))
+        return {"anyOf": choices} if choices else {"not": {}}
+
+    def _options_alone(self, kind: str, default: object) -> list[dict[str, Any]]:
+        """A mapping without `use` is read as options of the slot's default plugin."""
+        if not isinstance(default, str):
+            return []
+        try:
+            return [self.of_model(self.registry.get(kind, default), f"{kind}.{default}")]
+        except InputError:
+            return []
+
+    def _linked(self, schema: Any, prefix: str) -> Any:
+        if isinstance(schema, list):
+            return [self._linked(item, prefix) for item in schema]
+        if not isinstance(schema, dict):
+            return schema
+        if isinstance(schema.get(Slot.MARK), str):
+            kind = schema[Slot.MARK]
+            self._wanted.append(kind)
+            beside = {k: v for k, v in schema.items() if k != Slot.MARK}
+            opened = {"$ref": _HERE + _slot(kind)}
+            rigid_copy = self._options_alone(kind, schema.get("default"))
+            return {**beside, **({"anyOf": [opened, *rigid_copy]} if rigid_copy else opened)}
+        linked = {k: self._linked(v, prefix) for k, v in schema.items()}
+        if isinstance(linked.get("$ref"), str) and linked["$ref"].startswith(_HERE):
+            linked["$ref"] = f"{_HERE}{prefix}.{linked['$ref'].removeprefix(_HERE)}"
+        return linked
+
+
+def _slot(kind: str) -> str:
+    return f"slot.{kind}"
+
+
+def _with_use(options: dict[str, Any], name: str) -> dict[str, Any]:
+    opened = copy.deepcopy(options)
+    opened["properties"] = {"use": {"const": name}, **opened.get("properties", {})}
+    opened["required"] = ["use", *opened.get("required", [])]
+    return opened

@@ -1,0 +1,52 @@
+"""Rules for the names that a scene gives to its bodies, joints, contacts, loads and probes."""
+
+import re
+from collections.abc import Mapping
+from typing import Any
+
+from pydantic_core import InitErrorDetails
+
+from sparsemor.core.registry.registry import near
+from sparsemor.core.registry.validation_errors import custom
+
+_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
+_NAMED = ("bodies", "joints", "contacts", "loads", "probes")
+LONGEST = 100
+"""Characters of a name."""
+RESERVED = "ground"
+"""The name by which joints call the fixed world."""
+
+
+def name_faults(data: Mapping[str, Any]) -> list[InitErrorDetails]:
+    """Every name that breaks a rule, and probes of bodies that do not exist."""
+    owners: dict[object, str] = {}
+    lines: list[InitErrorDetails] = []
+    groups = {g: data[g] for g in _NAMED if isinstance(data.get(g), Mapping)}
+    for group, entries in groups.items():
+        for name in entries:
+            complaint = _complaint(group, name, owners)
+            if complaint:
+                lines.append(custom("name", complaint, (group, str(name)), name))
+    known = sorted(map(str, groups.get("bodies", {})))
+    for name, probe in groups.get("probes", {}).items():
+        body = probe.get("body") if isinstance(probe, Mapping) else None
+        if isinstance(body, str) and body not in known:
+            message = f"no body is called {body!r}: {near(body, known, 'bodies')}"
+            lines.append(custom("name", message, ("probes", str(name), "body"), body))
+    return lines
+
+
+def _complaint(group: str, name: object, owners: dict[object, str]) -> str:
+    if not (isinstance(name, str) and _NAME.fullmatch(name)):
+        return f"a name is made of letters, digits and _, and starts with no digit (got {name})"
+    if len(name) > LONGEST:  # files of the result are called by it
+        return f"a name has at most {LONGEST} characters (this one has {len(name)})"
+    if name == RESERVED:
+        return f"{RESERVED} means the fixed world: choose another name"
+    if group == "probes":
+        return ""
+    if name in owners:
+        return (f"this name is taken in {owners[name]}: bodies, joints, contacts and loads share "
+                "their names")
+    owners[name] = group
+    return ""

@@ -1,0 +1,98 @@
+"""The smaller parts of a scene."""
+
+from typing import Annotated, Any
+
+from pydantic import Field, model_validator
+
+from sparsemor.core.errors import InputError
+from sparsemor.core.protocols.layout import FieldKind
+from sparsemor.core.registry.plugin import Plugin
+from sparsemor.core.scene.overrides import split
+
+_NOT_SIZES = frozenset({"tolerance", "max_halvings", "fields"})
+"""Options of `Control` that are no size of a field."""
+
+
+class Control(Plugin):
+    """Steps whose error is estimated: each step of the clock is halved until it is small enough."""
+
+    tolerance: float = Field(gt=0, lt=1)
+    """Error of the unknowns that the steps may add up to over the run: each step of the clock may
+    contribute the share that it has in the run. Relative to how far a block has moved from its
+    start, in the mean over its unknowns, or to the sizes below where those are larger."""
+    max_halvings: int = Field(default=8, ge=1, le=24)
+    """How often a step may be halved before the run is given up."""
+    rigid: float = Field(default=1.0, gt=0)
+    """A motion of rigid coordinates that counts as large, m and rad."""
+    elastic: float = Field(default=1e-3, gt=0)
+    """A displacement that counts as large, m."""
+    thermal: float = Field(default=100.0, gt=0)
+    """A change of temperature that counts as large, K."""
+    fields: dict[str, Annotated[float, Field(gt=0)]] = {}
+    """A change of any other field that counts as large, by the field's name."""
+
+    def size_of(self, kind: FieldKind) -> float:
+        """The change of a field that counts as large; of one that nothing is said of, the scale of
+        its kind."""
+        own = {name: size for name, size in self if name not in _NOT_SIZES}
+        return float({**own, **self.fields}.get(kind.name, kind.scale))
+
+
+class Time(Plugin):
+    """The clock of a run, which starts at 0 s."""
+
+    end: float = Field(gt=0)
+    """When the run ends, s."""
+    step: float = Field(gt=0)
+    """Length of a time step, s."""
+    control: Control | None = None
+    """Error-controlled substeps; `step` stays the grid of what is stored. Fixed steps without."""
+
+    @model_validator(mode="after")
+    def _one_step_fits(self) -> "Time":
+        if self.step > self.end:
+            message = f"the step must not exceed time.end = {self.end:g} s (got {self.step:g})"
+            raise InputError(message, "step")
+        return self
+
+
+class Training(Plugin):
+    """The full-order run whose snapshots a reduced run learns from."""
+
+    end: float | None = Field(default=None, gt=0)
+    """When the training run ends, s; time.end when not given."""
+    every: int = Field(default=1, ge=1)
+    """Every how many steps a snapshot is taken."""
+    overrides: dict[str, Any] = {}
+    """Changes to the scene for the training run: dotted key -> value."""
+
+    @model_validator(mode="after")
+    def _of_the_problem(self) -> "Training":
+        for key in self.overrides:
+            if split(key)[0] in ("reducer", "training"):
+                raise InputError(f"{key} has no effect on the training run, which is of full order "
+                                 "and stored as `training` sets: remove it", f"overrides.{key}")
+        return self
+
+
+class RigidStage(Plugin):
+    """A first run of the same scene with rigid bodies, whose histories the flexible run follows."""
+
+    overrides: dict[str, Any] = {}
+    """Changes to the scene for the rigid stage alone: dotted key -> value."""
+
+
+class Output(Plugin):
+    """Output options of a run."""
+
+    every: int = Field(default=1, ge=1)
+    """Every how many steps the state is stored."""
+
+
+class Probe(Plugin):
+    """A point whose motion and temperature are recorded."""
+
+    body: str
+    """The body's name."""
+    at: str | Annotated[list[float], Field(min_length=2, max_length=3)]
+    """A point set of the body (the mean of its nodes), or coordinates, m (the nearest node)."""

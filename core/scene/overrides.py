@@ -1,0 +1,139 @@
+"""Changes to a scene: they act on the tree as it was written, before anything is validated."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from sparsemor.core.errors import Fault, InputError
+from sparsemor.core.registry.registry import near
+from sparsemor.core.registry.validation_errors import shown
+from sparsemor.core.scene.yaml_reader import KeyPath, not_finite, parse_value
+
+REMOVABLE = ("bodies", "joints", "loads", "contacts", "probes", "linear_solvers")
+"""Tables of the scene from which `NAME: null` removes an entry."""
+
+
+def parse_settings(settings: Sequence[str]) -> dict[str, Any]:
+    """`["time.end=0.5", "reducer={use: full}"]` to overrides; values are YAML."""
+    parsed: dict[str, Any] = {}
+    faults: list[Fault] = []
+    for setting in settings:
+        key, equals, text = setting.partition("=")
+        if not (equals and key.strip()):
+            faults.append(Fault("", f"--set takes key=value, as time.end=0.5 (got {setting})"))
+            continue
+        try:
+            parsed[key.strip()] = parse_value(text, key.strip())
+        except InputError as error:
+            faults.extend(error.faults)
+    if faults:
+        raise InputError(faults)
+    return parsed
+
+
+def split(key: str) -> KeyPath:
+    """`reducer.budgets."*.elastic".rows`: quotes keep a dot inside one part."""
+    parts: list[str] = [""]
+    quote = ""
+    for letter in key:
+        if quote:
+            quote = "" if letter == quote else quote
+            parts[-1] += "" if not quote else letter
+        elif letter in "'\"" and not parts[-1]:
+            quote = letter
+        elif letter == ".":
+            parts.append("")
+        else:
+            parts[-1] += letter
+    return tuple(parts)
+
+
+def find(tree: object, key: str) -> KeyPath:
+    """The path in `tree` that a dotted key means. Keys that hold dots themselves win."""
+    return _matched(tree, split(key))
+
+
+def apply(tree: Mapping[str, Any], overrides: Mapping[str, Any]) -> tuple[dict[str, Any],
+                                                                          dict[KeyPath, str]]:
+    """The changed tree, and for each changed path the override's key.
+
+    The order is the same however they are given: outer keys first, and `use` before the options
+    next to it.
+    """
+    changed = copied(tree)
+    origins: dict[KeyPath, str] = {}
+    faults: list[Fault] = []
+    for key in sorted(overrides, key=_outer_first):
+        value = overrides[key]
+        faults.extend(Fault(key, f"must be finite (got {shown(value)})")
+                      for _ in not_finite(value)[:1])
+        try:
+            origins[_set(changed, find(changed, key), copied(value))] = key
+        except InputError as error:
+            faults.extend(error.under(key).faults)
+    if faults:
+        raise InputError(faults)
+    return changed, origins
+
+
+def copied(value: Any) -> Any:
+    """A deep copy of containers; everything in them (plugin instances, say) is shared."""
+    if isinstance(value, Mapping):
+        return {k: copied(v) for k, v in value.items()}
+    return [copied(v) for v in value] if isinstance(value, list | tuple) else value
+
+
+def _outer_first(key: str) -> tuple[int, bool]:
+    path = split(key)
+    return len(path), path[-1] != "use"
+
+
+def _set(tree: dict[str, Any], path: KeyPath, value: Any) -> KeyPath:
+    if any(part == "" for part in path):
+        raise InputError("a key is made of names with single dots between them")
+    node: Any = tree
+    for depth, part in enumerate(path[:-1]):
+        inner = _child(node, part)
+        if isinstance(inner, str):  # `sampler: lhs` is short for `sampler: {use: lhs}`
+            inner = {"use": inner}
+        elif inner is None:
+            inner = {}
+        elif not isinstance(inner, dict | list):
+            raise InputError(f"{'.'.join(map(str, path[:depth + 1]))} has no options to set "
+                             f"(it is {shown(inner)})")
+        node[part] = inner
+        node = inner
+    last = path[-1]
+    _child(node, last)
+    if last == "use" and isinstance(node, dict) and node.get("use") != value:
+        node.clear()  # the options were those of another plugin
+    if value is None and len(path) == 2 and path[0] in REMOVABLE:
+        if str(last) not in node:
+            raise InputError("there is nothing of this name to remove: "
+                             + near(str(last), list(node), path[0]))
+        del node[str(last)]
+        return path
+    node[last] = value
+    return path
+
+
+def _child(node: Any, part: str | int) -> Any:
+    if isinstance(node, dict):
+        return node.get(str(part))
+    if isinstance(part, int) and part < len(node):
+        return node[part]
+    raise InputError(f"the list has items 0 to {len(node) - 1} (got {part})")
+
+
+def _matched(tree: object, parts: KeyPath) -> KeyPath:
+    if not parts:
+        return ()
+    if isinstance(tree, Mapping):
+        for count in range(len(parts), 0, -1):
+            key = ".".join(map(str, parts[:count]))
+            if key in tree:
+                return (key, *_matched(tree[key], parts[count:]))
+    if isinstance(tree, list) and str(parts[0]).isdecimal():
+        index = int(parts[0])
+        rest = tree[index] if index < len(tree) else None
+        return (index, *_matched(rest, parts[1:]))
+    return parts

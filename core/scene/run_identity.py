@@ -1,0 +1,192 @@
+"""Everything except the scene's text that the numbers of a run depend on.
+
+Sources of sparsemor, libraries, plugins of other distributions (name, version, sources), files that
+the scene names, and the number of BLAS threads. It is part of the key of every cached product, and
+a stopped run is continued only where it is the same.
+"""
+
+import hashlib
+import os
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache, lru_cache
+from importlib import metadata
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pydantic import BaseModel
+
+from sparsemor.core.linalg.threads import threads
+from sparsemor.core.protocols import ReadsFiles
+
+if TYPE_CHECKING:
+    from sparsemor.core.scene.scene import Scene
+
+PACKAGE = "sparsemor"
+FOLDERS = ("core", "bodies", "reducers", "integrators", "plugins")
+LIBRARIES = ("numpy", "scipy", "scikit-fem", "meshio", "pypardiso", "scikit-sparse", "pyamg",
+             "cvxpy", "scikit-learn")
+"""Distributions that compute parts of a product, installed or not: `auto` chooses among them."""
+_SOURCES = (".py", ".so", ".pyd")
+_KNOWN = frozenset({PACKAGE, "pydantic", "typing_extensions", "__main__"}) | sys.stdlib_module_names
+
+
+@dataclass(frozen=True, slots=True)
+class Identity:
+    """code: digest of sparsemor's sources. libraries: distribution -> version. plugins: module ->
+    (distribution and version, digest of its sources). files: path as named -> digest."""
+
+    code: str
+    libraries: Mapping[str, str]
+    plugins: Mapping[str, tuple[str, str]]
+    files: Mapping[str, str]
+    threads: int
+
+    @classmethod
+    def of(cls, scene: "Scene") -> "Identity":
+        """The identity of a run of this scene, here and now."""
+        parts = list(_plugins(scene))
+        found = {p.partition(".")[0] for part in parts for p in _modules(type(part))}
+        return cls(code_digest(), library_versions(),
+                   {root: _origin(root) for root in sorted(found)},
+                   _files(parts, scene.folder), threads())
+
+    def plain(self) -> dict[str, Any]:
+        """For JSON and for keys."""
+        return {"code": self.code, "libraries": dict(self.libraries),
+                "plugins": {n: list(p) for n, p in self.plugins.items()},
+                "files": dict(self.files), "threads": self.threads}
+
+    def changes(self, kept: Mapping[str, Any]) -> list[str]:
+        """Differences from what `plain` gave earlier, a clause for each; none where it is equal."""
+        if not kept:
+            return ["the code of sparsemor has changed (the result names no identity)"]
+        found = []
+        if kept["code"] != self.code:
+            found.append("the code of sparsemor has changed")
+        found += _changed("", kept["libraries"], self.libraries)
+        for name in sorted({*kept["plugins"], *self.plugins}):
+            then, now = kept["plugins"].get(name), self.plugins.get(name)
+            if then is None or now is None or then[0] != now[0]:
+                found += _changed("plugin ", {name: then and then[0]}, {name: now and now[0]})
+            elif then[1] != now[1]:
+                found.append(f"the code of plugin {now[0] or name} has changed")
+        for name in sorted({*kept["files"], *self.files}):
+            if kept["files"].get(name) != self.files.get(name):
+                found.append(f"the file {name} has changed")
+        if kept["threads"] != self.threads:
+            found.append(f"the number of BLAS threads was {kept['threads']} and is {self.threads}")
+        return found
+
+
+def _changed(label: str, then: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
+    return [f"{label}{n} was {then.get(n) or 'absent'} and is {now.get(n) or 'absent'}"
+            for n in sorted({*then, *now}) if then.get(n) != now.get(n)]
+
+
+def environment() -> list[Any]:
+    """The part of an identity that does not depend on the scene, for keys of products."""
+    return [code_digest(), library_versions(), threads()]
+
+
+@cache
+def code_digest() -> str:
+    """sha256 of sparsemor's own sources, read once per process."""
+    root = Path(__file__).absolute().parents[2]
+    return _digest_of([p for folder in FOLDERS for p in _sources(root / folder)], root)
+
+
+@cache
+def library_versions() -> dict[str, str]:
+    """Version of each of `LIBRARIES`, "" where it is not installed."""
+    found = {}
+    for name in LIBRARIES:
+        try:
+            found[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            found[name] = ""
+    return found
+
+
+def origin(cls: type) -> list[list[str]]:
+    """For keys: module, distribution and version, and digest of the sources, of each package that
+    is not sparsemor's and defines a plugin's class or one of its bases. First-party: empty."""
+    roots = {m.partition(".")[0] for m in _modules(cls)}
+    return [[root, *_origin(root)] for root in sorted(roots)]
+
+
+def _plugins(value: Any) -> Iterator[Any]:
+    """Every plugin in a scene or in one of its values, itself included."""
+    if isinstance(value, Mapping):
+        for inner in value.values():
+            yield from _plugins(inner)
+    elif isinstance(value, list | tuple | set | frozenset):
+        for inner in value:
+            yield from _plugins(inner)
+    elif isinstance(value, BaseModel):
+        yield value
+        for name in type(value).model_fields:
+            yield from _plugins(getattr(value, name))
+    elif not isinstance(value, str | bytes | int | float | None):
+        yield value  # an object that a script gave in a plugin's place
+
+
+def _modules(cls: type) -> set[str]:
+    return {c.__module__ for c in cls.__mro__ if c.__module__.partition(".")[0] not in _KNOWN}
+
+
+def _origin(root: str) -> tuple[str, str]:
+    """("name version" of the distribution that offers plugins from this package, digest)."""
+    try:
+        spec = find_spec(root)
+    except ValueError:  # a module that was made by hand
+        spec = None
+    files: list[Path] = []
+    if spec is not None and spec.submodule_search_locations:
+        files = [p for place in spec.submodule_search_locations for p in _sources(Path(place))]
+    elif spec is not None and spec.origin:
+        files = [Path(spec.origin)]
+    return _distribution(root), _digest_of(files, None)
+
+
+def _distribution(root: str) -> str:
+    installed = metadata.entry_points()
+    offered = [e for g in installed.groups if g.startswith(f"{PACKAGE}.")
+               for e in installed.select(group=g) if e.module.partition(".")[0] == root]
+    found = {f"{e.dist.name} {e.dist.version}" for e in offered if e.dist is not None}
+    return ", ".join(sorted(found))
+
+
+def _sources(folder: Path) -> list[Path]:
+    return sorted(Path(place, name) for place, _, names in os.walk(folder) for name in names
+                  if name.endswith(_SOURCES))
+
+
+def _digest_of(files: Sequence[Path], root: Path | None) -> str:
+    state = hashlib.sha256()
+    for file in files:
+        name = file.name if root is None else file.relative_to(root).as_posix()
+        state.update(f"{name}:{_file_digest(file)}\n".encode())
+    return state.hexdigest()
+
+
+def _file_digest(file: Path) -> str:
+    try:
+        found = file.stat()
+        return _hashed(file, found.st_mtime_ns, found.st_size, found.st_ino)
+    except OSError:
+        return ""  # whoever reads it says what is wrong
+
+
+@lru_cache(maxsize=4096)
+def _hashed(file: Path, *_version: int) -> str:
+    """sha256 of a file, read once as long as time, size and inode stay the same."""
+    with file.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def _files(parts: Sequence[Any], base: Path) -> dict[str, str]:
+    named = [f for part in parts if isinstance(part, ReadsFiles) for f in part.files(base)]
+    return {Path(os.path.relpath(f, base)).as_posix(): _file_digest(f) for f in named}

@@ -1,0 +1,238 @@
+"""Scene: bodies, joints, loads, time and method of a run, validated and frozen."""
+
+import hashlib
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import (
+    BeforeValidator,
+    Field,
+    ModelWrapValidatorHandler,
+    PrivateAttr,
+    ValidationError,
+    model_validator,
+)
+from pydantic_core import PydanticSerializationError
+
+from sparsemor.core.errors import Fault, InputError
+from sparsemor.core.notes import Note
+from sparsemor.core.protocols import (
+    BodyPlugin,
+    ContactPlugin,
+    Integrator,
+    JointPlugin,
+    LinearSolver,
+    LoadPlugin,
+    Reducer,
+)
+from sparsemor.core.protocols.layout import FieldKind, declared_kinds
+from sparsemor.core.registry.plugin import Plugin
+from sparsemor.core.registry.registry import Registry
+from sparsemor.core.registry.slot import Slot, name_default_slots, slot_default
+from sparsemor.core.registry.validation_errors import custom, shown, with_advice
+from sparsemor.core.scene.defaults import FULL_ORDER
+from sparsemor.core.scene.names import name_faults
+from sparsemor.core.scene.options import Output, Probe, RigidStage, Time, Training
+from sparsemor.core.scene.overrides import find
+from sparsemor.core.scene.source import Source
+
+
+def _an_integer(value: object) -> object:
+    """The value itself; true and 1.0 are equal to 1 in Python, and no version of a format."""
+    if isinstance(value, bool | float):
+        raise InputError(f"the version of the format is the integer 1 (got {shown(value)})")
+    return value
+
+
+class Scene(Plugin):
+    """One problem and one way to solve it.
+
+    Made by `load`, or directly. Keys of its faults are dotted paths of the file; cross references
+    (which joint holds which body) are checked when the parts are built.
+    """
+
+    format: Annotated[Literal[1], BeforeValidator(_an_integer)]
+    """Version of the scene format."""
+    title: str = ""
+    """For people."""
+    seed: int = Field(default=0, ge=0)
+    """Seed of everything random."""
+    bodies: dict[str, Annotated[BodyPlugin, Slot("body")]] = Field(min_length=1)
+    """The bodies by name."""
+    joints: dict[str, Annotated[JointPlugin, Slot("joint")]] = {}
+    """What holds them together, by name."""
+    contacts: dict[str, Annotated[ContactPlugin, Slot("contact")]] = {}
+    """Surfaces that may touch, by name."""
+    loads: dict[str, Annotated[LoadPlugin, Slot("load")]] = {}
+    """What acts on them, by name."""
+    rigid_stage: RigidStage | None = None
+    """When given: bodies are rigid in a first run, and then follow its motion, joint forces and
+    contact loads."""
+    time: Time
+    """The clock."""
+    integrator: Annotated[Integrator, Slot("integrator")] = slot_default("bdf1")
+    """How rates follow from unknowns."""
+    linear_solver: Annotated[LinearSolver, Slot("linear_solver")] = slot_default("auto")
+    """Who solves with the large constant matrices of elastic and thermal blocks: of full order, of
+    training, and of bases that need no training."""
+    linear_solvers: dict[str, Annotated[LinearSolver, Slot("linear_solver")]] = {}
+    """Other linear solvers by block pattern, such as `*.thermal`."""
+    training: Training = Training()
+    """The run that a reducer learns from."""
+    reducer: Annotated[Reducer, Slot("reducer")] = slot_default(FULL_ORDER)
+    """How one step is solved."""
+    check_stability: Literal["warn", "refuse", "off"] = "warn"
+    """What to do with a reduced model whose time-step map, linearised at the start (under rules of
+    first order at five states of the run to come), would blow up over the run: say so and go on,
+    refuse to run, or do not look."""
+    output: Output = Output()
+    """What is stored."""
+    probes: dict[str, Probe] = {}
+    """Points that are recorded, by name."""
+
+    _source: Source | None = PrivateAttr(default=None)
+    _notes: tuple[Note, ...] = PrivateAttr(default=())
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _all_faults(
+        cls, data: Any, validate: ModelWrapValidatorHandler["Scene"]
+    ) -> "Scene":
+        if not isinstance(data, Mapping):
+            return validate(data)
+        lines = name_faults(data)
+        try:
+            scene = validate(name_default_slots(cls, data))
+        except ValidationError as error:
+            lines = with_advice(cls, error) + lines
+        else:
+            if scene.training_end < scene.time.step:
+                message = f"must be at least time.step (got {scene.training_end:g})"
+                lines.append(custom("time", message, ("training", "end"), scene.training_end))
+        if lines:
+            raise ValidationError.from_exception_data("Scene", lines)
+        return scene
+
+    @property
+    def source(self) -> Source:
+        """The tree it was made from, and where that was written."""
+        return self._source or Source.of_tree(self.dump())
+
+    @property
+    def notes(self) -> tuple[Note, ...]:
+        """Warnings on how its names were understood."""
+        return self._notes
+
+    @property
+    def name(self) -> str:
+        """The file's name without its ending; "scene" when there is no file."""
+        return self.source.name
+
+    @property
+    def file_folder(self) -> Path | None:
+        """Folder of the scene's file, None without a file."""
+        return None if self._source is None else self._source.folder
+
+    @property
+    def folder(self) -> Path:
+        """The file's folder, from which paths in the scene start; else the working directory."""
+        return self.file_folder or Path.cwd()
+
+    @property
+    def training_end(self) -> float:
+        """End of the training run, s."""
+        return self.time.end if self.training.end is None else self.training.end
+
+    @property
+    def reducer_name(self) -> str:
+        """Name of its reducer's plugin."""
+        return self.source.registry.name_of("reducer", type(self.reducer))
+
+    @property
+    def field_kinds(self) -> tuple[FieldKind, ...]:
+        """Kinds of field that its bodies may have, in the order of blocks and tables."""
+        return declared_kinds(self.bodies.values())
+
+    def using(self, overrides: Mapping[str, Any], *, label: str = "--set") -> "Scene":
+        """The same scene with changes, validated again: `{"reducer.sampler.use": "random"}`.
+
+        A change acts on the tree as written: a whole subtree is replaced by what is given for it,
+        and a new `use` drops the options of the plugin that was there. `label` is what messages
+        say of a changed key. Raises `InputError`.
+        """
+        return build(self.source.changed(overrides, label))
+
+    def with_reducer(self, reducer: Reducer | Plugin, *, label: str = "--set") -> "Scene":
+        """The same scene with the options of `reducer`, an instance of a registered plugin."""
+        registry = self.source.registry
+        assert isinstance(reducer, Plugin)
+        options = reducer.model_dump(mode="json", context={"registry": registry})
+        name = registry.name_of("reducer", type(reducer))
+        return self.using({"reducer": {"use": name, **options}}, label=label)
+
+    def for_training(self) -> "Scene":
+        """The full-order scene that a reduced run is trained on.
+
+        It does not depend on the reducer, so its digest shows whether snapshots can be reused.
+        """
+        changes = {**self.training.overrides, "reducer": FULL_ORDER}
+        changes.setdefault("time.end", self.training_end)
+        tree = self.using(changes, label="training.overrides")
+        return tree.using({"training": {"every": self.training.every}}, label="training")
+
+    def locate(self, error: InputError) -> list[str]:
+        """One line a fault, `file:line:column: key: message`, in the file's order."""
+        return self.source.lines(error)
+
+    def dump(self) -> dict[str, Any]:
+        """Plain data, fit for JSON, that makes this scene again."""
+        registry = self._source.registry if self._source else Registry()
+        try:
+            return self.model_dump(mode="json", context={"registry": registry})
+        except PydanticSerializationError as error:
+            raise InputError(str(error).partition("InputError: ")[2] or str(error)) from None
+
+    def digest(self, *keys: str) -> str:
+        """sha256 of the canonical JSON of the subtrees at dotted `keys`; of all when none."""
+        tree = self.dump()
+        chosen = {key: _subtree(tree, key) for key in keys} if keys else tree
+        text = json.dumps(chosen, sort_keys=True, separators=(",", ":"), allow_nan=False)
+        return hashlib.sha256(text.encode()).hexdigest()
+
+
+def load(
+    scene: str | Path,
+    overrides: Mapping[str, Any] | None = None,
+    *,
+    registry: Registry | None = None,
+) -> Scene:
+    """A packaged scene by its name, or a scene file by its path, with changes as in `using`.
+
+    Raises `LocatedError`, an `InputError` that holds all faults, each with its line and column.
+    """
+    source = Source.read(scene, registry or Registry())
+    return build(source.changed(overrides, "--set") if overrides else source)
+
+
+def build(source: Source) -> Scene:
+    """Validate a source. Raises `LocatedError` with every fault found."""
+    notes: list[Note] = []
+    try:
+        scene = Scene.model_validate(source.tree, context={**source.context, "notes": notes})
+    except ValidationError as error:
+        raise source.invalid(error) from None
+    scene._source, scene._notes = source, tuple(dict.fromkeys(notes))
+    return scene
+
+
+def _subtree(tree: object, key: str) -> object:
+    for part in find(tree, key):
+        if isinstance(tree, Mapping) and part in tree:
+            tree = tree[str(part)]
+        elif isinstance(tree, list) and isinstance(part, int) and part < len(tree):
+            tree = tree[part]
+        else:
+            raise InputError([Fault(key, "there is no such key in the scene")])
+    return tree

@@ -1,0 +1,161 @@
+"""Source of a scene: its tree as written, its file, and the changes to it."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from sparsemor.core.errors import Fault, InputError
+from sparsemor.core.registry.registry import Registry, near
+from sparsemor.core.registry.validation_errors import dotted, faults_of
+from sparsemor.core.scene.overrides import apply, find
+from sparsemor.core.scene.yaml_reader import (
+    MOST_BYTES,
+    Document,
+    KeyPath,
+    LocatedError,
+    located,
+    parse,
+    too_large,
+)
+
+_LAST = (1 << 30, 0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Source:
+    """A scene before validation.
+
+    `folder` is where the file is, None when there is no file. `origins`: changed path ->
+    (label, the key that was given).
+    """
+
+    document: Document
+    tree: dict[str, Any]
+    registry: Registry
+    folder: Path | None = None
+    origins: Mapping[KeyPath, tuple[str, str]] = field(default_factory=dict)
+
+    @classmethod
+    def read(cls, scene: str | Path, registry: Registry, kind: str = "scene") -> "Source":
+        """Read a packaged scene (or study, with that `kind`) or a file."""
+        path = _path(scene, registry, kind)
+        try:
+            if path.stat().st_size > MOST_BYTES:
+                raise too_large(str(path), kind)
+            text = path.read_text(encoding="utf-8")
+        except OSError as error:
+            raise _unreadable(path, f"cannot be read: {error.strerror}") from None
+        except UnicodeDecodeError:
+            raise _unreadable(path, "is not UTF-8 text") from None
+        return cls.of_text(text, str(path), registry, path.parent.absolute(), kind)
+
+    @classmethod
+    def of_text(
+        cls, text: str, name: str, registry: Registry, folder: Path | None = None,
+        kind: str = "scene",
+    ) -> "Source":
+        document = parse(text, name, kind)
+        return cls(document, document.tree, registry, folder)
+
+    @classmethod
+    def of_tree(cls, tree: dict[str, Any]) -> "Source":
+        """A scene that was never in a file."""
+        return cls(Document("", tree), tree, Registry())
+
+    @property
+    def name(self) -> str:
+        return Path(self.document.name).stem or "scene"
+
+    @property
+    def context(self) -> dict[str, Any]:
+        """Validation context of slots."""
+        return {"registry": self.registry}
+
+    def changed(self, overrides: Mapping[str, Any], label: str) -> "Source":
+        """With overrides applied. Raises `LocatedError` when a key cannot be changed."""
+        try:
+            tree, origins = apply(self.tree, overrides)
+        except InputError as error:
+            lines = [_said(label, f.key, f.key, f.message) for f in error.faults]
+            raise LocatedError(error.faults, lines) from None
+        named = {path: (label, key) for path, key in origins.items()}
+        kept = {p: o for p, o in self.origins.items() if not _inside(p, named)}
+        return replace(self, tree=tree, origins=kept | named)
+
+    def invalid(self, error: ValidationError) -> LocatedError:
+        """pydantic's errors, each with its key and place."""
+        return self.locate(faults_of(error, self.tree))
+
+    def locate(self, faults: Iterable[Fault]) -> LocatedError:
+        ordered = sorted(faults, key=lambda f: self._order(find(self.tree, f.key)))
+        return LocatedError(ordered, [self._line(f) for f in ordered])
+
+    def lines(self, error: InputError) -> list[str]:
+        if isinstance(error, LocatedError):
+            return list(error.lines)
+        return list(self.locate(error.faults).lines)
+
+    def origin(self, key: str) -> tuple[str, str] | None:
+        """(label, given key) of the change that a dotted key comes from; None: it was written."""
+        return self._origin(find(self.tree, key))
+
+    def _origin(self, path: KeyPath) -> tuple[str, str] | None:
+        inside = (path[:n] for n in range(len(path), 0, -1))
+        about = [*inside, (*path, "use")]  # an unknown name is a fault of the slot around it
+        if path not in self.document.places:
+            about += [p for p in self.origins if p[:len(path)] == path]
+        return next((self.origins[p] for p in about if p in self.origins), None)
+
+    def _order(self, path: KeyPath) -> tuple[tuple[int, int], str]:
+        place = _LAST if self._origin(path) else self.document.place(path)
+        return place, dotted(path)
+
+    def _line(self, fault: Fault) -> str:
+        path = find(self.tree, fault.key)
+        origin = self._origin(path)
+        if origin is not None:
+            label, given = origin
+            written: KeyPath = (*label.split("."), given)
+            if written not in self.document.places:
+                return _said(label, given, fault.key, fault.message)
+            place = self.document.place(written)
+            return located(self.document.name, place, dotted(written), fault.message)
+        if not self.document.name:
+            return f"{fault.key}: {fault.message}" if fault.key else fault.message
+        return located(self.document.name, self.document.place(path), fault.key, fault.message)
+
+
+def _said(label: str, given: str, key: str, message: str) -> str:
+    inner = f"{key}: " if key != given and key else ""
+    return f"{label} {given}: {inner}{message}" if given else message
+
+
+def _inside(path: KeyPath, changed: Iterable[KeyPath]) -> bool:
+    return any(path[:len(c)] == c for c in changed)
+
+
+def _path(scene: str | Path, registry: Registry, kind: str) -> Path:
+    looks_like_a_file = isinstance(scene, Path) or any(c in scene for c in "/\\.")
+    if looks_like_a_file:
+        path = Path(scene)
+        if path.is_file():
+            return path
+        what = f"is a directory, not a {kind} file" if path.is_dir() else "there is no such file"
+        raise _unreadable(path, what)
+    packaged = {s for p in registry.names(kind) for s in (registry.spelling(p), p.qualified)}
+    if scene not in packaged:
+        if Path(scene).is_file():
+            return Path(scene)
+        raise LocatedError(
+            [Fault("", message := f"no packaged {kind}, and no file, is called {scene!r}: "
+                   + near(str(scene), sorted(map(registry.spelling, registry.names(kind))),
+                          "packaged"))], [message])
+    return Path(registry.load(kind, str(scene)))
+
+
+def _unreadable(path: Path, what: str) -> LocatedError:
+    message = f"{path}: {what}"
+    return LocatedError([Fault("", message)], [message])

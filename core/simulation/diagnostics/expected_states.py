@@ -1,0 +1,103 @@
+"""Estimated states of a run without training: heat in coarse time steps, static displacements."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.model.factorizations import BlockSolvers, solved
+from sparsemor.core.protocols import AssembledModel, StepFactors
+from sparsemor.core.protocols.load_tables import LoadTable
+from sparsemor.core.protocols.separable import Amplitude, ElasticOperators, HeatBody
+
+COUNT = 24
+"""Coarse time steps over the run."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ExpectedStates:
+    """states (n, M): the start, then estimates at M - 1 later times. responses (n, j): static
+    displacements under unit loads whose size is not known before the run (inertia and joint
+    forces); names (j,): what these are."""
+
+    states: FloatArray
+    responses: FloatArray
+    names: tuple[str, ...]
+
+
+def expected_states(
+    model: AssembledModel, name: str, step: StepFactors, end: float
+) -> ExpectedStates:
+    """Estimated states of one block under the prescribed loads, steps `step.h` up to `end`, s:
+
+        (K_T + C / H) T_i = C / H T_(i-1) + q_i      K u_i = f_i + K_fT T_i
+
+    with loads averaged over coarse steps H = end / COUNT; without radiation, contacts in the step
+    and inertia. Raises SolveFailed where a matrix is singular.
+    """
+    times = np.linspace(0.0, end, min(COUNT, max(1, round(end / step.h))) + 1)
+    for heat in model.separated.heat:
+        if heat.thermal == name:
+            none = np.zeros((heat.capacity.shape[0], 0))
+            return ExpectedStates(_temperatures(model, heat, times), none, ())
+    for body in model.separated.moving:
+        if body.elastic == name and body.operators is not None:
+            return _displacements(model, name, body.operators, body.thermal, times)
+    raise KeyError(name)
+
+
+def _temperatures(model: AssembledModel, heat: HeatBody, times: FloatArray) -> FloatArray:
+    """(n, M) temperatures at times (M,), s."""
+    H = float(times[1] - times[0])
+    carried = heat.capacity / H
+    data = model.block_data(heat.thermal)
+    factor = BlockSolvers(model.solvers.of(heat.thermal)).factorize(
+        heat.thermal, heat.conductivity + carried, data.places, "expected states")
+    states = [model.x0[model.layout[heat.thermal]]]
+    for before, after in zip(times[:-1], times[1:], strict=True):
+        q = heat.constant + heat.loads @ _mean(heat.amplitudes, before, after)
+        q = q + _moving(heat.tables, before, after, len(q))
+        states.append(solved(factor, np.asarray(carried @ states[-1] + q), heat.thermal))
+    return np.stack(states, axis=1)
+
+
+def _displacements(
+    model: AssembledModel, name: str, ops: ElasticOperators, thermal: str, times: FloatArray
+) -> ExpectedStates:
+    data = model.block_data(name)
+    heat = next((h for h in model.separated.heat if h.thermal == thermal), None)
+    thermal_forces = np.zeros((data.size, len(times)))
+    if heat is not None and ops.coupling is not None:
+        thermal_forces = np.asarray(ops.coupling @ _temperatures(model, heat, times))
+    forces = []
+    for i, (before, after) in enumerate(zip(times[:-1], times[1:], strict=True), 1):
+        f = ops.constant + ops.loads @ _mean(ops.amplitudes, before, after)
+        forces.append(f + _moving(ops.tables, before, after, len(f)) + thermal_forces[:, i])
+    named = [i for i, column in enumerate(ops.columns)
+             if column.name and ops.directions[:, i].any()]
+    factor = BlockSolvers(model.solvers.of(name)).factorize(
+        name, ops.stiffness, data.places, "expected states")
+    b = np.column_stack([*forces, ops.directions[:, named]])
+    x = solved(factor, np.ascontiguousarray(b), name)
+    start = model.x0[model.layout[name]]
+    return ExpectedStates(
+        np.column_stack([start, x[:, : len(forces)]]), x[:, len(forces):],
+        tuple(ops.columns[i].name for i in named))
+
+
+def _mean(amplitudes: Sequence[Amplitude], before: float, after: float) -> FloatArray:
+    """(j,) averages of the amplitudes over a coarse step, by eight of its times."""
+    at = before + (np.arange(8) + 0.5) / 8.0 * (after - before)
+    return np.array([float(np.mean([f(float(t)) for t in at])) for f in amplitudes])
+
+
+def _moving(tables: Sequence[LoadTable], before: float, after: float, n: int) -> FloatArray:
+    """(n,) average of the moving loads over a coarse step."""
+    total = np.zeros(n)
+    for load in tables:
+        t = load.table.times
+        inside = (t > before) & (t <= after)
+        row = load.table.values[inside].mean(axis=0) if inside.any() else load.table.at(after)
+        total += load.columns @ row
+    return total

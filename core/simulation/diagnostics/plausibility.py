@@ -1,0 +1,245 @@
+"""Inputs that are almost surely mistakes: each is a warning with the number that shows it.
+
+Everything here is legal, and so never refused. `before_run` looks at the scene and its assembled
+model, `of_solver` at the reduced model, `after_run` at the stored results. Parts report their own
+(`protocols.HasNotes`).
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+from pydantic import BaseModel
+
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.model.model import Model
+from sparsemor.core.notes import Note
+from sparsemor.core.protocols import HasNotes, StepSolver, TimeFunction
+from sparsemor.core.protocols.layout import Quantity
+from sparsemor.core.results.run_result import RunResult
+from sparsemor.core.scene.scene import Scene
+from sparsemor.core.simulation.memory.estimate import trains
+from sparsemor.core.simulation.offline import step_count
+from sparsemor.core.simulation.recorder import shapes
+
+OUTSIDE = 1e-2
+"""Distance of a point from the box around a body, relative to the box's diagonal."""
+HOTTEST = 1e4
+"""A temperature (K) that no solid has: tungsten melts at 3 695 K."""
+COLDEST = 50.0
+"""A start (K) above which temperatures are meant to be absolute. From a start at 0 only changes are
+meant, and these are undershot by the discretisation."""
+SHORT = 0.5
+"""Share of the run that a training run covers at least."""
+TURNS = 0.55
+"""Changes of direction per step of a function of time; 0.5 are 4 steps per period."""
+SAMPLES = 12
+"""Samples of a function of time between two steps."""
+WINDOW, WINDOWS = 50, 10
+"""Steps in a row that a function of time is sampled over, and how many such stretches."""
+STEPS = 10**6
+"""Steps up to which a function of time is evaluated at each."""
+STORED, LARGE = 8, 20_000
+"""Stored steps that a block is read at, and unknowns above which it is the last one alone."""
+
+
+def before_run(scene: Scene, model: Model) -> tuple[Note, ...]:
+    """Warnings that need no step: parts, probes, temperatures, functions of time, training."""
+    parts = [n for part in model.parts.values() if isinstance(part, HasNotes) for n in part.notes]
+    return (*scene.notes, *parts, *distant_probes(scene, model), *start_temperatures(model),
+            *prescribed_temperatures(scene, model), *functions_of_time(scene),
+            *short_training(scene, model))
+
+
+def of_solver(scene: Scene, solver: StepSolver) -> tuple[Note, ...]:
+    """Blocks that are reduced to one atom although more were to be had."""
+    found = []
+    for name, d in solver.dictionaries.items():
+        rank = d.info.get("numerical_rank", d.info.get("rank_at_least", 2))
+        if d.atoms.shape[1] == 1 and isinstance(rank, int) and rank > 1:
+            found.append(Note(
+                f"{name} is reduced to 1 atom for {len(d.offset)} unknowns: it can only grow and "
+                "shrink in one shape; take more atoms", "one_atom"))
+    return tuple(found)
+
+
+def after_run(model: Model, result: RunResult) -> tuple[Note, ...]:
+    """Results beyond what the equations hold for: temperatures that no solid has, displacements
+    larger than the body is thick."""
+    found: list[Note] = []
+    for name, shape in shapes(model).items():
+        heated, moved = (result.layout.of(name, q) for q in (
+            Quantity.TEMPERATURE, Quantity.DISPLACEMENT))
+        if heated is not None:
+            T = result.block(heated.name, _telling(result, heated.name))
+            absolute = bool((np.abs(model.x0[model.layout[heated.name]]) > COLDEST).any())
+            found += temperature_notes(f"temperatures of {name}", T, 0.0 if absolute else 1.0)
+        if moved is not None:
+            largest = max(float(np.linalg.norm(result.nodal_displacement(name, int(i)), axis=1)
+                                .max()) for i in _telling(result, moved.name))
+            extent = float(np.ptp(shape.points, axis=0).min())
+            if largest > extent:
+                found.append(Note(
+                    f"displacements of {name} reach {largest:.3g} m, {largest / extent:.2g} times "
+                    f"its smallest extent of {extent:.3g} m: linear elasticity does not hold "
+                    "there; check E, the thickness and the loads", "large_displacement"))
+    return tuple(found)
+
+
+def distant_probes(scene: Scene, model: Model) -> Iterator[Note]:
+    """Probes whose coordinates are outside the body: the nearest node is recorded instead."""
+    for name, shape in shapes(model).items():
+        for key, probe in scene.probes.items():
+            if probe.body == name and not isinstance(probe.at, str):
+                yield from outside(f"probes.{key}", probe.at, shape.points)
+
+
+def outside(key: str, point: Sequence[float], points: FloatArray) -> Iterator[Note]:
+    """A warning when a point (d,) is outside the box around points (N, d), m."""
+    at, low, high = np.asarray(point, dtype=np.float64), points.min(axis=0), points.max(axis=0)
+    away = float(np.linalg.norm(at - np.clip(at, low, high)))
+    size = float(np.linalg.norm(high - low))
+    if away > OUTSIDE * size:
+        nearest = points[np.argmin(np.linalg.norm(points - at, axis=1))]
+        yield Note(f"{key} at {_point(at)} is {away:.3g} m outside its body, whose diagonal is "
+                   f"{size:.3g} m: the nearest node at {_point(nearest)} is taken", "distant_point")
+
+
+def start_temperatures(model: Model) -> Iterator[Note]:
+    """Initial temperatures that no solid has."""
+    for block in model.layout:
+        if block.kind.quantity is Quantity.TEMPERATURE:
+            yield from temperature_notes(
+                f"initial temperatures of {block.owner}", model.x0[model.layout[block.name]])
+
+
+def prescribed_temperatures(scene: Scene, model: Model) -> Iterator[Note]:
+    """Prescribed temperatures that no solid has, at up to a thousand times of the run."""
+    times = np.linspace(0.0, scene.time.end, min(step_count(scene), 1000) + 1)
+    for name, shape in shapes(model).items():
+        if shape.given:
+            yield from temperature_notes(f"prescribed temperatures of {name}",
+                                         shape.given_at(times))
+
+
+def temperature_notes(what: str, T: FloatArray, undershoot: float = 0.0) -> list[Note]:
+    """Warnings on temperatures (K) that fall below 0 by more than a share of the highest one, or
+    exceed `HOTTEST`."""
+    values = T[np.isfinite(T)]
+    if not values.size:
+        return []
+    low, high, found = float(values.min()), float(values.max()), list[Note]()
+    if low < min(-undershoot * high, 0.0):
+        found.append(Note(f"{what} are in K and fall to {low:.4g} K, below absolute zero",
+                          "impossible_temperature"))
+    if high > HOTTEST:
+        found.append(Note(f"{what} reach {high:.3g} K: no solid is that hot (above {HOTTEST:g} K); "
+                          "check the heat, the thickness and the material",
+                          "impossible_temperature"))
+    return found
+
+
+def short_training(scene: Scene, model: Model) -> Iterator[Note]:
+    """A training run that covers less than half of the run."""
+    share = scene.training_end / scene.time.end
+    blocks = {n: 0 for n in model.reducible()}
+    if share < SHORT and trains(scene, blocks):
+        yield Note(
+            f"the training run ends at {scene.training_end:g} s, {100.0 * share:.3g} % of "
+            f"time.end = {scene.time.end:g} s: what happens later was never in the snapshots; "
+            "raise training.end", "short_training")
+
+
+# ---------------------------------------------------------------------- functions of time
+
+def functions_of_time(scene: Scene) -> Iterator[Note]:
+    """Functions of time that never act at a step, or change faster than the steps follow."""
+    count, h = step_count(scene), scene.time.step
+    for group in ({"joints": scene.joints}, {"contacts": scene.contacts}, {"loads": scene.loads}):
+        for key, function in _functions("", group):
+            note = _never_acts(key, function, count, h) or (
+                None if scene.time.control else _too_fast(key, function, count, h))
+            if note is not None:
+                yield note
+
+
+def _functions(key: str, value: object) -> Iterator[tuple[str, TimeFunction]]:
+    """Dotted key and function of every option that is a function of time."""
+    inside: list[tuple[str, object]] = []
+    if isinstance(value, TimeFunction):
+        yield key, value
+    elif isinstance(value, BaseModel):
+        inside = list(value)
+    elif isinstance(value, Mapping):
+        inside = [(str(k), v) for k, v in value.items()]
+    elif isinstance(value, list | tuple):
+        inside = [(str(i), v) for i, v in enumerate(value)]
+    for name, inner in inside:
+        yield from _functions(f"{key}.{name}" if key else name, inner)
+
+
+def _never_acts(key: str, function: TimeFunction, count: int, h: float) -> Note | None:
+    """A function that is 0 at every step and something else in between or later."""
+    if count > STEPS:
+        return None
+    end = count * h
+    between = [h * (i + f) for i in range(min(count, 100)) for f in (0.29, 0.5, 0.71)]
+    later = list(end * np.geomspace(1.0, 1e3, 30))
+    times = [*_numbers(function), *between, *later]
+    values = np.abs([function.value(float(t)) for t in times])
+    peak = float(values.max())
+    small = 1e-9 * peak
+    if peak == 0.0 or any(abs(function.value(n * h)) > small for n in range(1, count + 1)):
+        return None
+    at = times[int(values.argmax())]
+    where = (f"which is after time.end = {end:g} s: let it begin earlier" if at > end else
+             f"between two steps of {h:g} s: take a smaller time.step")
+    return Note(f"{key} is 0 at all {count} steps and never acts; it reaches {peak:.4g} at "
+                f"{at:g} s, {where}", "never_acts")
+
+
+def _too_fast(key: str, function: TimeFunction, count: int, h: float) -> Note | None:
+    """A function whose periods take fewer than 4 steps."""
+    spread = np.sort(np.mod(0.5 + 0.6180339887498949 * np.arange(SAMPLES), 1.0))
+    extremes, steps = 0, 0
+    first = {0} if count <= WINDOW * WINDOWS else {
+        int(i) for i in np.linspace(0, count - WINDOW, WINDOWS)}
+    for i in sorted(first):
+        n = min(count, WINDOW * WINDOWS) if len(first) == 1 else WINDOW
+        t = h * (i + np.arange(n)[:, None] + spread).ravel()
+        change = np.diff([function.value(float(s)) for s in t])
+        change = change[np.abs(change) > 1e-9 * np.abs(change).max(initial=0.0)]
+        extremes += int(np.count_nonzero(change[1:] * change[:-1] < 0.0))
+        steps += n
+    if extremes < 4 or extremes <= TURNS * steps:
+        return None
+    period = 2.0 * steps / extremes
+    return Note(f"{key} changes direction {extremes} times in {steps} steps, {period:.2g} steps "
+                f"per period: take time.step of at most {h * period / 20.0:.2g} s (20 per period)",
+                "too_fast")
+
+
+def _numbers(function: TimeFunction) -> Iterator[float]:
+    """Every number in a function's options from 0 on: its times are among them."""
+    pending: list[object] = [dict(function)] if isinstance(function, BaseModel) else []
+    while pending:
+        value = pending.pop()
+        if isinstance(value, int | float) and np.isfinite(value) and value >= 0.0:
+            yield float(value)
+        elif isinstance(value, Mapping):
+            pending += value.values()
+        elif isinstance(value, list | tuple):
+            pending += value
+
+
+def _telling(result: RunResult, name: str) -> np.ndarray[tuple[int, ...], np.dtype[np.int64]]:
+    """Stored steps that a block is looked at: of coefficients the largest and the last."""
+    last = len(result.times) - 1
+    if result.reduced(name):
+        size = np.linalg.norm(result.coefficients(name), axis=1)
+        return np.unique([int(np.nan_to_num(size).argmax()), last])
+    large = next(b.size for b in result.layout if b.name == name) > LARGE
+    return np.unique(np.linspace(last if large else 0, last, STORED).astype(np.int64))
+
+
+def _point(p: FloatArray) -> str:
+    return "(" + ", ".join(f"{c:.6g}" for c in p) + ")"

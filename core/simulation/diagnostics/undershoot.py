@@ -1,0 +1,90 @@
+"""Undershoot: temperatures below all that could cool a body, found in the stored steps of a run."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core.model.model import Model
+from sparsemor.core.notes import Note, information
+from sparsemor.core.protocols import HasSurroundings, Part
+from sparsemor.core.protocols.separable import HeatBody, amplitudes_along
+from sparsemor.core.results.run_result import RunResult
+
+SHARE, LARGE = 1e-3, 0.1
+"""Undershoot below which nothing is said, as a share of the range of temperatures, and from which
+it is a warning and not information, as a share of the lowest admissible temperature (K)."""
+FIRST, STEPS = 16, 48
+"""Stored steps that are looked at: the first ones, where heat that enters fast is resolved least,
+and others, evenly spread to the end."""
+GIVEN = "given temperature"
+"""How the names of columns end that prescribed temperatures make."""
+
+
+def undershoot(model: Model, result: RunResult) -> tuple[Note, ...]:
+    """A note for each body whose temperature falls below every initial, prescribed and surrounding
+    one. Bodies that a load may cool further, such as a negative heat flux, are left out."""
+    if not model.separated.heat or not len(result.times):
+        return ()
+    floor = _floor(model, result.times)
+    if any(_cooled(model.parts, b, result.times) for b in model.separated.heat):
+        return ()
+    steps = _looked_at(len(result.times))
+    lowest: dict[str, tuple[float, float]] = {}
+    top = floor
+    for b in model.separated.heat:
+        T = result.block(b.thermal, steps)
+        if not T.size or not np.isfinite(T).all():
+            continue
+        top = max(top, float(T.max()))
+        at = int(T.min(axis=1).argmin())
+        lowest[b.name] = float(T[at].min()), float(result.times[steps[at]])
+    return tuple(
+        _note(name, T, t, floor, top) for name, (T, t) in lowest.items()
+        if floor - T > SHARE * (top - T))
+
+
+def _note(body: str, T: float, t: float, floor: float, top: float) -> Note:
+    share = (floor - T) / (top - T)
+    text = (
+        f"body {body}: its temperature falls to {T:.4g} K at {t:.4g} s, {floor - T:.3g} K below "
+        f"every initial, prescribed and surrounding one (at least {floor:.4g} K), "
+        f"{100 * share:.2g} % of the range of temperatures. A consistent capacity matrix causes "
+        "this where heat enters faster than the elements resolve: use "
+        f"bodies.{body}.capacity: lumped, a finer mesh where heat enters, or a longer time.step; "
+        "in a reduced run it may be the basis: take more atoms of its temperatures")
+    large = floor > 0.0 and floor - T >= LARGE * floor
+    return Note(text, "undershoot") if large else information(text, "undershoot")
+
+
+def _looked_at(count: int) -> IntArray:
+    spread = np.linspace(0, count - 1, min(STEPS, count)).round().astype(np.int64)
+    return np.unique(np.concatenate([np.arange(min(FIRST, count)), spread]))
+
+
+def _floor(model: Model, times: FloatArray) -> float:
+    """The lowest of the temperatures that a body may tend to, K."""
+    found = [float(model.x0[model.layout[b.thermal]].min(initial=np.inf))
+             for b in model.separated.heat]
+    for part in model.parts.values():
+        if isinstance(part, HasSurroundings) and part.surroundings is not None:
+            found.append(float(amplitudes_along((part.surroundings,), times).min()))
+    return min(found)
+
+
+def _cooled(parts: Mapping[str, Part], b: HeatBody, times: FloatArray) -> bool:
+    """True if something takes heat from a body whatever its temperature, or may."""
+    if any(not isinstance(term, HasSurroundings) for term in b.local):
+        return True
+    if any(t.columns.data.min(initial=0.0) < 0.0 or t.table.values.min(initial=0.0) < 0.0
+           for t in b.tables):
+        return True
+    amounts = amplitudes_along(b.amplitudes, times)
+    names = b.load_names or ("",) * amounts.shape[1]
+    for i, name in enumerate(names):
+        part = parts.get(name)
+        tied = isinstance(part, HasSurroundings) and part.surroundings is not None
+        if not (tied or name.endswith(GIVEN)) and np.outer(
+                (b.loads[:, i].min(), b.loads[:, i].max()), amounts[:, i]).min() < 0.0:
+            return True
+    return False

@@ -1,0 +1,221 @@
+"""Stability check before a reduced run: growth of its coupled time-step map.
+
+Gate: (growth a step beyond that of the Galerkin model of the same atoms) x steps <= LIMIT, added up
+over a few states of the run to come. An error multiplies by e^LIMIT = 150 at most; sampled blocks
+of good models do reach 1 + 1e-5 (an insulated body has an eigenvalue exactly 1), so a gate on the
+radius itself would refuse them.
+"""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from math import inf, isfinite
+from typing import Any
+
+import numpy as np
+
+from sparsemor.core.errors import InputError
+from sparsemor.core.model.model import Model
+from sparsemor.core.notes import Note
+from sparsemor.core.protocols import Integrator, State, StepSolver
+from sparsemor.core.registry.registry import Registry
+from sparsemor.core.scene.defaults import PROJECTION
+from sparsemor.core.scene.digest import digest
+from sparsemor.core.scene.independent_of_physics import IRRELEVANT
+from sparsemor.core.scene.scene import Scene
+from sparsemor.core.simulation.linearization.differences import StepMap, step_map
+from sparsemor.core.simulation.linearization.reference import (
+    linearization_times,
+    projected,
+    states_along,
+)
+from sparsemor.core.simulation.linearization.spectrum import (
+    ComplexArray,
+    block_of,
+    eigenvalues,
+    excess,
+)
+from sparsemor.core.simulation.offline import Offline, step_count
+from sparsemor.core.simulation.time_stepping import started
+from sparsemor.core.status import SolveFailed, Status
+
+LIMIT = 5.0
+"""Largest (excess radius) x steps of a model that is called stable."""
+ADVICE = ("keep the required rows, sample more rows, or try another seed, sampler or a more damped "
+          "integrator (`sparsemor stability` tabulates them)")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Judgement:
+    """One linearisation at time t (s), about to be repeated `steps` times.
+
+    radius: spectral radius of the coupled map; reference: that of the Galerkin model of the same
+    atoms, None where it was not needed or could not be made; excess: growth a step beyond it;
+    block: where the mode that grows most is largest, "" if stable; status: how the step failed, if
+    it did (radius and excess are then infinite); over: excess x steps added up over several
+    states, of which this is the worst, None where it is the only one.
+    """
+
+    t: float
+    steps: int
+    radius: float
+    reference: float | None
+    excess: float
+    block: str
+    status: Status = Status.DONE
+    over: float | None = None
+
+    @property
+    def growth(self) -> float:
+        """(radius - 1) x steps: exponent of the growth over the run, physical or not."""
+        return (self.radius - 1.0) * self.steps
+
+    @property
+    def gate(self) -> float:
+        """excess x steps, over the run where several states were seen."""
+        return self.excess * self.steps if self.over is None else self.over
+
+    @property
+    def stable(self) -> bool:
+        return self.gate <= LIMIT
+
+    def facts(self) -> dict[str, Any]:
+        """For results."""
+        numbers = {"radius": self.radius, "growth": self.growth, "gate": self.gate}
+        known = {name: v if isfinite(v) else None for name, v in numbers.items()}
+        return {"t": self.t, **known, "stable": self.stable} | (
+            {} if self.stable else {"block": self.block})
+
+    def in_words(self) -> str:
+        """A sentence for whoever is about to trust the run."""
+        if not self.status.ok:
+            return (f"the reduced model is unstable in {self.block}: its step from t = "
+                    f"{self.t:g} s, or from a state near it, ends {self.status.value}; {ADVICE}")
+        return (
+            f"the reduced model is unstable in {self.block}: its coupled time-step map at t = "
+            f"{self.t:g} s has spectral radius {self.radius:.6g}, and errors grow by "
+            f"e^{self.gate:.3g} over {self.steps} steps beyond the motion itself (limit "
+            f"e^{LIMIT:g}); {ADVICE}")
+
+
+class Reference:
+    """The Galerkin models of solvers' active atoms: each is made when it is first asked for."""
+
+    def __init__(self, model: Model, registry: Registry | None = None) -> None:
+        self.model, self.registry = model, registry
+        self._known: dict[str, StepMap | None] = {}
+
+    def step(
+        self, of: StepMap, integrator: Integrator, h: float, full: State
+    ) -> StepMap | None:
+        """Its map at a full-order state; None where it has none."""
+        solver, supports = of.solver, of.supports
+        key = digest(h, full.t, full.x, full.v, integrator, {
+            n: [d.atoms, d.offset, supports.get(n)] for n, d in solver.dictionaries.items()})
+        if key not in self._known:
+            try:
+                twin = projected(self.model, integrator, h, solver, supports, self.registry)
+                self._known[key] = step_map(twin, integrator, h, *started(twin, integrator, full))
+            except (SolveFailed, InputError):  # or terms that cannot be projected
+                self._known[key] = None
+        return self._known[key]
+
+
+def judge(
+    solver: StepSolver, integrator: Integrator, h: float, steps: int, full: State,
+    reference: Reference,
+) -> Judgement:
+    """Linearise about a full-order state. The reference is made only where the radius asks for it.
+
+    A step that fails, there or from a state near it, counts as infinite growth: in all runs that
+    were tried such a model stopped (docs/stability.md).
+    """
+    try:
+        step = step_map(solver, integrator, h, *started(solver, integrator, full))
+    except SolveFailed as failure:
+        return failed(full.t, steps, failure)
+    values = eigenvalues(step.matrix)
+    theirs = None
+    if (abs(values[0]) - 1.0) * steps > LIMIT:
+        theirs = reference.step(step, integrator, h, full)
+    return _judged(step, values, theirs, full.t, steps)
+
+
+def judge_along(
+    solver: StepSolver, integrator: Integrator, h: float, steps: int, states: Sequence[State],
+    reference: Reference,
+) -> Judgement:
+    """The worst of several linearisations, its gate added up over the run: `over_the_run`."""
+    return over_the_run([judge(solver, integrator, h, steps, s, reference) for s in states])
+
+
+def over_the_run(found: Sequence[Judgement]) -> Judgement:
+    """Judgements in the order of their times. Each counts for the part of the run that lies nearer
+    to it than to its neighbours."""
+    worst, t = max(found, key=lambda j: j.excess), [j.t for j in found]
+    if not (worst.excess < inf and t[-1] > t[0]):
+        return worst
+    middle = [t[0], *(0.5 * (a + b) for a, b in zip(t, t[1:], strict=False)), t[-1]]
+    parts = [b - a for a, b in zip(middle, middle[1:], strict=False)]
+    gate = sum(j.excess * j.steps * part for j, part in zip(found, parts, strict=True))
+    over = gate / (t[-1] - t[0])
+    return replace(worst, over=over, block=worst.block or ("" if over <= LIMIT else "the run"))
+
+
+def failed(t: float, steps: int, failure: SolveFailed) -> Judgement:
+    """Of a model whose step has no linearisation."""
+    return Judgement(t, steps, inf, None, inf, failure.block or "the whole system",
+                     failure.status)
+
+
+def judged(step: StepMap, reference: StepMap | None, t: float, steps: int) -> Judgement:
+    """From the maps themselves."""
+    return _judged(step, eigenvalues(step.matrix), reference, t, steps)
+
+
+def _judged(
+    step: StepMap, values: ComplexArray, reference: StepMap | None, t: float, steps: int
+) -> Judgement:
+    theirs = None if reference is None else eigenvalues(reference.matrix)
+    beyond, value = excess(values, theirs)
+    stable = beyond * steps <= LIMIT
+    return Judgement(
+        t, steps, float(abs(values[0])), None if theirs is None else float(abs(theirs[0])),
+        beyond, "" if stable else block_of(step, value))
+
+
+def check_run(
+    scene: Scene, model: Model, solver: StepSolver, full: State, offline: Offline
+) -> tuple[tuple[Note, ...], dict[str, Any]]:
+    """Stability check of a run before its first step, from the full-order state `full`: warnings,
+    and numbers to store. The judgement is kept among the offline products.
+
+    Full order and the projected model are what others are judged by, and are not asked. Raises
+    InputError (key `check_stability`) where the scene says `refuse`.
+    """
+    projects = scene.reducer_name == PROJECTION
+    if scene.check_stability == "off" or not solver.dictionaries or projects:
+        return (), {}
+    plain = {key: value for key, value in IRRELEVANT.items() if key != "seed"}
+    kept = offline.remember(
+        "stability", (scene.using(plain).digest(),),
+        lambda: _as_arrays(_judged_run(scene, model, solver, full)))
+    words, facts = str(kept["words"]), json.loads(str(kept["facts"]))
+    if not words:
+        return (), facts
+    if scene.check_stability == "refuse":
+        raise InputError(words, "check_stability")
+    return (Note(words, "unstable"),), facts
+
+
+def _judged_run(scene: Scene, model: Model, solver: StepSolver, full: State) -> Judgement:
+    integrator, h, steps = scene.integrator, scene.time.step, step_count(scene)
+    known = scene.source.registry
+    states = states_along(model, integrator, h, solver, full, linearization_times(h, steps), known)
+    return judge_along(solver, integrator, h, steps, states, Reference(model, known))
+
+
+def _as_arrays(found: Judgement) -> dict[str, Any]:
+    """Of a judgement what a run reports: its warning ("" where there is none) and its facts."""
+    return {"words": np.array("" if found.stable else found.in_words()),
+            "facts": np.array(json.dumps(found.facts()))}

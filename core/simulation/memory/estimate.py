@@ -1,0 +1,295 @@
+"""Estimate of a run's memory before it starts, and refusal where it does not fit.
+
+Counted are the large things: matrices and factors of full order, snapshots, atoms, tables and what
+is stored. What the assembled scene takes is measured, for it is there already; what it will take is
+estimated from counts by `core/simulation/memory/precheck.py`, before it is assembled.
+"""
+
+import shutil
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from math import inf
+from pathlib import Path
+
+from sparsemor.core.arrays import Csr
+from sparsemor.core.errors import InputError
+from sparsemor.core.linalg.snapshots import HELD
+from sparsemor.core.model.block_patterns import chosen
+from sparsemor.core.model.model import Model
+from sparsemor.core.protocols import (
+    Basis,
+    BoundsAtoms,
+    EstimatesMemory,
+    HoldsSnapshots,
+    UsesBases,
+    UsesForceBasis,
+)
+from sparsemor.core.protocols.reducer import is_full_order
+from sparsemor.core.scene.scene import Scene
+from sparsemor.core.simulation.memory.limits import GIGA, LIMIT, ceiling, resident
+from sparsemor.core.simulation.offline import Offline, step_count
+
+ENTRY = 12
+"""Bytes of an entry of a sparse matrix or factor: a number and its place."""
+START = 5
+"""How often each entry of all operators is held next to them while the start is made consistent."""
+VECTORS = 40
+"""Vectors of all unknowns that a run of full order carries: states, predictor, right-hand sides."""
+UNKNOWN_ATOMS = 200
+"""Assumed number of atoms when the basis does not state one."""
+COPIES = 3
+"""Arrays as large as the snapshots that are held where these are decomposed as a whole."""
+STEP_RECORD = 50
+"""Bytes of memory that the record of one step takes: its seconds and its iterations."""
+STEP_SECONDS = 2.5e-5
+"""Least wall time of a step, of a single rigid body, s."""
+MOST_STEPS = 1e10
+"""Steps beyond which a run is refused whatever memory there is: three days at the least."""
+ROUGH = 0.5
+"""Where rough counts stay below this share of what there is, nothing is counted exactly."""
+
+
+@dataclass(frozen=True, slots=True)
+class Item:
+    """Something large. advice: what makes it smaller."""
+
+    what: str
+    size: float
+    advice: str
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """base: what is held already; phases: what each holds in addition, not at the same time. Bytes.
+    exact: whether factors were counted, not bounded."""
+
+    base: int
+    phases: dict[str, tuple[Item, ...]]
+    exact: bool
+
+    @property
+    def largest(self) -> str:
+        return max(self.phases, key=lambda p: sum(i.size for i in self.phases[p]))
+
+    @property
+    def total(self) -> float:
+        return self.base + max(sum(i.size for i in items) for items in self.phases.values())
+
+
+def fitting(scene: Scene, model: Model, offline: Offline) -> Estimate:
+    """The estimate of a run that may start. InputError, in words, for one that would not fit in
+    memory, or whose snapshots would not fit on the disk."""
+    limit = ceiling()
+    told = estimate(scene, model, offline, exact=False)
+    if told.total > ROUGH * limit:
+        told = estimate(scene, model, offline, exact=True)
+    if told.total > limit:
+        raise InputError(refusal(told, limit))
+    _disk(scene, model, offline)
+    return told
+
+
+def estimate(scene: Scene, model: Model, offline: Offline, exact: bool) -> Estimate:
+    blocks = _sizes(model)
+    trained, own = trains(scene, blocks), is_full_order(scene.reducer)
+    start = _start(model)
+    phases = {"steps": (*_full(model, exact), start) if own else tuple(reduced(scene, blocks))}
+    if not own:
+        phases["start"] = (start,)
+    if trained and not offline.has("training"):
+        phases["training run"] = (
+            Item("the model of the training run", _matrices(model), "a coarser mesh"),
+            *_full(model, exact), start, *_held_snapshots(scene, blocks))
+    if trained:
+        phases["bases"] = tuple(bases(scene, blocks))
+    return Estimate(resident(), phases, exact)
+
+
+def trains(scene: Scene, blocks: Mapping[str, int]) -> bool:
+    """True if any basis of the reducer, of unknowns or of forces, needs snapshots."""
+    reducer = scene.reducer
+    return any(b.needs_snapshots for b in chosen_bases(scene, blocks).values()) or (
+        isinstance(reducer, UsesForceBasis) and reducer.force_basis.needs_snapshots)
+
+
+def _sizes(model: Model) -> dict[str, int]:
+    """Unknowns of each reducible block."""
+    return {n: int(model.layout[n].stop - model.layout[n].start) for n in model.reducible()}
+
+
+def chosen_bases(scene: Scene, blocks: Iterable[str]) -> dict[str, Basis]:
+    """The basis of each block, {} for a reducer without bases."""
+    reducer = scene.reducer
+    if not isinstance(reducer, UsesBases):
+        return {}
+    return {name: chosen(name, reducer.bases, reducer.basis) for name in blocks}
+
+
+def _operators(model: Model) -> Iterator[tuple[str, Csr]]:
+    """The pattern of what a step solves with, by block."""
+    for h in model.separated.heat:
+        yield h.thermal, h.capacity + h.conductivity
+    for m in model.separated.moving:
+        if m.operators is not None:
+            yield m.elastic, m.operators.stiffness + m.operators.mass
+
+
+def _full(model: Model, exact: bool) -> list[Item]:
+    found = [states(model.layout.size)]
+    for name, A in _operators(model):
+        solver = model.solvers.of(name)
+        n = A.shape[0]
+        size = (solver.expected(A, model.places(name))
+                if exact and isinstance(solver, EstimatesMemory)
+                else 2 * ENTRY * min(n * (n + 1) / 2, 2 * n**1.6))
+        found.append(Item(
+            f"the linear solver of {name}", size + 2 * ENTRY * A.nnz,
+            f'linear_solvers: {{"{name}": amg}} (or cg for heat), which hold no factors'))
+    return found
+
+
+def _start(model: Model) -> Item:
+    """Two Jacobians of the whole model and their parts (model/initial_state.py)."""
+    entries = sum(A.nnz for _, A in _operators(model))
+    entries += sum(m.operators.coupling.nnz for m in model.separated.moving
+                   if m.operators is not None and m.operators.coupling is not None)
+    return Item("all operators once more, at the start", START * ENTRY * entries, "a coarser mesh")
+
+
+def states(size: int) -> Item:
+    return Item("states and right-hand sides", 8 * VECTORS * size, "a coarser mesh")
+
+
+def reduced(scene: Scene, blocks: Mapping[str, int]) -> list[Item]:
+    """Atoms and what the operators make of them while they are projected."""
+    found = []
+    for name, basis in chosen_bases(scene, blocks).items():
+        n, k = blocks[name], _atoms(basis, blocks[name])
+        found.append(Item(f"{k} atoms of {name}, and operators times them", 8 * 12 * n * k,
+                          "fewer atoms (count), or a coarser mesh"))
+    return found
+
+
+def bases(scene: Scene, blocks: Mapping[str, int]) -> list[Item]:
+    """One block at a time: its snapshots, and orthonormal columns while they are found."""
+    largest: list[Item] = []
+    M = _count(scene)
+    reducer = scene.reducer
+    copies = reducer.snapshot_copies if isinstance(reducer, HoldsSnapshots) else COPIES
+    for name, basis in chosen_bases(scene, blocks).items():
+        n, k = blocks[name], _atoms(basis, blocks[name])
+        whole = 8 * n * M
+        # a reducer that wants forces has them as a whole, however large
+        held = copies * whole if whole <= HELD or copies > COPIES else HELD / 2
+        one = [Item(f"snapshots of {name}", held, "a larger training.every"),
+               Item(f"{k} atoms of {name}", 8 * 6 * n * k, "fewer atoms (count)")]
+        if sum(i.size for i in one) > sum(i.size for i in largest):
+            largest = one
+    return largest
+
+
+def _held_snapshots(scene: Scene, blocks: Mapping[str, int]) -> list[Item]:
+    M = _count(scene)
+    sizes = {name: 8 * n * M for name, n in blocks.items()}
+    return [Item(f"snapshots of {name}", size, "a larger training.every")
+            for name, size in sizes.items() if size <= HELD]
+
+
+def _disk(scene: Scene, model: Model, offline: Offline) -> None:
+    """Snapshots that go to disk must fit there."""
+    cache = offline.products.cache
+    blocks = _sizes(model)
+    if not trains(scene, blocks) or offline.has("training") or cache is None:
+        return
+    M = _count(scene)
+    sizes = [8 * n * M for n in blocks.values()]
+    wanted = sum(size for size in sizes if size > HELD)
+    place = next((p for p in (cache.root, *cache.root.absolute().parents) if p.exists()), Path("/"))
+    free = shutil.disk_usage(place).free
+    if wanted > free:
+        raise InputError(
+            f"the snapshots of the training run would take {_gb(wanted)}, and {place} has "
+            f"{_gb(free)} left: use a larger training.every, or set SPARSEMOR_CACHE to another "
+            "directory")
+
+
+def grid_refusal(end: float, step: float) -> str:
+    """Why a time grid has too many steps, with their memory and duration; "" where it has not."""
+    steps, limit = end / step, ceiling()
+    if steps <= MOST_STEPS and STEP_RECORD * steps <= limit:
+        return ""
+    if steps == inf:
+        return f"more than 1e308 steps of {step:g} s up to {end:g} s: take a larger time.step"
+    return (f"{steps:.3g} steps of {step:g} s up to {end:g} s would take {_duration(steps)} at the "
+            f"least, and the record of their cost alone {_gb(STEP_RECORD * steps)} of memory, of "
+            f"which {_gb(limit)} are there: take a larger time.step or an earlier time.end")
+
+
+def room_for_result(scene: Scene, model: Model, out: Path) -> None:
+    """InputError where the stored steps of a run would not fit on the disk of `out`."""
+    blocks = _sizes(model)
+    numbers = model.layout.size - sum(blocks.values()) + 3  # time, iterations and seconds
+    numbers += sum(p.displacement.shape[0] if p.displacement is not None else 3
+                   for p in model.probes)
+    bases = chosen_bases(scene, blocks)
+    numbers += sum(_atoms(bases[n], size) if n in bases else size for n, size in blocks.items())
+    rows = step_count(scene) // scene.output.every + 2
+    place = next((p for p in (out.absolute(), *out.absolute().parents) if p.exists()), Path("/"))
+    free = shutil.disk_usage(place).free
+    if 8 * numbers * rows > free:
+        raise InputError(
+            f"the result would take about {_gb(8 * numbers * rows)} on the disk ({rows:.3g} stored "
+            f"steps of {numbers} numbers), which has {_gb(free)} left, and the run "
+            f"{_duration(step_count(scene))} at the least: take a larger output.every, a larger "
+            "time.step or an earlier time.end", "time.step")
+
+
+def _duration(steps: float) -> str:
+    """The least wall time of so many steps, in words."""
+    seconds = STEP_SECONDS * steps
+    for unit, name in ((365.25 * 86400, "years"), (86400, "days"), (3600, "hours"),
+                       (60, "minutes")):
+        if seconds >= 2 * unit:
+            return f"{seconds / unit:.3g} {name}"
+    return f"{seconds:.3g} seconds"
+
+
+def _count(scene: Scene) -> int:
+    """Snapshots of the training run, at most."""
+    training = scene.for_training()
+    return step_count(training) // scene.training.every + 2
+
+
+def _atoms(basis: Basis, size: int) -> int:
+    bound = basis.most_atoms(size) if isinstance(basis, BoundsAtoms) else None
+    return min(size, UNKNOWN_ATOMS if bound is None else bound)
+
+
+def _matrices(model: Model) -> int:
+    """Bytes of a second model's constant matrices."""
+    found = 0
+    for h in model.separated.heat:
+        found += _bytes(h.capacity) + _bytes(h.conductivity)
+    for m in model.separated.moving:
+        o = m.operators
+        if o is not None:
+            parts = [o.mass, o.damping, o.stiffness, *o.generators]
+            found += sum(map(_bytes, parts)) + (0 if o.coupling is None else _bytes(o.coupling))
+            found += o.directions.nbytes + o.loads.nbytes
+    return 2 * found  # terms hold them once more
+
+
+def _bytes(A: Csr) -> int:
+    return int(A.data.nbytes + A.indices.nbytes + A.indptr.nbytes)
+
+
+def refusal(told: Estimate, limit: int) -> str:
+    items = sorted(told.phases[told.largest], key=lambda i: -i.size)[:3]
+    parts = "; ".join(f"{i.what}: {_gb(i.size)}" for i in items)
+    return (f"this run would hold about {_gb(told.total)} of memory ({told.largest}: {parts}; held "
+            f"already: {_gb(told.base)}), and {_gb(limit)} are there for it (the machine's, or "
+            f"{LIMIT}): take {items[0].advice}")
+
+
+def _gb(size: float) -> str:
+    return f"{size / GIGA:.0f} GB" if size >= 10 * GIGA else f"{size / GIGA:.2g} GB"

@@ -1,0 +1,94 @@
+"""Lower estimate of a run's memory, from the sizes of its meshes before meshing.
+
+A scene that is refined too far would fill the machine while it is assembled; what is found here is
+refused at once. What can only be determined from matrices (the factors' fill, whether the training
+run is in the cache) is left to `estimate.py`, once the scene is assembled.
+"""
+
+from math import log2
+
+from sparsemor.core.errors import Gather, InputError
+from sparsemor.core.model.block_patterns import chosen
+from sparsemor.core.protocols import EstimatesSize, StatesFillIn
+from sparsemor.core.protocols.mesh import BodySize
+from sparsemor.core.protocols.reducer import is_full_order
+from sparsemor.core.scene.scene import Scene
+from sparsemor.core.simulation.memory.estimate import (
+    ENTRY,
+    START,
+    Estimate,
+    Item,
+    bases,
+    reduced,
+    refusal,
+    states,
+    trains,
+)
+from sparsemor.core.simulation.memory.limits import ceiling, resident
+
+CELL = {2: 400, 3: 500}
+"""Bytes a cell: numbers of its points, facets while the mesh is checked and loads are placed."""
+HELD = 7
+"""How often each entry of operators on displacements is held: by its body, by terms, taken apart,
+and what the process does not give back of the memory it was made in."""
+SCALAR = 4
+"""The same of mass, capacity and conduction, the start included."""
+
+
+def check_memory(scene: Scene) -> None:
+    """InputError, in words, where a run would not fit in memory whatever it finds in the cache.
+    Bodies that do not know their size in advance are left out."""
+    told, limit = precheck_memory(scene), ceiling()
+    if told is not None and told.total > limit:
+        raise InputError(refusal(told, limit))
+
+
+def precheck_memory(scene: Scene) -> Estimate | None:
+    """The estimate from counts alone; None where no body knows its size."""
+    bodies = {name: size for name, plugin in scene.bodies.items()
+              if (size := _size(plugin)) is not None}
+    if not bodies:
+        return None
+    blocks = {f"{name}.{field}": n for name, size in bodies.items()
+              for field, n in size.unknowns.items()}
+    assembled = [item for name, size in bodies.items() for item in _assembled(name, size)]
+    start = [Item("all operators once more, at the start", START * ENTRY * sum(
+        b.vector_entries for b in bodies.values()), "a coarser mesh")]
+    if is_full_order(scene.reducer):
+        factors = [i for name, size in bodies.items() for i in _factors(scene, name, size)]
+        phases = {"steps": [*assembled, states(sum(blocks.values())), *factors, *start]}
+    else:
+        phases = {"start": [*assembled, *start], "steps": [*assembled, *reduced(scene, blocks)]}
+    if trains(scene, blocks):  # a training run that cannot be is told elsewhere
+        phases["bases"] = [*assembled, *(Gather()("", bases, scene, blocks) or [])]
+    return Estimate(resident(), {name: tuple(items) for name, items in phases.items()}, False)
+
+
+def _size(plugin: object) -> BodySize | None:
+    return plugin.expected() if isinstance(plugin, EstimatesSize) else None
+
+
+def _assembled(name: str, size: BodySize) -> list[Item]:
+    return [
+        Item(f"the mesh of {name}, {size.mesh.cells} cells",
+             CELL[size.mesh.dimension] * size.mesh.cells, "a coarser mesh"),
+        Item(f"the operators of {name}",
+             ENTRY * (HELD * size.vector_entries + SCALAR * size.scalar_entries),
+             "a coarser mesh")]
+
+
+def _factors(scene: Scene, name: str, size: BodySize) -> list[Item]:
+    """The least fill of the factors of those blocks whose solver cannot do without: n log2 n
+    entries in the plane, n^(4/3) in space (Lipton, Rose and Tarjan 1979, doi 10.1137/0716027), with
+    a factor 1 that a long and thin body keeps below, too."""
+    found = []
+    for field, n in size.unknowns.items():
+        block = f"{name}.{field}"
+        solver = chosen(block, scene.linear_solvers, scene.linear_solver)
+        if not (isinstance(solver, StatesFillIn) and solver.direct):
+            continue
+        fill = n * log2(n + 1) if size.mesh.dimension == 2 else n ** (4 / 3)
+        found.append(Item(f"the factors of {block}, at least", 2 * ENTRY * fill,
+                          f'linear_solvers: {{"{block}": amg}} (or cg for heat), which hold no '
+                          "factors"))
+    return found

@@ -1,0 +1,147 @@
+"""Offline products through the cache, and what each cost, also where it was found there."""
+
+import json
+import shutil
+import time
+import weakref
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from sparsemor.core.model.factorizations import Factored
+from sparsemor.core.model.model import Model
+from sparsemor.core.protocols import HasMesh
+from sparsemor.core.simulation.cache import Cache, scratch_folder
+
+_FILE = "spent.json"
+
+
+@dataclass(slots=True)
+class Product:
+    """One product while it is asked for. name: kind and key; place: its cache entry, if any."""
+
+    name: str
+    place: Path | None
+    hit: bool = False
+    inside: dict[str, float] = field(default_factory=dict)
+    nested: float = 0.0
+
+
+class OfflineCost:
+    """Seconds by product, each counted once; a product's entry knows those it was made from.
+
+    waited: s that asking for them took here.
+    """
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+        self.waited = 0.0
+        self._open: list[Product] = []
+
+    @property
+    def total(self) -> float:
+        """Total time of all products in use, s."""
+        return sum(self.seconds.values())
+
+    def whole(self, elapsed: float) -> float:
+        """An offline stage that took `elapsed` s, had nothing been in the cache, s."""
+        return max(elapsed - self.waited, 0.0) + self.total
+
+    @contextmanager
+    def product(self, name: str, place: Path | None) -> Iterator[Product]:
+        """Around the asking for a product; the caller sets `hit`."""
+        one = Product(name, place)
+        self._open.append(one)
+        start = time.perf_counter()
+        try:
+            yield one
+        finally:
+            self._open.pop()
+        elapsed = time.perf_counter() - start
+        if one.hit:
+            cost = dict(_read(place))
+        else:
+            cost = one.inside | {name: max(elapsed - one.nested, 0.0)}
+            record(place, cost)
+        self.seconds |= cost
+        if self._open:
+            self._open[-1].inside |= cost
+            self._open[-1].nested += elapsed
+        else:
+            self.waited += elapsed
+
+
+def record(place: Path | None, cost: Mapping[str, float]) -> None:
+    """Write the cost of a product next to its cache entry, s by product."""
+    if place is not None and place.is_dir():
+        try:
+            (place / _FILE).write_text(json.dumps(cost), encoding="utf-8")
+        except OSError:
+            pass  # a full disk costs this number only
+
+
+def _read(place: Path | None) -> Mapping[str, float]:
+    if place is None:
+        return {}
+    try:
+        found = json.loads((place / _FILE).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}  # kept by an older version, or being written
+    return {str(k): float(v) for k, v in found.items()} if isinstance(found, dict) else {}
+
+
+class Products:
+    """Arrays that are made once. `used`: product -> "hit" or "miss" of the cache; seconds: how long
+    asking for it took here. cache: None keeps nothing. told: reports of the linear systems that
+    were made ready on the way."""
+
+    def __init__(self, cache: Cache | None) -> None:
+        self.cache = cache
+        self.used: dict[str, str] = {}
+        self.seconds: dict[str, float] = {}
+        self.spent = OfflineCost()
+        self.told: list[Factored] = []
+        self._scratch: Path | None = None
+
+    def scratch(self) -> Path:
+        """A folder for what does not fit in memory. What is in it and is not kept in the cache goes
+        with these products."""
+        if self._scratch is None:
+            self._scratch = scratch_folder(None if self.cache is None else self.cache.root)
+            weakref.finalize(self, shutil.rmtree, self._scratch, ignore_errors=True)
+        return self._scratch
+
+    def keep(
+        self, kind: str, key: str, arrays: Mapping[str, Any], seconds: float
+    ) -> None:
+        """Put arrays that a run has made into the cache; seconds: what they cost."""
+        if self.cache is None:
+            return
+        _, hit = self.cache.get_or_make(kind, key, lambda: arrays)
+        if not hit:
+            record(self.cache.place(kind, key), {f"{kind}/{key}": seconds})
+
+    def remember(
+        self, kind: str, key: str, make: Callable[[], Mapping[str, Any]]
+    ) -> Mapping[str, Any]:
+        """Arrays of one product: from the cache, or made and kept there."""
+        start = time.perf_counter()
+        if self.cache is None:
+            arrays, hit = make(), False
+        else:
+            with self.spent.product(f"{kind}/{key}", self.cache.place(kind, key)) as product:
+                arrays, hit = self.cache.get_or_make(kind, key, make)
+                product.hit = hit
+        label = "hit" if hit else "miss"
+        self.used[kind] = label if self.used.get(kind, label) == label else "mixed"
+        self.seconds[kind] = self.seconds.get(kind, 0.0) + time.perf_counter() - start
+        return arrays
+
+
+def mesh_content(model: Model) -> list[Any]:
+    """Points, cells and sets of every mesh of a model, for keys."""
+    meshes = [m for p in model.parts.values() if isinstance(p, HasMesh)
+              and (m := p.mesh) is not None]
+    return [[m.points, m.cells, dict(m.point_sets)] for m in meshes]

@@ -1,0 +1,31 @@
+"""Preparation of a run: checked model and offline products, pre-simulation included."""
+
+from sparsemor.core.model.body_cache import BodyCache
+from sparsemor.core.model.model import Model
+from sparsemor.core.registry.hooks import Manager
+from sparsemor.core.scene.scene import Scene
+from sparsemor.core.simulation.cache import Cache
+from sparsemor.core.simulation.memory.estimate import fitting
+from sparsemor.core.simulation.offline import Offline, offline_of
+from sparsemor.core.simulation.offline_cache import Products
+from sparsemor.core.simulation.rigid_stage import staged
+from sparsemor.core.simulation.validation import checked_model
+
+
+def prepared(
+    scene: Scene, cache: Cache, manager: Manager, body_cache: BodyCache | None = None
+) -> tuple[Model, Offline]:
+    """The model that a reducer is prepared for. A rigid stage is run here, or found in the cache.
+
+    Raises InputError as `checked_model` does, and where the run would not fit in memory;
+    SolveFailed where the rigid stage stops early.
+    """
+    body_cache, products = body_cache or BodyCache(), Products(cache)
+    if scene.rigid_stage is None:
+        model = checked_model(scene, body_cache)
+    else:
+        checked_model(scene, body_cache)  # which is not held beside the one that is run
+        model = staged(scene, products, manager, body_cache)
+    offline = offline_of(scene, model, products, manager, body_cache)
+    offline.expected = fitting(scene, model, offline)
+    return model, offline

@@ -1,0 +1,279 @@
+"""Between the time loop and the store: buffers steps, evaluates probes, sums up a run."""
+
+import time
+from collections.abc import Mapping, Sequence
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sparsemor.core.arrays import BoolArray
+from sparsemor.core.errors import InputError
+from sparsemor.core.linalg.threads import described, elsewhere
+from sparsemor.core.model.initial_state import start_notes
+from sparsemor.core.model.model import Model, distinct
+from sparsemor.core.notes import Level, Note, information, kinds, sentences
+from sparsemor.core.protocols import (
+    BodyShape,
+    ChecksLayout,
+    CountsLinearIterations,
+    HasShape,
+    NamesMultipliers,
+    State,
+    StepSolver,
+)
+from sparsemor.core.protocols.step_solver import resultant_sources_of, resultants
+from sparsemor.core.results.checkpoint import Checkpoint
+from sparsemor.core.results.json_data import finite
+from sparsemor.core.results.metadata import RunHeader
+from sparsemor.core.results.output_directory import STORE
+from sparsemor.core.results.output_lock import check_owned
+from sparsemor.core.results.probes import ProbeReader
+from sparsemor.core.results.saved_state import SavedError
+from sparsemor.core.results.solver_report import solvers_summary
+from sparsemor.core.results.store import ChunkOfSteps, ResultWriter
+from sparsemor.core.results.zarr_files import read_group
+from sparsemor.core.scene.run_identity import Identity
+from sparsemor.core.scene.scene import Scene
+from sparsemor.core.simulation.admission import admit
+from sparsemor.core.simulation.diagnostics.trial_space import TrialSpace
+from sparsemor.core.simulation.memory.use import MemoryUse
+from sparsemor.core.simulation.offline import Offline
+from sparsemor.core.simulation.step_statistics import Tally
+from sparsemor.core.status import Status
+
+CHUNK, SECONDS = 256, 2.0
+"""Rows, or seconds, after which what was computed is committed to disk."""
+BUFFER = 2**26
+"""Bytes of rows after which it is, too."""
+
+
+class Recorder:
+    """Owns the store of one run."""
+
+    def __init__(
+        self, scene: Scene, model: Model, solver: StepSolver, offline: Offline,
+        writer: ResultWriter, checkpoint: Checkpoint | None, steps: int,
+    ) -> None:
+        self.scene, self.model, self.solver, self.offline = scene, model, solver, offline
+        self.writer, self.checkpoint, self.steps = writer, checkpoint, steps
+        self.store = writer.path
+        self.reducer = scene.reducer_name
+        self._probes = [ProbeReader.of(p, solver.layout, solver.dictionaries)
+                        for p in model.probes]
+        self._given = {n: shape for n, shape in shapes(model).items() if shape.given}
+        self.notes: tuple[Note, ...] = ()  # of what was found before the first step
+        self.spaces: tuple[TrialSpace, ...] = ()
+        self.stability: Mapping[str, Any] = {}
+        self.memory: MemoryUse | None = None
+        self._every, self._saved = scene.output.every, time.perf_counter()
+        # along a rigid stage histories are kept already; what acts besides is conduction alone
+        self._tells = model.stage is None
+        self._rows: list[tuple[float, Any, int, float]] = []
+        self._contacts: list[Mapping[str, float]] = []
+        self._supports: list[Mapping[str, BoolArray]] = []
+
+    @classmethod
+    def open(
+        cls, scene: Scene, model: Model, solver: StepSolver, offline: Offline, out: Path,
+        resume: bool, steps: int,
+    ) -> "Recorder":
+        """A new store, or the stopped one. Raises InputError when there is one already."""
+        store = out / STORE
+        if resume:
+            writer, checkpoint = ResultWriter.resume(store, scene.digest(), Identity.of(scene))
+            recorder = cls(scene, model, solver, offline, writer, checkpoint, steps)
+            recorder.notes = elsewhere(read_group(store)["attributes"].get("platform", {}))
+            return recorder
+        admit(scene, out, resume)
+        check_owned(out)
+        header = _header(scene, model, solver, steps)
+        return cls(scene, model, solver, offline, ResultWriter.create(store, header), None, steps)
+
+    def restored(self, state: State, memory: Any, tally: Tally) -> tuple[State, Any, Tally]:
+        """State, step memory and sums at the last checkpoint; given: those of the start, which
+        have the same structure. Raises InputError where the checkpoint's is another one."""
+        assert self.checkpoint is not None
+        offline, arrays = tally.offline, self.checkpoint.arrays
+        own = {"x": state.x, "v": state.v, "a": state.a, "memory": state.memory}
+        try:
+            for name, array in own.items():
+                if arrays[name].shape != array.shape or arrays[name].dtype != array.dtype:
+                    raise SavedError(f"{name} has shape {arrays[name].shape}, and {array.shape} "
+                                     "in this program")
+            found = self.checkpoint.memory.into({"memory": memory, "tally": tally}, "state")
+            t, memory, tally = float(arrays["t"]), found["memory"], found["tally"]
+        except (KeyError, SavedError) as error:
+            raise InputError(
+                f"{self.store} cannot be resumed: its checkpoint does not fit ({error}); start "
+                "again, with --force or into another directory", "resume") from None
+        tally.offline += offline
+        return State(t, *(arrays[name] for name in own)), memory, tally
+
+    def start(self, state: State, supports: Mapping[str, BoolArray], memory: Any) -> None:
+        self._keep(state, 0, 0.0, supports, memory)
+
+    def take(
+        self, state: State, tally: Tally, supports: Mapping[str, BoolArray], memory: Any
+    ) -> bool:
+        """Keep an accepted step when it is one to store; True when it is time to save."""
+        if tally.done % self._every and tally.done != self.steps:
+            return False
+        self._keep(state, tally.last_iterations, tally.last_seconds, supports, memory)
+        return (len(self._rows) >= CHUNK or len(self._rows) * state.x.nbytes >= BUFFER
+                or time.perf_counter() - self._saved > SECONDS)
+
+    def keep_last(
+        self, state: State, tally: Tally, supports: Mapping[str, BoolArray], memory: Any
+    ) -> None:
+        """Commit everything up to the last accepted step, also where it is none to store."""
+        if tally.done % self._every:
+            self._keep(state, tally.last_iterations, tally.last_seconds, supports, memory)
+        self.flush()
+
+    def _keep(
+        self, state: State, iterations: int, seconds: float, supports: Mapping[str, BoolArray],
+        memory: Any,
+    ) -> None:
+        self._rows.append((state.t, state.x, iterations, seconds))
+        self._supports.append(dict(supports))
+        told = resultant_sources_of(self.solver, memory) if self._tells else ()
+        self._contacts.append(resultants(told, state))
+
+    def save(self, state: State, memory: Any, tally: Tally) -> None:
+        """Commit the buffered steps and a checkpoint."""
+        self.flush()
+        arrays = {"t": np.array(state.t), "x": state.x, "v": state.v, "a": state.a,
+                  "memory": state.memory}
+        self.writer.checkpoint(arrays, {"memory": memory, "tally": tally})
+        self._saved = time.perf_counter()
+
+    def flush(self) -> None:
+        if not self._rows:
+            return
+        t, x, iterations, seconds = (list(c) for c in zip(*self._rows, strict=True))
+        X = np.stack(x)
+        times = np.array(t)
+        supports = {name: np.stack([s[name] for s in self._supports])
+                    for name in self._supports[0]}
+        self.writer.append(ChunkOfSteps(
+            times, X, np.array(iterations), np.array(seconds), supports,
+            {p.name: p(times, X) for p in self._probes},
+            {name: np.array([c[name] for c in self._contacts]) for name in self._contacts[0]},
+            {body: shape.given_at(times) for body, shape in self._given.items()}))
+        self._rows, self._supports, self._contacts = [], [], []
+
+    def _integrator_notes(self) -> tuple[Note, ...]:
+        integrator: object = self.scene.integrator
+        if isinstance(integrator, ChecksLayout):
+            return integrator.notes(self.model.layout)
+        return ()
+
+    def finish(self, status: Status, summary: Mapping[str, Any]) -> None:
+        self.writer.finish(status, summary)
+
+    def summary(
+        self, status: Status, tally: Tally, state: State, memory: Any
+    ) -> dict[str, Any]:
+        """The `--json` object of a run that came to `state`."""
+        end, x = np.array([state.t]), state.x[None]
+        solver, counters = self.solver, self.solver.counters(memory)
+        atoms = {n: int(d.atoms.shape[1]) for n, d in solver.dictionaries.items()}
+        done = max(tally.done, 1)
+        return {
+            "status": status.value,
+            "scene": self.scene.name,
+            "reducer": self.reducer,
+            "steps": tally.done,
+            "t_end": tally.done * self.scene.time.step,  # state.t is a long sum
+            "wall_s": {"offline": tally.offline, "online": tally.online},
+            "ms_per_step": tally.ms_per_step,
+            "ms_per_step_solver": tally.ms_per_step_solver,
+            "newton_iterations": tally.iterations / done,
+            "factorizations": counters.get("factorizations", 0),
+            "support_changes": counters.get("support_changes", 0),
+            "rows": {n: len(r) for n, r in solver.rows.items()},
+            "atoms": atoms,
+            "atoms_active": {n: tally.active[n] / done if n in tally.active else float(k)
+                             for n, k in atoms.items()},
+            "elements_touched": dict(solver.elements_touched),
+            "probes": {p.name: p.described(p(end, x)[0]) for p in self._probes},
+            "cache": dict(self.offline.products.used),
+            "offline_s": dict(self.offline.products.seconds),
+            "offline_whole_s": self.offline.products.spent.whole(tally.offline),
+            **in_summary((*start_notes(self.model), *self._integrator_notes(), *solver.notes,
+                    *self.notes, *_full_newton(counters, done))),
+            "stability": dict(self.stability),
+            "linear_solvers": solvers_summary(
+                [*self.model.solvers.log, *self.offline.products.told],
+                _iterations(solver, memory), done),
+            "memory": {} if self.memory is None else self.memory.summary(),
+            "facts": finite(dict(solver.facts)),  # dependent columns: no finite condition
+            "platform": described(),
+            "out": str(self.store.parent),
+        }
+
+
+def in_summary(notes: Sequence[Note]) -> dict[str, list[str]]:
+    """Notes in a summary: sentences of warnings, their kinds, and sentences of information."""
+    return {"notes": sentences(notes, Level.WARNING), "note_kinds": kinds(notes),
+            "information": sentences(notes, Level.INFORMATION)}
+
+
+def _full_newton(counters: Mapping[str, int], steps: int) -> tuple[Note, ...]:
+    """Of steps in which the iteration with constant operators did not converge."""
+    n = counters.get("full_newton_steps", 0)
+    return () if not n else (information(
+        f"{n} of {steps} steps were solved by Newton's method with the exact Jacobian, because the "
+        "iteration with constant operators did not converge: large displacements of a soft body "
+        "are the usual cause", "full_newton"),)
+
+
+def _iterations(solver: Any, memory: Any) -> Mapping[str, int]:
+    """Of linear solvers in the steps, by block."""
+    return solver.linear_iterations(memory) if isinstance(solver, CountsLinearIterations) else {}
+
+
+def shapes(model: Model) -> dict[str, BodyShape]:
+    """The shape of each body that has a mesh."""
+    return {n: shape for n, p in model.parts.items()
+            if isinstance(p, HasShape) and (shape := p.shape()) is not None}
+
+
+def multiplier_components(model: Model) -> dict[str, tuple[tuple[str, str], ...]]:
+    """Multiplier block -> name and unit of each unknown, for joints that say it."""
+    found = {}
+    for name, part in model.parts.items():
+        block = model.layout.multipliers(name)
+        if block is not None and isinstance(part, NamesMultipliers):
+            names, units = zip(*part.components, strict=True)
+            found[block.name] = tuple(zip(distinct(list(names)), units, strict=True))
+    return found
+
+
+def _header(scene: Scene, model: Model, solver: StepSolver, steps: int) -> RunHeader:
+    from importlib.metadata import entry_points
+
+    names = {"sparsemor", "numpy", "scipy", "scikit-fem", "pydantic"}
+    found = entry_points()
+    for group in (g for g in found.groups if g.startswith("sparsemor.")):
+        names |= {e.dist.name for e in found.select(group=group) if e.dist is not None}
+    import platform
+
+    dump = scene.dump()
+    return RunHeader(
+        scene=dump, scene_digest=scene.digest(), seed=scene.seed,
+        identity=Identity.of(scene).plain(), platform=described(),
+        versions={"python": platform.python_version()} | {n: version(n) for n in sorted(names)},
+        reducer=scene.reducer_name, layout=solver.layout, full_layout=model.layout,
+        step=scene.time.step, steps_planned=steps, dictionaries=solver.dictionaries,
+        rows=solver.rows,
+        bodies=shapes(model),
+        probes=tuple(ProbeReader.of(p, solver.layout, solver.dictionaries).header()
+                     for p in model.probes),
+        stage=model.stage,
+        contacts={a.name: a.term.histories for a in resultant_sources_of(solver, None)}
+        if model.stage is None else {},
+        multipliers=multiplier_components(model),
+    )

@@ -1,0 +1,204 @@
+"""Two-stage scenes: the rigid stage, its histories, and the flexible model that follows them.
+
+The stage is the same scene with bodies that carry no field, so that contact is cheap to solve in
+the step. Full and reduced flexible runs follow the same tables: one definition of the loads.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.errors import Fault, InputError
+from sparsemor.core.model.assembly import assemble
+from sparsemor.core.model.body_cache import BodyCache
+from sparsemor.core.model.model import Model
+from sparsemor.core.model.prescribed_motion import Followed, Immobile, importing
+from sparsemor.core.protocols import (
+    Contact,
+    DeclaresEffect,
+    DeclaresSurfaces,
+    HasPose,
+    NamesSides,
+    PassesReactionsOn,
+    SelectsFields,
+)
+from sparsemor.core.protocols.layout import Quantity, declared_kinds
+from sparsemor.core.protocols.prescribed_motion import FrameHistory, Stage, SurfaceLoads
+from sparsemor.core.registry.hooks import Manager
+from sparsemor.core.scene.defaults import FULL_ORDER
+from sparsemor.core.scene.digest import digest
+from sparsemor.core.scene.independent_of_physics import IRRELEVANT
+from sparsemor.core.scene.run_identity import Identity
+from sparsemor.core.scene.scene import Scene
+from sparsemor.core.simulation.offline import Offline, full_run
+from sparsemor.core.simulation.offline_cache import Products, mesh_content
+from sparsemor.core.status import SolveFailed, Status
+
+STAGE = "rigid stage"
+"""How the detail of a failure begins that happened in the rigid stage."""
+_LABEL = "rigid_stage.overrides"
+_OWN_STEPS = ("the stage follows how bodies swing on their contacts: raise time.control.rigid "
+              "above that swing, or keep fixed steps there, "
+              "rigid_stage: {overrides: {time.control: null}}")
+
+
+def rigid_scene(scene: Scene) -> Scene:
+    """The scene of the rigid stage: no fields, nothing that acts on heat, full order.
+
+    Loads and joints that act on temperatures alone are left out (`DeclaresEffect`). What the motion
+    does not depend on is reset, so that its digest finds the stage of any run of the scene.
+    """
+    assert scene.rigid_stage is not None
+    tree = scene.source.tree
+    kept: dict[str, Any] = {
+        group: {n: tree[group][n] for n, plugin in plugins.items() if _moves(plugin)}
+        for group, plugins in (("joints", scene.joints), ("loads", scene.loads))
+        if tree.get(group)}
+    rigid_copy: dict[str, Any] = {f"bodies.{n}.fields": [] for n, body in scene.bodies.items()
+                            if isinstance(body, SelectsFields)}
+    plain = scene.using({
+        **kept, **rigid_copy, **IRRELEVANT, "reducer": FULL_ORDER, "training": {},
+        "rigid_stage": None, "linear_solver": "auto", "linear_solvers": {}}, label="rigid_stage")
+    return plain.using(scene.rigid_stage.overrides, label=_LABEL)
+
+
+def _moves(plugin: object) -> bool:
+    """True if the motion depends on a load or joint."""
+    return not isinstance(plugin, DeclaresEffect) or plugin.acts_on == "motion"
+
+
+def stage_faults(scene: Scene) -> list[Fault]:
+    """Surfaces of contacts that do not suit the scene, and a stage that ends before the run."""
+    faults = []
+    elastic = {n for n, body in scene.bodies.items() if _deforms(body)}
+    for name, contact in scene.contacts.items():
+        surfaces = contact.surfaces if isinstance(contact, DeclaresSurfaces) else "rigid"
+        key = f"contacts.{name}.surfaces"
+        if scene.rigid_stage is not None and surfaces == "deformed":
+            faults.append(Fault(key, "a rigid stage knows no deformed surfaces: take `rigid`, or "
+                                "drop rigid_stage to evaluate this contact inside the step"))
+        sides = contact.between if isinstance(contact, NamesSides) else ()
+        touched = elastic & {side.partition(":")[0] for side in sides}
+        if scene.rigid_stage is None and surfaces == "rigid" and touched:
+            faults.append(Fault(
+                key, f"{', '.join(sorted(touched))}: contact of rigid surfaces inside the step "
+                "would not deform this body: add `rigid_stage: {}` to the scene, or "
+                "take `deformed`"))
+    if scene.rigid_stage is not None:
+        end = rigid_scene(scene).time.end
+        if end < scene.time.end * (1 - 1e-9):
+            faults.append(Fault(
+                "rigid_stage.overrides", f"the rigid stage ends at {end:g} s, before the run at "
+                f"{scene.time.end:g} s: extend its end"))
+    return faults
+
+
+def _deforms(body: object) -> bool:
+    """True if a body plugin's option `fields` names a field of displacements."""
+    kinds = {k.name for k in declared_kinds([body]) if k.quantity is Quantity.DISPLACEMENT}
+    return isinstance(body, SelectsFields) and not kinds.isdisjoint(body.fields)
+
+
+def rigid_model(scene: Scene, body_cache: BodyCache) -> Model:
+    """The model of a rigid stage's scene, assembled once a workshop."""
+    return body_cache.model(scene.digest(), lambda: assemble(scene, Immobile(), body_cache))
+
+
+def staged(scene: Scene, products: Products, manager: Manager, body_cache: BodyCache) -> Model:
+    """The flexible model of a two-stage scene, after its rigid stage has run or been found.
+
+    Raises SolveFailed, with a detail that begins with "rigid stage", where that stops early.
+    """
+    rigid = rigid_scene(scene)
+    model = rigid_model(rigid, body_cache)
+    key = digest(rigid.digest(), Identity.of(rigid).plain(), mesh_content(model))
+    arrays = products.remember("rigid_stage", key, lambda: _run(rigid, model, manager))
+    imported = _Imported(_stage(arrays), products, key, scene)
+    flexible = assemble(scene, imported, body_cache)
+    return replace(flexible, stage=replace(imported.stage, contacts=imported.histories))
+
+
+class _Imported(Followed):
+    """Surface loads through the cache, and the histories of contacts next to them."""
+
+    def __init__(self, stage: Stage, products: Products, key: str, scene: Scene) -> None:
+        super().__init__(stage)
+        self.products, self.key = products, digest(key, scene.digest("bodies", "contacts"))
+        self.histories: dict[str, Mapping[str, FloatArray]] = {}
+
+    def surface_loads(
+        self, name: str, contact: Contact, motion: Mapping[str, FrameHistory]
+    ) -> Mapping[str, SurfaceLoads]:
+        def make() -> dict[str, Any]:
+            able = importing(contact, name)
+            made: dict[str, Any] = {
+                f"history.{n}": np.asarray(h) for n, h in able.history(motion).items()}
+            for body, loads in able.imported(motion).items():
+                made |= {f"nodes.{body}": loads.nodes, f"force.{body}": loads.force,
+                         f"heat.{body}": loads.heat}
+            return made
+
+        arrays = self.products.remember("surface_loads", digest(self.key, name), make)
+        self.histories[name] = _under("history", arrays)
+        return {
+            body: SurfaceLoads(nodes, arrays[f"force.{body}"], arrays[f"heat.{body}"])
+            for body, nodes in _under("nodes", arrays).items()}
+
+
+@np.errstate(all="ignore")  # overflow is a status of the step, not a warning
+def _run(scene: Scene, model: Model, manager: Manager) -> dict[str, Any]:
+    """Times; per body pose, rate and acceleration (T, 3, n); per joint (T, l) multipliers and, from
+    `reactions_passed_on(times, multipliers, poses)`, what the flexible stage receives."""
+    layout = model.layout
+    try:
+        kept = list(full_run(scene, model, Offline.of(model, {}), manager, STAGE))
+    except SolveFailed as failure:
+        if failure.status is not Status.STEP_TOO_LONG:
+            raise
+        raise SolveFailed(failure.status, failure.time, failure.block,
+                          f"{failure.detail}; {_OWN_STEPS}") from None
+    times = np.array([s.t for s in kept])
+    frames = {b.owner: np.stack([np.stack([s.x, s.v, s.a])[:, layout[b.name]] for s in kept])
+              for b in layout if b.kind.quantity is Quantity.POSE}
+    made: dict[str, Any] = {"times": times, "moves": np.array(sorted(frames))}
+    for name in scene.bodies:
+        body = model.parts[name]
+        if name not in frames and isinstance(body, HasPose):
+            pose = body.pose
+            frames[name] = np.stack([pose, 0 * pose, 0 * pose])[None].repeat(len(times), axis=0)
+    made |= {f"frame.{name}": values for name, values in frames.items()}
+    poses = {name: values[:, 0] for name, values in frames.items()}
+    for b in layout:
+        if b.kind.order == 0 and b.owner in scene.joints:
+            made[f"reaction.{b.owner}"] = known = np.stack([s.x[layout[b.name]] for s in kept])
+            joint = model.parts[b.owner]
+            if isinstance(joint, PassesReactionsOn):
+                made[f"handed.{b.owner}"] = joint.reactions_passed_on(times, known, poses)
+    return made
+
+
+def _stage(arrays: Mapping[str, Any]) -> Stage:
+    times = np.asarray(arrays["times"])
+    frames = {n: FrameHistory(times, *(np.ascontiguousarray(m[:, i]) for i in range(3)))
+              for n, m in _under("frame", arrays).items()}
+    return Stage(times, frames, frozenset(str(n) for n in arrays["moves"]),
+                 _under("reaction", arrays), {}, _under("handed", arrays))
+
+
+def _under(group: str, arrays: Mapping[str, Any]) -> dict[str, Any]:
+    """The arrays named `group.x`, by x."""
+    return {n.partition(".")[2]: np.asarray(a) for n, a in arrays.items()
+            if n.partition(".")[0] == group}
+
+
+def check_rigid(scene: Scene, body_cache: BodyCache) -> None:
+    """Builds the model of the rigid stage. Raises InputError with keys of the scene itself where
+    they are the same, else under `rigid_stage`."""
+    try:
+        rigid_model(rigid_scene(scene), body_cache)
+    except InputError as error:
+        raise InputError([Fault(f.key, f"in the rigid stage: {f.message}")
+                          for f in error.faults]) from None

@@ -1,0 +1,247 @@
+"""The time loop: assemble, prepare, step, store. The only place where a status becomes an error."""
+
+import atexit
+import errno
+import shutil
+import time
+from collections.abc import Sequence
+from contextlib import nullcontext
+from pathlib import Path
+from tempfile import gettempdir, mkdtemp
+from typing import Any
+
+import numpy as np
+
+from sparsemor.core.errors import Damaged, InputError
+from sparsemor.core.linalg.threads import fixed_threads
+from sparsemor.core.model.body_cache import BodyCache
+from sparsemor.core.model.initial_state import consistent_state
+from sparsemor.core.model.model import Model
+from sparsemor.core.notes import Note
+from sparsemor.core.protocols import RedrawsRows, ReducedProblem, State, StepMemory, StepSolver
+from sparsemor.core.registry.hooks import Manager, RunStart, new_manager
+from sparsemor.core.registry.returned_values import complete
+from sparsemor.core.results.output_lock import owned
+from sparsemor.core.results.run_result import RunResult
+from sparsemor.core.scene.scene import Scene
+from sparsemor.core.simulation.admission import admit, kept
+from sparsemor.core.simulation.cache import Cache
+from sparsemor.core.simulation.diagnostics.contact_warnings import contact_warnings
+from sparsemor.core.simulation.diagnostics.plausibility import after_run, before_run, of_solver
+from sparsemor.core.simulation.diagnostics.trial_space import (
+    beyond_training,
+    space_notes,
+    trial_spaces,
+)
+from sparsemor.core.simulation.interrupt import Interrupt
+from sparsemor.core.simulation.linearization import check_run
+from sparsemor.core.simulation.memory.estimate import room_for_result
+from sparsemor.core.simulation.memory.limits import peak
+from sparsemor.core.simulation.memory.use import MemoryUse
+from sparsemor.core.simulation.offline import Offline, is_training_run, step_count
+from sparsemor.core.simulation.prepare import prepared
+from sparsemor.core.simulation.recorder import Recorder, in_summary
+from sparsemor.core.simulation.step_control import ControlledSteps, controlled, step_of
+from sparsemor.core.simulation.step_statistics import Tally
+from sparsemor.core.simulation.time_stepping import iterate, started
+from sparsemor.core.simulation.training import SnapshotKeeper
+from sparsemor.core.status import SolveFailed, Status
+
+
+@fixed_threads()
+def simulate(
+    scene: Scene, *, out: str | Path | None = None, resume: bool = False,
+    observers: Sequence[object] = (), cache: Cache | None = None,
+    body_cache: BodyCache | None = None, keep_training: bool = False,
+) -> RunResult:
+    """Run a scene and store its result under `out`; when not given, in a temporary directory that
+    is removed when this process ends.
+
+    Raises InputError before anything is written, also when another run is writing to `out`;
+    SolveFailed (with `.result`, readable up to there) when the run stops before its end; OSError
+    when the result cannot be written, or `out` was moved or removed. `resume` goes on from the
+    last checkpoint. shop: what other runs of the same bodies have built. keep_training: a
+    full-order run that is the training run of its scene leaves its snapshots in the cache, for
+    reduced runs that follow.
+    """
+    with nullcontext() if out is None else owned(Path(out)):
+        return _simulate(scene, out, resume, observers, cache, body_cache, keep_training)
+
+
+def _simulate(
+    scene: Scene, out: str | Path | None, resume: bool, observers: Sequence[object],
+    cache: Cache | None, body_cache: BodyCache | None, keep_training: bool,
+) -> RunResult:
+    begun = time.perf_counter()
+    manager = new_manager(observers)
+    if out is not None:
+        admit(scene, Path(out), resume)
+    elif resume:
+        raise InputError("resume needs the directory of the result to continue", "out")
+    model, offline = prepared(scene, cache or Cache(), manager, body_cache)
+    if not resume:  # what is left to write is less than the whole
+        room_for_result(scene, model, Path(gettempdir() if out is None else out))
+    with np.errstate(all="ignore"):  # overflow ends in a status, not in a warning
+        solver: StepSolver = scene.reducer.prepare(ReducedProblem(
+            model, scene.integrator, scene.time.step, offline, np.random.default_rng(scene.seed)))
+        complete(solver, StepSolver, scene.reducer, "prepare", "reducer")
+        full = consistent_state(model)
+        notes, stability = check_run(scene, model, solver, full, offline)
+        spaces = trial_spaces(model, offline, solver.dictionaries, scene.time.step, scene.time.end)
+        solver = controlled(scene, model, offline, solver)
+        state, memory = started(solver, scene.integrator, full)
+        complete(memory, StepMemory, scene.reducer, "start", "reducer")
+        tally = Tally(offline=time.perf_counter() - begun)
+        path = Path(out) if out is not None else _temporary()
+        recorder = Recorder.open(
+            scene, model, solver, offline, path, resume, step_count(scene))
+        recorder.notes, recorder.stability = (
+            *before_run(scene, model), *of_solver(scene, solver), *notes, *space_notes(spaces),
+            *recorder.notes), stability
+        recorder.spaces = spaces
+        recorder.memory = MemoryUse(offline.expected, peak())
+        if recorder.checkpoint is not None:
+            state, memory, tally = recorder.restored(state, memory, tally)
+        sampled = solver.rows_at(memory) if isinstance(solver, RedrawsRows) else solver.rows
+        for block, rows in sampled.items():
+            manager.hook.on_resample(block=block, rows=rows)
+        keeper = _keeper(scene, model, offline) if keep_training else None
+        with kept(recorder.writer, new=recorder.checkpoint is None):
+            return _Run(scene, solver, recorder, manager, state, memory, tally, keeper).go()
+
+
+def _keeper(scene: Scene, model: Model, offline: Offline) -> SnapshotKeeper | None:
+    """Takes the snapshots of this run, if it is a training run that is not in the cache."""
+    if offline.has("training") or not model.reducible() or not is_training_run(scene):
+        return None
+    return SnapshotKeeper(scene, step_count(scene), model.layout, model.reducible(),
+                          offline.products.scratch)
+
+
+def _temporary() -> Path:
+    """A directory that is removed when the interpreter ends."""
+    path = Path(mkdtemp(prefix="sparsemor-"))
+    atexit.register(shutil.rmtree, path, ignore_errors=True)
+    return path
+
+
+class _Run:
+    """One pass through the loop: what does not change in it, and how far it has come."""
+
+    def __init__(
+        self, scene: Scene, solver: StepSolver, recorder: Recorder, manager: Manager,
+        state: State, memory: Any, tally: Tally, keeper: SnapshotKeeper | None = None,
+    ) -> None:
+        self.scene, self.solver, self.recorder, self.manager = scene, solver, recorder, manager
+        self.state, self.memory, self.tally = state, memory, tally
+        self.steps = step_count(scene)
+        # snapshots are those of a whole run: not of the rest of an interrupted one
+        self.keeper = keeper if tally.done == 0 else None
+
+    def go(self) -> RunResult:
+        tally, recorder, hook = self.tally, self.recorder, self.manager.hook
+        try:
+            with Interrupt() as interrupt:  # while the first checkpoint is written, too
+                hook.on_start(run=RunStart(
+                    self.scene.title, recorder.reducer, self.state.t, self.scene.time.end,
+                    self.steps - tally.done))
+                if recorder.checkpoint is None:  # from here on a killed run can be resumed
+                    recorder.start(self.state, self.solver.supports(self.memory), self.memory)
+                    recorder.save(self.state, self.memory, tally)
+                self._begun = time.perf_counter() - tally.online
+                self._snapshot()
+                failure = self._steps(interrupt)
+        finally:
+            if self.keeper is not None:
+                self.keeper.close()
+        tally.online = time.perf_counter() - self._begun
+        if failure is None:
+            recorder.flush()
+        elif failure.status is Status.INTERRUPTED:
+            recorder.save(self.state, self.memory, tally)
+        else:
+            recorder.keep_last(
+                self.state, tally, self.solver.supports(self.memory), self.memory)
+            hook.on_failure(status=failure.status, t=failure.time, block=failure.block,
+                            detail=failure.detail)
+        tally.online = time.perf_counter() - self._begun  # with what was written last
+        return self._finish(failure)
+
+    def _snapshot(self) -> None:
+        if self.keeper is not None:
+            self.keeper.take(self.tally.done, self.state)
+
+    def _finish(self, failure: SolveFailed | None) -> RunResult:
+        status = Status.DONE if failure is None else failure.status
+        summary = self.recorder.summary(status, self.tally, self.state, self.memory)
+        if isinstance(self.solver, ControlledSteps):
+            summary["control"] = self.solver.summary(self.memory)
+        if failure is not None:
+            summary["message"] = str(failure)
+        else:
+            found = in_summary(self._found_after())
+            summary |= {key: [*summary[key], *texts] for key, texts in found.items()}
+        self.recorder.finish(status, summary)
+        self.manager.hook.on_finish(summary=summary)
+        if failure is None and self.keeper is not None:
+            self.recorder.offline.keep_training(self.keeper.finished(), self.tally.online)
+        result = RunResult(self.recorder.store)
+        if failure is not None:
+            failure.result = result
+            raise failure
+        return result
+
+    def _found_after(self) -> tuple[Note, ...]:
+        """Notes on what was stored. Raises OSError where a part of it was lost meanwhile."""
+        model, kept = self.recorder.model, RunResult(self.recorder.store)
+        try:
+            return (*contact_warnings(model, kept), *after_run(model, kept), *beyond_training(
+                self.recorder.spaces, kept, self.scene.training_end))
+        except Damaged as error:
+            raise OSError(errno.EIO, str(error)) from None
+
+    @np.errstate(all="ignore")  # overflow is a status of the step, not a warning
+    def _steps(self, interrupt: Interrupt) -> SolveFailed | None:
+        """None when all steps were taken; else why not, and when."""
+        solver, h = self.solver, self.scene.time.step
+        step = step_of(solver, self.scene.integrator, h)
+        watched, tally = self.manager.has_observers, self.tally
+        changes, resamplings = -1, self._resamplings()
+        for taken in iterate(step, self.state, self.memory, self.steps - tally.done,
+                             lambda: interrupt.wanted):
+            outcome, self.state, self.memory, seconds = taken
+            if not outcome.status.ok:
+                return SolveFailed(
+                    outcome.status, self.state.t + h, outcome.block, outcome.detail,
+                    sampled=bool(solver.rows))
+            tally.add(seconds, outcome.iterations)
+            self._snapshot()
+            supports = solver.supports(self.memory)
+            tally.count_atoms(supports)
+            if self.recorder.take(self.state, tally, supports, self.memory):
+                tally.online = time.perf_counter() - self._begun
+                self.recorder.save(self.state, self.memory, tally)
+            if watched:
+                resamplings = self._tell_rows(resamplings)
+                self.manager.hook.on_step(
+                    step=tally.done, t=self.state.t, x=self.state.x, outcome=outcome)
+                changes = self._tell_changes(changes, self.memory, self.state.t)
+        left = tally.done < self.steps
+        return SolveFailed(Status.INTERRUPTED, self.state.t) if left else None
+
+    def _resamplings(self) -> int:
+        return self.solver.counters(self.memory).get("resamplings", 0)
+
+    def _tell_rows(self, before: int) -> int:
+        count = self._resamplings()
+        if count != before and isinstance(self.solver, RedrawsRows):
+            for block, rows in self.solver.rows_at(self.memory).items():
+                self.manager.hook.on_resample(block=block, rows=rows)
+        return count
+
+    def _tell_changes(self, before: int, memory: Any, t: float) -> int:
+        count = self.solver.counters(memory).get("support_changes", 0)
+        if count != before:
+            for block, support in self.solver.supports(memory).items():
+                self.manager.hook.on_support_change(t=t, block=block, support=support)
+        return count

@@ -1,0 +1,278 @@
+"""One step of the output grid at a time: plainly, or in substeps whose error is estimated.
+
+The grid of `time.step` H stays that of outputs, snapshots and checkpoints. A controlled step is
+solved with 2^k substeps of H/2^k and with 2^(k+1) of half the size, both from the same state. The
+difference over (2^order - 1) estimates the error of the finer one (Richardson; Hairer, Norsett,
+Wanner 1993, doi 10.1007/978-3-540-78862-1, Sec. II.4), which is kept when every field is within
+its share of the tolerance; otherwise it becomes the coarser one of the next try. k is remembered.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from math import inf, sqrt
+from typing import Any, Self
+
+import numpy as np
+
+from sparsemor.core.arrays import BoolArray, FloatArray
+from sparsemor.core.errors import InputError
+from sparsemor.core.model.model import Model
+from sparsemor.core.protocols import (
+    CountsLinearIterations,
+    Integrator,
+    OfflineProducts,
+    RedrawsRows,
+    ReducedProblem,
+    Restarts,
+    State,
+    StepFormula,
+    StepMemory,
+    StepOutcome,
+    StepSolver,
+)
+from sparsemor.core.protocols.layout import Block
+from sparsemor.core.protocols.step_solver import AroundSteps, ResultantSource, resultant_sources_of
+from sparsemor.core.scene.options import Control
+from sparsemor.core.scene.scene import Scene
+from sparsemor.core.simulation.time_stepping import FixedStep, Step, iterate
+from sparsemor.core.status import Status
+
+ROWS_CHANGE = ("the rows of this reducer change with the steps, so steps of different size cannot "
+               "be compared: keep its rows (leave out reducer.resample), or leave out time.control")
+
+
+def controlled(
+    scene: Scene, model: Model, offline: OfflineProducts, solver: StepSolver
+) -> StepSolver:
+    """The solver itself, or where `time.control` is given one that takes substeps with it and with
+    others like it."""
+    clock = scene.time
+    if clock.control is None:
+        return solver
+
+    def prepare(h: float) -> StepSolver:  # the same seed, so the same rows are drawn
+        made: StepSolver = scene.reducer.prepare(ReducedProblem(
+            model, scene.integrator, h, offline, np.random.default_rng(scene.seed)))
+        return made
+
+    return ControlledSteps(solver, scene.integrator, clock.step, clock.end, clock.control, prepare)
+
+
+def step_of(solver: StepSolver, integrator: Integrator, h: float) -> Step:
+    """Step function of a run from one output time to the next, h (s) later."""
+    return solver.step if isinstance(solver, ControlledSteps) else FixedStep(integrator, solver, h)
+
+
+class ControlMemory:
+    """Step memory of a controlled run. levels: k -> memory of the solver of H/2^k; solvers: k ->
+    that solver, prepared when it is first needed; initial: the full-order state at the start.
+
+    level: the coarser one to begin the next step with; fine: the level whose integrator history
+    the state has; live: the levels whose solvers were at the last accepted step. origin: x at the
+    start; moved: by how much each block has moved from it at most.
+    """
+
+    def __init__(
+        self, base: StepMemory, origin: FloatArray, solver: StepSolver, initial: State
+    ) -> None:
+        self.levels: dict[int, Any] = {0: base}
+        self.solvers, self.initial = {0: solver}, initial
+        self.level, self.fine, self.live = 0, 0, frozenset({0})
+        self.origin = origin
+        self.moved: dict[str, float] = {}
+        self.substeps, self.solved, self.rejected = 0, 0, 0
+        self.smallest, self.largest = -1, 10**6
+        self.error = 0.0
+
+    def __getstate__(self) -> dict[str, Any]:
+        state = dict(self.__dict__)
+        del state["solvers"], state["initial"]
+        return state
+
+    def copy(self) -> Self:
+        """Separate memory of the same state; solvers do not change and are shared."""
+        other = self.__class__.__new__(self.__class__)
+        other.__dict__.update(
+            self.__dict__, levels={k: m.copy() for k, m in self.levels.items()},
+            solvers=dict(self.solvers), moved=dict(self.moved))
+        return other
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Judged:
+    """A block whose error counts: its norm is sqrt(d^T gram d / n), a mean over full unknowns."""
+
+    name: str
+    at: slice
+    gram: FloatArray | None
+    n: int
+    size: float
+
+    def norm(self, x: FloatArray) -> float:
+        d = x[self.at]
+        square = d.dot(d) if self.gram is None else d.dot(self.gram.dot(d))
+        return sqrt(max(float(square), 0.0) / self.n)
+
+
+class ControlledSteps(AroundSteps[StepSolver]):
+    """StepSolver of the output grid over step solvers of H, H/2, H/4, ..., each prepared when it
+    is first asked for and kept.
+
+    prepare: h (s) -> step solver; end: of the run, s.
+    """
+
+    def __init__(
+        self, base: StepSolver, integrator: Integrator, h: float, end: float, control: Control,
+        prepare: Callable[[float], StepSolver],
+    ) -> None:
+        if isinstance(base, RedrawsRows):
+            raise InputError(ROWS_CHANGE, "time.control")
+        super().__init__(base)
+        self.integrator, self.h, self.control = integrator, h, control
+        self.share = control.tolerance * h / end
+        self._prepare = prepare
+        self.judged = tuple(
+            _judged(b, base, control) for b in base.layout.differential)
+
+    def resultant_sources(self, memory: ControlMemory | None) -> tuple[ResultantSource, ...]:
+        if memory is None:
+            return resultant_sources_of(self.base, None)
+        return resultant_sources_of(self._solver(memory.fine, memory), memory.levels[memory.fine])
+
+    def start(self, state: State) -> tuple[State, ControlMemory]:
+        reduced, memory = self.base.start(state)
+        if not isinstance(memory, Restarts):
+            raise InputError("this reducer's step memory has no method moved(x), so it cannot go "
+                             "on from a state that it did not compute: leave out time.control",
+                             "time.control")
+        return reduced, ControlMemory(memory, reduced.x, self.base, state)
+
+    def solve(
+        self, step: StepFormula, memory: ControlMemory
+    ) -> tuple[StepOutcome, ControlMemory]:
+        """One step as it is asked for, of H and without an estimate."""
+        outcome, memory.levels[0] = self.base.solve(step, memory.levels[0])
+        return outcome, memory
+
+    def supports(self, memory: ControlMemory) -> Mapping[str, BoolArray]:
+        """Of the level that was accepted last."""
+        return self._solver(memory.fine, memory).supports(memory.levels[memory.fine])
+
+    def counters(self, memory: ControlMemory) -> Mapping[str, int]:
+        """Summed over all levels."""
+        total: dict[str, int] = {}
+        for level, inner in memory.levels.items():
+            for name, count in self._solver(level, memory).counters(inner).items():
+                total[name] = total.get(name, 0) + count
+        return total
+
+    def linear_iterations(self, memory: ControlMemory) -> Mapping[str, int]:
+        found: dict[str, int] = {}
+        for level, inner in memory.levels.items():
+            solver = self._solver(level, memory)
+            if not isinstance(solver, CountsLinearIterations):
+                continue
+            for name, count in solver.linear_iterations(inner).items():
+                found[name] = found.get(name, 0) + count
+        return found
+
+    def summary(self, memory: ControlMemory) -> dict[str, Any]:
+        """Summary of step control. Seconds; `largest_error`: estimate over its share, at most 1."""
+        used = memory.substeps > 0
+        return {
+            "tolerance": self.control.tolerance, "substeps": memory.substeps,
+            "substeps_for_estimates": memory.solved - memory.substeps, "rejected": memory.rejected,
+            "smallest_step": self.h / 2**memory.smallest if used else None,
+            "largest_step": self.h / 2**memory.largest if used else None,
+            "prepared": len(memory.levels), "largest_error": memory.error,
+        }
+
+    def step(self, state: State, memory: ControlMemory) -> tuple[StepOutcome, State, Any]:
+        """One step of the grid; the outcome says where it is not to be had."""
+        level, most = memory.level, self.control.max_halvings
+        coarse = self._march(level, state, memory)
+        while True:
+            fine = self._march(level + 1, state, memory)
+            error, block = self._error(coarse, fine, state, memory)
+            if error <= 1.0:
+                return self._accepted(fine, state, memory, level, error)
+            memory.rejected += 1
+            if level + 1 >= most:
+                return self._refused(fine, error, block), state, memory
+            level, coarse = level + 1, fine
+
+    def _accepted(
+        self, fine: "_Try", state: State, memory: ControlMemory, level: int, error: float
+    ) -> tuple[StepOutcome, State, ControlMemory]:
+        memory.fine, memory.live = level + 1, frozenset({level, level + 1})
+        memory.substeps += 2 ** (level + 1)
+        memory.smallest, memory.largest = (
+            max(memory.smallest, level + 1), min(memory.largest, level + 1))
+        memory.error = max(memory.error, error)
+        for b in self.judged:
+            memory.moved[b.name] = max(
+                memory.moved.get(b.name, 0.0), b.norm(fine.state.x - memory.origin))
+        # one level up the estimate is 2^order times as large: take half of that as safe
+        easy = error <= 0.5 / 2**self.integrator.order
+        memory.level = level - 1 if easy and level > 0 else level
+        return fine.outcome, replace(fine.state, t=state.t + self.h), memory
+
+    def _refused(self, fine: "_Try", error: float, block: str) -> StepOutcome:
+        if not fine.outcome.status.ok:
+            return fine.outcome
+        h = self.h / 2**self.control.max_halvings
+        seen = "has no estimate" if error == inf else f"is {error:.2g} times its share"
+        detail = (f"its error {seen} of time.control.tolerance {self.control.tolerance:g} with "
+                  f"substeps of {h:.3g} s, after max_halvings {self.control.max_halvings}")
+        return replace(fine.outcome, status=Status.STEP_TOO_LONG, block=block, detail=detail)
+
+    def _march(self, level: int, state: State, memory: ControlMemory) -> "_Try":
+        """2^level substeps from `state`; memory.levels[level] follows them."""
+        solver, h, layout = self._solver(level, memory), self.h / 2**level, self.layout
+        if level not in memory.levels:
+            memory.levels[level] = solver.start(memory.initial)[1]
+        inner = memory.levels[level]
+        if level not in memory.live:
+            inner.moved(state.x)
+        if level != memory.fine:  # a history of other steps: begin anew from x, v, a
+            state = self.integrator.start(layout, state)
+        memory.live = memory.live - {level}  # unless this try is accepted
+        step, iterations = FixedStep(self.integrator, solver, h), 0
+        for taken in iterate(step, state, inner, 2**level):
+            iterations += taken.outcome.iterations
+        memory.levels[level] = taken.memory
+        memory.solved += 2**level
+        return _Try(replace(taken.outcome, iterations=iterations), taken.state)
+
+    def _error(
+        self, coarse: "_Try", fine: "_Try", state: State, memory: ControlMemory
+    ) -> tuple[float, str]:
+        """Largest estimated error over its share, and the block it is in."""
+        if not (coarse.outcome.status.ok and fine.outcome.status.ok):
+            return inf, fine.outcome.block or coarse.outcome.block
+        richardson, worst = 2.0**self.integrator.order - 1.0, (0.0, "")
+        for b in self.judged:
+            moved = max(memory.moved.get(b.name, 0.0), b.norm(fine.state.x - memory.origin))
+            error = b.norm(fine.state.x - coarse.state.x) / (richardson * max(b.size, moved))
+            # true for what is not a number, too
+            if not error / self.share <= worst[0]:
+                worst = error / self.share, b.name
+        return worst
+
+    def _solver(self, level: int, memory: ControlMemory) -> StepSolver:
+        if level not in memory.solvers:
+            memory.solvers[level] = self._prepare(self.h / 2**level)
+        return memory.solvers[level]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Try:
+    outcome: StepOutcome
+    state: State
+
+
+def _judged(block: Block, solver: StepSolver, control: Control) -> _Judged:
+    at, d = solver.layout[block.name], solver.dictionaries.get(block.name)
+    gram = None if d is None else np.asarray(d.atoms.T @ d.atoms)
+    n = at.stop - at.start if d is None else len(d.offset)
+    return _Judged(block.name, at, gram, n, control.size_of(block.kind))

@@ -1,0 +1,166 @@
+"""Checks before the first step of any run, training run included."""
+
+import math
+
+import numpy as np
+
+from sparsemor.core.errors import Fault, Gather, InputError
+from sparsemor.core.model.assembly import assemble
+from sparsemor.core.model.block_patterns import unmatched
+from sparsemor.core.model.body_cache import BodyCache
+from sparsemor.core.model.model import Model
+from sparsemor.core.model.prescribed_motion import NOTHING, AtStart
+from sparsemor.core.protocols import ChecksBlock, ChecksModel, ResamplesRows
+from sparsemor.core.registry.registry import near
+from sparsemor.core.scene.scene import Scene
+from sparsemor.core.simulation.memory.estimate import chosen_bases, grid_refusal
+from sparsemor.core.simulation.memory.precheck import check_memory
+from sparsemor.core.simulation.offline import step_count
+from sparsemor.core.simulation.rigid_stage import check_rigid, rigid_scene, stage_faults
+from sparsemor.core.simulation.step_control import ROWS_CHANGE
+
+
+@np.errstate(all="ignore")  # overflow ends in a refusal or in a status, not in a warning
+def checked_model(scene: Scene, body_cache: BodyCache | None = None) -> Model:
+    """The assembled scene, before the rigid stage if it has one (everything as it is at the start).
+    Raises InputError with every fault that is known without a step. shop: for those who go on to
+    run the scene.
+
+    A reducer that checks models (`ChecksModel`) adds its own.
+    """
+    gather, body_cache = Gather(), body_cache or BodyCache()
+    gather.faults += endless(scene)
+    gather.check()  # nothing can be counted on such a grid
+    gather.faults += time_faults(scene)
+    before = len(gather.faults)
+    gather("", check_memory, scene)
+    if len(gather.faults) > before:  # what does not fit is not meshed
+        gather.check()
+    faults = gather("", stage_faults, scene)
+    gather.faults += faults or []
+    if scene.rigid_stage is None:
+        model = gather("", assemble, scene, body_cache=body_cache)
+    else:
+        model = gather("", assemble, scene, AtStart(), body_cache)
+        if model is not None and faults == []:
+            gather("", check_rigid, scene, body_cache)
+    if model is not None:
+        gather.faults += unmatched(model.layout, "linear_solvers", scene.linear_solvers)
+        gather.faults += unknown_fields(scene, model)
+        gather.faults += training_faults(scene, model, body_cache)
+    gather.faults += control_faults(scene)
+    if model is not None and scene.rigid_stage is None:  # else the loads are not known yet
+        gather.faults += basis_faults(scene, model)
+    if model is not None and isinstance(scene.reducer, ChecksModel):
+        gather.faults += InputError(list(scene.reducer.check(model))).under("reducer").faults
+    gather.check()
+    assert model is not None
+    return model
+
+
+def unknown_fields(scene: Scene, model: Model) -> list[Fault]:
+    """Sizes in `time.control.fields` of fields that no body may have."""
+    named = [] if scene.time.control is None else list(scene.time.control.fields)
+    known = [k.name for k in model.layout.kinds if k.order > 0]
+    return [Fault(f"time.control.fields.{name}", f"no body has such a field: "
+                  f"{near(name, known, 'fields')}") for name in named if name not in known]
+
+
+def control_faults(scene: Scene) -> list[Fault]:
+    """Error-controlled steps of a reducer whose rows change on the way."""
+    redraws = isinstance(scene.reducer, ResamplesRows) and scene.reducer.resample is not None
+    return [Fault("time.control", ROWS_CHANGE)] if redraws and scene.time.control else []
+
+
+def basis_faults(scene: Scene, model: Model) -> list[Fault]:
+    """Blocks that their basis would refuse after the training run, whatever the snapshots are."""
+    faults: list[Fault] = []
+    for name, basis in chosen_bases(scene, model.reducible()).items():
+        if isinstance(basis, ChecksBlock):
+            count = snapshot_count(scene) if basis.needs_snapshots else 0
+            why = basis.unfit(model.block_data(name), count)
+            faults += [Fault("reducer.basis", f"{name}: {why}")] if why else []
+    return faults
+
+
+def snapshot_count(scene: Scene) -> int:
+    """Snapshots of the training run; one more for integrators that start with accelerations."""
+    try:
+        training = scene.for_training()
+    except InputError:  # which `time_faults` reports
+        return 0
+    return step_count(training) // scene.training.every + 1 + int(scene.integrator.order > 1)
+
+
+def endless(scene: Scene) -> list[Fault]:
+    """Time grids of the run, of its training run and of its rigid stage with more steps than can
+    be taken and recorded."""
+    grids = [("time.step", scene)]
+    gather = Gather()
+    if "training" in scene.model_fields_set:
+        training = gather("", scene.for_training)
+        key = "training.end" if scene.training.end is not None else "training.overrides"
+        grids += [] if training is None else [(key, training)]
+    if scene.rigid_stage is not None:
+        stage = gather("", rigid_scene, scene)
+        grids += [] if stage is None else [("rigid_stage.overrides", stage)]
+    found: dict[str, Fault] = {}
+    for key, one in grids:
+        refusal = grid_refusal(one.time.end, one.time.step)
+        if refusal and refusal not in found:  # a stage on the grid of the run says nothing new
+            found[refusal] = Fault(key, refusal)
+    return list(found.values())
+
+
+def training_faults(scene: Scene, model: Model, body_cache: BodyCache) -> list[Fault]:
+    """Changes for the training run that leave its snapshots without the unknowns of the run."""
+    if not scene.training.overrides:
+        return []
+    gather, key = Gather(), "training.overrides"
+    training = gather("", scene.for_training)
+    parts = ("bodies", "joints")
+    if training is None or training.digest(*parts) == scene.digest(*parts):
+        return []  # `time_faults` has what is wrong with the overrides themselves
+    other = gather("", assemble, training, NOTHING if scene.rigid_stage is None else AtStart(),
+                   body_cache)
+    if other is None:
+        return [Fault(key, f"{f.key}: {f.message}" if f.key else f.message)
+                for f in gather.faults]
+    found = []
+    for name in model.reducible():
+        here, there = (m.layout[name] if name in m.layout else slice(0, 0) for m in (model, other))
+        count, trained = here.stop - here.start, there.stop - there.start
+        if count != trained:
+            found.append(Fault(key, f"the training run has {trained} unknowns of {name}, and the "
+                               f"run {count}: change neither mesh, fields nor reference there"))
+    return found
+
+
+def time_faults(scene: Scene) -> list[Fault]:
+    """Ends that are no whole number of steps, and a training run that keeps only its start."""
+    faults = [] if _whole(scene.time.end, scene.time.step) else [
+        _not_whole("time.end", scene.time.end, scene.time.step)]
+    if "training" not in scene.model_fields_set:
+        return faults
+    try:
+        training = scene.for_training()
+    except InputError as error:
+        return [*faults, *error.faults]
+    end, step = training.time.end, training.time.step
+    if scene.training.end is not None and not _whole(end, step):
+        faults.append(_not_whole("training.end", end, step))
+    steps, every = step_count(training), scene.training.every
+    if every > steps:
+        faults.append(Fault("training.every", f"the training run has {steps} steps, so only its "
+                            f"start would be kept: take at most {steps} (got {every})"))
+    return faults
+
+
+def _whole(end: float, step: float) -> bool:
+    return abs(round(end / step) * step - end) <= 1e-6 * step
+
+
+def _not_whole(key: str, end: float, step: float) -> Fault:
+    below = max(math.floor(end / step), 1) * step
+    return Fault(key, f"{end:g} s is not a whole number of steps of {step:g} s ({end / step:.6g} "
+                 f"steps): take {below:.6g} or {below + step:.6g}")

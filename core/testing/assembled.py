@@ -1,0 +1,70 @@
+"""Small assembled scenes, and derivatives of their equations, for laws of parts."""
+
+from collections.abc import Mapping
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.errors import InputError
+from sparsemor.core.model.equations import jacobian, residual
+from sparsemor.core.model.model import Model
+from sparsemor.core.scene.scene import Scene
+from sparsemor.core.status import SolveFailed
+from sparsemor.core.testing.in_memory_run import March, march
+from sparsemor.core.testing.random_inputs import law
+
+Entries = Mapping[str, Any]
+"""Entries of a scene by name: plugins, or mappings as a scene file has them."""
+STEP, STEPS = 1e-3, 3
+
+
+def small_scene(bodies: Entries, **others: Entries) -> Scene:
+    """A scene of a few full-order steps of 1 ms. others: `joints`, `contacts`, `loads`."""
+    return Scene.model_validate({
+        "format": 1, "bodies": dict(bodies), "time": {"end": STEPS * STEP, "step": STEP}, **others})
+
+
+def derivative(model: Model, rate: int) -> FloatArray:
+    """(n, n) derivative of the residual at the start by x (rate 0), v (1) or a (2)."""
+    n, large = model.layout.size, 1e10
+    at = (model.x0, model.v0, np.zeros(n), 0.0)
+    of = partial(jacobian, model.layout, model.terms, *at)
+    c = np.zeros((3, n))
+    K = np.asarray(of(c[1], c[2]).toarray())
+    if rate == 0:
+        return K
+    c[rate] = large
+    return np.asarray(of(c[1], c[2]).toarray() - K) / large
+
+
+def start_residual(model: Model) -> FloatArray:
+    """(n,) residual at the start, without accelerations."""
+    zero = np.zeros(model.layout.size)
+    return residual(model.layout, model.terms, model.x0, model.v0, zero, 0.0)
+
+
+def runs(scene: Scene) -> March:
+    """The steps of a small scene; AssertionError where they fail or give values not finite."""
+    try:
+        done = march(scene)
+    except SolveFailed as error:
+        raise AssertionError(f"a run of {STEPS} steps failed: {error}") from error
+    law(np.isfinite(done.x).all(), f"values of a run of {STEPS} steps are not finite")
+    return done
+
+
+def refuses_absent_bodies(plugin: Any) -> None:
+    """A part on bodies that the scene does not have is refused with an InputError."""
+    try:
+        plugin.build("part", {})
+    except InputError:
+        return
+    except Exception as error:  # whatever else a plugin's code raises, the law is broken
+        raise AssertionError("a scene without the bodies that it names: expected an InputError, "
+                             f"got {error!r}") from error
+
+
+def without_unknowns(part: Any) -> None:
+    law(not any(b.size for b in part.blocks()), "a load or contact has no unknowns of its own")

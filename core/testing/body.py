@@ -1,0 +1,84 @@
+"""Laws of a body."""
+
+from pathlib import Path
+
+import numpy as np
+
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.model.assembly import assemble
+from sparsemor.core.protocols import (
+    Body,
+    BodyPlugin,
+    CopiesRigidly,
+    FollowsMotion,
+    FrameHistory,
+    Quantity,
+)
+from sparsemor.core.testing.assembled import derivative, runs, small_scene
+from sparsemor.core.testing.parts import check_parts
+from sparsemor.core.testing.random_inputs import law
+
+
+def check_body(plugin: BodyPlugin, folder: Path | None = None, seed: int = 0) -> None:
+    """Equal bodies from two builds; blocks, start and geometry that fit each other; terms that keep
+    the laws of a term; symmetric mass and capacity without negative eigenvalues; a frame that
+    follows a prescribed motion without unknowns, where the body can; a short run.
+
+    The body needs to have unknowns: nothing holds it, and no load acts on it. folder: that of the
+    scene file, for relative paths.
+    """
+    base = Path.cwd() if folder is None else folder
+    one, other = (plugin.build("body", base) for _ in range(2))
+    law(one.name == "body", f"it was built as 'body' and calls itself {one.name!r}")
+    _blocks(one)
+    for name, values in one.initial().items():
+        again = other.initial()[name]
+        law(all(np.array_equal(a, b) for a, b in zip(values, again, strict=True)),
+            f"two builds start {name} differently")
+    _follows(one)
+    scene = small_scene({"body": plugin})
+    check_parts(scene, seed)
+    model = assemble(scene)
+    _definite(derivative(model, 2)[model.layout.second, model.layout.second], "mass")
+    _definite(derivative(model, 1)[model.layout.first, model.layout.first], "capacity")
+    runs(scene)
+
+
+def _blocks(body: Body) -> None:
+    blocks = {b.name: b for b in body.blocks()}
+    law(len(blocks) == len(body.blocks()), "two of its blocks have one name")
+    law(any(b.size for b in blocks.values()), "it has no unknowns")
+    for name, b in blocks.items():
+        law(b.owner == body.name, f"{name} is owned by {b.owner!r}, not by the body")
+    for name, (x, v) in body.initial().items():
+        law(name in blocks, f"`initial` has {name}, which is none of its blocks")
+        n = blocks[name].size
+        law(not n or x.shape == v.shape == (n,),
+            f"`initial` of {name} has shapes {x.shape} and {v.shape}, not ({n},)")
+    geometry = body.geometry()
+    for name, b in blocks.items():
+        if not (b.kind.reducible and b.size):
+            continue
+        law(name in geometry, f"`geometry` lacks {name}, which is reducible")
+        points, component = geometry[name]
+        law(points.ndim == 2 and len(points) == b.size and component.shape == (b.size,),
+            f"`geometry` of {name} does not fit its {b.size} unknowns")
+
+
+def _follows(body: Body) -> None:
+    if isinstance(body, FollowsMotion):
+        with_motion = body.with_motion(FrameHistory.standing(body.pose))
+        held = [b.name for b in with_motion.blocks() if b.kind.quantity is Quantity.POSE and b.size]
+        law(not held, f"its frame follows a motion and still has the unknowns {held}")
+    if isinstance(body, CopiesRigidly):
+        left = [b.name for b in body.rigid_copy().blocks() if b.kind.reducible and b.size]
+        law(not left, f"its rigid copy still has the fields {left}")
+
+
+def _definite(M: FloatArray, what: str) -> None:
+    if not M.size:
+        return
+    size = float(np.abs(M).max())
+    law(float(np.abs(M - M.T).max()) <= 1e-9 * size, f"its {what} matrix is not symmetric")
+    least = float(np.linalg.eigvalsh(0.5 * (M + M.T))[0])
+    law(size > 0.0 and least >= -1e-9 * size, f"its {what} matrix has the eigenvalue {least:.3g}")

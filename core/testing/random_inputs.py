@@ -1,0 +1,143 @@
+"""Random but repeatable inputs for the laws."""
+
+from collections.abc import Callable
+from dataclasses import fields, replace
+from typing import Any
+
+import numpy as np
+from scipy import sparse
+
+from sparsemor.core.arrays import Csr, FloatArray
+from sparsemor.core.errors import InputError
+from sparsemor.core.model.moving_loads import path_rows, ring
+from sparsemor.core.protocols import BlockData, Dictionary
+from sparsemor.core.protocols.layout import FieldKind, Quantity
+from sparsemor.core.protocols.load_tables import LoadTable, Table
+
+
+def law(holds: object, message: str) -> None:
+    """An assert that python -O keeps."""
+    if not holds:
+        raise AssertionError(message)
+
+
+def refused(what: str, attempt: Callable[[], object]) -> None:
+    """AssertionError unless the attempt is refused with an InputError."""
+    try:
+        attempt()
+    except InputError:
+        return
+    except Exception as error:  # whatever else a plugin's code raises, the law is broken
+        raise AssertionError(f"{what}: expected an InputError, got {error!r}") from error
+    raise AssertionError(f"{what}: expected an InputError, but it was accepted")
+
+
+ANY = FieldKind("field", order=2, unit="", reducible=True)
+DISPLACEMENTS = FieldKind(
+    "displacements", order=2, unit="m", quantity=Quantity.DISPLACEMENT, reducible=True)
+TEMPERATURES = FieldKind(
+    "temperatures", order=1, unit="K", quantity=Quantity.TEMPERATURE, reducible=True)
+FORCES = FieldKind("forces", order=0, unit="N")
+"""Kinds of field that laws are tried on."""
+
+
+def random_block(rng: np.random.Generator, kind: FieldKind = ANY) -> BlockData:
+    """A block of 24 to 60 unknowns on distinct nodes, with snapshots of rank 4 to 8.
+
+    Two loads and a joint act on it, and a load that moves; it starts away from zero and is stepped
+    by implicit Euler. Displacements are coupled to a block of temperatures, insulated in about half
+    the draws.
+    """
+    d = int(rng.integers(1, 4))
+    nodes = int(rng.integers(24, 61)) // d
+    n, M, rank = nodes * d, int(rng.integers(12, 80)), int(rng.integers(4, 9))
+    size = 10.0 ** -np.linspace(0.0, 6.0, rank)
+    snapshots = (rng.standard_normal((n, rank)) * size) @ rng.standard_normal((rank, M))
+    block = BlockData(
+        name=f"body.{kind.name}",
+        order=1 if kind.order == 1 else 2,
+        snapshots=snapshots,
+        mass=_definite(n, 0.1, rng),
+        stiffness=_definite(n, 1.0, rng),
+        coordinates=np.repeat(rng.random((nodes, d)), d, axis=0),
+        component=np.tile(np.arange(d), nodes).astype(np.int64),
+        loads=rng.standard_normal((n, 2)),
+    )
+    return _loaded(block, kind, rng.spawn(1)[0])  # what callers draw next stays the same
+
+
+def random_heat(rng: np.random.Generator) -> BlockData:
+    """A block of temperatures as `random_block` makes it, insulated (K 1 = 0) in about half
+    the draws."""
+    block = random_block(rng, TEMPERATURES)
+    if rng.random() < 0.5:
+        K = block.stiffness - sparse.diags_array(np.asarray(block.stiffness.sum(axis=1)))
+        return replace(block, stiffness=sparse.csr_array(K))
+    return block
+
+
+def _loaded(block: BlockData, kind: FieldKind, rng: np.random.Generator) -> BlockData:
+    """Joint forces on a few rows, names, a start, and temperatures where they belong."""
+    n = block.size
+    interface = np.sort(rng.choice(n, 3, replace=False)).astype(np.int64)
+    joint = np.zeros((n, 1))
+    joint[interface] = rng.random((3, 1)) + 0.1
+    heat = random_heat(rng) if kind.quantity is Quantity.DISPLACEMENT else None
+    moving, h = moving_load(n, 6, rng), 0.5
+    first = block.order == 1
+    return replace(
+        block, moving=(moving,), step=h, factors=(0.0, 1 / h) if first else (1 / h, 1 / h**2),
+        ring=ring(block.mass, block.stiffness, block.coordinates, path_rows((moving,))),
+        loads=np.hstack([block.loads, joint]), joints=np.array([2]), interface=interface,
+        load_names=("push", "pull", "pin x"), start=rng.standard_normal(n), heat=heat,
+        coupling=None if heat is None else sparse.random_array(
+            (n, heat.size), density=0.3, format="csr", rng=rng))
+
+
+def moving_load(n: int, count: int, rng: np.random.Generator) -> LoadTable:
+    """A load that walks over `count` neighbouring unknowns of n; the last one is never reached."""
+    first, times = int(rng.integers(0, n - count)), np.linspace(0.0, 1.0, 4 * count)
+    columns = sparse.csr_array(
+        (np.ones(count), (first + np.arange(count), np.arange(count))), shape=(n, count))
+    at = times[:, None] * (count - 2)
+    values = np.maximum(0.0, 1.0 - np.abs(at - np.arange(count)))
+    return LoadTable("walk", columns, tuple(f"walk, node {first + i}" for i in range(count)),
+                     Table(times, values))
+
+
+def random_dictionary(n: int, k: int, rng: np.random.Generator) -> Dictionary:
+    """k random unit columns."""
+    atoms = rng.standard_normal((n, k))
+    atoms /= np.linalg.norm(atoms, axis=0)
+    return Dictionary(atoms, np.zeros(n), tuple(f"random {i}" for i in range(k)))
+
+
+def with_snapshots(block: BlockData, snapshots: FloatArray) -> BlockData:
+    return replace(block, snapshots=snapshots)
+
+
+def copied(item: Any) -> list[Any]:
+    """Copies of the arrays of a data class, to see later whether a plugin wrote to them."""
+    return [_plain(getattr(item, f.name)).copy() for f in fields(item) if _is_array(item, f.name)]
+
+
+def unchanged(item: Any, before: list[Any]) -> bool:
+    now = [_plain(getattr(item, f.name)) for f in fields(item) if _is_array(item, f.name)]
+    return all(np.array_equal(a, b, equal_nan=True) for a, b in zip(now, before, strict=True))
+
+
+def _is_array(item: Any, name: str) -> bool:
+    value = getattr(item, name)
+    return isinstance(value, np.ndarray) or sparse.issparse(value)
+
+
+def _plain(value: Any) -> Any:
+    return value.toarray() if sparse.issparse(value) else value
+
+
+def _definite(n: int, size: float, rng: np.random.Generator) -> Csr:
+    """Tridiagonal, diagonally dominant: symmetric positive definite."""
+    off = size * (0.2 + 0.2 * rng.random(n - 1))
+    return sparse.csr_array(
+        sparse.diags_array([-off, np.full(n, size), -off], offsets=[-1, 0, 1])
+    )

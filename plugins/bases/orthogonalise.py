@@ -1,0 +1,63 @@
+"""Columns of a dictionary: unit length, one sign, no two the same, none that others make up."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from sparsemor.core import FloatArray, IntArray
+
+
+def independent(A: FloatArray, rtol: float) -> tuple[IntArray, FloatArray]:
+    """Numbers of the columns of A (n, k), unit, that add something to those before them, and
+    what each of them adds: orthonormal columns (n, r) of the same span.
+
+    A column is left out when what earlier ones leave of it is at most `rtol` long.
+    """
+    n, k = A.shape
+    if 0 < k <= n:
+        # Householder: what is left of each column stands on the diagonal, where all were kept
+        Q, R = np.linalg.qr(A)
+        left = np.diagonal(R)
+        if np.abs(left).min() > 2.0 * rtol:
+            return np.arange(k), Q * np.where(left < 0.0, -1.0, 1.0)
+    return _one_by_one(A, rtol)
+
+
+def _one_by_one(A: FloatArray, rtol: float) -> tuple[IntArray, FloatArray]:
+    """The same where some are left out. Projecting twice is enough (Giraud, Langou, Rozloznik
+    2005, doi 10.1016/j.camwa.2005.08.009)."""
+    Q, kept = np.zeros(A.shape), list[int]()
+    for i, a in enumerate(A.T):
+        basis = Q[:, : len(kept)]
+        rest = a - basis @ (basis.T @ a)
+        rest -= basis @ (basis.T @ rest)
+        length = float(np.linalg.norm(rest))
+        if length > rtol and len(kept) < len(a):
+            Q[:, len(kept)] = rest / length
+            kept.append(i)
+    return np.array(kept, dtype=np.int64), Q[:, : len(kept)]
+
+
+def merge(
+    A: FloatArray, names: Sequence[str], tolerance: float
+) -> tuple[FloatArray, tuple[str, ...], int]:
+    """Unit columns A (n, k) of which no two are nearer than `tolerance`, sine of their angle.
+
+    The first of such a group stays and its name lists which ones it absorbed; also how many went.
+    The sine is the length of a - (b.a) b: from 1 - (b.a)^2 it would be lost below 1e-8.
+    """
+    kept: list[int] = []
+    absorbed: dict[int, list[str]] = {}
+    all_cosines = A.T @ A
+    for i, a in enumerate(A.T):
+        if kept:
+            cosines = all_cosines[kept, i]
+            nearest = int(np.abs(cosines).argmax())
+            b = kept[nearest]
+            if np.linalg.norm(a - cosines[nearest] * A[:, b]) <= tolerance:
+                absorbed.setdefault(b, []).append(names[i])
+                continue
+        kept.append(i)
+    said = tuple(f"{names[i]} (also {', '.join(absorbed[i])})" if i in absorbed else names[i]
+                 for i in kept)
+    return np.ascontiguousarray(A[:, kept]), said, A.shape[1] - len(kept)

@@ -1,0 +1,115 @@
+"""Candidate rows of samplers, as single rows or as whole nodes."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from sparsemor.core import BlockData, BoolArray, FloatArray, InputError, IntArray
+
+Unit = Literal["dof", "node"]
+Required = bool | Literal["ring"]
+"""Which rows are kept unasked: none, those that carry joints and loads, or these with the ring."""
+Draw = Callable[[int, int, np.random.Generator], IntArray]
+"""(N, m, rng) -> m distinct integers below N."""
+
+
+def kept_rows(option: Required, block: BlockData, required: IntArray) -> IntArray:
+    """The rows that a sampler with this option keeps, of those of joints and loads; sorted."""
+    if option == "ring":
+        return np.union1d(required, block.ring)
+    return required if option else required[:0]
+
+
+def free_rows(n: int, m: int, required: IntArray, name: str) -> BoolArray:
+    """(n,): True for the rows that are not required. InputError when m exceeds their number."""
+    free = ~np.isin(np.arange(n), required)
+    left = int(free.sum())
+    if not 0 <= m <= left:
+        more = f" in addition to the {n - left} required ones" if left < n else ""
+        raise InputError(
+            f"{m} rows were requested of {name}, which has {left} unknowns to draw from"
+            f"{more}: take between 0 and {left}",
+            "rows",
+        )
+    return free
+
+
+def sample_rows(
+    draw: Draw, block: BlockData, m: int, kept: IntArray, unit: Unit, rng: np.random.Generator
+) -> IntArray:
+    """The rows that are kept and m more, sorted."""
+    free = free_rows(block.size, m, kept, block.name)
+    candidates = np.flatnonzero(free)
+    if unit == "dof":
+        chosen = candidates[draw(candidates.size, m, rng)]
+    else:
+        chosen = candidates[_whole_nodes(draw, block.coordinates[candidates], m, rng)]
+    return np.union1d(np.flatnonzero(~free), chosen)
+
+
+def _whole_nodes(
+    draw: Draw, places: FloatArray, m: int, rng: np.random.Generator
+) -> IntArray:
+    """m rows on as few nodes as that takes: fewer elements are touched than by single rows.
+
+    Only the last node drawn may give fewer rows than it has.
+    """
+    node = node_numbers(places)
+    sizes = np.bincount(node)
+    nodes = draw(sizes.size, -(-m // int(sizes.max(initial=1))), rng)
+    order = np.concatenate([nodes, rng.permutation(np.setdiff1d(np.arange(sizes.size), nodes))])
+    return in_order(node, order, m)
+
+
+def node_numbers(places: FloatArray) -> IntArray:
+    """Number of each row's node, counted as the rows meet them, so that strata follow the rows."""
+    _, first, node = np.unique(places, axis=0, return_index=True, return_inverse=True)
+    return np.argsort(np.argsort(first))[node.reshape(-1)]
+
+
+def in_order(node: IntArray, order: IntArray, m: int) -> IntArray:
+    """m positions in `node`: whole nodes in the given order, the last one perhaps in part."""
+    rank = np.empty(order.size, dtype=np.int64)
+    rank[order] = np.arange(order.size)
+    return np.argsort(rank[node], kind="stable")[:m]
+
+
+@dataclass(slots=True, eq=False)
+class Rows:
+    """Rows of one block while they are chosen, by the best of scores that may change.
+
+    taken (n,): chosen so far, the required ones from the start; node (n,): rows of one number are
+    taken together; left: how many are still to be taken.
+    """
+
+    taken: BoolArray
+    node: IntArray
+    left: int
+
+    @classmethod
+    def of(cls, coordinates: FloatArray, free: BoolArray, m: int, unit: Unit) -> "Rows":
+        node = np.arange(free.size) if unit == "dof" else node_numbers(coordinates)
+        return cls(~free, node, m)
+
+    def take(self, score: FloatArray) -> IntArray:
+        """The best free row of scores (n,), with the others of its node while rows are left."""
+        open_score = np.where(self.taken, -np.inf, score)
+        node = self.node[open_score.argmax()]
+        mates = np.flatnonzero((self.node == node) & ~self.taken)
+        best = mates[np.argsort(-open_score[mates], kind="stable")][: self.left]
+        self.taken[best] = True
+        self.left -= best.size
+        return best
+
+    def take_in_order(self, key: FloatArray) -> None:
+        """All rows that are left, whole nodes by increasing key (number of nodes,)."""
+        free = np.flatnonzero(~self.taken)
+        order = np.argsort(key, kind="stable")
+        self.taken[free[in_order(self.node[free], order, self.left)]] = True
+        self.left = 0
+
+    def numbers(self) -> IntArray:
+        """Rows taken so far, sorted."""
+        return np.flatnonzero(self.taken)

@@ -1,0 +1,108 @@
+"""The smallest singular values of rows that grow, without an SVD for each row."""
+
+import numpy as np
+
+from sparsemor.core import FloatArray
+from sparsemor.plugins.samplers.growing_qr import LOST, RowFactor
+
+SMALL = 64
+"""Up to so many columns an SVD a row is as quick as anything else."""
+ILL = 1e-6
+"""Least singular value, of the largest, from which an inverse of A^T A keeps enough digits."""
+CLOSE = 1e-6
+"""Least distance of the shift from the smallest eigenvalue of A^T A, relative to that."""
+HELD = 4
+"""Eigenvectors carried from row to row. Of A^T A with a row more, the first two are combinations
+of the first three of before and of the Krylov space of the new row: three would do."""
+POWERS = 3
+"""Blocks of the Krylov space that are made of these before it is started again."""
+EXACT = 1e-9
+"""Residual of an eigenpair, as a share of its eigenvalue, that counts as exact."""
+CYCLES = 8
+"""Most starts of the Krylov space; then an SVD and a new shift are cheaper."""
+
+
+class Smallest:
+    """The two smallest singular values of rows A (p, k), and the right vector of the smallest.
+
+    They are the largest eigenpairs of M = (A^T A - shift)^-1, the shift a little below the smallest
+    eigenvalue, which more rows only raise. A new row changes M by a product of two vectors (Sherman
+    and Morrison), and its eigenvectors little: block Krylov iterations with Rayleigh-Ritz from
+    those of before, O(k^2) a row where an SVD takes O(k^3). The SVD of all rows is taken, and a new
+    shift, where the iterations become slow, where M has shrunk so far that its old rounding errors
+    begin to count, and for every row where A is nearly singular.
+
+    s: (s_(k-1), s_k), the first infinite for k = 1; vector (k,): that of s_k.
+    """
+
+    def __init__(self, A: FloatArray) -> None:
+        self.factor, self.later = RowFactor(A), list[FloatArray]()
+        self._from_all()
+
+    def add(self, rows: FloatArray) -> None:
+        """More rows (q, k)."""
+        self.later.append(rows)
+        if self.M is None or not self._updated(self.M, rows):
+            self._from_all()
+
+    def _from_all(self) -> None:
+        if self.later:
+            self.factor.add(np.concatenate(self.later))
+            self.later.clear()
+        k = self.factor.R.shape[1]
+        s, V, rank = self.factor.singular(k)
+        s = np.concatenate([[np.inf], s, np.zeros(k - s.size)])
+        self.s, self.vector, self.M = s[-2:], V[:, -1], None
+        if k > SMALL and rank == k and s[-1] > ILL * s[1]:
+            least, above = s[:-3:-1] ** 2
+            self.shift = least - max(above - least, CLOSE * least)
+            inverse = 1.0 / (s[1:] ** 2 - self.shift)
+            self.M, self.held = (V * inverse) @ V.T, V[:, : -HELD - 1 : -1]
+            self.first = inverse[-1]
+
+    def _updated(self, M: FloatArray, rows: FloatArray) -> bool:
+        """False where the new eigenvectors were not found, or M has lost digits."""
+        new = []
+        for u in rows:
+            b = M @ u
+            M -= np.outer(b, b / (1.0 + float(u @ b)))
+            new.append(b)
+        values, X, converged = largest(M, np.column_stack([self.held, *new]), HELD)
+        if not converged or values[0] * LOST < self.first:
+            return False
+        self.s, self.vector, self.held = np.sqrt(self.shift + 1.0 / values[1::-1]), X[:, 0], X
+        return True
+
+
+def largest(
+    M: FloatArray, start: FloatArray, count: int
+) -> tuple[FloatArray, FloatArray, bool]:
+    """The `count` largest eigenvalues, descending, and vectors (k, count) of the symmetric M
+    (k, k), from the span of `start`; and whether the first two are exact.
+
+    Blocks are orthonormal by QR, so that dependent vectors do no harm: their place is taken by
+    others. Saad 2011, doi 10.1137/1.9781611970739, ch. 6.
+    """
+    X, values = start, np.zeros(count)
+    for _ in range(CYCLES):
+        Q, MQ = _krylov(M, X)
+        values, C = np.linalg.eigh(Q.T @ MQ)
+        values, C = values[: -count - 1 : -1], C[:, : -count - 1 : -1]
+        X = Q @ C
+        off = np.linalg.norm(MQ @ C[:, :2] - X[:, :2] * values[:2], axis=0)
+        if (off <= EXACT * values[:2]).all():
+            return values, X, True
+    return values, X, False
+
+
+def _krylov(M: FloatArray, X: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Orthonormal Q of X, M X, .. (`POWERS` blocks of them), and M Q."""
+    Q = np.linalg.qr(X)[0]
+    images = [M @ Q]
+    for _ in range(POWERS):
+        new = images[-1]
+        for _ in range(2):  # once leaves what rounding does to nearly dependent blocks
+            new = np.linalg.qr(new - Q @ (Q.T @ new))[0]
+        images.append(M @ new)
+        Q = np.hstack([Q, new])
+    return Q, np.hstack(images)

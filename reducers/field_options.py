@@ -1,0 +1,48 @@
+"""Options of reducers by field: the entry that stands for a field, bases with counted atoms."""
+
+from collections.abc import Mapping
+from typing import Protocol, TypeVar, runtime_checkable
+
+from sparsemor.core.protocols import Basis
+from sparsemor.core.registry.plugin import Plugin
+
+T = TypeVar("T")
+BASES = ("basis", "bases")
+"""Options that the trial bases of blocks follow from."""
+
+
+@runtime_checkable
+class CountsAtoms(Basis, Protocol):
+    """A basis whose number of atoms is an option; None: not given."""
+
+    @property
+    def count(self) -> int | None: ...
+
+
+def of_field(field: str, table: Mapping[str, T]) -> T | None:
+    """The entry of a field in a table by block pattern: that of `*.field`, else the first one whose
+    pattern names the field or everything; None without."""
+    if f"*.{field}" in table:
+        return table[f"*.{field}"]
+    return next((v for p, v in table.items() if p == "*" or p.rpartition(".")[2] == field), None)
+
+
+def counted(
+    atoms: Mapping[str, int], basis: Basis, bases: Mapping[str, Basis]
+) -> tuple[Basis, dict[str, Basis]]:
+    """The shared basis and those by pattern, with other numbers of atoms by field where these are
+    an option: the shared one serves the first field."""
+    found = dict(bases)
+    for i, (field, count) in enumerate(atoms.items()):
+        if i > 0:
+            own = bases.get(f"*.{field}", basis)
+            if isinstance(own, CountsAtoms):
+                found[f"*.{field}"] = _with_count(own, count)
+    first = next(iter(atoms.values()), None)
+    if first is None or not isinstance(basis, CountsAtoms):
+        return basis, found
+    return _with_count(basis, first), found
+
+
+def _with_count(basis: Basis, count: int) -> Basis:
+    return basis.model_copy(update={"count": count}) if isinstance(basis, Plugin) else basis

@@ -1,0 +1,89 @@
+"""Full order: constant blocks factorized once, rigid coordinates and multipliers as a border."""
+
+from dataclasses import replace
+from typing import Literal
+
+from pydantic import Field
+
+from sparsemor.core.protocols import (
+    AssembledModel,
+    ReducedProblem,
+    StepSolver,
+)
+from sparsemor.core.protocols.separable import HeatBody
+from sparsemor.core.registry.plugin import Plugin
+from sparsemor.reducers.full.monolithic import GeneralStepper, Summed, coupling
+from sparsemor.reducers.start_check import check_start
+from sparsemor.reducers.step.acceptance import Tolerances
+from sparsemor.reducers.step.coupled_reduced import reduced_general
+from sparsemor.reducers.step.elastic_block import ElasticBlock, FullElastic
+from sparsemor.reducers.step.newton.fallback import FullNewton
+from sparsemor.reducers.step.prepare import constants, stepper
+from sparsemor.reducers.step.prescribed_frame_block import FullPrescribed, PrescribedBlock
+from sparsemor.reducers.step.thermal_block import FullHeat, HeatBlock, LocalAt
+from sparsemor.reducers.step.thermal_groups import full_group, group_name
+from sparsemor.reducers.unused_linear_solver import local_heat_notes, whole_step_notes
+
+
+def _alone(model: AssembledModel, b: HeatBody, c1: float) -> FullHeat:
+    """A thermal block that no other is coupled to."""
+    at = model.layout[b.thermal]
+    local = tuple(LocalAt(t, t.rows - at.start, t.columns - at.start) for t in b.local)
+    factor = model.factorize(b.thermal, c1 * b.capacity + b.conductivity)
+    return FullHeat(b, c1, factor, local)
+
+
+class Full(Plugin):
+    """Full-order model: all unknowns and all equations, the reference of every comparison."""
+
+    predictor: int = Field(default=6, ge=1, le=8)
+    """Number of past states that the first guess of a step extrapolates."""
+    remaining: float = Field(default=1e-13, gt=0, lt=1e-3)
+    """Relative error of the unknowns that may remain in a step."""
+    max_iterations: int = Field(default=30, ge=1)
+    """Newton iterations before a step is given up."""
+    method: Literal["bordered", "newton"] = "bordered"
+    """`bordered`: constant blocks factorized once, or, where a term such as a contact couples them,
+    one Jacobian of the whole that is kept while it serves. `newton`: the whole Jacobian factorized
+    again in each iteration, the textbook method, kept as a check."""
+
+    def prepare(self, problem: ReducedProblem) -> StepSolver:
+        """Raises InputError where contact at the start does not suit the integrator."""
+        model, integrator, h = problem.model, problem.integrator, problem.step
+        tol = Tolerances(self.remaining, self.max_iterations)
+        if model.separated.other:
+            check_start(model, integrator, h)
+        if self.method == "newton":
+            return GeneralStepper(
+                model, Summed.of(model, price=0), tol, self.predictor,
+                notes=whole_step_notes(model, "method: newton solves for all unknowns together"))
+        if model.separated.other:
+            if not model.reducible():  # rigid bodies only: a few unknowns
+                return reduced_general(model, {}, {}, {}, tol, self.predictor)
+            names = ", ".join(sorted({n for n, _ in coupling(model) if n})) or "a term"
+            return GeneralStepper(
+                model, Summed.of(model, price=6), tol, self.predictor,
+                notes=whole_step_notes(model, f"{names} couples blocks inside the step"))
+        c1, c2, c1_first = constants(model.layout, integrator, h)
+        heat: dict[str, HeatBlock] = {}
+        elastic: dict[str, ElasticBlock | PrescribedBlock] = {}
+        kind = FullElastic if model.separated.border_size else FullPrescribed
+        done = 0
+        for group in model.separated.heat_groups:
+            heat[group_name(group)] = (
+                full_group(model, group, c1_first) if len(group) > 1 else
+                _alone(model, group[0], c1_first))
+            done += 1
+        for m in model.separated.moving:
+            if m.operators is not None:
+                o = m.operators
+                D = o.stiffness + c1 * o.damping + c2 * o.mass
+                elastic[m.elastic] = kind.of(o, model.factorize(m.elastic, D), m.elastic)
+                done += 1
+        made = stepper(model, model.layout, {}, {}, heat, elastic, tol, self.predictor, done,
+                       (c1, c2), notes=local_heat_notes(model), visited={
+                           b.thermal: sum(t.elements for t in b.local)
+                           for b in model.separated.heat})
+        if made.iterating:  # chosen where a factor is too large
+            return made
+        return replace(made, newton=FullNewton(lambda: Summed.of(model, price=0), tol))

@@ -1,0 +1,83 @@
+"""Options that were given and change nothing in this run."""
+
+from collections.abc import Mapping, Sequence
+
+from sparsemor.core.model.block_patterns import chosen
+from sparsemor.core.notes import Note
+from sparsemor.core.protocols import AssembledModel
+from sparsemor.core.registry.plugin import Plugin
+from sparsemor.core.registry.registry import Registry
+from sparsemor.core.registry.slot import Slot
+
+NO_EFFECT = "no_effect"
+"""Kind of the notes."""
+OF_A_SELECTION = ("solver", "every", "carried", "polish", "screen")
+"""Options of `sparse` that only a selection of atoms reads."""
+
+
+def given(reducer: Plugin, options: Sequence[str]) -> list[str]:
+    """Those of the options whose value is not the default."""
+    return [name for name in options if not _is_default(reducer, name)]
+
+
+def _is_default(reducer: Plugin, name: str) -> bool:
+    field, value = type(reducer).model_fields[name], dict(reducer)[name]
+    slot = next((m for m in field.metadata if isinstance(m, Slot)), None)
+    if slot is None or not isinstance(field.default, str):
+        return bool(value == field.get_default(call_default_factory=True))
+    return bool(value == Registry().get(slot.kind, field.default)())
+
+
+def no_effect(options: Sequence[str], why: str) -> tuple[Note, ...]:
+    """One note for all options that the same reason makes idle; none for no option."""
+    if not options:
+        return ()
+    names = ", ".join(f"reducer.{name}" for name in options)
+    verb = "has" if len(options) == 1 else "have"
+    return (Note(f"{names} {verb} no effect: {why}", NO_EFFECT),)
+
+
+def unselected(reducer: Plugin, active: Mapping[str, tuple[int, int]]) -> tuple[Note, ...]:
+    """Options of a selection where no block selects. active: block -> (budget, atoms)."""
+    if any(budget < atoms for budget, atoms in active.values()):
+        return ()
+    counts = ", ".join(f"{name} {atoms} of {atoms}" for name, (_, atoms) in active.items())
+    return no_effect(given(reducer, OF_A_SELECTION), (
+        f"every budget covers its dictionary ({counts} atoms), so that nothing is selected; give "
+        "fewer atoms in reducer.budgets, or leave this out"))
+
+
+def shadowed_basis(
+    reducer: Plugin, model: AssembledModel, bases: Mapping[str, object]
+) -> tuple[Note, ...]:
+    """A basis that no block takes, because each has its own."""
+    if any(chosen(name, dict.fromkeys(bases, True), False) is False for name in model.reducible()):
+        return ()
+    return no_effect(given(reducer, ["basis"]), (
+        f"reducer.bases ({', '.join(bases)}) names the basis of every block; change it there"))
+
+
+def unread_sampler(
+    reducer: Plugin, sizes: Mapping[str, tuple[int, int]]
+) -> tuple[Note, ...]:
+    """A sampler that had nothing to choose. sizes: block -> (rows, unknowns)."""
+    if any(rows < unknowns for rows, unknowns in sizes.values()):
+        return ()
+    counts = ", ".join(f"{name} {n}" for name, (_, n) in sizes.items())
+    return no_effect(given(reducer, ["sampler"]), (
+        f"all rows of every block are taken ({counts}); ask for fewer rows in reducer.budgets"))
+
+
+def unweighted(
+    reducer: Plugin, model: AssembledModel, patterns: Sequence[str]
+) -> tuple[Note, ...]:
+    """A preconditioner without blocks, or blocks without a preconditioner."""
+    named = dict.fromkeys(patterns, True)
+    if not any(chosen(name, named, False) for name in model.reducible()):
+        return no_effect(given(reducer, ["preconditioner"]), (
+            f"reducer.preconditioned ({', '.join(patterns) or 'empty'}) names no block of this "
+            "scene"))
+    if _is_default(reducer, "preconditioner"):
+        return no_effect(given(reducer, ["preconditioned"]), (
+            "reducer.preconditioner is none"))
+    return ()

@@ -1,0 +1,253 @@
+"""Base of reducers whose atoms are all active: one loop over blocks, two test bases each.
+
+A subclass says under which maps a block is seen (`Maps`). From there on Galerkin, DEIM, GNAT and
+LSPG are the same arrays in the same step.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Annotated, ClassVar
+
+import numpy as np
+from pydantic import Field
+from scipy.linalg import lapack, solve_triangular
+
+from sparsemor.core.arrays import Csr, FloatArray, IntArray
+from sparsemor.core.errors import Fault
+from sparsemor.core.model.block_patterns import chosen
+from sparsemor.core.notes import Note
+from sparsemor.core.protocols import (
+    AssembledModel,
+    Basis,
+    Dictionary,
+    Integrator,
+    OfflineProducts,
+    ReducedProblem,
+    StepFactors,
+    StepSolver,
+)
+from sparsemor.core.protocols.separable import HeatBody, MovingBody
+from sparsemor.core.registry.plugin import Plugin
+from sparsemor.core.registry.slot import Slot, slot_default
+from sparsemor.core.status import SolveFailed, Status
+from sparsemor.reducers.checks import pattern_faults
+from sparsemor.reducers.field_options import BASES
+from sparsemor.reducers.ineffective_options import shadowed_basis
+from sparsemor.reducers.step.acceptance import Tolerances
+from sparsemor.reducers.step.coupled_reduced import Seen, reduced_general
+from sparsemor.reducers.step.elastic_block import CompressedElastic
+from sparsemor.reducers.step.newton.equations import Equations
+from sparsemor.reducers.step.newton.fallback import FullNewton
+from sparsemor.reducers.step.operators import TestedElastic, TestedHeat, TestMap
+from sparsemor.reducers.step.prepare import constants, stepper
+from sparsemor.reducers.step.prescribed_frame_block import CompressedPrescribed
+from sparsemor.reducers.step.solver import Facts
+from sparsemor.reducers.step.thermal_block import CompressedHeat
+from sparsemor.reducers.step.thermal_groups import heat_groups
+from sparsemor.reducers.trial_bases import local_terms, trial_bases
+
+RANK_RTOL = 1e-14
+"""Reciprocal condition of a scaled block below which its atoms depend on each other."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Linear:
+    """stiffness x + damping v + mass a of one block, (n, n) each; heat has no mass and its capacity
+    as damping. D = stiffness + c1 damping + c2 mass is `operator`."""
+
+    stiffness: Csr
+    damping: Csr
+    mass: Csr | None
+    operator: Csr
+
+    @classmethod
+    def of(cls, source: HeatBody | MovingBody, c1: float, c2: float, c1_first: float) -> "Linear":
+        if isinstance(source, HeatBody):
+            K, C = source.conductivity, source.capacity
+            return cls(K, C, None, K + c1_first * C)
+        assert source.operators is not None
+        o = source.operators
+        return cls(o.stiffness, o.damping, o.mass, o.stiffness + c1 * o.damping + c2 * o.mass)
+
+    def force(self, x: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
+        """Remaining force of the equations at (n,) or (n, M) unknowns and rates."""
+        f = self.stiffness @ x + self.damping @ v
+        return np.asarray(f if self.mass is None else f + self.mass @ a)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Reducible:
+    """One block with all that its test maps may be made from; rng is its own."""
+
+    name: str
+    dictionary: Dictionary
+    linear: Linear
+    model: AssembledModel
+    offline: OfflineProducts
+    integrator: Integrator
+    h: float
+    rng: np.random.Generator
+
+    @property
+    def size(self) -> int:
+        return int(self.dictionary.atoms.shape[0])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Maps:
+    """test: of the block's own operators; force: of all else in its rows (None: the same).
+
+    rows: which rows were sampled, None for all; facts: what is worth reporting of them.
+    """
+
+    test: TestMap
+    force: TestMap | None = None
+    rows: IntArray | None = None
+    facts: Mapping[str, float | int | str] = field(default_factory=dict)
+    notes: tuple[Note, ...] = ()
+
+    @property
+    def forces(self) -> TestMap:
+        return self.test if self.force is None else self.force
+
+
+class ProjectionReducer(Plugin, ABC):
+    """The options and the loop that projected reducers have in common."""
+
+    basis: Annotated[Basis, Slot("basis")] = slot_default("pod")
+    """Basis of every elastic and thermal block."""
+    bases: dict[str, Annotated[Basis, Slot("basis")]] = {}
+    """Other bases by block pattern, such as `*.thermal`."""
+    predictor: int = Field(default=6, ge=1, le=8)
+    """Number of past states that the first guess of a step extrapolates."""
+    remaining: float = Field(default=1e-13, gt=0, lt=1e-3)
+    """Relative error of the unknowns that may remain in a step."""
+    max_iterations: int = Field(default=30, ge=1)
+    """Newton iterations before a step is given up."""
+
+    shared_options: ClassVar[tuple[str, ...]] = BASES
+
+    @abstractmethod
+    def maps(self, block: Reducible) -> Maps:
+        """The test maps of one block. InputError or SolveFailed where there are none."""
+
+    def seen(
+        self, model: AssembledModel, dictionaries: Mapping[str, Dictionary],
+        offline: OfflineProducts, h: float
+    ) -> tuple[AssembledModel, Mapping[str, Mapping[str, float | int | str]]]:
+        """The model whose equations are projected, and facts of its blocks: a subclass may put
+        cheaper operators in place of a body's own."""
+        return model, {}
+
+    def in_modes(
+        self, model: AssembledModel, dictionaries: Mapping[str, Dictionary]
+    ) -> Mapping[str, tuple[Dictionary, float]]:
+        """Blocks whose own operators are diagonal in other atoms of the same span: these, and by
+        how much more than before a coefficient can be at most."""
+        return {}
+
+    def check(self, model: AssembledModel) -> Sequence[Fault]:
+        """Faults found by counting, before any training; keys relative to the reducer."""
+        return pattern_faults(model, "bases", self.bases)
+
+    def prepare(self, problem: ReducedProblem) -> StepSolver:
+        """Raises InputError where the scene does not suit, SolveFailed for dependent atoms."""
+        model, integrator, h = problem.model, problem.integrator, problem.step
+        offline, rng = problem.offline, problem.rng
+        c1, c2, c1_first = constants(model.layout, integrator, h)
+        dictionaries, limits = trial_bases(
+            offline, {n: chosen(n, self.bases, self.basis) for n in model.reducible()},
+            StepFactors(h, c1, c2, c1_first))
+        modes = self.in_modes(model, dictionaries)
+        dictionaries |= {n: d for n, (d, _) in modes.items()}
+        limits = {n: top * modes[n][1] if n in modes else top for n, top in limits.items()}
+        model, seen = self.seen(model, dictionaries, offline, h)
+        own = dict(zip(dictionaries, rng.spawn(len(dictionaries)), strict=True))
+        maps, blocks = {}, {}
+
+        def mapped(name: str, source: HeatBody | MovingBody) -> Maps:
+            linear = Linear.of(source, c1, c2, c1_first)
+            maps[name] = self.maps(Reducible(
+                name, dictionaries[name], linear, model, offline, integrator, h, own[name]))
+            return maps[name]
+
+        for b in model.separated.heat:
+            m = mapped(b.thermal, b)
+            th = TestedHeat.of(b, dictionaries[b.thermal], m.test, m.force)
+            th = th.in_modes() if b.thermal in modes else th
+            blocks[b.thermal] = Seen(th, left_inverse(b.thermal, th.block(c1_first)), m.forces)
+        for body in model.separated.moving:
+            if body.operators is None:
+                continue
+            n, m = body.elastic, mapped(body.elastic, body)
+            te = TestedElastic.of(body.operators, body.frame, dictionaries[n],
+                                  dictionaries.get(body.thermal), m.test, m.force,
+                                  model.separated.rigid_equations)
+            te = te.in_modes() if n in modes else te
+            blocks[n] = Seen(te, left_inverse(n, te.block(c1, c2)), m.forces)
+        rows = {n: m.rows for n, m in maps.items() if m.rows is not None}
+        notes = (*shadowed_basis(self, model, self.bases),
+                 *(note for m in maps.values() for note in m.notes))
+        facts = {**seen, **{n: m.facts for n, m in maps.items() if m.facts}}
+        made = reduced_general if model.separated.other else partial(fast, (c1, c2, c1_first))
+        return made(model, dictionaries, rows, blocks,
+                    Tolerances(self.remaining, self.max_iterations), self.predictor, limits, notes,
+                    facts)
+
+
+def fast(
+    rates: tuple[float, float, float], model: AssembledModel,
+    dictionaries: Mapping[str, Dictionary],
+    rows: Mapping[str, IntArray], blocks: Mapping[str, Seen], tolerances: Tolerances, points: int,
+    limits: Mapping[str, float], notes: tuple[Note, ...], facts: Facts,
+) -> StepSolver:
+    """The step of a model whose blocks are solved one after the other."""
+    (c1, c2, c1_first), heat, elastic, tested = rates, {}, {}, {}
+    for b in model.separated.heat:
+        s, d = blocks[b.thermal], dictionaries[b.thermal]
+        local = local_terms(model, b, d, s.wide(d)) if b.local else []
+        heat[b.thermal] = CompressedHeat.of(s.tested, s.left, None, c1_first, local)
+    kind = CompressedElastic if model.separated.border_size else CompressedPrescribed
+    for body in model.separated.moving:
+        if body.operators is not None:
+            s = blocks[body.elastic]
+            tested[body.elastic] = s.tested
+            elastic[body.elastic] = kind.of(s.tested, s.left, None)
+    layout = model.layout.resized({n: d.atoms.shape[1] for n, d in dictionaries.items()})
+    visited = {n: block.elements for n, block in heat.items()}
+    wide = {c.rows: blocks[c.rows].wide(dictionaries[c.rows]) for c in model.separated.couplings}
+    hot = heat_groups(model, heat, dictionaries, wide, c1_first)
+    made = stepper(model, layout, dictionaries, rows, hot, elastic, tolerances, points,
+                   len(heat) + len(elastic), (c1, c2), True, limits, notes, tested, facts, visited)
+
+    # made here, so that what steps does not hold the model
+    whole: Equations = reduced_general(
+        model, dictionaries, rows, blocks, tolerances, points).equations
+    return replace(made, newton=FullNewton(lambda: whole, tolerances))
+
+
+def left_inverse(name: str, A: FloatArray, rtol: float = RANK_RTOL) -> FloatArray:
+    """(k, l) with left @ A = 1 for A (l, k), by least squares on unit columns where l > k.
+
+    Raises SolveFailed (rank deficient) naming the block `name` where the columns depend on each
+    other: an overcomplete dictionary has no unique coefficients.
+    """
+    rows, k = A.shape
+    if rows < k:
+        raise deficient(name, f"{k} atoms, {rows} rows")
+    norms = np.linalg.norm(A, axis=0)
+    if not norms.all():
+        raise deficient(name, f"{int((norms == 0).sum())} atoms vanish on its rows")
+    Q, R = np.linalg.qr(A / norms)
+    rcond = float(lapack.dtrcon(R)[0]) if k else 1.0
+    if not rcond > rtol:
+        raise deficient(
+            name, f"its {k} atoms depend on each other, reciprocal condition {rcond:.1e}: take "
+            "fewer atoms or merge near-duplicates")
+    return np.asarray(solve_triangular(R, Q.T) / norms[:, None], dtype=np.float64)
+
+
+def deficient(name: str, detail: str, sampled: bool = False) -> SolveFailed:
+    return SolveFailed(Status.RANK_DEFICIENT, 0.0, name, detail, sampled=sampled)

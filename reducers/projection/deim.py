@@ -1,0 +1,29 @@
+"""Discrete empirical interpolation of the forces (DEIM): the paper's comparison.
+
+Chaturantabut and Sorensen 2010, doi 10.1137/090766498; choice of points by pivoted QR: Drmac and
+Gugercin 2016, doi 10.1137/15M1019271.
+"""
+
+from sparsemor.reducers.projection.base import Maps, Reducible
+from sparsemor.reducers.projection.force_snapshots import choose_points, force_modes, interpolation
+from sparsemor.reducers.projection.interpolation import Interpolating
+from sparsemor.reducers.step.operators import TestMap
+
+
+class Deim(Interpolating):
+    """POD-DEIM: constant operators projected, all other forces interpolated at DEIM points
+    (Chaturantabut & Sorensen 2010).
+
+    Mass, damping and stiffness are projected as in `galerkin`. The remaining force f of a block
+    is evaluated at the points P only: atoms^T U (P^T U)^+ P^T f with force modes U."""
+
+    def maps(self, block: Reducible) -> Maps:
+        """atoms^T (k, n) for the operators, atoms^T U (P^T U)^+ (k, m) of the points for forces."""
+        modes, atoms = force_modes(block, self.basis_of_force(block)), block.dictionary.atoms
+        f = modes.atoms.shape[1]
+        points = choose_points(block, modes, self.wanted(block, f), self.sampler, self.required)
+        back, facts = interpolation(block.name, modes.atoms, points)
+        left = (atoms.T @ modes.atoms) @ back
+        return Maps(
+            TestMap(left=atoms.T), TestMap(rows=points, left=left), points,
+            {"force_modes": f, **facts}, self.notes(block, points))

@@ -1,0 +1,112 @@
+"""Sparse non-negative least squares, stopped as soon as the residual is small enough.
+
+The active-set method of Lawson and Hanson (1974, doi 10.1137/1.9781611971217, ch. 23) adds one
+column an iteration, so the fewer iterations, the fewer nonzeros: this is the greedy solver of
+Farhat et al. 2014. scipy.optimize.nnls iterates to optimality and has no such stop. The factors
+of the active columns are updated, not recomputed.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import qr_delete, solve_triangular
+
+from sparsemor.core.arrays import FloatArray
+
+DEPENDENT = 1e-11
+"""A column of which less than this share is new to the active ones is not added."""
+
+
+class Weights(NamedTuple):
+    """values (n,) >= 0; residual: |A values - b| as computed from A and b."""
+
+    values: FloatArray
+    residual: float
+
+
+def nonnegative(A: FloatArray, b: FloatArray, tolerance: float) -> Weights:
+    """w >= 0 with |A w - b| <= tolerance and few nonzeros; A (m, n), b (m,).
+
+    Where the tolerance is out of reach (no column that is left lowers the residual) the best w
+    found comes back with its residual.
+    """
+    n = A.shape[1]
+    norms = np.linalg.norm(A, axis=0)
+    active: list[int] = []
+    Q, R = np.zeros((len(b), 0)), np.zeros((0, 0))
+    x, r, size = np.zeros(n), b, float(np.linalg.norm(b))
+    zero, stalled = norms == 0.0, np.zeros(n, dtype=np.bool_)
+    for _ in range(10 * n):
+        if size <= tolerance:
+            break
+        gain = A.T @ r
+        gain[active] = -np.inf
+        gain[zero | stalled] = -np.inf
+        entering = _entering(A, norms, Q, R, b, gain)
+        if entering is None:
+            break
+        j, q, R_new = entering
+        Q, R, active = np.column_stack([Q, q]), R_new, [*active, j]
+        Q, R, active, x = _feasible(Q, R, active, b, x)
+        r = b - Q @ (Q.T @ b)
+        before, size = size, float(np.linalg.norm(r))
+        if size < before * (1.0 - 1e-10):
+            stalled[:] = False
+        else:
+            stalled[j] = True  # rounding only: not again before another one has helped
+    return Weights(x, float(np.linalg.norm(A @ x - b)))
+
+
+def _entering(
+    A: FloatArray, norms: FloatArray, Q: FloatArray, R: FloatArray, b: FloatArray,
+    gain: FloatArray,
+) -> tuple[int, FloatArray, FloatArray] | None:
+    """The column of largest gain that is new and would get a positive weight, with its part of
+    Q and R; None when no column lowers the residual. Writes to `gain`."""
+    while True:
+        j = int(np.argmax(gain))
+        if not gain[j] > 0.0:
+            return None
+        q, grown = _appended(Q, R, A[:, j])
+        if grown[-1, -1] > DEPENDENT * norms[j] and q @ b > 0.0:
+            return j, q, grown
+        gain[j] = -np.inf
+
+
+def _appended(Q: FloatArray, R: FloatArray, a: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The new orthonormal column, and R with its column; Gram-Schmidt twice is enough."""
+    h = Q.T @ a
+    q = a - Q @ h
+    again = Q.T @ q
+    q = q - Q @ again
+    size = float(np.linalg.norm(q))
+    k = len(R)
+    grown = np.zeros((k + 1, k + 1))
+    grown[:k, :k], grown[:k, k], grown[k, k] = R, h + again, size
+    return q / size if size > 0.0 else q, grown
+
+
+def _feasible(
+    Q: FloatArray, R: FloatArray, active: list[int], b: FloatArray, x: FloatArray
+) -> tuple[FloatArray, FloatArray, list[int], FloatArray]:
+    """Least squares on the active columns, those dropped on the way there that turn negative."""
+    w = x[active]
+    while active:
+        z = solve_triangular(R, Q.T @ b)
+        negative = z <= 0.0
+        if not negative.any():
+            w = z
+            break
+        step = float((w[negative] / (w[negative] - z[negative])).min())
+        w = w + step * (z - w)
+        out = negative & (w <= 1e-14 * w.max())
+        if not out.any():
+            out[np.flatnonzero(negative)[np.argmin(w[negative])]] = True
+        for i in np.flatnonzero(out)[::-1]:
+            Q, R = qr_delete(Q, R, i, 1, "col", check_finite=False)
+            Q, R = Q[:, : R.shape[1]], R[: R.shape[1]]
+        active = [j for j, gone in zip(active, out, strict=True) if not gone]
+        w = w[~out]
+    found = np.zeros_like(x)
+    found[active] = w
+    return Q, R, active, found

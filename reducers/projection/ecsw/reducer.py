@@ -1,0 +1,214 @@
+"""Energy-conserving sampling and weighting: Galerkin with few, weighted elements."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from pydantic import Field
+from scipy.sparse import csr_array
+
+from sparsemor.core.arrays import Csr, FloatArray
+from sparsemor.core.errors import Fault
+from sparsemor.core.notes import Note
+from sparsemor.core.protocols import (
+    AssembledModel,
+    Dictionary,
+    OfflineProducts,
+    ReducedProblem,
+    StepSolver,
+    Term,
+)
+from sparsemor.core.protocols.element_integrals import (
+    ElasticIntegrals,
+    HeatIntegrals,
+    Integrals,
+    WeighsElements,
+)
+from sparsemor.core.protocols.separable import ElasticOperators, HeatBody, MovingBody
+from sparsemor.reducers.projection.base import Maps, ProjectionReducer, Reducible, left_inverse
+from sparsemor.reducers.projection.ecsw.training import (
+    Trained,
+    elastic_equations,
+    heat_equations,
+    local_equations,
+    train,
+)
+from sparsemor.reducers.projection.ecsw.training_matrix import Equations
+from sparsemor.reducers.step.operators import TestMap
+
+Fact = dict[str, float | int | str]
+
+
+class Ecsw(ProjectionReducer):
+    """ECSW, energy-conserving sampling and weighting: Galerkin with element integrals replaced by
+    nonnegatively weighted sums over few elements (Farhat, Avery, Chapman & Cortial 2014).
+
+    The weights reproduce the projected forces of the training run to `tau` (doi 10.1002/nme.4668
+    and, 2015, 10.1002/nme.4820).
+
+    Trial and test map are the atoms, and weighted element matrices stay symmetric and positive
+    semidefinite: the structure, and with it the stability, of Galerkin is kept. Inertia of the
+    floating frame, damping, joints, films and given loads are projected exactly.
+    """
+
+    tau: float = Field(default=1e-6, ge=1e-8, lt=1.0)
+    """Error of the trained forces: of the displacements they cause, relative to those of the
+    training run; of the rates of temperature; of the heat of local terms."""
+    states: int = Field(default=200, ge=2)
+    """Most training states, evenly spread, that local terms such as radiation are trained on."""
+
+    def check(self, model: AssembledModel) -> Sequence[Fault]:
+        faults = [*super().check(model)]
+        whole = "ecsw weighs mesh elements, which"
+        for b in model.separated.heat:
+            if b.integrals is None:
+                faults.append(Fault("", f"{whole} body {b.name} does not offer for its heat: use "
+                                    "reducer: galerkin"))
+            kinds = {type(t).__name__ for t in b.local if not isinstance(t, WeighsElements)}
+            faults += [Fault("", f"{whole} {kind} on body {b.name} does not offer: use reducer: "
+                             "galerkin") for kind in sorted(kinds)]
+        faults += [Fault("", f"{whole} body {m.name} does not offer for its elastic field: use "
+                         "reducer: galerkin") for m in model.separated.moving
+                   if m.operators is not None and m.operators.integrals is None]
+        return faults
+
+    def maps(self, block: Reducible) -> Maps:
+        return Maps(TestMap(left=block.dictionary.atoms.T))
+
+    def seen(
+        self, model: AssembledModel, dictionaries: Mapping[str, Dictionary],
+        offline: OfflineProducts, h: float
+    ) -> tuple[AssembledModel, Mapping[str, Fact]]:
+        """The model with weighted elements, and what was kept of each block."""
+        training = Training(model, offline, h, self.tau, self.states, dictionaries)
+        moving = tuple(training.elastic(m) for m in model.separated.moving)
+        heat = tuple(training.heat(b) for b in model.separated.heat)
+        weighed = replace(model.separated, moving=moving, heat=heat)
+        return model.with_separated(weighed), training.facts
+
+    def prepare(self, problem: ReducedProblem) -> StepSolver:
+        solver: Any = super().prepare(problem)
+        elements = {n: solver.elements_touched[n] + int(f["elements_kept"])
+                    for n, f in solver.facts.items()}
+        notes = tuple(
+            Note(f"{n}: no choice of elements repeats the training forces to {self.tau:g}, the "
+                 f"best comes to {f['residual']:.1e}", "ecsw_training")
+            for n, f in solver.facts.items()
+            if float(f["residual"]) > 1.05 * self.tau)
+        weighed: StepSolver = replace(
+            solver, elements_touched={**solver.elements_touched, **elements},
+            notes=(*solver.notes, *notes))
+        return weighed
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Training:
+    """Makes the weighted operators of one model, and keeps the facts of each block."""
+
+    model: AssembledModel
+    offline: OfflineProducts
+    h: float
+    tau: float
+    states: int
+    dictionaries: Mapping[str, Dictionary]
+    facts: dict[str, Fact] = field(default_factory=dict)
+    known: dict[str, Trained] = field(default_factory=dict)
+
+    def elastic(self, body: MovingBody) -> MovingBody:
+        ops = body.operators
+        if ops is None or ops.integrals is None:
+            return body
+        g, u = ops.integrals(), self._trained(body.elastic)
+        T = self._trained(body.thermal) if body.thermal in self.dictionaries else None
+        A = u.dictionary.atoms
+        flexibility = left_inverse(body.elastic, A.T @ (ops.stiffness @ A))
+        w = self._weights(body.elastic, "elements", elastic_equations(g, u, T, flexibility))
+        return replace(body, operators=_weigh_elastic(ops, g, w))
+
+    def heat(self, body: HeatBody) -> HeatBody:
+        if body.integrals is None:
+            return body
+        g, T, name = body.integrals(), self._trained(body.thermal), body.thermal
+        A = T.dictionary.atoms
+        inertness = left_inverse(name, A.T @ (body.capacity @ A))
+        w = self._weights(name, "elements", heat_equations(g, T, inertness))
+        local = [self._local(name, term, T, inertness @ A.T) for term in body.local]
+        return _weigh_heat(body, g, w, local)
+
+    def _local(self, name: str, term: Any, T: Trained, left: FloatArray) -> Term:
+        at, d = self.model.layout[name].start, T.dictionary
+        M = len(T.t)
+        chosen = np.unique(np.linspace(0, M - 1, min(self.states, M)).round().astype(np.int64))
+        columns = term.columns - at
+        x = d.offset[columns, None] + d.atoms[columns] @ T.c[:, chosen]
+        v = d.atoms[columns] @ T.rates_at()[:, chosen]
+        G = local_equations(term, left[:, term.rows - at], x, v, T.t[chosen])
+        weighted: Term = term.weighted(self._weights(name, "facets", G))
+        return weighted
+
+    def _weights(self, name: str, kind: str, G: Equations) -> FloatArray:
+        """(E,) trained (cached), and the facts of the block counted up."""
+        def make() -> dict[str, Any]:
+            found = train(G, self.tau)
+            return {"weights": found.values, "residual": np.array(found.residual)}
+
+        made = self.offline.remember("weights", (name, self.tau, *G.content), make)
+        w, fact = np.asarray(made["weights"]), self.facts.setdefault(name, {"tau": self.tau})
+        fact[kind] = int(fact.get(kind, 0)) + len(w)
+        fact[f"{kind}_kept"] = int(fact.get(f"{kind}_kept", 0)) + int(np.count_nonzero(w))
+        fact["residual"] = max(float(fact.get("residual", 0.0)), float(made["residual"]))
+        return w
+
+    def _trained(self, name: str) -> Trained:
+        if name not in self.known:
+            snapshots = self.offline.snapshots(name)
+            self.known[name] = Trained.of(
+                self.dictionaries[name], snapshots, self._times(snapshots.shape[1]))
+        return self.known[name]
+
+    def _times(self, M: int) -> FloatArray:
+        """(M,) s: when the snapshots were taken; given ones are taken for one a step."""
+        r = self.offline.recording
+        t = np.arange(M) * (self.h if r is None else r.step * r.every)
+        if r is not None and r.integrator.order > 1:
+            t[-1] = 0.0  # the extra one, made at the start
+        return np.asarray(t)
+
+
+def _weigh_elastic(ops: ElasticOperators, g: ElasticIntegrals, w: FloatArray) -> ElasticOperators:
+    given, rest = _given(g.given, w)
+    return replace(
+        ops, stiffness=_weighed(ops.stiffness, g.stiffness, w),
+        coupling=None if ops.coupling is None or g.coupling is None
+        else _weighed(ops.coupling, g.coupling, w),
+        constant=ops.constant + given, loads=np.concatenate([ops.loads, rest], axis=1),
+        amplitudes=(*ops.amplitudes, *g.amplitudes),
+        load_names=(*ops.load_names, *("left-out elements" for _ in g.amplitudes)))
+
+
+def _weigh_heat(
+    body: HeatBody, g: HeatIntegrals, w: FloatArray, local: Iterable[Term]
+) -> HeatBody:
+    given, rest = _given(g.given, w)
+    return replace(
+        body, capacity=_weighed(body.capacity, g.capacity, w),
+        conductivity=_weighed(body.conductivity, g.conductivity, w),
+        constant=body.constant + given, loads=np.concatenate([body.loads, rest], axis=1),
+        amplitudes=(*body.amplitudes, *g.amplitudes), local=tuple(local),
+        load_names=(*body.load_names, *("left-out elements" for _ in g.amplitudes)))
+
+
+def _given(g: Integrals, w: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Change by the weights of the constant part (n,) and of the prescribed loads (n, j)."""
+    change = g.weighted(w - 1.0).toarray()
+    return change[:, 0], change[:, 1:]
+
+
+def _weighed(matrix: Csr, g: Integrals, w: FloatArray) -> Csr:
+    """The matrix with its elements weighted; what is not of elements (films) stays as it is."""
+    other = csr_array(matrix - g.weighted(np.ones(g.count)))
+    # rounding of elements that go must not stay behind: it is not positive semidefinite
+    other.data[np.abs(other.data) < 1e-11 * np.abs(matrix).max()] = 0.0
+    other.eliminate_zeros()
+    return csr_array(g.weighted(w) + other)

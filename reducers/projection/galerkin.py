@@ -1,0 +1,38 @@
+"""POD-Galerkin (or any basis): trial and test map are the same atoms, compressed offline."""
+
+from collections.abc import Mapping
+
+from sparsemor.core.protocols import AssembledModel, Dictionary
+from sparsemor.reducers.projection.base import Maps, ProjectionReducer, Reducible
+from sparsemor.reducers.projection.modal_coordinates import modal_coordinates
+from sparsemor.reducers.step.operators import TestMap
+
+
+class Galerkin(ProjectionReducer):
+    """Galerkin projection: the equations of each block projected onto its basis.
+
+    The online cost is independent of the mesh, except for local terms: all are evaluated.
+
+    Blocks that are solved by themselves (heat; displacements in given frames) on orthonormal atoms
+    have the natural modes of their span for coordinates.
+    """
+
+    def maps(self, block: Reducible) -> Maps:
+        """atoms^T (k, n) for everything."""
+        return Maps(TestMap(left=block.dictionary.atoms.T))
+
+    def in_modes(
+        self, model: AssembledModel, dictionaries: Mapping[str, Dictionary]
+    ) -> Mapping[str, tuple[Dictionary, float]]:
+        s = model.separated
+        if s.other:
+            return {}
+        turned = {b.thermal: modal_coordinates(
+                      dictionaries[b.thermal], b.conductivity, b.capacity, "/s")
+                  for b in s.heat}
+        for m in s.moving:
+            if m.operators is not None and not s.border_size:
+                o = m.operators
+                turned[m.elastic] = modal_coordinates(
+                    dictionaries[m.elastic], o.stiffness, o.mass, "Hz")
+        return {name: found for name, found in turned.items() if found is not None}

@@ -1,0 +1,95 @@
+"""Least squares of the residual: of all rows (`lspg`), or of its modes seen at points (`gnat`).
+
+Carlberg, Bou-Mosleh and Farhat 2011, doi 10.1002/nme.3050; Carlberg, Farhat, Cortial and Amsallem
+2013, doi 10.1016/j.jcp.2013.02.028. As in `sparse`, the least squares run over the rows of the
+block under its constant operator D, and rigid and multiplier rows hold exactly.
+"""
+
+from typing import Literal
+
+import numpy as np
+
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.errors import InputError
+from sparsemor.core.linalg.svd import svd
+from sparsemor.core.model.factorizations import solved
+from sparsemor.core.protocols import Dictionary
+from sparsemor.reducers.projection.base import Maps, ProjectionReducer, Reducible, deficient
+from sparsemor.reducers.projection.force_snapshots import choose_points, force_modes, interpolation
+from sparsemor.reducers.projection.interpolation import Interpolating
+from sparsemor.reducers.step.operators import TestMap
+
+Norm = Literal["rows", "energy"]
+
+KEPT = 1e-12
+"""Residual modes whose singular value is below this share of the largest are round-off."""
+
+
+class Lspg(ProjectionReducer):
+    """LSPG, least-squares Petrov-Galerkin: coefficients minimise the residual of all rows.
+
+    The minimiser depends on the residual through its part in the span of D atoms alone, so all is
+    compressed offline as in `galerkin`. (In the norm of D^-1 it would be `galerkin`.)
+    """
+
+    def maps(self, block: Reducible) -> Maps:
+        """Q^T (k, n) for everything, D atoms = Q R."""
+        return Maps(TestMap(left=np.linalg.qr(_images(block))[0].T))
+
+
+class Gnat(Interpolating):
+    """GNAT, Gauss-Newton with approximated tensors: gappy least squares of the residual's modes.
+
+    Coefficients minimise |(P U)^+ P r| over the sampled rows P r of a residual with modes U.
+
+    At reduced states a residual is D atoms times an error of the coefficients, plus what of the
+    force these cannot meet: U spans the columns of D atoms and the force modes. `points` must
+    number at least these; `oversampling` counts them.
+    """
+
+    norm: Norm = "rows"
+    """`rows`: the plain 2-norm of the residual that the modes rebuild, as published; `energy`: that
+    of D^-1, in which the minimiser comes close to Galerkin's."""
+
+    def maps(self, block: Reducible) -> Maps:
+        """Q^T W (P U)^+ (k, m) of the points for everything: W is the norm's factor, and
+        W (P U)^+ P D atoms = Q R."""
+        force, B = force_modes(block, self.basis_of_force(block)), _images(block)
+        U = residual_modes(B, force.atoms)
+        q = U.shape[1]
+        modes = Dictionary(U, np.zeros(len(U)), tuple(f"residual {i}" for i in range(q)))
+        points = choose_points(block, modes, self.wanted(block, q), self.sampler, self.required)
+        back, facts = interpolation(block.name, U, points)
+        if self.norm == "energy":
+            back = energy_factor(block, U) @ back
+        left = np.linalg.qr(back @ B[points])[0].T @ back
+        return Maps(
+            TestMap(rows=points, left=left), None, points,
+            {"force_modes": force.atoms.shape[1], "residual_modes": q, **facts},
+            self.notes(block, points))
+
+
+def _images(block: Reducible) -> FloatArray:
+    """D atoms (n, k) with unit columns."""
+    B = np.asarray(block.linear.operator @ block.dictionary.atoms)
+    norms = np.linalg.norm(B, axis=0)
+    if not norms.all():
+        raise deficient(block.name, f"{int((norms == 0).sum())} atoms have no residual")
+    return np.asarray(B / norms)
+
+
+def residual_modes(B: FloatArray, F: FloatArray) -> FloatArray:
+    """Orthonormal (n, q) for the span of D atoms B (n, k) and force modes F (n, f)."""
+    U, s, _ = svd(np.hstack([B, F]))
+    return np.asarray(U[:, s > KEPT * s[0]])
+
+
+def energy_factor(block: Reducible, U: FloatArray) -> FloatArray:
+    """W (q, q) with |W z|^2 = (U z)^T D^-1 (U z)."""
+    factor = block.model.factorize(block.name, block.linear.operator, "norm")
+    flexible = U.T @ solved(factor, np.ascontiguousarray(U), block.name)
+    try:
+        return np.asarray(np.linalg.cholesky(flexible).T)
+    except np.linalg.LinAlgError:
+        raise InputError(f"{block.name} has no energy norm, its operator is not positive definite: "
+                         "take norm: rows", "reducer.norm") from None

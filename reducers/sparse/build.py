@@ -1,0 +1,233 @@
+"""From rows to a step solver: all of the sparse reducer that depends on which rows it sees."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core.errors import Fault, InputError
+from sparsemor.core.model.block_patterns import chosen
+from sparsemor.core.notes import Note
+from sparsemor.core.protocols import (
+    AssembledModel,
+    Dictionary,
+    OfflineProducts,
+    Preconditioner,
+    SparseSolver,
+    StepFactors,
+    StepSolver,
+)
+from sparsemor.core.protocols.sparse_solver import refusal
+from sparsemor.core.status import SolveFailed, Status
+from sparsemor.reducers.coverage import unsampled_loads
+from sparsemor.reducers.sparse.joint_problem import mechanics_needs, shape_needs
+from sparsemor.reducers.sparse.oblique_projection import checked_rows
+from sparsemor.reducers.sparse.preconditioned_rows import inverse_rows
+from sparsemor.reducers.sparse.sampled_block import (
+    RankDeficient,
+    Sampled,
+    SampledElastic,
+    SampledHeat,
+    left_inverse,
+    told,
+    weigh,
+)
+from sparsemor.reducers.sparse.sampled_coupled import sampled_general
+from sparsemor.reducers.sparse.stepper import SparseStepper
+from sparsemor.reducers.step.acceptance import Tolerances
+from sparsemor.reducers.step.operator_rows import elastic_rows, elastic_times, heat_rows, heat_times
+from sparsemor.reducers.step.operators import TestedElastic, TestedHeat, TestMap
+from sparsemor.reducers.step.prepare import stepper
+from sparsemor.reducers.step.solver import Stepper
+from sparsemor.reducers.step.thermal_groups import heat_groups
+
+
+class Options(Protocol):
+    """The options of the reducer that are read here."""
+
+    @property
+    def preconditioner(self) -> Preconditioner: ...
+    @property
+    def preconditioned(self) -> tuple[str, ...]: ...
+    @property
+    def solver(self) -> SparseSolver: ...
+    def preconditions(self, name: str) -> bool:
+        """True if the rows of a block are those of its residual times D^-1."""
+        ...
+
+    @property
+    def every(self) -> int: ...
+    @property
+    def carried(self) -> bool: ...
+    @property
+    def polish(self) -> bool: ...
+    @property
+    def screen(self) -> bool: ...
+    @property
+    def predictor(self) -> int: ...
+    @property
+    def remaining(self) -> float: ...
+    @property
+    def max_iterations(self) -> int: ...
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Whole:
+    """All rows of every block under its atoms, dense: what sampled rows are taken from."""
+
+    heat: Mapping[str, TestedHeat]
+    elastic: Mapping[str, TestedElastic]
+
+    @classmethod
+    def of(cls, model: AssembledModel, dictionaries: Mapping[str, Dictionary]) -> "Whole":
+        heat = {b.thermal: TestedHeat.of(b, dictionaries[b.thermal], TestMap())
+                for b in model.separated.heat}
+        elastic = {m.elastic: TestedElastic.of(
+            m.operators, m.frame, dictionaries[m.elastic], dictionaries.get(m.thermal), TestMap(),
+            rigid=model.separated.rigid_equations)
+            for m in model.separated.moving if m.operators is not None}
+        return cls(heat, elastic)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Build:
+    """atoms: budget of each block, None for the whole dictionary; step: what the steps are made of;
+    offline: None for rows that are made during the run, of which nothing is cached; notes: of what
+    is known before there are rows."""
+
+    model: AssembledModel
+    offline: OfflineProducts | None
+    options: Options
+    dictionaries: Mapping[str, Dictionary]
+    limits: Mapping[str, float]
+    atoms: Mapping[str, int | None]
+    step: StepFactors
+    notes: tuple[Note, ...] = ()
+
+    def solver(
+        self, rows: Mapping[str, IntArray], whole: Whole | None = None, row_set: int = 0
+    ) -> StepSolver:
+        """A step solver that sees these rows of each block.
+
+        whole: take them from there instead of from the mesh's matrices; row_set: number of these
+        rows among others of the run. InputError, or SolveFailed for rows that cannot tell the
+        atoms apart.
+        """
+        heat: dict[str, SampledHeat] = {}
+        elastic: dict[str, SampledElastic] = {}
+        facts: dict[str, Mapping[str, float | int | str]] = {}
+        notes = list(self.notes)
+        _, c1, c2, c1_first = self.step
+        driven = not self.model.separated.border_size
+        for b in self.model.separated.heat:
+            n = b.thermal
+            th = (heat_rows(known.heat[n], rows[n]) if (known := self._known(whole, n)) else
+                  TestedHeat.of(b, self.dictionaries[n], self._map(n, rows[n])))
+            block, facts[n] = self._block(n, rows[n], th.block(c1_first), notes)
+            heat[n] = SampledHeat.of(block, heat_times(block.weight, th), self.model, b, c1_first)
+        for m in self.model.separated.moving:
+            if m.operators is None:
+                continue
+            n = m.elastic
+            te = (elastic_rows(known.elastic[n], rows[n]) if (known := self._known(whole, n)) else
+                  TestedElastic.of(m.operators, m.frame, self.dictionaries[n],
+                                   self.dictionaries.get(m.thermal), self._map(n, rows[n]),
+                                   rigid=self.model.separated.rigid_equations))
+            block, facts[n] = self._block(n, rows[n], te.block(c1, c2), notes)
+            elastic[n] = SampledElastic.of(block, elastic_times(block.weight, te), driven)
+        chooses = any(h.block.selects for h in heat.values()) or any(
+            e.block.selects for e in elastic.values())
+        apart = self.model.separated
+        if apart.other or (chooses and (apart.couplings or apart.elastic_local)):
+            return sampled_general(
+                self.model, self.dictionaries, self.limits, rows, {**heat, **elastic},
+                {n: self._map(n, r) for n, r in rows.items()}, self.options,
+                (*unsampled_loads(self.model, rows), *notes), facts)
+        return self._stepper(rows, heat, elastic, facts, row_set, notes)
+
+    def _known(self, whole: Whole | None, name: str) -> Whole | None:
+        """Source of the rows of a block: those of D^-1 r are not stored for all."""
+        return None if self.options.preconditions(name) else whole
+
+    def _map(self, name: str, rows: IntArray) -> TestMap:
+        """These rows of the residual r, or of D^-1 r."""
+        if not self.options.preconditions(name):
+            return TestMap(rows=rows)
+        operator = self.model.block_data(name, step=self.step).operator
+        return TestMap(left=inverse_rows(self.model, self.offline, name, operator, rows))
+
+    def _block(
+        self, name: str, rows: IntArray, B: FloatArray, notes: list[Note]
+    ) -> tuple[Sampled, Mapping[str, float | int | str]]:
+        """A block with its preconditioner, and what its rows can tell apart (at the start); a note
+        is added where that is too little."""
+        P, inverted = None, self.options.preconditions(name)
+        if inverted:  # D^-1 D atoms, without the rounding of either
+            B = self.dictionaries[name].atoms[rows]
+        if chosen(name, dict.fromkeys(self.options.preconditioned, True), False):
+            P = weigh(self.offline, self.options.preconditioner, name, B)
+        block = Sampled(name, self.dictionaries[name], rows, self.atoms[name] or B.shape[1],
+                        B if P is None else P @ B, P)
+        seen = {} if self.offline is None else dict(told(B, P))
+        error = None if self.offline is None else checked_rows(
+            self.model, self.offline, block, self._map(name, rows), self.step)
+        if error is not None:
+            seen["row_error"] = error.rows
+            notes += [note for note in (error.note(block),) if note is not None]
+        return block, {"residual": "preconditioned", **seen} if inverted else seen
+
+    def _stepper(
+        self, rows: Mapping[str, IntArray], heat: Mapping[str, SampledHeat],
+        elastic: Mapping[str, SampledElastic],
+        facts: Mapping[str, Mapping[str, float | int | str]], row_set: int, notes: list[Note],
+    ) -> Stepper | SparseStepper:
+        """Blocks without a choice to make are prepared here, once."""
+        try:
+            hot = {n: h.prepared(None) for n, h in heat.items() if not h.block.selects}
+            bent = {n: e.prepared(None) for n, e in elastic.items() if not e.block.selects}
+        except RankDeficient as error:
+            raise SolveFailed(Status.RANK_DEFICIENT, 0.0, error.block, error.detail,
+                              sampled=True) from None
+        # D^-1 brings every load to every row
+        plain = {n: r for n, r in rows.items() if not self.options.preconditions(n)}
+        wide = {c.rows: self._wide(heat[c.rows]) for c in self.model.separated.couplings}
+        visited = {n: block.elements for n, block in hot.items()}
+        groups = hot if not wide else heat_groups(
+            self.model, hot, self.dictionaries, wide, self.step.c1_first)
+        o, sizes = self.options, {n: d.atoms.shape[1] for n, d in self.dictionaries.items()}
+        fixed = len(hot) == len(heat) and len(bent) == len(elastic)
+        base = stepper(
+            self.model, self.model.layout.resized(sizes), self.dictionaries, rows, groups, bent,
+            Tolerances(o.remaining, o.max_iterations), o.predictor, len(hot) + len(bent),
+            (self.step.c1, self.step.c2), fixed and self.offline is not None, self.limits,
+            (*unsampled_loads(self.model, plain), *notes),
+            {n: e.tested for n, e in elastic.items()}, facts, visited)
+        if fixed:
+            return base
+        # elastic blocks are selected in one joint problem: all of them take part in it
+        choosing = {} if len(bent) == len(elastic) else elastic
+        warm = {n: h for n, h in heat.items() if n not in hot}
+        self._refuse(warm, choosing, base)
+        return SparseStepper(base, warm, choosing, o.solver, o.every, o.carried, o.polish,
+                             o.screen, row_set)
+
+    def _wide(self, source: SampledHeat) -> FloatArray:
+        """(k, n): the left inverse of a block's sampled rows times the map of its forces."""
+        block = source.block
+        m, P = self._map(block.name, block.rows), block.weight
+        left = left_inverse(block.name, source.reached[1], None)
+        return m.times(left if P is None else left @ P, len(block.dictionary.offset))
+
+    def _refuse(
+        self, warm: Mapping[str, SampledHeat], choosing: Mapping[str, SampledElastic],
+        base: Stepper,
+    ) -> None:
+        """InputError for a solver that lacks what the problems of a step need of it."""
+        problems = {n: shape_needs(*h.block.B.shape) for n, h in warm.items()}
+        if choosing and base.mechanics is not None:
+            problems[", ".join(choosing)] = mechanics_needs(
+                list(choosing.values()), base.mechanics.size)
+        refused = [Fault("reducer.solver", why) for n, needs in problems.items()
+                   if (why := refusal(n, self.options.solver, needs))]
+        if refused:
+            raise InputError(refused)

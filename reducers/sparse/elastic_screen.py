@@ -1,0 +1,176 @@
+"""Does an exchange of atoms pay in this step? Asked before the sparse solver is run.
+
+Heat is linear: its screen is exact. Mechanics: the rows are linear once the border is eliminated
+(eliminated.py). How that is done changes slowly: it is recomputed where a decision is too close,
+and after a time that is measured each time it is recomputed.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from sparsemor.core.arrays import BoolArray, FloatArray
+from sparsemor.core.protocols import Group, StepFormula
+from sparsemor.core.protocols.layout import Layout
+from sparsemor.core.protocols.sparse_solver import GramError, Quadratic, ScreensSupport
+from sparsemor.reducers.sparse.condensed_rows import Constants, Eliminated
+from sparsemor.reducers.sparse.sampled_block import SampledElastic, SampledHeat
+from sparsemor.reducers.sparse.sampled_residual import Seen
+from sparsemor.reducers.sparse.screen_rows import Together, joined
+from sparsemor.reducers.sparse.thermal_screen import HeatScreen
+from sparsemor.reducers.step.condensed_newton import Mechanics
+from sparsemor.reducers.step.iteration_state import Workspace
+from sparsemor.reducers.step.solver import Stepper
+
+ROUGH = GramError(3e-3, 1e-7)
+"""What is allowed to taking the border for infinitely stiff and to leaving out of B what turns with
+the frame. Seen on the packaged scene: 1e-3 and 5e-9. Closer decisions are made without either."""
+AGED = GramError(5e-2, 1e-6)
+"""What age may add to that."""
+EXACT = GramError(1e-6, 1e-12)
+"""What is left of it where neither is done."""
+CARE, GROWTH, TINY = 3.0, 2.0, 1e-300
+"""How much faster derivatives may change than they were seen to, and by how much they may be kept
+longer than before."""
+OLDEST = 50
+"""Steps after which what is kept is recomputed in any case: rates that were measured over some
+steps say little of the error after hundreds (6 % of sizes for 2 %, after 524 steps of a
+pendulum)."""
+IDLE, LONGEST = 32, 1024
+"""Steps without another measurement of what would not last to the next step: twice as many each
+time, up to this."""
+
+
+class ElasticScreen:
+    """All selecting bodies in one problem."""
+
+    def __init__(
+        self, mechanics: Mechanics, elastic: Mapping[str, SampledElastic], layout: Layout,
+        solver: ScreensSupport,
+    ) -> None:
+        self.bodies = [Seen(i, elastic[b.elastic_name]) for i, b in enumerate(mechanics.bodies)
+                       if b.elastic_name in elastic]
+        groups: list[Group] = []
+        for s in self.bodies:
+            start = groups[-1].stop if groups else 0
+            groups.append(Group(s.name, start, start + s.k, s.budget))
+        self.groups, self.together = tuple(groups), Together(groups)
+        self.places = joined([layout[g.name] for g in groups])
+        self.still = Constants(self.bodies)
+        rows = sum(s.problem_rows for s in self.bodies)
+        self.screen = solver.screen(groups, self.still.seen, rows)
+        self.kept: Eliminated | None = None
+        self.rate = AGED
+        self.since, self.until, self.asked, self.immobile, self.pause = 0.0, 0.0, 0.0, 0, IDLE
+
+    def supports(
+        self, step: StepFormula, x: FloatArray, mechanics: Mechanics, work: Workspace,
+        before: Mapping[str, BoolArray],
+    ) -> dict[str, BoolArray] | None:
+        """The supports where the solver would end from the solution x of a step, {} if those
+        before; None if it cannot be determined."""
+        look = Look(self, step, x, mechanics, work)
+        support, found = self.together.of(before), None
+        if self.kept is not None and self.since < step.t < self.until:
+            found = self.screen.settle(look.around(self.kept, self._aged(step.t)), support)
+        if found is None:
+            new = Eliminated.of(mechanics, work, self.still)
+            if new is None:
+                return None
+            at = look.around(new, ROUGH)
+            self._renew(new, at, look, support, step.t)
+            found = self.screen.settle(at, support)
+        self.asked = step.t
+        if found is None or found is support:
+            return None if found is None else {}
+        return {g.name: found[g.start : g.stop] for g in self.groups}
+
+    def _renew(
+        self, new: Eliminated, at: Quadratic, look: "Look", support: BoolArray, t: float
+    ) -> None:
+        """Keeps what was made in the step to t, for as long as the last one would have lasted."""
+        old, age, step, lasts = self.kept, t - self.since, t - self.asked, 0.0
+        self.kept, self.since = new, t
+        if self.immobile > 0:
+            self.immobile -= 1
+        elif old is not None and age > 0.0:
+            unlike = self.screen.unlike(look.around(old, AGED), at, support)
+            self.rate = GramError(*(CARE * u / age for u in unlike))
+            lasts = min(GROWTH * age, OLDEST * step, *(
+                a / max(u, TINY) for a, u in zip(AGED, self.rate, strict=True)))
+            if lasts < step:
+                self.immobile, self.pause = self.pause, min(2 * self.pause, LONGEST)
+            else:
+                self.pause = IDLE
+        self.until = t + lasts
+
+    def _aged(self, t: float) -> GramError:
+        """Of what is kept, in a step to t."""
+        age, rate = t - self.since, self.rate
+        return GramError(ROUGH.sizes + age * rate.sizes, ROUGH.gram + age * rate.gram)
+
+
+class Look:
+    """The sampled rows at the solution x of a step that `mechanics` has just solved."""
+
+    def __init__(
+        self, screen: ElasticScreen, step: StepFormula, x: FloatArray, mechanics: Mechanics,
+        work: Workspace,
+    ) -> None:
+        loop = work.loop
+        assert loop is not None
+        self.screen, self.work, self.t, self.y = screen, work, step.t, loop.y
+        self.r = np.concatenate([s.residual(step, x, mechanics, work) for s in screen.bodies])
+        self.c = x[screen.places] * screen.still.lengths
+
+    def around(self, e: Eliminated, error: GramError) -> Quadratic:
+        """With the border eliminated by e, which may be older than the step."""
+
+        def left() -> tuple[float, float]:
+            square = float(self.r.dot(self.r))
+            for s in self.screen.bodies:
+                far = s.rest(self.t)
+                square += float(far.dot(far))
+            return square, e.hidden(self.y)
+
+        at = Quadratic(e.gram, e.slope(self.r), self.c, e.lengths, error, None, left)
+        return at if error is not ROUGH else at._replace(exact=lambda: self._exact(e, at))
+
+    def _exact(self, e: Eliminated, at: Quadratic) -> Quadratic:
+        """Without the two simplifications."""
+        V, VJ = e.gives()
+        gram, slope = at.gram - VJ.T.dot(VJ), at.slope - V.dot(self.r).dot(VJ)
+        row, screen = 0, self.screen
+        for s, g in zip(screen.bodies, screen.groups, strict=True):
+            own, rows = slice(g.start, g.stop), slice(row, row + s.first)
+            near, far = (A / screen.still.lengths[own] for A in s.turning(self.work))
+            part = screen.still.Bt[own, rows].dot(near)
+            gram[own, own] += part + part.T
+            slope[own] += self.r[rows].dot(near) + s.rest(self.t).dot(far)
+            row = rows.stop
+        return Quadratic(
+            np.asfortranarray(gram), slope, at.c, at.lengths, EXACT, None, at.left)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Screens:
+    """Of one set of rows."""
+
+    heat: HeatScreen | None
+    elastic: ElasticScreen | None
+
+    @classmethod
+    def of(
+        cls, base: Stepper, heat: Mapping[str, SampledHeat],
+        elastic: Mapping[str, SampledElastic], solver: Any,
+    ) -> "Screens | None":
+        """None for a solver that does not screen."""
+        if not isinstance(solver, ScreensSupport):
+            return None
+        hot = HeatScreen(heat, base.layout, solver) if heat else None
+        if not elastic:
+            return cls(hot, None)
+        assert base.mechanics is not None
+        return cls(hot, ElasticScreen(base.mechanics, elastic, base.layout, solver))

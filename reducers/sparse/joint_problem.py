@@ -1,0 +1,190 @@
+"""The sparse problems of one step (Eq. 25), as a sparse solver sees them.
+
+Heat: P (B c - b) = 0, linear, one block at a time; local terms (radiation) are left to the solve on
+the support that follows. Mechanics: the sampled rows of all elastic blocks with the border rows, in
+one problem; rigid coordinates and multipliers are a group without
+a budget. Rows are scaled to compare: elastic ones by their block's size, border rows by their own
+and by BORDER, because they are equations that have to hold and not a sample of many. Sampled rows
+come turned into few (compact.py), which changes neither norms nor solutions.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.protocols import Group, StepFormula
+from sparsemor.core.protocols.load_tables import total
+from sparsemor.core.protocols.separable import FrameWork, evaluate_amplitudes
+from sparsemor.reducers.sparse.sampled_block import SampledElastic, SampledHeat
+from sparsemor.reducers.step.condensed_newton import Mechanics
+from sparsemor.reducers.step.frame_step import BodyStep
+from sparsemor.reducers.step.operators import TestedElastic
+
+Few = tuple[TestedElastic, FloatArray]
+BORDER = 10.0
+
+
+def shape_needs(rows: int, columns: int) -> frozenset[str]:
+    """Capabilities that a problem of this shape requires of its solver
+    (`core.protocols.sparse_solver`)."""
+    if rows == columns:
+        return frozenset()
+    return frozenset({"overdetermined" if rows > columns else "underdetermined"})
+
+
+def mechanics_needs(blocks: Sequence[SampledElastic], border: int) -> frozenset[str]:
+    """The same for all elastic blocks with `border` rigid coordinates and multipliers."""
+    shapes = [s.block.B.shape for s in blocks]
+    rows, columns = (sum(shape[i] for shape in shapes) + border for i in (0, 1))
+    return shape_needs(rows, columns) | {"nonlinear", "unpenalised"}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HeatProblem:
+    """J c - b with J (m, k), b (m,) already times the preconditioner and scaled to |J| = 1."""
+
+    groups: tuple[Group, ...]
+    J: FloatArray
+    b: FloatArray
+    needs: frozenset[str]
+
+    @classmethod
+    def at(cls, s: SampledHeat, r1: FloatArray, t: float) -> "HeatProblem":
+        T, J = s.few
+        b = T.constant - T.capacity @ r1
+        if T.amplitudes:
+            b = b + T.loads @ evaluate_amplitudes(T.amplitudes, t)
+        if T.tables:
+            b = b + total(T.tables, t)
+        size = float(np.linalg.norm(J, axis=0).max())
+        group = Group(s.block.name, 0, J.shape[1], s.block.budget)
+        return cls((group,), J / size, b / size, shape_needs(*s.block.B.shape))
+
+    def residual(self, c: FloatArray) -> FloatArray:
+        return self.J @ c - self.b
+
+    def jacobian(self, c: FloatArray) -> FloatArray:
+        return self.J
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Place:
+    """A body in the problem: its sampled block (None: rigid), columns, rows and row scale."""
+
+    body: BodyStep
+    few: Few | None
+    columns: slice
+    rows: slice
+    scale: float
+    fixed: FloatArray
+
+
+class MechanicsProblem:
+    """Unknowns [c of each elastic block | border]; residual and Jacobian dense."""
+
+    def __init__(
+        self, mechanics: Mechanics, sampled: Sequence[SampledElastic | None], step: StepFormula,
+        x: FloatArray,
+    ) -> None:
+        self.mechanics, self.step, self.x = mechanics, step, x
+        self.places: list[Place] = []
+        groups, k, m = [], 0, 0
+        for body, s in zip(mechanics.bodies, sampled, strict=True):
+            if s is None:
+                self.places.append(Place(body, None, slice(0, 0), slice(0, 0), 1.0, np.zeros(0)))
+                continue
+            rows, atoms = s.few[1].shape
+            size = float(np.linalg.norm(s.few[1], axis=0).max())
+            self.places.append(Place(
+                body, s.few, slice(k, k + atoms), slice(m, m + rows), 1 / size,
+                _history(s.few[0], body, step, x)))
+            groups.append(Group(s.block.name, k, k + atoms, s.block.budget))
+            k, m = k + atoms, m + rows
+        self.k, self.m, self.border = k, m, mechanics.size
+        self.groups = (*groups, Group("border", k, k + self.border, None))
+        self.needs = mechanics_needs([s for s in sampled if s is not None], self.border)
+        self._at, self._both = np.zeros(0), (np.zeros(0), np.zeros((0, 0)))
+        self._row_scale = np.ones(m + self.border)
+        size = np.linalg.norm(self._raw(self.start())[1][m:], axis=1)
+        self._row_scale[m:] = BORDER / np.where(size > 0, size, 1.0)
+
+    def start(self) -> FloatArray:
+        """The predicted state as a first guess."""
+        nr = self.mechanics.n_rigid
+        parts = [self.x[p.body.elastic] for p in self.places if p.few is not None]
+        return np.concatenate([*parts, self.x[:nr], self.x[self.mechanics.algebraic]])
+
+    def residual(self, c: FloatArray) -> FloatArray:
+        return self._raw(c)[0] * self._row_scale
+
+    def jacobian(self, c: FloatArray) -> FloatArray:
+        return self._raw(c)[1] * self._row_scale[:, None]
+
+    def _raw(self, c: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Unscaled; the last ones are kept, because a solver asks for both at one c."""
+        if not np.array_equal(c, self._at):
+            self._both, self._at = self._made(c), c.copy()
+        return self._both
+
+    def _made(self, c: FloatArray) -> tuple[FloatArray, FloatArray]:
+        step, me, y = self.step, self.mechanics, c[self.k :]
+        r, J = np.zeros(self.m + self.border), np.zeros((self.m + self.border, len(c)))
+        for i, f in me.targets:
+            r[self.m + i] -= f(step.t)
+        rates = np.zeros((2, me.size))
+        rates[:, : me.n_rigid] = step.r1[: me.n_rigid], step.r2[: me.n_rigid]
+        for p in self.places:
+            w = self._evaluate(p, c[p.columns], y, rates)
+            T = p.body.to_border
+            r[self.m :] += w.border[:, -1] @ T
+            J[self.m :, self.k :] += T.T @ w.border[:, :-1] @ T
+            if p.few is None:
+                continue
+            t, B = p.few
+            kappa, mu = w.coefficients[:-1].reshape(2, -1)
+            D = B + np.tensordot(kappa, t.generators, 1)
+            past = np.tensordot(mu, t.generators, 1) @ step.r1[p.body.elastic]
+            r[p.rows] = p.scale * (D @ c[p.columns] + p.fixed + past + t.directions @ w.sigma[-1])
+            J[p.rows, p.columns] = p.scale * D
+            J[p.rows, self.k :] = p.scale * (t.directions @ (w.sigma[:-1].T @ T))
+            J[self.m :, p.columns] = T.T @ (w.tau @ t.functional)
+        return r, J
+
+    def _evaluate(
+        self, p: Place, c: FloatArray, y: FloatArray, rates: FloatArray
+    ) -> FrameWork:
+        step, f, T = self.step, p.body.frame, p.body.to_border
+        w = FrameWork(f.p, f.border, f.generators)
+        c1, c2 = step.c1, step.c2
+        given = p.body.given(step.t)
+        yb = T @ y + given[0]
+        v, a = T @ (c1 * y + rates[0]) + given[1], T @ (c2 * y + rates[1]) + given[2]
+        if not self.border:  # nothing rigid to solve for, and so no equations of it
+            f.drive(yb, v, a, c1, c2, step.t, w)
+            return w
+        if p.few is None:
+            none = np.zeros(0)
+            f.evaluate(yb, v, a, c1, c2, none, none, none, none, none, step.t, w)
+            return w
+        at, F, Q = p.body.elastic, p.few[0].functional, p.few[0].quadratic
+        r1, r2 = step.r1[at], step.r2[at]
+        form, forms = Q @ c @ c, np.concatenate([Q @ r1 @ c, Q @ r2 @ c])
+        f.evaluate(yb, v, a, c1, c2, F @ c, F @ r1, F @ r2, form, forms, step.t, w)
+        return w
+
+
+def _history(
+    t: TestedElastic, body: BodyStep, step: StepFormula, x: FloatArray
+) -> FloatArray:
+    """Rows that do not change in the step: inertia and damping history, heat, given loads."""
+    at = body.elastic
+    h = t.mass @ step.r2[at] + t.damping @ step.r1[at] + t.constant
+    if t.coupling.size:
+        h = h - t.coupling @ x[body.thermal]
+    if t.amplitudes:
+        h = h - t.loads @ evaluate_amplitudes(t.amplitudes, step.t)
+    if t.tables:
+        h = h - total(t.tables, step.t)
+    return np.asarray(h)

@@ -1,0 +1,128 @@
+"""Error of recovering known states from sampled rows: the oblique projection behind the sparse
+method, whose amplification decides how wrong a sampled model on good atoms is."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sparsemor.core.arrays import Csr, FloatArray, IntArray
+from sparsemor.core.linalg.least_squares import coefficients
+from sparsemor.core.notes import Note
+from sparsemor.core.protocols import AssembledModel, BlockData, OfflineProducts, StepFactors
+from sparsemor.core.results.error_norms import CONSTANT
+from sparsemor.core.simulation.diagnostics.expected_states import expected_states
+from sparsemor.core.status import SolveFailed
+from sparsemor.reducers.sparse.sampled_block import RankDeficient, Sampled, left_inverse
+from sparsemor.reducers.step.operators import TestMap
+
+SAMPLED_ROWS = "sampled_rows"
+"""Kind of the note."""
+LIMIT = 0.01
+"""Largest error of the recovered states without a note."""
+_STATES, _SELECTED = 400, 8
+"""Most states that are recovered: on all atoms, and on a support chosen for each of them."""
+_ENTRIES = 2**22
+"""Most numbers of these states that are held at once, unless they are few."""
+
+
+@dataclass(frozen=True, slots=True)
+class RowError:
+    """Errors relative to the largest change of the field, the largest over the states. rows: of
+    the states recovered from sampled rows; best: of their orthogonal projection on the atoms."""
+
+    rows: float
+    best: float
+
+    def note(self, block: Sampled) -> Note | None:
+        """None where the error is below the limit, or hardly above that of the atoms, which is
+        reported as such."""
+        if not self.rows > max(LIMIT, 2.0 * self.best):
+            return None
+        used = f"{block.budget} of {block.atoms}" if block.selects else f"{block.atoms}"
+        return Note(
+            f"the {len(block.rows)} sampled rows of {block.name} do not determine its {used} "
+            f"atoms well enough: test states are recovered with an error of {self.rows:.2g} of "
+            f"their largest change (limit {LIMIT:g}; projected on all atoms {self.best:.2g}): take "
+            "more rows, another basis or sampler, or residual: preconditioned", SAMPLED_ROWS)
+
+
+def row_error(
+    block: Sampled, states: FloatArray, test: TestMap, D: Csr, slow: Csr
+) -> RowError | None:
+    """Solves the sampled rows P W of D x = f and of S x = f for the coefficients of the atoms A,
+
+        c = (L P W S A)^-1 L P W S x        with L P W D A = 1 and L = left inverse of the rows,
+
+    at states x (n, M) whose forces f are exact. S = D gives the error of one step, `slow` that of
+    the state which many steps tend to. None for constant states, or rows that do not suffice.
+    """
+    A, o = block.dictionary.atoms, block.dictionary.offset
+    change = float(np.linalg.norm(states - states[:, :1], axis=0).max())
+    if change <= CONSTANT * float(np.linalg.norm(states, axis=0).max()):
+        return None
+    x = states - o[:, None]
+    c = coefficients(A, x)
+    best = float(np.linalg.norm(x - A @ c, axis=0).max())
+    worst = 0.0
+    groups: list[tuple[IntArray | None, FloatArray, FloatArray]] = [(None, x, c)]
+    if block.selects:
+        order = np.argsort(-np.abs(c), axis=0)[: block.budget]
+        groups = [(np.sort(order[:, i]), x[:, [i]], c[:, [i]]) for i in range(x.shape[1])]
+    for support, part, own in groups:
+        try:
+            left = left_inverse(block.name, block.B, support)
+        except RankDeficient:
+            return None
+        atoms = A if support is None else A[:, support]
+        rest = part - atoms @ (own if support is None else own[support])
+        for S in (D, slow):
+            seen = left @ _rows(block, test, S @ rest)
+            if S is slow:  # for S = D this matrix is 1
+                across = left @ _rows(block, test, S @ atoms)
+                seen = np.asarray(np.linalg.lstsq(across, seen, rcond=None)[0], dtype=np.float64)
+            worst = max(worst, float(np.linalg.norm(rest - atoms @ seen, axis=0).max()))
+    return RowError(worst / change, best / change)
+
+
+def checked_rows(
+    model: AssembledModel, offline: OfflineProducts, block: Sampled, test: TestMap,
+    step: StepFactors
+) -> RowError | None:
+    """The error of a block's rows at the training snapshots, without training at estimated states;
+    cached. None where there is nothing to test them on."""
+    if offline.recording is None:
+        return None
+    data = model.block_data(block.name, step=step)
+    span = max(offline.recording.end, step.h)
+    slow = data.stiffness + data.mass / span if data.order == 1 else data.stiffness
+
+    def make() -> dict[str, FloatArray]:
+        states = _states(model, offline, data, step)
+        most = _SELECTED if block.selects else min(_STATES, max(_SELECTED, _ENTRIES // data.size))
+        at = np.unique(np.linspace(0, states.shape[1] - 1, most).astype(np.int64))
+        found = row_error(block, np.asarray(states[:, at]), test, data.operator, slow)
+        return {"error": np.array([]) if found is None else np.array([found.rows, found.best])}
+
+    weight = np.zeros(0) if block.weight is None else block.weight
+    error = offline.remember("row_error", (
+        block.name, block.dictionary.atoms, block.dictionary.offset, block.B, weight, block.rows,
+        block.budget, data.operator, slow, offline.trained, span), make)["error"]
+    return RowError(float(error[0]), float(error[1])) if len(error) else None
+
+
+def _states(
+    model: AssembledModel, offline: OfflineProducts, data: BlockData, step: StepFactors
+) -> FloatArray:
+    """(n, M) states that the rows are tested on."""
+    if offline.trained:
+        return offline.snapshots(data.name)
+    assert offline.recording is not None
+    try:
+        return expected_states(model, data.name, step, offline.recording.end).states
+    except SolveFailed:  # the run itself will say so
+        return np.zeros((data.size, 1))
+
+
+def _rows(block: Sampled, test: TestMap, values: FloatArray) -> FloatArray:
+    seen = np.asarray(test(values))
+    return seen if block.weight is None else np.asarray(block.weight @ seen)

@@ -1,0 +1,225 @@
+"""One block of the sparse method: its sampled rows, weights and budget, prepared by support."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import lapack
+from scipy.sparse import eye_array
+
+from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
+from sparsemor.core.errors import InputError
+from sparsemor.core.linalg.coherence import coherence, condition_number, unit_columns
+from sparsemor.core.protocols import (
+    AssembledModel,
+    Dictionary,
+    OfflineProducts,
+    Preconditioner,
+    Sampler,
+    StepFactors,
+)
+from sparsemor.core.protocols.separable import HeatBody
+from sparsemor.core.registry.returned_values import built_weights, sampled_rows
+from sparsemor.reducers.sparse.row_compression import compact_elastic, compact_heat
+from sparsemor.reducers.sparse.screen_rows import squares
+from sparsemor.reducers.step.elastic_block import CompressedElastic
+from sparsemor.reducers.step.operator_rows import elastic_rows, heat_rows
+from sparsemor.reducers.step.operators import TestedElastic, TestedHeat
+from sparsemor.reducers.step.prescribed_frame_block import CompressedPrescribed
+from sparsemor.reducers.step.thermal_block import CompressedHeat
+from sparsemor.reducers.trial_bases import local_terms
+
+RANK_RTOL = 1e-13
+"""Reciprocal condition of the unit columns below which the rows cannot tell atoms apart."""
+
+
+class RankDeficient(RuntimeError):
+    """The sampled rows cannot tell the active atoms of `block` apart."""
+
+    def __init__(self, block: str, detail: str) -> None:
+        super().__init__(f"{block}: {detail}")
+        self.block, self.detail = block, detail
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sampled:
+    """A block under sampled rows. B (m, k) = P times the rows of D or c1 C + K times the atoms.
+
+    weight (m, m) or None: the preconditioner P; budget: most atoms active at once.
+    """
+
+    name: str
+    dictionary: Dictionary
+    rows: IntArray
+    budget: int
+    B: FloatArray
+    weight: FloatArray | None
+
+    @property
+    def atoms(self) -> int:
+        return int(self.B.shape[1])
+
+    @property
+    def selects(self) -> bool:
+        return self.budget < self.atoms
+
+    def left(self, support: IntArray | None) -> FloatArray:
+        """(s, m): least squares on the support, left @ B_S = 1. Raises RankDeficient."""
+        return left_inverse(self.name, self.B, support)
+
+
+def left_inverse(name: str, B: FloatArray, support: IntArray | None) -> FloatArray:
+    """(s, m): least squares on the columns of B (m, k) in the support. Raises RankDeficient."""
+    A = B if support is None else B[:, support]
+    if A.shape[1] > A.shape[0]:
+        raise RankDeficient(name, f"{A.shape[1]} active atoms, {A.shape[0]} rows")
+    norms = np.sqrt(squares(A))
+    if not norms.all():
+        raise RankDeficient(name, f"{int((norms == 0).sum())} atoms vanish on the rows")
+    # LAPACK without wrappers: half of what an exchange of atoms costs would be theirs
+    packed, tau = lapack.dgeqrf(A / norms)[:2]
+    R = packed[: A.shape[1]]
+    rcond = float(lapack.dtrcon(R)[0])
+    if not rcond > RANK_RTOL:
+        raise RankDeficient(name, f"reciprocal condition {rcond:.1e}")
+    Q = lapack.dorgqr(packed, tau)[0]
+    return np.asarray(lapack.dtrtrs(R, Q.T)[0] / norms[:, None])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SampledElastic:
+    """tested: the sampled rows, already times the preconditioner. few: the same and B in few
+    turned rows, where something is selected; first: how many of these B and the directions need
+    (compact.py); reached: the rows of `few` that B needs, which least squares on any support sees
+    alone. driven: whether frames are given (driven.py)."""
+
+    block: Sampled
+    tested: TestedElastic
+    few: tuple[TestedElastic, FloatArray]
+    first: int
+    reached: tuple[TestedElastic, FloatArray]
+    driven: bool
+
+    @classmethod
+    def of(cls, block: Sampled, tested: TestedElastic, driven: bool) -> "SampledElastic":
+        if not block.selects:
+            whole = tested, block.B
+            return cls(block, tested, whole, len(block.B), whole, driven)
+        t, B, reach, first = compact_elastic(tested, block.B)
+        near = np.arange(reach)
+        return cls(block, tested, (t, B), first, (elastic_rows(t, near), B[near]), driven)
+
+    def prepared(self, support: IntArray | None) -> CompressedElastic | CompressedPrescribed:
+        kind, (t, B) = CompressedPrescribed if self.driven else CompressedElastic, self.reached
+        return kind.of(t, left_inverse(self.block.name, B, support), support)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SampledHeat:
+    """tested: the sampled rows, already times the preconditioner. few, first, reached: as above.
+    turn (m, first): the rows of `reached` in sampled ones, None where they are these."""
+
+    block: Sampled
+    tested: TestedHeat
+    few: tuple[TestedHeat, FloatArray]
+    first: int
+    reached: tuple[TestedHeat, FloatArray]
+    turn: FloatArray | None
+    model: AssembledModel
+    body: HeatBody
+    c1: float
+
+    @classmethod
+    def of(
+        cls, block: Sampled, tested: TestedHeat, model: AssembledModel, body: HeatBody, c1: float
+    ) -> "SampledHeat":
+        if not block.selects:
+            whole = tested, block.B
+            return cls(block, tested, whole, len(block.B), whole, None, model, body, c1)
+        t, B, turn = compact_heat(tested, block.B)
+        near = np.arange(turn.shape[1])
+        return cls(block, tested, (t, B), len(near), (heat_rows(t, near), B[near]), turn, model,
+                   body, c1)
+
+    def prepared(self, support: IntArray | None) -> CompressedHeat:
+        t, B = self.reached
+        left = left_inverse(self.block.name, B, support)
+        local = []
+        if self.body.local:
+            rows = left if self.turn is None else left @ self.turn.T
+            wide = np.zeros((len(left), self.block.dictionary.atoms.shape[0]))
+            P = self.block.weight
+            wide[:, self.block.rows] = rows if P is None else rows @ P
+            local = local_terms(self.model, self.body, self.block.dictionary, wide)
+        return CompressedHeat.of(t, left, support, self.c1, local)
+
+
+def choose_rows(
+    model: AssembledModel, offline: OfflineProducts | None, name: str, rows: int, budget: int,
+    sampler: Sampler,
+    dictionary: Dictionary, rng: np.random.Generator, step: StepFactors,
+    preconditioned: bool = False,
+) -> IntArray:
+    """The sampler's rows; from the cache, if there is an `offline`.
+
+    rng is for this draw alone: a hit leaves it where it was. preconditioned: of equations times
+    D^-1, whose operator is 1.
+    """
+    required, data = model.required[name], model.block_data(name, step=step)
+    if preconditioned:
+        one = eye_array(data.size, format="csr")
+        data = replace(data, stiffness=one, mass=0.0 * one, damping=None)
+
+    def make() -> dict[str, IntArray]:
+        return {"rows": sampled_rows(sampler, data, rows, dictionary, rng, required)}
+
+    drawn = repr(rng.bit_generator.state)
+    depends = (name, rows, sampler, dictionary.atoms, required, drawn, data.ring, data.stiffness,
+               data.mass, data.factors)
+    made = make() if offline is None else offline.remember("rows", depends, make)
+    chosen: IntArray = np.asarray(made["rows"])
+    active = min(budget, dictionary.atoms.shape[1])
+    if len(chosen) < active:
+        raise InputError(
+            f"{name}: {len(chosen)} rows cannot determine {active} active atoms; take more rows "
+            "or fewer atoms", "reducer.budgets")
+    return chosen
+
+
+def weigh(
+    offline: OfflineProducts | None, preconditioner: Preconditioner, name: str, B: FloatArray
+) -> FloatArray | None:
+    """The preconditioner's matrix, None for the identity; cached, if there is an `offline`.
+
+    InputError when it is undefined for this shape.
+    """
+    reason = preconditioner.check(*B.shape)
+    if reason:
+        raise InputError(f"{name}: {reason}", "reducer.preconditioner")
+    def make() -> dict[str, FloatArray]:
+        return {"P": built_weights(preconditioner, B)}
+
+    made = make() if offline is None else offline.remember(
+        "preconditioner", (preconditioner, B), make)
+    P: FloatArray = np.asarray(made["P"])
+    return None if np.array_equal(P, np.eye(len(P))) else P
+
+
+def told(B: FloatArray, weight: FloatArray | None) -> Mapping[str, float | int | str]:
+    """Coherence and condition of the sampled rows B (m, k), before and after preconditioning.
+
+    `condition` is that of the unit columns: their lengths are scaled away in every solve.
+    """
+    facts: dict[str, float | int | str] = {
+        "rows": len(B), "atoms": B.shape[1], "coherence": coherence(B),
+        "condition": condition_number(unit_columns(B))}
+    if weight is not None:
+        F = weight @ B
+        facts |= {"coherence_after": coherence(F),
+                  "condition_after": condition_number(unit_columns(F))}
+    return facts
+
+
+def numbers(support: BoolArray) -> IntArray | None:
+    """Positions of the active atoms; None when all are."""
+    return None if support.all() else np.flatnonzero(support)

@@ -1,0 +1,276 @@
+"""The paper's step: select atoms, then solve on the support with prepared arrays."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from sparsemor.core.arrays import BoolArray, FloatArray
+from sparsemor.core.protocols import (
+    SparseOutcome,
+    SparseSolver,
+    SparseStart,
+    State,
+    StepFormula,
+    StepOutcome,
+)
+from sparsemor.core.protocols.step_solver import AroundSteps
+from sparsemor.core.registry.returned_values import returned
+from sparsemor.core.status import SolveFailed, Status
+from sparsemor.reducers.sparse.elastic_screen import Screens
+from sparsemor.reducers.sparse.joint_problem import HeatProblem, MechanicsProblem
+from sparsemor.reducers.sparse.memory import SparseMemory
+from sparsemor.reducers.sparse.sampled_block import (
+    RankDeficient,
+    SampledElastic,
+    SampledHeat,
+    numbers,
+)
+from sparsemor.reducers.step.solver import Stepper
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SparseStepper(AroundSteps[Stepper]):
+    """StepSolver that carries a support. base: a Stepper whose blocks without selection are
+    prepared; heat, elastic: the blocks where a budget is smaller than the dictionary.
+
+    every: steps between selections; carried: whether one starts from the last support; polish:
+    whether the step is solved again on the selected support, with exact border rows; screen:
+    whether the solver is asked first if an exchange could pay (screens.py); row_set: number of
+    its rows among others of the run.
+    """
+
+    heat: Mapping[str, SampledHeat]
+    elastic: Mapping[str, SampledElastic]
+    solver: SparseSolver
+    every: int
+    carried: bool
+    polish: bool
+    screen: bool = False
+    row_set: int = 0
+
+    def start(self, state: State) -> tuple[State, SparseMemory]:
+        reduced = self.base.reduced(state)
+        memory = SparseMemory(reduced.x, self.base.points, self.base.workspace())
+        memory.factorizations = self.base.factorizations
+        blocks = [h.block for h in self.heat.values()] + [e.block for e in self.elastic.values()]
+        for block in blocks:
+            memory.supports[block.name] = np.zeros(block.atoms, dtype=np.bool_)
+        return reduced, memory
+
+    def solve(self, step: StepFormula, memory: SparseMemory) -> tuple[StepOutcome, SparseMemory]:
+        due = memory.step % self.every == 0
+        memory.step += 1
+        try:
+            if due:
+                carried = self._carried(step, memory)
+                if carried is not None:
+                    return carried, memory
+                found = self._select(step, memory)
+                if not found.status.ok:
+                    return found, memory
+                if not self.polish and self.elastic:  # else the mechanics are not solved yet
+                    return self.base.accepted(found, memory), memory
+            if memory.current is None:
+                memory.current = self._prepared(memory, memory.supports)
+        except RankDeficient as error:
+            x = memory.ring.predict()
+            return StepOutcome(x, Status.RANK_DEFICIENT, 0, error.block, error.detail), memory
+        outcome, _ = memory.current.solve(step, memory)
+        return outcome, memory
+
+    def _carried(self, step: StepFormula, memory: SparseMemory) -> StepOutcome | None:
+        """The step with a selection that starts from its solution on the carried support; None
+        where there is no such solution."""
+        if not (self.polish and self.carried):
+            return None
+        if memory.current is None:
+            if not all(s.any() for s in memory.supports.values()):
+                return None
+            memory.current = self._prepared(memory, memory.supports)
+        scales, now = memory.scales.copy(), memory.current
+        tried = now.tried(step, memory)
+        found = self._heat_supports(step, tried, memory)
+        if found:  # other temperatures load the bodies differently
+            now = self._prepared(memory, {**memory.supports, **found})
+            tried = now.tried(step, memory, tried.x)
+        if found is not None:
+            bent = self._elastic_supports(step, tried, now, memory)
+            found = None if bent is None else {**found, **bent}
+        if found is not None and not found:
+            return self._named(self.base.accepted(tried, memory))
+        memory.scales = scales  # as if the carried support had not been tried
+        if found is None:
+            return None
+        self._take(found, memory)  # changes at the threshold: the past remains a guide
+        memory.current = self._prepared(memory, memory.supports)
+        outcome = memory.current.tried(step, memory, tried.x)
+        return self._named(self.base.accepted(outcome, memory)) if outcome.status.ok else outcome
+
+    def _heat_supports(
+        self, step: StepFormula, tried: StepOutcome, memory: SparseMemory
+    ) -> dict[str, BoolArray] | None:
+        """Thermal supports that change; None when the step or its selection failed."""
+        if not tried.status.ok:
+            return None
+        screens = self._screens(memory)
+        screen = None if screens is None else screens.heat
+        if screen is not None and screen.stay(step, tried.x, memory.supports):
+            return {}
+        changed = {}
+        for name in self.heat:
+            before = memory.supports[name]
+            found = None if screen is None else screen.supports(name, step, tried.x, before)
+            if found is None:
+                out = self._heat_solved(name, step, tried.x, before)
+                if not out.status.ok:
+                    return None
+                found = out.support
+            if not np.array_equal(found, before):
+                changed[name] = found
+        return changed
+
+    def _elastic_supports(
+        self, step: StepFormula, tried: StepOutcome, now: Stepper, memory: SparseMemory
+    ) -> dict[str, BoolArray] | None:
+        """The same for displacements; `now` has just found `tried`."""
+        if not tried.status.ok:
+            return None
+        if not self.elastic:
+            return {}
+        screens, found = self._screens(memory), None
+        if screens is not None and screens.elastic is not None and now.mechanics is not None:
+            found = screens.elastic.supports(
+                step, tried.x, now.mechanics, memory.work, memory.supports)
+        if found is None:
+            found = {}
+            out = self._select_elastic(step, tried.x.copy(), memory, found)
+            if not out.status.ok:
+                return None
+        return {n: s for n, s in found.items() if not np.array_equal(s, memory.supports[n])}
+
+    def _heat_solved(
+        self, name: str, step: StepFormula, x: FloatArray, first: BoolArray
+    ) -> SparseOutcome:
+        """The sparse solver's answer for one thermal block."""
+        at = self.layout[name]
+        problem = HeatProblem.at(self.heat[name], step.r1[at], step.t)
+        start = SparseStart(np.where(first, x[at], 0.0), first)
+        return returned(self.solver.solve(problem, start), SparseOutcome, self.solver, "solve",
+                        "reducer.solver")
+
+    def _named(self, outcome: StepOutcome) -> StepOutcome:
+        """Temperatures out of bounds are reported before the displacements that they cause."""
+        if outcome.status.ok:
+            return outcome
+        found = (self.base.insane(outcome.x, n) for n in self.heat)
+        return next((bad for bad in found if bad is not None), outcome)
+
+    def _screens(self, memory: SparseMemory) -> Screens | None:
+        """Those of the rows in use; None where the solver is to be run in every step."""
+        if not self.screen:
+            return None
+        if self.row_set not in memory.screens:
+            memory.screens[self.row_set] = Screens.of(
+                self.base, self.heat, self.elastic, self.solver)
+        return memory.screens[self.row_set]
+
+    def _select(self, step: StepFormula, memory: SparseMemory) -> StepOutcome:
+        """New supports for this step, and the solvers' own solution; heat first, because its
+        temperatures load the bodies."""
+        x, iterations = memory.ring.predict(), 0
+        found: dict[str, BoolArray] = {}
+        for body in self.base.separated.heat:
+            name, at = body.thermal, self.layout[body.thermal]
+            if name not in self.heat:
+                x[at] = self.base.heat[name].solve(step.r1[at], step.t, x[at]).T
+                continue
+            out = self._heat_solved(name, step, x, self._first(memory.supports[name]))
+            if not out.status.ok:
+                return StepOutcome(x, out.status, out.iterations, name, "selection of atoms")
+            found[name], x[at] = out.support, out.c
+            iterations = max(iterations, out.iterations)
+            # temperatures out of bounds would only show in the bodies that they load
+            insane = self.base.insane(x, name)
+            if insane is not None:
+                return insane
+        if self.elastic:
+            mechanics = self._select_elastic(step, x, memory, found)
+            if not mechanics.status.ok:
+                return mechanics
+            iterations = mechanics.iterations
+        if self._take(found, memory):
+            memory.ring.restart()  # coefficients may have jumped: the past is no guide
+        return StepOutcome(x, Status.DONE, iterations)
+
+    def _take(self, found: Mapping[str, BoolArray], memory: SparseMemory) -> bool:
+        """The supports from this step on; does one of them differ?"""
+        changed = False
+        for name, support in found.items():
+            if not np.array_equal(support, memory.supports[name]):
+                memory.supports[name] = support
+                memory.support_changes += 1
+                changed = True
+        if changed:
+            memory.current = None
+        return changed
+
+    def _select_elastic(
+        self, step: StepFormula, x: FloatArray, memory: SparseMemory, found: dict[str, BoolArray]
+    ) -> StepOutcome:
+        """One joint problem of all elastic blocks; x gets its solution."""
+        mechanics = self.base.mechanics
+        assert mechanics is not None
+        sampled = [self.elastic.get(b.elastic_name) for b in mechanics.bodies]
+        problem = MechanicsProblem(mechanics, sampled, step, x)
+        c = problem.start()
+        support = np.ones(len(c), dtype=bool)
+        for g in problem.groups[:-1]:
+            support[g.start : g.stop] = self._first(memory.supports[g.name])
+        out = returned(self.solver.solve(problem, SparseStart(c, support)), SparseOutcome,
+                       self.solver, "solve", "reducer.solver")
+        if not out.status.ok:
+            detail = f"selection of atoms, residual {out.residual_norm:.1e}"
+            return StepOutcome(x, out.status, out.iterations, problem.groups[0].name, detail)
+        for g in problem.groups[:-1]:
+            found[g.name] = out.support[g.start : g.stop]
+            x[self.layout[g.name]] = out.c[g.start : g.stop]
+        y, nr = out.c[problem.k :], mechanics.n_rigid
+        x[:nr], x[mechanics.algebraic] = y[:nr], y[nr:]
+        return StepOutcome(x, Status.DONE, out.iterations)
+
+    def _first(self, support: BoolArray) -> BoolArray:
+        """The support that a selection starts from."""
+        return support if self.carried else np.zeros_like(support)
+
+    def _prepared(self, memory: SparseMemory, supports: Mapping[str, BoolArray]) -> Stepper:
+        key = self.row_set, b"".join(supports[n].tobytes() for n in (*self.heat, *self.elastic))
+        return memory.stepper(key, lambda: self._made(memory, supports))
+
+    def _made(self, memory: SparseMemory, supports: Mapping[str, BoolArray]) -> Stepper:
+        return self.base.with_blocks(
+            {n: self._block(n, h, memory, supports[n]) for n, h in self.heat.items()},
+            {n: self._block(n, e, memory, supports[n]) for n, e in self.elastic.items()})
+
+    def _block(
+        self, name: str, source: Any, memory: SparseMemory, support: BoolArray
+    ) -> Any:
+        key = (self.row_set, name, support.tobytes())
+        return memory.kept(key, lambda: source.prepared(numbers(support)))
+
+    def supports(self, memory: SparseMemory) -> Mapping[str, BoolArray]:
+        return memory.supports
+
+    def frozen(self, memory: SparseMemory) -> tuple[Stepper, SparseMemory]:
+        """The step on the supports that `memory` carries, without selection, and its memory: what
+        a linearised time-step map is made of. Raises SolveFailed where rows cannot tell them apart.
+        """
+        try:
+            return self._prepared(memory, memory.supports), memory
+        except RankDeficient as error:
+            raise SolveFailed(Status.RANK_DEFICIENT, 0.0, error.block, error.detail,
+                              sampled=True) from None
+
+    def counters(self, memory: SparseMemory) -> Mapping[str, int]:
+        return self.base.counters(memory)

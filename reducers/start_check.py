@@ -1,0 +1,47 @@
+"""Refusal of a start whose accelerations a step of a second-order integrator cannot carry on."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from sparsemor.core.errors import InputError
+from sparsemor.core.model.initial_state import consistent_state
+from sparsemor.core.protocols import AssembledModel, Integrator, State, StepFormula, StepOutcome
+from sparsemor.core.status import Status
+from sparsemor.reducers.step.rejection import rejected_step
+
+
+def check_start(model: AssembledModel, integrator: Integrator, h: float) -> None:
+    """Raises InputError where x + h v + h^2 a / 2 of the start takes a surface through another one
+    and x + h v does not.
+
+    A load that presses surfaces together which only touch gives them the acceleration of free
+    flight. It lasts until the contact is compressed, a small part of a step of h (s), but an
+    integrator of second order counts on it for the whole step.
+    """
+    if integrator.order < 2:
+        return
+    start = consistent_state(model)
+    why = _objection(model, h, start)
+    if why and not _objection(model, h, replace(start, a=np.zeros_like(start.a))):
+        fast = float(np.abs(start.a[model.layout.second]).max())
+        raise InputError(
+            f"a second-order integrator begins with the accelerations at the start, up to "
+            f"{fast:.3g} m/s2 or rad/s2, which last only until the contact is compressed. Carried "
+            f"over one step of {h:g} s: {why}. Take integrator: bdf1 (where the scene has two "
+            "stages, rigid_stage: {overrides: {integrator: bdf1}}), let the load begin "
+            "from zero (a ramp), or let the surfaces overlap by their static depth at the start",
+            "integrator")
+
+
+def _objection(model: AssembledModel, h: float, start: State) -> str:
+    """Objection to the state after h (s) at constant acceleration, "" where there is none."""
+    layout, x, v, a = model.layout, start.x, start.v, start.a
+    second = np.zeros(layout.size)
+    second[layout.second] = 1.0
+    end = x + second * (h * v + 0.5 * h * h * a)
+    c1 = 1.0 / h
+    step = StepFormula(start.t + h, c1, 0.0, c1, v + h * a - c1 * end, 0.0 * x)
+    found = rejected_step(
+        StepOutcome(end, Status.DONE, 0), ((t, t.columns) for t in model.terms), step, layout)
+    return "" if found.status.ok else found.detail

@@ -1,0 +1,299 @@
+"""Reduced models in which a term couples bodies, such as a contact on deformed surfaces.
+
+All unknowns of the step are solved together: rigid coordinates, multipliers and all atoms, by
+Newton's method with a dense Jacobian. Each term sees the atoms through its own columns, and its
+rows through the block's test maps; those of local terms are evaluated near the kept rows only.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
+from sparsemor.core.model.constraint_rates import along, motion_step
+from sparsemor.core.model.equations import rate_factors
+from sparsemor.core.notes import Note, information
+from sparsemor.core.protocols import (
+    AssembledModel,
+    Dictionary,
+    State,
+    StepFormula,
+    StepOutcome,
+    Term,
+    Trial,
+)
+from sparsemor.core.protocols.layout import Layout
+from sparsemor.core.protocols.prescribed_quantities import derivatives, from_right
+from sparsemor.core.protocols.step_solver import (
+    ResultantSource,
+    resultant_sources,
+    unavailable_resultants,
+)
+from sparsemor.core.status import Status
+from sparsemor.reducers.full.monolithic import coupling, elements
+from sparsemor.reducers.step.acceptance import Tolerances
+from sparsemor.reducers.step.frame_step import BodyStep
+from sparsemor.reducers.step.initial import least
+from sparsemor.reducers.step.newton.iteration import solve
+from sparsemor.reducers.step.newton.memory import NewtonMemory
+from sparsemor.reducers.step.operator_rows import elastic_times, heat_times
+from sparsemor.reducers.step.operators import TestedElastic, TestMap
+from sparsemor.reducers.step.reduced_residual import Coupled, Dense, DenseBody, DenseHeat
+from sparsemor.reducers.step.rejection import rejected_step
+from sparsemor.reducers.step.relocalised import following
+from sparsemor.reducers.step.solver import Facts, reduce_state
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Seen:
+    """One block under its maps. left (k, l): least squares, left @ (tested operator) = 1; forces:
+    the map of all but the block's own operator."""
+
+    tested: Any
+    left: FloatArray
+    forces: TestMap
+
+    def wide(self, atoms: Dictionary) -> FloatArray:
+        """(k, n) left times the map of forces, on all rows of the block."""
+        return self.forces.times(self.left, len(atoms.offset))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ReducedGeneral:
+    """StepSolver over `Dense` equations. limits: largest |coefficient| of a block that is sane."""
+
+    equations: Dense
+    dictionaries: Mapping[str, Dictionary]
+    rows: Mapping[str, IntArray]
+    elements_touched: Mapping[str, int]
+    tolerances: Tolerances
+    points: int
+    limits: Mapping[str, float] = field(default_factory=dict)
+    notes: tuple[Note, ...] = ()
+    facts: Facts = field(default_factory=dict)
+
+    @property
+    def layout(self) -> Layout:
+        return self.equations.layout
+
+    def start(self, state: State) -> tuple[State, NewtonMemory]:
+        equations = self.equations.with_work()
+        if self.dictionaries:
+            state = with_rates(
+                equations, reduce_state(state, self.layout, self.dictionaries))
+        return state, NewtonMemory(
+            state.x, self.points, len(self.layout.blocks), equations.buffers)
+
+    def solve(self, step: StepFormula, memory: NewtonMemory) -> tuple[StepOutcome, NewtonMemory]:
+        coupled = following(self.equations.coupled, memory)
+        outcome = solve(
+            replace(self.equations, coupled=coupled, work=memory.work), step, memory,
+            self.tolerances)
+        terms = ((c.term, c.columns) for c in coupled)
+        outcome = rejected_step(outcome, terms, step, self.layout)
+        return (self._sane(outcome) if outcome.status.ok else outcome), memory
+
+    def _sane(self, outcome: StepOutcome) -> StepOutcome:
+        for name, limit in self.limits.items():
+            top = float(np.abs(outcome.x[self.layout[name]]).max(initial=0.0))
+            if not top <= limit:
+                return replace(
+                    outcome, status=Status.DIVERGED, block=name,
+                    detail=f"largest coefficient {top:.3g}, {limit:.3g} allowed")
+        return outcome
+
+    def alone(self) -> Mapping[str, FloatArray]:
+        """Reduced elastic block -> (k, 2 k): its coefficients' own answer to changes of their r1
+        and r2 with everything else held, coupling terms left out."""
+        return {b.step.elastic_name: -np.hstack([b.tested.damping, b.tested.mass])
+                for b in self.equations.bodies if b.tested is not None}
+
+    def response(self, step: StepFormula, x: FloatArray) -> FloatArray:
+        """(n, 2 n): how the step's solution x answers to changes of [r1; r2], to first order."""
+        layout, t, equations = self.layout, step.t, self.equations.with_work()
+        c1, c2 = rate_factors(layout, step.c1, step.c2, step.c1_first)
+        at = x, c1 * x + step.r1, c2 * x + step.r2, t
+        zero, one = np.zeros(layout.size), np.ones(layout.size)
+        K = equations.jacobian(*at, zero, zero)
+        C, M = equations.jacobian(*at, one, zero) - K, equations.jacobian(*at, zero, one) - K
+        factor = equations.factorize(equations.jacobian(*at, c1, c2))
+        return np.asarray(-factor.solve(np.hstack([C, M])))
+
+    def resultant_sources(self, memory: NewtonMemory | None) -> tuple[ResultantSource, ...]:
+        coupled = self.equations.coupled
+        if memory is not None:  # what is told must not change how the run goes on
+            coupled = following(coupled, memory.beside())
+        return resultant_sources((c.term, c.columns) for c in coupled)
+
+    def supports(self, memory: NewtonMemory) -> Mapping[str, BoolArray]:
+        return memory.supports
+
+    def counters(self, memory: NewtonMemory) -> Mapping[str, int]:
+        return memory.counters()
+
+
+def reduced_general(
+    model: AssembledModel, dictionaries: Mapping[str, Dictionary], rows: Mapping[str, IntArray],
+    seen: Mapping[str, Seen], tolerances: Tolerances, points: int,
+    limits: Mapping[str, float] | None = None, notes: tuple[Note, ...] = (),
+    facts: Facts | None = None,
+) -> ReducedGeneral:
+    """A step solver for a model with terms that no body takes apart.
+
+    seen: each reducible block under its maps. Without any, a full-order model of rigid bodies.
+    """
+    layout = model.layout.resized({n: d.atoms.shape[1] for n, d in dictionaries.items()})
+    couple = _Couple(model, layout, dictionaries,
+                     {n: s.wide(dictionaries[n]) for n, s in seen.items()})
+    terms = [*(t for b in model.separated.heat for t in b.local), 
+             *model.separated.elastic_local, *model.separated.between]
+    coupled = [couple(t) for t in terms]
+    visited = elements(model, [c.term for c in coupled], [t.rows for t in terms])
+    equations = Dense(
+        layout,
+        [DenseHeat(layout[b.thermal], heat_times(seen[b.thermal].left, seen[b.thermal].tested))
+         for b in model.separated.heat],
+        _bodies(model, layout, seen), coupled, model.separated.border_targets, _border(layout),
+        model.separated.step, coupling(model))
+    count = sum(c.term.elements for c in coupled)
+    names = ", ".join(sorted({n for n, _ in equations.named if n})) or "a term"
+    told = (information(
+        f"{names} couples blocks inside the step: all unknowns are solved together, and each "
+        f"evaluation visits {count} elements", "coupled"),) if seen else ()
+    told = (*notes, *told, *unavailable_resultants(c.term for c in coupled))
+    return ReducedGeneral(equations, dictionaries, rows, visited, tolerances, points,
+                          limits or {}, told, facts or {})
+
+
+def _bodies(model: AssembledModel, layout: Layout, seen: Mapping[str, Seen]) -> list[DenseBody]:
+    none, border, found = slice(0, 0), _border(layout), []
+    for m in model.separated.moving:
+        s = seen.get(m.elastic)
+        tested: TestedElastic | None = None if s is None else elastic_times(s.left, s.tested)
+        step = BodyStep(
+            m.name, m.frame if tested is None else tested.frame, m.to_border, m.origin, None,
+            layout[m.elastic] if m.elastic else none,
+            layout[m.thermal] if m.thermal in layout else none, m.elastic, m.guide)
+        found.append(DenseBody(step, tested, border))
+    return found
+
+
+def _border(layout: Layout) -> IntArray:
+    """Numbers of all rigid unknowns, then of all multipliers."""
+    at = np.arange(layout.size)
+    return np.concatenate([at[layout.frames], at[layout.algebraic]])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Couple:
+    """Compresses a term block by block; wide: block -> test map of forces (k, n)."""
+
+    model: AssembledModel
+    layout: Layout
+    dictionaries: Mapping[str, Dictionary]
+    wide: Mapping[str, FloatArray]
+
+    def __call__(self, term: Term) -> Coupled:
+        trial, columns = self._trial(term.columns)
+        left, rows = self._left(term.rows)
+        return Coupled(term.compress(trial, left), rows, columns)
+
+    def _parts(self, at: IntArray) -> Iterable[tuple[str, IntArray, IntArray]]:
+        """Each block that some of `at` are in: its name, which of `at`, and where in the block."""
+        full = self.model.layout
+        for b in full:
+            here = full[b.name]
+            some = np.flatnonzero((at >= here.start) & (at < here.stop))
+            if len(some):
+                yield b.name, some, at[some] - here.start
+
+    def _trial(self, at: IntArray) -> tuple[Trial, IntArray]:
+        offset = np.zeros(len(at))
+        wide, numbers = [np.zeros((len(at), 0))], [np.zeros(0, np.int64)]
+        for name, some, local in self._parts(at):
+            d = self.dictionaries.get(name)
+            used = np.unique(local) if d is None else np.arange(d.atoms.shape[1])
+            atoms = np.zeros((len(at), len(used)))
+            if d is None:
+                atoms[some, np.searchsorted(used, local)] = 1.0
+            else:
+                atoms[some], offset[some] = d.atoms[local], d.offset[local]
+            wide.append(atoms)
+            numbers.append(self.layout[name].start + used)
+        return Trial(np.hstack(wide), offset), np.concatenate(numbers)
+
+    def _left(self, at: IntArray) -> tuple[FloatArray, IntArray]:
+        tall, numbers = [np.zeros((0, len(at)))], [np.zeros(0, np.int64)]
+        for name, some, local in self._parts(at):
+            map_ = self.wide.get(name)
+            used = np.unique(local) if map_ is None else np.arange(len(map_))
+            left = np.zeros((len(used), len(at)))
+            if map_ is None:
+                left[np.searchsorted(used, local), some] = 1.0
+            else:
+                left[:, some] = map_[:, local]
+            tall.append(left)
+            numbers.append(self.layout[name].start + used)
+        return np.vstack(tall), np.concatenate(numbers)
+
+
+def with_rates(equations: Dense, state: State) -> State:
+    """The state with accelerations, rates of temperature and multipliers that satisfy the reduced
+    equations: least ones where they are not determined (consistent.py says why)."""
+    layout, t, x, a = equations.layout, state.t, state.x.copy(), np.zeros(len(state.x))
+    second, first, algebraic = layout.second, layout.first, layout.algebraic
+    v, zero, one = state.v.copy(), np.zeros(layout.size), np.ones(layout.size)
+    v[first] = 0.0
+    K = equations.jacobian(x, v, a, t, zero, zero)
+    c1, c2 = 1.0 / equations.step, 1.0 / equations.step**2  # mass is not lost against stiffness
+    C = (equations.jacobian(x, v, a, t, c1 * one, zero) - K) / c1
+    M = (equations.jacobian(x, v, a, t, zero, c2 * one) - K) / c2
+    A = np.hstack([M[:, second], C[:, first], K[:, algebraic]])
+    A[algebraic] = 0.0
+    A[algebraic, second] = K[algebraic, second]
+    r = equations.residual(x, v, a, t, equations.given(t))
+    r[algebraic] = _curvature(equations, x, v, t)
+    z = -_eliminated(A, r, equations.border)
+    a[second], v[first] = z[second], z[first]
+    x[algebraic] += z[algebraic]
+    return replace(state, x=x, v=v, a=a)
+
+
+def _eliminated(A: FloatArray, r: FloatArray, border: IntArray) -> FloatArray:
+    """A z = r, the atoms first, whose masses and capacities determine them, then the border."""
+    inner = np.setdiff1d(np.arange(len(r)), border)
+    given = np.column_stack([A[np.ix_(inner, border)], r[inner]])
+    solved = np.linalg.lstsq(A[np.ix_(inner, inner)], given, rcond=None)[0]
+    rest = A[np.ix_(border, inner)] @ solved
+    z = np.zeros(len(r))
+    z[border] = least(A[np.ix_(border, border)] - rest[:, :-1], r[border] - rest[:, -1])
+    z[inner] = solved[:, -1] - solved[:, :-1] @ z[border]
+    return z
+
+
+def _curvature(equations: Dense, x: FloatArray, v: FloatArray, t: float) -> FloatArray:
+    """Second derivative of the constraints along the velocities, without accelerations
+    (core/model/constraint_rates.py)."""
+    layout, zero, h = equations.layout, np.zeros(len(x)), equations.step
+    rows, moving = layout.algebraic, np.zeros(len(x))
+    moving[layout.second] = v[layout.second]
+
+    def rate(e: Dense, s: float, time: float) -> FloatArray:
+        J = e.jacobian(x + s * moving, zero, zero, time, zero, zero)
+        return np.asarray(J[rows] @ moving)
+
+    def value(e: Dense, time: float) -> FloatArray:
+        return e.residual(x, zero, zero, time, zero)[rows]
+
+    found = along(lambda s: rate(equations, s, t), motion_step(layout, moving, h))
+    once, twice = (equations.time_derivative(n, t) for n in (1, 2))
+    found = found + 2.0 * rate(once, 0.0, t) + value(twice, t)
+    for i, f in equations.targets:
+        found[equations.border[i] - rows.start] -= derivatives(f, t, h)[1]
+    if equations.coupled:
+        other = replace(equations, heat=(), bodies=(), targets=(), work=())
+        found = found + from_right(lambda s: value(other, s), 2, t, h)
+        found = found + 2.0 * from_right(lambda s: rate(other, 0.0, s), 1, t, h)
+    return found

@@ -1,0 +1,298 @@
+"""One body's elastic block inside a step: what the bordered Newton asks of it.
+
+With D = K + c1 D_m + c2 M constant, the elastic rows times D^-1 read
+
+    u + z + E sigma = 0,   z = D^-1 (h + sum_g kappa_g M_g u + mu_g M_g r1),   E = D^-1 P,
+
+h the history of the step and P the directions. Full order solves with a factor of D; a reduced
+block has D^-1 applied to everything in advance. The Newton loop sees no difference.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+
+from sparsemor.core.arrays import Csr, FloatArray, IntArray
+from sparsemor.core.model.factorizations import short, solved
+from sparsemor.core.protocols import Factorized
+from sparsemor.core.protocols.load_tables import total
+from sparsemor.core.protocols.separable import ElasticOperators, evaluate_amplitudes
+from sparsemor.core.status import Status
+from sparsemor.reducers.step.acceptance import EPS, rounding
+from sparsemor.reducers.step.elastic_local import (
+    FullLocal,
+    LocalForces,
+    ReducedLocal,
+    StepForces,
+)
+from sparsemor.reducers.step.operators import TestedElastic
+from sparsemor.reducers.step.tabulated_loads import Moving, tabulated
+
+
+class History:
+    """One step's constants: `h`; `stack` for the combination; `quad` rows M_g r1, M_g r2;
+    s1 = P^T r1, s2 = P^T r2; parts: r1, r2, temperatures and amplitudes that a reduced block's
+    history is made of; local: local terms, None where there are none. Of a linear solver that
+    iterates: its iterations in this step, the residual it left, relative to its right-hand side,
+    and the status and words of one that stopped short."""
+
+    __slots__ = (
+        "failure", "h", "iterations", "local", "parts", "quad", "residual", "s1", "s2", "stack")
+
+    def __init__(self) -> None:
+        self.iterations, self.residual = 0, 0.0
+        self.local: StepForces | None = None
+        self.failure: tuple[Status, str] | None = None
+
+    h: FloatArray
+    parts: FloatArray
+    stack: FloatArray
+    quad: FloatArray
+    s1: FloatArray
+    s2: FloatArray
+
+
+class Look(NamedTuple):
+    """s (p,) = P^T u, form (g,) = u.M_g u, forms (2 g,) = u.M_g (r1, r2), and M_g u if needed."""
+
+    s: FloatArray
+    form: FloatArray
+    forms: FloatArray
+    seen: FloatArray | None
+
+
+class ElasticBlock(Protocol):
+    """G (p, p) = P^T D^-1 P. `active`: numbers of the unknowns it solves for, None for all."""
+
+    @property
+    def G(self) -> FloatArray: ...
+    @property
+    def active(self) -> IntArray | None: ...
+    @property
+    def local(self) -> LocalForces | None:
+        """Terms that are evaluated at each iterate."""
+        ...
+
+    def begin(self, r1: FloatArray, r2: FloatArray, xT: FloatArray, t: float) -> History: ...
+    def look(self, c: FloatArray, history: History) -> Look: ...
+    def combine(
+        self, look: Look, history: History, factors: FloatArray, c: FloatArray, sigma: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """z and P^T z; factors (2 g + 1,) = kappa, mu, 1. Where c are the unknowns to come, and
+        sigma what then multiplies the directions, z is -(c + E sigma): a first guess."""
+        ...
+
+    def update(self, z: FloatArray, sigma: FloatArray) -> FloatArray:
+        """-(z + E sigma): the block's unknowns."""
+        ...
+
+    def noise(
+        self, c: FloatArray, history: History, factors: FloatArray, c1: float, c2: float
+    ) -> float:
+        """Norm of what rounding the terms of the elastic rows makes of the unknowns c; factors as
+        in `combine`."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FullElastic:
+    """Full order: D made ready, one right-hand side an iteration. K is never multiplied."""
+
+    ops: ElasticOperators
+    factor: Factorized
+    E: FloatArray
+    G: FloatArray
+    active: IntArray | None = None
+    local: LocalForces | None = None
+
+    @classmethod
+    def of(cls, ops: ElasticOperators, factor: Factorized, block: str) -> "FullElastic":
+        """Raises SolveFailed, naming the block, where an iteration stops short."""
+        P = ops.directions
+        E = solved(factor, P, block) if P.size else P
+        return cls(ops, factor, E, ops.directions.T @ E,
+                   local=FullLocal(ops.local) if ops.local else None)
+
+    def begin(self, r1: FloatArray, r2: FloatArray, xT: FloatArray, t: float) -> History:
+        o, s = self.ops, History()
+        Mr1, Mr2 = each(o.generators, r1), each(o.generators, r2)
+        own = len(Mr2) and o.generators[0] is o.mass
+        h = (Mr2[0] if own else o.mass @ r2) - o.constant
+        if o.damping.nnz:
+            h = h + o.damping @ r1
+        if o.coupling is not None:
+            h = h - o.coupling @ xT
+        if o.amplitudes:
+            h = h - o.loads @ evaluate_amplitudes(o.amplitudes, t)
+        if o.tables:
+            h = h - total(o.tables, t)
+        s.h, s.stack, s.quad = h, Mr1, np.concatenate([Mr1, Mr2])
+        s.s1, s.s2 = o.directions.T @ r1, o.directions.T @ r2
+        return s
+
+    def look(self, c: FloatArray, history: History) -> Look:
+        seen = each(self.ops.generators, c)
+        return Look(self.ops.directions.T @ c, seen @ c, history.quad @ c, seen)
+
+    def combine(
+        self, look: Look, history: History, factors: FloatArray, c: FloatArray, sigma: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        g = len(self.ops.generators)
+        assert look.seen is not None
+        right = history.h + factors[:g] @ look.seen + factors[g:-1] @ history.stack
+        if history.local is not None:
+            right = right + history.local.rows(c)
+        if self.factor.iterative:
+            z = self._iterated(right, -(c + self.E @ sigma), history)
+        else:
+            z = self.factor.solve(right)
+        return z, self.ops.directions.T @ z
+
+    def _iterated(self, right: FloatArray, guess: FloatArray, history: History) -> FloatArray:
+        """nan where the iteration stops short: the step then fails, and `history` says why."""
+        found = self.factor.outcome(right, guess)
+        history.iterations, history.residual = (
+            history.iterations + found.iterations, found.residual)
+        if found.status.ok:
+            return found.x
+        history.failure = found.status, short(self.factor, found.residual, found.iterations)
+        return np.full(len(right), np.nan)
+
+    def update(self, z: FloatArray, sigma: FloatArray) -> FloatArray:
+        return -(z + self.E @ sigma)
+
+    def noise(
+        self, c: FloatArray, history: History, factors: FloatArray, c1: float, c2: float
+    ) -> float:
+        return rounded(self.ops, self.factor, c, history, c1, c2)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CompressedElastic:
+    """s active atoms: every operator is dense, small and prepared (sizes s + p, not n).
+
+    Vectors come as [z; P^T z], so that both follow from one product.
+    H: history, (rows, k + k + kt + j) and `base`; S: what depends on u, (rows, s). tables: loads
+    that move, projected on the s + p rows of the history.
+    """
+
+    H: FloatArray
+    base: FloatArray
+    S: FloatArray
+    E: FloatArray
+    G: FloatArray
+    active: IntArray | None
+    amplitudes: tuple[Any, ...]
+    sizes: tuple[int, int, int]
+    tables: tuple[Moving, ...] = ()
+    local: LocalForces | None = None
+
+    @classmethod
+    def of(
+        cls, b: TestedElastic, left: FloatArray, support: IntArray | None
+    ) -> "CompressedElastic":
+        """left (s, m): what turns tested rows into D^-1 times the rows, left @ D_S = 1."""
+        k, p, g = b.mass.shape[1], b.functional.shape[0], len(b.generators)
+        use = np.arange(k) if support is None else support
+        s, kt, j = len(use), b.coupling.shape[1], b.loads.shape[1]
+        F, w = b.functional[:, use], len(use) + p
+        both = np.concatenate([left, F @ left])  # [D^-1; P^T D^-1] of tested rows
+        gen = (both @ b.generators).reshape(g * w, k)
+        quad = b.quadratic[:, use, :].reshape(g * s, k)
+        rows = both @ np.hstack([
+            b.damping, b.mass, -b.coupling, -b.loads, b.directions, b.constant[:, None]])
+        # rows of the history: M_g r1 | h | u.M_g r1, u.M_g r2 | P^T r1, P^T r2
+        sizes = (g * w, w, g * s, g * s, p, p)
+        H, base = np.zeros((sum(sizes), 2 * k + kt + j)), np.zeros(sum(sizes))
+        at = np.cumsum(sizes).tolist()
+        H[: at[0], :k] = gen
+        H[at[0] : at[1]] = rows[:, : H.shape[1]]
+        base[at[0] : at[1]] = rows[:, -1]
+        H[at[1] : at[2], :k] = H[at[2] : at[3], k : 2 * k] = quad
+        H[at[3] : at[4], :k] = H[at[4] :, k : 2 * k] = b.functional
+        S = np.concatenate([gen[:, use], F, quad[:, use]])
+        E = rows[:, H.shape[1] : -1]
+        return cls(H, base, S, np.ascontiguousarray(E[:s]), np.ascontiguousarray(E[s:]), support,
+                   b.amplitudes, (s, p, g), tabulated(b.tables, both, support is None),
+                   ReducedLocal.of(b.local, both))
+
+    def rates(self, k: int) -> tuple[FloatArray, FloatArray]:
+        """(s, k) each, k atoms: D^-1 D_m and D^-1 M, the block's own answer to -r1 and -r2."""
+        s, p, g = self.sizes
+        rows = self.H[g * (s + p) : g * (s + p) + s]
+        return rows[:, :k], rows[:, k : 2 * k]
+
+    def begin(self, r1: FloatArray, r2: FloatArray, xT: FloatArray, t: float) -> History:
+        parts = [r1, r2, xT]
+        if self.amplitudes:
+            parts.append(evaluate_amplitudes(self.amplitudes, t))
+        s, p, g = self.sizes
+        w, h = s + p, History()
+        h.parts = np.concatenate(parts)
+        out = self.H.dot(h.parts)
+        out += self.base
+        if self.tables:
+            out[g * w : (g + 1) * w] -= total(self.tables, t)
+        # rows kappa_g | mu_g | 1 of the combination; the first g are filled at each look
+        h.stack = np.empty((2 * g + 1, w))
+        h.stack[g:] = out[: (g + 1) * w].reshape(g + 1, w)
+        a = (g + 1) * w
+        h.quad = out[a : a + 2 * g * s].reshape(2 * g, s)
+        a += 2 * g * s
+        h.s1, h.s2 = out[a : a + p], out[a + p :]
+        return h
+
+    def look(self, c: FloatArray, history: History) -> Look:
+        s, p, g = self.sizes
+        out = self.S.dot(c)
+        n = g * (s + p)
+        history.stack[:g] = out[:n].reshape(g, s + p)
+        form = out[n + p :].reshape(g, s).dot(c)
+        return Look(out[n : n + p], form, history.quad.dot(c), None)
+
+    def combine(
+        self, look: Look, history: History, factors: FloatArray, c: FloatArray, sigma: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        z: FloatArray = factors.dot(history.stack)
+        if history.local is not None:
+            z = z + history.local.rows(c)
+        s = self.sizes[0]
+        return z[:s], z[s:]
+
+    def update(self, z: FloatArray, sigma: FloatArray) -> FloatArray:
+        new: FloatArray = -(z + self.E.dot(sigma))
+        return new
+
+    def noise(
+        self, c: FloatArray, history: History, factors: FloatArray, c1: float, c2: float
+    ) -> float:
+        s, p, g = self.sizes
+        w = s + p
+        kappa, mu = np.abs(factors[:-1]).reshape(2, g)
+        turned = (np.abs(self.S[: g * w]) @ np.abs(c)).reshape(g, w)
+        past = (np.abs(self.H[: (g + 1) * w]) @ np.abs(history.parts)).reshape(g + 1, w)
+        terms = kappa @ turned + mu @ past[:g] + past[g] + np.abs(self.base[g * w : (g + 1) * w])
+        return EPS * float(np.linalg.norm(terms[:s]))
+
+
+def rounded(
+    ops: ElasticOperators, factor: Factorized, u: FloatArray, history: History, c1: float, c2: float
+) -> float:
+    """Norm of D^-1 e, e of random signs and as large as the rounding of the terms of D u, or as
+    what an iterative solver leaves."""
+    size, v = np.abs(u), rounding(len(u))
+    terms = abs(ops.stiffness) @ size + c2 * (abs(ops.mass) @ size)
+    if ops.damping.nnz:
+        terms += c1 * (abs(ops.damping) @ size)
+    terms += np.abs(history.h)
+    if factor.iterative:
+        left = history.residual * float(np.linalg.norm(history.h)) / np.sqrt(len(u))
+        terms += left / EPS
+    return float(np.linalg.norm(factor.solve(v * terms)))
+
+
+def each(generators: Sequence[Csr], x: FloatArray) -> FloatArray:
+    """(g, n) M_g x."""
+    return np.stack([M @ x for M in generators]) if generators else np.zeros((0, len(x)))

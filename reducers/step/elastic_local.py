@@ -1,0 +1,102 @@
+"""Local terms of an elastic block inside one step: nonlinear springs, stiffness that depends on
+temperature. They are evaluated at each iterate, and the constant operator D stays as it is."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.protocols import StepFormula
+from sparsemor.core.protocols.separable import ElasticLocal
+from sparsemor.reducers.step.operators import TestedLocal
+
+GROWN = 10.0
+"""A change that many times as large as the one before, where local terms outweigh D: the iteration
+goes away from the solution."""
+
+
+class LocalForces(Protocol):
+    """The local terms of one block, in the rows that its iteration uses."""
+
+    @property
+    def elements(self) -> int: ...
+    def rows(
+        self, u: FloatArray, v: FloatArray, a: FloatArray, T: FloatArray, rate: FloatArray,
+        t: float,
+    ) -> FloatArray:
+        """At unknowns and rates of the block, temperatures and their rates."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FullLocal:
+    """At full order: (n,) in the rows of the block."""
+
+    parts: Sequence[ElasticLocal]
+
+    @property
+    def elements(self) -> int:
+        return sum(part.term.elements for part in self.parts)
+
+    def rows(
+        self, u: FloatArray, v: FloatArray, a: FloatArray, T: FloatArray, rate: FloatArray,
+        t: float,
+    ) -> FloatArray:
+        r = np.zeros(len(u))
+        for part in self.parts:
+            x, xv, xa = (np.zeros(len(part.columns)) for _ in range(3))
+            cold, hot = part.columns[~part.hot], part.columns[part.hot]
+            x[~part.hot], xv[~part.hot], xa[~part.hot] = u[cold], v[cold], a[cold]
+            if len(hot):
+                x[part.hot], xv[part.hot] = T[hot], rate[hot]
+            r[part.rows] += part.term.residual(x, xv, xa, t)
+        return r
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ReducedLocal:
+    """Under both maps: left (l, m) times the tested rows."""
+
+    parts: Sequence[TestedLocal]
+
+    @classmethod
+    def of(cls, parts: Sequence[TestedLocal], left: FloatArray) -> "ReducedLocal | None":
+        return cls(tuple(part.times(left) for part in parts)) if parts else None
+
+    @property
+    def elements(self) -> int:
+        return sum(part.term.elements for part in self.parts)
+
+    def rows(
+        self, u: FloatArray, v: FloatArray, a: FloatArray, T: FloatArray, rate: FloatArray,
+        t: float,
+    ) -> FloatArray:
+        x, xv = np.concatenate((u, T)), np.concatenate((v, rate))
+        xa = np.concatenate((a, np.zeros(len(T))))
+        return np.asarray(sum(part.rows(x, xv, xa, t) for part in self.parts))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StepForces:
+    """The local terms of a block as a function of its unknowns alone, in one step."""
+
+    forces: LocalForces
+    step: StepFormula
+    at: slice
+    T: FloatArray
+    rate: FloatArray
+
+    @classmethod
+    def of(
+        cls, forces: LocalForces, step: StepFormula, at: slice, thermal: slice, x: FloatArray
+    ) -> "StepForces":
+        """x: the step's unknowns, temperatures solved for."""
+        T = x[thermal]
+        return cls(forces, step, at, T, step.c1_first * T + step.r1[thermal])
+
+    def rows(self, u: FloatArray) -> FloatArray:
+        s, at = self.step, self.at
+        return self.forces.rows(
+            u, s.c1 * u + s.r1[at], s.c2 * u + s.r2[at], self.T, self.rate, s.t)

@@ -1,0 +1,92 @@
+"""One body of a mechanical step: what it brings to the border."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.protocols import EvaluatesManyTimes
+from sparsemor.core.protocols.prescribed_motion import FrameHistory
+from sparsemor.core.protocols.separable import Frame, FrameWork
+from sparsemor.reducers.step.elastic_block import ElasticBlock
+from sparsemor.reducers.step.prescribed_frame_block import PrescribedBlock
+from sparsemor.reducers.step.time_tables import TimeTable
+
+
+def buffers(frames: Sequence[Frame]) -> list[FrameWork]:
+    """Arrays for each frame to fill."""
+    return [FrameWork(f.p, f.border, f.generators) for f in frames]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BodyStep:
+    """One body in the loop: its kernel, its map to the border, and where its unknowns sit.
+
+    block: its elastic rows with a border; driven: where there is none, and `known` what time
+    alone decides of them (driven.py)."""
+
+    name: str
+    frame: Frame
+    to_border: FloatArray
+    origin: FloatArray
+    block: ElasticBlock | None
+    elastic: slice
+    thermal: slice
+    elastic_name: str
+    guide: FrameHistory | None = None
+    driven: PrescribedBlock | None = None
+    known: TimeTable | None = None
+
+    @property
+    def free(self) -> bool:
+        """True if its frame is unknown."""
+        return bool(self.to_border[: self.frame.rigid_size].any())
+
+    def given(self, t: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """(b,) each: what the map leaves out of border unknowns and their rates at t, s."""
+        if self.guide is None:
+            zero = np.zeros(len(self.origin))
+            return self.origin, zero, zero
+        return self._filled(*self.guide.at(t))
+
+    def prescribed_along(self, times: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """(T, b) each: the same at times (T,), s."""
+        if self.guide is None:
+            zero = np.zeros((len(times), len(self.origin)))
+            return zero + self.origin, zero, zero
+        return self._filled(*self.guide.along(times))
+
+    def _filled(
+        self, pose: FloatArray, rate: FloatArray, acceleration: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Of what the guide prescribes, (..., n): with the rest of the border."""
+        n, b = pose.shape[-1], len(self.origin)
+        if n == b:
+            return self.origin + pose, rate, acceleration
+        y, v, a = (np.zeros((*pose.shape[:-1], b)) for _ in range(3))
+        y += self.origin
+        for values, known in ((y, pose), (v, rate), (a, acceleration)):
+            values[..., :n] += known
+        return y, v, a
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Drive:
+    """A frame that is given, in steps with these c1 and c2: times (T,) -> kappa, mu, sigma, which
+    do not depend on displacements (core/protocols/separable.py), (T, 2 g + p)."""
+
+    body: BodyStep
+    c1: float
+    c2: float
+
+    def __call__(self, times: FloatArray) -> FloatArray:
+        frame = self.body.frame
+        if len(times) == 1 or not isinstance(frame, EvaluatesManyTimes):
+            work, = buffers([frame])
+            return np.array([self._at(t, work) for t in times.tolist()])
+        return frame.drive_along(*self.body.prescribed_along(times), self.c1, self.c2, times)
+
+    def _at(self, t: float, work: FrameWork) -> FloatArray:
+        self.body.frame.drive(*self.body.given(t), self.c1, self.c2, t, work)
+        return np.concatenate((work.coefficients[:-1], work.sigma[-1]))

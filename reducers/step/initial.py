@@ -1,0 +1,200 @@
+"""Consistent accelerations and multipliers of a reduced model at its start.
+
+The full-order accelerations are not in the span of atoms that were learnt from displacements; their
+projection would start a second-order integrator with the wrong velocity. So the reduced equations
+are solved for their own accelerations: elastic rows, rigid rows, and the second derivative of the
+constraints. All unknowns enter linearly; a kernel evaluated with c2 = 0 and c2 = 1/h^2 gives the
+parts.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.model.constraint_rates import along
+from sparsemor.core.protocols import State
+from sparsemor.core.protocols.load_tables import total
+from sparsemor.core.protocols.prescribed_quantities import derivatives
+from sparsemor.core.protocols.separable import FrameWork, evaluate_amplitudes
+from sparsemor.reducers.step.condensed_newton import Mechanics
+from sparsemor.reducers.step.frame_step import BodyStep
+from sparsemor.reducers.step.operators import TestedElastic
+
+NONE = np.zeros(0)
+
+
+@dataclass(frozen=True, slots=True)
+class StartTimes:
+    """Times, s: the time step h, and the one over which Jacobians of constraints are differenced
+    (core/model/constraint_rates.py)."""
+
+    h: float
+    motion: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Body:
+    """Border unknowns z, accelerations c = -(base + S z); rows (b,) + H z + tau_a c = 0."""
+
+    base: FloatArray
+    S: FloatArray
+    rows: FloatArray
+    H: FloatArray
+    tau: FloatArray
+
+
+def consistent_start(
+    mechanics: Mechanics, tested: Sequence[TestedElastic | None], state: State,
+    scales: StartTimes,
+) -> State:
+    """The state with a (elastic, rigid) and multipliers that satisfy the reduced equations.
+
+    A multiplier that the atoms do not resist (all of them satisfy its constraint already) is not
+    determined: the least one is taken.
+    """
+    n, nr = mechanics.size, mechanics.n_rigid
+    if not mechanics.bodies:
+        return state
+    if not n:
+        return _driven_start(mechanics, tested, state)
+    A, r = np.zeros((n, n)), -_target_accelerations(mechanics, state.t, scales.h)
+    parts = []
+    for body, t in zip(mechanics.bodies, tested, strict=True):
+        p, T = _linear(mechanics, body, t, state, scales), body.to_border
+        parts.append(p)
+        r += (p.rows - p.tau @ p.base) @ T
+        A += T.T @ (p.H - p.tau @ p.S) @ T
+    z = -least(A, r)
+    x, a = state.x.copy(), state.a.copy()
+    a[:nr], x[mechanics.algebraic] = z[:nr], z[nr:]
+    for body, p in zip(mechanics.bodies, parts, strict=True):
+        if body.block is not None or len(p.base):
+            a[body.elastic] = -(p.base + p.S @ (body.to_border @ z))
+    return replace(state, x=x, a=a)
+
+
+def _driven_start(
+    mechanics: Mechanics, tested: Sequence[TestedElastic | None], state: State
+) -> State:
+    """The same where all frames are given or at rest: each elastic block by itself."""
+    a = state.a.copy()
+    for body, t in zip(mechanics.bodies, tested, strict=True):
+        if t is not None:
+            w = FrameWork(body.frame.p, body.frame.border, body.frame.generators)
+            body.frame.drive(*body.given(state.t), 0.0, 0.0, state.t, w)
+            rows = _elastic_rows(body, t, w, state)
+            a[body.elastic] = -np.linalg.lstsq(t.mass, rows, rcond=None)[0]
+    return replace(state, a=a)
+
+
+def least(A: FloatArray, r: FloatArray) -> FloatArray:
+    """Least-squares solution of least size of A z = r, rows and columns scaled to compare."""
+    if not len(r):
+        return r
+    size = np.sqrt(np.maximum(np.abs(A).max(axis=0), 1e-300))
+    return np.asarray(np.linalg.lstsq(A / np.outer(size, size), r / size, rcond=1e-10)[0] / size)
+
+
+def _linear(
+    mechanics: Mechanics, body: BodyStep, t: TestedElastic | None, state: State, scales: StartTimes
+) -> _Body:
+    """The body's equations at a = 0, multipliers 0, and their derivatives by a and multipliers."""
+    origin, rate, _ = body.given(state.t)
+    y, v = _border(mechanics, body, state.x, origin), _border(mechanics, body, state.v, rate)
+    c2 = 1.0 / scales.h**2  # large enough that masses are not lost beside centrifugal terms
+    w0, w1 = (_evaluate(body, t, y, v, c, state) for c in (0.0, c2))
+    d = body.frame.rigid_size
+    H = np.zeros_like(w0.border[:, :-1])
+    H[:d, :d], H[:d, d:] = (w1.border - w0.border)[:d, :d] / c2, w0.border[:d, d:-1]
+    H[d:, :d] = w0.border[d:, :d]
+    rows = w0.border[:, -1].copy()
+    rows[d:] = _curvature(body, t, y, v, state, scales)
+    if t is None:
+        return _Body(NONE, np.zeros((0, len(rows))), rows, H, np.zeros((len(rows), 0)))
+    sigma = np.concatenate([(w1.sigma[:d] - w0.sigma[:d]) / c2, w0.sigma[d:-1]])
+    tau = np.concatenate([(w1.tau[:d] - w0.tau[:d]) / c2, w0.tau[d:]])
+    given = np.concatenate(
+        [_elastic_rows(body, t, w0, state)[:, None], t.directions @ sigma.T], axis=1)
+    solved = np.linalg.lstsq(t.mass, given, rcond=None)[0]
+    return _Body(solved[:, 0], solved[:, 1:], rows, H, tau @ t.functional)
+
+
+def _border(
+    mechanics: Mechanics, body: BodyStep, x: FloatArray, given: FloatArray
+) -> FloatArray:
+    """Border unknowns of one body with all multipliers zero, over what is given of them."""
+    whole = np.zeros(mechanics.size)
+    whole[: mechanics.n_rigid] = x[: mechanics.n_rigid]
+    return np.asarray(body.to_border @ whole + given)
+
+
+def _evaluate(
+    body: BodyStep, t: TestedElastic | None, y: FloatArray, v: FloatArray, c2: float, state: State
+) -> FrameWork:
+    """The kernel at zero unknown accelerations: u'' = c2 u + r2 with r2 = -c2 u."""
+    f, a = body.frame, body.given(state.t)[2]
+    w = FrameWork(f.p, f.border, f.generators)
+    if t is None:
+        f.evaluate(y, v, a, 0.0, c2, NONE, NONE, NONE, NONE, NONE, state.t, w)
+        return w
+    c, cv = state.x[body.elastic], state.v[body.elastic]
+    F, Q = t.functional, t.quadratic
+    form = Q @ c @ c
+    forms = np.concatenate([Q @ cv @ c, -c2 * form])
+    f.evaluate(y, v, a, 0.0, c2, F @ c, F @ cv, -c2 * (F @ c), form, forms, state.t, w)
+    return w
+
+
+def _elastic_rows(
+    body: BodyStep, t: TestedElastic, w: FrameWork, state: State
+) -> FloatArray:
+    """Tested elastic rows without their accelerations."""
+    c, cv = state.x[body.elastic], state.v[body.elastic]
+    kappa, mu = w.coefficients[:-1].reshape(2, -1)
+    r = t.stiffness @ c + t.damping @ cv + t.constant + t.directions @ w.sigma[-1]
+    r = r + np.tensordot(kappa, t.generators, 1) @ c + np.tensordot(mu, t.generators, 1) @ cv
+    if t.coupling.size:
+        r = r - t.coupling @ state.x[body.thermal]
+    if t.amplitudes:
+        r = r - t.loads @ evaluate_amplitudes(t.amplitudes, state.t)
+    if t.tables:
+        r = r - total(t.tables, state.t)
+    if t.local:
+        x, v = (np.concatenate((s[body.elastic], s[body.thermal])) for s in (state.x, state.v))
+        r = r + sum(part.rows(x, v, np.zeros(len(x)), state.t) for part in t.local)
+    return np.asarray(r)
+
+
+def _curvature(
+    body: BodyStep, t: TestedElastic | None, y: FloatArray, v: FloatArray, state: State,
+    scales: StartTimes,
+) -> FloatArray:
+    """Second derivative of the attachments' rows along the velocities, accelerations zero."""
+    found = along(lambda s: _moving(body, t, y + s * v, v, replace(
+        state, x=state.x + s * state.v)), scales.motion)
+    first, second = (body.frame.time_derivative(n, state.t, scales.h) for n in (1, 2))
+    if first is not None:
+        found = found + 2.0 * _moving(replace(body, frame=first), t, y, v, state)
+    if second is not None:
+        w = _evaluate(replace(body, frame=second), t, y, v, 0.0, state)
+        found = found + w.border[body.frame.rigid_size :, -1]
+    return found
+
+
+def _moving(
+    body: BodyStep, t: TestedElastic | None, y: FloatArray, v: FloatArray, state: State
+) -> FloatArray:
+    """Derivative of the attachments' rows by the coordinates, times the velocities."""
+    d, w = body.frame.rigid_size, _evaluate(body, t, y, v, 0.0, state)
+    found = w.border[d:, :d] @ v[:d]
+    return found if t is None else found + w.tau[d:] @ (t.functional @ state.v[body.elastic])
+
+
+def _target_accelerations(mechanics: Mechanics, t: float, h: float) -> FloatArray:
+    """Second derivative of what the constraints follow."""
+    found = np.zeros(mechanics.size)
+    for i, f in mechanics.targets:
+        found[i] = derivatives(f, t, h)[1]
+    return found

@@ -1,0 +1,280 @@
+"""Newton's method for a whole step at once, with a factor of the Jacobian that is kept.
+
+The factor of an earlier state serves as long as each change is a small share of the one before;
+then it is recomputed. Changes are judged by each block's own size, and a block whose residual is
+rounding is not judged at all. Full steps are taken even where they make things worse for a moment,
+as they do at the kinks of a contact; only where that does not end is the residual made to fall, by
+shorter steps. Kept factors and affine invariant tests: Deuflhard 2011,
+doi 10.1007/978-3-642-23899-4, Sec. 2.1.
+"""
+
+from math import inf
+
+import numpy as np
+
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.model.equations import rate_factors
+from sparsemor.core.protocols import StepFormula, StepOutcome
+from sparsemor.core.protocols.layout import Quantity
+from sparsemor.core.status import Status
+from sparsemor.reducers.step.acceptance import EPS, LEAST, MARGIN, STALLED, Tolerances, rounding
+from sparsemor.reducers.step.newton.equations import Equations
+from sparsemor.reducers.step.newton.memory import NewtonMemory, Place
+
+NOISE = 1e-9
+"""Relative change below which an iteration is not found to go back and forth."""
+PATIENCE = 6
+"""Full steps that may fail to halve the smallest change before the residual is made to fall."""
+NONE = np.zeros(0)
+SHORTEST = 2.0**-7
+"""Least share of a full step that is tried."""
+FORETOLD = 1e-2
+"""Relative error of an extrapolation that is still better than the last state itself."""
+
+
+def solve(
+    equations: Equations, step: StepFormula, memory: NewtonMemory, tolerances: Tolerances
+) -> StepOutcome:
+    """One step from the extrapolated state; `memory` keeps what the next one needs of it."""
+    search = _Search(equations, step, memory, tolerances)
+    outcome = search.run(memory.ring.predict(memory.order))
+    if outcome.status.ok:
+        search.remember(outcome.x)
+    return outcome
+
+
+class _At:
+    """An iterate: x (n,) with its rates v, a, its residual r, and after `turn` its change dx;
+    moved (blocks,): how large that is in each block, change: the largest; share: of the change
+    that led here."""
+
+    __slots__ = ("a", "change", "dx", "fresh", "moved", "r", "share", "v", "x")
+
+    def __init__(self, x: FloatArray, v: FloatArray, a: FloatArray, r: FloatArray) -> None:
+        self.x, self.v, self.a, self.r, self.fresh = x, v, a, r, False
+        self.dx, self.moved, self.change, self.share = x, NONE, inf, 1.0
+
+
+class _Search:
+    def __init__(
+        self, equations: Equations, step: StepFormula, memory: NewtonMemory, tol: Tolerances
+    ) -> None:
+        self.eq, self.step, self.memory, self.tol = equations, step, memory, tol
+        self.c = (step.c1, step.c2, step.c1_first)
+        self.c1, self.c2 = rate_factors(equations.layout, *self.c)
+        blocks = list(equations.layout)
+        self.starts = np.array([equations.layout[b.name].start for b in blocks])
+        self.names = [b.name for b in blocks]
+        self.judged = np.array([b.kind.order > 0 for b in blocks])
+        self.given = equations.given(step.t)
+        self.mixed = np.array([b.kind.quantity is Quantity.POSE for b in blocks])
+        self.floor, self.scale = np.zeros(0), np.zeros(0)
+        self.iterations, self.stall, self.least, self.cycles = 0, 0, inf, False
+
+    # ------------------------------------------------------------------ the iteration
+
+    def run(self, x: FloatArray) -> StepOutcome:
+        at = self.at(x)
+        if not np.isfinite(at.r).all():  # the extrapolation led astray
+            at = self.at(self.memory.ring.rows[self.memory.ring.newest])
+        if not np.isfinite(at.r).all():
+            return self.failed(at, Status.NOT_FINITE)
+        try:
+            return self._iterate(at)
+        except RuntimeError:
+            self.memory.place = None
+            return self.failed(at, Status.SINGULAR, "the Jacobian of the step is singular")
+
+    def _iterate(self, at: _At) -> StepOutcome:
+        always = self.eq.price == 0
+        self._ready(at, anew=always)
+        while True:
+            if at.change == inf:
+                return self.failed(at, Status.NOT_FINITE)
+            if at.change <= self.tol.remaining:
+                return StepOutcome(at.x - at.dx, Status.DONE, self.iterations)
+            if self.iterations >= self.tol.max_iterations:
+                return self.unfinished(at)
+            new = self._following(at, anew=always)
+            if new is None:
+                return self.unfinished(at)
+            if not np.isfinite(new.r).all():
+                return self.failed(new, Status.NOT_FINITE)
+            ratio = new.moved / np.maximum(at.moved, 1e-300)  # of each block: one may converge
+            # the textbook method, a check, trusts no ratio: it goes on until nothing changes
+            full = not always and new.share == 1.0  # a shortened change says nothing of the next
+            if full and self._left(new.moved, ratio) <= self.tol.remaining:
+                return StepOutcome(new.x - new.dx, Status.DONE, self.iterations)
+            stalled = new.change >= STALLED * at.change
+            if (at.fresh or always) and stalled and self._rounded(new):
+                return StepOutcome(new.x, Status.DONE, self.iterations)
+            if not (always or new.fresh) and self._slow(new.change, new.change / at.change):
+                if new.change >= at.change and not at.fresh:
+                    new = at  # an old factor led astray
+                self.turn(new, anew=True)
+            self._watch(new, at)
+            at = new
+
+    def _following(self, at: _At, anew: bool) -> _At | None:
+        """The next iterate with its own change: a full step on, or less where full steps lead
+        nowhere; None where no share of the change makes the residual fall."""
+        lost = self.iterations > 2 * PATIENCE and at.change > FORETOLD  # wanders, if not in circles
+        if self.stall <= PATIENCE and not lost:
+            new = self.beyond(at)
+            if np.isfinite(new.r).all():
+                self._ready(new, anew)
+                return new
+            return self._shorter(at) or new
+        return self._shorter(at)
+
+    def _ready(self, at: _At, anew: bool) -> None:
+        """The next change, with the kept factor where there is one for this step's constants."""
+        place = self.memory.place
+        self.turn(at, anew or place is None or place.c != self.c)
+        self.iterations += 1
+
+    def _left(self, moved: FloatArray, ratio: FloatArray) -> float:
+        """The change that is left to come, by the ratio of the last two."""
+        steady = np.clip(ratio, LEAST, 0.5)
+        return float((moved * np.where(ratio < 0.5, steady / (1.0 - steady), 1.0)).max())
+
+    def _slow(self, change: float, ratio: float) -> bool:
+        """True if a new factor is due: the old one would take longer than its price."""
+        return ratio >= 0.5 or change * ratio**self.eq.price > self.tol.remaining
+
+    def _watch(self, at: _At, before: _At) -> None:
+        """Counts the iterations since the smallest change was last halved."""
+        if at.change < 0.5 * self.least:
+            self.least, self.stall = at.change, 0
+            return
+        self.stall += 1
+        back = self._largest(at.x - at.dx - before.x) <= 1e-2 * self._largest(at.dx)
+        if at.change > NOISE and back[self.judged].all():
+            self.cycles, self.stall = True, PATIENCE + 1
+
+    def _shorter(self, at: _At) -> _At | None:
+        """An iterate on the way along the change whose residual is less, with its own change."""
+        if not at.fresh:
+            self.turn(at, anew=True)
+        if not len(self.scale):  # one for the whole step: under two, each way may seem to descend
+            self.scale = self._scales(at.x)
+        merit, share = self._merit(at.r), 1.0
+        self.iterations += 1
+        while share >= SHORTEST:
+            new = self.beyond(at, share)
+            if self._merit(new.r) <= (1.0 - 0.1 * share) * merit:
+                self.turn(new, anew=True)
+                return new
+            share *= 0.5
+        return None
+
+    def _scales(self, x: FloatArray) -> FloatArray:
+        """(n,) what each row is measured by: the largest terms of its block, of rigid coordinates
+        its own ones, because forces and torques are not to be compared."""
+        terms = self.memory.size @ np.abs(x)
+        count = np.diff(np.append(self.starts, len(x)))
+        of_block = np.repeat(self._largest(terms), count)
+        return np.maximum(np.where(np.repeat(self.mixed, count), terms, of_block), 1e-300)
+
+    def _merit(self, r: FloatArray) -> float:
+        value = float(np.abs(r / self.scale).max())
+        return value if value == value else inf
+
+    # ------------------------------------------------------------------ residual and change
+
+    def at(self, x: FloatArray) -> _At:
+        """An iterate at x: the first one of the step."""
+        return self._evaluated(x, self.c1 * x + self.step.r1, self.c2 * x + self.step.r2)
+
+    def beyond(self, at: _At, share: float = 1.0) -> _At:
+        """The iterate after a share of the change. Its rates follow from the change, whose digits
+        c2 x + r2 would lose: x of size 1 is rounded to 1e-16, and c2 = 1/(beta h^2) may be 1e10."""
+        d = share * at.dx
+        new = self._evaluated(at.x - d, at.v - self.c1 * d, at.a - self.c2 * d)
+        new.share = share
+        return new
+
+    def _evaluated(self, x: FloatArray, v: FloatArray, a: FloatArray) -> _At:
+        return _At(x, v, a, self.eq.residual(x, v, a, self.step.t, self.given))
+
+    def turn(self, at: _At, anew: bool) -> None:
+        """The change at an iterate; anew: True for the Jacobian there, else with the kept one."""
+        m = self.memory
+        if anew:
+            m.place = Place(at.x, at.v, at.a, self.step.t, self.c)
+            m.factor = None
+            m.factorizations += 1
+        if m.factor is None:
+            p = m.place
+            assert p is not None
+            J = self.eq.jacobian(p.x, p.v, p.a, p.t, self.c1, self.c2)
+            m.factor, m.size, self.floor = self.eq.factorize(J), abs(J), np.zeros(0)
+        if not len(self.floor):
+            self.floor = 16.0 * EPS * self._sizes(at.x)
+        at.fresh, at.dx = anew, m.factor.solve(at.r)
+        at.moved = self._moved(at)
+        at.change = float(at.moved.max())
+        if not at.change < inf:
+            at.change = inf
+
+    def _rounded(self, at: _At) -> bool:
+        """True if the change is no more than what rounding the terms of the residual makes of the
+        unknowns, in each block that is not converged: J^-1 (eps |J| |x|), with random signs.
+        Constraints subtract positions of size 1 from each other, which |J| |x| may not show."""
+        terms = self.memory.size @ np.abs(at.x)
+        count = np.diff(np.append(self.starts, len(terms)))
+        terms = np.where(np.repeat(self.judged, count), terms, np.maximum(terms, 1.0))
+        noise = self.memory.factor.solve(rounding(len(terms)) * terms)
+        small = self._largest(at.dx) <= MARGIN * self._largest(noise)
+        return bool((small | (at.moved <= self.tol.remaining)).all())
+
+    def _sizes(self, x: FloatArray) -> FloatArray:
+        """(blocks,) what the residual's terms are as large as: |J| |x|, largest of each block."""
+        return self._largest(self.memory.size @ np.abs(x))
+
+    def _largest(self, x: FloatArray) -> FloatArray:
+        return np.maximum.reduceat(np.abs(x), self.starts)
+
+    def _moved(self, at: _At) -> FloatArray:
+        """(blocks,) change of each relative to its size; 0 for multipliers, which follow, and where
+        the residual is rounding."""
+        judged = self.judged
+        if self.eq.price:
+            judged = judged & ~(self._largest(at.r) <= self.floor)
+        return np.where(judged, self._relative(at), 0.0)
+
+    def _relative(self, at: _At) -> FloatArray:
+        size = np.maximum(self._largest(at.x), self._largest(at.x - at.dx))
+        return self._largest(at.dx) / np.maximum(np.maximum(self.memory.top, size), 1e-300)
+
+    # ------------------------------------------------------------------ how it ends
+
+    def remember(self, x: FloatArray) -> None:
+        m = self.memory
+        m.top = np.maximum(m.top, self._largest(x))
+        off = np.maximum.reduceat(np.abs(m.ring.guesses() - x), self.starts, axis=1)
+        missed = (off / np.maximum(m.top, 1e-300))[:, self.judged].max(axis=1, initial=0.0)
+        m.ring.push(x)
+        # nothing is foretold of a motion that no order came close to
+        m.order = int(missed.argmin()) + 1 if missed.min() <= FORETOLD else 1
+
+    def failed(self, at: _At, status: Status, detail: str = "") -> StepOutcome:
+        broken = ~np.isfinite(self._largest(at.r))
+        block = self.names[int(np.argmax(broken))] if broken.any() else ""
+        return StepOutcome(at.x, status, self.iterations, block, self._told(detail, block))
+
+    def unfinished(self, at: _At) -> StepOutcome:
+        moved = np.where(self.judged, self._relative(at), 0.0)
+        block = self.names[int(np.argmax(moved))]
+        how = ("the iteration goes back and forth between two states" if self.cycles else
+               f"last relative change {at.change:.1e} after {self.iterations} iterations")
+        return StepOutcome(at.x, Status.NOT_CONVERGED, self.iterations, block,
+                           self._told(how, block))
+
+    def _told(self, detail: str, block: str) -> str:
+        """With the names of what acts between this block and others."""
+        names = [n for n, blocks in self.eq.named if n and (not block or block in blocks)]
+        if not names:
+            return detail
+        reason = f"{', '.join(names)} changes too much in one step"
+        return f"{detail}: {reason}" if detail else reason

@@ -1,0 +1,203 @@
+"""Constant operators of one block under a trial map (atoms) and a test map (rows or left matrix).
+
+The test map is the only difference between the projected and the sampled reducers: Galerkin takes
+atoms^T, the sparse method the rows Omega, DEIM atoms^T for the linear operators of the block and
+an interpolation from a few rows for its forces. All give m rows and k columns here.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from scipy.sparse import csr_array, issparse
+
+from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core.protocols import Dictionary, ReducedTerm, Trial
+from sparsemor.core.protocols.load_tables import Table, projected_tables
+from sparsemor.core.protocols.separable import (
+    Amplitude,
+    ElasticLocal,
+    ElasticOperators,
+    Frame,
+    HeatBody,
+)
+from sparsemor.reducers.projection.modal_coordinates import diagonal
+
+PROPORTIONAL = 1e-8
+"""Share of damping that couples natural modes and is taken for round-off."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TestMap:
+    """`rows` (m,) of the block, or a dense `left` (l, n), or `left` (l, m) of those rows."""
+
+    rows: IntArray | None = None
+    left: FloatArray | None = None
+
+    def __call__(self, matrix: Any) -> Any:
+        """The map applied to a matrix (n, j) or vector (n,)."""
+        seen = matrix if self.rows is None else matrix[self.rows]
+        return seen if self.left is None else self.left @ seen
+
+    def times(self, left: FloatArray, n: int) -> FloatArray:
+        """left (s, l) times this map, as one matrix (s, n) on the whole block of n rows."""
+        both = left if self.left is None else left @ self.left
+        if self.rows is None:
+            return both
+        wide = np.zeros((len(left), n))
+        wide[:, self.rows] = both
+        return wide
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TestedLocal:
+    """A local term of an elastic block under both maps: left times what it adds to its tested rows,
+    None for the identity, as a function of the coefficients [c | cT]."""
+
+    term: ReducedTerm
+    left: FloatArray | None = None
+
+    @classmethod
+    def of(
+        cls, local: ElasticLocal, atoms: Dictionary, heat: Dictionary | None, test: TestMap
+    ) -> "TestedLocal":
+        """heat: the dictionary of the temperatures that it reads."""
+        n, cold, hot = len(atoms.offset), ~local.hot, local.hot
+        k = atoms.atoms.shape[1]
+        kt = 0 if heat is None else heat.atoms.shape[1]
+        wide, offset = np.zeros((len(hot), k + kt)), np.zeros(len(hot))
+        wide[cold, :k], offset[cold] = atoms.atoms[local.columns[cold]], atoms.offset[
+            local.columns[cold]]
+        if heat is not None and hot.any():
+            wide[hot, k:], offset[hot] = heat.atoms[local.columns[hot]], heat.offset[
+                local.columns[hot]]
+        m = len(local.rows)
+        seen = test(csr_array((np.ones(m), (local.rows, np.arange(m))), shape=(n, m)))
+        left = np.ascontiguousarray(seen.toarray() if issparse(seen) else seen)
+        return cls(local.term.compress(Trial(wide, offset), left))
+
+    def times(self, left: FloatArray) -> "TestedLocal":
+        """left (l, m) times its rows."""
+        return TestedLocal(self.term, left if self.left is None else left @ self.left)
+
+    def rows(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> FloatArray:
+        """(m,) at coefficients [c | cT] and their rates."""
+        r = self.term.residual(x, v, a, t)
+        return r if self.left is None else np.asarray(self.left @ r)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TestedElastic:
+    """m tested rows, k atoms, p directions, g generators, kt thermal columns, j given loads.
+
+    rows: mass r2 + damping r1 + (stiffness + c1 damping + c2 mass) c
+          + directions sigma + sum_g kappa_g generators_g c + mu_g generators_g r1
+          - coupling cT - loads amplitudes(t) - tables(t) + constant + local terms.
+    The first line is under the map `test`; all else, the forces, under `force` where it is given.
+    functional (p, k) = directions^T atoms; quadratic (g, k, k) = atoms^T M_g atoms, none (0, k, k)
+    where no rigid equation reads them.
+    """
+
+    frame: Frame
+    mass: FloatArray
+    damping: FloatArray
+    stiffness: FloatArray
+    generators: FloatArray
+    directions: FloatArray
+    coupling: FloatArray
+    loads: FloatArray
+    constant: FloatArray
+    quadratic: FloatArray
+    functional: FloatArray
+    amplitudes: tuple[Amplitude, ...]
+    tables: tuple[Table, ...] = ()
+    local: tuple[TestedLocal, ...] = ()
+
+    @classmethod
+    def of(
+        cls, ops: ElasticOperators, frame: Frame, atoms: Dictionary, heat: Dictionary | None,
+        test: TestMap, force: TestMap | None = None, rigid: bool = True,
+    ) -> "TestedElastic":
+        """heat: the dictionary of the body's thermal block, None when it has no such block.
+
+        force: the map of everything but mass, damping and stiffness; `test` when not given.
+        rigid: False where frames are given and no rigid equation reads the quadratic forms: of a
+        complete basis of 7000 atoms these take minutes and a gigabyte.
+        """
+        push = test if force is None else force
+        T, o = atoms.atoms, atoms.offset
+        P = ops.directions.copy()
+        Mo = [M @ o for M in ops.generators]
+        if np.any(o):
+            # z = X + offset + atoms c: the shape moves, and with it every direction M_g X
+            frame = frame.shifted(P.T @ o, np.array([o @ q for q in Mo]))
+            for column, g in frame.shape_columns:
+                P[:, column] += Mo[g]
+        constant = test(ops.stiffness) @ o - push(ops.constant)
+        coupling = np.zeros((len(constant), 0))
+        if ops.coupling is not None and heat is not None:
+            Kt = push(ops.coupling)
+            constant = constant - Kt @ heat.offset
+            coupling = np.asarray(Kt @ heat.atoms)
+        MT, k = [np.asarray(M @ T) for M in ops.generators], T.shape[1]
+        none = np.zeros((0, len(constant), k))
+        return cls(
+            frame=frame, mass=np.asarray(test(ops.mass @ T)),
+            damping=np.asarray(test(ops.damping) @ T),
+            stiffness=np.asarray(test(ops.stiffness) @ T),
+            generators=np.stack([np.asarray(push(A)) for A in MT]) if MT else none,
+            directions=np.asarray(push(P)), coupling=coupling, loads=np.asarray(push(ops.loads)),
+            constant=np.asarray(constant),
+            quadratic=np.stack([T.T @ A for A in MT]) if MT and rigid else np.zeros((0, k, k)),
+            functional=P.T @ T, amplitudes=ops.amplitudes,
+            tables=projected_tables(ops.tables, push),
+            local=tuple(TestedLocal.of(part, atoms, heat, push) for part in ops.local),
+        )
+
+    def in_modes(self) -> "TestedElastic":
+        """The same under the natural modes of its span, where mass and stiffness are diagonal, and
+        damping in proportion to them."""
+        d = diagonal(self.damping)
+        size = np.sqrt(np.abs(np.diagonal(d)))
+        alone = (np.abs(self.damping - d) <= PROPORTIONAL * np.outer(size, size)).all()
+        return replace(self, mass=diagonal(self.mass), stiffness=diagonal(self.stiffness),
+                       damping=d if alone else self.damping)
+
+    def block(self, c1: float, c2: float) -> FloatArray:
+        """D = K + c1 D + c2 M under both maps, (m, k)."""
+        return np.asarray(self.stiffness + c1 * self.damping + c2 * self.mass)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TestedHeat:
+    """m tested rows of capacity T' + conductivity T - constant - loads amplitudes(t) - tables(t).
+
+    The last three are forces, under `force` where that is given.
+    """
+
+    capacity: FloatArray
+    conductivity: FloatArray
+    constant: FloatArray
+    loads: FloatArray
+    amplitudes: tuple[Amplitude, ...]
+    tables: tuple[Table, ...] = ()
+
+    @classmethod
+    def of(
+        cls, heat: HeatBody, atoms: Dictionary, test: TestMap, force: TestMap | None = None
+    ) -> "TestedHeat":
+        T, o, push = atoms.atoms, atoms.offset, test if force is None else force
+        K = test(heat.conductivity)
+        return cls(
+            np.asarray(test(heat.capacity) @ T), np.asarray(K @ T),
+            np.asarray(push(heat.constant) - K @ o), np.asarray(push(heat.loads)),
+            heat.amplitudes, projected_tables(heat.tables, push))
+
+    def in_modes(self) -> "TestedHeat":
+        """The same under the natural modes of its span, where both operators are diagonal."""
+        return replace(
+            self, capacity=diagonal(self.capacity), conductivity=diagonal(self.conductivity))
+
+    def block(self, c1: float) -> FloatArray:
+        """B = c1 C + K under both maps, (m, k)."""
+        return np.asarray(self.conductivity + c1 * self.capacity)

@@ -1,0 +1,82 @@
+"""Preparation common to all reducers."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core.notes import Note
+from sparsemor.core.protocols import AssembledModel, Dictionary, Integrator, State
+from sparsemor.core.protocols.layout import Layout
+from sparsemor.core.protocols.separable import MovingBody
+from sparsemor.reducers.step.acceptance import Tolerances
+from sparsemor.reducers.step.elastic_block import ElasticBlock, FullElastic
+from sparsemor.reducers.step.frame_step import Drive
+from sparsemor.reducers.step.operators import TestedElastic
+from sparsemor.reducers.step.prescribed_frame_block import FullPrescribed, PrescribedBlock
+from sparsemor.reducers.step.solver import Facts, Stepper, bodies
+from sparsemor.reducers.step.thermal_block import HeatBlock
+from sparsemor.reducers.step.thermal_groups import group_name
+from sparsemor.reducers.step.time_tables import TimeTable
+
+
+def constants(layout: Layout, integrator: Integrator, h: float) -> tuple[float, float, float]:
+    """c1, c2 and c1 of first-order unknowns: the same in every step of size h."""
+    zero = np.zeros(layout.size)
+    state = integrator.start(layout, State(0.0, zero, zero, zero, np.zeros((layout.size, 0))))
+    f = integrator.formula(layout, state, h)
+    return f.c1, f.c2, f.c1_first
+
+
+def stepper(
+    model: AssembledModel, layout: Layout, dictionaries: Mapping[str, Dictionary],
+    rows: Mapping[str, IntArray], heat: Mapping[str, HeatBlock],
+    elastic: Mapping[str, ElasticBlock | PrescribedBlock], tol: Tolerances,
+    points: int, factorizations: int, rates: tuple[float, float], ahead: bool = True,
+    limits: Mapping[str, float] | None = None,
+    notes: tuple[Note, ...] = (), tested: Mapping[str, TestedElastic] | None = None,
+    facts: Facts | None = None, visited: Mapping[str, int] | None = None,
+) -> Stepper:
+    """A Stepper with its mechanics set up, and the elements that one step visits.
+
+    rates: c1 and c2 of its steps; ahead: whether what time alone decides is evaluated now, for all
+    times of given motion and loads; tested: the elastic blocks under their maps, for
+    consistent rates at the start; visited: elements of each thermal block's local terms, where
+    they are not those of `heat`, whose keys are groups of blocks.
+    """
+    # constant matrices were assembled once: only local terms visit elements in a step
+    elements = {name: 0 for name in model.reducible()}
+    elements |= visited or {name: block.elements for name, block in heat.items()}
+    elements |= {n: b.local.elements for n, b in elastic.items() if b.local is not None}
+    # unknowns over their limits; those without one are scaled to be caught when not finite only
+    sanity = np.full(layout.size, 1e-150)
+    for name, limit in (limits or {}).items():
+        sanity[layout[name]] = 1.0 / limit
+    frames = {m.name: tested[m.elastic].frame for m in model.separated.moving
+              if tested and m.elastic in tested}
+    s = Stepper(layout, dictionaries, rows, elements, model.separated, heat, elastic, frames, tol,
+                points, factorizations, limits or {}, sanity, notes, facts or {},
+                tested or {}, hot=_hot(model, layout), iterating=any(
+                    isinstance(b, FullElastic | FullPrescribed) and b.factor.iterative
+                    for b in elastic.values()))
+    if not model.separated.border_size:
+        s = replace(s, drives={
+            b.name: TimeTable.of(Drive(b, *rates), _times(m) if ahead else np.zeros(0))
+            for b, m in zip(bodies(s), model.separated.moving, strict=True) if b.elastic_name})
+    return replace(s, mechanics=s.with_mechanics())
+
+
+def _hot(model: AssembledModel, layout: Layout) -> tuple[tuple[str, slice | IntArray], ...]:
+    """Key and place of each group of thermal blocks."""
+    at = np.arange(layout.size)
+    return tuple((group_name(g), layout[g[0].thermal] if len(g) == 1 else np.concatenate(
+        [at[layout[b.thermal]] for b in g])) for g in model.separated.heat_groups)
+
+
+def _times(body: MovingBody) -> FloatArray:
+    """Those at which a body's motion or its loads are tabled."""
+    if body.guide is not None:
+        return body.guide.times
+    loads = () if body.operators is None else body.operators.tables
+    return loads[0].table.times if loads else np.zeros(0)

@@ -1,0 +1,313 @@
+"""One elastic block on a frame whose motion is given: linear, and nothing rigid to feed.
+
+With D = K + c1 D_m + c2 M constant, its rows times D^-1 read
+
+    u + sum_g kappa_g D^-1 M_g u = b,   b = -D^-1 (h + P sigma + sum_g mu_g M_g r1),
+
+h the history of the step and given loads, P the directions. sigma, kappa and mu follow from the
+time alone (core/protocols/separable.py), so moments and quadratic forms of u are not needed.
+"""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from math import sqrt
+from typing import Any, ClassVar
+
+import numpy as np
+
+from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core.model.factorizations import short
+from sparsemor.core.protocols import Factorized
+from sparsemor.core.protocols.load_tables import total, total_along
+from sparsemor.core.protocols.separable import (
+    ElasticOperators,
+    amplitudes_along,
+    evaluate_amplitudes,
+)
+from sparsemor.reducers.full.coarse_correction import CoarseCorrection
+from sparsemor.reducers.projection.modal_coordinates import carried, dense, times
+from sparsemor.reducers.step.acceptance import EPS, LEAST
+from sparsemor.reducers.step.elastic_block import History, rounded
+from sparsemor.reducers.step.elastic_local import FullLocal, LocalForces, ReducedLocal
+from sparsemor.reducers.step.operators import TestedElastic
+from sparsemor.reducers.step.tabulated_loads import Moving, tabulated
+from sparsemor.reducers.step.time_tables import TimeTable
+
+LEADING = 64
+"""Soft modes in which a product is worth a second one."""
+
+
+class Past(History):
+    """One step's constants. kappa, mu (g,); u: the last iterate's image, c: that iterate, None at
+    the start; r1: what mu acts on, None when that is done; weights, rates: kappa and mu as arrays;
+    turning: the first and after the last that is not zero; bound: on the factor by which errors
+    shrink; terms: r1, r2 and temperatures of a reduced block's history, and all of b that time
+    alone decides."""
+
+    __slots__ = ("bound", "c", "kappa", "mu", "r1", "rates", "terms", "turning", "u", "weights")
+
+    def __init__(self, known: FloatArray, g: int, r1: FloatArray) -> None:
+        super().__init__()
+        self.kappa, self.mu = known[:g].tolist(), known[g : 2 * g].tolist()
+        self.r1: FloatArray | None = r1
+        self.c: FloatArray | None = None
+
+    kappa: list[float]
+    mu: list[float]
+    u: FloatArray
+    weights: FloatArray
+    rates: FloatArray
+    turning: tuple[int, int]
+    bound: float
+    terms: tuple[FloatArray, FloatArray, FloatArray, FloatArray]
+
+
+class PrescribedBlock(ABC):
+    """`active`: numbers of the unknowns it solves for, None for all. proved: whether `contraction`
+    is a bound in the Euclidean norm of the unknowns, and not an estimate of one."""
+
+    active: IntArray | None
+    local: LocalForces | None
+    proved: ClassVar[bool]
+
+    @abstractmethod
+    def known(self, drive: TimeTable) -> TimeTable:
+        """Of kappa, mu and sigma at all times: these, and what else time decides of a step."""
+
+    @abstractmethod
+    def begin(
+        self, r1: FloatArray, r2: FloatArray, xT: FloatArray, t: float, known: FloatArray
+    ) -> Past:
+        """known: what `known` has at t."""
+
+    @abstractmethod
+    def improve(self, c: FloatArray, past: Past) -> FloatArray:
+        """b - sum_g kappa_g D^-1 M_g c, and the same once more in the lowest modes."""
+
+    @abstractmethod
+    def contraction(self, past: Past) -> float:
+        """The factor by which `improve` shrinks an error, at most; 0.0 where nothing turns."""
+
+    @abstractmethod
+    def noise(self, c: FloatArray, past: Past, c1: float, c2: float) -> float:
+        """Norm of what rounding the terms of the equations makes of the unknowns c."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FullPrescribed(PrescribedBlock):
+    """Full order: D made ready, one right-hand side an iteration, then its lowest modes. Its
+    contraction is estimated by Ritz values, which are none but lower bounds of what they stand for,
+    times a margin."""
+
+    proved: ClassVar[bool] = False
+    ops: ElasticOperators
+    factor: Factorized
+    coarse: CoarseCorrection
+    active: IntArray | None = None
+    local: LocalForces | None = None
+
+    @classmethod
+    def of(cls, ops: ElasticOperators, factor: Factorized, block: str) -> "FullPrescribed":
+        """Raises SolveFailed, naming the block, where an iteration stops short."""
+        return cls(ops, factor, CoarseCorrection.of(ops, factor, block),
+                   local=FullLocal(ops.local) if ops.local else None)
+
+    def known(self, drive: TimeTable) -> TimeTable:
+        return drive
+
+    def begin(
+        self, r1: FloatArray, r2: FloatArray, xT: FloatArray, t: float, known: FloatArray
+    ) -> Past:
+        o, g = self.ops, len(self.ops.generators)
+        past = Past(known, g, r1)
+        h = o.mass @ r2 - o.constant
+        if o.damping.nnz:
+            h += o.damping @ r1
+        if o.coupling is not None:
+            h -= o.coupling @ xT
+        if o.amplitudes:
+            h -= o.loads @ evaluate_amplitudes(o.amplitudes, t)
+        if o.tables:
+            h -= total(o.tables, t)
+        sigma = known[2 * g :]
+        if sigma.any():
+            h += o.directions @ sigma
+        for M, mu in zip(o.generators, past.mu, strict=True):
+            if mu:
+                h += M @ (mu * r1)
+        past.h = h
+        return past
+
+    def improve(self, c: FloatArray, past: Past) -> FloatArray:
+        right = past.h if past.local is None else past.h + past.local.rows(c)
+        for M, kappa in zip(self.ops.generators, past.kappa, strict=True):
+            if kappa:
+                right = right + M @ (kappa * c)
+        if not self.factor.iterative:
+            u = -self.factor.solve(right)
+            return u + self.coarse.correction(u - c, past.kappa) if any(past.kappa) else u
+        found = self.factor.outcome(right, -c)
+        past.iterations, past.residual = past.iterations + found.iterations, found.residual
+        if found.status.ok:
+            return -found.x
+        past.failure = found.status, short(self.factor, found.residual, found.iterations)
+        return np.full(len(right), np.nan)
+
+    def contraction(self, past: Past) -> float:
+        turning = self.coarse.left * sum(map(abs, past.kappa))
+        return turning if self.local is None else max(turning, LEAST)
+
+    def noise(self, c: FloatArray, past: Past, c1: float, c2: float) -> float:
+        return rounded(self.ops, self.factor, c, past, c1, c2)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CompressedPrescribed(PrescribedBlock):
+    """s active atoms: every operator is dense, small and prepared; no length of the mesh is left.
+
+    What b is made of: inertia and damping times r2 and r1, (s, k) or diagonals (natural.py),
+    damping None where there is none; coupling (s, kt) times xT; base; E (s, p) times sigma; loads
+    (s, j) times amplitudes, and tables. G (g, k, s): the D^-1 M_g transposed, so that those that
+    act together are one matrix; leading (g r, r): their first rows and columns, of soft modes,
+    r = 0 where some atoms are not active; sizes (g, 3): Frobenius norms of all of each, of these,
+    and of what is beyond.
+    """
+
+    proved: ClassVar[bool] = True
+    inertia: FloatArray
+    damping: FloatArray | None
+    coupling: FloatArray
+    base: FloatArray
+    E: FloatArray
+    loads: FloatArray
+    G: FloatArray
+    leading: FloatArray
+    sizes: FloatArray
+    active: IntArray | None
+    amplitudes: tuple[Any, ...]
+    tables: tuple[Moving, ...] = ()
+    local: LocalForces | None = None
+
+    @classmethod
+    def of(
+        cls, b: TestedElastic, left: FloatArray, support: IntArray | None
+    ) -> "CompressedPrescribed":
+        """left (s, m): what turns tested rows into D^-1 times the rows, left @ D_S = 1."""
+        G = np.stack([left @ A for A in b.generators]) if len(b.generators) else np.zeros(
+            (0, len(left), b.mass.shape[1]))
+        below = np.ascontiguousarray(G.transpose(0, 2, 1))
+        r = min(LEADING, len(left)) if support is None else 0
+        sizes = []
+        for A in G if support is None else G[:, :, support]:
+            all_of_it, lead = float(np.sum(A**2)), float(np.sum(A[:r, :r] ** 2))
+            sizes.append((sqrt(all_of_it), sqrt(lead), _beyond(A, r)))
+        return cls(
+            carried(-left @ b.mass), carried(-left @ b.damping) if b.damping.any() else None,
+            np.ascontiguousarray(left @ b.coupling), -left @ b.constant, -left @ b.directions,
+            left @ b.loads, below, G[:, :r, :r].reshape(len(G) * r, r),
+            np.array(sizes).reshape(len(G), 3), support,
+            b.amplitudes, tabulated(b.tables, left, support is None),
+            ReducedLocal.of(b.local, left))
+
+    def rates(self, k: int) -> tuple[FloatArray, FloatArray]:
+        """(s, k) each, k atoms: D^-1 D_m and D^-1 M, the block's own answer to -r1 and -r2."""
+        none = np.zeros((len(self.base), k))
+        return none if self.damping is None else -dense(self.damping), -dense(self.inertia)
+
+    def known(self, drive: TimeTable) -> TimeTable:
+        """kappa, mu, sigma, the bound on the contraction, and all of b that does not depend on
+        unknowns."""
+        g, n = 2 * len(self.G), 2 * len(self.G) + self.E.shape[1]
+
+        def along(times: FloatArray) -> FloatArray:
+            rows = np.empty((len(times), n + 1 + len(self.base)))
+            rows[:, :n] = drive.along(times)
+            rows[:, n] = self._bounds(rows[:, : len(self.G)])
+            b = rows[:, n + 1 :]
+            b[:] = rows[:, g:n].dot(self.E.T)
+            b += self.base
+            if self.amplitudes:
+                b += amplitudes_along(self.amplitudes, times).dot(self.loads.T)
+            if self.tables:
+                b += total_along(self.tables, times)
+            return rows
+
+        # a support that may change with the next step does not pay for all times
+        if self.active is not None:
+            return TimeTable(along)
+        return TimeTable.of(along, np.array(drive.times))
+
+    def begin(
+        self, r1: FloatArray, r2: FloatArray, xT: FloatArray, t: float, known: FloatArray
+    ) -> Past:
+        g = len(self.G)
+        past, n = Past(known, g, r1), 2 * g + self.E.shape[1]
+        past.weights, past.rates, past.bound = known[:g], known[g : 2 * g], float(known[n])
+        acts = [i for i, k in enumerate(zip(past.kappa, past.mu, strict=True)) if any(k)]
+        past.turning = (acts[0], acts[-1] + 1) if acts else (0, 0)
+        past.terms = r1, r2, xT, known[n + 1 :]
+        past.u = times(self.inertia, r2)
+        past.u += known[n + 1 :]
+        if self.damping is not None:
+            past.u += times(self.damping, r1)
+        if len(xT):
+            past.u += self.coupling.dot(xT)
+        return past
+
+    def improve(self, c: FloatArray, past: Past) -> FloatArray:
+        force = 0.0 if past.local is None else past.local.rows(self._wide(c))
+        if not past.bound and not any(past.mu):  # nothing turns
+            return past.u - force
+        d = c if past.c is None else c - past.c  # only what is new is multiplied
+        lo, hi = past.turning
+        push = np.multiply.outer(past.weights[lo:hi], self._wide(d))
+        if past.r1 is not None:
+            push += np.multiply.outer(past.rates[lo:hi], past.r1)
+        turned: FloatArray = push.ravel().dot(self.G[lo:hi].reshape(push.size, -1))
+        u = past.u - turned
+        past.c, past.u, past.r1 = c, u, None
+        u = u - force
+        r = self.leading.shape[1]
+        if not r:
+            return u
+        new = u.copy()
+        new[:r] -= past.weights.dot(self.leading.dot(u[:r] - c[:r])
+                                      .reshape(len(self.G), r))
+        return new
+
+    def _bounds(self, kappa: FloatArray) -> FloatArray:
+        """Of kappa (T, g). With E all of sum_g kappa_g D^-1 M_g and L its leading part:
+        |E - L| + |L| |E|."""
+        whole, lead, rest = np.abs(kappa).dot(self.sizes).T
+        return np.asarray(rest + lead * whole)
+
+    def _wide(self, d: FloatArray) -> FloatArray:
+        """Of active unknowns, all of them."""
+        if self.active is None:
+            return d
+        wide = np.zeros(self.G.shape[1])
+        wide[self.active] = d
+        return wide
+
+    def contraction(self, past: Past) -> float:
+        return past.bound if self.local is None else max(past.bound, LEAST)
+
+    def noise(self, c: FloatArray, past: Past, c1: float, c2: float) -> float:
+        r1, r2, xT, rest = map(np.abs, past.terms)
+        size = times(np.abs(self.inertia), r2) + rest
+        if self.damping is not None:
+            size += times(np.abs(self.damping), r1)
+        if len(xT):
+            size += np.abs(self.coupling) @ xT
+        if past.local is not None:
+            size += np.abs(past.local.rows(self._wide(c)))
+        if len(self.G):
+            turned = np.multiply.outer(np.abs(past.weights), self._wide(np.abs(c)))
+            turned += np.multiply.outer(np.abs(past.rates), r1)
+            size += turned.ravel() @ np.abs(self.G).reshape(turned.size, -1)
+        return EPS * float(np.linalg.norm(size))
+
+
+def _beyond(A: FloatArray, r: int) -> float:
+    """Frobenius norm of A (s, s) without its first r rows and columns."""
+    return sqrt(float(np.sum(A[r:] ** 2)) + float(np.sum(A[:r, r:] ** 2)))

@@ -1,0 +1,129 @@
+"""The mechanical step where no rigid coordinate and no joint force is unknown.
+
+Frames are then given or at rest and bodies decouple: each elastic block is a linear
+separate problem (driven_block.py). Its frame is evaluated once a step. What turns with the frame is
+small relative to the constant operator and iterated. Where the factor by which that contracts has a
+proved bound, no iteration is spent on finding that nothing changes any more; else the error that
+remains is estimated by two changes of this step (acceptance.py).
+"""
+
+from math import inf, sqrt
+
+import numpy as np
+
+from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core.protocols import StepFormula
+from sparsemor.core.status import Status
+from sparsemor.reducers.step.acceptance import (
+    LEAST,
+    MARGIN,
+    STALLED,
+    TRUSTED,
+    Scales,
+    estimated_error,
+)
+from sparsemor.reducers.step.anderson import Anderson
+from sparsemor.reducers.step.condensed_newton import SLOW, Mechanics
+from sparsemor.reducers.step.elastic_local import GROWN, StepForces
+from sparsemor.reducers.step.frame_step import BodyStep
+from sparsemor.reducers.step.iteration_state import Loop, Workspace
+from sparsemor.reducers.step.prescribed_frame_block import Past, PrescribedBlock
+
+NONE = np.zeros(0)
+
+
+class PrescribedFrames(Mechanics):
+    """The bodies one after the other."""
+
+    def solve(
+        self, step: StepFormula, x: FloatArray, memory: Scales, work: Workspace
+    ) -> tuple[Status, int, str, str]:
+        """Improves x in place from its guess; status, iterations, block, what was seen."""
+        work.loop = loop = Loop()
+        loop.history, loop.y, loop.dy = [None] * len(self.bodies), NONE, NONE
+        if not memory.elastic:
+            memory.elastic, memory.floor = [0.0] * len(self.bodies), [0.0] * len(self.bodies)
+        most = 1
+        for i, (b, w) in enumerate(zip(self.bodies, work.frames, strict=True)):
+            if b.driven is None or b.known is None:  # a rigid body: carried along
+                continue
+            at, known, g = b.elastic, b.known.at(step.t), len(w.coefficients) - 1
+            w.coefficients[:g], w.sigma[-1] = known[:g], known[g : g + w.sigma.shape[1]]
+            past = b.driven.begin(step.r1[at], step.r2[at], x[b.thermal], step.t, known)
+            if b.driven.local is not None:
+                past.local = StepForces.of(b.driven.local, step, at, b.thermal, x)
+            loop.history[i] = past
+            status, n, detail = self._body(i, b, b.driven, past, x, memory, step)
+            most = max(most, n)
+            if not status.ok:
+                return status, n, b.elastic_name, detail
+        return Status.DONE, most, "", ""
+
+    def _body(
+        self, i: int, b: BodyStep, block: PrescribedBlock, past: Past, x: FloatArray,
+        memory: Scales, step: StepFormula,
+    ) -> tuple[Status, int, str]:
+        c = x[b.elastic] if block.active is None else x[b.elastic][block.active]
+        bound, last, slow, before = block.contraction(past), inf, None, inf
+        for iteration in range(1, self.tol.max_iterations + 1):
+            new = block.improve(c, past)
+            if bound == 0.0 and past.failure is None:  # nothing turns: that was all
+                _put(new, b.elastic, block.active, x)
+                return Status.DONE, iteration, ""
+            change = _change(new, c, memory.elastic, i)
+            if not change < inf:
+                status, detail = past.failure or (Status.NOT_FINITE, "")
+                return status, iteration, detail
+            if past.local is not None and change > GROWN * last:
+                break
+            proved = block.proved and block.local is None
+            if self._error(change, before, bound, proved) <= self.tol.remaining or (
+                    change >= STALLED * last and _rounded(change, c, block, past, step, memory, i)):
+                _put(new, b.elastic, block.active, x)
+                return Status.DONE, iteration, ""
+            before = change
+            if slow is None and change > SLOW * last:
+                slow = Anderson()
+            if slow is None:
+                c = new
+            else:
+                c, before = slow.mix(c, new, np.ones(len(c))), inf
+            last = change
+        detail = f"last relative change {last:.1e} after {iteration} iterations"
+        return Status.NOT_CONVERGED, iteration, detail
+
+
+    def _error(self, change: float, before: float, bound: float, proved: bool) -> float:
+        """Remaining error after this change. A proved bound on the contraction holds after
+        accelerated changes, too; an estimated one only makes the measured ratio larger."""
+        if proved and bound < TRUSTED:
+            return change * bound / (1.0 - bound)
+        return estimated_error(change, before, LEAST if proved else max(bound, LEAST))
+
+
+def _rounded(
+    change: float, c: FloatArray, block: PrescribedBlock, past: Past, step: StepFormula,
+    memory: Scales, i: int,
+) -> bool:
+    """True if a change that no longer falls is round-off."""
+    return change * sqrt(memory.elastic[i]) <= MARGIN * block.noise(c, past, step.c1, step.c2)
+
+
+def _change(new: FloatArray, c: FloatArray, scales: list[float], i: int) -> float:
+    """|new - c| over the largest |u| of body i so far, which is kept."""
+    d = new - c
+    bent, size = float(d.dot(d)), float(new.dot(new))
+    if not size < inf:
+        return inf
+    scales[i] = max(scales[i], size)
+    if scales[i] == 0.0:
+        return 0.0 if bent == 0.0 else inf
+    return sqrt(bent / scales[i])
+
+
+def _put(new: FloatArray, at: slice, active: IntArray | None, x: FloatArray) -> None:
+    if active is None:
+        x[at] = new
+    else:
+        x[at] = 0.0
+        x[at.start + active] = new

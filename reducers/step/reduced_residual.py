@@ -1,0 +1,237 @@
+"""A model's equations as small dense arrays: bodies taken apart under their maps, and what couples
+them.
+
+Elastic and thermal rows come times the left inverse of the block's own operator, so that each block
+of the Jacobian is near the identity. Rigid coordinates, multipliers and terms that no body takes
+apart are added, and the Jacobian is exact.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from scipy.linalg import lapack
+from scipy.sparse import issparse
+
+from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core.protocols import ReducedTerm
+from sparsemor.core.protocols.layout import Layout
+from sparsemor.core.protocols.load_tables import total
+from sparsemor.core.protocols.separable import Amplitude, FrameWork, evaluate_amplitudes
+from sparsemor.reducers.step.frame_step import BodyStep, buffers
+from sparsemor.reducers.step.operators import TestedElastic, TestedHeat
+
+NONE = np.zeros(0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Coupled:
+    """A compressed term: `columns` (k,) unknowns that it reads, `rows` (l,) that it adds to."""
+
+    term: ReducedTerm
+    rows: IntArray
+    columns: IntArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DenseHeat:
+    """One thermal block: its rows under the maps, times their left inverse."""
+
+    at: slice
+    tested: TestedHeat
+
+    def given(self, t: float) -> FloatArray:
+        b = self.tested
+        r = -b.constant
+        if b.amplitudes:
+            r = r - b.loads @ evaluate_amplitudes(b.amplitudes, t)
+        return np.asarray(r - total(b.tables, t) if b.tables else r)
+
+    def residual(self, r: FloatArray, x: FloatArray, v: FloatArray) -> None:
+        at, b = self.at, self.tested
+        r[at] += b.conductivity.dot(x[at]) + b.capacity.dot(v[at])
+
+    def jacobian(self, J: FloatArray, c1: float) -> None:
+        J[self.at, self.at] += self.tested.conductivity + c1 * self.tested.capacity
+
+
+class DenseBody:
+    """One body's rigid coordinates, attachment forces and elastic block; tested: None where it has
+    no elastic block. border (N,): numbers of rigid unknowns and multipliers in the layout."""
+
+    def __init__(self, step: BodyStep, tested: TestedElastic | None, border: IntArray) -> None:
+        self.step, self.tested, self.border = step, tested, border
+        used = np.any(step.to_border != 0.0, axis=0)  # of all rigid unknowns and multipliers
+        self.at, self.map = border[used], np.ascontiguousarray(step.to_border[:, used])
+
+    def given(self, t: float) -> FloatArray:
+        b = self.tested
+        assert b is not None
+        r = b.constant
+        if b.amplitudes:
+            r = r - b.loads @ evaluate_amplitudes(b.amplitudes, t)
+        return np.asarray(r - total(b.tables, t) if b.tables else r)
+
+    def _evaluate(
+        self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: float, c2: float,
+        work: FrameWork,
+    ) -> tuple[FloatArray, FloatArray]:
+        """Fills `work`; rates and accelerations of the border."""
+        at, T, b, f = self.at, self.map, self.tested, self.step.frame
+        y, yv, ya = T.dot(x[at]), T.dot(v[at]), T.dot(a[at])
+        if self.step.guide is None:
+            y = y + self.step.origin
+        else:
+            known = self.step.given(t)
+            y, yv, ya = y + known[0], yv + known[1], ya + known[2]
+        if b is None:
+            f.evaluate(y, yv, ya, c1, c2, NONE, NONE, NONE, NONE, NONE, t, work)
+            return yv, ya
+        e = self.step.elastic
+        c, F, Q = x[e], b.functional, b.quadratic
+        r1, r2 = v[e] - c1 * c, a[e] - c2 * c
+        form, forms = Q.dot(c).dot(c), np.concatenate((Q.dot(r1).dot(c), Q.dot(r2).dot(c)))
+        f.evaluate(y, yv, ya, c1, c2, F.dot(c), F.dot(r1), F.dot(r2), form, forms, t, work)
+        return yv, ya
+
+    def residual(
+        self, r: FloatArray, x: FloatArray, v: FloatArray, a: FloatArray, t: float, w: FrameWork
+    ) -> None:
+        self._evaluate(x, v, a, t, 0.0, 0.0, w)
+        b = self.tested
+        r[self.at] += w.border[:, -1].dot(self.map)
+        if b is None:
+            return
+        e = self.step.elastic
+        kappa, mu = w.coefficients[:-1].reshape(2, -1)
+        r[e] += (b.stiffness.dot(x[e]) + b.damping.dot(v[e]) + b.mass.dot(a[e])
+                 + b.directions.dot(w.sigma[-1])
+                 + kappa.dot(b.generators.dot(x[e])) + mu.dot(b.generators.dot(v[e])))
+        if b.coupling.size:
+            r[e] -= b.coupling.dot(x[self.step.thermal])
+
+    def jacobian(
+        self, J: FloatArray, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: float,
+        c2: float, w: FrameWork,
+    ) -> None:
+        yv, ya = self._evaluate(x, v, a, t, c1, c2, w)
+        b, T, e = self.tested, self.map, self.step.elastic
+        J[np.ix_(self.at, self.at)] += T.T @ w.border[:, :-1] @ T
+        if b is None:
+            return
+        self.step.frame.exact(yv, ya, c1, c2, w)
+        c, cv, ca, G, Q = x[e], v[e], a[e], b.generators, b.quadratic
+        column = (b.directions @ w.sigma[:-1].T + G.dot(c).T @ w.kappa_y.T
+                  + G.dot(cv).T @ w.mu_y.T)
+        turned = c @ Q  # (g, k): Q^T c
+        forms = np.stack([Q.dot(c) + turned, Q.dot(cv) + c1 * turned, Q.dot(ca) + c2 * turned])
+        row = w.tau @ b.functional + np.tensordot(w.quad, forms, 2)
+        J[e, self.at] += column @ T
+        J[self.at, e] += T.T @ row
+        J[e, e] += (b.stiffness + c1 * b.damping + c2 * b.mass
+                    + np.tensordot(w.coefficients[: len(G)], G, 1))
+        if b.coupling.size:
+            J[e, self.step.thermal] -= b.coupling
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Dense:
+    """`newton.Equations` of a reduced model, or of one without fields. step: the time step, s;
+    work: arrays that each body's frame fills, of one run or one thread (`with_work`)."""
+
+    layout: Layout
+    heat: Sequence[DenseHeat]
+    bodies: Sequence[DenseBody]
+    coupled: Sequence[Coupled]
+    targets: Sequence[tuple[int, Amplitude]]
+    border: IntArray
+    step: float
+    named: Sequence[tuple[str, frozenset[str]]] = ()
+    price: int = 4
+    work: Sequence[FrameWork] = ()
+
+    def with_work(self) -> "Dense":
+        """The same equations with working arrays of their own."""
+        return replace(self, work=self.buffers())
+
+    def buffers(self) -> list[FrameWork]:
+        """Working arrays for all bodies."""
+        return buffers([b.step.frame for b in self.bodies])
+
+    def given(self, t: float) -> FloatArray:
+        r = np.zeros(self.layout.size)
+        for i, f in self.targets:
+            r[self.border[i]] -= f(t)
+        for h in self.heat:
+            r[h.at] += h.given(t)
+        for b in self.bodies:
+            if b.tested is not None:
+                r[b.step.elastic] += b.given(t)
+        return r
+
+    def residual(
+        self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, given: FloatArray
+    ) -> FloatArray:
+        r = given.copy()
+        for h in self.heat:
+            h.residual(r, x, v)
+        for b, w in zip(self.bodies, self.work, strict=True):
+            b.residual(r, x, v, a, t, w)
+        for c in self.coupled:
+            j = c.columns
+            r[c.rows] += c.term.residual(x[j], v[j], a[j], t)
+        return r
+
+    def jacobian(
+        self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: FloatArray, c2: FloatArray
+    ) -> FloatArray:
+        n, first = self.layout.size, self.layout.first
+        J = np.zeros((n, n))
+        rate, k1, k2 = (float(c.max(initial=0.0)) for c in (
+            c1[first], c1[self.layout.second], c2[self.layout.second]))
+        for h in self.heat:
+            h.jacobian(J, rate)
+        for b, w in zip(self.bodies, self.work, strict=True):
+            b.jacobian(J, x, v, a, t, k1, k2, w)
+        for c in self.coupled:
+            j = c.columns
+            J[np.ix_(c.rows, j)] += _dense(
+                c.term.jacobian(x[j], v[j], a[j], t, c1[j], c2[j]))
+        return J
+
+    def factorize(self, J: FloatArray) -> "Lu":
+        return Lu(J)
+
+    def time_derivative(self, order: int, t: float) -> "Dense":
+        """The partial derivative by time of the bodies' constraint rows, alone, at t, s."""
+        frames = ((b, b.step.frame.time_derivative(order, t, self.step)) for b in self.bodies)
+        bodies = [DenseBody(replace(b.step, frame=f), b.tested, b.border)
+                  for b, f in frames if f is not None]
+        return replace(self, heat=(), bodies=bodies, coupled=(), targets=()).with_work()
+
+
+class Lu:
+    """Dense LU with rows and columns scaled to compare. RuntimeError where it is singular."""
+
+    __slots__ = ("columns", "lu", "pivots", "rows")
+
+    def __init__(self, J: FloatArray) -> None:
+        size = np.abs(J)
+        self.rows = 1.0 / np.maximum(size.max(axis=1, initial=0.0), 1e-300)
+        size *= self.rows[:, None]
+        self.columns = 1.0 / np.maximum(size.max(axis=0, initial=0.0), 1e-300)
+        scaled = J * self.rows[:, None] * self.columns
+        self.lu, self.pivots, info = lapack.dgetrf(scaled, overwrite_a=1)
+        diagonal = np.abs(np.diag(self.lu))
+        if info != 0 or not diagonal.min(initial=1.0) > 1e-15 * diagonal.max(initial=0.0):
+            raise RuntimeError("singular")
+
+    def solve(self, r: FloatArray) -> FloatArray:
+        """r (n,) or (n, k)."""
+        x = lapack.dgetrs(self.lu, self.pivots, (r.T * self.rows).T)[0]
+        return np.asarray((x.T * self.columns).T)
+
+
+def _dense(matrix: Any) -> FloatArray:
+    return np.asarray(matrix.toarray() if issparse(matrix) else matrix)

@@ -1,0 +1,304 @@
+"""One step of a separated model: heat first, then mechanics. Shared by every reducer."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Self
+
+import numpy as np
+
+from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
+from sparsemor.core.linalg.least_squares import coefficients
+from sparsemor.core.model.constraint_rates import motion_step
+from sparsemor.core.notes import Note
+from sparsemor.core.protocols import Dictionary, State, StepFormula, StepOutcome
+from sparsemor.core.protocols.layout import Layout
+from sparsemor.core.protocols.separable import Frame, Separated
+from sparsemor.core.status import Status
+from sparsemor.reducers.step.acceptance import Scales, Tolerances
+from sparsemor.reducers.step.condensed_newton import Mechanics
+from sparsemor.reducers.step.elastic_block import CompressedElastic, ElasticBlock
+from sparsemor.reducers.step.frame_step import BodyStep
+from sparsemor.reducers.step.initial import StartTimes, consistent_start
+from sparsemor.reducers.step.iteration_state import Workspace
+from sparsemor.reducers.step.newton.fallback import STEPS, FullNewton
+from sparsemor.reducers.step.operators import TestedElastic
+from sparsemor.reducers.step.predictor import Ring
+from sparsemor.reducers.step.prescribed_frame_block import CompressedPrescribed, PrescribedBlock
+from sparsemor.reducers.step.prescribed_frames import PrescribedFrames
+from sparsemor.reducers.step.thermal_block import HeatBlock
+from sparsemor.reducers.step.time_tables import TimeTable
+
+Facts = Mapping[str, Mapping[str, float | int | str]]
+"""Block name -> numbers worth reporting."""
+
+
+class Memory:
+    """Step memory of a separated model: past states, scales, counts, and the working arrays of its
+    steps. All but the arrays is stored as plain data (core/results/saved_state.py)."""
+
+    def __init__(self, x: FloatArray, points: int, work: Workspace) -> None:
+        self.ring, self.scales, self.work = Ring(points, x), Scales(), work
+        self.factorizations = 0
+        self.support_changes = 0
+        self.full_newton_steps, self.full_newton_next = 0, 0
+        """Steps that Newton's method with the exact Jacobian solved, and those next to come that
+        are not tried without it."""
+        self.supports: dict[str, BoolArray] = {}
+        self.linear: dict[str, int] = {}
+
+    def __getstate__(self) -> dict[str, Any]:
+        state = dict(self.__dict__)
+        del state["work"]
+        return state
+
+    def copy(self) -> Self:
+        """Separate memory of the same state, with working arrays of its own."""
+        other = self.__class__.__new__(self.__class__)
+        other.__dict__.update(
+            self.__dict__, ring=self.ring.copy(), scales=self.scales.copy(),
+            work=self.work.separate(), supports=dict(self.supports), linear=dict(self.linear))
+        return other
+
+    def counted(self, block: str, iterations: int) -> None:
+        """Iterations that a linear solver took."""
+        self.linear[block] = self.linear.get(block, 0) + iterations
+
+    def moved(self, x: FloatArray) -> None:
+        """The next step starts at x, after steps of another size that another solver took."""
+        self.ring.push(x)
+        self.ring.restart()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stepper:
+    """StepSolver over prepared blocks. limits: largest |coefficient| of each block that is sane.
+
+    heat, elastic: block name -> prepared operators.
+    """
+
+    layout: Layout
+    dictionaries: Mapping[str, Dictionary]
+    rows: Mapping[str, IntArray]
+    elements_touched: Mapping[str, int]
+    separated: Separated
+    heat: Mapping[str, HeatBlock]
+    elastic: Mapping[str, ElasticBlock | PrescribedBlock]
+    frames: Mapping[str, Frame]
+    tolerances: Tolerances
+    points: int
+    factorizations: int
+    limits: Mapping[str, float] = field(default_factory=dict)
+    sanity: FloatArray = field(default_factory=lambda: np.zeros(0))
+    notes: tuple[Note, ...] = ()
+    facts: Facts = field(default_factory=dict)
+    tested: Mapping[str, TestedElastic] = field(default_factory=dict)
+    mechanics: Mechanics | None = None
+    drives: Mapping[str, TimeTable] = field(default_factory=dict)
+    """Body -> how its frame drives it, where that is given."""
+    iterating: bool = False
+    """Whether any elastic block has a linear solver that iterates."""
+    hot: tuple[tuple[str, slice | IntArray], ...] = ()
+    """Key and place of each thermal block, or of several that are solved together."""
+    newton: FullNewton | None = None
+    """What solves a step whose mechanics do not converge."""
+
+    def workspace(self) -> Workspace:
+        """Working arrays for one run."""
+        return Workspace(()) if self.mechanics is None else self.mechanics.workspace()
+
+    def with_mechanics(self) -> Mechanics:
+        n_rigid = self.layout.frames.stop
+        kind = Mechanics if self.separated.border_size else PrescribedFrames
+        return kind(
+            bodies(self), n_rigid, self.layout.algebraic, self.separated.border_targets,
+            self.tolerances)
+
+    def with_blocks(
+        self, heat: Mapping[str, HeatBlock], elastic: Mapping[str, ElasticBlock | PrescribedBlock]
+    ) -> "Stepper":
+        """The same step with these blocks in place of its own, by name."""
+        made = replace(self, heat={**self.heat, **heat}, elastic={**self.elastic, **elastic})
+        if self.mechanics is None or isinstance(self.mechanics, PrescribedFrames):
+            return replace(made, mechanics=made.with_mechanics())
+        bordered = {n: b for n, b in elastic.items() if not isinstance(b, PrescribedBlock)}
+        return replace(made, mechanics=self.mechanics.with_blocks(bordered))
+
+    def start(self, state: State) -> tuple[State, Memory]:
+        reduced = self.reduced(state)
+        memory = Memory(reduced.x, self.points, self.workspace())
+        memory.factorizations = self.factorizations
+        return reduced, memory
+
+    def reduced(self, state: State) -> State:
+        """A full-order state in this model's unknowns, with consistent rates."""
+        reduced = reduce_state(state, self.layout, self.dictionaries)
+        if self.dictionaries and self.mechanics is not None:
+            tested = [self.tested.get(b.elastic_name) for b in self.mechanics.bodies]
+            h = self.separated.step
+            scales = StartTimes(h, motion_step(self.layout, reduced.v, h))
+            reduced = consistent_start(self.mechanics, tested, reduced, scales)
+        return reduced
+
+    def solve(self, step: StepFormula, memory: Memory) -> tuple[StepOutcome, Memory]:
+        outcome = self.tried(step, memory)
+        return (self.accepted(outcome, memory) if outcome.status.ok else outcome), memory
+
+    def tried(
+        self, step: StepFormula, memory: Memory, guess: FloatArray | None = None
+    ) -> StepOutcome:
+        """The step's solution, not yet remembered as a state of the run.
+
+        guess (n,): where the iteration starts; the past states' extrapolation when not given.
+        """
+        x = memory.ring.predict() if guess is None else guess.copy()
+        if self.newton is not None and memory.full_newton_next:
+            outcome = self._full_newton(self.newton, step, x, memory)
+            memory.full_newton_next -= 1
+            if outcome.status.ok:
+                return outcome
+            memory.full_newton_next = 0
+        iterations = 0
+        for name, at in self.hot:
+            block = self.heat[name]
+            active = block.active
+            here = x[at]
+            if block.elements:
+                here = _near(here, memory.ring.rows[memory.ring.newest, at])
+            guess = here if active is None else here[active]
+            T, status, n, linear, detail = block.solve(step.r1[at], step.t, guess)
+            if linear:
+                memory.counted(name, linear)
+            if not status.ok:
+                return StepOutcome(x, status, n, name, detail)
+            if active is None or not isinstance(at, slice):
+                x[at] = T
+            else:
+                x[at] = 0.0
+                x[at.start + active] = T
+            iterations = max(iterations, n)
+        if self.mechanics is not None and self.mechanics.bodies:
+            scales = memory.scales.copy() if self.separated.elastic_local else None
+            status, n, block_name, detail = self.mechanics.solve(
+                step, x, memory.scales, memory.work)
+            iterations = n
+            if self.iterating:
+                for name, count in memory.work.linear_iterations(
+                        self.mechanics.bodies).items():
+                    memory.counted(name, count)
+            if not status.ok:
+                failed = StepOutcome(x, status, n, block_name, detail)
+                # iterates that went away from the solution are no sizes of the unknowns
+                memory.scales = scales or memory.scales
+                return self._rescued(failed, step, memory)
+        return StepOutcome(x, Status.DONE, iterations)
+
+    def _rescued(
+        self, failed: StepOutcome, step: StepFormula, memory: Memory
+    ) -> StepOutcome:
+        """The step by Newton's method with the exact Jacobian, or the failure without it where
+        that fails, too."""
+        if self.newton is None:
+            return failed
+        outcome = self._full_newton(self.newton, step, memory.ring.predict(), memory)
+        spent = failed.iterations + outcome.iterations
+        if not outcome.status.ok:
+            return replace(failed, iterations=spent)
+        memory.full_newton_next = STEPS
+        return replace(outcome, iterations=spent)
+
+    def _full_newton(
+        self, newton: FullNewton, step: StepFormula, x: FloatArray, memory: Memory
+    ) -> StepOutcome:
+        outcome = newton.solve(step, x, memory.ring)
+        if outcome.status.ok:
+            memory.full_newton_steps += 1
+        return outcome
+
+    def accepted(self, outcome: StepOutcome, memory: Memory) -> StepOutcome:
+        """The outcome, remembered; or what is insane in it."""
+        bad = self._insane(outcome.x)
+        if bad is None:
+            memory.ring.push(outcome.x)
+        return bad or outcome
+
+    def _insane(self, x: FloatArray) -> StepOutcome | None:
+        """A block with a value that is not finite or far beyond the training run."""
+        y = x * self.sanity
+        if y.dot(y) <= 1.0:
+            return None
+        found = (self.insane(x, b.name) for b in self.layout)
+        return next((bad for bad in found if bad is not None), None)
+
+    def insane(self, x: FloatArray, block: str) -> StepOutcome | None:
+        """The same for one block."""
+        top = float(np.abs(x[self.layout[block]]).max())
+        if not top < np.inf:
+            return StepOutcome(x, Status.NOT_FINITE, 1, block)
+        limit = self.limits.get(block, np.inf)
+        if top > limit:
+            detail = f"largest coefficient {top:.3g}, {limit:.3g} allowed"
+            return StepOutcome(x, Status.DIVERGED, 1, block, detail)
+        return None
+
+    def alone(self) -> Mapping[str, FloatArray]:
+        """Reduced elastic block -> (s, 2 s): its active coefficients' own answer to changes of
+        their r1 and r2 with everything else held: [-D^-1 D_m, -D^-1 M] under its maps."""
+        found = {}
+        for name, block in self.elastic.items():
+            if isinstance(block, CompressedElastic | CompressedPrescribed):
+                at = self.layout[name]
+                use = slice(None) if block.active is None else block.active
+                found[name] = -np.hstack([w[:, use] for w in block.rates(at.stop - at.start)])
+        return found
+
+    def supports(self, memory: Memory) -> Mapping[str, BoolArray]:
+        return memory.supports
+
+    def linear_iterations(self, memory: Memory) -> Mapping[str, int]:
+        """Block -> iterations of its linear solver since the start."""
+        return memory.linear
+
+    def counters(self, memory: Memory) -> Mapping[str, int]:
+        return {"factorizations": memory.factorizations,
+                "support_changes": memory.support_changes,
+                "full_newton_steps": memory.full_newton_steps}
+
+
+def _near(precheck_memory: FloatArray, last: FloatArray) -> FloatArray:
+    """The extrapolation, or the last state where that is far off: below 0 K radiation has a second
+    solution."""
+    far = float(np.abs(precheck_memory - last).max()) > 0.1 * float(np.abs(last).max())
+    return last if far else precheck_memory
+
+
+def bodies(s: Stepper) -> Sequence[BodyStep]:
+    none, found = slice(0, 0), []
+    for m in s.separated.moving:
+        made = s.elastic.get(m.elastic)
+        block, driven = (None, made) if isinstance(made, PrescribedBlock) else (made, None)
+        drive = s.drives.get(m.name)
+        found.append(BodyStep(
+            m.name, s.frames.get(m.name, m.frame), m.to_border, m.origin, block,
+            s.layout[m.elastic] if m.elastic else none,
+            s.layout[m.thermal] if m.thermal in s.layout else none, m.elastic, m.guide, driven,
+            driven.known(drive) if driven is not None and drive is not None else None))
+    return found
+
+
+def reduce_state(
+    state: State, layout: Layout, dictionaries: Mapping[str, Dictionary]
+) -> State:
+    """Least-squares coefficients of a full-order state and its rates."""
+    if not dictionaries:
+        return state
+    full = layout.resized({name: len(d.offset) for name, d in dictionaries.items()})
+    x, v, a = (np.zeros(layout.size) for _ in range(3))
+    for b in layout:
+        here, there = layout[b.name], full[b.name]
+        if b.name not in dictionaries:
+            x[here], v[here], a[here] = state.x[there], state.v[there], state.a[there]
+            continue
+        d = dictionaries[b.name]
+        given = np.stack([state.x[there] - d.offset, state.v[there], state.a[there]], axis=1)
+        x[here], v[here], a[here] = coefficients(d.atoms, given).T
+    return State(state.t, x, v, a, state.memory)

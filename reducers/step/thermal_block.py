@@ -1,0 +1,223 @@
+"""One body's thermal block inside a step: C T' + K T - Q(t) + local terms = 0.
+
+The coupling is one way (T drives u), so it is solved first. Without local terms it is linear and
+one solve; local terms (radiation) are iterated with the constant part's factor, or by Newton's
+method where that contracts poorly.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from scipy.sparse import coo_array, csr_array
+
+from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core.model.factorizations import short
+from sparsemor.core.protocols import Factorized, ReducedTerm, Term
+from sparsemor.core.protocols.load_tables import total, total_along
+from sparsemor.core.protocols.separable import HeatBody, amplitudes_along, evaluate_amplitudes
+from sparsemor.core.status import Status
+from sparsemor.reducers.full.superlu import factorize
+from sparsemor.reducers.projection.modal_coordinates import carried, times
+from sparsemor.reducers.step.operators import TestedHeat
+from sparsemor.reducers.step.tabulated_loads import tabulated
+from sparsemor.reducers.step.time_tables import TimeTable
+
+STUCK = 1e-7
+"""Newton steps that no longer shrink below this share of the temperatures are round-off: in a
+nearly isothermal body K T cancels to a small part of its terms."""
+
+
+class HeatOutcome(NamedTuple):
+    """linear: iterations of a linear solver that iterates; detail: what failed, in words."""
+
+    T: FloatArray
+    status: Status
+    iterations: int
+    linear: int = 0
+    detail: str = ""
+
+
+class HeatBlock(Protocol):
+    @property
+    def active(self) -> IntArray | None: ...
+    @property
+    def elements(self) -> int:
+        """Elements that one evaluation of its local terms visits."""
+        ...
+
+    def solve(self, r1: FloatArray, t: float, guess: FloatArray) -> HeatOutcome: ...
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LocalAt:
+    """A local term of the block: positions of its rows and columns in the block."""
+
+    term: Term
+    rows: IntArray
+    columns: IntArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FullHeat:
+    """Full order: B = c1 C + K made ready."""
+
+    heat: HeatBody
+    c1: float
+    factor: Factorized
+    local: tuple[LocalAt, ...]
+    active: IntArray | None = None
+    rtol: float = 1e-13
+    max_iterations: int = 50
+
+    @property
+    def elements(self) -> int:
+        return sum(at.term.elements for at in self.local)
+
+    def _right(self, r1: FloatArray, t: float) -> FloatArray:
+        b = self.heat.constant - self.heat.capacity @ r1
+        if self.heat.amplitudes:
+            b = b + self.heat.loads @ evaluate_amplitudes(self.heat.amplitudes, t)
+        if self.heat.tables:
+            b = b + total(self.heat.tables, t)
+        return np.asarray(b)
+
+    def solve(self, r1: FloatArray, t: float, guess: FloatArray) -> HeatOutcome:
+        b = self._right(r1, t)
+        if not self.local:
+            return self._linear(b, guess)
+        T, last, exact, linear = guess.copy(), np.inf, False, 0
+        for i in range(1, self.max_iterations + 1):
+            if exact:
+                turned = self._newton(b, T, r1, t)
+                if isinstance(turned, Status):
+                    return HeatOutcome(T, turned, i, linear)
+                new = turned
+            else:
+                one = self._linear(b - self._local(T, r1, t), T)
+                new, linear = one.T, linear + one.linear
+                if not one.status.ok:
+                    return HeatOutcome(T, one.status, i, linear, one.detail)
+            step, size = float(np.abs(new - T).max()), float(np.abs(new).max())
+            stuck = step >= 0.5 * last and step <= (STUCK if exact else 1e3 * self.rtol) * size
+            if step <= self.rtol * size or stuck:
+                return HeatOutcome(new, Status.DONE, i, linear)
+            if not exact and not step <= 0.1 * last:
+                # long steps: local terms outweigh the constant part, whose factor then misleads
+                T, last, exact = guess.copy(), np.inf, True
+                continue
+            if not np.isfinite(step):
+                return HeatOutcome(T, Status.NOT_FINITE, i, linear)
+            T = new
+            last = step
+        return HeatOutcome(T, Status.NOT_CONVERGED, self.max_iterations, linear)
+
+    def _linear(self, b: FloatArray, guess: FloatArray) -> HeatOutcome:
+        """B^-1 b, by iteration from `guess` where the solver iterates."""
+        if not self.factor.iterative:
+            return HeatOutcome(self.factor.solve(b), Status.DONE, 1)
+        found = self.factor.outcome(b, guess)
+        detail = "" if found.status.ok else short(self.factor, found.residual, found.iterations)
+        return HeatOutcome(found.x, found.status, 1, found.iterations, detail)
+
+    def _local(self, T: FloatArray, r1: FloatArray, t: float) -> FloatArray:
+        """(n,) local terms at T."""
+        r = np.zeros(len(T))
+        for at in self.local:
+            x = T[at.columns]
+            r[at.rows] += at.term.residual(x, self.c1 * x + r1[at.columns], np.zeros(len(x)), t)
+        return r
+
+    def _newton(
+        self, b: FloatArray, T: FloatArray, r1: FloatArray, t: float
+    ) -> FloatArray | Status:
+        """One Newton step with the whole Jacobian, factorized for it; a status where there is
+        none."""
+        heat, n = self.heat, len(T)
+        J = self.c1 * heat.capacity + heat.conductivity
+        r = J @ T - b + self._local(T, r1, t)
+        for at in self.local:
+            x, k = T[at.columns], len(at.columns)
+            c1, zero = np.full(k, self.c1), np.zeros(k)
+            local = coo_array(at.term.jacobian(
+                x, self.c1 * x + r1[at.columns], zero, t, c1, zero))
+            J = J + csr_array((local.data, (at.rows[local.row], at.columns[local.col])),
+                              shape=(n, n))
+        if not (np.isfinite(r).all() and np.isfinite(J.data).all()):
+            return Status.NOT_FINITE
+        try:
+            return np.asarray(T - factorize(J).solve(r))
+        except RuntimeError:
+            return Status.SINGULAR
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CompressedHeat:
+    """s active atoms. The linear solution is past r1 + given(t): past (s, k) or a diagonal
+    (natural.py), given what loads, tables of heat that moves and what is constant make of it."""
+
+    past: FloatArray
+    given: TimeTable
+    active: IntArray | None
+    local: tuple[ReducedTerm, ...]
+    c1: float
+    rtol: float = 1e-13
+    max_iterations: int = 50
+
+    @property
+    def elements(self) -> int:
+        return sum(term.elements for term in self.local)
+
+    @classmethod
+    def of(
+        cls, b: TestedHeat, left: FloatArray, support: IntArray | None, c1: float,
+        local: Sequence[ReducedTerm] = (),
+    ) -> "CompressedHeat":
+        """left (s, m) with left @ B_S = 1; local terms come already times `left`."""
+        base, loads, tables = left @ b.constant, left @ b.loads, tabulated(
+            b.tables, left, support is None)
+
+        def given(times: FloatArray) -> FloatArray:
+            rows = np.zeros((len(times), len(base))) + base
+            if b.amplitudes:
+                rows += amplitudes_along(b.amplitudes, times).dot(loads.T)
+            if tables:
+                rows += total_along(tables, times)
+            return rows
+
+        # a support that may change with the next step does not pay for all times
+        times = b.tables[0].times if b.tables and support is None else np.zeros(0)
+        return cls(
+            carried(-left @ b.capacity), TimeTable.of(given, times), support, tuple(local), c1)
+
+    def solve(self, r1: FloatArray, t: float, guess: FloatArray) -> HeatOutcome:
+        base = times(self.past, r1)
+        base += self.given.at(t)
+        if not self.local:
+            return HeatOutcome(base, Status.DONE, 1)
+        return self._iterate(base, r1, t, guess)
+
+    def _iterate(
+        self, base: FloatArray, r1: FloatArray, t: float, guess: FloatArray
+    ) -> HeatOutcome:
+        use = slice(None) if self.active is None else self.active
+        full = np.zeros(len(r1))
+        c, one = guess.copy(), np.eye(len(base))
+        zero, c1 = np.zeros(len(r1)), np.full(len(r1), self.c1)
+        for i in range(1, self.max_iterations + 1):
+            full[use] = c
+            r, J, rates = c - base, one, self.c1 * full + r1
+            for term in self.local:
+                r = r + term.residual(full, rates, zero, t)
+                J = J + term.jacobian(full, rates, zero, t, c1, zero)[:, use]
+            if not (np.isfinite(r).all() and np.isfinite(J).all()):
+                return HeatOutcome(c, Status.NOT_FINITE, i)
+            try:
+                step = np.linalg.solve(J, r)
+            except np.linalg.LinAlgError:
+                return HeatOutcome(c, Status.SINGULAR, i)
+            c = c - step
+            if float(np.abs(step).max()) <= self.rtol * float(np.abs(c).max()):
+                return HeatOutcome(c, Status.DONE, i)
+        return HeatOutcome(c, Status.NOT_CONVERGED, self.max_iterations)

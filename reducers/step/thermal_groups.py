@@ -1,0 +1,205 @@
+"""Thermal blocks that couplings connect, solved together in each step.
+
+With B_i = c1 C_i + K_i of each block and the couplings A_ij T_j + B_ij T_j', the rows of the group
+are one linear system of all its temperatures,
+
+    B_i T_i + sum_j (A_ij + c1 B_ij) T_j = q_i(t) - C_i r1_i - sum_j B_ij r1_j - local terms.
+
+Full order factorizes its matrix once. Reduced blocks, whose rows come times the left inverse of
+B_i, invert their small dense matrix once.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.sparse import block_array, block_diag, csr_array
+
+from sparsemor.core.arrays import Csr, FloatArray
+from sparsemor.core.linalg.factorized import solved_directly
+from sparsemor.core.protocols import (
+    AssembledModel,
+    Dictionary,
+    DofLocations,
+    Factorized,
+    ReducedTerm,
+)
+from sparsemor.core.protocols.load_tables import LoadTable
+from sparsemor.core.protocols.separable import HeatBody, HeatCoupling
+from sparsemor.core.status import SolveFailed, Status
+from sparsemor.reducers.full.superlu import factorize
+from sparsemor.reducers.projection.modal_coordinates import carried, dense
+from sparsemor.reducers.step.thermal_block import CompressedHeat, FullHeat, LocalAt
+from sparsemor.reducers.step.time_tables import TimeTable
+
+SYMMETRIC = 1e-12
+"""Difference between a matrix and its transpose, as a share of its largest entry, that is
+rounding."""
+APART = 1.5
+"""Distance between the nodes of one body and the next, in extents, when a group is ordered."""
+
+
+def group_name(members: Sequence[HeatBody]) -> str:
+    """Key of a group: the names of its blocks."""
+    return "+".join(b.thermal for b in members)
+
+
+def starts_of(sizes: Sequence[int]) -> list[slice]:
+    """First index of each of several blocks that follow each other."""
+    edges = np.cumsum([0, *sizes]).tolist()
+    return [slice(a, b) for a, b in zip(edges, edges[1:], strict=False)]
+
+
+# ---------------------------------------------------------------------- full order
+
+
+def full_group(model: AssembledModel, members: Sequence[HeatBody], c1: float) -> FullHeat:
+    """The group at full order, its matrix factorized. Raises SolveFailed where it is singular."""
+    heat = _merged(model, members)
+    local = []
+    for b, here in zip(members, starts_of([len(b.constant) for b in members]), strict=True):
+        shift = here.start - model.layout[b.thermal].start
+        local += [LocalAt(t, t.rows + shift, t.columns + shift) for t in b.local]
+    operator = csr_array(c1 * heat.capacity + heat.conductivity)
+    return FullHeat(heat, c1, _factorized(model, members, operator), tuple(local))
+
+
+def _merged(model: AssembledModel, members: Sequence[HeatBody]) -> HeatBody:
+    """The blocks of a group as one, couplings included."""
+    names = {b.thermal: i for i, b in enumerate(members)}
+    K: list[list[Csr | None]] = [[None] * len(members) for _ in members]
+    C: list[list[Csr | None]] = [[None] * len(members) for _ in members]
+    for i, b in enumerate(members):
+        K[i][i], C[i][i] = b.conductivity, b.capacity
+    for c in couplings_of(model, names):
+        i, j = names[c.rows], names[c.columns]
+        for table, X in ((K, c.A), (C, c.B)):
+            now = table[i][j]
+            table[i][j] = X if now is None else now + X
+    spans = starts_of([len(b.constant) for b in members])
+    size = spans[-1].stop
+    return HeatBody(
+        "+".join(b.name for b in members), group_name(members),
+        csr_array(block_array(C, format="csr")), csr_array(block_array(K, format="csr")),
+        np.concatenate([b.constant for b in members]),
+        block_diag([csr_array(b.loads) for b in members]).toarray(),
+        tuple(f for b in members for f in b.amplitudes), (),
+        tuple(n for b in members for n in b.load_names), None,
+        tuple(_widened(t, here, size) for b, here in zip(members, spans, strict=True)
+              for t in b.tables))
+
+
+def couplings_of(model: AssembledModel, names: Mapping[str, int]) -> list[HeatCoupling]:
+    """Couplings between the blocks of a group."""
+    return [c for c in model.separated.couplings if c.rows in names]
+
+
+def _widened(load: LoadTable, here: slice, size: int) -> LoadTable:
+    """The load with the rows of the whole group."""
+    m = load.columns.tocoo()
+    columns = csr_array((m.data, (m.row + here.start, m.col)), shape=(size, m.shape[1]))
+    return replace(load, columns=columns)
+
+
+def _factorized(model: AssembledModel, members: Sequence[HeatBody], A: Csr) -> Factorized:
+    """By the linear solver of the first block where the matrix is symmetric, else by SuperLU."""
+    name = group_name(members)
+    if abs(A - A.T).max() <= SYMMETRIC * abs(A).max():
+        return model.factorize(name, A, places=_places(model, members))
+    try:
+        lu = factorize(A)
+    except RuntimeError:
+        raise SolveFailed(Status.SINGULAR, 0.0, name, "heat of coupled bodies") from None
+    return solved_directly("splu", A, 12 * int(lu.nnz), lu.solve)
+
+
+def _places(model: AssembledModel, members: Sequence[HeatBody]) -> DofLocations:
+    """Positions of the unknowns, the bodies side by side: each has axes of its own."""
+    parts = [model.places(b.thermal) for b in members]
+    moved, begin = [], 0.0
+    for p in parts:
+        X = p.coordinates.copy()
+        extent = float(np.ptp(X[:, 0])) if len(X) else 0.0
+        X[:, 0] += begin - X[:, 0].min(initial=0.0)
+        begin += APART * extent
+        moved.append(X)
+    return DofLocations(np.concatenate(moved), np.concatenate([p.component for p in parts]))
+
+
+# ---------------------------------------------------------------------- reduced
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GroupLocal:
+    """A compressed local term of one member: `at` its unknowns in the group, left (K, s) what turns
+    its rows into rows of the group."""
+
+    term: ReducedTerm
+    at: slice
+    left: FloatArray
+
+    @property
+    def elements(self) -> int:
+        return self.term.elements
+
+    def residual(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> FloatArray:
+        at = self.at
+        return np.asarray(self.left @ self.term.residual(x[at], v[at], a[at], t))
+
+    def jacobian(
+        self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: FloatArray, c2: FloatArray
+    ) -> FloatArray:
+        at, J = self.at, np.zeros((len(self.left), len(x)))
+        J[:, at] = self.left @ self.term.jacobian(x[at], v[at], a[at], t, c1[at], c2[at])
+        return J
+
+
+def compressed_group(
+    model: AssembledModel, members: Sequence[HeatBody], blocks: Sequence[CompressedHeat],
+    dictionaries: Mapping[str, Dictionary], wide: Mapping[str, FloatArray], c1: float,
+) -> CompressedHeat:
+    """The group of reduced blocks, all atoms active. wide: block -> (k, n), D^-1 times the map of
+    forces. Raises SolveFailed where the coupled matrix is singular."""
+    names = {b.thermal: i for i, b in enumerate(members)}
+    past = [dense(b.past) for b in blocks]
+    at = starts_of([p.shape[0] for p in past])
+    size = at[-1].stop
+    A, B, fixed = np.zeros((size, size)), np.zeros((size, size)), np.zeros(size)
+    carry = np.zeros((size, size))
+    for here, p in zip(at, past, strict=True):
+        carry[here, here] = p
+    for c in couplings_of(model, names):
+        i, j, d = at[names[c.rows]], at[names[c.columns]], dictionaries[c.columns]
+        left = wide[c.rows]
+        A[i, j] += left @ np.asarray(c.A @ d.atoms)
+        B[i, j] += left @ np.asarray(c.B @ d.atoms)
+        fixed[i] += left @ (c.A @ d.offset)
+    J = np.eye(size) + A + c1 * B
+    try:
+        inverse: FloatArray = np.asarray(np.linalg.inv(J), dtype=np.float64)
+    except np.linalg.LinAlgError:
+        raise SolveFailed(
+            Status.SINGULAR, 0.0, group_name(members), "heat of coupled bodies") from None
+
+    def given(times: FloatArray) -> FloatArray:
+        rows = np.concatenate([b.given.along(times) for b in blocks], axis=1)
+        return np.asarray((rows - fixed) @ inverse.T)
+
+    times = np.unique(np.concatenate([np.zeros(0), *(
+        np.array(b.given.times) for b in blocks if b.given.rows is not None)]))
+    local = tuple(GroupLocal(t, here, inverse[:, here])
+                  for b, here in zip(blocks, at, strict=True) for t in b.local)
+    return CompressedHeat(
+        carried(inverse @ (carry - B)), TimeTable.of(given, times), None, local, c1,
+        blocks[0].rtol, blocks[0].max_iterations)
+
+
+def heat_groups(
+    model: AssembledModel, blocks: Mapping[str, CompressedHeat],
+    dictionaries: Mapping[str, Dictionary], wide: Mapping[str, FloatArray], c1: float,
+) -> dict[str, CompressedHeat]:
+    """Reduced thermal blocks, those that couplings connect as one, by the keys of their groups."""
+    return {
+        group_name(g): blocks[g[0].thermal] if len(g) == 1 else compressed_group(
+            model, g, [blocks[b.thermal] for b in g], dictionaries, wide, c1)
+        for g in model.separated.heat_groups}

@@ -1,0 +1,224 @@
+"""The commands on real scenes: what they print, what they write, and nothing else."""
+
+import csv
+import fcntl
+import json
+import os
+import pty
+import re
+import struct
+import subprocess
+import sys
+import termios
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from sparsemor import load, open_result, simulate
+from sparsemor.core.analysis.charts import FORMATS
+from sparsemor.core.cli import app
+
+SWING = Path(__file__).parents[1] / "scenes" / "swing.yaml"
+PROGRAM = Path(sys.executable).with_name("sparsemor")
+Program = Callable[..., tuple[str, str]]
+pytestmark = pytest.mark.usefixtures("here")
+BLOCKS = {"arm.elastic", "arm.thermal"}
+KEYS = {"status", "scene", "reducer", "steps", "t_end", "wall_s", "ms_per_step",
+        "newton_iterations", "factorizations", "rows", "atoms", "atoms_active", "elements_touched",
+        "probes", "out"}
+
+
+def installed(*arguments: object) -> tuple[str, str]:
+    """Standard output and error of the installed program, which must succeed."""
+    done = subprocess.run([PROGRAM, *map(str, arguments)], capture_output=True, text=True,
+                          check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout, done.stderr
+
+
+def sparsemor(*arguments: object) -> tuple[str, str]:
+    """The same in this process: most of what a short command takes is to start."""
+    done = CliRunner().invoke(app, [*map(str, arguments)], prog_name="sparsemor")
+    if done.exception is not None and not isinstance(done.exception, SystemExit):
+        raise done.exception
+    assert done.exit_code == 0, done.stderr
+    return done.stdout, done.stderr
+
+
+def in_json(*arguments: object, program: Program = sparsemor) -> dict[str, Any]:
+    out, err = program(*arguments, "--json")
+    assert err == ""
+    shown = json.loads(out)  # one object and nothing else
+    assert isinstance(shown, dict)
+    return shown
+
+
+def assert_summary(s: dict[str, Any], reducer: str, steps: int) -> None:
+    assert KEYS <= set(s)
+    assert (s["status"], s["scene"], s["reducer"]) == ("done", "swing", reducer)
+    assert (s["steps"], s["t_end"]) == (steps, pytest.approx(1e-3 * steps))
+    assert set(s["wall_s"]) == {"offline", "online"}
+    assert 0 < s["ms_per_step"] < 1e3 * s["wall_s"]["online"]
+    assert s["newton_iterations"] >= 1 and s["factorizations"] >= 1
+    assert set(s["elements_touched"]) == BLOCKS
+    assert set(s["probes"]) == {"tip", "weight_point"}
+    assert len(s["probes"]["weight_point"]["position"]) == 2
+    assert 293 < s["probes"]["tip"]["temperature"] < 300
+    assert set(s["atoms"]) == set(s["atoms_active"]) == (set() if reducer == "full" else BLOCKS)
+    assert set(s["rows"]) == (BLOCKS if reducer == "sparse" else set())
+
+
+@pytest.mark.full
+def test_run_in_json() -> None:
+    first = in_json("run", SWING, program=installed)
+    assert_summary(first, "sparse", 200)
+    assert first["cache"] == {"training": "miss", "basis": "miss"} | {
+        k: "miss" for k in first["cache"]}
+    assert first["rows"]["arm.elastic"] > 16 and first["atoms"]["arm.elastic"] == 6
+    assert Path(first["out"]) == Path("runs/swing-sparse").absolute()
+    result = open_result(first["out"])
+    assert result.summary == first
+    again = in_json("run", SWING, "--force")
+    assert set(again["cache"].values()) == {"hit"}
+    assert again["probes"] == first["probes"]
+    assert [p.name for p in Path("runs").iterdir()] == ["swing-sparse"]
+
+
+@pytest.mark.full
+def test_run_in_words() -> None:
+    out, err = installed("run", SWING, "--set", "time.end=0.05", "--out", "there")
+    # no progress bar: this is no terminal
+    assert all(line.startswith("note: ") for line in err.splitlines())
+    lines = [re.split(r"  +", line, maxsplit=1) for line in out.splitlines()]
+    *table, last = lines
+    assert last == ["result: there"]
+    words = dict(reversed(table))
+    assert words["status"] == "done" and words["steps"] == "50 to t = 0.05 s"
+    assert "cache: training miss, basis miss" in words["offline"]
+    assert re.fullmatch(r"[\d.e-]+ s \([\d.e-]+ ms/step\)", words["online"])
+    assert table[-1][0] == "probes" and table[-1][1].startswith("weight_point: position 0.99")
+    again, _ = sparsemor("run", SWING, "--set", "time.end=0.05", "--out", "there", "--force")
+    assert "cache: " in again and "miss" not in again
+    assert sparsemor("run", SWING, "--set", "time.end=0.05", "--quiet") == ("", "")
+
+
+@pytest.mark.full
+def test_compare(tmp_path: Path) -> None:
+    shown = in_json("compare", SWING, "--reducers", "full,galerkin,sparse", "--set",
+                    "time.end=0.1", "--out", "out")
+    assert shown["status"] == "done" and shown["failures"] == []
+    assert [r["run"] for r in shown["runs"]] == ["full", "galerkin", "sparse"]
+    for run in shown["runs"]:
+        assert_summary(run, run["run"], 100)
+        assert open_result(run["out"]).summary["ms_per_step"] == run["ms_per_step"]
+    assert set(shown["errors"]) == {"galerkin", "sparse"}
+    for errors in shown["errors"].values():
+        assert {"combined", "angle_rad", "arm.rigid", "bob.rigid", *BLOCKS} <= set(errors)
+        assert errors["combined"] < 1e-6 and errors["angle_rad"] < 1e-5
+    with Path("out/errors.csv").open(encoding="utf-8") as text:
+        rows = {row["run"]: row for row in csv.DictReader(text)}
+    assert set(rows) == {"full", "galerkin", "sparse"}
+    assert float(rows["sparse"]["arm.elastic"]) == shown["errors"]["sparse"]["arm.elastic"]
+    pictures = {"angles", "deformation", "temperature", "error_over_time", "work_precision"}
+    assert {f"{p}.{kind}" for p in pictures for kind in FORMATS} <= {
+        p.name for p in Path("out").iterdir()}
+
+
+@pytest.mark.slow
+def test_compare_goes_on_where_it_stopped() -> None:
+    asked = ["compare", SWING, "--reducers", "full,galerkin", "--set", "time.end=0.02", "--out",
+             "out"]
+    simulate(load(SWING, {"reducer": "full", "time.end": 0.02}), out="out/full")
+    before = Path("out/full/result.zarr/zarr.json").read_bytes()
+    out, _ = sparsemor(*asked, "--resume")
+    assert Path("out/full/result.zarr/zarr.json").read_bytes() == before
+    assert [line.split()[0] for line in out.splitlines()[2:4]] == ["full", "galerkin"]
+    assert out.splitlines()[-1] == "table and charts: out"
+    changed = subprocess.run(
+        [PROGRAM, *map(str, asked), "--resume", "--set", "loads.sun.flux=1"], capture_output=True,
+        text=True, check=False)
+    assert changed.returncode == 2 and "cannot be resumed: the run has ended" in changed.stderr
+
+
+@pytest.mark.full
+def test_validate_and_schema() -> None:
+    out, err = installed("validate", SWING)
+    assert (out, err) == ("swing: valid (arm, bob)\n", "")
+    dump = in_json("validate", SWING)["scene"]
+    assert dump == load(SWING).dump()
+    schema = json.loads(sparsemor("schema")[0])
+    assert set(schema["properties"]) == set(dump)
+    for name in ("double_pendulum", "double_pendulum_published"):
+        assert sparsemor("validate", name)[0] == f"{name}: valid (link1, link2)\n"
+
+
+@pytest.mark.full
+def test_plugins_names_every_part() -> None:
+    listed = {(p["kind"], p["name"]) for p in in_json("plugins")["plugins"] if not p["broken"]}
+    assert {("body", "flexible"), ("body", "rigid"), ("joint", "revolute"), ("joint", "fixed"),
+            ("joint", "prescribed_motion"), ("load", "radiation"), ("integrator", "bdf1"),
+            ("integrator", "generalized_alpha"), ("reducer", "full"), ("reducer", "galerkin"),
+            ("reducer", "sparse"), ("basis", "pod"), ("sampler", "lhs"), ("preconditioner", "untf"),
+            ("sparse_solver", "greedy_gauss_newton"), ("mesh", "link")} <= listed
+    options, _ = sparsemor("plugins", "heat_flux")
+    assert options.startswith("load heat_flux (sparsemor ")
+    assert "Heat flux, W/m^2" in " ".join(options.replace("│", " ").split())
+
+
+@pytest.mark.full
+def test_new_plugin_version_and_help() -> None:
+    out, _ = sparsemor("new-plugin", "my_rows", "--kind", "sampler")
+    assert "sparsemor-my-rows" in out and Path("sparsemor-my-rows/pyproject.toml").is_file()
+    assert re.fullmatch(r"\d+\.\d+\.\d+\n", installed("--version")[0])
+    whole, _ = installed("--help")
+    for command in ("run", "compare", "validate", "schema", "plugins", "new-plugin"):
+        assert command in whole
+        assert "Usage: sparsemor " + command in sparsemor(command, "--help")[0]
+
+
+def on_terminal(*arguments: object) -> tuple[str, str]:
+    """Standard output, and what a terminal of 120 columns shows of standard error."""
+    outer, inner = pty.openpty()
+    fcntl.ioctl(inner, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 120, 0, 0))
+    environment = os.environ | {"TERM": "xterm", "COLUMNS": "120"}
+    process = subprocess.Popen([PROGRAM, *map(str, arguments)], stdout=subprocess.PIPE,
+                               stderr=inner, text=True, env=environment)
+    os.close(inner)
+    shown = b""
+    while True:
+        try:
+            part = os.read(outer, 4096)
+        except OSError:  # Linux says so when the other side is closed
+            break
+        if not part:
+            break
+        shown += part
+    os.close(outer)
+    out, _ = process.communicate(timeout=60)
+    assert process.returncode == 0
+    return out, shown.decode(errors="replace")
+
+
+@pytest.mark.slow
+def test_a_progress_bar_on_a_terminal() -> None:
+    long = ["--set", "reducer=full", "--set", "time.end=3"]
+    out, shown = on_terminal("run", SWING, *long)
+    plain = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", shown)
+    assert "A heated flexible arm swings with a rigid bob full" in plain
+    assert re.search(r"t = [\d.]+ of 3 s", plain)
+    assert re.search(r"\d+ steps/s", plain)
+    assert re.search(r"\d:\d\d:\d\d", plain)  # time left
+    assert out.startswith("status ")
+    assert on_terminal("run", SWING, *long, "--force", "--json")[1] == ""
+
+
+@pytest.mark.slow
+def test_the_packaged_scene_with_its_defaults() -> None:
+    out, err = sparsemor("run", "double_pendulum")
+    assert all(line.startswith("note: ") for line in err.splitlines())
+    assert "4000 to t = 4 s" in out
+    assert out.splitlines()[-1] == "result: runs/double_pendulum-sparse"
+    assert open_result("runs/double_pendulum-sparse").summary["status"] == "done"

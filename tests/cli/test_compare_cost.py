@@ -1,0 +1,121 @@
+"""`sparsemor compare` builds each body once, solves full order once, and draws only when asked."""
+
+import json
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from sparsemor import load, open_result, simulate
+from sparsemor.bodies.flexible import Flexible
+from sparsemor.core.analysis.compare import compare
+from sparsemor.core.cli import app
+from sparsemor.core.cli.compare import variants
+from sparsemor.core.model import assembly as assemble
+from sparsemor.core.simulation.cache import Cache
+from sparsemor.reducers.full.reducer import Full
+
+SCENES = Path(__file__).parents[1] / "scenes"
+TINY, BRAKE = str(SCENES / "tiny.yaml"), str(SCENES / "small_brake.yaml")
+
+pytestmark = pytest.mark.usefixtures("here")
+
+
+def compared(*arguments: str) -> Any:
+    done = CliRunner().invoke(app, ["compare", *arguments, "--json"])
+    assert done.exit_code == 0, done.output
+    return json.loads(done.stdout)
+
+
+@pytest.mark.full
+def test_one_model_one_full_order_run_no_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
+    counts: Counter[str] = Counter()
+
+    def counted(owner: Any, name: str) -> None:
+        made = getattr(owner, name)
+
+        def call(*args: Any, **kwargs: Any) -> Any:
+            counts[name] += 1
+            return made(*args, **kwargs)
+        monkeypatch.setattr(owner, name, call)
+
+    counted(Flexible, "_mesh")
+    counted(assemble, "_assembled")
+    counted(Full, "prepare")
+    found = compared(TINY, "--no-charts", "--out", "out")
+    assert counts == {"_mesh": 1, "_assembled": 1, "prepare": 1}
+    assert {p.suffix for p in Path("out").iterdir() if p.is_file()} == {".csv"}
+    galerkin = next(r for r in found["runs"] if r["run"] == "galerkin")
+    assert galerkin["cache"]["training"] == "hit"
+    full = next(r for r in found["runs"] if r["run"] == "full")
+    assert galerkin["offline_whole_s"] > full["wall_s"]["online"], "the training run has a price"
+    alone = simulate(load(TINY, {"reducer": "galerkin"}), cache=Cache("other"))
+    both = open_result("out/galerkin"), alone
+    assert all(np.array_equal(*(r.block(b.name) for r in both)) for b in alone.layout)
+
+
+@pytest.mark.full
+def test_snapshots_are_left_by_whole_training_runs_only() -> None:
+    cache = Cache("kept")
+    full = load(TINY, {"time.end": 0.02, "reducer": "full"})
+    simulate(full, cache=cache)
+    assert not [e for e in cache.entries() if e.kind == "training"], "nobody asked for them"
+    simulate(full.using({"training.end": 0.01}), cache=cache, keep_training=True)
+    assert not [e for e in cache.entries() if e.kind == "training"], "trained on another span"
+    simulate(full, cache=cache, keep_training=True)
+    run = simulate(full.using({"reducer": "galerkin"}), cache=cache)
+    assert run.summary["cache"]["training"] == "hit"
+
+
+@pytest.mark.full
+def test_default_reducers_run_on_a_scene_that_names_no_budgets() -> None:
+    """Rows and atoms of `sparse` follow from the dictionary."""
+    found = compared(BRAKE, "--no-charts", "--out", "out")
+    assert [r["status"] for r in found["runs"]] == ["done"] * 3
+    sparse = next(r for r in found["runs"] if r["run"] == "sparse")
+    assert set(sparse["rows"]) == set(sparse["atoms"])
+    assert all(rows >= 2 * sparse["atoms"][n] for n, rows in sparse["rows"].items())
+    assert max(found["errors"]["sparse"].values()) < 1e-3
+
+
+def test_a_sampler_is_not_handed_to_reducers_whose_own_is_another() -> None:
+    scene = load(TINY, {"reducer": {"use": "sparse", "sampler": "random", "basis": "modal",
+                                    "max_iterations": 12}})
+    made = {n: s.dump()["reducer"] for n, s in variants(scene, ["full", "deim", "gnat"]).items()}
+    assert made["deim"]["sampler"]["use"] == made["gnat"]["sampler"]["use"] == "deim"
+    assert made["deim"]["basis"]["use"] == made["gnat"]["basis"]["use"] == "modal"
+    assert made["deim"]["max_iterations"] == 12
+
+
+@pytest.mark.full
+def test_runs_with_different_unknowns_are_compared_on_what_they_share() -> None:
+    heated = simulate(load(TINY, {"time.end": 0.02}))
+    cold = simulate(load(TINY, {
+        "time.end": 0.02, "bodies.bar.fields": ["elastic"], "loads.heating": None}))
+    found = compare(heated, cold=cold)
+    assert set(found.errors["cold"]) == {
+        "combined", "rigid", "elastic", "bar.rigid", "bar.elastic", "angle_rad"}
+    assert 0.0 < found.errors["cold"]["bar.elastic"]
+    assert "not compared" in str(found) and "bar.thermal" in str(found)
+
+
+@pytest.mark.full
+def test_the_stability_check_is_kept_with_its_inputs() -> None:
+    cache, scene = Cache("kept"), load(TINY, {"time.end": 0.02, "reducer": "sparse"})
+    first, again = (simulate(scene, cache=cache).summary for _ in range(2))
+    assert [s["cache"]["stability"] for s in (first, again)] == ["miss", "hit"]
+    assert first["stability"] == again["stability"] and again["stability"]["stable"]
+    other = simulate(scene.using({"seed": 9}), cache=cache).summary
+    assert other["cache"]["stability"] == "miss"
+
+
+@pytest.mark.full
+def test_a_replaced_reducer_says_what_it_leaves_out() -> None:
+    text = Path(TINY).read_text() + "reducer: {use: sparse, basis: {use: pod, count: 5}}\n"
+    Path("scene.yaml").write_text(text)
+    done = CliRunner().invoke(app, ["run", "scene.yaml", "--set", "reducer=galerkin"])
+    assert done.exit_code == 0, done.output
+    assert "note: reducer galerkin runs with its own defaults: basis of the" in done.stderr

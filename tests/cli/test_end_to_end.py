@@ -1,0 +1,96 @@
+"""One short example of each thing that the program does: what stays in the default tier, though it
+takes longer than other tests there. Each has its detailed tests in the full tier."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from small_scenes import SCENES, tiny
+from sparsemor import load, open_result, simulate, study
+from sparsemor.core.cli import app
+from sparsemor.core.registry.hooks import hookimpl
+from sparsemor.core.status import Status
+
+TINY = str(SCENES / "tiny.yaml")
+STEPS = 3
+pytestmark = pytest.mark.usefixtures("here")
+
+
+def in_json(*arguments: object) -> Any:
+    done = CliRunner().invoke(app, [*map(str, arguments), "--json"])
+    assert done.exit_code == 0, done.output
+    return json.loads(done.stdout)
+
+
+@pytest.mark.end_to_end
+@pytest.mark.parametrize("name", [
+    "double_pendulum", "slider_plate", "brake_disk",
+    *(pytest.param(f"{name}_published", marks=pytest.mark.full)
+      for name in ("double_pendulum", "slider_plate", "brake_disk"))])
+def test_a_packaged_scene_begins(name: str) -> None:
+    scene = load(name)
+    end = STEPS * scene.time.step
+    run = simulate(scene.using({"time.end": end, "training.end": end}), out="out")
+    assert (run.status, run.summary["steps"]) == (Status.DONE, STEPS)
+    assert run.times[-1] == pytest.approx(end)
+    assert all(np.isfinite(v.to_numpy()).all() for v in run.to_xarray().data_vars.values()
+               if v.dtype.kind == "f" and v.name != "step_seconds")
+
+
+@pytest.mark.end_to_end
+def test_compare_is_one_table() -> None:
+    shown = in_json("compare", TINY, "--reducers", "full,galerkin", "--set", "time.end=0.01",
+                    "--no-charts", "--out", "out")
+    assert [run["run"] for run in shown["runs"]] == ["full", "galerkin"]
+    assert 0 <= shown["errors"]["galerkin"]["bar.elastic"] < 1e-6
+    assert Path("out/errors.csv").is_file()
+
+
+@pytest.mark.end_to_end
+def test_a_study_is_one_table() -> None:
+    Path("two.yaml").write_text(json.dumps({
+        "scene": TINY, "set": {"time.end": 0.01, "reducer": "galerkin"},
+        "grid": {"reducer.basis": [{"use": "pod", "count": 2}, {"use": "pod", "count": 5}]}}))
+    rows = study("two.yaml", out="out")
+    assert Path("out/table.jsonl").is_file()
+    assert [row["status"] for row in rows] == ["done", "done"]
+    assert rows[0]["error_elastic"] > rows[1]["error_elastic"] >= 0
+
+
+class StopsAfter:
+    """An observer that ends the process's work in the middle of a run."""
+
+    def __init__(self, step: int) -> None:
+        self.step = step
+
+    @hookimpl
+    def on_step(self, step: int) -> None:
+        if step == self.step:
+            raise KeyboardInterrupt
+
+
+@pytest.mark.end_to_end
+def test_a_stopped_run_goes_on_to_the_same_numbers() -> None:
+    scene = tiny().using({"reducer": "full"})
+    with pytest.raises(KeyboardInterrupt):
+        simulate(scene, out="stopped", observers=[StopsAfter(17)])
+    assert open_result("stopped").status is not Status.DONE
+    on = simulate(scene, out="stopped", resume=True)
+    whole = simulate(scene, out="whole")
+    assert on.summary["steps"] == whole.summary["steps"] == 40
+    for name, values in whole.to_xarray().variables.items():
+        if name != "step_seconds":
+            np.testing.assert_array_equal(on.to_xarray()[name].to_numpy(), values.to_numpy())
+
+
+@pytest.mark.end_to_end
+def test_a_run_is_written_for_paraview() -> None:
+    shown = in_json("run", TINY, "--set", "reducer=full", "--set", "time.end=0.01", "--out", "out")
+    assert (shown["status"], shown["steps"]) == ("done", 10)
+    written = in_json("export", "out", "--every", 5)
+    assert (written["status"], written["times"]) == ("done", 3)
+    assert all(Path(file).is_file() for file in written["files"].values())

@@ -1,0 +1,109 @@
+"""The scene files of docs/examples: what they give at the end, against closed forms or tables."""
+
+from collections.abc import Callable
+from math import atan2, degrees
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sparsemor import compare, load, simulate
+from sparsemor.core.results.run_result import RunResult
+from sparsemor.core.scene.scene import Scene
+from sparsemor.core.simulation.cache import Cache
+
+pytestmark = pytest.mark.full
+
+FOLDER = Path(__file__).parents[2] / "docs" / "examples"
+Solve = Callable[..., RunResult]
+
+
+@pytest.fixture
+def solve(tmp_path: Path) -> Solve:
+    """solve(scene, **overrides by reducer): one run, offline products kept for this test."""
+    cache = Cache(tmp_path / "cache")
+
+    def run(scene: Scene, reducer: str | None = None) -> RunResult:
+        chosen = scene if reducer is None else scene.using({"reducer": reducer})
+        return simulate(chosen, out=tmp_path / f"{reducer}", cache=cache)
+
+    return run
+
+
+def test_every_scene_is_tested_here() -> None:
+    scenes = {p.stem for p in FOLDER.glob("*.yaml")}
+    assert scenes == {"rigid_pendulum", "cantilever", "radiating_plate"}
+
+
+def test_rigid_pendulum_has_the_published_angles(solve: Solve) -> None:
+    """BDF1 in (R, theta, lambda), origins at the first bore: the table of independent codes."""
+    run = solve(load(FOLDER / "rigid_pendulum.yaml"))
+    angles = [degrees(run.block(f"link{i}.rigid")[-1, 2]) for i in (1, 2)]
+    np.testing.assert_allclose(angles, (-153.0982, -146.0232), atol=2e-3)
+    elbow, tip = run.probe("elbow")[-1], run.probe("tip")[-1]
+    np.testing.assert_allclose(degrees(atan2(elbow[1], elbow[0])), angles[0], atol=1e-9)
+    np.testing.assert_allclose(np.hypot(*(tip - elbow)[:2]), 1.0, atol=1e-12)
+
+
+def test_cantilever_bends_as_a_beam(solve: Solve) -> None:
+    """F L^3 / (3 E I) = 1.905 mm, of which linear triangles 80 x 8 lose 5 %."""
+    scene = load(FOLDER / "cantilever.yaml")
+    run, full = solve(scene), solve(scene, "full")
+    beam = 1000.0 / (3.0 * 7.0e10 * 0.03 * 0.1**3 / 12.0)
+    tip = -run.probe("tip")[-1, 3]
+    assert 0.94 * beam < tip < 0.96 * beam
+    np.testing.assert_allclose(tip, 1.81690e-3, rtol=1e-5)
+    assert run.summary["atoms"] == {"beam.elastic": 6}
+    assert compare(reference=full, reduced=run).errors["reduced"]["elastic"] < 1e-8
+
+
+def test_radiating_plate_balances_its_heat(solve: Solve) -> None:
+    """Sampled rows touch few of the 60 facets that radiate; the end is that of full order."""
+    scene = load(FOLDER / "radiating_plate.yaml")
+    run, full = solve(scene), solve(scene, "full")
+    touched = run.summary["elements_touched"]["plate.thermal"]
+    assert touched == _touched(run) and 0 < touched < 30
+    assert full.summary["elements_touched"] == {"plate.thermal": 60}
+    assert run.summary["rows"] == {"plate.thermal": 60}
+    top, bottom = run.probe("top")[-1, -1], run.probe("bottom")[-1, -1]
+    np.testing.assert_allclose((top, bottom), (944.152, 893.506), atol=1e-2)
+    assert compare(reference=full, sampled=run).errors["sampled"]["thermal"] < 1e-4
+    _check_energy(full)
+
+
+def _touched(run: RunResult) -> int:
+    """Facets of the radiating edges that have an end among the sampled nodes."""
+    points, sampled = run.points("plate"), set(run.rows("plate.thermal").tolist())
+    count = 0
+    for axis, value in ((1, 0.05), (0, 0.0), (0, 0.2)):
+        on = np.flatnonzero(np.isclose(points[:, axis], value))
+        edge = on[np.argsort(points[on, 1 - axis])].tolist()
+        count += sum(bool(sampled & set(pair)) for pair in zip(edge, edge[1:], strict=False))
+    return count
+
+
+def _check_energy(run: RunResult) -> None:
+    """Heat stored = heat in - heat lost, from surface temperatures by the trapezoidal rule."""
+    t, sigma, T_inf, thickness = run.times, 5.670374419e-8, 293.15, 0.01
+    T = run.block("plate.thermal")
+    points = run.points("plate")
+    stored = 7850 * 475 * thickness * _mean(T[-1] - T[0], run) * 0.2 * 0.05
+    lost = np.zeros(len(t))
+    for axis, value, law in [
+            (1, 0.0, lambda x: 50.0 * (x - T_inf)),
+            *((a, v, lambda x: 0.9 * sigma * (x**4 - T_inf**4))
+              for a, v in ((1, 0.05), (0, 0.0), (0, 0.2)))]:
+        on = np.flatnonzero(np.isclose(points[:, axis], value))
+        along = points[on, 1 - axis]
+        order = np.argsort(along)
+        lost += thickness * np.trapezoid(law(T[:, on[order]]), along[order], axis=1)
+    given = 1.0e5 * 0.2 * thickness * t[-1]
+    np.testing.assert_allclose(given - np.trapezoid(lost, t), stored, rtol=2e-3)
+
+
+def _mean(values: np.ndarray, run: RunResult) -> float:
+    """Mean over the plate of nodal values (N,)."""
+    p, cells = run.points("plate"), run.cells("plate")
+    a, b, c = (p[cells[:, i]] for i in range(3))
+    area = 0.5 * np.abs((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])
+    return float(area @ values[cells].mean(axis=1) / area.sum())

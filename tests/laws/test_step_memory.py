@@ -1,0 +1,121 @@
+"""Step memory: all that a step writes to is in it, and a copy of it goes on to equal bits."""
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+from reduced_runs import learnt
+from small_scenes import tiny
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.model.initial_state import consistent_state
+from sparsemor.core.model.model import Model
+from sparsemor.core.protocols import ReducedProblem, State, StepSolver
+from sparsemor.core.scene.scene import Scene
+from sparsemor.core.simulation.offline import Offline
+from sparsemor.core.simulation.step_control import controlled, step_of
+from sparsemor.core.simulation.time_stepping import accepted_steps, started
+from sparsemor.core.testing.in_memory_run import march
+from sparsemor.core.testing.reducer import in_two_threads
+from springs import bars, coupled
+from tiny_scene import BUDGETS, FIXED
+
+COUNT = 8
+FEW: dict[str, Any] = {"basis": {"use": "pod", "count": 6}}
+KINDS = (
+    "full",
+    "full, textbook Newton",
+    "full, frames at rest",
+    "full, controlled steps",
+    "galerkin",
+    "galerkin, frames at rest",
+    "galerkin, controlled steps",
+    "sparse, fixed atoms",
+    "sparse, selected atoms",
+    "sparse, sets of rows",
+    "sparse, new rows",
+    "coupled, full",
+    "coupled, galerkin",
+)
+
+
+@cache
+def scenes() -> dict[str, Scene]:
+    at_rest = tiny().using({
+        "joints": {}, "bodies.bar.frame": "fixed", "bodies.bar.reference": {"clamp": "left"}})
+    return {
+        "full": tiny().using({"reducer": "full"}),
+        "full, textbook Newton": tiny().using({"reducer": {"use": "full", "method": "newton"}}),
+        "full, frames at rest": at_rest.using({"reducer": "full"}),
+        "full, controlled steps": tiny().using({
+            "reducer": "full", "time.control": {"tolerance": 0.1}}),
+        "galerkin": tiny().using({"reducer": {"use": "galerkin", **FEW}}),
+        "galerkin, frames at rest": at_rest.using({"reducer": {"use": "galerkin", **FEW}}),
+        "galerkin, controlled steps": tiny().using({
+            "reducer": {"use": "galerkin", **FEW}, "time.control": {"tolerance": 0.1}}),
+        "sparse, fixed atoms": tiny().using({"reducer": {
+            "use": "sparse", **FEW, "budgets": FIXED}}),
+        "sparse, selected atoms": tiny().using({"reducer": {
+            "use": "sparse", **FEW, "budgets": BUDGETS}}),
+        "sparse, sets of rows": tiny().using({"reducer": {
+            "use": "sparse", **FEW, "budgets": BUDGETS, "resample": 2, "row_sets": 2}}),
+        "sparse, new rows": tiny().using({"reducer": {
+            "use": "sparse", **FEW, "budgets": BUDGETS, "resample": 2}}),
+        "coupled, full": bars(reducer="full"),
+        "coupled, galerkin": bars(reducer={"use": "galerkin", **FEW}),
+    }
+
+
+@cache
+def learned(kind: str) -> tuple[Model, dict[str, FloatArray]]:
+    """The model of a scene, and the snapshots of its first steps at full order."""
+    scene = scenes()[kind]
+    model = coupled(scene) if kind.startswith("coupled") else None
+    run = march(scene.using({"reducer": "full", "time.end": 20 * scene.time.step}), model=model)
+    return run.model, learnt(run)
+
+
+def prepared(kind: str) -> tuple[Scene, Model, StepSolver]:
+    scene, (model, snapshots) = scenes()[kind], learned(kind)
+    offline = Offline.of(model, snapshots)
+    solver: StepSolver = scene.reducer.prepare(ReducedProblem(
+        model, scene.integrator, scene.time.step, offline, np.random.default_rng(scene.seed)))
+    return scene, model, controlled(scene, model, offline, solver)
+
+
+def steps(
+    scene: Scene, solver: StepSolver, state: State, memory: Any, count: int
+) -> tuple[FloatArray, State, Any]:
+    """(count, n) x, and state and memory after the last."""
+    h = scene.time.step
+    step = step_of(solver, scene.integrator, h)
+    taken = list(accepted_steps(step, state, memory, count, h))
+    return np.array([one.state.x for one in taken]), taken[-1].state, taken[-1].memory
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_one_solver_serves_two_threads(kind: str) -> None:
+    scene, model, solver = prepared(kind)
+
+    @np.errstate(all="ignore")  # each thread has its own
+    def run() -> FloatArray:
+        begin = started(solver, scene.integrator, consistent_state(model))
+        return steps(scene, solver, *begin, COUNT)[0]
+
+    alone = run()
+    assert np.ptp(alone, axis=0).max() > 0.0
+    for both in in_two_threads(run):
+        assert np.array_equal(both, alone)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_copy_goes_on_to_equal_bits(kind: str) -> None:
+    """The copy first, then the original: steps of the one do not show in the other."""
+    scene, model, solver = prepared(kind)
+    begin = started(solver, scene.integrator, consistent_state(model))
+    _, state, memory = steps(scene, solver, *begin, COUNT // 2)
+    other = memory.copy()
+    ahead = steps(scene, solver, state, other, COUNT)[0]
+    assert np.array_equal(steps(scene, solver, state, memory, COUNT)[0], ahead)
+    assert not np.array_equal(ahead[0], ahead[-1])

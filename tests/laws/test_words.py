@@ -1,0 +1,175 @@
+"""Words of the field: banned words, openings of docstrings, one sentence for every plugin.
+
+A ban holds in areas: docs (pages without their code), messages (strings in code that are no
+docstrings), docstrings (those below attributes too, without what is in backticks), names (of
+modules, classes and functions). The table `BANNED` switches areas on, word by word; `ALLOWED` has
+the true uses that remain.
+"""
+
+import ast
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from sparsemor.core.cli.plugins import first_sentence
+from sparsemor.core.registry.registry import Registry
+
+pytestmark = pytest.mark.full
+ROOT = Path(__file__).parents[2]
+CODE = ("core", "bodies", "integrators", "reducers", "plugins")
+DOCS, MESSAGES, DOCSTRINGS, NAMES = "docs", "messages", "docstrings", "names"
+EVERYWHERE = (DOCS, MESSAGES, DOCSTRINGS, NAMES)
+TEXTS = (DOCS, MESSAGES, DOCSTRINGS)
+BANNED = {
+    # word or phrase: (instead, areas)
+    "anew": ("again", TEXTS),
+    "beside": ("next to", TEXTS),
+    "besides": ("in addition", TEXTS),
+    "beforehand": ("in advance", TEXTS),
+    "feels": ("acts on", TEXTS),
+    "felt": ("acts on", TEXTS),
+    "feel": ("acts on", TEXTS),
+    "foretell": ("estimate", TEXTS),
+    "foretells": ("estimate", TEXTS),
+    "foretold": ("estimated", TEXTS),
+    "handed on": ("passed on", TEXTS),
+    "hands": ("passes, returns", TEXTS),
+    "handed": ("passed", (DOCS, DOCSTRINGS)),
+    "mend": ("fix", EVERYWHERE),
+    "misfits": ("unmatched pattern", TEXTS),
+    "ms a step": ("ms/step", TEXTS),
+    "one-step map": ("time-step map", TEXTS),
+    "reckoned": ("estimated", TEXTS),
+    "charged": ("counted as excess growth", TEXTS),
+    "softest": ("deflation space", TEXTS),
+    "stretches": ("column chunks", (DOCS, MESSAGES)),
+    "told": ("reported, estimated", TEXTS),
+    "tells": ("reports", (DOCS, MESSAGES, DOCSTRINGS)),
+    "workshop": ("cache", (DOCS, MESSAGES)),
+    "twins": ("counterparts", TEXTS),
+}
+ALLOWED = {
+    # name of an attribute that the docstring explains
+    ("core/simulation/offline_cache.py", "told"),
+    # name of an argument that the docstring explains
+    ("reducers/step/newton/iteration.py", "anew"),
+}
+RIDDLE = re.compile(r"(What|Where|Which|How|Whether|Who|When)\b")
+
+
+@dataclass(frozen=True, slots=True)
+class Text:
+    """Words of one area at one line of a file."""
+
+    path: str
+    line: int
+    words: str
+
+
+def prose(page: str) -> str:
+    """A page without its code; lines keep their numbers."""
+    return re.sub(r"(?ms)^```.*?^```|`[^`\n]*`", lambda m: "\n" * m[0].count("\n"), page)
+
+
+def texts(area: str) -> Iterator[Text]:
+    return _pages() if area == DOCS else _code(area)
+
+
+def _pages() -> Iterator[Text]:
+    for page in [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]:
+        if page.name == "scene-reference.md":  # made of docstrings and options
+            continue
+        for number, line in enumerate(prose(page.read_text(encoding="utf-8")).splitlines(), 1):
+            yield Text(str(page.relative_to(ROOT)), number, line)
+
+
+def _code(area: str) -> Iterator[Text]:
+    for path, tree in sources().items():
+        yield from of_source(tree, path, area)
+
+
+@cache
+def sources() -> dict[str, ast.Module]:
+    """Relative path -> the parsed file."""
+    files = sorted(p for folder in CODE for p in (ROOT / folder).rglob("*.py"))
+    return {str(p.relative_to(ROOT)): ast.parse(p.read_text(encoding="utf-8")) for p in files}
+
+
+def of_source(tree: ast.Module, path: str, area: str) -> Iterator[Text]:
+    documented = [n for n in ast.walk(tree)
+                  if isinstance(n, ast.Module | ast.ClassDef | ast.FunctionDef)]
+    if area == NAMES:
+        yield Text(path, 1, Path(path).stem.replace("_", " "))
+        yield from (Text(path, n.lineno, _parts(n.name)) for n in documented
+                    if not isinstance(n, ast.Module))
+    else:
+        loose = {id(n.value) for n in ast.walk(tree) if isinstance(n, ast.Expr)}
+        for n in ast.walk(tree):
+            if not (isinstance(n, ast.Constant) and isinstance(n.value, str)):
+                continue
+            docstring = id(n) in loose
+            if docstring == (area == DOCSTRINGS) and " " in n.value:  # sentences, not keys
+                plain = re.sub(r"`[^`]*`", "", n.value)
+                yield Text(path, n.lineno, " ".join(plain.split()))
+
+
+def _parts(name: str) -> str:
+    return re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name).replace("_", " ").lower()
+
+
+@cache
+def uses(area: str) -> dict[tuple[str, str], str]:
+    """(path, word) of the words that are banned in this area -> the last line with it."""
+    words = "|".join(re.escape(w) for w, (_, areas) in BANNED.items() if area in areas)
+    found = re.compile(rf"(?<![\w.-])({words})(?![\w-])", re.IGNORECASE)
+    return {(t.path, m[1].lower()): f"line {t.line}: {t.words.strip()}"
+            for t in texts(area) for m in found.finditer(t.words)}
+
+
+@pytest.mark.parametrize("area", EVERYWHERE)
+def test_no_banned_word(area: str) -> None:
+    left = [f"{path}, {line}: write {BANNED[word][0]!r} instead of {word!r}"
+            for (path, word), line in uses(area).items() if (path, word) not in ALLOWED]
+    assert not left, "\n".join(left)
+
+
+def test_allowed_uses_are_uses() -> None:
+    assert {use for area in EVERYWHERE for use in uses(area)} >= ALLOWED
+
+
+def test_a_banned_word_is_found_in_each_area() -> None:
+    source = 'class ToldOff:\n    """Told."""\n    x = "it was told here"\n'
+    found = {area: [t.words for t in of_source(ast.parse(source), "a/b_told.py", area)]
+             for area in (MESSAGES, DOCSTRINGS, NAMES)}
+    assert found == {MESSAGES: ["it was told here"], DOCSTRINGS: [],
+                     NAMES: ["b told", "told off"]}
+    assert prose("a\n```\ntold\n```\n`told` b") == "a\n\n\n\n b"
+
+
+def test_no_docstring_opens_with_a_riddle() -> None:
+    riddles = [f"{path}: {getattr(n, 'name', 'module')}"
+               for path, tree in sources().items() for n in ast.walk(tree)
+               if isinstance(n, ast.Module | ast.ClassDef | ast.FunctionDef)
+               and RIDDLE.match(ast.get_docstring(n) or "")]
+    assert not riddles, "say what the thing is: " + "\n".join(riddles)
+
+
+def plugin_classes() -> list[tuple[str, type]]:
+    registry = Registry()
+    return [(f"{p.kind} {p.name}", registry.get(p.kind, registry.spelling(p)))
+            for kind in registry.kinds() if kind not in ("scene", "study")
+            for p in registry.names(kind) if p.distribution == "sparsemor"]
+
+
+def test_every_plugin_is_one_sentence() -> None:
+    """It begins with the method's name, not with a formula, and fits in two lines of a table."""
+    found = {name: first_sentence(cls.__doc__ or "") for name, cls in plugin_classes()}
+    assert len(found) > 60
+    odd = {name: text for name, text in found.items()
+           if not re.match(r"[A-Z][A-Za-z-]{2,}|[A-Z]-[a-z]|No ", text) or not text.endswith(".")
+           or not 20 <= len(text) <= 180}
+    assert not odd

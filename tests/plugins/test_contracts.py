@@ -1,0 +1,251 @@
+"""A class chosen by name is checked against the protocol of its kind before anything runs."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from sparsemor.core.cli import app
+from sparsemor.core.errors import InputError
+from sparsemor.core.registry.contracts import CONTRACTS, breaches
+from sparsemor.core.registry.registry import Registry
+from sparsemor.core.scene.scene import load
+from sparsemor.core.simulation.simulate import simulate
+from sparsemor.core.simulation.validation import checked_model
+
+TINY = Path(__file__).parents[1] / "scenes" / "tiny.yaml"
+SAMPLED = {"reducer": "sparse", "reducer.budgets": {"*": {"rows": 12, "atoms": 2}}}
+HEAD = """
+import numpy as np
+from sparsemor.core.registry.plugin import Plugin
+
+class Own(Plugin):
+    'A plugin.'
+    BODY
+"""
+
+CASES = {
+    "no method": ("sampler", "", "lacks sample(block, m, dictionary, rng, required)"),
+    "misspelled": (
+        "sampler", "def smaple(self, block, m, dictionary, rng, required): ...",
+        "lacks sample(block, m, dictionary, rng, required) (smaple is near to it)"),
+    "too few arguments": (
+        "sampler", "def sample(self, block, m): ...",
+        "sample(block, m) cannot be called as sample(block, m, dictionary, rng, required)"),
+    "one too many": (
+        "sampler", "def sample(self, block, m, dictionary, rng, required, more): ...",
+        "missing a required argument: 'more'"),
+    "another order": (
+        "sampler", "def sample(self, block, dictionary, m, rng, required): ...",
+        "has m and dictionary at other places than sample(block, m, dictionary, rng, required)"),
+    "a value for a method": ("preconditioner", "check: str = ''; build: int = 3",
+                             "build must be a method build(A)"),
+    "a method for a property": (
+        "basis", "def needs_snapshots(self): return False\n    def build(self, data): ...",
+        "needs_snapshots must be a property or a value, and is a method"),
+    "an optional argument left out": ("linear_solver", "def factorize(self, A): ...",
+                                      "cannot be called as factorize(A, places=None)"),
+    "near to an ability": (
+        "basis", "needs_snapshots: bool = False\n    def build(self, data): ...\n"
+        "    def most_atom(self, size): ...",
+        "most_atom is not looked for: did you mean most_atoms?"),
+    "no solve": ("sparse_solver", "", "lacks solve(problem, start)"),
+    "no formula": ("integrator", "order: int = 1\n    def start(self, layout, state): ...\n"
+                   "    def advance(self, layout, state, formula, x, h): ...",
+                   "lacks formula(layout, state, h)"),
+    "no prepare": ("reducer", "", "lacks prepare(problem)"),
+    "no value": ("function", "def rate(self, t): ...", "lacks value(t)"),
+    "no build of a mesh": ("mesh", "", "lacks build(base)"),
+    "a build of a body": ("body", "def build(self): ...", "cannot be called as build(name, base)"),
+    "a build of a joint": ("joint", "def build(self, name): ...", "build(name, parts)"),
+    "half an ability": (
+        "reducer", "basis: str = 'pod'\n    def prepare(self, problem): ...",
+        "lacks bases (UsesBases)"),
+    "an ability with other arguments": (
+        "basis", "needs_snapshots: bool = False\n    def build(self, data): ...\n"
+        "    def most_atoms(self): ...",
+        "most_atoms() cannot be called as most_atoms(size)"),
+    "no such effect": (
+        "load", "acts_on = 'heat'\n    def build(self, name, parts): ...",
+        "acts_on must be 'motion' or 'temperature' (got 'heat')"),
+    "no truth value": (
+        "linear_solver", "direct = 'yes'\n    def factorize(self, A, places=None): ...",
+        "direct must be True or False (got 'yes')"),
+    "an option without a type": (
+        "load", "scale = 'lin'\n    def build(self, name, parts): ...",
+        "scale is a value without a type: write scale: type = value to make it an option"),
+    "near to a member of the built part": (
+        "load", "localised = False\n    def build(self, name, parts): ...",
+        "localised is not looked for: did you mean localized?"),
+    "another version": (
+        "sampler", "sparsemor_api = 1\n"
+        "    def sample(self, block, m, dictionary, rng, required): ...",
+        "it was written for version 1 of the extension API, and this is version 2"),
+    "no observer": ("observer", "", "lacks observer()"),
+    "a build of a load": ("load", "", "lacks build(name, parts)"),
+}
+
+
+@pytest.mark.parametrize("kind, body, message", CASES.values(), ids=list(CASES))
+def test_a_broken_class_is_refused_by_name(distribute, kind, body, message):
+    distribute("half-pkg", {kind: {"half": "half_mod:Own"}}, version="0.2",
+               half_mod=HEAD.replace("BODY", body))
+    with pytest.raises(InputError) as caught:
+        Registry().get(kind, "half")
+    assert message in str(caught.value)
+    assert f"{kind} plugin 'half' of half-pkg 0.2 breaks the protocol" in str(caught.value)
+
+
+def test_more_options_and_other_names_of_arguments_are_fine(distribute):
+    body = ("def sample(self, block, m, _dictionary, rng, required, seed=3, *more, **options):\n"
+            "        return required")
+    distribute("fine-pkg", {"sampler": {"fine": "fine_mod:Own"}},
+               fine_mod=HEAD.replace("BODY", body))
+    assert Registry().get("sampler", "fine")().sample(None, 1, None, None, [2]) == [2]
+
+
+def test_every_plugin_of_ours_keeps_its_contract():
+    registry = Registry()
+    checked = [(kind, p.name) for kind in CONTRACTS for p in registry.names(kind)
+               if p.distribution == "sparsemor" and not breaches(
+                   kind, registry.get(kind, registry.spelling(p)))]
+    assert len(checked) == sum(p.distribution == "sparsemor"
+                               for kind in CONTRACTS for p in registry.names(kind)) > 50
+
+
+def test_a_scene_says_where_the_broken_class_is_chosen(distribute, here):
+    distribute("half-pkg", {"sampler": {"half": "half_where:Own"}},
+               half_where=HEAD.replace("BODY", ""))
+    scene = Path("scene.yaml")
+    scene.write_text(TINY.read_text().partition("reducer:")[0] + "reducer:\n  use: sparse\n"
+                     "  budgets: {'*': {rows: 12, atoms: 2}}\n  sampler: half\n")
+    with pytest.raises(InputError, match=r"scene.yaml:\d+:3: reducer.sampler: sampler plugin"):
+        load(scene)
+
+
+RETURNS: dict[str, tuple[dict[str, Any], str, str, str]] = {
+    "rows": ({**SAMPLED, "reducer.sampler": "odd"}, "sampler",
+             "def sample(self, block, m, dictionary, rng, required): return None",
+             "reducer.sampler: sample of odd_returns.Own returned object of shape ()"),
+    "far rows": ({**SAMPLED, "reducer.sampler": "odd"}, "sampler",
+                 "def sample(self, block, m, dictionary, rng, required):\n"
+                 "        return np.arange(m) + block.size", "distinct rows from 0 to"),
+    "weights": ({**SAMPLED, "reducer.preconditioner": "odd"}, "preconditioner",
+                "def check(self, rows, atoms): return ''\n    def build(self, A): return A[:1]",
+                "reducer.preconditioner: build of odd_returns.Own returned float64 of shape (1, "),
+    "dictionary": ({"reducer": "galerkin", "reducer.basis": "odd"}, "basis",
+                   "needs_snapshots: bool = False\n    def build(self, data): return data.loads",
+                   "build of odd_returns.Own returned ndarray, where a Dictionary is required"),
+    "step solver": ({"reducer": "odd"}, "reducer",
+                    "def prepare(self, problem): return None",
+                    "reducer: prepare of odd_returns.Own returned NoneType, which lacks"),
+    "body": ({"bodies.bar": "odd", "joints": {}, "loads": {}, "probes": {}}, "body",
+             "def build(self, name, base): return self",
+             "bodies.bar: build of odd_returns.Own returned Own, which lacks blocks(), "
+             "contribute(equations), geometry(), initial()"),
+    "load": ({"loads": {"wind": "odd"}}, "load", "def build(self, name, parts): return None",
+             "loads.wind: build of odd_returns.Own returned NoneType, which lacks blocks()"),
+    "mesh": ({"bodies.bar.mesh": "odd"}, "mesh", "def build(self, base): return 3",
+             "bodies.bar.mesh: build of odd_returns.Own returned int, where a Mesh is required"),
+}
+
+
+@pytest.mark.parametrize("changes, kind, body, message", RETURNS.values(), ids=list(RETURNS))
+def test_what_a_method_returns_is_checked_where_it_arrives(
+    distribute, here, changes, kind, body, message
+):
+    distribute("odd-pkg", {kind: {"odd": "odd_returns:Own"}},
+               odd_returns=HEAD.replace("BODY", body))
+    scene = load(TINY, {"time.end": 0.002, "training.end": 0.002, **changes})
+    with pytest.raises(InputError) as caught:
+        checked_model(scene) if kind in ("body", "load", "mesh") else simulate(scene)
+    assert message in str(caught.value)
+
+
+PART = """
+from dataclasses import dataclass
+from sparsemor.core import Plugin
+
+@dataclass(frozen=True)
+class Built:
+    name: str
+    BODY
+    def blocks(self): return ()
+    def contribute(self, equations): pass
+
+class Own(Plugin):
+    'A load.'
+    def build(self, name, parts): return Built(name)
+"""
+PARTS = {
+    "misspelled": ("localised: bool = False",
+                   "localised is not looked for: did you mean localized?"),
+    "not a value": ("def moving(self): return True", "moving must be a property or a value"),
+    "no truth value": ("localized = 'no'", "localized must be True or False (got 'no')"),
+}
+VALIDATED = {
+    "sampler": ("reducer.sampler",
+                "reducer.sampler: sampler plugin 'half' of half-pkg 0.2 breaks the protocol "
+                "Sampler: lacks sample(block, m, dictionary, rng, required)",
+                HEAD.replace("BODY", "")),
+    "sparse_solver": ("reducer.solver", "sparse_solver plugin 'half' of half-pkg 0.2 breaks the "
+                      "protocol SparseSolver: solve(problem) cannot be called as "
+                      "solve(problem, start)",
+                      HEAD.replace("BODY", "def solve(self, problem): ...")),
+    "load": ("loads.wind", "loads.wind: load plugin 'half' of half-pkg 0.2 breaks the protocol "
+             "LoadPlugin: acts_on must be 'motion' or 'temperature' (got 'heat')",
+             HEAD.replace("BODY", "acts_on = 'heat'\n    def build(self, name, parts): ...")),
+}
+
+
+@pytest.mark.parametrize("body, message", PARTS.values(), ids=list(PARTS))
+def test_a_built_load_is_checked_by_validate(distribute, here, body, message):
+    distribute("half-pkg", {"load": {"half": "half_part:Own"}}, version="0.2",
+               half_part=PART.replace("BODY", body))
+    line = refused("--set", "loads={wind: half}")
+    assert "loads.wind: build of half_part.Own returned Built" in line
+    assert message in line
+
+
+@pytest.mark.parametrize("kind", VALIDATED)
+def test_validate_refuses_a_broken_plugin_in_one_located_line(distribute, here, kind):
+    key, message, source = VALIDATED[kind]
+    distribute("half-pkg", {kind: {"half": "half_valid:Own"}}, version="0.2", half_valid=source)
+    sampled = () if kind == "load" else (
+        "--set", "reducer={use: sparse, budgets: {'*': {rows: 12, atoms: 2}}}")
+    assert message in refused(*sampled, "--set", f"{key}=half")
+
+
+def refused(*arguments: str) -> str:
+    """The one line with which `sparsemor validate` refuses a scene."""
+    result = CliRunner().invoke(app, ["validate", str(TINY), *arguments])
+    assert result.exit_code == 2, result.output
+    lines = result.stderr.strip().splitlines()
+    assert len(lines) == 1, lines
+    return lines[0]
+
+
+RIGID = {"rigid_stage": {}, "reducer": "full"}
+
+
+def test_a_body_that_cannot_follow_a_motion_is_refused_with_a_rigid_stage(distribute, here):
+    distribute("still-pkg", {"body": {"still": "still_body:Own"}}, still_body="""
+from sparsemor.core import Block, BodyDefaults, Plugin
+
+class Still(BodyDefaults):
+    def __init__(self, name): self.name = name
+    def blocks(self): return ()
+    def contribute(self, equations): pass
+
+class Own(Plugin):
+    'A body.'
+    def build(self, name, base): return Still(name)
+""")
+    scene = load(TINY, {"bodies.other": "still", "time.end": 0.002, "training.end": 0.002, **RIGID})
+    with pytest.raises(InputError) as caught:
+        checked_model(scene)
+    assert ("bodies.other: with rigid_stage, it has to follow a prescribed motion, which "
+            "still_body.Still cannot: it lacks immobile, moves, pose, with_motion(motion) "
+            "(FollowsMotion)"
+            ) in str(caught.value)

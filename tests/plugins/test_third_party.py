@@ -1,0 +1,83 @@
+"""The sample distribution works like a first-party plugin; the broken one harms nobody."""
+
+import ast
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from public_names import PUBLIC, ours
+
+pytestmark = pytest.mark.full
+
+SAMPLE = Path(__file__).parents[1] / "third_party" / "sparsemor-sample"
+MODULES = sorted(SAMPLE.glob("*.py"))
+
+
+def run(third_party: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, *arguments], env={**os.environ, "PYTHONPATH": str(third_party)},
+        capture_output=True, text=True, check=False)
+
+
+def command(third_party: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    return run(third_party, "-c", "from sparsemor.core.cli import main; main()", *arguments)
+
+
+def test_both_are_listed_and_the_broken_one_with_its_cause(third_party):
+    done = command(third_party, "plugins", "sampler", "--json")
+    assert (done.returncode, done.stderr) == (0, "")
+    found = {p["name"]: p for p in json.loads(done.stdout)["plugins"]}
+    assert found["every_nth"]["distribution"] == "sparsemor-sample"
+    assert found["every_nth"]["version"] == "0.3.0"
+    assert found["every_nth"]["options"][0]["doc"].startswith("First row")
+    assert found["broken"]["distribution"] == "sparsemor-broken"
+    assert "No module named 'a_package_that_nobody_has'" in found["broken"]["broken"]
+    assert found["lhs"]["broken"] == ""
+
+
+def test_the_schema_completes_it_and_leaves_the_broken_one_out(third_party):
+    schema = json.loads(run(third_party, "-c", (
+        "import json; from sparsemor.core.scene.json_schema import _Definitions; "
+        "from sparsemor.core.registry.registry import Registry; "
+        "print(json.dumps(_Definitions(Registry())._any_of('sampler')))")).stdout)
+    names = {c["const"] for c in schema["anyOf"] if "const" in c}
+    assert "every_nth" in names and "broken" not in names
+
+
+def test_its_law_test_passes(third_party):
+    done = run(third_party, "-m", "pytest", "-q", "-p", "no:cacheprovider", "--rootdir",
+               str(SAMPLE), str(SAMPLE / "check_sample.py"))
+    assert done.returncode == 0, done.stdout
+
+
+def test_all_of_its_plugins_work(third_party):
+    """Nothing of it is broken, and each description is a sentence."""
+    done = command(third_party, "plugins", "--json")
+    found = {(p["kind"], p["name"]): p for p in json.loads(done.stdout)["plugins"]
+             if p["distribution"] == "sparsemor-sample"}
+    assert set(found) == {
+        ("body", "ring"), ("joint", "gear"), ("load", "spring"), ("load", "contact_resistance"),
+        ("normal_law", "power_law"), ("integrator", "trapezoidal"), ("sampler", "every_nth"),
+        ("sparse_solver", "hard_thresholding"), ("reducer", "oblique")}
+    assert not any(p["broken"] for p in found.values())
+
+
+def test_it_imports_public_names_alone():
+    for path in MODULES:
+        assert ours(path.read_text()) <= PUBLIC, path.name
+
+
+def test_a_private_module_would_be_seen():
+    assert ours("from sparsemor.core.model.assembly import assemble\nimport numpy") == {
+        "sparsemor.core.model.assembly"}
+
+
+def test_a_third_party_writes_few_lines_for_a_plugin():
+    """Classes of plugins, without the functions that they share."""
+    lengths = {c.name: (c.end_lineno or 0) - c.lineno + 1 for path in MODULES
+               for c in ast.walk(ast.parse(path.read_text())) if isinstance(c, ast.ClassDef)}
+    assert len(lengths) >= 9 and max(lengths.values()) < 60, lengths

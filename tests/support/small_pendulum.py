@@ -1,0 +1,16 @@
+"""The packaged pendulum on a coarse mesh over a tenth of a second."""
+
+from typing import Any
+
+from sparsemor.core.analysis.stability.variants import Plan, variants
+from sparsemor.core.scene.scene import Scene, load
+
+SMALL = {"bodies.link1.mesh.elements": 320, "bodies.link2.mesh.elements": 320,
+         "time.end": 0.1, "training.end": 0.1}
+
+
+def small(required: bool = True, rows: tuple[int, int] = (30, 20), **changes: Any) -> Scene:
+    """Under `sparse` with 15/10 atoms; rows: elastic and thermal; required: those of loads kept."""
+    scene = load("double_pendulum", {**SMALL, **changes})
+    (variant,) = variants(scene, Plan(rows=[rows], atoms=[(15, 10)], required=[required]))
+    return variant.scene

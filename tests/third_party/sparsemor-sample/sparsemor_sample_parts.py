@@ -1,0 +1,118 @@
+"""Parts of scenes in a package of their own: a body, a joint and a load, by public names alone."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from sparsemor.bodies import (
+    BODY_KINDS,
+    DenseTerm,
+    End,
+    JointPart,
+    LoadPart,
+    PlanarBody,
+    Pose,
+    constant,
+    find_target,
+    plane,
+)
+from sparsemor.core import (
+    Equations,
+    FieldKind,
+    FloatArray,
+    HasProbes,
+    InputError,
+    Part,
+    Plugin,
+)
+
+
+class Ring(Plugin):
+    """Thin rigid ring in the plane. Points: centre, rim."""
+
+    field_kinds: ClassVar[tuple[FieldKind, ...]] = BODY_KINDS
+
+    mass: float = Field(gt=0)
+    """Mass, kg."""
+    radius: float = Field(gt=0)
+    """Radius, m."""
+    pose: Pose = Pose()
+    """Centre, rotation and their rates at the start."""
+
+    def build(self, name: str, base: Path) -> PlanarBody:
+        return PlanarBody(
+            name=name, X=np.array([0.0, self.radius], dtype=complex), mass=self.mass, moment=0.0,
+            inertia=self.mass * self.radius**2, pose=self.pose.coordinates(),
+            velocity=self.pose.rates(), moves=True,
+            points={"centre": np.array([0]), "rim": np.array([1])})
+
+
+class Gear(Plugin):
+    """Pair of gears: angle_1 + ratio angle_2 keeps its value. The multiplier is a moment, N m."""
+
+    between: tuple[str, str]
+    """The two wheels, each as `body:set`."""
+    ratio: float = 1.0
+    """Radius of the second wheel over that of the first."""
+
+    def build(self, name: str, parts: Mapping[str, Part]) -> JointPart:
+        first, second = (find_target(parts, text, f"between.{i}")
+                         for i, text in enumerate(self.between))
+        if first.body.name == second.body.name:
+            raise InputError(f"both wheels are body {first.body.name!r}", "between")
+        ends, start = [], 0.0
+        for target, factor in ((first, 1.0), (second, self.ratio)):
+            ends.append(End(target, np.array([[0.0, 0.0, factor]])))
+            start += factor * float(plane(target).pose[2])
+        return JointPart(name, tuple(ends), (constant(start),))
+
+
+class Spring(Plugin):
+    """Linear spring without length at rest, from a point of a planar body to a point in space."""
+
+    on: str
+    """The material point or set `body:set`."""
+    to: tuple[float, float]
+    """The other end, m (space axes)."""
+    stiffness: float = Field(gt=0)
+    """Stiffness, N/m."""
+
+    def build(self, name: str, parts: Mapping[str, Part]) -> LoadPart:
+        body, _, which = self.on.partition(":")
+        part = parts.get(body)
+        if not isinstance(part, HasProbes):
+            raise InputError(f"no body with material points is called {body!r}", "on")
+        probe = part.probe(name, which)
+        if len(probe.point) != 2:
+            raise InputError(f"body {body!r} is in space, this spring is plane", "on")
+        W = np.zeros((0, 2)) if probe.displacement is None else probe.displacement
+        near = np.flatnonzero(W.any(axis=1))
+        W, k = W[near], self.stiffness
+
+        def law(x: FloatArray, v: FloatArray, t: float) -> tuple[FloatArray, ...]:
+            """Gradient and Hessian of k |d|^2 / 2 by the pose, where it is unknown, and u."""
+            frame = len(x) - len(near)
+            pose = probe.pose if probe.guide is None else probe.guide.at(t)[0]
+            y = x[:frame] if frame else pose
+            c, s = np.cos(y[2]), np.sin(y[2])
+            A, dA = np.array([[c, -s], [s, c]]), np.array([[-s, -c], [c, -s]])
+            z = probe.point + W.T @ x[frame:]
+            d = y[:2] + A @ z - self.to
+            G = np.column_stack([np.eye(2), dA @ z, A @ W.T])
+            H = G.T @ G
+            H[2, 2] -= d @ (A @ z)
+            H[2, 3:] += d @ dA @ W.T
+            H[3:, 2] = H[2, 3:]
+            skip = 3 - frame
+            return k * (G.T @ d)[skip:], k * H[skip:, skip:], 0.0 * H[skip:, skip:]
+
+        def write(equations: Equations) -> None:
+            blocks = [b for b in (f"{body}.rigid", f"{body}.elastic") if equations.size(b)]
+            rigid, elastic = (equations.numbers(f"{body}.{f}") for f in ("rigid", "elastic"))
+            at = np.concatenate([rigid, elastic[near]])
+            equations.local(blocks, DenseTerm(at, at, law))
+
+        return LoadPart(name, write)
