@@ -14,16 +14,25 @@ from sparsemor.bodies.fem.fields import Elasticity, Heat
 from sparsemor.bodies.terms.body_terms import write_conduction, write_elasticity, write_film
 from sparsemor.bodies.terms.field_kinds import ELASTIC, MULTIPLIER, RIGID, THERMAL
 from sparsemor.bodies.terms.surface_loads import write_surface_loads
-from sparsemor.core.arrays import Csr, FloatArray, IntArray
-from sparsemor.core.errors import InputError
-from sparsemor.core.notes import Note
-from sparsemor.core.protocols import BodyShape, ProbePlace, TimeFunction
-from sparsemor.core.protocols.contributions import Equations
-from sparsemor.core.protocols.layout import Block, Layout
-from sparsemor.core.protocols.mesh import Mesh
-from sparsemor.core.protocols.prescribed_motion import FrameHistory, SurfaceLoads
-from sparsemor.core.protocols.separable import Amplitude, BodyFrame
-from sparsemor.core.registry.registry import near
+from sparsemor.core import (
+    Block,
+    BodyFrame,
+    BodyShape,
+    Csr,
+    Equations,
+    FloatArray,
+    FrameHistory,
+    InputError,
+    IntArray,
+    Layout,
+    Mesh,
+    Note,
+    ProbePlace,
+    SurfaceLoads,
+    TimeFunction,
+    near,
+)
+from sparsemor.core.protocols.separable import Amplitude
 
 NO_NUMBERS = np.zeros(0, np.int64)
 KINDS = {2: "plane: give two", 3: "spatial: give three"}

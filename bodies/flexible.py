@@ -26,14 +26,22 @@ from sparsemor.bodies.pose import Pose
 from sparsemor.bodies.reference import Reference
 from sparsemor.bodies.spatial_body import SpatialBody
 from sparsemor.bodies.terms.field_kinds import BODY_KINDS, ELASTIC, THERMAL
-from sparsemor.core.arrays import FloatArray, IntArray
-from sparsemor.core.errors import Fault, Gather, InputError
-from sparsemor.core.protocols import EstimatesMeshSize, MeshPlugin
-from sparsemor.core.protocols.layout import FieldKind
-from sparsemor.core.protocols.mesh import BodySize, Mesh, MeshSize
-from sparsemor.core.registry.plugin import Plugin
+from sparsemor.core import (
+    BodySize,
+    EstimatesMeshSize,
+    Fault,
+    FieldKind,
+    FloatArray,
+    Gather,
+    InputError,
+    IntArray,
+    Mesh,
+    MeshPlugin,
+    MeshSize,
+    Plugin,
+    Slot,
+)
 from sparsemor.core.registry.returned_values import returned
-from sparsemor.core.registry.slot import Slot
 
 
 class Damping(Plugin):

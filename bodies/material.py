@@ -4,8 +4,7 @@ from collections.abc import Sequence
 
 from pydantic import Field
 
-from sparsemor.core.errors import Fault, InputError
-from sparsemor.core.registry.plugin import Plugin
+from sparsemor.core import Fault, InputError, Plugin
 
 
 class Material(Plugin):

@@ -10,8 +10,7 @@ from sparsemor.bodies.body import Body
 from sparsemor.bodies.frames.plane import PlanarFrame
 from sparsemor.bodies.frames.plane_items import Attachment, BodyForce, Item, SpaceForce
 from sparsemor.bodies.terms.inertia import write_planar_inertia
-from sparsemor.core.arrays import Csr, FloatArray
-from sparsemor.core.protocols.contributions import Equations
+from sparsemor.core import Csr, Equations, FloatArray
 from sparsemor.core.protocols.separable import Amplitude
 
 

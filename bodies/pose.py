@@ -3,9 +3,7 @@
 import numpy as np
 
 from sparsemor.bodies.frames import rotation as rot
-from sparsemor.core.arrays import FloatArray
-from sparsemor.core.errors import Fault, InputError
-from sparsemor.core.registry.plugin import Plugin
+from sparsemor.core import Fault, FloatArray, InputError, Plugin
 
 Vector = tuple[float, float] | tuple[float, float, float]
 

@@ -7,10 +7,7 @@ import numpy as np
 from pydantic import model_validator
 
 from sparsemor.bodies.mesh.sets import find_set
-from sparsemor.core.arrays import FloatArray, IntArray
-from sparsemor.core.errors import InputError
-from sparsemor.core.protocols.mesh import Mesh
-from sparsemor.core.registry.plugin import Plugin
+from sparsemor.core import FloatArray, InputError, IntArray, Mesh, Plugin
 
 
 class Reference(Plugin):

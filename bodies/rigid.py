@@ -13,10 +13,7 @@ from sparsemor.bodies.planar_body import PlanarBody
 from sparsemor.bodies.pose import Pose, Vector
 from sparsemor.bodies.spatial_body import SpatialBody
 from sparsemor.bodies.terms.field_kinds import BODY_KINDS
-from sparsemor.core.arrays import FloatArray
-from sparsemor.core.errors import Fault, InputError
-from sparsemor.core.protocols.layout import FieldKind
-from sparsemor.core.registry.plugin import Plugin
+from sparsemor.core import Fault, FieldKind, FloatArray, InputError, Plugin
 
 Row = tuple[float, float, float]
 

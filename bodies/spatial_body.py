@@ -13,8 +13,7 @@ from sparsemor.bodies.frames.frame import SpatialFrame
 from sparsemor.bodies.frames.inertia import Inertia
 from sparsemor.bodies.frames.items import Attachment, BodyForce, Item, SpaceForce, UnitLength
 from sparsemor.bodies.terms.inertia import write_spatial_inertia
-from sparsemor.core.arrays import Csr, FloatArray
-from sparsemor.core.protocols.contributions import Equations
+from sparsemor.core import Csr, Equations, FloatArray
 from sparsemor.core.protocols.separable import Amplitude
 
 

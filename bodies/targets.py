@@ -7,11 +7,7 @@ import numpy as np
 
 from sparsemor.bodies.any_body import AnyBody
 from sparsemor.bodies.fem.surface import boundary_facets
-from sparsemor.core.arrays import FloatArray, IntArray
-from sparsemor.core.errors import Gather, InputError
-from sparsemor.core.protocols import Part
-from sparsemor.core.protocols.mesh import Mesh
-from sparsemor.core.registry.registry import near
+from sparsemor.core import FloatArray, Gather, InputError, IntArray, Mesh, Part, near
 
 GROUND = "ground"
 

@@ -5,17 +5,18 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from sparsemor.core.errors import Fault
-from sparsemor.core.model.block_patterns import chosen, unmatched
-from sparsemor.core.protocols import (
+from sparsemor.core import (
     AssembledModel,
     Basis,
     BoundsAtoms,
     ChoosesRowsKept,
+    Fault,
     Preconditioner,
     Sampler,
     SparseSolver,
+    chosen,
 )
+from sparsemor.core.model.block_patterns import unmatched
 from sparsemor.core.protocols.sparse_solver import refusal
 
 

@@ -4,9 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from sparsemor.core.arrays import IntArray
-from sparsemor.core.notes import Note
-from sparsemor.core.protocols import AssembledModel
+from sparsemor.core import AssembledModel, IntArray, Note
 
 UNSAMPLED = "unsampled"
 """Kind of these notes."""

@@ -3,8 +3,7 @@
 from collections.abc import Mapping
 from typing import Protocol, TypeVar, runtime_checkable
 
-from sparsemor.core.protocols import Basis
-from sparsemor.core.registry.plugin import Plugin
+from sparsemor.core import Basis, Plugin
 
 T = TypeVar("T")
 BASES = ("basis", "bases")

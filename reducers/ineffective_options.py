@@ -2,12 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 
-from sparsemor.core.model.block_patterns import chosen
-from sparsemor.core.notes import Note
-from sparsemor.core.protocols import AssembledModel
-from sparsemor.core.registry.plugin import Plugin
-from sparsemor.core.registry.registry import Registry
-from sparsemor.core.registry.slot import Slot
+from sparsemor.core import AssembledModel, Note, Plugin, Registry, Slot, chosen
 
 NO_EFFECT = "no_effect"
 """Kind of the notes."""

@@ -4,10 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from sparsemor.core.errors import InputError
+from sparsemor.core import (
+    AssembledModel,
+    InputError,
+    Integrator,
+    State,
+    Status,
+    StepFormula,
+    StepOutcome,
+)
 from sparsemor.core.model.initial_state import consistent_state
-from sparsemor.core.protocols import AssembledModel, Integrator, State, StepFormula, StepOutcome
-from sparsemor.core.status import Status
 from sparsemor.reducers.step.rejection import rejected_step
 
 

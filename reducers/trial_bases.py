@@ -4,18 +4,18 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from sparsemor.core.arrays import FloatArray
-from sparsemor.core.errors import InputError
-from sparsemor.core.protocols import (
+from sparsemor.core import (
     AssembledModel,
     Basis,
     Dictionary,
+    FloatArray,
+    HeatBody,
+    InputError,
     OfflineProducts,
     ReducedTerm,
     StepFactors,
     Trial,
 )
-from sparsemor.core.protocols.separable import HeatBody
 
 GROWTH = 1e3
 """Coefficients this many times beyond the largest of the training run are called divergence."""

@@ -2,10 +2,7 @@
 
 from collections.abc import Iterable
 
-from sparsemor.core.errors import InputError
-from sparsemor.core.notes import Note, information
-from sparsemor.core.protocols import AssembledModel
-from sparsemor.core.registry.registry import Registry
+from sparsemor.core import AssembledModel, InputError, Note, Registry, information
 
 GENERAL = ("auto", "splu")
 """Linear solvers that mean SuperLU where a matrix is not symmetric, or changes in each iteration;

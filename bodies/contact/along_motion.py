@@ -12,8 +12,7 @@ from sparsemor.bodies.contact.kinematics import attitude_of, crossed
 from sparsemor.bodies.contact.pieces import Overlaps, Pairs, Pieces
 from sparsemor.bodies.contact.surface import Surface
 from sparsemor.bodies.contact.tractions import Interface
-from sparsemor.core.arrays import FloatArray, IntArray
-from sparsemor.core.protocols.prescribed_motion import FrameHistory
+from sparsemor.core import FloatArray, FrameHistory, IntArray
 
 Motion: TypeAlias = Mapping[str, FrameHistory]
 """Body -> its motion; a body that is not named stands still."""

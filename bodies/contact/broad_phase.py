@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from sparsemor.bodies.contact.surface import Surface
-from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core import FloatArray, IntArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)

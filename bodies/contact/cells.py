@@ -14,7 +14,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 from sparsemor.bodies.contact.planes import Planes
-from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
+from sparsemor.core import BoolArray, FloatArray, IntArray
 
 FLAT = 1e-9
 """tan(alpha / 2) between neighbours below which they count as one plane: rounding of a mesh file.

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from sparsemor.core.arrays import FloatArray
+from sparsemor.core import FloatArray
 
 RESTLESS = 0.02
 """Mean change of the normal force from step to step, over its mean, that is reported."""

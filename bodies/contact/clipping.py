@@ -10,7 +10,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
+from sparsemor.core import BoolArray, FloatArray, IntArray
 
 NONE = -1
 """Tag of an edge that bounds nothing: the facet's own, or one between two parts."""

@@ -8,7 +8,7 @@ from sparsemor.bodies.contact.clipping import Parts
 from sparsemor.bodies.contact.pieces import DEPTH, EDGE, Overlaps, Pieces
 from sparsemor.bodies.contact.quadrature import points_along
 from sparsemor.bodies.contact.tractions import Interface, Samples, drop
-from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core import FloatArray, IntArray
 
 
 def moving_edges(

@@ -7,8 +7,7 @@ from sparsemor.bodies.contact.kinematics import attitude_of
 from sparsemor.bodies.contact.projection import nearest
 from sparsemor.bodies.contact.surface import Surface
 from sparsemor.bodies.mesh.simplices import boundary
-from sparsemor.core.arrays import BoolArray, FloatArray
-from sparsemor.core.errors import InputError
+from sparsemor.core import BoolArray, FloatArray, InputError
 
 OVERLAP = 0.1
 """Largest penetration at the start, as a share of the smallest facet of both surfaces."""

@@ -16,7 +16,7 @@ import numpy as np
 from sparsemor.bodies.contact.side import Side, Sizes
 from sparsemor.bodies.frames.rotation import LEVI_CIVITA
 from sparsemor.bodies.frames.unit_quaternion import UnitQuaternion
-from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core import FloatArray, IntArray
 
 QUARTER = np.array([[0.0, -1.0], [1.0, 0.0]])
 """Quarter turn in the plane: w x r = w QUARTER r."""

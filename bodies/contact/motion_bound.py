@@ -5,7 +5,7 @@ from typing import Self
 
 import numpy as np
 
-from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
+from sparsemor.core import BoolArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)

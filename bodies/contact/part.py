@@ -25,10 +25,7 @@ from sparsemor.bodies.contact.side import Side
 from sparsemor.bodies.contact.surface import Surface
 from sparsemor.bodies.contact.term import ContactTerm
 from sparsemor.bodies.contact.tractions import Interface, Loads, nodal
-from sparsemor.core.arrays import FloatArray, IntArray
-from sparsemor.core.protocols.contributions import Equations
-from sparsemor.core.protocols.layout import Block
-from sparsemor.core.protocols.prescribed_motion import SurfaceLoads
+from sparsemor.core import Block, Equations, FloatArray, IntArray, SurfaceLoads
 
 FLAT = 1e-3
 """Share of a surface's extent below which it has none in a direction."""

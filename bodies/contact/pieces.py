@@ -20,8 +20,7 @@ import numpy as np
 from sparsemor.bodies.contact.cells import Cells
 from sparsemor.bodies.contact.clipping import NONE, Parts, joined, left
 from sparsemor.bodies.contact.planes import Planes, area_vector
-from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
-from sparsemor.core.protocols import FrictionLaw, NormalLaw
+from sparsemor.core import BoolArray, FloatArray, FrictionLaw, IntArray, NormalLaw
 
 EDGE = 1_000_000
 """Tag of an edge where the surfaces lift off; lower ones: the number of the cell's border."""

@@ -5,7 +5,7 @@ from typing import Self
 
 import numpy as np
 
-from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core import FloatArray, IntArray
 
 
 def area_vector(a: FloatArray) -> FloatArray:

@@ -14,11 +14,18 @@ from sparsemor.bodies.contact.quadrature import enough_points, rule
 from sparsemor.bodies.contact.surface import Surface
 from sparsemor.bodies.contact.tractions import Interface
 from sparsemor.bodies.targets import find_target
-from sparsemor.core.arrays import FloatArray, IntArray
-from sparsemor.core.errors import Fault, Gather, InputError
-from sparsemor.core.protocols import FrictionLaw, NormalLaw, Part
-from sparsemor.core.registry.plugin import Plugin
-from sparsemor.core.registry.slot import Slot
+from sparsemor.core import (
+    Fault,
+    FloatArray,
+    FrictionLaw,
+    Gather,
+    InputError,
+    IntArray,
+    NormalLaw,
+    Part,
+    Plugin,
+    Slot,
+)
 
 
 class SurfaceHeat(Plugin):

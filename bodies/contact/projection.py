@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core import FloatArray, IntArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)

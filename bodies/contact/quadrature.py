@@ -11,9 +11,7 @@ from itertools import pairwise, product
 import numpy as np
 from scipy.special import roots_jacobi
 
-from sparsemor.core.arrays import FloatArray
-from sparsemor.core.errors import InputError
-from sparsemor.core.protocols import FrictionLaw, NormalLaw
+from sparsemor.core import FloatArray, FrictionLaw, InputError, NormalLaw
 
 FEWEST, MOST = {2: 3, 3: 2}, {2: 24, 3: 12}
 """Numbers of points along a side that are tried, by dimension."""

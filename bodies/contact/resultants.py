@@ -6,7 +6,7 @@ import numpy as np
 
 from sparsemor.bodies.contact.pieces import Overlaps, Pieces, pressure
 from sparsemor.bodies.contact.tractions import Interface, Loads
-from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core import FloatArray, IntArray
 
 
 def names_of(d: int) -> tuple[str, ...]:

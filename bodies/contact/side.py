@@ -12,9 +12,7 @@ import numpy as np
 
 from sparsemor.bodies.contact.surface import Surface
 from sparsemor.bodies.contact.unknowns import Held, elastic_numbers, thermal_numbers
-from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
-from sparsemor.core.protocols.layout import Layout
-from sparsemor.core.protocols.prescribed_motion import FrameHistory
+from sparsemor.core import BoolArray, FloatArray, FrameHistory, IntArray, Layout
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -7,7 +7,7 @@ from sparsemor.bodies.contact.broad_phase import BroadPhase
 from sparsemor.bodies.contact.kinematics import Kinematics
 from sparsemor.bodies.contact.planes import Planes
 from sparsemor.bodies.contact.surface import Surface, tree_of
-from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core import FloatArray, IntArray
 
 
 def too_deep(

@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 from sparsemor.bodies.body import Body
 from sparsemor.bodies.contact.cells import Cells, cells_of
 from sparsemor.bodies.contact.planes import Planes
-from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core import FloatArray, IntArray
 
 
 @dataclass(frozen=True, eq=False)

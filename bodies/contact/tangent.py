@@ -18,7 +18,7 @@ from sparsemor.bodies.contact.edges import moving_edges
 from sparsemor.bodies.contact.pieces import Overlaps, Pieces
 from sparsemor.bodies.contact.planes import area_slopes, area_vector
 from sparsemor.bodies.contact.tractions import Interface, Loads, Samples, drop, weights_of
-from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core import FloatArray, IntArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -21,9 +21,7 @@ from sparsemor.bodies.contact.tangent import Slopes, summed
 from sparsemor.bodies.contact.tractions import Interface, Loads, nodal
 from sparsemor.bodies.contact.unknowns import found_in, picked, renumbered
 from sparsemor.bodies.contact.verlet_list import FollowedContact
-from sparsemor.core.arrays import BoolArray, Csr, FloatArray, IntArray
-from sparsemor.core.model.compressed_local import CompressedLocal
-from sparsemor.core.protocols import Trial
+from sparsemor.core import BoolArray, CompressedLocal, Csr, FloatArray, IntArray, Trial
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -13,8 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sparsemor.bodies.contact.pieces import DEPTH, SINK, Overlaps, Pieces
-from sparsemor.core.arrays import FloatArray, IntArray
-from sparsemor.core.protocols import FrictionLaw, NormalLaw
+from sparsemor.core import FloatArray, FrictionLaw, IntArray, NormalLaw
 
 
 @dataclass(frozen=True, slots=True, eq=False)

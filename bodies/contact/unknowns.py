@@ -7,8 +7,7 @@ from typing import Self
 import numpy as np
 
 from sparsemor.bodies.body import Body
-from sparsemor.core.arrays import FloatArray, IntArray
-from sparsemor.core.protocols.layout import Layout
+from sparsemor.core import FloatArray, IntArray, Layout
 from sparsemor.core.protocols.separable import Amplitude
 
 

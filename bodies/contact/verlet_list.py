@@ -16,8 +16,7 @@ from scipy.spatial import cKDTree
 
 from sparsemor.bodies.contact.broad_phase import BroadPhase
 from sparsemor.bodies.contact.motion_bound import MotionBound, Mover
-from sparsemor.core.arrays import FloatArray, IntArray
-from sparsemor.core.model.compressed_local import CompressedLocal
+from sparsemor.core import CompressedLocal, FloatArray, IntArray
 
 MARGIN = 0.1
 """Of the smaller surface's extent: a length that does not shrink with the facets."""

@@ -10,9 +10,7 @@ import numpy as np
 
 from sparsemor.bodies.material import Material, require
 from sparsemor.bodies.mesh.simplices import gradients
-from sparsemor.core.arrays import Csr, FloatArray
-from sparsemor.core.errors import InputError
-from sparsemor.core.protocols.mesh import Mesh
+from sparsemor.core import Csr, FloatArray, InputError, Mesh
 
 Model: TypeAlias = Literal["plane_stress", "plane_strain", "solid"]
 

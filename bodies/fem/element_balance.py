@@ -8,9 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sparsemor.bodies.fem.fields import Heat
-from sparsemor.core.arrays import FloatArray, IntArray
-from sparsemor.core.protocols.element_integrals import ElasticIntegrals, HeatIntegrals, Integrals
-from sparsemor.core.protocols.mesh import Mesh
+from sparsemor.core import ElasticIntegrals, FloatArray, HeatIntegrals, IntArray, Integrals, Mesh
 from sparsemor.core.protocols.separable import Amplitude
 
 if TYPE_CHECKING:

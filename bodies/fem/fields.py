@@ -3,8 +3,7 @@
 from dataclasses import dataclass
 
 from sparsemor.bodies.fem.elasticity import Law
-from sparsemor.core.arrays import Csr, IntArray
-from sparsemor.core.protocols import TimeFunction
+from sparsemor.core import Csr, IntArray, TimeFunction
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -17,8 +17,7 @@ import skfem
 from scipy.sparse import csr_array, diags_array
 from skfem.helpers import ddot, div, dot, grad, sym_grad
 
-from sparsemor.core.arrays import BoolArray, Csr, FloatArray, IntArray
-from sparsemor.core.protocols.mesh import Mesh
+from sparsemor.core import BoolArray, Csr, FloatArray, IntArray, Mesh
 
 CHUNK = 1 << 15
 """Cells assembled at a time: what is held next to the matrix stays below about 100 MB."""

@@ -6,9 +6,7 @@ A facet is a row of d point numbers, ordered so that its normal points out of th
 import numpy as np
 
 from sparsemor.bodies.mesh.simplices import boundary
-from sparsemor.core.arrays import Csr, FloatArray, IntArray
-from sparsemor.core.errors import InputError
-from sparsemor.core.protocols.mesh import Mesh
+from sparsemor.core import Csr, FloatArray, InputError, IntArray, Mesh
 
 
 def boundary_facets(mesh: Mesh, nodes: IntArray) -> IntArray:

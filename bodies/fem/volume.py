@@ -3,8 +3,7 @@
 import numpy as np
 from scipy.sparse import csr_array, diags_array
 
-from sparsemor.core.arrays import Csr
-from sparsemor.core.protocols.mesh import Mesh
+from sparsemor.core import Csr, Mesh
 
 
 def scalar_mass(mesh: Mesh, weight: float) -> Csr:

@@ -10,7 +10,7 @@ from typing import TypeAlias
 import numpy as np
 
 from sparsemor.bodies.frames import rotation as rot
-from sparsemor.core.arrays import FloatArray
+from sparsemor.core import FloatArray
 
 Rates: TypeAlias = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 """w, alpha (3,) in body axes, 1/s and 1/s^2; their derivatives (3, n) by the coordinates."""

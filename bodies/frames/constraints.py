@@ -14,7 +14,7 @@ import numpy as np
 from sparsemor.bodies.frames import rotation as rot
 from sparsemor.bodies.frames.attitude import Attitude, attitude
 from sparsemor.bodies.frames.motion import Motion, Sums
-from sparsemor.core.arrays import FloatArray
+from sparsemor.core import FloatArray
 from sparsemor.core.protocols.poses import placed, turned
 from sparsemor.core.protocols.prescribed_quantities import derivatives
 from sparsemor.core.protocols.separable import Amplitude

@@ -9,8 +9,7 @@ from sparsemor.bodies.frames.items import Item, Nothing, Pushing, Timed
 from sparsemor.bodies.frames.many_times import MotionAtTimes, Pushes
 from sparsemor.bodies.frames.moments import moments_of
 from sparsemor.bodies.frames.motion import Motion, Sums
-from sparsemor.core.arrays import FloatArray
-from sparsemor.core.protocols.separable import FrameWork
+from sparsemor.core import FloatArray, FrameWork
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -16,7 +16,7 @@ from sparsemor.bodies.frames import rotation as rot
 from sparsemor.bodies.frames.many_times import Moved, Pushed
 from sparsemor.bodies.frames.moments import FREE, Moments
 from sparsemor.bodies.frames.motion import Motion, Sums
-from sparsemor.core.arrays import Csr, FloatArray
+from sparsemor.core import Csr, FloatArray
 
 FIRST = 3
 """Directions of the first moment, before those of the second moments."""

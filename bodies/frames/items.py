@@ -15,8 +15,7 @@ import numpy as np
 from sparsemor.bodies.frames.constraints import Wrench
 from sparsemor.bodies.frames.many_times import Moved, Pushed
 from sparsemor.bodies.frames.motion import Motion, Sums
-from sparsemor.core.arrays import FloatArray
-from sparsemor.core.protocols.load_tables import Table
+from sparsemor.core import FloatArray, Table
 from sparsemor.core.protocols.separable import Amplitude
 
 AXES = ("x", "y", "z")

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sparsemor.bodies.frames.rotation import LEVI_CIVITA
-from sparsemor.core.arrays import FloatArray
+from sparsemor.core import FloatArray
 
 Rates = Callable[[FloatArray, FloatArray], FloatArray]
 

@@ -7,9 +7,8 @@ at fixed histories: v = c1 x + r1, a = c2 x + r2.
 import numpy as np
 
 from sparsemor.bodies.frames.attitude import attitude
-from sparsemor.core.arrays import FloatArray
-from sparsemor.core.protocols.load_tables import Table
-from sparsemor.core.protocols.separable import Amplitude, FrameWork
+from sparsemor.core import FloatArray, FrameWork, Table
+from sparsemor.core.protocols.separable import Amplitude
 
 
 class Motion:

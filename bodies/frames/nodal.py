@@ -3,7 +3,7 @@
 import numpy as np
 
 from sparsemor.bodies.frames.rotation import LEVI_CIVITA
-from sparsemor.core.arrays import FloatArray
+from sparsemor.core import FloatArray
 
 
 def along(weights: FloatArray) -> FloatArray:

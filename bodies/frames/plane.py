@@ -6,8 +6,7 @@ import numpy as np
 
 from sparsemor.bodies.frames.plane_items import Inertia, Item
 from sparsemor.bodies.frames.plane_motion import Motion, Views
-from sparsemor.core.arrays import FloatArray
-from sparsemor.core.protocols.separable import FrameWork
+from sparsemor.core import FloatArray, FrameWork
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -8,8 +8,7 @@ directions is a load of, two a pair; "" where it only serves the rows of the fra
 from dataclasses import dataclass, replace
 
 from sparsemor.bodies.frames.plane_motion import Motion, Views
-from sparsemor.core.arrays import FloatArray
-from sparsemor.core.protocols.load_tables import Table
+from sparsemor.core import FloatArray, Table
 from sparsemor.core.protocols.separable import Amplitude
 
 

@@ -11,8 +11,7 @@ import cmath
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsemor.core.arrays import FloatArray
-from sparsemor.core.protocols.separable import FrameWork
+from sparsemor.core import FloatArray, FrameWork
 
 ComplexArray = NDArray[np.complex128]
 

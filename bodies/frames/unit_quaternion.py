@@ -9,7 +9,7 @@ from typing import Self
 import numpy as np
 
 from sparsemor.bodies.frames.attitude import Free, attitude
-from sparsemor.core.arrays import FloatArray
+from sparsemor.core import FloatArray
 
 
 class UnitQuaternion:

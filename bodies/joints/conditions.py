@@ -27,9 +27,7 @@ from sparsemor.bodies.joints.space_attachment import NEAR, Side, check_meet, sid
 from sparsemor.bodies.joints.space_part import Condition, SpaceJoint
 from sparsemor.bodies.spatial_body import SpatialBody
 from sparsemor.bodies.targets import Target
-from sparsemor.core.arrays import FloatArray
-from sparsemor.core.errors import Gather, InputError
-from sparsemor.core.protocols import Part
+from sparsemor.core import FloatArray, Gather, InputError, Part
 from sparsemor.core.protocols.separable import Amplitude
 
 

@@ -5,9 +5,7 @@ from collections.abc import Sequence
 
 from sparsemor.bodies.any_body import AnyBody
 from sparsemor.bodies.terms.field_kinds import MULTIPLIER
-from sparsemor.core.protocols.contributions import Equations
-from sparsemor.core.protocols.layout import Block
-from sparsemor.core.protocols.load_tables import Table
+from sparsemor.core import Block, Equations, Table
 from sparsemor.core.protocols.separable import Amplitude
 
 

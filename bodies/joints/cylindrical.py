@@ -6,8 +6,7 @@ from sparsemor.bodies.frames.rotation import across
 from sparsemor.bodies.joints.conditions import rows_between
 from sparsemor.bodies.joints.space_attachment import need_space, unit
 from sparsemor.bodies.joints.space_part import SpaceJoint
-from sparsemor.core.protocols import Part
-from sparsemor.core.registry.plugin import Plugin
+from sparsemor.core import Part, Plugin
 
 
 class Cylindrical(Plugin):

@@ -7,8 +7,7 @@ from sparsemor.bodies.joints.plane_attachment import connect
 from sparsemor.bodies.joints.plane_part import JointPart
 from sparsemor.bodies.joints.space_attachment import spatial
 from sparsemor.bodies.joints.space_part import SpaceJoint
-from sparsemor.core.protocols import Part
-from sparsemor.core.registry.plugin import Plugin
+from sparsemor.core import Part, Plugin
 
 
 class Fixed(Plugin):

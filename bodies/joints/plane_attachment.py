@@ -7,10 +7,7 @@ import numpy as np
 from sparsemor.bodies.joints.plane_part import End, JointPart
 from sparsemor.bodies.planar_body import PlanarBody
 from sparsemor.bodies.targets import GROUND, Target, find_target
-from sparsemor.core.arrays import FloatArray
-from sparsemor.core.errors import Gather, InputError
-from sparsemor.core.protocols import Part
-from sparsemor.core.protocols.prescribed_quantities import Held
+from sparsemor.core import FloatArray, Gather, Held, InputError, Part
 from sparsemor.core.protocols.separable import Amplitude
 
 

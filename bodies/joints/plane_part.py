@@ -10,9 +10,7 @@ from sparsemor.bodies.frames.plane_items import Reaction
 from sparsemor.bodies.joints.constraint import Constraint
 from sparsemor.bodies.planar_body import PlanarBody
 from sparsemor.bodies.targets import Target
-from sparsemor.core.arrays import FloatArray
-from sparsemor.core.protocols.contributions import Equations
-from sparsemor.core.protocols.load_tables import Table
+from sparsemor.core import Equations, FloatArray, Table
 from sparsemor.core.protocols.separable import Amplitude
 
 

@@ -12,10 +12,7 @@ from sparsemor.bodies.joints.space_attachment import spatial, unit
 from sparsemor.bodies.joints.space_part import SpaceJoint
 from sparsemor.bodies.loads.amplitude import Quantity
 from sparsemor.bodies.targets import find_target
-from sparsemor.core.errors import InputError
-from sparsemor.core.protocols import Part
-from sparsemor.core.protocols.prescribed_quantities import Prescribed
-from sparsemor.core.registry.plugin import Plugin
+from sparsemor.core import InputError, Part, Plugin, Prescribed
 
 
 class PrescribedMotion(Plugin):

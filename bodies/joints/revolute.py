@@ -8,9 +8,7 @@ from sparsemor.bodies.joints.plane_attachment import connect
 from sparsemor.bodies.joints.plane_part import JointPart
 from sparsemor.bodies.joints.space_attachment import spatial, unit
 from sparsemor.bodies.joints.space_part import SpaceJoint
-from sparsemor.core.errors import InputError
-from sparsemor.core.protocols import Part
-from sparsemor.core.registry.plugin import Plugin
+from sparsemor.core import InputError, Part, Plugin
 
 
 class Revolute(Plugin):

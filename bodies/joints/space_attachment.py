@@ -10,9 +10,7 @@ from sparsemor.bodies.frames import nodal
 from sparsemor.bodies.frames.constraints import STILL
 from sparsemor.bodies.spatial_body import SpatialBody
 from sparsemor.bodies.targets import GROUND, Target, find_target
-from sparsemor.core.arrays import FloatArray
-from sparsemor.core.errors import InputError
-from sparsemor.core.protocols import Part
+from sparsemor.core import FloatArray, InputError, Part
 
 NEAR = 1e-8
 """Relative gap that sides which must meet may have at the start."""

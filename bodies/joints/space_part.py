@@ -13,9 +13,7 @@ from sparsemor.bodies.joints.constraint import Constraint
 from sparsemor.bodies.joints.space_attachment import Side
 from sparsemor.bodies.joints.wrench import SIZE, holding, wrenches
 from sparsemor.bodies.spatial_body import SpatialBody
-from sparsemor.core.arrays import FloatArray
-from sparsemor.core.protocols.contributions import Equations
-from sparsemor.core.protocols.load_tables import Table
+from sparsemor.core import Equations, FloatArray, Table
 from sparsemor.core.protocols.separable import Amplitude
 
 

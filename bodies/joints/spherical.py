@@ -5,8 +5,7 @@ from collections.abc import Mapping
 from sparsemor.bodies.joints.conditions import rows_between
 from sparsemor.bodies.joints.space_attachment import need_space
 from sparsemor.bodies.joints.space_part import SpaceJoint
-from sparsemor.core.protocols import Part
-from sparsemor.core.registry.plugin import Plugin
+from sparsemor.core import Part, Plugin
 
 
 class Spherical(Plugin):

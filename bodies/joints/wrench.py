@@ -14,8 +14,7 @@ import numpy as np
 
 from sparsemor.bodies.frames.constraints import Wrench
 from sparsemor.bodies.frames.items import Holding, Item
-from sparsemor.core.arrays import FloatArray
-from sparsemor.core.errors import InputError
+from sparsemor.core import FloatArray, InputError
 from sparsemor.core.protocols.poses import placed
 
 if TYPE_CHECKING:

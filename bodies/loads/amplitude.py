@@ -4,9 +4,8 @@ from typing import Annotated, Any
 
 from pydantic import BeforeValidator
 
-from sparsemor.core.protocols import TimeFunction
+from sparsemor.core import Slot, TimeFunction
 from sparsemor.core.protocols.separable import Amplitude
-from sparsemor.core.registry.slot import Slot
 
 
 def _number_as_function(value: Any) -> Any:

@@ -9,9 +9,7 @@ from sparsemor.bodies.fem.surface import surface_load, surface_mass
 from sparsemor.bodies.loads.amplitude import Quantity
 from sparsemor.bodies.loads.part import LoadPart
 from sparsemor.bodies.targets import find_surfaces
-from sparsemor.core.protocols import Effect, Part
-from sparsemor.core.protocols.contributions import Equations
-from sparsemor.core.registry.plugin import Plugin
+from sparsemor.core import Effect, Equations, Part, Plugin
 
 
 class Convection(Plugin):

@@ -8,10 +8,7 @@ from sparsemor.bodies.loads.part import LoadPart
 from sparsemor.bodies.loads.vectors import Vector, components, weight
 from sparsemor.bodies.spatial_body import SpatialBody
 from sparsemor.bodies.targets import find_body
-from sparsemor.core.arrays import FloatArray
-from sparsemor.core.protocols import Part
-from sparsemor.core.protocols.contributions import Equations
-from sparsemor.core.registry.plugin import Plugin
+from sparsemor.core import Equations, FloatArray, Part, Plugin
 
 
 class Gravity(Plugin):

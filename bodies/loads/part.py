@@ -3,9 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from sparsemor.core.notes import Note
-from sparsemor.core.protocols.contributions import Equations
-from sparsemor.core.protocols.layout import Block
+from sparsemor.core import Block, Equations, Note
 from sparsemor.core.protocols.separable import Amplitude
 
 

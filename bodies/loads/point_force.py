@@ -9,9 +9,7 @@ from sparsemor.bodies.loads.amplitude import Quantity, amplitude
 from sparsemor.bodies.loads.part import LoadPart
 from sparsemor.bodies.loads.vectors import Vector, body_force, components, space_force
 from sparsemor.bodies.targets import find_target, need_field
-from sparsemor.core.protocols import Part
-from sparsemor.core.protocols.contributions import Equations
-from sparsemor.core.registry.plugin import Plugin
+from sparsemor.core import Equations, Part, Plugin
 
 
 class PointForce(Plugin):

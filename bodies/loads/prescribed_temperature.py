@@ -9,12 +9,8 @@ import numpy as np
 from sparsemor.bodies.any_body import AnyBody
 from sparsemor.bodies.loads.amplitude import Quantity
 from sparsemor.bodies.targets import find_target, need_field
-from sparsemor.core.errors import InputError
-from sparsemor.core.protocols import Effect, Part
-from sparsemor.core.protocols.contributions import Equations
-from sparsemor.core.protocols.layout import Block
+from sparsemor.core import Block, Effect, Equations, InputError, Part, Plugin
 from sparsemor.core.protocols.separable import Amplitude
-from sparsemor.core.registry.plugin import Plugin
 
 
 @dataclass(frozen=True, slots=True, eq=False)

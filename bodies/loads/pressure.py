@@ -10,10 +10,7 @@ from sparsemor.bodies.loads.amplitude import Quantity
 from sparsemor.bodies.loads.part import LoadPart
 from sparsemor.bodies.loads.vectors import body_force
 from sparsemor.bodies.targets import find_surfaces
-from sparsemor.core.errors import InputError
-from sparsemor.core.protocols import Part
-from sparsemor.core.protocols.contributions import Equations
-from sparsemor.core.registry.plugin import Plugin
+from sparsemor.core import Equations, InputError, Part, Plugin
 
 
 class Pressure(Plugin):

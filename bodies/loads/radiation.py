@@ -14,12 +14,18 @@ from sparsemor.bodies.loads.amplitude import Quantity
 from sparsemor.bodies.loads.part import LoadPart
 from sparsemor.bodies.mesh.plausibility import celsius_notes
 from sparsemor.bodies.targets import find_surfaces
-from sparsemor.core.arrays import Csr, FloatArray, IntArray
-from sparsemor.core.model.compressed_local import CompressedLocal
-from sparsemor.core.protocols import Effect, Part, Trial
-from sparsemor.core.protocols.contributions import Equations
+from sparsemor.core import (
+    CompressedLocal,
+    Csr,
+    Effect,
+    Equations,
+    FloatArray,
+    IntArray,
+    Part,
+    Plugin,
+    Trial,
+)
 from sparsemor.core.protocols.separable import Amplitude
-from sparsemor.core.registry.plugin import Plugin
 
 STEFAN_BOLTZMANN = 5.670374419e-8
 """W/(m^2 K^4), CODATA 2018 (exact since the SI of 2019)."""

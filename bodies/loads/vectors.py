@@ -6,9 +6,7 @@ import numpy as np
 
 from sparsemor.bodies.any_body import AnyBody
 from sparsemor.bodies.spatial_body import SpatialBody
-from sparsemor.core.arrays import FloatArray
-from sparsemor.core.errors import InputError
-from sparsemor.core.protocols.contributions import Equations
+from sparsemor.core import Equations, FloatArray, InputError
 from sparsemor.core.protocols.separable import Amplitude
 
 Vector = tuple[float, float] | tuple[float, float, float]

@@ -10,9 +10,7 @@ from sparsemor.bodies.mesh.simplices import (
     longest_edges,
     signed_measures,
 )
-from sparsemor.core.arrays import FloatArray, IntArray
-from sparsemor.core.errors import Fault, InputError
-from sparsemor.core.protocols.mesh import Mesh
+from sparsemor.core import Fault, FloatArray, InputError, IntArray, Mesh
 
 SHOWN = 5
 FLAT = 1e-12

@@ -13,8 +13,7 @@ from typing import Annotated, Any, Literal, TypeAlias
 import numpy as np
 from pydantic import AfterValidator
 
-from sparsemor.core.arrays import BoolArray, FloatArray
-from sparsemor.core.errors import InputError
+from sparsemor.core import BoolArray, FloatArray, InputError
 
 Kind: TypeAlias = Literal["number", "condition"]
 

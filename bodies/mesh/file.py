@@ -14,10 +14,7 @@ from pydantic import Field
 from sparsemor.bodies.mesh.check import check_mesh, some
 from sparsemor.bodies.mesh.groups import SIMPLEX, dimension_of, named_points
 from sparsemor.bodies.mesh.simplices import signed_measures
-from sparsemor.core.arrays import FloatArray, IntArray
-from sparsemor.core.errors import InputError
-from sparsemor.core.protocols.mesh import Mesh
-from sparsemor.core.registry.plugin import Plugin
+from sparsemor.core import FloatArray, InputError, IntArray, Mesh, Plugin
 from sparsemor.core.simulation.memory.limits import bounded
 
 FORMATS = {

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from sparsemor.core.arrays import IntArray
+from sparsemor.core import IntArray
 
 SIMPLEX = {2: "triangle", 3: "tetra"}
 GMSH_WORD = ("point", "curve", "surface", "volume")

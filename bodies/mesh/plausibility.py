@@ -6,9 +6,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from sparsemor.bodies.mesh.sets import PointSet
-from sparsemor.core.arrays import FloatArray
-from sparsemor.core.notes import Note
-from sparsemor.core.protocols.mesh import Mesh
+from sparsemor.core import FloatArray, Mesh, Note
 from sparsemor.core.simulation.diagnostics.plausibility import outside
 
 COINCIDENT = 1e-9

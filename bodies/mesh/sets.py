@@ -7,11 +7,7 @@ import numpy as np
 from pydantic import model_validator
 
 from sparsemor.bodies.mesh.expression import ConditionText, evaluate_condition
-from sparsemor.core.arrays import IntArray
-from sparsemor.core.errors import Fault, InputError
-from sparsemor.core.protocols.mesh import Mesh
-from sparsemor.core.registry.plugin import Plugin
-from sparsemor.core.registry.registry import near
+from sparsemor.core import Fault, InputError, IntArray, Mesh, Plugin, near
 
 
 class PointSet(Plugin):

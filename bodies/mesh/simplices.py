@@ -4,9 +4,8 @@ from math import factorial
 
 import numpy as np
 
-from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core import FloatArray, IntArray, Mesh
 from sparsemor.core.model.facets import all_facets, boundary, distinct_rows, facet_numbers
-from sparsemor.core.protocols.mesh import Mesh
 
 
 def edge_vectors(points: FloatArray, cells: IntArray) -> FloatArray:

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sparsemor.bodies.fem.fields import Elasticity, Heat
-from sparsemor.core.arrays import Csr, FloatArray
-from sparsemor.core.protocols.contributions import Equations
+from sparsemor.core import Csr, Equations, FloatArray
 from sparsemor.core.protocols.separable import Amplitude
 
 if TYPE_CHECKING:

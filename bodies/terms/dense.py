@@ -7,8 +7,7 @@ from typing import Self
 import numpy as np
 from scipy.sparse import csr_array
 
-from sparsemor.core.arrays import Csr, FloatArray, IntArray
-from sparsemor.core.protocols import Trial
+from sparsemor.core import Csr, FloatArray, IntArray, Trial
 
 Evaluation = tuple[FloatArray, FloatArray, FloatArray]
 Law = Callable[[FloatArray, FloatArray, float], Evaluation]

@@ -1,6 +1,6 @@
 """Kinds of fields that bodies and joints of this package have."""
 
-from sparsemor.core.protocols.layout import FieldKind, Quantity
+from sparsemor.core import FieldKind, Quantity
 
 RIGID = FieldKind(
     "rigid", order=2, unit="m, rad", quantity=Quantity.POSE, title="rigid motion",

@@ -10,8 +10,7 @@ from scipy.sparse import csr_array, kron
 from sparsemor.bodies.frames import nodal
 from sparsemor.bodies.frames.inertia import Inertia
 from sparsemor.bodies.frames.plane_items import Inertia as PlanarInertia
-from sparsemor.core.arrays import Csr, FloatArray
-from sparsemor.core.protocols.contributions import Equations
+from sparsemor.core import Csr, Equations, FloatArray
 
 if TYPE_CHECKING:
     from sparsemor.bodies.planar_body import PlanarBody

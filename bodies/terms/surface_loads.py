@@ -8,10 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.sparse import csr_array
 
-from sparsemor.core.arrays import FloatArray, IntArray
-from sparsemor.core.protocols.contributions import Equations
-from sparsemor.core.protocols.load_tables import LoadTable, Table
-from sparsemor.core.protocols.prescribed_motion import SurfaceLoads
+from sparsemor.core import Equations, FloatArray, IntArray, LoadTable, SurfaceLoads, Table
 
 if TYPE_CHECKING:
     from sparsemor.bodies.body import Body

@@ -17,11 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import linalg
 
-from sparsemor.core.arrays import FloatArray
+from sparsemor.core import ElasticOperators, Factorized, FloatArray, SolveFailed, Status
 from sparsemor.core.model.factorizations import solved
-from sparsemor.core.protocols import Factorized
-from sparsemor.core.protocols.separable import ElasticOperators
-from sparsemor.core.status import SolveFailed, Status
 
 MODES, SPARE, POWER, MARGIN = 32, 8, 4, 2.0
 """Modes that are kept, others that are iterated with them, steps of the subspace iteration, and the

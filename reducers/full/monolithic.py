@@ -14,21 +14,25 @@ import numpy as np
 from scipy.sparse import csc_array
 from scipy.sparse.linalg import splu
 
-from sparsemor.core.arrays import BoolArray, Csr, FloatArray, IntArray
-from sparsemor.core.model.equations import jacobian, residual
-from sparsemor.core.notes import Note
-from sparsemor.core.protocols import (
+from sparsemor.core import (
     AssembledModel,
+    BoolArray,
+    Csr,
     Dictionary,
+    FloatArray,
     HasConstantMatrices,
+    IntArray,
+    Layout,
     NamesSource,
+    Note,
+    ResultantSource,
     State,
     StepFormula,
     StepOutcome,
     Term,
 )
-from sparsemor.core.protocols.layout import Layout
-from sparsemor.core.protocols.step_solver import ResultantSource, resultant_sources
+from sparsemor.core.model.equations import jacobian, residual
+from sparsemor.core.protocols.step_solver import resultant_sources
 from sparsemor.reducers.step.acceptance import Tolerances
 from sparsemor.reducers.step.newton.iteration import solve
 from sparsemor.reducers.step.newton.memory import NewtonMemory

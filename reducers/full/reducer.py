@@ -5,13 +5,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from sparsemor.core.protocols import (
-    AssembledModel,
-    ReducedProblem,
-    StepSolver,
-)
-from sparsemor.core.protocols.separable import HeatBody
-from sparsemor.core.registry.plugin import Plugin
+from sparsemor.core import AssembledModel, HeatBody, Plugin, ReducedProblem, StepSolver
 from sparsemor.reducers.full.monolithic import GeneralStepper, Summed, coupling
 from sparsemor.reducers.start_check import check_start
 from sparsemor.reducers.step.acceptance import Tolerances

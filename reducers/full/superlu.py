@@ -6,7 +6,7 @@ from typing import Any
 from scipy.sparse import csc_array
 from scipy.sparse.linalg import splu
 
-from sparsemor.core.arrays import Csr
+from sparsemor.core import Csr
 
 
 def factorize(matrix: Csr) -> Any:

@@ -14,24 +14,29 @@ import numpy as np
 from pydantic import Field
 from scipy.linalg import lapack, solve_triangular
 
-from sparsemor.core.arrays import Csr, FloatArray, IntArray
-from sparsemor.core.errors import Fault
-from sparsemor.core.model.block_patterns import chosen
-from sparsemor.core.notes import Note
-from sparsemor.core.protocols import (
+from sparsemor.core import (
     AssembledModel,
     Basis,
+    Csr,
     Dictionary,
+    Fault,
+    FloatArray,
+    HeatBody,
+    IntArray,
     Integrator,
+    MovingBody,
+    Note,
     OfflineProducts,
+    Plugin,
     ReducedProblem,
+    Slot,
+    SolveFailed,
+    Status,
     StepFactors,
     StepSolver,
+    chosen,
+    slot_default,
 )
-from sparsemor.core.protocols.separable import HeatBody, MovingBody
-from sparsemor.core.registry.plugin import Plugin
-from sparsemor.core.registry.slot import Slot, slot_default
-from sparsemor.core.status import SolveFailed, Status
 from sparsemor.reducers.checks import pattern_faults
 from sparsemor.reducers.field_options import BASES
 from sparsemor.reducers.ineffective_options import shadowed_basis

@@ -11,12 +11,20 @@ from dataclasses import replace
 import numpy as np
 from scipy.sparse import eye_array
 
-from sparsemor.core.arrays import FloatArray, IntArray
-from sparsemor.core.errors import InputError
+from sparsemor.core import (
+    Basis,
+    BlockData,
+    Dictionary,
+    FloatArray,
+    InputError,
+    IntArray,
+    Layout,
+    Recording,
+    Sampler,
+    State,
+)
 from sparsemor.core.linalg.svd import svd
 from sparsemor.core.model.initial_state import consistent_state
-from sparsemor.core.protocols import Basis, BlockData, Dictionary, Recording, Sampler, State
-from sparsemor.core.protocols.layout import Layout
 from sparsemor.core.registry.returned_values import built_dictionary, sampled_rows
 from sparsemor.reducers.projection.base import Reducible, deficient
 

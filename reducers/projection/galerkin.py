@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from sparsemor.core.protocols import AssembledModel, Dictionary
+from sparsemor.core import AssembledModel, Dictionary
 from sparsemor.reducers.projection.base import Maps, ProjectionReducer, Reducible
 from sparsemor.reducers.projection.modal_coordinates import modal_coordinates
 from sparsemor.reducers.step.operators import TestMap

@@ -6,12 +6,18 @@ from typing import Annotated, ClassVar
 import numpy as np
 from pydantic import Field
 
-from sparsemor.core.arrays import IntArray
-from sparsemor.core.errors import Fault
-from sparsemor.core.model.block_patterns import chosen
-from sparsemor.core.notes import Note
-from sparsemor.core.protocols import AssembledModel, Basis, CentresSnapshots, Sampler
-from sparsemor.core.registry.slot import Slot, slot_default
+from sparsemor.core import (
+    AssembledModel,
+    Basis,
+    CentresSnapshots,
+    Fault,
+    IntArray,
+    Note,
+    Sampler,
+    Slot,
+    chosen,
+    slot_default,
+)
 from sparsemor.reducers.checks import block_size, bound_of_atoms, pattern_faults
 from sparsemor.reducers.coverage import unsampled_loads
 from sparsemor.reducers.projection.base import ProjectionReducer, Reducible

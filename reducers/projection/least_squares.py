@@ -9,11 +9,9 @@ from typing import Literal
 
 import numpy as np
 
-from sparsemor.core.arrays import FloatArray
-from sparsemor.core.errors import InputError
+from sparsemor.core import Dictionary, FloatArray, InputError
 from sparsemor.core.linalg.svd import svd
 from sparsemor.core.model.factorizations import solved
-from sparsemor.core.protocols import Dictionary
 from sparsemor.reducers.projection.base import Maps, ProjectionReducer, Reducible, deficient
 from sparsemor.reducers.projection.force_snapshots import choose_points, force_modes, interpolation
 from sparsemor.reducers.projection.interpolation import Interpolating

@@ -12,10 +12,9 @@ from dataclasses import replace
 import numpy as np
 from scipy import linalg
 
-from sparsemor.core.arrays import Csr, FloatArray
+from sparsemor.core import Csr, Dictionary, FloatArray
 from sparsemor.core.linalg.coherence import oriented
 from sparsemor.core.model.model import distinct
-from sparsemor.core.protocols import Dictionary
 
 ORTHONORMAL = 1e-8
 """How far the Gram matrix of atoms may be from 1. Others keep their own coordinates: eigenvectors

@@ -4,21 +4,24 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
-from sparsemor.core.arrays import FloatArray, IntArray
-from sparsemor.core.errors import Fault, InputError
-from sparsemor.core.model.block_patterns import chosen
-from sparsemor.core.notes import Note
-from sparsemor.core.protocols import (
+from sparsemor.core import (
     AssembledModel,
     Dictionary,
+    Fault,
+    FloatArray,
+    InputError,
+    IntArray,
+    Note,
     OfflineProducts,
     Preconditioner,
+    SolveFailed,
     SparseSolver,
+    Status,
     StepFactors,
     StepSolver,
+    chosen,
 )
 from sparsemor.core.protocols.sparse_solver import refusal
-from sparsemor.core.status import SolveFailed, Status
 from sparsemor.reducers.coverage import unsampled_loads
 from sparsemor.reducers.sparse.joint_problem import mechanics_needs, shape_needs
 from sparsemor.reducers.sparse.oblique_projection import checked_rows

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import blas, lapack
 
-from sparsemor.core.arrays import FloatArray
+from sparsemor.core import FloatArray
 from sparsemor.reducers.sparse.joint_problem import BORDER
 from sparsemor.reducers.sparse.sampled_residual import Seen
 from sparsemor.reducers.sparse.screen_rows import diagonal, squares

@@ -11,10 +11,16 @@ from typing import Any
 
 import numpy as np
 
-from sparsemor.core.arrays import BoolArray, FloatArray
-from sparsemor.core.protocols import Group, StepFormula
-from sparsemor.core.protocols.layout import Layout
-from sparsemor.core.protocols.sparse_solver import GramError, Quadratic, ScreensSupport
+from sparsemor.core import (
+    BoolArray,
+    FloatArray,
+    GramError,
+    Group,
+    Layout,
+    Quadratic,
+    ScreensSupport,
+    StepFormula,
+)
 from sparsemor.reducers.sparse.condensed_rows import Constants, Eliminated
 from sparsemor.reducers.sparse.sampled_block import SampledElastic, SampledHeat
 from sparsemor.reducers.sparse.sampled_residual import Seen

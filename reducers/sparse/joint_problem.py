@@ -13,10 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sparsemor.core.arrays import FloatArray
-from sparsemor.core.protocols import Group, StepFormula
+from sparsemor.core import FloatArray, FrameWork, Group, StepFormula
 from sparsemor.core.protocols.load_tables import total
-from sparsemor.core.protocols.separable import FrameWork, evaluate_amplitudes
+from sparsemor.core.protocols.separable import evaluate_amplitudes
 from sparsemor.reducers.sparse.sampled_block import SampledElastic, SampledHeat
 from sparsemor.reducers.step.condensed_newton import Mechanics
 from sparsemor.reducers.step.frame_step import BodyStep

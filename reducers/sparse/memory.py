@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Any, Self
 
-from sparsemor.core.arrays import FloatArray
+from sparsemor.core import FloatArray
 from sparsemor.reducers.sparse.elastic_screen import Screens
 from sparsemor.reducers.step.iteration_state import Workspace
 from sparsemor.reducers.step.solver import Memory, Stepper

@@ -5,13 +5,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sparsemor.core.arrays import Csr, FloatArray, IntArray
+from sparsemor.core import (
+    AssembledModel,
+    BlockData,
+    Csr,
+    FloatArray,
+    IntArray,
+    Note,
+    OfflineProducts,
+    SolveFailed,
+    StepFactors,
+)
 from sparsemor.core.linalg.least_squares import coefficients
-from sparsemor.core.notes import Note
-from sparsemor.core.protocols import AssembledModel, BlockData, OfflineProducts, StepFactors
 from sparsemor.core.results.error_norms import CONSTANT
 from sparsemor.core.simulation.diagnostics.expected_states import expected_states
-from sparsemor.core.status import SolveFailed
 from sparsemor.reducers.sparse.sampled_block import RankDeficient, Sampled, left_inverse
 from sparsemor.reducers.step.operators import TestMap
 

@@ -4,9 +4,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from sparsemor.core.arrays import Csr, FloatArray, IntArray
+from sparsemor.core import AssembledModel, Csr, FloatArray, IntArray, OfflineProducts
 from sparsemor.core.model.factorizations import solved
-from sparsemor.core.protocols import AssembledModel, OfflineProducts
 
 _CHUNK = 256
 """Right-hand sides solved at once."""

@@ -7,25 +7,27 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, field_validator
 
-from sparsemor.core.arrays import IntArray
-from sparsemor.core.errors import Fault, InputError
-from sparsemor.core.model.block_patterns import chosen
-from sparsemor.core.notes import Note
-from sparsemor.core.protocols import (
+from sparsemor.core import (
     AssembledModel,
     Basis,
     BlockBudget,
     Dictionary,
+    Fault,
+    InputError,
+    IntArray,
+    Note,
     OfflineProducts,
+    Plugin,
     Preconditioner,
     ReducedProblem,
     Sampler,
+    Slot,
     SparseSolver,
     StepFactors,
     StepSolver,
+    chosen,
+    slot_default,
 )
-from sparsemor.core.registry.plugin import Plugin
-from sparsemor.core.registry.slot import Slot, slot_default
 from sparsemor.reducers.checks import (
     block_size,
     budget_faults,

@@ -7,11 +7,18 @@ from typing import Any, Self
 
 import numpy as np
 
-from sparsemor.core.arrays import BoolArray, IntArray
-from sparsemor.core.notes import Note
-from sparsemor.core.protocols import FreezesSupport, State, StepFormula, StepOutcome, StepSolver
-from sparsemor.core.protocols.step_solver import AroundSteps
-from sparsemor.core.status import SolveFailed
+from sparsemor.core import (
+    AroundSteps,
+    BoolArray,
+    FreezesSupport,
+    IntArray,
+    Note,
+    SolveFailed,
+    State,
+    StepFormula,
+    StepOutcome,
+    StepSolver,
+)
 from sparsemor.reducers.sparse.memory import SparseMemory
 
 Streams = Mapping[str, np.random.Generator]

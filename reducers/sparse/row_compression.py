@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import linalg
 
-from sparsemor.core.arrays import FloatArray
+from sparsemor.core import FloatArray
 from sparsemor.reducers.step.operator_rows import elastic_times, heat_times
 from sparsemor.reducers.step.operators import TestedElastic, TestedHeat
 

@@ -7,18 +7,20 @@ import numpy as np
 from scipy.linalg import lapack
 from scipy.sparse import eye_array
 
-from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
-from sparsemor.core.errors import InputError
-from sparsemor.core.linalg.coherence import coherence, condition_number, unit_columns
-from sparsemor.core.protocols import (
+from sparsemor.core import (
     AssembledModel,
+    BoolArray,
     Dictionary,
+    FloatArray,
+    HeatBody,
+    InputError,
+    IntArray,
     OfflineProducts,
     Preconditioner,
     Sampler,
     StepFactors,
 )
-from sparsemor.core.protocols.separable import HeatBody
+from sparsemor.core.linalg.coherence import coherence, condition_number, unit_columns
 from sparsemor.core.registry.returned_values import built_weights, sampled_rows
 from sparsemor.reducers.sparse.row_compression import compact_elastic, compact_heat
 from sparsemor.reducers.sparse.screen_rows import squares

@@ -3,12 +3,18 @@
 from collections.abc import Mapping
 from typing import Protocol
 
-from sparsemor.core.arrays import IntArray
-from sparsemor.core.errors import Fault, InputError
-from sparsemor.core.model.block_patterns import chosen
-from sparsemor.core.notes import Note
-from sparsemor.core.protocols import AssembledModel, Basis, Dictionary
-from sparsemor.core.status import SolveFailed, Status
+from sparsemor.core import (
+    AssembledModel,
+    Basis,
+    Dictionary,
+    Fault,
+    InputError,
+    IntArray,
+    Note,
+    SolveFailed,
+    Status,
+    chosen,
+)
 from sparsemor.reducers.checks import RowsAndAtoms, block_size, bound_of_atoms, pattern_of
 from sparsemor.reducers.full.monolithic import coupling
 from sparsemor.reducers.sparse.sampled_block import RankDeficient, SampledElastic, SampledHeat

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from sparsemor.core.arrays import FloatArray
-from sparsemor.core.protocols import StepFormula
+from sparsemor.core import FloatArray, StepFormula
 from sparsemor.core.protocols.load_tables import total
 from sparsemor.core.protocols.separable import evaluate_amplitudes
 from sparsemor.reducers.sparse.sampled_block import SampledElastic

@@ -4,8 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
-from sparsemor.core.protocols import Group
+from sparsemor.core import BoolArray, FloatArray, Group, IntArray
 
 
 class Together:

@@ -6,18 +6,20 @@ from typing import Any
 
 import numpy as np
 
-from sparsemor.core.arrays import BoolArray, FloatArray
-from sparsemor.core.protocols import (
+from sparsemor.core import (
+    AroundSteps,
+    BoolArray,
+    FloatArray,
+    SolveFailed,
     SparseOutcome,
     SparseSolver,
     SparseStart,
     State,
+    Status,
     StepFormula,
     StepOutcome,
 )
-from sparsemor.core.protocols.step_solver import AroundSteps
 from sparsemor.core.registry.returned_values import returned
-from sparsemor.core.status import SolveFailed, Status
 from sparsemor.reducers.sparse.elastic_screen import Screens
 from sparsemor.reducers.sparse.joint_problem import HeatProblem, MechanicsProblem
 from sparsemor.reducers.sparse.memory import SparseMemory

@@ -4,18 +4,20 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from sparsemor.core.arrays import BoolArray, FloatArray
-from sparsemor.core.protocols import Group, StepFormula
-from sparsemor.core.protocols.layout import Layout
-from sparsemor.core.protocols.load_tables import total
-from sparsemor.core.protocols.separable import evaluate_amplitudes
-from sparsemor.core.protocols.sparse_solver import (
+from sparsemor.core import (
+    BoolArray,
+    FloatArray,
     GramError,
+    Group,
+    Layout,
     Quadratic,
     Reason,
     Screen,
     ScreensSupport,
+    StepFormula,
 )
+from sparsemor.core.protocols.load_tables import total
+from sparsemor.core.protocols.separable import evaluate_amplitudes
 from sparsemor.reducers.sparse.sampled_block import SampledHeat
 from sparsemor.reducers.sparse.screen_rows import Together, diagonal, joined, squares
 

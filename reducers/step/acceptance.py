@@ -13,7 +13,7 @@ from math import inf
 
 import numpy as np
 
-from sparsemor.core.arrays import FloatArray
+from sparsemor.core import FloatArray
 
 EPS = float(np.finfo(np.float64).eps)
 LEAST = 1e-2

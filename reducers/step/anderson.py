@@ -7,7 +7,7 @@ doi 10.1145/321296.321305), which on a nearly linear problem is GMRES at no extr
 
 import numpy as np
 
-from sparsemor.core.arrays import FloatArray
+from sparsemor.core import FloatArray
 
 DEPTH = 8
 

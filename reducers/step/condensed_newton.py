@@ -14,10 +14,8 @@ from math import inf, sqrt
 import numpy as np
 from scipy.linalg.lapack import dgesv
 
-from sparsemor.core.arrays import FloatArray
-from sparsemor.core.protocols import StepFormula
+from sparsemor.core import FloatArray, Status, StepFormula
 from sparsemor.core.protocols.separable import Amplitude
-from sparsemor.core.status import Status
 from sparsemor.reducers.step.acceptance import (
     EPS,
     STALLED,

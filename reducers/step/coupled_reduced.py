@@ -11,27 +11,27 @@ from typing import Any
 
 import numpy as np
 
-from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
-from sparsemor.core.model.constraint_rates import along, motion_step
-from sparsemor.core.model.equations import rate_factors
-from sparsemor.core.notes import Note, information
-from sparsemor.core.protocols import (
+from sparsemor.core import (
     AssembledModel,
+    BoolArray,
     Dictionary,
+    FloatArray,
+    IntArray,
+    Layout,
+    Note,
+    ResultantSource,
     State,
+    Status,
     StepFormula,
     StepOutcome,
     Term,
     Trial,
+    information,
 )
-from sparsemor.core.protocols.layout import Layout
+from sparsemor.core.model.constraint_rates import along, motion_step
+from sparsemor.core.model.equations import rate_factors
 from sparsemor.core.protocols.prescribed_quantities import derivatives, from_right
-from sparsemor.core.protocols.step_solver import (
-    ResultantSource,
-    resultant_sources,
-    unavailable_resultants,
-)
-from sparsemor.core.status import Status
+from sparsemor.core.protocols.step_solver import resultant_sources, unavailable_resultants
 from sparsemor.reducers.full.monolithic import coupling, elements
 from sparsemor.reducers.step.acceptance import Tolerances
 from sparsemor.reducers.step.frame_step import BodyStep

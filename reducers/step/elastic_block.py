@@ -14,12 +14,10 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from sparsemor.core.arrays import Csr, FloatArray, IntArray
+from sparsemor.core import Csr, ElasticOperators, Factorized, FloatArray, IntArray, Status
 from sparsemor.core.model.factorizations import short, solved
-from sparsemor.core.protocols import Factorized
 from sparsemor.core.protocols.load_tables import total
-from sparsemor.core.protocols.separable import ElasticOperators, evaluate_amplitudes
-from sparsemor.core.status import Status
+from sparsemor.core.protocols.separable import evaluate_amplitudes
 from sparsemor.reducers.step.acceptance import EPS, rounding
 from sparsemor.reducers.step.elastic_local import (
     FullLocal,

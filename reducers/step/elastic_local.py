@@ -7,9 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
-from sparsemor.core.arrays import FloatArray
-from sparsemor.core.protocols import StepFormula
-from sparsemor.core.protocols.separable import ElasticLocal
+from sparsemor.core import ElasticLocal, FloatArray, StepFormula
 from sparsemor.reducers.step.operators import TestedLocal
 
 GROWN = 10.0

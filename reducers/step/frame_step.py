@@ -5,10 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sparsemor.core.arrays import FloatArray
-from sparsemor.core.protocols import EvaluatesManyTimes
-from sparsemor.core.protocols.prescribed_motion import FrameHistory
-from sparsemor.core.protocols.separable import Frame, FrameWork
+from sparsemor.core import EvaluatesManyTimes, FloatArray, Frame, FrameHistory, FrameWork
 from sparsemor.reducers.step.elastic_block import ElasticBlock
 from sparsemor.reducers.step.prescribed_frame_block import PrescribedBlock
 from sparsemor.reducers.step.time_tables import TimeTable

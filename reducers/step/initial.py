@@ -12,12 +12,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sparsemor.core.arrays import FloatArray
+from sparsemor.core import FloatArray, FrameWork, State
 from sparsemor.core.model.constraint_rates import along
-from sparsemor.core.protocols import State
 from sparsemor.core.protocols.load_tables import total
 from sparsemor.core.protocols.prescribed_quantities import derivatives
-from sparsemor.core.protocols.separable import FrameWork, evaluate_amplitudes
+from sparsemor.core.protocols.separable import evaluate_amplitudes
 from sparsemor.reducers.step.condensed_newton import Mechanics
 from sparsemor.reducers.step.frame_step import BodyStep
 from sparsemor.reducers.step.operators import TestedElastic

@@ -7,9 +7,7 @@ from typing import Protocol
 import numpy as np
 from scipy.linalg.lapack import dgesv
 
-from sparsemor.core.arrays import FloatArray
-from sparsemor.core.protocols import StepFormula
-from sparsemor.core.protocols.separable import Frame
+from sparsemor.core import FloatArray, Frame, StepFormula
 from sparsemor.reducers.step.acceptance import EPS, MARGIN, Scales, Tolerances
 from sparsemor.reducers.step.elastic_block import History
 from sparsemor.reducers.step.frame_step import BodyStep, buffers

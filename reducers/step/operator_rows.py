@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core import FloatArray, IntArray
 from sparsemor.reducers.step.operators import TestedElastic, TestedHeat
 
 

@@ -11,16 +11,20 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csr_array, issparse
 
-from sparsemor.core.arrays import FloatArray, IntArray
-from sparsemor.core.protocols import Dictionary, ReducedTerm, Trial
-from sparsemor.core.protocols.load_tables import Table, projected_tables
-from sparsemor.core.protocols.separable import (
-    Amplitude,
+from sparsemor.core import (
+    Dictionary,
     ElasticLocal,
     ElasticOperators,
+    FloatArray,
     Frame,
     HeatBody,
+    IntArray,
+    ReducedTerm,
+    Table,
+    Trial,
 )
+from sparsemor.core.protocols.load_tables import projected_tables
+from sparsemor.core.protocols.separable import Amplitude
 from sparsemor.reducers.projection.modal_coordinates import diagonal
 
 PROPORTIONAL = 1e-8

@@ -6,7 +6,7 @@ from math import comb
 
 import numpy as np
 
-from sparsemor.core.arrays import FloatArray
+from sparsemor.core import FloatArray
 
 
 @cache

@@ -5,11 +5,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from sparsemor.core.arrays import FloatArray, IntArray
-from sparsemor.core.notes import Note
-from sparsemor.core.protocols import AssembledModel, Dictionary, Integrator, State
-from sparsemor.core.protocols.layout import Layout
-from sparsemor.core.protocols.separable import MovingBody
+from sparsemor.core import (
+    AssembledModel,
+    Dictionary,
+    FloatArray,
+    IntArray,
+    Integrator,
+    Layout,
+    MovingBody,
+    Note,
+    State,
+)
 from sparsemor.reducers.step.acceptance import Tolerances
 from sparsemor.reducers.step.elastic_block import ElasticBlock, FullElastic
 from sparsemor.reducers.step.frame_step import Drive

@@ -15,15 +15,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core import ElasticOperators, Factorized, FloatArray, IntArray
 from sparsemor.core.model.factorizations import short
-from sparsemor.core.protocols import Factorized
 from sparsemor.core.protocols.load_tables import total, total_along
-from sparsemor.core.protocols.separable import (
-    ElasticOperators,
-    amplitudes_along,
-    evaluate_amplitudes,
-)
+from sparsemor.core.protocols.separable import amplitudes_along, evaluate_amplitudes
 from sparsemor.reducers.full.coarse_correction import CoarseCorrection
 from sparsemor.reducers.projection.modal_coordinates import carried, dense, times
 from sparsemor.reducers.step.acceptance import EPS, LEAST

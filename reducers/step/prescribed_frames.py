@@ -11,9 +11,7 @@ from math import inf, sqrt
 
 import numpy as np
 
-from sparsemor.core.arrays import FloatArray, IntArray
-from sparsemor.core.protocols import StepFormula
-from sparsemor.core.status import Status
+from sparsemor.core import FloatArray, IntArray, Status, StepFormula
 from sparsemor.reducers.step.acceptance import (
     LEAST,
     MARGIN,

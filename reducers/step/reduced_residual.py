@@ -14,11 +14,9 @@ import numpy as np
 from scipy.linalg import lapack
 from scipy.sparse import issparse
 
-from sparsemor.core.arrays import FloatArray, IntArray
-from sparsemor.core.protocols import ReducedTerm
-from sparsemor.core.protocols.layout import Layout
+from sparsemor.core import FloatArray, FrameWork, IntArray, Layout, ReducedTerm
 from sparsemor.core.protocols.load_tables import total
-from sparsemor.core.protocols.separable import Amplitude, FrameWork, evaluate_amplitudes
+from sparsemor.core.protocols.separable import Amplitude, evaluate_amplitudes
 from sparsemor.reducers.step.frame_step import BodyStep, buffers
 from sparsemor.reducers.step.operators import TestedElastic, TestedHeat
 

@@ -3,11 +3,8 @@
 from collections.abc import Iterable
 from dataclasses import replace
 
-from sparsemor.core.arrays import IntArray
+from sparsemor.core import ChecksStep, IntArray, Layout, Status, StepFormula, StepOutcome
 from sparsemor.core.model.equations import rate_factors
-from sparsemor.core.protocols import ChecksStep, StepFormula, StepOutcome
-from sparsemor.core.protocols.layout import Layout
-from sparsemor.core.status import Status
 
 
 def rejected_step(

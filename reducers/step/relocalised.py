@@ -10,8 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from sparsemor.core.arrays import FloatArray
-from sparsemor.core.protocols import RelocatesNear
+from sparsemor.core import FloatArray, RelocatesNear
 from sparsemor.reducers.step.newton.memory import NewtonMemory
 from sparsemor.reducers.step.reduced_residual import Coupled
 

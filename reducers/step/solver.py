@@ -6,14 +6,22 @@ from typing import Any, Self
 
 import numpy as np
 
-from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
+from sparsemor.core import (
+    BoolArray,
+    Dictionary,
+    FloatArray,
+    Frame,
+    IntArray,
+    Layout,
+    Note,
+    Separated,
+    State,
+    Status,
+    StepFormula,
+    StepOutcome,
+)
 from sparsemor.core.linalg.least_squares import coefficients
 from sparsemor.core.model.constraint_rates import motion_step
-from sparsemor.core.notes import Note
-from sparsemor.core.protocols import Dictionary, State, StepFormula, StepOutcome
-from sparsemor.core.protocols.layout import Layout
-from sparsemor.core.protocols.separable import Frame, Separated
-from sparsemor.core.status import Status
 from sparsemor.reducers.step.acceptance import Scales, Tolerances
 from sparsemor.reducers.step.condensed_newton import Mechanics
 from sparsemor.reducers.step.elastic_block import CompressedElastic, ElasticBlock

@@ -5,8 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sparsemor.core.arrays import FloatArray
-from sparsemor.core.protocols.load_tables import Table
+from sparsemor.core import FloatArray, Table
 
 
 @dataclass(frozen=True, slots=True, eq=False)

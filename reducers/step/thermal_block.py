@@ -12,12 +12,10 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from scipy.sparse import coo_array, csr_array
 
-from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core import Factorized, FloatArray, HeatBody, IntArray, ReducedTerm, Status, Term
 from sparsemor.core.model.factorizations import short
-from sparsemor.core.protocols import Factorized, ReducedTerm, Term
 from sparsemor.core.protocols.load_tables import total, total_along
-from sparsemor.core.protocols.separable import HeatBody, amplitudes_along, evaluate_amplitudes
-from sparsemor.core.status import Status
+from sparsemor.core.protocols.separable import amplitudes_along, evaluate_amplitudes
 from sparsemor.reducers.full.superlu import factorize
 from sparsemor.reducers.projection.modal_coordinates import carried, times
 from sparsemor.reducers.step.operators import TestedHeat

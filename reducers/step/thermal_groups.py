@@ -15,18 +15,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.sparse import block_array, block_diag, csr_array
 
-from sparsemor.core.arrays import Csr, FloatArray
-from sparsemor.core.linalg.factorized import solved_directly
-from sparsemor.core.protocols import (
+from sparsemor.core import (
     AssembledModel,
+    Csr,
     Dictionary,
     DofLocations,
     Factorized,
+    FloatArray,
+    HeatBody,
+    HeatCoupling,
+    LoadTable,
     ReducedTerm,
+    SolveFailed,
+    Status,
+    solved_directly,
 )
-from sparsemor.core.protocols.load_tables import LoadTable
-from sparsemor.core.protocols.separable import HeatBody, HeatCoupling
-from sparsemor.core.status import SolveFailed, Status
 from sparsemor.reducers.full.superlu import factorize
 from sparsemor.reducers.projection.modal_coordinates import carried, dense
 from sparsemor.reducers.step.thermal_block import CompressedHeat, FullHeat, LocalAt

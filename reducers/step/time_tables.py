@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sparsemor.core.arrays import FloatArray
+from sparsemor.core import FloatArray
 
 NEAR = 1e-9
 """Share of the interval before it by which a time may miss a tabled one: it was summed up

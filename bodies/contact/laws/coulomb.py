@@ -3,8 +3,7 @@
 import numpy as np
 from pydantic import Field
 
-from sparsemor.core.arrays import FloatArray
-from sparsemor.core.registry.plugin import Plugin
+from sparsemor.core import FloatArray, Plugin
 
 
 class Coulomb(Plugin):

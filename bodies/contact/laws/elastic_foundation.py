@@ -5,9 +5,7 @@ from typing import Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from sparsemor.core.arrays import FloatArray
-from sparsemor.core.errors import InputError
-from sparsemor.core.registry.plugin import Plugin
+from sparsemor.core import FloatArray, InputError, Plugin
 
 
 class ElasticFoundation(Plugin):

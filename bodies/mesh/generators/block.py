@@ -8,9 +8,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from sparsemor.core.arrays import IntArray
-from sparsemor.core.protocols.mesh import Mesh, MeshSize
-from sparsemor.core.registry.plugin import Plugin
+from sparsemor.core import IntArray, Mesh, MeshSize, Plugin
 
 Positive = Annotated[float, Field(gt=0)]
 Count = Annotated[int, Field(ge=1)]

@@ -8,10 +8,7 @@ from pydantic import Field, model_validator
 
 from sparsemor.bodies.mesh.generators.extrude import extrude, extruded
 from sparsemor.bodies.mesh.generators.outline import interior_points, plan_mesh
-from sparsemor.core.arrays import FloatArray, IntArray
-from sparsemor.core.errors import InputError
-from sparsemor.core.protocols.mesh import Mesh, MeshSize
-from sparsemor.core.registry.plugin import Plugin
+from sparsemor.core import FloatArray, InputError, IntArray, Mesh, MeshSize, Plugin
 
 Positive = Annotated[float, Field(gt=0)]
 ANGLES = (0, 90, 180, 270)

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from sparsemor.core.arrays import FloatArray, IntArray
-from sparsemor.core.protocols.mesh import MeshSize
+from sparsemor.core import FloatArray, IntArray, MeshSize
 
 
 def extrude(

@@ -7,10 +7,7 @@ import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from sparsemor.bodies.mesh.generators.quads import grid_quads, shorter_diagonal, split_quads
-from sparsemor.core.arrays import FloatArray, IntArray
-from sparsemor.core.errors import InputError
-from sparsemor.core.protocols.mesh import Mesh, MeshSize
-from sparsemor.core.registry.plugin import Plugin
+from sparsemor.core import FloatArray, InputError, IntArray, Mesh, MeshSize, Plugin
 
 REGULAR = 1280
 AROUND, RADIAL, ALONG = 8, 5, 40

@@ -8,8 +8,7 @@ import numpy as np
 from scipy.spatial import Delaunay, QhullError, cKDTree
 
 from sparsemor.bodies.mesh.simplices import signed_measures
-from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
-from sparsemor.core.errors import InputError
+from sparsemor.core import BoolArray, FloatArray, InputError, IntArray
 
 ROUNDS = 10
 """Rounds of smoothing: more of them change the worst triangle's quality by 2 % at most."""

@@ -7,9 +7,7 @@ from pydantic import Field, model_validator
 
 from sparsemor.bodies.mesh.generators.extrude import extrude, extruded
 from sparsemor.bodies.mesh.generators.outline import interior_points, plan_mesh
-from sparsemor.core.arrays import FloatArray
-from sparsemor.core.protocols.mesh import Mesh, MeshSize
-from sparsemor.core.registry.plugin import Plugin
+from sparsemor.core import FloatArray, Mesh, MeshSize, Plugin
 
 OUTER = np.array([[0.0, 0.135], [0.02, 0.135], [0.05, 0.13], [0.04, 0.105]])
 INNER = np.array([[0.04, 0.105], [0.03, 0.08], [0.035, 0.09], [0.0, 0.09]])

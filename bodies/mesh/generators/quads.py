@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
+from sparsemor.core import BoolArray, FloatArray, IntArray
 
 
 def grid_quads(numbers: IntArray) -> IntArray:

@@ -7,9 +7,7 @@ import numpy as np
 from pydantic import Field
 
 from sparsemor.bodies.mesh.generators.quads import checkerboard, grid_quads, split_quads
-from sparsemor.core.arrays import BoolArray, IntArray
-from sparsemor.core.protocols.mesh import Mesh, MeshSize
-from sparsemor.core.registry.plugin import Plugin
+from sparsemor.core import BoolArray, IntArray, Mesh, MeshSize, Plugin
 
 Positive = Annotated[float, Field(gt=0)]
 Count = Annotated[int, Field(ge=1)]

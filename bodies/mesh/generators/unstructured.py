@@ -9,10 +9,7 @@ from pydantic import Field, model_validator
 from scipy.spatial import Delaunay, QhullError
 
 from sparsemor.bodies.mesh.simplices import signed_measures
-from sparsemor.core.arrays import FloatArray, IntArray
-from sparsemor.core.errors import InputError
-from sparsemor.core.protocols.mesh import Mesh, MeshSize
-from sparsemor.core.registry.plugin import Plugin
+from sparsemor.core import FloatArray, InputError, IntArray, Mesh, MeshSize, Plugin
 
 Positive = Annotated[float, Field(gt=0)]
 Count = Annotated[int, Field(ge=1)]

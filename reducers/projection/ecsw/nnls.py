@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import qr_delete, solve_triangular
 
-from sparsemor.core.arrays import FloatArray
+from sparsemor.core import FloatArray
 
 DEPENDENT = 1e-11
 """A column of which less than this share is new to the active ones is not added."""

@@ -8,24 +8,25 @@ import numpy as np
 from pydantic import Field
 from scipy.sparse import csr_array
 
-from sparsemor.core.arrays import Csr, FloatArray
-from sparsemor.core.errors import Fault
-from sparsemor.core.notes import Note
-from sparsemor.core.protocols import (
+from sparsemor.core import (
     AssembledModel,
+    Csr,
     Dictionary,
+    ElasticIntegrals,
+    ElasticOperators,
+    Fault,
+    FloatArray,
+    HeatBody,
+    HeatIntegrals,
+    Integrals,
+    MovingBody,
+    Note,
     OfflineProducts,
     ReducedProblem,
     StepSolver,
     Term,
-)
-from sparsemor.core.protocols.element_integrals import (
-    ElasticIntegrals,
-    HeatIntegrals,
-    Integrals,
     WeighsElements,
 )
-from sparsemor.core.protocols.separable import ElasticOperators, HeatBody, MovingBody
 from sparsemor.reducers.projection.base import Maps, ProjectionReducer, Reducible, left_inverse
 from sparsemor.reducers.projection.ecsw.training import (
     Trained,

@@ -18,15 +18,16 @@ from functools import partial
 
 import numpy as np
 
-from sparsemor.core.arrays import FloatArray, IntArray
-from sparsemor.core.linalg.snapshots import column_chunks
-from sparsemor.core.protocols import Dictionary
-from sparsemor.core.protocols.element_integrals import (
+from sparsemor.core import (
+    Dictionary,
     ElasticIntegrals,
+    FloatArray,
     HeatIntegrals,
+    IntArray,
     Integrals,
     WeighsElements,
 )
+from sparsemor.core.linalg.snapshots import column_chunks
 from sparsemor.reducers.projection.ecsw.nnls import Weights, nonnegative
 from sparsemor.reducers.projection.ecsw.training_matrix import Equations, Part, Rows
 

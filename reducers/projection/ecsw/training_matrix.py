@@ -13,7 +13,7 @@ import numpy as np
 from scipy.linalg import eigh
 from scipy.sparse import csr_array
 
-from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core import FloatArray, IntArray
 
 BLOCK = 4_000_000
 """Numbers of G that are made at a time: 32 MB, and some more on the way to them."""

@@ -3,8 +3,7 @@
 from collections.abc import Sequence
 from typing import Any, Protocol
 
-from sparsemor.core.arrays import FloatArray
-from sparsemor.core.protocols.layout import Layout
+from sparsemor.core import FloatArray, Layout
 
 
 class Equations(Protocol):

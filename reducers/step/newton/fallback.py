@@ -10,8 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
-from sparsemor.core.arrays import FloatArray
-from sparsemor.core.protocols import StepFormula, StepOutcome
+from sparsemor.core import FloatArray, StepFormula, StepOutcome
 from sparsemor.reducers.step.acceptance import Tolerances
 from sparsemor.reducers.step.newton.equations import Equations
 from sparsemor.reducers.step.newton.iteration import solve

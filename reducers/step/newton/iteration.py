@@ -12,11 +12,8 @@ from math import inf
 
 import numpy as np
 
-from sparsemor.core.arrays import FloatArray
+from sparsemor.core import FloatArray, Quantity, Status, StepFormula, StepOutcome
 from sparsemor.core.model.equations import rate_factors
-from sparsemor.core.protocols import StepFormula, StepOutcome
-from sparsemor.core.protocols.layout import Quantity
-from sparsemor.core.status import Status
 from sparsemor.reducers.step.acceptance import EPS, LEAST, MARGIN, STALLED, Tolerances, rounding
 from sparsemor.reducers.step.newton.equations import Equations
 from sparsemor.reducers.step.newton.memory import NewtonMemory, Place

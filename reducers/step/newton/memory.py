@@ -6,8 +6,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from sparsemor.core.arrays import BoolArray, FloatArray
-from sparsemor.core.protocols.separable import FrameWork
+from sparsemor.core import BoolArray, FloatArray, FrameWork
 from sparsemor.reducers.step.predictor import Ring
 
 
