@@ -10,21 +10,18 @@ import numpy as np
 from pydantic import Field
 from scipy.sparse import csr_array
 
-from sparsemor.bodies.any_body import AnyBody
+from sparsemor.bodies.body import Body
 from sparsemor.bodies.fem.elasticity import Model, elastic_stiffness, law, thermoelastic_coupling
 from sparsemor.bodies.fem.fields import Elasticity, Heat
 from sparsemor.bodies.fem.volume import capacity, conductivity, lumped, scalar_mass
-from sparsemor.bodies.frames.inertia import of_mesh
-from sparsemor.bodies.frames.moments import moments_of
+from sparsemor.bodies.frames.moments import MassProperties
 from sparsemor.bodies.material import Material, require
 from sparsemor.bodies.mesh.check import check_mesh
 from sparsemor.bodies.mesh.expression import FormulaText, evaluate_formula
 from sparsemor.bodies.mesh.plausibility import mesh_notes
 from sparsemor.bodies.mesh.sets import PointSet, with_sets
-from sparsemor.bodies.planar_body import PlanarBody
 from sparsemor.bodies.pose import Pose
 from sparsemor.bodies.reference import Reference
-from sparsemor.bodies.spatial_body import SpatialBody
 from sparsemor.bodies.terms.field_kinds import BODY_KINDS, ELASTIC, THERMAL
 from sparsemor.core import (
     BodySize,
@@ -105,7 +102,7 @@ class Flexible(Plugin):
         return body_size(
             self.mesh.expected(), ELASTIC.name in self.fields, THERMAL.name in self.fields)
 
-    def build(self, name: str, base: Path) -> AnyBody:
+    def build(self, name: str, base: Path) -> Body:
         gather = Gather()
         self._check_options(gather)
         mesh = gather("", self._mesh, base)
@@ -116,42 +113,17 @@ class Flexible(Plugin):
         T0 = gather("", self._initial_temperature, mesh)
         gather.check()
         assert T0 is not None
-        if mesh.dimension == 3:
-            return self._in_space(name, mesh, held, T0)
-        return self._in_plane(name, mesh, held, T0)
-
-    def _in_space(
-        self, name: str, mesh: Mesh, held: IntArray | None, T0: FloatArray
-    ) -> SpatialBody:
-        m = scalar_mass(mesh, self.material.rho)
-        spins = self.frame == "spinning"
-        pose, velocity = self.pose.spinning() if spins else self.pose.in_space()
-        return SpatialBody(
-            name=name, X=mesh.points, inertia=of_mesh(m, mesh.points, moments_of(len(pose))),
-            pose=pose, velocity=velocity, moves=self.frame != "fixed", points=mesh.point_sets,
-            mesh=mesh, mass_matrix=m,
+        d, thickness, heats = mesh.dimension, self._thickness(mesh), THERMAL.name in self.fields
+        m = scalar_mass(mesh, self.material.rho * thickness)
+        pose, velocity = self.pose.start(d, self.frame == "spinning")
+        return Body(
+            name=name, X=mesh.points, inertia=MassProperties.of_mesh(m, mesh.points), pose=pose,
+            velocity=velocity, moves=self.frame != "fixed", points=mesh.point_sets, mesh=mesh,
+            thickness=thickness, mass_matrix=m,
             elasticity=None if held is None else self._elasticity(mesh, m, held),
-            heat=self._heat(mesh) if "thermal" in self.fields else None, T0=T0,
+            heat=self._heat(mesh) if heats else None, T0=T0,
             T_ref=np.full(len(mesh.points), self.reference_temperature),
             notes=mesh_notes(name, mesh, self.sets))
-
-    def _in_plane(
-        self, name: str, mesh: Mesh, held: IntArray | None, T0: FloatArray
-    ) -> PlanarBody:
-        thickness = self._thickness(mesh)
-        m = scalar_mass(mesh, self.material.rho * thickness)
-        X = mesh.points[:, 0] + 1j * mesh.points[:, 1]
-        weights = np.asarray(m.sum(axis=1)).ravel()
-        return PlanarBody(
-            name=name, X=X, mass=float(weights.sum()), moment=complex(weights @ X),
-            inertia=float(np.vdot(X, m @ X).real), pose=self.pose.coordinates(),
-            velocity=self.pose.rates(), moves=self.frame == "floating",
-            points=mesh.point_sets, mesh=mesh, thickness=thickness, mass_matrix=m,
-            elasticity=None if held is None else self._elasticity(mesh, m, held),
-            heat=self._heat(mesh) if "thermal" in self.fields else None, T0=T0,
-            T_ref=np.full(len(X), self.reference_temperature),
-            notes=mesh_notes(name, mesh, self.sets),
-        )
 
     def _mesh(self, base: Path) -> Mesh:
         try:
@@ -188,9 +160,7 @@ class Flexible(Plugin):
                 "model", f"{self.model} does not suit a {mesh.dimension}-D mesh: take {allowed}"))
         if plane and self.frame == "spinning":
             gather.faults.append(Fault("frame", "the mesh is plane: its frame is `floating`"))
-        spins = self.frame == "spinning"
-        gather("", self.pose.coordinates if plane else
-               self.pose.spinning if spins else self.pose.in_space)
+        gather("", self.pose.start, mesh.dimension, self.frame == "spinning")
 
     def _thickness(self, mesh: Mesh) -> float:
         """1 for a mesh that has volume."""

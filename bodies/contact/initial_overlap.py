@@ -59,7 +59,7 @@ def placed(body: Body, X: FloatArray) -> FloatArray:
 
 def _in_box(body: Body, z: FloatArray) -> BoolArray:
     """(n,) points in space that are inside the box about the body in its own axes."""
-    X = body.coordinates
+    X = body.X
     own = (z - body.pose[: z.shape[1]]) @ rotation(body)
     return np.asarray(((own > X.min(axis=0)) & (own < X.max(axis=0))).all(axis=1))
 
@@ -68,7 +68,7 @@ def within(body: Body, z: FloatArray) -> BoolArray:
     """(n,) points z (n, d) in space that are inside the undeformed body at the start: its surface
     fills their field of view."""
     assert body.mesh is not None
-    corners = placed(body, body.coordinates)[boundary(body.mesh)]
+    corners = placed(body, body.X)[boundary(body.mesh)]
     share = np.zeros(len(z))
     for part in np.array_split(np.arange(len(z)), 1 + len(z) * len(corners) // AT_ONCE):
         share[part] = _view(corners[None] - z[part, None, None]).sum(axis=1)

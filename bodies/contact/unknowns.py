@@ -13,7 +13,7 @@ from sparsemor.core.protocols.separable import Amplitude
 
 def elastic_numbers(body: Body, layout: Layout, nodes: IntArray) -> IntArray:
     """(n, d) global numbers of the displacements of points nodes (n,), -1 where there are none."""
-    d = body.coordinates.shape[1]
+    d = body.d
     numbers = np.full(d * len(body.X), -1)
     if body.elasticity is not None:
         numbers[body.elasticity.free] = body.position(layout, "elastic")

@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from sparsemor.bodies.any_body import AnyBody
+from sparsemor.bodies.body import Body
 from sparsemor.bodies.loads.amplitude import Quantity
 from sparsemor.bodies.targets import find_target, need_field
 from sparsemor.core import Block, Effect, Equations, InputError, Part, Plugin
@@ -18,7 +18,7 @@ class Held:
     """Stands in the scene for nodes whose temperatures are given; `adjusted` are its bodies."""
 
     name: str
-    adjusted: Mapping[str, AnyBody]
+    adjusted: Mapping[str, Body]
     localized: bool = True
     surroundings: Amplitude | None = None
 
@@ -40,7 +40,7 @@ class PrescribedTemperature(Plugin):
     """Temperature, K, a number or a function of time."""
 
     def build(self, name: str, parts: Mapping[str, Part]) -> Held:
-        bodies: dict[str, AnyBody] = {}
+        bodies: dict[str, Body] = {}
         for i, text in enumerate(self.on):
             target = find_target({**parts, **bodies}, text, f"on.{i}")
             need_field(target, "thermal", f"on.{i}")

@@ -8,7 +8,6 @@ from pydantic import Field, model_validator
 from sparsemor.bodies.fem.surface import facet_measures, surface_normal_load
 from sparsemor.bodies.loads.amplitude import Quantity
 from sparsemor.bodies.loads.part import LoadPart
-from sparsemor.bodies.loads.vectors import body_force
 from sparsemor.bodies.targets import find_surfaces
 from sparsemor.core import Equations, InputError, Part, Plugin
 
@@ -45,6 +44,6 @@ class Pressure(Plugin):
 
         def write(equations: Equations) -> None:
             for b, w in loads:
-                body_force(b, equations, w, size.value)
+                b.body_force(equations, w, size.value)
 
         return LoadPart(name, write)

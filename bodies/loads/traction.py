@@ -9,7 +9,7 @@ from pydantic import Field
 from sparsemor.bodies.fem.surface import surface_load
 from sparsemor.bodies.loads.amplitude import Quantity, amplitude
 from sparsemor.bodies.loads.part import LoadPart
-from sparsemor.bodies.loads.vectors import Vector, body_force, components, space_force
+from sparsemor.bodies.loads.vectors import Vector, components
 from sparsemor.bodies.targets import find_surfaces
 from sparsemor.core import Equations, Part, Plugin
 
@@ -35,8 +35,8 @@ class Traction(Plugin):
         def write(equations: Equations) -> None:
             for b, w, p in loads:
                 if self.axes == "space":
-                    space_force(b, equations, w, p, f)
+                    b.space_force(equations, w, p, f)
                 else:
-                    body_force(b, equations, np.outer(w, p), f)
+                    b.body_force(equations, np.outer(w, p), f)
 
         return LoadPart(name, write)
