@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from sparsemor.bodies.loads.amplitude import amplitude as amplitude
     from sparsemor.bodies.loads.part import LoadPart as LoadPart
     from sparsemor.bodies.loads.vectors import components as components
-    from sparsemor.bodies.material import Material as Material
+    from sparsemor.bodies.material import Isotropic as Isotropic
     from sparsemor.bodies.pose import Pose as Pose
     from sparsemor.bodies.targets import Target as Target
     from sparsemor.bodies.targets import find_body as find_body
@@ -42,7 +42,7 @@ _HOMES = {
     "loads.amplitude": ("Quantity", "amplitude"),
     "loads.part": ("LoadPart",),
     "loads.vectors": ("components",),
-    "material": ("Material",),
+    "material": ("Isotropic",),
     "pose": ("Pose",),
     "targets": ("Target", "find_body", "find_surfaces", "find_target", "need_field"),
     "terms.dense": ("DenseTerm",),

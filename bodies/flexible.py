@@ -15,7 +15,7 @@ from sparsemor.bodies.fem.elasticity import Model, elastic_stiffness, law, therm
 from sparsemor.bodies.fem.fields import Elasticity, Heat
 from sparsemor.bodies.fem.volume import capacity, conductivity, lumped, scalar_mass
 from sparsemor.bodies.frames.moments import MassProperties
-from sparsemor.bodies.material import Material, require
+from sparsemor.bodies.material import require
 from sparsemor.bodies.mesh.check import check_mesh
 from sparsemor.bodies.mesh.expression import FormulaText, evaluate_formula
 from sparsemor.bodies.mesh.plausibility import mesh_notes
@@ -32,11 +32,13 @@ from sparsemor.core import (
     Gather,
     InputError,
     IntArray,
+    Material,
     Mesh,
     MeshPlugin,
     MeshSize,
     Plugin,
     Slot,
+    slot_default,
 )
 from sparsemor.core.registry.returned_values import returned
 
@@ -72,8 +74,8 @@ class Flexible(Plugin):
     """More named point sets."""
     thickness: float | None = Field(default=None, gt=0)
     """Thickness of a planar body, m."""
-    material: Material
-    """Constants of the material."""
+    material: Annotated[Material, Slot("material")] = slot_default("isotropic")
+    """Material, by its constants or by a plugin that has them."""
     model: Literal["plane_stress", "plane_strain", "solid"] | None = None
     """Elasticity: plane stress in the plane when not given, `solid` in space."""
     fields: list[Literal["elastic", "thermal"]]

@@ -14,6 +14,7 @@ from sparsemor.core.testing.integrator import check_integrator
 from sparsemor.core.testing.joint import check_joint
 from sparsemor.core.testing.linear_solver import check_linear_solver
 from sparsemor.core.testing.load import check_load
+from sparsemor.core.testing.material import check_material
 from sparsemor.core.testing.mesh import check_mesh_plugin
 from sparsemor.core.testing.observer import check_observer
 from sparsemor.core.testing.parts import check_parts
@@ -33,6 +34,7 @@ __all__ = [
     "check_joint",
     "check_linear_solver",
     "check_load",
+    "check_material",
     "check_mesh_plugin",
     "check_normal_law",
     "check_observer",

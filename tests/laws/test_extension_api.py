@@ -27,8 +27,9 @@ def test_each_name_is_there(name: str) -> None:
 
 
 BODIES = {
-    "BODY_KINDS", "Between", "Body", "Conditions", "DenseTerm", "ELASTIC", "JointPart", "LoadPart",
-    "MULTIPLIER", "MassProperties", "Material", "Pose", "Quantity", "RIGID", "THERMAL", "Target",
+    "BODY_KINDS", "Between", "Body", "Conditions", "DenseTerm", "ELASTIC", "Isotropic",
+    "JointPart", "LoadPart", "MULTIPLIER", "MassProperties", "Pose", "Quantity", "RIGID", "THERMAL",
+    "Target",
     "amplitude", "components", "conditions_between", "conditions_on", "constant", "find_body",
     "find_surfaces", "find_target", "need_field",
 }

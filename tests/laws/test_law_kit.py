@@ -21,6 +21,7 @@ from sparsemor.core.testing import (
     check_function,
     check_integrator,
     check_linear_solver,
+    check_material,
     check_mesh_plugin,
     check_normal_law,
     check_observer,
@@ -42,6 +43,7 @@ OPTIONS: dict[tuple[str, str], dict[str, Any]] = {
     ("function", "sine"): {"amplitude": 2.0, "frequency": 0.7},
     ("normal_law", "elastic_foundation"): {
         "stiffness": 1e9, "damping": 1e5, "damping_depth": 1e-6},
+    ("material", "isotropic"): {"rho": 2700.0, "E": 7e10, "nu": 0.33, "k": 150.0, "c": 900.0},
     ("friction_law", "coulomb"): {"coefficient": 0.3, "critical_velocity": 0.05},
     ("mesh", "rectangle"): {"size": (2.0, 1.0), "divisions": (4, 3)},
     ("mesh", "unstructured"): {"size": (2.0, 1.0), "divisions": (4, 2), "elements": 24},
@@ -72,6 +74,7 @@ LAWS: dict[str, Callable[[Any, int], None]] = {
     "function": check_function,
     "normal_law": check_normal_law,
     "friction_law": check_friction_law,
+    "material": lambda p, seed: check_material(p),
     "observer": lambda p, seed: check_observer(p.observer, seed),
 }
 SCENE_KINDS = {"body", "joint", "load", "contact"}

@@ -9,7 +9,7 @@ import pytest
 from scipy import sparse
 
 from sparsemor.bodies import fem as fe
-from sparsemor.bodies.material import Material
+from sparsemor.bodies.material import Isotropic
 from sparsemor.bodies.mesh.generators.block import Block
 from sparsemor.core.arrays import Csr, FloatArray
 from sparsemor.core.errors import InputError
@@ -28,7 +28,7 @@ from sparsemor.plugins.linear_solvers.smoothed_aggregation import SmoothedAggreg
 from sparsemor.plugins.linear_solvers.superlu import ENTRY, Splu
 
 PACKAGE = {"pardiso": "pypardiso", "cholmod": "sksparse", "amg": "pyamg"}
-STEEL = Material(E=200e9, nu=0.3, rho=7850, alpha=12.3e-6, k=44.5, c=475)
+STEEL = Isotropic(E=200e9, nu=0.3, rho=7850, alpha=12.3e-6, k=44.5, c=475)
 
 
 def block(n: int) -> Any:
