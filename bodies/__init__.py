@@ -1,6 +1,6 @@
 """Bodies, joints, contacts and loads: the physics, and its public names for plugins.
 
-    from sparsemor.bodies import LoadPart, Quantity, find_body
+    from sparsemor.bodies import LoadPart, NumberOrFunction, find_body
 """
 
 from importlib import import_module
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from sparsemor.bodies.joints.conditions import conditions_on as conditions_on
     from sparsemor.bodies.joints.conditions import constant as constant
     from sparsemor.bodies.joints.part import JointPart as JointPart
-    from sparsemor.bodies.loads.amplitude import Quantity as Quantity
+    from sparsemor.bodies.loads.amplitude import NumberOrFunction as NumberOrFunction
     from sparsemor.bodies.loads.amplitude import amplitude as amplitude
     from sparsemor.bodies.loads.part import LoadPart as LoadPart
     from sparsemor.bodies.loads.vectors import components as components
@@ -39,7 +39,7 @@ _HOMES = {
     "joints.between": ("Between",),
     "joints.conditions": ("Conditions", "conditions_between", "conditions_on", "constant"),
     "joints.part": ("JointPart",),
-    "loads.amplitude": ("Quantity", "amplitude"),
+    "loads.amplitude": ("NumberOrFunction", "amplitude"),
     "loads.part": ("LoadPart",),
     "loads.vectors": ("components",),
     "material": ("Isotropic",),

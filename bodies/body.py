@@ -227,7 +227,7 @@ class Body:
                          None if h is None else h.free, pose=self.pose,
                          given=() if h is None else h.prescribed)
 
-    # ------------------------------------------------------------------ places, sets and probes
+    # ------------------------------------------------------------------ positions, sets and probes
 
     def start_rotation(self) -> FloatArray:
         """(d, d): body axes to space axes at the start."""
@@ -249,15 +249,15 @@ class Body:
         weights, point = self._probed(at)
         displacement: FloatArray | None = None
         temperature: FloatArray | None = None
-        given: tuple[tuple[float, TimeFunction], ...] = ()
+        prescribed: tuple[tuple[float, TimeFunction], ...] = ()
         if self.elasticity is not None:
             every = np.asarray(np.kron(weights[:, None], np.eye(len(point))))
             displacement = every[self.elasticity.free]
         if self.heat is not None:
             temperature = weights[self.heat.free]
-            given = tuple((float(weights[n].sum()), f) for n, f in self.heat.prescribed)
-        return ProbePlace(name, self.name, point, displacement, temperature, given, self.pose,
-                          self.guide)
+            prescribed = tuple((float(weights[n].sum()), f) for n, f in self.heat.prescribed)
+        return ProbePlace(name, self.name, point, displacement, temperature, prescribed,
+                          self.pose, self.guide)
 
     def _probed(self, at: str | Sequence[float]) -> tuple[FloatArray, FloatArray]:
         """(N,) weights and (d,) the point, m (body frame)."""

@@ -23,6 +23,7 @@ from sparsemor.bodies.mesh.sets import PointSet, with_sets
 from sparsemor.bodies.pose import Pose
 from sparsemor.bodies.reference import Reference
 from sparsemor.bodies.terms.field_kinds import BODY_KINDS, ELASTIC, THERMAL
+from sparsemor.bodies.terms.inertia import generator
 from sparsemor.core import (
     BodySize,
     EstimatesMeshSize,
@@ -185,7 +186,7 @@ class Flexible(Plugin):
     def _elasticity(self, mesh: Mesh, m: Any, held: IntArray) -> Elasticity:
         d, thickness, model = mesh.dimension, self._thickness(mesh), self._model(mesh)
         K = elastic_stiffness(mesh, self.material, thickness, model)
-        M = csr_array(_blockwise(m, d))
+        M = generator(m, np.eye(d))
         return Elasticity(
             free=np.setdiff1d(np.arange(d * len(mesh.points)), held), stiffness=K,
             damping=csr_array(self.damping.mass * M + self.damping.stiffness * K),
@@ -201,16 +202,10 @@ class Flexible(Plugin):
             constants=(self.material.rho * c * thickness, k * thickness), lumped=is_lumped)
 
     def _initial_temperature(self, mesh: Mesh) -> FloatArray:
-        given = self.initial_temperature
+        T0 = self.initial_temperature
         n = len(mesh.points)
-        if given is None:
+        if T0 is None:
             return np.full(n, self.reference_temperature)
-        if isinstance(given, str):
-            return evaluate_formula(given, mesh.points, "initial_temperature")
-        return np.full(n, float(given))
-
-
-def _blockwise(m: Any, d: int) -> Any:
-    from scipy.sparse import identity, kron
-
-    return kron(m, identity(d), format="csr")
+        if isinstance(T0, str):
+            return evaluate_formula(T0, mesh.points, "initial_temperature")
+        return np.full(n, float(T0))

@@ -3,7 +3,6 @@
 import numpy as np
 
 from sparsemor.bodies.body import Body
-from sparsemor.bodies.contact.kinematics import attitude_of
 from sparsemor.bodies.contact.projection import nearest
 from sparsemor.bodies.contact.surface import Surface
 from sparsemor.bodies.mesh.simplices import boundary
@@ -47,20 +46,15 @@ def _deepest(one: Surface, other: Surface, allowed: float) -> tuple[FloatArray, 
     return z[worst], float(depth[worst])
 
 
-def rotation(body: Body) -> FloatArray:
-    """(d, d): body axes to space axes at the start."""
-    return attitude_of(body.pose, 0.0 * body.pose).A
-
-
 def placed(body: Body, X: FloatArray) -> FloatArray:
     """(n, d) positions at the start of reference points X (n, d), m."""
-    return np.asarray(body.pose[: X.shape[1]] + X @ rotation(body).T)
+    return np.asarray(body.pose[: X.shape[1]] + X @ body.start_rotation().T)
 
 
 def _in_box(body: Body, z: FloatArray) -> BoolArray:
     """(n,) points in space that are inside the box about the body in its own axes."""
     X = body.X
-    own = (z - body.pose[: z.shape[1]]) @ rotation(body)
+    own = (z - body.pose[: z.shape[1]]) @ body.start_rotation()
     return np.asarray(((own > X.min(axis=0)) & (own < X.max(axis=0))).all(axis=1))
 
 

@@ -8,25 +8,25 @@ from sparsemor.bodies.frames.rotation import across
 from sparsemor.bodies.joints.conditions import conditions_on
 from sparsemor.bodies.joints.part import JointPart
 from sparsemor.bodies.joints.side import unit
-from sparsemor.bodies.loads.amplitude import Quantity
+from sparsemor.bodies.loads.amplitude import NumberOrFunction
 from sparsemor.core import InputError, Part, Plugin, Prescribed
 
 
 class PrescribedMotion(Plugin):
     """Prescribed motion: displacement from the start along space axes, and rotation, over time.
 
-    One multiplier a given coordinate: the force (N) or moment (N m) that drives it.
+    One multiplier per prescribed coordinate: the force (N) or moment (N m) that drives it.
     """
 
     of: str
     """The driven point or set `body:set`."""
-    x: Quantity | None = None
+    x: NumberOrFunction | None = None
     """Displacement along x, m; free when not given."""
-    y: Quantity | None = None
+    y: NumberOrFunction | None = None
     """Displacement along y, m; free when not given."""
-    z: Quantity | None = None
+    z: NumberOrFunction | None = None
     """In space: displacement along z, m; free when not given."""
-    angle: Quantity | None = None
+    angle: NumberOrFunction | None = None
     """Rotation, rad; free when not given. In space about `axis`, any number of turns; the other
     rotations are left to a joint, such as `revolute`."""
     axis: tuple[float, float, float] | None = None

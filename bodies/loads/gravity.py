@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 
 from sparsemor.bodies.body import Body
-from sparsemor.bodies.loads.amplitude import Quantity, amplitude
+from sparsemor.bodies.loads.amplitude import NumberOrFunction, amplitude
 from sparsemor.bodies.loads.part import LoadPart
 from sparsemor.bodies.loads.vectors import Vector, components
 from sparsemor.bodies.targets import all_bodies, find_body
@@ -16,7 +16,7 @@ class Gravity(Plugin):
     g: Vector | None = None
     """Acceleration, m/s^2 (space axes): two numbers in the plane, [0, -9.81] when not given; three
     in space, [0, 0, -9.81] when not given."""
-    factor: Quantity | None = None
+    factor: NumberOrFunction | None = None
     """Function of time that multiplies g; constant 1 when not given."""
     bodies: list[str] | None = None
     """Which bodies have weight; all when not given."""

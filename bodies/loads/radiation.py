@@ -10,7 +10,7 @@ from scipy.sparse import csr_array
 
 from sparsemor.bodies.fem.fields import Heat
 from sparsemor.bodies.fem.surface import facet_measures
-from sparsemor.bodies.loads.amplitude import Quantity
+from sparsemor.bodies.loads.amplitude import NumberOrFunction
 from sparsemor.bodies.loads.part import LoadPart
 from sparsemor.bodies.mesh.plausibility import celsius_notes
 from sparsemor.bodies.targets import find_surfaces
@@ -39,7 +39,7 @@ class RadiationTerm:
 
     facets (F, d): positions in `values`, the facets' own node list; weights (F,) = measure x
     thickness x eps sigma; row_of, column_of: position of each listed node in `rows`, `columns`
-    (-1: none); given: (position in list, T(t)) of nodes whose temperature is prescribed.
+    (-1: none); prescribed: (position in list, T(t)) of nodes with that temperature.
     """
 
     rows: IntArray
@@ -48,7 +48,7 @@ class RadiationTerm:
     weights: FloatArray
     row_of: IntArray
     column_of: IntArray
-    given: tuple[tuple[IntArray, Amplitude], ...]
+    prescribed: tuple[tuple[IntArray, Amplitude], ...]
     surroundings: Amplitude
 
     @property
@@ -59,7 +59,7 @@ class RadiationTerm:
         T = np.zeros(len(self.column_of))
         free = self.column_of >= 0
         T[free] = x[self.column_of[free]]
-        for at, function in self.given:
+        for at, function in self.prescribed:
             T[at] = function(t)
         return T
 
@@ -128,7 +128,7 @@ class RadiationTerm:
             facets=renumber[self.facets[touched]], weights=self.weights[touched],
             row_of=row_of[nodes],
             column_of=np.where(self.column_of[nodes] >= 0, back, -1),
-            given=tuple((renumber[at][renumber[at] >= 0], f) for at, f in self.given),
+            prescribed=tuple((renumber[at][renumber[at] >= 0], f) for at, f in self.prescribed),
         )
 
     def compress(self, trial: Trial, left: FloatArray) -> CompressedLocal:
@@ -165,7 +165,7 @@ class Radiation(Plugin):
     """Surfaces `body:set`."""
     emissivity: float = Field(gt=0, le=1)
     """Emissivity eps."""
-    surroundings: Quantity
+    surroundings: NumberOrFunction
     """Temperature of the surroundings, K, a number or a function of time."""
 
     def build(self, name: str, parts: Mapping[str, Part]) -> LoadPart:
@@ -193,6 +193,7 @@ def _term(
     is_free = np.isin(nodes, heat.free)
     place = np.where(is_free, np.cumsum(is_free) - 1, -1)
     unknown = at[np.searchsorted(heat.free, nodes[is_free])]
-    given = tuple((np.flatnonzero(np.isin(nodes, held)), f.value) for held, f in heat.prescribed)
+    prescribed = tuple(
+        (np.flatnonzero(np.isin(nodes, at)), f.value) for at, f in heat.prescribed)
     return RadiationTerm(unknown, unknown, np.searchsorted(nodes, facets), weights, place, place,
-                         given, surroundings)
+                         prescribed, surroundings)

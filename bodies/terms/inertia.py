@@ -27,7 +27,7 @@ def write_inertia(body: Body, equations: Equations) -> None:
         return
     m, F = body.mass_matrix, body.elasticity.free
     body.frame_item(equations, item, _directions(m, body.X, moments.B), generators=[
-        csr_array(generator(m, B)[F][:, F]) for B in moments.B])
+        generator(m, B)[F][:, F] for B in moments.B])
 
 
 def generator(m: Csr, B: FloatArray) -> Csr:

@@ -28,9 +28,9 @@ def test_each_name_is_there(name: str) -> None:
 
 BODIES = {
     "BODY_KINDS", "Between", "Body", "Conditions", "DenseTerm", "ELASTIC", "Isotropic",
-    "JointPart", "LoadPart", "MULTIPLIER", "MassProperties", "Pose", "Quantity", "RIGID", "THERMAL",
-    "Target",
-    "amplitude", "components", "conditions_between", "conditions_on", "constant", "find_body",
+    "JointPart", "LoadPart", "MULTIPLIER", "MassProperties", "NumberOrFunction", "Pose", "RIGID",
+    "THERMAL", "Target", "amplitude", "components", "conditions_between", "conditions_on",
+    "constant", "find_body",
     "find_surfaces", "find_target", "need_field",
 }
 REDUCERS = {"Linear", "Maps", "ProjectionReducer", "Reducible", "TestMap", "left_inverse"}

@@ -41,8 +41,8 @@ def test_the_scene_has_terms_of_every_kind(model: Model) -> None:
     items = {type(i).__name__ for t in model.terms if isinstance(t, FrameTerm)
              and isinstance(t.equations.frame, PlanarFrame) for i in t.equations.frame.items}
     assert items == {"Inertia", "BodyForce", "SpaceForce", "Attachment", "Rotation"}
-    partly_given = [t for t in model.terms if isinstance(t, RadiationTerm) and t.given]
-    assert any(0 < len(at) < len(t.column_of) for t in partly_given for at, _ in t.given)
+    partly_given = [t for t in model.terms if isinstance(t, RadiationTerm) and t.prescribed]
+    assert any(0 < len(at) < len(t.column_of) for t in partly_given for at, _ in t.prescribed)
 
 
 def test_every_term_has_one_owner_in_the_fast_step(model: Model) -> None:
