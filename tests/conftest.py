@@ -1,15 +1,19 @@
 """Distributions for tests: tiny ones made on the spot, and the third-party samples. A folder for
 the results of runs that name none."""
 
+import os
 import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
+from importlib import metadata
 from pathlib import Path
 
 import pytest
+from threadpoolctl import threadpool_limits
 
 from cpu_limit import CpuLimit
+from installed_once import entry_points
 from time_budget import TimeBudget
 
 THIRD_PARTY = Path(__file__).parent / "third_party"
@@ -134,6 +138,11 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
+    # One thread of BLAS, for workers and programs that tests start, too: most matrices here are
+    # small, and the threads of two workers on two cores wait for each other.
+    os.environ.update(OPENBLAS_NUM_THREADS="1", OMP_NUM_THREADS="1", MKL_NUM_THREADS="1")
+    threadpool_limits(limits=1, user_api="blas")
+    metadata.entry_points = entry_points
     if limit := config.getoption("--cpu-limit"):
         config.pluginmanager.register(CpuLimit(limit), "cpu_limit")
     if (minutes := config.getoption("--minutes")) is not None:
