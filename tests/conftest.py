@@ -14,7 +14,6 @@ from threadpoolctl import threadpool_limits
 
 from cpu_limit import CpuLimit
 from installed_once import entry_points
-from time_budget import TimeBudget
 
 THIRD_PARTY = Path(__file__).parent / "third_party"
 Distribute = Callable[..., None]
@@ -132,9 +131,6 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption(
         "--cpu-limit", type=float, default=0.5, metavar="S",
         help="CPU seconds of a test without a tier (0: no limit, for profiles and coverage)")
-    parser.addoption(
-        "--minutes", type=float, metavar="N",
-        help="start no test after so many minutes: a random share, another one each day")
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -145,8 +141,6 @@ def pytest_configure(config: pytest.Config) -> None:
     metadata.entry_points = entry_points
     if limit := config.getoption("--cpu-limit"):
         config.pluginmanager.register(CpuLimit(limit), "cpu_limit")
-    if (minutes := config.getoption("--minutes")) is not None:
-        config.pluginmanager.register(TimeBudget(minutes), "time_budget")
 
 
 @pytest.fixture(autouse=True, scope="session")
