@@ -117,7 +117,7 @@ def test_a_refusal_that_stands_is_one(solver: GreedyGaussNewton) -> None:
             now, new = replace(problem, b=b), problem.screen(solver)
             at = now.around(c, gram=gram)
             gram = at.gram
-            stood += screen._stands(at, support)
+            stood += screen.stands(at, support)
             found, want = screen.settle(at, support), new.settle(now.around(c), support)
             assert (found is support) == (want is support)
             if found is not None and want is not None:
