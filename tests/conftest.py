@@ -2,6 +2,7 @@
 the results of runs that name none."""
 
 import os
+import signal
 import subprocess
 import sys
 import tempfile
@@ -139,6 +140,8 @@ def pytest_configure(config: pytest.Config) -> None:
     os.environ.update(OPENBLAS_NUM_THREADS="1", OMP_NUM_THREADS="1", MKL_NUM_THREADS="1")
     threadpool_limits(limits=1, user_api="blas")
     metadata.entry_points = entry_points
+    if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:  # started in the background by a shell
+        signal.signal(signal.SIGINT, signal.default_int_handler)
     if limit := config.getoption("--cpu-limit"):
         config.pluginmanager.register(CpuLimit(limit), "cpu_limit")
 

@@ -4,6 +4,9 @@ import ast
 from collections.abc import Iterator
 from pathlib import Path
 
+import pytest
+
+pytestmark = pytest.mark.full
 TESTS = Path(__file__).parents[1]
 LIBRARIES = {"_replace", "_exit", "_fields", "_asdict"}
 """Public though they begin so: of named tuples, of `os`."""
