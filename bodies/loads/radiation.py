@@ -69,7 +69,7 @@ class RadiationTerm:
         return T**4 if abs(T) < LARGEST else np.inf
 
     def residual(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> FloatArray:
-        phi, w = _RULES[self.facets.shape[1]]
+        phi, w = RULES[self.facets.shape[1]]
         T = self._nodal(x, t)[self.facets] @ phi  # (F, quadrature points)
         flux = (T**4 - self._fourth(t)) * self.weights[:, None]
         loads = flux @ (phi * w).T
@@ -81,7 +81,7 @@ class RadiationTerm:
         self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: FloatArray, c2: FloatArray
     ) -> Csr:
         d = self.facets.shape[1]
-        phi, w = _RULES[d]
+        phi, w = RULES[d]
         T = self._nodal(x, t)[self.facets] @ phi
         slope = 4 * T**3 * self.weights[:, None] * w
         local = np.einsum("fq,iq,jq->fij", slope, phi, phi)
@@ -97,7 +97,7 @@ class RadiationTerm:
         """(F, l, M): left (l, m) times what each facet adds at states x (n, M), t (M,) s."""
         place = self.row_of[self.facets]
         seen = np.where(place >= 0, left[:, place], 0.0)  # (l, F, d)
-        phi, w = _RULES[self.facets.shape[1]]
+        phi, w = RULES[self.facets.shape[1]]
         found = np.zeros((len(self.facets), len(left), len(t)))
         for i, time in enumerate(t):
             T = self._nodal(x[:, i], float(time))[self.facets] @ phi
@@ -152,7 +152,7 @@ def _triangle() -> tuple[FloatArray, FloatArray]:
     return np.stack(points, axis=1), np.array(weights)
 
 
-_RULES = {2: _line(), 3: _triangle()}
+RULES = {2: _line(), 3: _triangle()}
 """By the number of a facet's nodes."""
 
 

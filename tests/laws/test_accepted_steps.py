@@ -16,6 +16,7 @@ from sparsemor.core.simulation.simulate import simulate
 from sparsemor.core.testing.in_memory_run import March, march, scene_of
 from sparsemor.reducers.full.monolithic import Summed
 from sparsemor.reducers.step.acceptance import estimated_error, largest_error
+from tiers import quick
 
 INTEGRATORS: list[dict[str, Any]] = [
     {"use": "bdf1"}, {"use": "bdf2"}, {"use": "generalized_alpha", "rho_inf": 0.7},
@@ -87,9 +88,10 @@ def test_each_accepted_step_solves_the_equations(integrator: dict[str, Any]) -> 
     assert max(corrections(pendulum(2e-4, 400, 7e7, integrator), 20)) < 1e-10
 
 
-@pytest.mark.parametrize("integrator", INTEGRATORS, ids=["bdf1", "bdf2", "alpha-0.7", "alpha-1"])
+@pytest.mark.parametrize("integrator", quick(INTEGRATORS, INTEGRATORS[0], INTEGRATORS[2]),
+                         ids=["bdf1", "bdf2", "alpha-0.7", "alpha-1"])
 @pytest.mark.parametrize("E", [7e10, 5e6])
-@pytest.mark.parametrize("h", [1e-2, 1e-3, 1e-4, 1e-5, 1e-6])
+@pytest.mark.parametrize("h", quick((1e-2, 1e-3, 1e-4, 1e-5, 1e-6), 1e-2, 1e-6))
 def test_bordered_steps_are_those_of_the_textbook(
     h: float, E: float, integrator: dict[str, Any],
 ) -> None:

@@ -188,6 +188,7 @@ def test_a_body_that_nothing_holds_is_singular(name: str) -> None:
     assert done.outcome(np.ones(K.shape[0])).status is Status.SINGULAR
 
 
+@pytest.mark.full
 def test_auto_says_what_it_took_and_why() -> None:
     small, places = heat(4, 1.0)
     assert Auto().factorize(small, places).note == "splu: 125 unknowns are few"

@@ -4,10 +4,9 @@
 import numpy as np
 import pytest
 
-from small_scenes import everything
+from small_scenes import everything, everything_assembled
 from sparsemor.bodies.frames.plane import PlanarFrame
 from sparsemor.bodies.loads.radiation import RadiationTerm
-from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.equations import jacobian, residual
 from sparsemor.core.model.frame_term import FrameTerm
 from sparsemor.core.model.linear_term import LinearTerm
@@ -22,7 +21,7 @@ PARTS = [pytest.param(name, marks=[pytest.mark.full] * (name in LONG)) for name 
 
 @pytest.fixture(scope="module")
 def model() -> Model:
-    return assemble(everything())
+    return everything_assembled()
 
 
 @pytest.mark.parametrize("part", PARTS)
