@@ -12,7 +12,6 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 from pydantic import Field
-from scipy.linalg import lapack, solve_triangular
 
 from sparsemor.core import (
     AssembledModel,
@@ -30,8 +29,6 @@ from sparsemor.core import (
     Plugin,
     ReducedProblem,
     Slot,
-    SolveFailed,
-    Status,
     StepFactors,
     StepSolver,
     chosen,
@@ -39,10 +36,11 @@ from sparsemor.core import (
 )
 from sparsemor.reducers.checks import pattern_faults
 from sparsemor.reducers.field_options import BASES
-from sparsemor.reducers.ineffective_options import shadowed_basis
+from sparsemor.reducers.notes import shadowed_basis
 from sparsemor.reducers.step.acceptance import Tolerances
 from sparsemor.reducers.step.coupled_reduced import Seen, reduced_general
 from sparsemor.reducers.step.elastic_block import CompressedElastic
+from sparsemor.reducers.step.left_inverse import left_inverse
 from sparsemor.reducers.step.newton.equations import Equations
 from sparsemor.reducers.step.newton.fallback import FullNewton
 from sparsemor.reducers.step.operators import TestedElastic, TestedHeat, TestMap
@@ -52,9 +50,6 @@ from sparsemor.reducers.step.solver import Facts
 from sparsemor.reducers.step.thermal_block import CompressedHeat
 from sparsemor.reducers.step.thermal_groups import heat_groups
 from sparsemor.reducers.trial_bases import local_terms, trial_bases
-
-RANK_RTOL = 1e-14
-"""Reciprocal condition of a scaled block below which its atoms depend on each other."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -231,28 +226,3 @@ def fast(
     whole: Equations = reduced_general(
         model, dictionaries, rows, blocks, tolerances, points).equations
     return replace(made, newton=FullNewton(lambda: whole, tolerances))
-
-
-def left_inverse(name: str, A: FloatArray, rtol: float = RANK_RTOL) -> FloatArray:
-    """(k, l) with left @ A = 1 for A (l, k), by least squares on unit columns where l > k.
-
-    Raises SolveFailed (rank deficient) naming the block `name` where the columns depend on each
-    other: an overcomplete dictionary has no unique coefficients.
-    """
-    rows, k = A.shape
-    if rows < k:
-        raise deficient(name, f"{k} atoms, {rows} rows")
-    norms = np.linalg.norm(A, axis=0)
-    if not norms.all():
-        raise deficient(name, f"{int((norms == 0).sum())} atoms vanish on its rows")
-    Q, R = np.linalg.qr(A / norms)
-    rcond = float(lapack.dtrcon(R)[0]) if k else 1.0
-    if not rcond > rtol:
-        raise deficient(
-            name, f"its {k} atoms depend on each other, reciprocal condition {rcond:.1e}: take "
-            "fewer atoms or merge near-duplicates")
-    return np.asarray(solve_triangular(R, Q.T) / norms[:, None], dtype=np.float64)
-
-
-def deficient(name: str, detail: str, sampled: bool = False) -> SolveFailed:
-    return SolveFailed(Status.RANK_DEFICIENT, 0.0, name, detail, sampled=sampled)

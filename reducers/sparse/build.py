@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Protocol
 
 from sparsemor.core import (
     AssembledModel,
@@ -13,65 +12,31 @@ from sparsemor.core import (
     IntArray,
     Note,
     OfflineProducts,
-    Preconditioner,
-    SolveFailed,
-    SparseSolver,
-    Status,
     StepFactors,
     StepSolver,
     chosen,
 )
 from sparsemor.core.protocols.sparse_solver import refusal
-from sparsemor.reducers.coverage import unsampled_loads
+from sparsemor.reducers.checks import unselectable, unselectable_blocks
+from sparsemor.reducers.notes import unsampled_loads
 from sparsemor.reducers.sparse.joint_problem import mechanics_needs, shape_needs
 from sparsemor.reducers.sparse.oblique_projection import checked_rows
-from sparsemor.reducers.sparse.preconditioned_rows import inverse_rows
+from sparsemor.reducers.sparse.options import SparseOptions
 from sparsemor.reducers.sparse.sampled_block import (
-    RankDeficient,
     Sampled,
     SampledElastic,
     SampledHeat,
-    left_inverse,
+    inverse_rows,
+    on_support,
     told,
     weigh,
 )
-from sparsemor.reducers.sparse.sampled_coupled import sampled_general
 from sparsemor.reducers.sparse.stepper import SparseStepper
-from sparsemor.reducers.step.acceptance import Tolerances
-from sparsemor.reducers.step.operator_rows import elastic_rows, elastic_times, heat_rows, heat_times
+from sparsemor.reducers.step.coupled_reduced import ReducedGeneral, Seen, reduced_general
 from sparsemor.reducers.step.operators import TestedElastic, TestedHeat, TestMap
 from sparsemor.reducers.step.prepare import stepper
-from sparsemor.reducers.step.solver import Stepper
+from sparsemor.reducers.step.solver import Facts, Stepper
 from sparsemor.reducers.step.thermal_groups import heat_groups
-
-
-class Options(Protocol):
-    """The options of the reducer that are read here."""
-
-    @property
-    def preconditioner(self) -> Preconditioner: ...
-    @property
-    def preconditioned(self) -> tuple[str, ...]: ...
-    @property
-    def solver(self) -> SparseSolver: ...
-    def preconditions(self, name: str) -> bool:
-        """True if the rows of a block are those of its residual times D^-1."""
-        ...
-
-    @property
-    def every(self) -> int: ...
-    @property
-    def carried(self) -> bool: ...
-    @property
-    def polish(self) -> bool: ...
-    @property
-    def screen(self) -> bool: ...
-    @property
-    def predictor(self) -> int: ...
-    @property
-    def remaining(self) -> float: ...
-    @property
-    def max_iterations(self) -> int: ...
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -100,7 +65,7 @@ class Build:
 
     model: AssembledModel
     offline: OfflineProducts | None
-    options: Options
+    options: SparseOptions
     dictionaries: Mapping[str, Dictionary]
     limits: Mapping[str, float]
     atoms: Mapping[str, int | None]
@@ -124,29 +89,47 @@ class Build:
         driven = not self.model.separated.border_size
         for b in self.model.separated.heat:
             n = b.thermal
-            th = (heat_rows(known.heat[n], rows[n]) if (known := self._known(whole, n)) else
+            th = (known.heat[n].under(TestMap(rows[n])) if (known := self._known(whole, n)) else
                   TestedHeat.of(b, self.dictionaries[n], self._map(n, rows[n])))
             block, facts[n] = self._block(n, rows[n], th.block(c1_first), notes)
-            heat[n] = SampledHeat.of(block, heat_times(block.weight, th), self.model, b, c1_first)
+            th = th.under(TestMap(left=block.weight))
+            heat[n] = SampledHeat.of(block, th, self.model, b, c1_first)
         for m in self.model.separated.moving:
             if m.operators is None:
                 continue
             n = m.elastic
-            te = (elastic_rows(known.elastic[n], rows[n]) if (known := self._known(whole, n)) else
+            te = (known.elastic[n].under(TestMap(rows[n])) if (known := self._known(whole, n)) else
                   TestedElastic.of(m.operators, m.frame, self.dictionaries[n],
                                    self.dictionaries.get(m.thermal), self._map(n, rows[n]),
                                    rigid=self.model.separated.rigid_equations))
             block, facts[n] = self._block(n, rows[n], te.block(c1, c2), notes)
-            elastic[n] = SampledElastic.of(block, elastic_times(block.weight, te), driven)
-        chooses = any(h.block.selects for h in heat.values()) or any(
-            e.block.selects for e in elastic.values())
-        apart = self.model.separated
-        if apart.other or (chooses and (apart.couplings or apart.elastic_local)):
-            return sampled_general(
-                self.model, self.dictionaries, self.limits, rows, {**heat, **elastic},
-                {n: self._map(n, r) for n, r in rows.items()}, self.options,
-                (*unsampled_loads(self.model, rows), *notes), facts)
+            elastic[n] = SampledElastic.of(block, te.under(TestMap(left=block.weight)), driven)
+        sampled = [*(h.block for h in heat.values()), *(e.block for e in elastic.values())]
+        choosing = {block.name for block in sampled if block.selects}
+        if self.model.separated.other or choosing & unselectable_blocks(self.model):
+            return self._coupled(rows, {**heat, **elastic}, facts, notes)
         return self._stepper(rows, heat, elastic, facts, row_set, notes)
+
+    def _coupled(
+        self, rows: Mapping[str, IntArray], blocks: Mapping[str, SampledElastic | SampledHeat],
+        facts: Facts, notes: list[Note],
+    ) -> ReducedGeneral:
+        """The general path: least squares of a block's rows as in the fast one. InputError where a
+        budget leaves a choice of atoms."""
+        faults = [Fault("reducer.budgets", unselectable(
+                      self.model, s.block.name, s.block.budget, s.block.atoms))
+                  for s in blocks.values() if s.block.selects]
+        if faults:
+            raise InputError(faults)
+        projected = {}
+        for name, s in blocks.items():
+            P, m = s.block.weight, self._map(name, rows[name])
+            weighted = m if P is None else TestMap(m.rows, P if m.left is None else P @ m.left)
+            projected[name] = Seen(s.tested, s.block.left(None), weighted)
+        return reduced_general(
+            self.model, self.dictionaries, rows, projected, self.options.tolerances,
+            self.options.predictor, self.limits, (*unsampled_loads(self.model, rows), *notes),
+            facts)
 
     def _known(self, whole: Whole | None, name: str) -> Whole | None:
         """Source of the rows of a block: those of D^-1 r are not stored for all."""
@@ -185,12 +168,8 @@ class Build:
         facts: Mapping[str, Mapping[str, float | int | str]], row_set: int, notes: list[Note],
     ) -> Stepper | SparseStepper:
         """Blocks without a choice to make are prepared here, once."""
-        try:
-            hot = {n: h.prepared(None) for n, h in heat.items() if not h.block.selects}
-            bent = {n: e.prepared(None) for n, e in elastic.items() if not e.block.selects}
-        except RankDeficient as error:
-            raise SolveFailed(Status.RANK_DEFICIENT, 0.0, error.block, error.detail,
-                              sampled=True) from None
+        hot = {n: h.prepared(None) for n, h in heat.items() if not h.block.selects}
+        bent = {n: e.prepared(None) for n, e in elastic.items() if not e.block.selects}
         # D^-1 brings every load to every row
         plain = {n: r for n, r in rows.items() if not self.options.preconditions(n)}
         wide = {c.rows: self._wide(heat[c.rows]) for c in self.model.separated.couplings}
@@ -201,7 +180,7 @@ class Build:
         fixed = len(hot) == len(heat) and len(bent) == len(elastic)
         base = stepper(
             self.model, self.model.layout.resized(sizes), self.dictionaries, rows, groups, bent,
-            Tolerances(o.remaining, o.max_iterations), o.predictor, len(hot) + len(bent),
+            o.tolerances, o.predictor, len(hot) + len(bent),
             (self.step.c1, self.step.c2), fixed and self.offline is not None, self.limits,
             (*unsampled_loads(self.model, plain), *notes),
             {n: e.tested for n, e in elastic.items()}, facts, visited)
@@ -218,7 +197,7 @@ class Build:
         """(k, n): the left inverse of a block's sampled rows times the map of its forces."""
         block = source.block
         m, P = self._map(block.name, block.rows), block.weight
-        left = left_inverse(block.name, source.reached[1], None)
+        left = on_support(block.name, source.reached[1], None)
         return m.times(left if P is None else left @ P, len(block.dictionary.offset))
 
     def _refuse(

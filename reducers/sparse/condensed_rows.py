@@ -21,9 +21,10 @@ from scipy.linalg import blas, lapack
 from sparsemor.core import FloatArray
 from sparsemor.reducers.sparse.joint_problem import BORDER
 from sparsemor.reducers.sparse.sampled_residual import Seen
-from sparsemor.reducers.sparse.screen_rows import diagonal, squares
+from sparsemor.reducers.sparse.screen_rows import diagonal
 from sparsemor.reducers.step.condensed_newton import Mechanics
 from sparsemor.reducers.step.iteration_state import Workspace
+from sparsemor.reducers.step.left_inverse import squares
 
 
 class Constants:

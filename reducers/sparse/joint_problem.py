@@ -14,12 +14,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from sparsemor.core import FloatArray, FrameWork, Group, StepFormula
-from sparsemor.core.protocols.load_tables import total
-from sparsemor.core.protocols.separable import evaluate_amplitudes
 from sparsemor.reducers.sparse.sampled_block import SampledElastic, SampledHeat
 from sparsemor.reducers.step.condensed_newton import Mechanics
-from sparsemor.reducers.step.frame_step import BodyStep
+from sparsemor.reducers.step.frame_step import BodyStep, buffers
 from sparsemor.reducers.step.operators import TestedElastic
+from sparsemor.reducers.step.time_tables import plus_loads
 
 Few = tuple[TestedElastic, FloatArray]
 BORDER = 10.0
@@ -52,11 +51,7 @@ class HeatProblem:
     @classmethod
     def at(cls, s: SampledHeat, r1: FloatArray, t: float) -> "HeatProblem":
         T, J = s.few
-        b = T.constant - T.capacity @ r1
-        if T.amplitudes:
-            b = b + T.loads @ evaluate_amplitudes(T.amplitudes, t)
-        if T.tables:
-            b = b + total(T.tables, t)
+        b = plus_loads(T.constant - T.capacity @ r1, T, t)
         size = float(np.linalg.norm(J, axis=0).max())
         group = Group(s.block.name, 0, J.shape[1], s.block.budget)
         return cls((group,), J / size, b / size, shape_needs(*s.block.B.shape))
@@ -154,23 +149,18 @@ class MechanicsProblem:
     def _evaluate(
         self, p: Place, c: FloatArray, y: FloatArray, rates: FloatArray
     ) -> FrameWork:
-        step, f, T = self.step, p.body.frame, p.body.to_border
-        w = FrameWork(f.p, f.border, f.generators)
+        step, T = self.step, p.body.to_border
+        w, = buffers([p.body.frame])
         c1, c2 = step.c1, step.c2
         given = p.body.given(step.t)
         yb = T @ y + given[0]
         v, a = T @ (c1 * y + rates[0]) + given[1], T @ (c2 * y + rates[1]) + given[2]
         if not self.border:  # nothing rigid to solve for, and so no equations of it
-            f.drive(yb, v, a, c1, c2, step.t, w)
+            p.body.frame.drive(yb, v, a, c1, c2, step.t, w)
             return w
-        if p.few is None:
-            none = np.zeros(0)
-            f.evaluate(yb, v, a, c1, c2, none, none, none, none, none, step.t, w)
-            return w
-        at, F, Q = p.body.elastic, p.few[0].functional, p.few[0].quadratic
-        r1, r2 = step.r1[at], step.r2[at]
-        form, forms = Q @ c @ c, np.concatenate([Q @ r1 @ c, Q @ r2 @ c])
-        f.evaluate(yb, v, a, c1, c2, F @ c, F @ r1, F @ r2, form, forms, step.t, w)
+        at = p.body.elastic
+        p.body.evaluate(yb, v, a, c1, c2, None if p.few is None else p.few[0], c, step.r1[at],
+                        step.r2[at], step.t, w)
         return w
 
 
@@ -182,8 +172,4 @@ def _history(
     h = t.mass @ step.r2[at] + t.damping @ step.r1[at] + t.constant
     if t.coupling.size:
         h = h - t.coupling @ x[body.thermal]
-    if t.amplitudes:
-        h = h - t.loads @ evaluate_amplitudes(t.amplitudes, step.t)
-    if t.tables:
-        h = h - total(t.tables, step.t)
-    return np.asarray(h)
+    return plus_loads(h, t, step.t, -1.0)

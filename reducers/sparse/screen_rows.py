@@ -30,11 +30,6 @@ def joined(parts: Sequence[slice]) -> slice | IntArray:
     return np.concatenate([np.arange(s.start, s.stop) for s in parts])
 
 
-def squares(A: FloatArray) -> FloatArray:
-    """(k,) squared lengths of the columns of A (m, k)."""
-    return np.asarray(np.einsum("ij,ij->j", A, A))
-
-
 def diagonal(blocks: Sequence[FloatArray]) -> FloatArray:
     """Blocks (m_i, k_i) along the diagonal."""
     out = np.zeros((sum(len(b) for b in blocks), sum(b.shape[1] for b in blocks)))

@@ -19,7 +19,8 @@ from sparsemor.core import (
 from sparsemor.core.protocols.load_tables import total
 from sparsemor.core.protocols.separable import evaluate_amplitudes
 from sparsemor.reducers.sparse.sampled_block import SampledHeat
-from sparsemor.reducers.sparse.screen_rows import Together, diagonal, joined, squares
+from sparsemor.reducers.sparse.screen_rows import Together, diagonal, joined
+from sparsemor.reducers.step.left_inverse import squares
 
 EXACT = GramError(1e-6, 0.0)
 """Rows are exact but for the stop rule of the step."""

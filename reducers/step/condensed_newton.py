@@ -249,11 +249,12 @@ class Mechanics:
         sizes = {}
         for b, moved in zip(self.bodies, loop.changes[1:], strict=True):
             d = b.to_border[: b.frame.rigid_size] @ loop.dy if len(loop.dy) else _ZERO
-            sizes[f"{b.name}.rigid"] = sqrt(float(d.dot(d))) / _largest(q)
+            if b.rigid_name:
+                sizes[b.rigid_name] = sqrt(float(d.dot(d))) / _largest(q)
             if b.block is not None:
                 sizes[b.elastic_name] = moved
         broken = [n for n, size in sizes.items() if not size < inf]
-        return broken[0] if broken else max(sizes, key=lambda n: sizes[n])
+        return broken[0] if broken else max(sizes, key=lambda n: sizes[n], default="")
 
 
 SLOW = 0.2

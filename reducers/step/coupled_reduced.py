@@ -6,24 +6,20 @@ rows through the block's test maps; those of local terms are evaluated near the 
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from sparsemor.core import (
     AssembledModel,
-    BoolArray,
     Dictionary,
     FloatArray,
     IntArray,
     Layout,
     Note,
-    ResultantSource,
     State,
-    Status,
     StepFormula,
-    StepOutcome,
     Term,
     Trial,
     information,
@@ -31,18 +27,16 @@ from sparsemor.core import (
 from sparsemor.core.model.constraint_rates import along, motion_step
 from sparsemor.core.model.equations import rate_factors
 from sparsemor.core.protocols.prescribed_quantities import derivatives, from_right
-from sparsemor.core.protocols.step_solver import resultant_sources, unavailable_resultants
+from sparsemor.core.protocols.step_solver import unavailable_resultants
 from sparsemor.reducers.full.monolithic import coupling, elements
 from sparsemor.reducers.step.acceptance import Tolerances
 from sparsemor.reducers.step.frame_step import BodyStep
 from sparsemor.reducers.step.initial import least
-from sparsemor.reducers.step.newton.iteration import solve
 from sparsemor.reducers.step.newton.memory import NewtonMemory
-from sparsemor.reducers.step.operator_rows import elastic_times, heat_times
+from sparsemor.reducers.step.newton.stepper import NewtonStepper
 from sparsemor.reducers.step.operators import TestedElastic, TestMap
-from sparsemor.reducers.step.reduced_residual import Coupled, Dense, DenseBody, DenseHeat
-from sparsemor.reducers.step.rejection import rejected_step
-from sparsemor.reducers.step.relocalised import following
+from sparsemor.reducers.step.reduced_residual import Dense, DenseBody, DenseHeat
+from sparsemor.reducers.step.relocalised import Coupled
 from sparsemor.reducers.step.solver import Facts, reduce_state
 
 
@@ -55,54 +49,27 @@ class Seen:
     left: FloatArray
     forces: TestMap
 
+    @property
+    def solved(self) -> Any:
+        """The rows times the left inverse: the block's own operator is 1."""
+        return self.tested.under(TestMap(left=self.left))
+
     def wide(self, atoms: Dictionary) -> FloatArray:
         """(k, n) left times the map of forces, on all rows of the block."""
         return self.forces.times(self.left, len(atoms.offset))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ReducedGeneral:
-    """StepSolver over `Dense` equations. limits: largest |coefficient| of a block that is sane."""
+class ReducedGeneral(NewtonStepper):
+    """The same over `Dense` equations."""
 
     equations: Dense
-    dictionaries: Mapping[str, Dictionary]
-    rows: Mapping[str, IntArray]
-    elements_touched: Mapping[str, int]
-    tolerances: Tolerances
-    points: int
-    limits: Mapping[str, float] = field(default_factory=dict)
-    notes: tuple[Note, ...] = ()
-    facts: Facts = field(default_factory=dict)
-
-    @property
-    def layout(self) -> Layout:
-        return self.equations.layout
 
     def start(self, state: State) -> tuple[State, NewtonMemory]:
-        equations = self.equations.with_work()
         if self.dictionaries:
-            state = with_rates(
-                equations, reduce_state(state, self.layout, self.dictionaries))
-        return state, NewtonMemory(
-            state.x, self.points, len(self.layout.blocks), equations.buffers)
-
-    def solve(self, step: StepFormula, memory: NewtonMemory) -> tuple[StepOutcome, NewtonMemory]:
-        coupled = following(self.equations.coupled, memory)
-        outcome = solve(
-            replace(self.equations, coupled=coupled, work=memory.work), step, memory,
-            self.tolerances)
-        terms = ((c.term, c.columns) for c in coupled)
-        outcome = rejected_step(outcome, terms, step, self.layout)
-        return (self._sane(outcome) if outcome.status.ok else outcome), memory
-
-    def _sane(self, outcome: StepOutcome) -> StepOutcome:
-        for name, limit in self.limits.items():
-            top = float(np.abs(outcome.x[self.layout[name]]).max(initial=0.0))
-            if not top <= limit:
-                return replace(
-                    outcome, status=Status.DIVERGED, block=name,
-                    detail=f"largest coefficient {top:.3g}, {limit:.3g} allowed")
-        return outcome
+            state = with_rates(self.equations.with_work(), reduce_state(
+                state, self.layout, self.dictionaries))
+        return NewtonStepper.start(self, state)
 
     def alone(self) -> Mapping[str, FloatArray]:
         """Reduced elastic block -> (k, 2 k): its coefficients' own answer to changes of their r1
@@ -120,18 +87,6 @@ class ReducedGeneral:
         C, M = equations.jacobian(*at, one, zero) - K, equations.jacobian(*at, zero, one) - K
         factor = equations.factorize(equations.jacobian(*at, c1, c2))
         return np.asarray(-factor.solve(np.hstack([C, M])))
-
-    def resultant_sources(self, memory: NewtonMemory | None) -> tuple[ResultantSource, ...]:
-        coupled = self.equations.coupled
-        if memory is not None:  # what is told must not change how the run goes on
-            coupled = following(coupled, memory.beside())
-        return resultant_sources((c.term, c.columns) for c in coupled)
-
-    def supports(self, memory: NewtonMemory) -> Mapping[str, BoolArray]:
-        return memory.supports
-
-    def counters(self, memory: NewtonMemory) -> Mapping[str, int]:
-        return memory.counters()
 
 
 def reduced_general(
@@ -153,8 +108,7 @@ def reduced_general(
     visited = elements(model, [c.term for c in coupled], [t.rows for t in terms])
     equations = Dense(
         layout,
-        [DenseHeat(layout[b.thermal], heat_times(seen[b.thermal].left, seen[b.thermal].tested))
-         for b in model.separated.heat],
+        [DenseHeat(layout[b.thermal], seen[b.thermal].solved) for b in model.separated.heat],
         _bodies(model, layout, seen), coupled, model.separated.border_targets, _border(layout),
         model.separated.step, coupling(model))
     count = sum(c.term.elements for c in coupled)
@@ -163,7 +117,7 @@ def reduced_general(
         f"{names} couples blocks inside the step: all unknowns are solved together, and each "
         f"evaluation visits {count} elements", "coupled"),) if seen else ()
     told = (*notes, *told, *unavailable_resultants(c.term for c in coupled))
-    return ReducedGeneral(equations, dictionaries, rows, visited, tolerances, points,
+    return ReducedGeneral(equations, visited, tolerances, points, dictionaries, rows,
                           limits or {}, told, facts or {})
 
 
@@ -171,7 +125,7 @@ def _bodies(model: AssembledModel, layout: Layout, seen: Mapping[str, Seen]) -> 
     none, border, found = slice(0, 0), _border(layout), []
     for m in model.separated.moving:
         s = seen.get(m.elastic)
-        tested: TestedElastic | None = None if s is None else elastic_times(s.left, s.tested)
+        tested: TestedElastic | None = None if s is None else s.solved
         step = BodyStep(
             m.name, m.frame if tested is None else tested.frame, m.to_border, m.origin, None,
             layout[m.elastic] if m.elastic else none,

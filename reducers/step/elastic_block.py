@@ -8,9 +8,10 @@ h the history of the step and P the directions. Full order solves with a factor 
 block has D^-1 applied to everything in advance. The Newton loop sees no difference.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -26,7 +27,7 @@ from sparsemor.reducers.step.elastic_local import (
     StepForces,
 )
 from sparsemor.reducers.step.operators import TestedElastic
-from sparsemor.reducers.step.tabulated_loads import Moving, tabulated
+from sparsemor.reducers.step.time_tables import Moving, plus_loads, tabulated
 
 
 class History:
@@ -61,41 +62,58 @@ class Look(NamedTuple):
     seen: FloatArray | None
 
 
-class ElasticBlock(Protocol):
-    """G (p, p) = P^T D^-1 P. `active`: numbers of the unknowns it solves for, None for all."""
+class DisplacementBlock(ABC):
+    """One body's displacements in a step. `active`: numbers of the unknowns it solves for, None for
+    all; `local`: terms that are evaluated at each iterate."""
+
+    active: IntArray | None
+    local: LocalForces | None
 
     @property
-    def G(self) -> FloatArray: ...
-    @property
-    def active(self) -> IntArray | None: ...
-    @property
-    def local(self) -> LocalForces | None:
-        """Terms that are evaluated at each iterate."""
-        ...
+    def iterates(self) -> bool:
+        """True if its linear solver iterates."""
+        return False
 
-    def begin(self, r1: FloatArray, r2: FloatArray, xT: FloatArray, t: float) -> History: ...
-    def look(self, c: FloatArray, history: History) -> Look: ...
+    def rates(self, k: int) -> tuple[FloatArray, FloatArray] | None:
+        """(s, k) each, of k atoms: D^-1 D_m and D^-1 M, the block's response alone to -r1 and -r2;
+        None at full order."""
+        return None
+
+
+class ElasticBlock(DisplacementBlock):
+    """Displacements on a frame with unknowns. G (p, p) = P^T D^-1 P."""
+
+    G: FloatArray
+
+    @abstractmethod
+    def begin(self, r1: FloatArray, r2: FloatArray, xT: FloatArray, t: float) -> History:
+        """Constants of a step."""
+
+    @abstractmethod
+    def look(self, c: FloatArray, history: History) -> Look:
+        """Functionals and forms of the unknowns c."""
+
+    @abstractmethod
     def combine(
         self, look: Look, history: History, factors: FloatArray, c: FloatArray, sigma: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """z and P^T z; factors (2 g + 1,) = kappa, mu, 1. Where c are the unknowns to come, and
         sigma what then multiplies the directions, z is -(c + E sigma): a first guess."""
-        ...
 
+    @abstractmethod
     def update(self, z: FloatArray, sigma: FloatArray) -> FloatArray:
         """-(z + E sigma): the block's unknowns."""
-        ...
 
+    @abstractmethod
     def noise(
         self, c: FloatArray, history: History, factors: FloatArray, c1: float, c2: float
     ) -> float:
         """Norm of what rounding the terms of the elastic rows makes of the unknowns c; factors as
         in `combine`."""
-        ...
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class FullElastic:
+class FullElastic(ElasticBlock):
     """Full order: D made ready, one right-hand side an iteration. K is never multiplied."""
 
     ops: ElasticOperators
@@ -113,20 +131,16 @@ class FullElastic:
         return cls(ops, factor, E, ops.directions.T @ E,
                    local=FullLocal(ops.local) if ops.local else None)
 
+    @property
+    def iterates(self) -> bool:
+        return self.factor.iterative
+
     def begin(self, r1: FloatArray, r2: FloatArray, xT: FloatArray, t: float) -> History:
         o, s = self.ops, History()
         Mr1, Mr2 = each(o.generators, r1), each(o.generators, r2)
         own = len(Mr2) and o.generators[0] is o.mass
-        h = (Mr2[0] if own else o.mass @ r2) - o.constant
-        if o.damping.nnz:
-            h = h + o.damping @ r1
-        if o.coupling is not None:
-            h = h - o.coupling @ xT
-        if o.amplitudes:
-            h = h - o.loads @ evaluate_amplitudes(o.amplitudes, t)
-        if o.tables:
-            h = h - total(o.tables, t)
-        s.h, s.stack, s.quad = h, Mr1, np.concatenate([Mr1, Mr2])
+        s.h = forces_of_history(o, Mr2[0] if own else o.mass @ r2, r1, xT, t)
+        s.stack, s.quad = Mr1, np.concatenate([Mr1, Mr2])
         s.s1, s.s2 = o.directions.T @ r1, o.directions.T @ r2
         return s
 
@@ -168,7 +182,7 @@ class FullElastic:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class CompressedElastic:
+class CompressedElastic(ElasticBlock):
     """s active atoms: every operator is dense, small and prepared (sizes s + p, not n).
 
     Vectors come as [z; P^T z], so that both follow from one product.
@@ -217,7 +231,6 @@ class CompressedElastic:
                    ReducedLocal.of(b.local, both))
 
     def rates(self, k: int) -> tuple[FloatArray, FloatArray]:
-        """(s, k) each, k atoms: D^-1 D_m and D^-1 M, the block's own answer to -r1 and -r2."""
         s, p, g = self.sizes
         rows = self.H[g * (s + p) : g * (s + p) + s]
         return rows[:, :k], rows[:, k : 2 * k]
@@ -289,6 +302,18 @@ def rounded(
         left = history.residual * float(np.linalg.norm(history.h)) / np.sqrt(len(u))
         terms += left / EPS
     return float(np.linalg.norm(factor.solve(v * terms)))
+
+
+def forces_of_history(
+    ops: ElasticOperators, inertia: FloatArray, r1: FloatArray, xT: FloatArray, t: float
+) -> FloatArray:
+    """(n,) M r2 (inertia) + D_m r1 less constant and thermal forces and loads at t, s."""
+    h = inertia - ops.constant
+    if ops.damping.nnz:
+        h = h + ops.damping @ r1
+    if ops.coupling is not None:
+        h = h - ops.coupling @ xT
+    return plus_loads(h, ops, t, -1.0)
 
 
 def each(generators: Sequence[Csr], x: FloatArray) -> FloatArray:

@@ -7,8 +7,11 @@ import numpy as np
 
 from sparsemor.core import EvaluatesManyTimes, FloatArray, Frame, FrameHistory, FrameWork
 from sparsemor.reducers.step.elastic_block import ElasticBlock
+from sparsemor.reducers.step.operators import TestedElastic
 from sparsemor.reducers.step.prescribed_frame_block import PrescribedBlock
 from sparsemor.reducers.step.time_tables import TimeTable
+
+NONE = np.zeros(0)
 
 
 def buffers(frames: Sequence[Frame]) -> list[FrameWork]:
@@ -20,7 +23,8 @@ def buffers(frames: Sequence[Frame]) -> list[FrameWork]:
 class BodyStep:
     """One body in the loop: its kernel, its map to the border, and where its unknowns sit.
 
-    block: its elastic rows with a border; driven: where there is none, and `known` what time
+    elastic_name, rigid_name: blocks of its displacements and rigid coordinates, "" where it has
+    none; block: its elastic rows with a border; driven: where there is none, and `known` what time
     alone decides of them (driven.py)."""
 
     name: str
@@ -32,6 +36,7 @@ class BodyStep:
     thermal: slice
     elastic_name: str
     guide: FrameHistory | None = None
+    rigid_name: str = ""
     driven: PrescribedBlock | None = None
     known: TimeTable | None = None
 
@@ -39,6 +44,21 @@ class BodyStep:
     def free(self) -> bool:
         """True if its frame is unknown."""
         return bool(self.to_border[: self.frame.rigid_size].any())
+
+    def evaluate(
+        self, y: FloatArray, v: FloatArray, a: FloatArray, c1: float, c2: float,
+        tested: TestedElastic | None, c: FloatArray, r1: FloatArray, r2: FloatArray, t: float,
+        work: FrameWork,
+    ) -> None:
+        """The frame at border unknowns y and rates v, a (b,), with the functionals and forms of
+        coefficients c (k,) and their r1, r2; tested: None for a rigid body."""
+        if tested is None:
+            self.frame.evaluate(y, v, a, c1, c2, NONE, NONE, NONE, NONE, NONE, t, work)
+            return
+        F, Q = tested.functional, tested.quadratic
+        form, forms = Q.dot(c).dot(c), np.concatenate((Q.dot(r1).dot(c), Q.dot(r2).dot(c)))
+        self.frame.evaluate(
+            y, v, a, c1, c2, F.dot(c), F.dot(r1), F.dot(r2), form, forms, t, work)
 
     def given(self, t: float) -> tuple[FloatArray, FloatArray, FloatArray]:
         """(b,) each: what the map leaves out of border unknowns and their rates at t, s."""

@@ -14,14 +14,11 @@ import numpy as np
 
 from sparsemor.core import FloatArray, FrameWork, State
 from sparsemor.core.model.constraint_rates import along
-from sparsemor.core.protocols.load_tables import total
 from sparsemor.core.protocols.prescribed_quantities import derivatives
-from sparsemor.core.protocols.separable import evaluate_amplitudes
 from sparsemor.reducers.step.condensed_newton import Mechanics
-from sparsemor.reducers.step.frame_step import BodyStep
+from sparsemor.reducers.step.frame_step import NONE, BodyStep, buffers
 from sparsemor.reducers.step.operators import TestedElastic
-
-NONE = np.zeros(0)
+from sparsemor.reducers.step.time_tables import plus_loads
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +78,7 @@ def _driven_start(
     a = state.a.copy()
     for body, t in zip(mechanics.bodies, tested, strict=True):
         if t is not None:
-            w = FrameWork(body.frame.p, body.frame.border, body.frame.generators)
+            w, = buffers([body.frame])
             body.frame.drive(*body.given(state.t), 0.0, 0.0, state.t, w)
             rows = _elastic_rows(body, t, w, state)
             a[body.elastic] = -np.linalg.lstsq(t.mass, rows, rcond=None)[0]
@@ -133,16 +130,9 @@ def _evaluate(
     body: BodyStep, t: TestedElastic | None, y: FloatArray, v: FloatArray, c2: float, state: State
 ) -> FrameWork:
     """The kernel at zero unknown accelerations: u'' = c2 u + r2 with r2 = -c2 u."""
-    f, a = body.frame, body.given(state.t)[2]
-    w = FrameWork(f.p, f.border, f.generators)
-    if t is None:
-        f.evaluate(y, v, a, 0.0, c2, NONE, NONE, NONE, NONE, NONE, state.t, w)
-        return w
-    c, cv = state.x[body.elastic], state.v[body.elastic]
-    F, Q = t.functional, t.quadratic
-    form = Q @ c @ c
-    forms = np.concatenate([Q @ cv @ c, -c2 * form])
-    f.evaluate(y, v, a, 0.0, c2, F @ c, F @ cv, -c2 * (F @ c), form, forms, state.t, w)
+    (w,), c = buffers([body.frame]), state.x[body.elastic]
+    body.evaluate(y, v, body.given(state.t)[2], 0.0, c2, t, c, state.v[body.elastic], -c2 * c,
+                  state.t, w)
     return w
 
 
@@ -156,10 +146,7 @@ def _elastic_rows(
     r = r + np.tensordot(kappa, t.generators, 1) @ c + np.tensordot(mu, t.generators, 1) @ cv
     if t.coupling.size:
         r = r - t.coupling @ state.x[body.thermal]
-    if t.amplitudes:
-        r = r - t.loads @ evaluate_amplitudes(t.amplitudes, state.t)
-    if t.tables:
-        r = r - total(t.tables, state.t)
+    r = plus_loads(r, t, state.t, -1.0)
     if t.local:
         x, v = (np.concatenate((s[body.elastic], s[body.thermal])) for s in (state.x, state.v))
         r = r + sum(part.rows(x, v, np.zeros(len(x)), state.t) for part in t.local)

@@ -8,7 +8,7 @@ h the history of the step and given loads, P the directions. sigma, kappa and mu
 time alone (core/protocols/separable.py), so moments and quadratic forms of u are not needed.
 """
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from dataclasses import dataclass
 from math import sqrt
 from typing import Any, ClassVar
@@ -17,16 +17,18 @@ import numpy as np
 
 from sparsemor.core import ElasticOperators, Factorized, FloatArray, IntArray
 from sparsemor.core.model.factorizations import short
-from sparsemor.core.protocols.load_tables import total, total_along
-from sparsemor.core.protocols.separable import amplitudes_along, evaluate_amplitudes
 from sparsemor.reducers.full.coarse_correction import CoarseCorrection
 from sparsemor.reducers.projection.modal_coordinates import carried, dense, times
 from sparsemor.reducers.step.acceptance import EPS, LEAST
-from sparsemor.reducers.step.elastic_block import History, rounded
+from sparsemor.reducers.step.elastic_block import (
+    DisplacementBlock,
+    History,
+    forces_of_history,
+    rounded,
+)
 from sparsemor.reducers.step.elastic_local import FullLocal, LocalForces, ReducedLocal
 from sparsemor.reducers.step.operators import TestedElastic
-from sparsemor.reducers.step.tabulated_loads import Moving, tabulated
-from sparsemor.reducers.step.time_tables import TimeTable
+from sparsemor.reducers.step.time_tables import Moving, TimeTable, along, tabulated
 
 LEADING = 64
 """Soft modes in which a product is worth a second one."""
@@ -57,12 +59,10 @@ class Past(History):
     terms: tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 
 
-class PrescribedBlock(ABC):
-    """`active`: numbers of the unknowns it solves for, None for all. proved: whether `contraction`
-    is a bound in the Euclidean norm of the unknowns, and not an estimate of one."""
+class PrescribedBlock(DisplacementBlock):
+    """Displacements on a frame whose motion is prescribed. proved: whether `contraction` is a bound
+    in the Euclidean norm of the unknowns, and not an estimate of one."""
 
-    active: IntArray | None
-    local: LocalForces | None
     proved: ClassVar[bool]
 
     @abstractmethod
@@ -107,6 +107,10 @@ class FullPrescribed(PrescribedBlock):
         return cls(ops, factor, CoarseCorrection.of(ops, factor, block),
                    local=FullLocal(ops.local) if ops.local else None)
 
+    @property
+    def iterates(self) -> bool:
+        return self.factor.iterative
+
     def known(self, drive: TimeTable) -> TimeTable:
         return drive
 
@@ -115,15 +119,7 @@ class FullPrescribed(PrescribedBlock):
     ) -> Past:
         o, g = self.ops, len(self.ops.generators)
         past = Past(known, g, r1)
-        h = o.mass @ r2 - o.constant
-        if o.damping.nnz:
-            h += o.damping @ r1
-        if o.coupling is not None:
-            h -= o.coupling @ xT
-        if o.amplitudes:
-            h -= o.loads @ evaluate_amplitudes(o.amplitudes, t)
-        if o.tables:
-            h -= total(o.tables, t)
+        h = forces_of_history(o, o.mass @ r2, r1, xT, t)
         sigma = known[2 * g :]
         if sigma.any():
             h += o.directions @ sigma
@@ -205,7 +201,6 @@ class CompressedPrescribed(PrescribedBlock):
             ReducedLocal.of(b.local, left))
 
     def rates(self, k: int) -> tuple[FloatArray, FloatArray]:
-        """(s, k) each, k atoms: D^-1 D_m and D^-1 M, the block's own answer to -r1 and -r2."""
         none = np.zeros((len(self.base), k))
         return none if self.damping is None else -dense(self.damping), -dense(self.inertia)
 
@@ -214,23 +209,18 @@ class CompressedPrescribed(PrescribedBlock):
         unknowns."""
         g, n = 2 * len(self.G), 2 * len(self.G) + self.E.shape[1]
 
-        def along(times: FloatArray) -> FloatArray:
+        def decided(times: FloatArray) -> FloatArray:
             rows = np.empty((len(times), n + 1 + len(self.base)))
             rows[:, :n] = drive.along(times)
             rows[:, n] = self._bounds(rows[:, : len(self.G)])
-            b = rows[:, n + 1 :]
-            b[:] = rows[:, g:n].dot(self.E.T)
-            b += self.base
-            if self.amplitudes:
-                b += amplitudes_along(self.amplitudes, times).dot(self.loads.T)
-            if self.tables:
-                b += total_along(self.tables, times)
+            rows[:, n + 1 :] = along(rows[:, g:n].dot(self.E.T) + self.base, self.loads,
+                                     self.amplitudes, self.tables, times)
             return rows
 
         # a support that may change with the next step does not pay for all times
         if self.active is not None:
-            return TimeTable(along)
-        return TimeTable.of(along, np.array(drive.times))
+            return TimeTable(decided)
+        return TimeTable.of(decided, np.array(drive.times))
 
     def begin(
         self, r1: FloatArray, r2: FloatArray, xT: FloatArray, t: float, known: FloatArray

@@ -15,21 +15,12 @@ from scipy.linalg import lapack
 from scipy.sparse import issparse
 
 from sparsemor.core import FloatArray, FrameWork, IntArray, Layout, ReducedTerm
-from sparsemor.core.protocols.load_tables import total
-from sparsemor.core.protocols.separable import Amplitude, evaluate_amplitudes
+from sparsemor.core.protocols.separable import Amplitude
 from sparsemor.reducers.step.frame_step import BodyStep, buffers
+from sparsemor.reducers.step.newton.memory import NewtonMemory
 from sparsemor.reducers.step.operators import TestedElastic, TestedHeat
-
-NONE = np.zeros(0)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Coupled:
-    """A compressed term: `columns` (k,) unknowns that it reads, `rows` (l,) that it adds to."""
-
-    term: ReducedTerm
-    rows: IntArray
-    columns: IntArray
+from sparsemor.reducers.step.relocalised import Coupled, relocalised
+from sparsemor.reducers.step.time_tables import plus_loads
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,11 +31,7 @@ class DenseHeat:
     tested: TestedHeat
 
     def given(self, t: float) -> FloatArray:
-        b = self.tested
-        r = -b.constant
-        if b.amplitudes:
-            r = r - b.loads @ evaluate_amplitudes(b.amplitudes, t)
-        return np.asarray(r - total(b.tables, t) if b.tables else r)
+        return -plus_loads(self.tested.constant, self.tested, t)
 
     def residual(self, r: FloatArray, x: FloatArray, v: FloatArray) -> None:
         at, b = self.at, self.tested
@@ -64,33 +51,24 @@ class DenseBody:
         self.at, self.map = border[used], np.ascontiguousarray(step.to_border[:, used])
 
     def given(self, t: float) -> FloatArray:
-        b = self.tested
-        assert b is not None
-        r = b.constant
-        if b.amplitudes:
-            r = r - b.loads @ evaluate_amplitudes(b.amplitudes, t)
-        return np.asarray(r - total(b.tables, t) if b.tables else r)
+        assert self.tested is not None
+        return plus_loads(self.tested.constant, self.tested, t, -1.0)
 
     def _evaluate(
         self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: float, c2: float,
         work: FrameWork,
     ) -> tuple[FloatArray, FloatArray]:
         """Fills `work`; rates and accelerations of the border."""
-        at, T, b, f = self.at, self.map, self.tested, self.step.frame
+        at, T = self.at, self.map
         y, yv, ya = T.dot(x[at]), T.dot(v[at]), T.dot(a[at])
         if self.step.guide is None:
             y = y + self.step.origin
         else:
             known = self.step.given(t)
             y, yv, ya = y + known[0], yv + known[1], ya + known[2]
-        if b is None:
-            f.evaluate(y, yv, ya, c1, c2, NONE, NONE, NONE, NONE, NONE, t, work)
-            return yv, ya
         e = self.step.elastic
-        c, F, Q = x[e], b.functional, b.quadratic
-        r1, r2 = v[e] - c1 * c, a[e] - c2 * c
-        form, forms = Q.dot(c).dot(c), np.concatenate((Q.dot(r1).dot(c), Q.dot(r2).dot(c)))
-        f.evaluate(y, yv, ya, c1, c2, F.dot(c), F.dot(r1), F.dot(r2), form, forms, t, work)
+        c = x[e]
+        self.step.evaluate(y, yv, ya, c1, c2, self.tested, c, v[e] - c1 * c, a[e] - c2 * c, t, work)
         return yv, ya
 
     def residual(
@@ -148,6 +126,13 @@ class Dense:
     named: Sequence[tuple[str, frozenset[str]]] = ()
     price: int = 4
     work: Sequence[FrameWork] = ()
+
+    @property
+    def terms(self) -> list[tuple[ReducedTerm, IntArray]]:
+        return [(c.term, c.columns) for c in self.coupled]
+
+    def of_run(self, memory: NewtonMemory) -> "Dense":
+        return replace(self, coupled=relocalised(self.coupled, memory), work=memory.work)
 
     def with_work(self) -> "Dense":
         """The same equations with working arrays of their own."""

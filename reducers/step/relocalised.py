@@ -1,42 +1,59 @@
-"""Terms that follow the motion: evaluated by a lighter copy that holds near a state.
+"""Terms evaluated by a lighter copy that is exact near a state, such as a contact with a list of
+neighbours (`RelocatesNear`). The step memory keeps the copies."""
 
-A reduced term may have `near(x)`, a copy for states near x, with `holds(x)` and the state `at`
-that it was made at. Such copies give what the whole term gives, and the step memory keeps them.
-"""
-
-from collections.abc import Sequence
-from dataclasses import replace
-from typing import Any
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from sparsemor.core import FloatArray, RelocatesNear
+from sparsemor.core import (
+    ChecksStep,
+    FloatArray,
+    IntArray,
+    ReducedTerm,
+    RelocatesNear,
+    ReportsResultants,
+)
+from sparsemor.core.protocols import LocalCopy
 from sparsemor.reducers.step.newton.memory import NewtonMemory
-from sparsemor.reducers.step.reduced_residual import Coupled
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Coupled:
+    """A compressed term: `columns` (k,) unknowns that it reads, `rows` (l,) that it adds to."""
+
+    term: ReducedTerm
+    rows: IntArray
+    columns: IntArray
+
+
+@runtime_checkable
+class Relocatable(ReducedTerm, RelocatesNear, Protocol):
+    """A reduced term with local copies."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Relocalised:
-    """A `ReducedTerm`: the copy at hand, or a new one where that does not hold any more."""
+    """A `ReducedTerm`: the kept copy, or a new one where that is not exact any more."""
 
-    __slots__ = ("memory", "number", "term")
-
-    def __init__(self, term: Any, number: int, memory: NewtonMemory) -> None:
-        self.term, self.number, self.memory = term, number, memory
+    term: Relocatable
+    number: int
+    memory: NewtonMemory
 
     @property
     def elements(self) -> int:
-        return int(self.term.elements)
+        return self.term.elements
 
     @property
     def source(self) -> str:
-        return str(self.term.source)
+        return self.term.source if isinstance(self.term, ReportsResultants) else ""
 
     @property
     def histories(self) -> tuple[str, ...]:
-        found: tuple[str, ...] = self.term.histories
-        return found
+        return self.term.histories if isinstance(self.term, ReportsResultants) else ()
 
-    def at(self, x: FloatArray) -> Any:
+    def at(self, x: FloatArray) -> LocalCopy | Relocatable:
         """The copy for a state."""
         kept = self.memory.near.get(self.number)
         if isinstance(kept, np.ndarray):  # of a memory that was stored: made there again
@@ -50,25 +67,24 @@ class Relocalised:
         return kept
 
     def residual(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> FloatArray:
-        r: FloatArray = self.at(x).residual(x, v, a, t)
-        return r
+        return self.at(x).residual(x, v, a, t)
 
     def jacobian(
         self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: FloatArray, c2: FloatArray
     ) -> FloatArray:
-        J: FloatArray = self.at(x).jacobian(x, v, a, t, c1, c2)
-        return J
+        return self.at(x).jacobian(x, v, a, t, c1, c2)
 
     def check_step(self, x: FloatArray, v: FloatArray, t: float, h: float) -> str:
-        return str(self.at(x).check_step(x, v, t, h))
+        copy = self.at(x)
+        return copy.check_step(x, v, t, h) if isinstance(copy, ChecksStep) else ""
 
-    def resultants(self, x: FloatArray, v: FloatArray, t: float) -> dict[str, float]:
-        found: dict[str, float] = self.at(x).resultants(x, v, t)
-        return found
+    def resultants(self, x: FloatArray, v: FloatArray, t: float) -> Mapping[str, float]:
+        copy = self.at(x)
+        return copy.resultants(x, v, t) if isinstance(copy, ReportsResultants) else {}
 
 
-def following(coupled: Sequence[Coupled], memory: NewtonMemory) -> list[Coupled]:
-    """The same terms, those that follow the motion with their copies in `memory`."""
-    return [replace(c, term=Relocalised(c.term, i, memory)) if isinstance(c.term, RelocatesNear)
+def relocalised(coupled: Sequence[Coupled], memory: NewtonMemory) -> list[Coupled]:
+    """The same terms, those with local copies by the ones in `memory`."""
+    return [replace(c, term=Relocalised(c.term, i, memory)) if isinstance(c.term, Relocatable)
             else c
             for i, c in enumerate(coupled)]

@@ -14,13 +14,10 @@ from scipy.sparse import coo_array, csr_array
 
 from sparsemor.core import Factorized, FloatArray, HeatBody, IntArray, ReducedTerm, Status, Term
 from sparsemor.core.model.factorizations import short
-from sparsemor.core.protocols.load_tables import total, total_along
-from sparsemor.core.protocols.separable import amplitudes_along, evaluate_amplitudes
 from sparsemor.reducers.full.superlu import factorize
 from sparsemor.reducers.projection.modal_coordinates import carried, times
 from sparsemor.reducers.step.operators import TestedHeat
-from sparsemor.reducers.step.tabulated_loads import tabulated
-from sparsemor.reducers.step.time_tables import TimeTable
+from sparsemor.reducers.step.time_tables import TimeTable, along, plus_loads, tabulated
 
 STUCK = 1e-7
 """Newton steps that no longer shrink below this share of the temperatures are round-off: in a
@@ -74,12 +71,7 @@ class FullHeat:
         return sum(at.term.elements for at in self.local)
 
     def _right(self, r1: FloatArray, t: float) -> FloatArray:
-        b = self.heat.constant - self.heat.capacity @ r1
-        if self.heat.amplitudes:
-            b = b + self.heat.loads @ evaluate_amplitudes(self.heat.amplitudes, t)
-        if self.heat.tables:
-            b = b + total(self.heat.tables, t)
-        return np.asarray(b)
+        return plus_loads(self.heat.constant - self.heat.capacity @ r1, self.heat, t)
 
     def solve(self, r1: FloatArray, t: float, guess: FloatArray) -> HeatOutcome:
         b = self._right(r1, t)
@@ -177,12 +169,7 @@ class CompressedHeat:
             b.tables, left, support is None)
 
         def given(times: FloatArray) -> FloatArray:
-            rows = np.zeros((len(times), len(base))) + base
-            if b.amplitudes:
-                rows += amplitudes_along(b.amplitudes, times).dot(loads.T)
-            if tables:
-                rows += total_along(tables, times)
-            return rows
+            return along(base, loads, b.amplitudes, tables, times)
 
         # a support that may change with the next step does not pay for all times
         times = b.tables[0].times if b.tables and support is None else np.zeros(0)

@@ -201,8 +201,9 @@ def heat_groups(
     model: AssembledModel, blocks: Mapping[str, CompressedHeat],
     dictionaries: Mapping[str, Dictionary], wide: Mapping[str, FloatArray], c1: float,
 ) -> dict[str, CompressedHeat]:
-    """Reduced thermal blocks, those that couplings connect as one, by the keys of their groups."""
+    """Reduced thermal blocks, those that couplings connect as one, by the keys of their groups.
+    Blocks that no coupling reads may be missing: they are prepared when their atoms are known."""
     return {
         group_name(g): blocks[g[0].thermal] if len(g) == 1 else compressed_group(
             model, g, [blocks[b.thermal] for b in g], dictionaries, wide, c1)
-        for g in model.separated.heat_groups}
+        for g in model.separated.heat_groups if len(g) > 1 or g[0].thermal in blocks}

@@ -27,7 +27,7 @@ from sparsemor.core import (
     Term,
     WeighsElements,
 )
-from sparsemor.reducers.projection.base import Maps, ProjectionReducer, Reducible, left_inverse
+from sparsemor.reducers.projection.base import Maps, ProjectionReducer, Reducible
 from sparsemor.reducers.projection.ecsw.training import (
     Trained,
     elastic_equations,
@@ -36,6 +36,7 @@ from sparsemor.reducers.projection.ecsw.training import (
     train,
 )
 from sparsemor.reducers.projection.ecsw.training_matrix import Equations
+from sparsemor.reducers.step.left_inverse import left_inverse
 from sparsemor.reducers.step.operators import TestMap
 
 Fact = dict[str, float | int | str]

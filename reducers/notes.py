@@ -1,13 +1,31 @@
-"""Options that were given and change nothing in this run."""
+"""Notes on a reduction: options without effect, linear solvers not used, loads not sampled."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
-from sparsemor.core import AssembledModel, Note, Plugin, Registry, Slot, chosen
+import numpy as np
+
+from sparsemor.core import (
+    AssembledModel,
+    InputError,
+    IntArray,
+    Note,
+    Plugin,
+    Registry,
+    Slot,
+    chosen,
+    information,
+)
 
 NO_EFFECT = "no_effect"
 """Kind of the notes."""
 OF_A_SELECTION = ("solver", "every", "carried", "polish", "screen")
 """Options of `sparse` that only a selection of atoms reads."""
+UNSAMPLED = "unsampled"
+"""Kind of these notes."""
+KEEP = "keep the required rows (sampler.required: true) or sample more rows"
+GENERAL = ("auto", "splu")
+"""Linear solvers that mean SuperLU where a matrix is not symmetric, or changes in each iteration;
+all others take symmetric, positive definite matrices that stay."""
 
 
 def given(reducer: Plugin, options: Sequence[str]) -> list[str]:
@@ -76,3 +94,49 @@ def unweighted(
         return no_effect(given(reducer, ["preconditioned"]), (
             "reducer.preconditioner is none"))
     return ()
+
+
+def unsampled_loads(
+    model: AssembledModel, rows: Mapping[str, IntArray], hint: str = KEEP
+) -> tuple[Note, ...]:
+    """A note for each load or joint none of whose rows is in the sample of a block."""
+    return tuple(
+        Note(f"no sampled row of {block} is one that {name} acts on: it has no effect there; "
+             f"{hint}", UNSAMPLED)
+        for block, chosen_rows in rows.items()
+        for name, touched in model.loaded[block].items()
+        if not np.isin(touched, chosen_rows).any())
+
+
+def asked_for(model: AssembledModel, blocks: Iterable[str]) -> dict[str, str]:
+    """Block -> name of its linear solver, of those that the scene chose against SuperLU."""
+    registry, found = Registry(), dict[str, str]()
+    for block in blocks:
+        kind = type(model.solvers.of(block))
+        try:
+            name = registry.name_of("linear_solver", kind)
+        except InputError:  # not registered: made in a program
+            name = kind.__name__
+        if name not in GENERAL:
+            found[block] = name
+    return found
+
+
+def whole_step_notes(model: AssembledModel, why: str) -> tuple[Note, ...]:
+    """Notes for models whose unknowns are solved together; why: the reason."""
+    asked = asked_for(model, model.reducible())
+    if not asked:
+        return ()
+    blocks = ", ".join(f"{solver} for {block}" for block, solver in asked.items())
+    return (information(
+        f"linear_solver: steps are solved with splu, not with {blocks}: {why}, and a Jacobian of "
+        "all unknowns is not symmetric positive definite", "linear_solver"),)
+
+
+def local_heat_notes(model: AssembledModel) -> tuple[Note, ...]:
+    """Notes on local terms, such as radiation, that are iterated with a changing matrix."""
+    asked = asked_for(model, [b.thermal for b in model.separated.heat if b.local])
+    return tuple(information(
+        f"linear_solver: {solver} solves the constant part of {block}; where its local terms, such "
+        "as radiation, outweigh that part, Newton steps are solved with splu, because their matrix "
+        "changes in each", "linear_solver") for block, solver in asked.items())
