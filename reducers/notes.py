@@ -28,7 +28,7 @@ GENERAL = ("auto", "splu")
 all others take symmetric, positive definite matrices that stay."""
 
 
-def given(reducer: Plugin, options: Sequence[str]) -> list[str]:
+def changed(reducer: Plugin, options: Sequence[str]) -> list[str]:
     """Those of the options whose value is not the default."""
     return [name for name in options if not _is_default(reducer, name)]
 
@@ -55,7 +55,7 @@ def unselected(reducer: Plugin, active: Mapping[str, tuple[int, int]]) -> tuple[
     if any(budget < atoms for budget, atoms in active.values()):
         return ()
     counts = ", ".join(f"{name} {atoms} of {atoms}" for name, (_, atoms) in active.items())
-    return no_effect(given(reducer, OF_A_SELECTION), (
+    return no_effect(changed(reducer, OF_A_SELECTION), (
         f"every budget covers its dictionary ({counts} atoms), so that nothing is selected; give "
         "fewer atoms in reducer.budgets, or leave this out"))
 
@@ -66,7 +66,7 @@ def shadowed_basis(
     """A basis that no block takes, because each has its own."""
     if any(chosen(name, dict.fromkeys(bases, True), False) is False for name in model.reducible()):
         return ()
-    return no_effect(given(reducer, ["basis"]), (
+    return no_effect(changed(reducer, ["basis"]), (
         f"reducer.bases ({', '.join(bases)}) names the basis of every block; change it there"))
 
 
@@ -77,7 +77,7 @@ def unread_sampler(
     if any(rows < unknowns for rows, unknowns in sizes.values()):
         return ()
     counts = ", ".join(f"{name} {n}" for name, (_, n) in sizes.items())
-    return no_effect(given(reducer, ["sampler"]), (
+    return no_effect(changed(reducer, ["sampler"]), (
         f"all rows of every block are taken ({counts}); ask for fewer rows in reducer.budgets"))
 
 
@@ -87,11 +87,11 @@ def unweighted(
     """A preconditioner without blocks, or blocks without a preconditioner."""
     named = dict.fromkeys(patterns, True)
     if not any(chosen(name, named, False) for name in model.reducible()):
-        return no_effect(given(reducer, ["preconditioner"]), (
+        return no_effect(changed(reducer, ["preconditioner"]), (
             f"reducer.preconditioned ({', '.join(patterns) or 'empty'}) names no block of this "
             "scene"))
     if _is_default(reducer, "preconditioner"):
-        return no_effect(given(reducer, ["preconditioned"]), (
+        return no_effect(changed(reducer, ["preconditioned"]), (
             "reducer.preconditioner is none"))
     return ()
 

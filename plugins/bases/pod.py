@@ -19,8 +19,8 @@ SQUARABLE = 300
 class Pod(Plugin):
     """Proper orthogonal decomposition: left singular vectors of the snapshots up to their rank.
 
-    Snapshots beyond 256 MB are read by stretches and decomposed by randomized subspace iteration;
-    `count` or `energy` must then say how many columns are kept, unless they are few.
+    Snapshots beyond 256 MB are read by column chunks and decomposed by randomized subspace
+    iteration; `count` or `energy` must then say how many columns are kept, unless they are few.
 
     Where `energy` and `count` are both given, the one that keeps fewer columns decides. The
     entry of largest size of each atom is positive, so that equal snapshots give equal atoms.
@@ -86,7 +86,7 @@ class Pod(Plugin):
     def _decomposed(self, data: BlockData, A: FloatArray, offset: FloatArray) -> Dictionary:
         """The POD of A (n, M) about `offset`."""
         if large(A):
-            return self._by_stretches(data.name, A, offset)
+            return self._by_chunks(data.name, A, offset)
         n, M = A.shape
         A, about = _squarable(A, offset)
         plain = A - about[:, None] if self.centred else A
@@ -120,19 +120,19 @@ class Pod(Plugin):
             "cut": cut,
         })
 
-    def _by_stretches(self, block: str, A: FloatArray, offset: FloatArray) -> Dictionary:
+    def _by_chunks(self, block: str, A: FloatArray, offset: FloatArray) -> Dictionary:
         """The same for more snapshots than are held at once: the leading columns only."""
         n, M = A.shape
-        given = Snapshots.of(A, offset, self.weights != "none")
+        snapshots = Snapshots.of(A, offset, self.weights != "none")
         level = self.rank_rtol or round_off_level(n, M)
-        found = leading(given, self.count, self.energy, level)
+        found = leading(snapshots, self.count, self.energy, level)
         if found is None:
             raise InputError(
                 f"{8 * n * M / 1e9:.2g} GB of snapshots of {block} are decomposed by parts, and "
                 f"more than a third of {M} columns are requested: limit their number by count or "
                 "energy", "count" if self.energy is None else "energy")
         s = found.values
-        if not 0.0 < given.total < np.inf:
+        if not 0.0 < snapshots.total < np.inf:
             raise InputError(
                 f"the snapshots of {block} are so large or small (largest singular value "
                 f"{float(s[0]):.3g}) that their squares are no numbers: take other units")
@@ -140,8 +140,8 @@ class Pod(Plugin):
         rank = int(np.count_nonzero(s > level * max(float(s[0]), stored)))
         if rank == 0:
             raise _nothing_left(block, M)
-        beyond = 0.0 if found.complete else max(given.total - float(s @ s), 0.0)
-        kept, cut = self._cut(s, rank, given.total, beyond)
+        beyond = 0.0 if found.complete else max(snapshots.total - float(s @ s), 0.0)
+        kept, cut = self._cut(s, rank, snapshots.total, beyond)
         atoms = found.U[:, :kept]
         atoms = self._completed(atoms) if self.complete else atoms
         names = [f"pod {i}" for i in range(kept)]
@@ -149,7 +149,7 @@ class Pod(Plugin):
         return Dictionary(np.ascontiguousarray(atoms * _signs(atoms)), offset, tuple(names), {
             "numerical_rank" if found.complete else "rank_at_least": rank,
             "kept": kept, "completed": atoms.shape[1] - kept,
-            "energy": min(1.0, float(s[:kept] @ s[:kept]) / given.total),
+            "energy": min(1.0, float(s[:kept] @ s[:kept]) / snapshots.total),
             "last_singular_value": float(s[kept - 1] / s[0]), "snapshots": M, "rank_rtol": level,
             "cut": cut, "passes": found.passes})
 

@@ -53,5 +53,5 @@ def share(A: FloatArray, offset: FloatArray, Q: FloatArray) -> float:
     """Of the squares of A (n, M) less `offset`, what orthonormal Q (n, k) hold."""
     if not large(A):
         return held(A - offset[:, None], Q)
-    given = Snapshots.of(A, offset, False)
-    return 1.0 - given.missed(Q, given.coefficients(Q).T) ** 2 / given.total
+    snapshots = Snapshots.of(A, offset, False)
+    return 1.0 - snapshots.missed(Q, snapshots.coefficients(Q).T) ** 2 / snapshots.total

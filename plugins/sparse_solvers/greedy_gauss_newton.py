@@ -40,7 +40,7 @@ class GreedyGaussNewton(SupportNewton):
     imitate a missing one, nothing is left that correlates with it, and only `all` finds it."""
     gain: float = Field(default=1e-8, ge=0.0, lt=1.0)
     """Fraction by which an exchange must lower the linearised residual norm: keeps atoms that
-    fit round-off from changing places for ever."""
+    fit round-off from alternating for ever."""
     hysteresis: float = Field(default=0.3, ge=0.0, lt=1.0)
     """The same for an exchange that leaves the support which the solve was given, when that is not
     empty. A carried support that is about as good as another is kept: each exchange is a jump in

@@ -51,8 +51,8 @@ class OfJoined:
         order: Largest, others: Others,
     ) -> "OfJoined":
         """gram, own (inverse on the support), inverse (k, k), all in whole."""
-        beside, k = np.concatenate(others.columns), len(lengths)
-        left = ((np.eye(k) - gram @ own) / lengths[:, None])[beside]
+        outside, k = np.concatenate(others.columns), len(lengths)
+        left = ((np.eye(k) - gram @ own) / lengths[:, None])[outside]
         ends = np.cumsum([0, *map(len, others.columns)]).tolist()
         weights = lengths[:, None]
         return cls(

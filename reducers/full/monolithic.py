@@ -33,8 +33,8 @@ from sparsemor.reducers.step.newton.memory import NewtonMemory
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Summed:
-    """The terms of a model: linear ones as K x + C v + M a + given(t), (n, n) csr; others one by
-    one. price: see `newton.Equations`."""
+    """The terms of a model: linear ones as K x + C v + M a + prescribed(t), (n, n) csr; others one
+    by one. price: see `newton.Equations`."""
 
     layout: Layout
     K: Csr
@@ -72,15 +72,15 @@ class Summed:
     def of_run(self, memory: NewtonMemory) -> "Summed":
         return self
 
-    def given(self, t: float) -> FloatArray:
+    def prescribed(self, t: float) -> FloatArray:
         zero = np.zeros(self.layout.size)
         return residual(self.layout, self.linear, zero, zero, zero, t)
 
     def residual(
-        self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, given: FloatArray
+        self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, prescribed: FloatArray
     ) -> FloatArray:
         r = residual(self.layout, self.others, x, v, a, t)
-        r += self.K @ x + self.C @ v + given
+        r += self.K @ x + self.C @ v + prescribed
         if self.M.nnz:
             r += self.M @ a
         return r

@@ -38,7 +38,7 @@ from sparsemor.reducers.checks import pattern_faults
 from sparsemor.reducers.field_options import BASES
 from sparsemor.reducers.notes import shadowed_basis
 from sparsemor.reducers.step.acceptance import Tolerances
-from sparsemor.reducers.step.coupled_reduced import Seen, reduced_general
+from sparsemor.reducers.step.coupled_reduced import ProjectedBlock, reduced_general
 from sparsemor.reducers.step.elastic_block import CompressedElastic
 from sparsemor.reducers.step.left_inverse import left_inverse
 from sparsemor.reducers.step.newton.equations import Equations
@@ -133,7 +133,7 @@ class ProjectionReducer(Plugin, ABC):
     def maps(self, block: Reducible) -> Maps:
         """The test maps of one block. InputError or SolveFailed where there are none."""
 
-    def seen(
+    def projected_model(
         self, model: AssembledModel, dictionaries: Mapping[str, Dictionary],
         offline: OfflineProducts, h: float
     ) -> tuple[AssembledModel, Mapping[str, Mapping[str, float | int | str]]]:
@@ -163,7 +163,7 @@ class ProjectionReducer(Plugin, ABC):
         modes = self.in_modes(model, dictionaries)
         dictionaries |= {n: d for n, (d, _) in modes.items()}
         limits = {n: top * modes[n][1] if n in modes else top for n, top in limits.items()}
-        model, seen = self.seen(model, dictionaries, offline, h)
+        model, own_facts = self.projected_model(model, dictionaries, offline, h)
         own = dict(zip(dictionaries, rng.spawn(len(dictionaries)), strict=True))
         maps, blocks = {}, {}
 
@@ -177,7 +177,8 @@ class ProjectionReducer(Plugin, ABC):
             m = mapped(b.thermal, b)
             th = TestedHeat.of(b, dictionaries[b.thermal], m.test, m.force)
             th = th.in_modes() if b.thermal in modes else th
-            blocks[b.thermal] = Seen(th, left_inverse(b.thermal, th.block(c1_first)), m.forces)
+            left = left_inverse(b.thermal, th.block(c1_first))
+            blocks[b.thermal] = ProjectedBlock(th, left, m.forces)
         for body in model.separated.moving:
             if body.operators is None:
                 continue
@@ -186,11 +187,11 @@ class ProjectionReducer(Plugin, ABC):
                                   dictionaries.get(body.thermal), m.test, m.force,
                                   model.separated.rigid_equations)
             te = te.in_modes() if n in modes else te
-            blocks[n] = Seen(te, left_inverse(n, te.block(c1, c2)), m.forces)
+            blocks[n] = ProjectedBlock(te, left_inverse(n, te.block(c1, c2)), m.forces)
         rows = {n: m.rows for n, m in maps.items() if m.rows is not None}
         notes = (*shadowed_basis(self, model, self.bases),
                  *(note for m in maps.values() for note in m.notes))
-        facts = {**seen, **{n: m.facts for n, m in maps.items() if m.facts}}
+        facts = {**own_facts, **{n: m.facts for n, m in maps.items() if m.facts}}
         made = reduced_general if model.separated.other else partial(fast, (c1, c2, c1_first))
         return made(model, dictionaries, rows, blocks,
                     Tolerances(self.remaining, self.max_iterations), self.predictor, limits, notes,
@@ -200,8 +201,8 @@ class ProjectionReducer(Plugin, ABC):
 def fast(
     rates: tuple[float, float, float], model: AssembledModel,
     dictionaries: Mapping[str, Dictionary],
-    rows: Mapping[str, IntArray], blocks: Mapping[str, Seen], tolerances: Tolerances, points: int,
-    limits: Mapping[str, float], notes: tuple[Note, ...], facts: Facts,
+    rows: Mapping[str, IntArray], blocks: Mapping[str, ProjectedBlock], tolerances: Tolerances,
+    points: int, limits: Mapping[str, float], notes: tuple[Note, ...], facts: Facts,
 ) -> StepSolver:
     """The step of a model whose blocks are solved one after the other."""
     (c1, c2, c1_first), heat, elastic, tested = rates, {}, {}, {}

@@ -28,11 +28,11 @@ from sparsemor.reducers.sparse.sampled_block import (
     SampledHeat,
     inverse_rows,
     on_support,
-    told,
+    row_facts,
     weigh,
 )
 from sparsemor.reducers.sparse.stepper import SparseStepper
-from sparsemor.reducers.step.coupled_reduced import ReducedGeneral, Seen, reduced_general
+from sparsemor.reducers.step.coupled_reduced import ProjectedBlock, ReducedGeneral, reduced_general
 from sparsemor.reducers.step.operators import TestedElastic, TestedHeat, TestMap
 from sparsemor.reducers.step.prepare import stepper
 from sparsemor.reducers.step.solver import Facts, Stepper
@@ -86,10 +86,11 @@ class Build:
         facts: dict[str, Mapping[str, float | int | str]] = {}
         notes = list(self.notes)
         _, c1, c2, c1_first = self.step
-        driven = not self.model.separated.border_size
+        prescribed = not self.model.separated.border_size
         for b in self.model.separated.heat:
             n = b.thermal
-            th = (known.heat[n].under(TestMap(rows[n])) if (known := self._known(whole, n)) else
+            source = self._source(whole, n)
+            th = (source.heat[n].under(TestMap(rows[n])) if source is not None else
                   TestedHeat.of(b, self.dictionaries[n], self._map(n, rows[n])))
             block, facts[n] = self._block(n, rows[n], th.block(c1_first), notes)
             th = th.under(TestMap(left=block.weight))
@@ -98,12 +99,13 @@ class Build:
             if m.operators is None:
                 continue
             n = m.elastic
-            te = (known.elastic[n].under(TestMap(rows[n])) if (known := self._known(whole, n)) else
+            source = self._source(whole, n)
+            te = (source.elastic[n].under(TestMap(rows[n])) if source is not None else
                   TestedElastic.of(m.operators, m.frame, self.dictionaries[n],
                                    self.dictionaries.get(m.thermal), self._map(n, rows[n]),
                                    rigid=self.model.separated.rigid_equations))
             block, facts[n] = self._block(n, rows[n], te.block(c1, c2), notes)
-            elastic[n] = SampledElastic.of(block, te.under(TestMap(left=block.weight)), driven)
+            elastic[n] = SampledElastic.of(block, te.under(TestMap(left=block.weight)), prescribed)
         sampled = [*(h.block for h in heat.values()), *(e.block for e in elastic.values())]
         choosing = {block.name for block in sampled if block.selects}
         if self.model.separated.other or choosing & unselectable_blocks(self.model):
@@ -125,13 +127,13 @@ class Build:
         for name, s in blocks.items():
             P, m = s.block.weight, self._map(name, rows[name])
             weighted = m if P is None else TestMap(m.rows, P if m.left is None else P @ m.left)
-            projected[name] = Seen(s.tested, s.block.left(None), weighted)
+            projected[name] = ProjectedBlock(s.tested, s.block.left(None), weighted)
         return reduced_general(
             self.model, self.dictionaries, rows, projected, self.options.tolerances,
             self.options.predictor, self.limits, (*unsampled_loads(self.model, rows), *notes),
             facts)
 
-    def _known(self, whole: Whole | None, name: str) -> Whole | None:
+    def _source(self, whole: Whole | None, name: str) -> Whole | None:
         """Source of the rows of a block: those of D^-1 r are not stored for all."""
         return None if self.options.preconditions(name) else whole
 
@@ -154,13 +156,13 @@ class Build:
             P = weigh(self.offline, self.options.preconditioner, name, B)
         block = Sampled(name, self.dictionaries[name], rows, self.atoms[name] or B.shape[1],
                         B if P is None else P @ B, P)
-        seen = {} if self.offline is None else dict(told(B, P))
+        measured = {} if self.offline is None else dict(row_facts(B, P))
         error = None if self.offline is None else checked_rows(
             self.model, self.offline, block, self._map(name, rows), self.step)
         if error is not None:
-            seen["row_error"] = error.rows
+            measured["row_error"] = error.rows
             notes += [note for note in (error.note(block),) if note is not None]
-        return block, {"residual": "preconditioned", **seen} if inverted else seen
+        return block, {"residual": "preconditioned", **measured} if inverted else measured
 
     def _stepper(
         self, rows: Mapping[str, IntArray], heat: Mapping[str, SampledHeat],
@@ -168,27 +170,27 @@ class Build:
         facts: Mapping[str, Mapping[str, float | int | str]], row_set: int, notes: list[Note],
     ) -> Stepper | SparseStepper:
         """Blocks without a choice to make are prepared here, once."""
-        hot = {n: h.prepared(None) for n, h in heat.items() if not h.block.selects}
-        bent = {n: e.prepared(None) for n, e in elastic.items() if not e.block.selects}
+        fixed_heat = {n: h.prepared(None) for n, h in heat.items() if not h.block.selects}
+        fixed_elastic = {n: e.prepared(None) for n, e in elastic.items() if not e.block.selects}
         # D^-1 brings every load to every row
         plain = {n: r for n, r in rows.items() if not self.options.preconditions(n)}
         wide = {c.rows: self._wide(heat[c.rows]) for c in self.model.separated.couplings}
-        visited = {n: block.elements for n, block in hot.items()}
-        groups = hot if not wide else heat_groups(
-            self.model, hot, self.dictionaries, wide, self.step.c1_first)
+        visited = {n: block.elements for n, block in fixed_heat.items()}
+        groups = fixed_heat if not wide else heat_groups(
+            self.model, fixed_heat, self.dictionaries, wide, self.step.c1_first)
         o, sizes = self.options, {n: d.atoms.shape[1] for n, d in self.dictionaries.items()}
-        fixed = len(hot) == len(heat) and len(bent) == len(elastic)
+        fixed = len(fixed_heat) == len(heat) and len(fixed_elastic) == len(elastic)
         base = stepper(
-            self.model, self.model.layout.resized(sizes), self.dictionaries, rows, groups, bent,
-            o.tolerances, o.predictor, len(hot) + len(bent),
+            self.model, self.model.layout.resized(sizes), self.dictionaries, rows, groups,
+            fixed_elastic, o.tolerances, o.predictor, len(fixed_heat) + len(fixed_elastic),
             (self.step.c1, self.step.c2), fixed and self.offline is not None, self.limits,
             (*unsampled_loads(self.model, plain), *notes),
             {n: e.tested for n, e in elastic.items()}, facts, visited)
         if fixed:
             return base
         # elastic blocks are selected in one joint problem: all of them take part in it
-        choosing = {} if len(bent) == len(elastic) else elastic
-        warm = {n: h for n, h in heat.items() if n not in hot}
+        choosing = {} if len(fixed_elastic) == len(elastic) else elastic
+        warm = {n: h for n, h in heat.items() if n not in fixed_heat}
         self._refuse(warm, choosing, base)
         return SparseStepper(base, warm, choosing, o.solver, o.every, o.carried, o.polish,
                              o.screen, row_set)

@@ -5,7 +5,7 @@ the support that follows. Mechanics: the sampled rows of all elastic blocks with
 one problem; rigid coordinates and multipliers are a group without
 a budget. Rows are scaled to compare: elastic ones by their block's size, border rows by their own
 and by BORDER, because they are equations that have to hold and not a sample of many. Sampled rows
-come turned into few (compact.py), which changes neither norms nor solutions.
+come turned into few (row_compression.py), which changes neither norms nor solutions.
 """
 
 from collections.abc import Sequence
@@ -64,7 +64,7 @@ class HeatProblem:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Place:
+class BodyInProblem:
     """A body in the problem: its sampled block (None: rigid), columns, rows and row scale."""
 
     body: BodyStep
@@ -83,15 +83,16 @@ class MechanicsProblem:
         x: FloatArray,
     ) -> None:
         self.mechanics, self.step, self.x = mechanics, step, x
-        self.places: list[Place] = []
+        self.members: list[BodyInProblem] = []
         groups, k, m = [], 0, 0
         for body, s in zip(mechanics.bodies, sampled, strict=True):
             if s is None:
-                self.places.append(Place(body, None, slice(0, 0), slice(0, 0), 1.0, np.zeros(0)))
+                self.members.append(
+                    BodyInProblem(body, None, slice(0, 0), slice(0, 0), 1.0, np.zeros(0)))
                 continue
             rows, atoms = s.few[1].shape
             size = float(np.linalg.norm(s.few[1], axis=0).max())
-            self.places.append(Place(
+            self.members.append(BodyInProblem(
                 body, s.few, slice(k, k + atoms), slice(m, m + rows), 1 / size,
                 _history(s.few[0], body, step, x)))
             groups.append(Group(s.block.name, k, k + atoms, s.block.budget))
@@ -107,7 +108,7 @@ class MechanicsProblem:
     def start(self) -> FloatArray:
         """The predicted state as a first guess."""
         nr = self.mechanics.n_rigid
-        parts = [self.x[p.body.elastic] for p in self.places if p.few is not None]
+        parts = [self.x[p.body.elastic] for p in self.members if p.few is not None]
         return np.concatenate([*parts, self.x[:nr], self.x[self.mechanics.algebraic]])
 
     def residual(self, c: FloatArray) -> FloatArray:
@@ -129,7 +130,7 @@ class MechanicsProblem:
             r[self.m + i] -= f(step.t)
         rates = np.zeros((2, me.size))
         rates[:, : me.n_rigid] = step.r1[: me.n_rigid], step.r2[: me.n_rigid]
-        for p in self.places:
+        for p in self.members:
             w = self._evaluate(p, c[p.columns], y, rates)
             T = p.body.to_border
             r[self.m :] += w.border[:, -1] @ T
@@ -147,14 +148,14 @@ class MechanicsProblem:
         return r, J
 
     def _evaluate(
-        self, p: Place, c: FloatArray, y: FloatArray, rates: FloatArray
+        self, p: BodyInProblem, c: FloatArray, y: FloatArray, rates: FloatArray
     ) -> FrameWork:
         step, T = self.step, p.body.to_border
         w, = buffers([p.body.frame])
         c1, c2 = step.c1, step.c2
-        given = p.body.given(step.t)
-        yb = T @ y + given[0]
-        v, a = T @ (c1 * y + rates[0]) + given[1], T @ (c2 * y + rates[1]) + given[2]
+        motion = p.body.border_motion(step.t)
+        yb = T @ y + motion[0]
+        v, a = T @ (c1 * y + rates[0]) + motion[1], T @ (c2 * y + rates[1]) + motion[2]
         if not self.border:  # nothing rigid to solve for, and so no equations of it
             p.body.frame.drive(yb, v, a, c1, c2, step.t, w)
             return w
@@ -167,7 +168,7 @@ class MechanicsProblem:
 def _history(
     t: TestedElastic, body: BodyStep, step: StepFormula, x: FloatArray
 ) -> FloatArray:
-    """Rows that do not change in the step: inertia and damping history, heat, given loads."""
+    """Rows that do not change in the step: inertia and damping history, heat, loads."""
     at = body.elastic
     h = t.mass @ step.r2[at] + t.damping @ step.r1[at] + t.constant
     if t.coupling.size:

@@ -70,8 +70,8 @@ class Resampled(AroundSteps[StepSolver]):
     @property
     def elements_touched(self) -> Mapping[str, int]:
         """Of the set of rows that touches most."""
-        told = [s.elements_touched for s in self.sets]
-        return {name: max(t[name] for t in told) for name in told[0]}
+        touched = [s.elements_touched for s in self.sets]
+        return {name: max(t[name] for t in touched) for name in touched[0]}
 
     @property
     def notes(self) -> tuple[Note, ...]:

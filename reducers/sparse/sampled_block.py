@@ -71,27 +71,27 @@ def on_support(name: str, B: FloatArray, support: IntArray | None) -> FloatArray
 class SampledElastic:
     """tested: the sampled rows, already times the preconditioner. few: the same and B in few
     turned rows, where something is selected; first: how many of these B and the directions need
-    (compact.py); reached: the rows of `few` that B needs, which least squares on any support sees
-    alone. driven: whether frames are given (driven.py)."""
+    (compressed); reached: the rows of `few` that B needs, which least squares on any support sees
+    alone. prescribed: whether frames are prescribed."""
 
     block: Sampled
     tested: TestedElastic
     few: tuple[TestedElastic, FloatArray]
     first: int
     reached: tuple[TestedElastic, FloatArray]
-    driven: bool
+    prescribed: bool
 
     @classmethod
-    def of(cls, block: Sampled, tested: TestedElastic, driven: bool) -> "SampledElastic":
+    def of(cls, block: Sampled, tested: TestedElastic, prescribed: bool) -> "SampledElastic":
         if not block.selects:
             whole = tested, block.B
-            return cls(block, tested, whole, len(block.B), whole, driven)
+            return cls(block, tested, whole, len(block.B), whole, prescribed)
         t, B, reach, first = compact_elastic(tested, block.B)
         near = np.arange(reach)
-        return cls(block, tested, (t, B), first, (t.under(TestMap(near)), B[near]), driven)
+        return cls(block, tested, (t, B), first, (t.under(TestMap(near)), B[near]), prescribed)
 
     def prepared(self, support: IntArray | None) -> CompressedElastic | CompressedPrescribed:
-        kind, (t, B) = CompressedPrescribed if self.driven else CompressedElastic, self.reached
+        kind, (t, B) = CompressedPrescribed if self.prescribed else CompressedElastic, self.reached
         return kind.of(t, on_support(self.block.name, B, support), support)
 
 
@@ -186,7 +186,7 @@ def weigh(
     return None if np.array_equal(P, np.eye(len(P))) else P
 
 
-def told(B: FloatArray, weight: FloatArray | None) -> Mapping[str, float | int | str]:
+def row_facts(B: FloatArray, weight: FloatArray | None) -> Mapping[str, float | int | str]:
     """Coherence and condition of the sampled rows B (m, k), before and after preconditioning.
 
     `condition` is that of the unit columns: their lengths are scaled away in every solve.

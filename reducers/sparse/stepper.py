@@ -42,7 +42,7 @@ class SparseStepper(AroundSteps[Stepper]):
 
     every: steps between selections; carried: whether one starts from the last support; polish:
     whether the step is solved again on the selected support, with exact border rows; screen:
-    whether the solver is asked first if an exchange could pay (screens.py); row_set: number of
+    whether the solver is asked first if an exchange could pay (screening); row_set: number of
     its rows among others of the run.
     """
 

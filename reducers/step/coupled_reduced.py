@@ -41,7 +41,7 @@ from sparsemor.reducers.step.solver import Facts, reduce_state
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Seen:
+class ProjectedBlock:
     """One block under its maps. left (k, l): least squares, left @ (tested operator) = 1; forces:
     the map of all but the block's own operator."""
 
@@ -91,40 +91,42 @@ class ReducedGeneral(NewtonStepper):
 
 def reduced_general(
     model: AssembledModel, dictionaries: Mapping[str, Dictionary], rows: Mapping[str, IntArray],
-    seen: Mapping[str, Seen], tolerances: Tolerances, points: int,
+    blocks: Mapping[str, ProjectedBlock], tolerances: Tolerances, points: int,
     limits: Mapping[str, float] | None = None, notes: tuple[Note, ...] = (),
     facts: Facts | None = None,
 ) -> ReducedGeneral:
     """A step solver for a model with terms that no body takes apart.
 
-    seen: each reducible block under its maps. Without any, a full-order model of rigid bodies.
+    blocks: each reducible block under its maps. Without any, a full-order model of rigid bodies.
     """
     layout = model.layout.resized({n: d.atoms.shape[1] for n, d in dictionaries.items()})
     couple = _Couple(model, layout, dictionaries,
-                     {n: s.wide(dictionaries[n]) for n, s in seen.items()})
+                     {n: s.wide(dictionaries[n]) for n, s in blocks.items()})
     terms = [*(t for b in model.separated.heat for t in b.local), 
              *model.separated.elastic_local, *model.separated.between]
     coupled = [couple(t) for t in terms]
     visited = elements(model, [c.term for c in coupled], [t.rows for t in terms])
     equations = Dense(
         layout,
-        [DenseHeat(layout[b.thermal], seen[b.thermal].solved) for b in model.separated.heat],
-        _bodies(model, layout, seen), coupled, model.separated.border_targets, _border(layout),
+        [DenseHeat(layout[b.thermal], blocks[b.thermal].solved) for b in model.separated.heat],
+        _bodies(model, layout, blocks), coupled, model.separated.border_targets, _border(layout),
         model.separated.step, coupling(model))
     count = sum(c.term.elements for c in coupled)
     names = ", ".join(sorted({n for n, _ in equations.named if n})) or "a term"
-    told = (information(
+    reports = (information(
         f"{names} couples blocks inside the step: all unknowns are solved together, and each "
-        f"evaluation visits {count} elements", "coupled"),) if seen else ()
-    told = (*notes, *told, *unavailable_resultants(c.term for c in coupled))
+        f"evaluation visits {count} elements", "coupled"),) if blocks else ()
+    reports = (*notes, *reports, *unavailable_resultants(c.term for c in coupled))
     return ReducedGeneral(equations, visited, tolerances, points, dictionaries, rows,
-                          limits or {}, told, facts or {})
+                          limits or {}, reports, facts or {})
 
 
-def _bodies(model: AssembledModel, layout: Layout, seen: Mapping[str, Seen]) -> list[DenseBody]:
+def _bodies(
+    model: AssembledModel, layout: Layout, blocks: Mapping[str, ProjectedBlock]
+) -> list[DenseBody]:
     none, border, found = slice(0, 0), _border(layout), []
     for m in model.separated.moving:
-        s = seen.get(m.elastic)
+        s = blocks.get(m.elastic)
         tested: TestedElastic | None = None if s is None else s.solved
         step = BodyStep(
             m.name, m.frame if tested is None else tested.frame, m.to_border, m.origin, None,
@@ -195,7 +197,7 @@ class _Couple:
 
 def with_rates(equations: Dense, state: State) -> State:
     """The state with accelerations, rates of temperature and multipliers that satisfy the reduced
-    equations: least ones where they are not determined (consistent.py says why)."""
+    equations: least ones where they are not determined (initial.py)."""
     layout, t, x, a = equations.layout, state.t, state.x.copy(), np.zeros(len(state.x))
     second, first, algebraic = layout.second, layout.first, layout.algebraic
     v, zero, one = state.v.copy(), np.zeros(layout.size), np.ones(layout.size)
@@ -207,7 +209,7 @@ def with_rates(equations: Dense, state: State) -> State:
     A = np.hstack([M[:, second], C[:, first], K[:, algebraic]])
     A[algebraic] = 0.0
     A[algebraic, second] = K[algebraic, second]
-    r = equations.residual(x, v, a, t, equations.given(t))
+    r = equations.residual(x, v, a, t, equations.prescribed(t))
     r[algebraic] = _curvature(equations, x, v, t)
     z = -_eliminated(A, r, equations.border)
     a[second], v[first] = z[second], z[first]
@@ -218,8 +220,8 @@ def with_rates(equations: Dense, state: State) -> State:
 def _eliminated(A: FloatArray, r: FloatArray, border: IntArray) -> FloatArray:
     """A z = r, the atoms first, whose masses and capacities determine them, then the border."""
     inner = np.setdiff1d(np.arange(len(r)), border)
-    given = np.column_stack([A[np.ix_(inner, border)], r[inner]])
-    solved = np.linalg.lstsq(A[np.ix_(inner, inner)], given, rcond=None)[0]
+    right = np.column_stack([A[np.ix_(inner, border)], r[inner]])
+    solved = np.linalg.lstsq(A[np.ix_(inner, inner)], right, rcond=None)[0]
     rest = A[np.ix_(border, inner)] @ solved
     z = np.zeros(len(r))
     z[border] = least(A[np.ix_(border, border)] - rest[:, :-1], r[border] - rest[:, -1])

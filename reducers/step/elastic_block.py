@@ -53,13 +53,13 @@ class History:
     s2: FloatArray
 
 
-class Look(NamedTuple):
+class Functionals(NamedTuple):
     """s (p,) = P^T u, form (g,) = u.M_g u, forms (2 g,) = u.M_g (r1, r2), and M_g u if needed."""
 
     s: FloatArray
     form: FloatArray
     forms: FloatArray
-    seen: FloatArray | None
+    products: FloatArray | None
 
 
 class DisplacementBlock(ABC):
@@ -90,12 +90,13 @@ class ElasticBlock(DisplacementBlock):
         """Constants of a step."""
 
     @abstractmethod
-    def look(self, c: FloatArray, history: History) -> Look:
+    def functionals(self, c: FloatArray, history: History) -> Functionals:
         """Functionals and forms of the unknowns c."""
 
     @abstractmethod
     def combine(
-        self, look: Look, history: History, factors: FloatArray, c: FloatArray, sigma: FloatArray
+        self, of: Functionals, history: History, factors: FloatArray, c: FloatArray,
+        sigma: FloatArray,
     ) -> tuple[FloatArray, FloatArray]:
         """z and P^T z; factors (2 g + 1,) = kappa, mu, 1. Where c are the unknowns to come, and
         sigma what then multiplies the directions, z is -(c + E sigma): a first guess."""
@@ -114,7 +115,7 @@ class ElasticBlock(DisplacementBlock):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FullElastic(ElasticBlock):
-    """Full order: D made ready, one right-hand side an iteration. K is never multiplied."""
+    """Full order: D factorized, one right-hand side an iteration. K is never multiplied."""
 
     ops: ElasticOperators
     factor: Factorized
@@ -144,16 +145,18 @@ class FullElastic(ElasticBlock):
         s.s1, s.s2 = o.directions.T @ r1, o.directions.T @ r2
         return s
 
-    def look(self, c: FloatArray, history: History) -> Look:
-        seen = each(self.ops.generators, c)
-        return Look(self.ops.directions.T @ c, seen @ c, history.quad @ c, seen)
+    def functionals(self, c: FloatArray, history: History) -> Functionals:
+        products = each(self.ops.generators, c)
+        return Functionals(
+            self.ops.directions.T @ c, products @ c, history.quad @ c, products)
 
     def combine(
-        self, look: Look, history: History, factors: FloatArray, c: FloatArray, sigma: FloatArray
+        self, of: Functionals, history: History, factors: FloatArray, c: FloatArray,
+        sigma: FloatArray,
     ) -> tuple[FloatArray, FloatArray]:
         g = len(self.ops.generators)
-        assert look.seen is not None
-        right = history.h + factors[:g] @ look.seen + factors[g:-1] @ history.stack
+        assert of.products is not None
+        right = history.h + factors[:g] @ of.products + factors[g:-1] @ history.stack
         if history.local is not None:
             right = right + history.local.rows(c)
         if self.factor.iterative:
@@ -246,7 +249,7 @@ class CompressedElastic(ElasticBlock):
         out += self.base
         if self.tables:
             out[g * w : (g + 1) * w] -= total(self.tables, t)
-        # rows kappa_g | mu_g | 1 of the combination; the first g are filled at each look
+        # rows kappa_g | mu_g | 1 of the combination; the first g are filled at each iterate
         h.stack = np.empty((2 * g + 1, w))
         h.stack[g:] = out[: (g + 1) * w].reshape(g + 1, w)
         a = (g + 1) * w
@@ -255,16 +258,17 @@ class CompressedElastic(ElasticBlock):
         h.s1, h.s2 = out[a : a + p], out[a + p :]
         return h
 
-    def look(self, c: FloatArray, history: History) -> Look:
+    def functionals(self, c: FloatArray, history: History) -> Functionals:
         s, p, g = self.sizes
         out = self.S.dot(c)
         n = g * (s + p)
         history.stack[:g] = out[:n].reshape(g, s + p)
         form = out[n + p :].reshape(g, s).dot(c)
-        return Look(out[n : n + p], form, history.quad.dot(c), None)
+        return Functionals(out[n : n + p], form, history.quad.dot(c), None)
 
     def combine(
-        self, look: Look, history: History, factors: FloatArray, c: FloatArray, sigma: FloatArray
+        self, of: Functionals, history: History, factors: FloatArray, c: FloatArray,
+        sigma: FloatArray,
     ) -> tuple[FloatArray, FloatArray]:
         z: FloatArray = factors.dot(history.stack)
         if history.local is not None:

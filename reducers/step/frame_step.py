@@ -24,8 +24,8 @@ class BodyStep:
     """One body in the loop: its kernel, its map to the border, and where its unknowns sit.
 
     elastic_name, rigid_name: blocks of its displacements and rigid coordinates, "" where it has
-    none; block: its elastic rows with a border; driven: where there is none, and `known` what time
-    alone decides of them (driven.py)."""
+    none; block: its elastic rows with a border; prescribed: where there is none, and `table` what
+    time alone decides of them."""
 
     name: str
     frame: Frame
@@ -37,8 +37,8 @@ class BodyStep:
     elastic_name: str
     guide: FrameHistory | None = None
     rigid_name: str = ""
-    driven: PrescribedBlock | None = None
-    known: TimeTable | None = None
+    prescribed: PrescribedBlock | None = None
+    table: TimeTable | None = None
 
     @property
     def free(self) -> bool:
@@ -60,14 +60,14 @@ class BodyStep:
         self.frame.evaluate(
             y, v, a, c1, c2, F.dot(c), F.dot(r1), F.dot(r2), form, forms, t, work)
 
-    def given(self, t: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def border_motion(self, t: float) -> tuple[FloatArray, FloatArray, FloatArray]:
         """(b,) each: what the map leaves out of border unknowns and their rates at t, s."""
         if self.guide is None:
             zero = np.zeros(len(self.origin))
             return self.origin, zero, zero
         return self._filled(*self.guide.at(t))
 
-    def prescribed_along(self, times: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def border_motion_along(self, times: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """(T, b) each: the same at times (T,), s."""
         if self.guide is None:
             zero = np.zeros((len(times), len(self.origin)))
@@ -83,15 +83,15 @@ class BodyStep:
             return self.origin + pose, rate, acceleration
         y, v, a = (np.zeros((*pose.shape[:-1], b)) for _ in range(3))
         y += self.origin
-        for values, known in ((y, pose), (v, rate), (a, acceleration)):
-            values[..., :n] += known
+        for values, part in ((y, pose), (v, rate), (a, acceleration)):
+            values[..., :n] += part
         return y, v, a
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Drive:
-    """A frame that is given, in steps with these c1 and c2: times (T,) -> kappa, mu, sigma, which
-    do not depend on displacements (core/protocols/separable.py), (T, 2 g + p)."""
+class PrescribedFactors:
+    """Factors of a prescribed frame in steps with these c1 and c2: times (T,) -> kappa, mu, sigma,
+    which do not depend on displacements (core/protocols/separable.py), (T, 2 g + p)."""
 
     body: BodyStep
     c1: float
@@ -102,8 +102,8 @@ class Drive:
         if len(times) == 1 or not isinstance(frame, EvaluatesManyTimes):
             work, = buffers([frame])
             return np.array([self._at(t, work) for t in times.tolist()])
-        return frame.drive_along(*self.body.prescribed_along(times), self.c1, self.c2, times)
+        return frame.drive_along(*self.body.border_motion_along(times), self.c1, self.c2, times)
 
     def _at(self, t: float, work: FrameWork) -> FloatArray:
-        self.body.frame.drive(*self.body.given(t), self.c1, self.c2, t, work)
+        self.body.frame.drive(*self.body.border_motion(t), self.c1, self.c2, t, work)
         return np.concatenate((work.coefficients[:-1], work.sigma[-1]))

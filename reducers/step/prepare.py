@@ -18,7 +18,7 @@ from sparsemor.core import (
 )
 from sparsemor.reducers.step.acceptance import Tolerances
 from sparsemor.reducers.step.elastic_block import ElasticBlock
-from sparsemor.reducers.step.frame_step import Drive
+from sparsemor.reducers.step.frame_step import PrescribedFactors
 from sparsemor.reducers.step.operators import TestedElastic
 from sparsemor.reducers.step.prescribed_frame_block import PrescribedBlock
 from sparsemor.reducers.step.solver import Facts, Stepper, bodies
@@ -67,7 +67,7 @@ def stepper(
                     b.iterates for b in elastic.values()))
     if not model.separated.border_size:
         s = replace(s, drives={
-            b.name: TimeTable.of(Drive(b, *rates), _times(m) if ahead else np.zeros(0))
+            b.name: TimeTable.of(PrescribedFactors(b, *rates), _times(m) if ahead else np.zeros(0))
             for b, m in zip(bodies(s), model.separated.moving, strict=True) if b.elastic_name})
     return replace(s, mechanics=s.with_mechanics())
 

@@ -1,10 +1,10 @@
-"""One elastic block on a frame whose motion is given: linear, and nothing rigid to feed.
+"""One elastic block on a frame whose motion is prescribed: linear, and nothing rigid to feed.
 
 With D = K + c1 D_m + c2 M constant, its rows times D^-1 read
 
     u + sum_g kappa_g D^-1 M_g u = b,   b = -D^-1 (h + P sigma + sum_g mu_g M_g r1),
 
-h the history of the step and given loads, P the directions. sigma, kappa and mu follow from the
+h the history of the step and loads, P the directions. sigma, kappa and mu follow from the
 time alone (core/protocols/separable.py), so moments and quadratic forms of u are not needed.
 """
 
@@ -43,9 +43,9 @@ class Past(History):
 
     __slots__ = ("bound", "c", "kappa", "mu", "r1", "rates", "terms", "turning", "u", "weights")
 
-    def __init__(self, known: FloatArray, g: int, r1: FloatArray) -> None:
+    def __init__(self, table: FloatArray, g: int, r1: FloatArray) -> None:
         super().__init__()
-        self.kappa, self.mu = known[:g].tolist(), known[g : 2 * g].tolist()
+        self.kappa, self.mu = table[:g].tolist(), table[g : 2 * g].tolist()
         self.r1: FloatArray | None = r1
         self.c: FloatArray | None = None
 
@@ -66,14 +66,14 @@ class PrescribedBlock(DisplacementBlock):
     proved: ClassVar[bool]
 
     @abstractmethod
-    def known(self, drive: TimeTable) -> TimeTable:
+    def time_table(self, drive: TimeTable) -> TimeTable:
         """Of kappa, mu and sigma at all times: these, and what else time decides of a step."""
 
     @abstractmethod
     def begin(
-        self, r1: FloatArray, r2: FloatArray, xT: FloatArray, t: float, known: FloatArray
+        self, r1: FloatArray, r2: FloatArray, xT: FloatArray, t: float, table: FloatArray
     ) -> Past:
-        """known: what `known` has at t."""
+        """table: row of `time_table` at t."""
 
     @abstractmethod
     def improve(self, c: FloatArray, past: Past) -> FloatArray:
@@ -90,7 +90,7 @@ class PrescribedBlock(DisplacementBlock):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FullPrescribed(PrescribedBlock):
-    """Full order: D made ready, one right-hand side an iteration, then its lowest modes. Its
+    """Full order: D factorized, one right-hand side an iteration, then its lowest modes. Its
     contraction is estimated by Ritz values, which are none but lower bounds of what they stand for,
     times a margin."""
 
@@ -111,16 +111,16 @@ class FullPrescribed(PrescribedBlock):
     def iterates(self) -> bool:
         return self.factor.iterative
 
-    def known(self, drive: TimeTable) -> TimeTable:
+    def time_table(self, drive: TimeTable) -> TimeTable:
         return drive
 
     def begin(
-        self, r1: FloatArray, r2: FloatArray, xT: FloatArray, t: float, known: FloatArray
+        self, r1: FloatArray, r2: FloatArray, xT: FloatArray, t: float, table: FloatArray
     ) -> Past:
         o, g = self.ops, len(self.ops.generators)
-        past = Past(known, g, r1)
+        past = Past(table, g, r1)
         h = forces_of_history(o, o.mass @ r2, r1, xT, t)
-        sigma = known[2 * g :]
+        sigma = table[2 * g :]
         if sigma.any():
             h += o.directions @ sigma
         for M, mu in zip(o.generators, past.mu, strict=True):
@@ -156,7 +156,7 @@ class FullPrescribed(PrescribedBlock):
 class CompressedPrescribed(PrescribedBlock):
     """s active atoms: every operator is dense, small and prepared; no length of the mesh is left.
 
-    What b is made of: inertia and damping times r2 and r1, (s, k) or diagonals (natural.py),
+    What b is made of: inertia and damping times r2 and r1, (s, k) or diagonals,
     damping None where there is none; coupling (s, kt) times xT; base; E (s, p) times sigma; loads
     (s, j) times amplitudes, and tables. G (g, k, s): the D^-1 M_g transposed, so that those that
     act together are one matrix; leading (g r, r): their first rows and columns, of soft modes,
@@ -204,7 +204,7 @@ class CompressedPrescribed(PrescribedBlock):
         none = np.zeros((len(self.base), k))
         return none if self.damping is None else -dense(self.damping), -dense(self.inertia)
 
-    def known(self, drive: TimeTable) -> TimeTable:
+    def time_table(self, drive: TimeTable) -> TimeTable:
         """kappa, mu, sigma, the bound on the contraction, and all of b that does not depend on
         unknowns."""
         g, n = 2 * len(self.G), 2 * len(self.G) + self.E.shape[1]
@@ -223,16 +223,16 @@ class CompressedPrescribed(PrescribedBlock):
         return TimeTable.of(decided, np.array(drive.times))
 
     def begin(
-        self, r1: FloatArray, r2: FloatArray, xT: FloatArray, t: float, known: FloatArray
+        self, r1: FloatArray, r2: FloatArray, xT: FloatArray, t: float, table: FloatArray
     ) -> Past:
         g = len(self.G)
-        past, n = Past(known, g, r1), 2 * g + self.E.shape[1]
-        past.weights, past.rates, past.bound = known[:g], known[g : 2 * g], float(known[n])
+        past, n = Past(table, g, r1), 2 * g + self.E.shape[1]
+        past.weights, past.rates, past.bound = table[:g], table[g : 2 * g], float(table[n])
         acts = [i for i, k in enumerate(zip(past.kappa, past.mu, strict=True)) if any(k)]
         past.turning = (acts[0], acts[-1] + 1) if acts else (0, 0)
-        past.terms = r1, r2, xT, known[n + 1 :]
+        past.terms = r1, r2, xT, table[n + 1 :]
         past.u = times(self.inertia, r2)
-        past.u += known[n + 1 :]
+        past.u += table[n + 1 :]
         if self.damping is not None:
             past.u += times(self.damping, r1)
         if len(xT):

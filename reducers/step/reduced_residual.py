@@ -30,7 +30,7 @@ class DenseHeat:
     at: slice
     tested: TestedHeat
 
-    def given(self, t: float) -> FloatArray:
+    def prescribed(self, t: float) -> FloatArray:
         return -plus_loads(self.tested.constant, self.tested, t)
 
     def residual(self, r: FloatArray, x: FloatArray, v: FloatArray) -> None:
@@ -50,7 +50,7 @@ class DenseBody:
         used = np.any(step.to_border != 0.0, axis=0)  # of all rigid unknowns and multipliers
         self.at, self.map = border[used], np.ascontiguousarray(step.to_border[:, used])
 
-    def given(self, t: float) -> FloatArray:
+    def prescribed(self, t: float) -> FloatArray:
         assert self.tested is not None
         return plus_loads(self.tested.constant, self.tested, t, -1.0)
 
@@ -64,8 +64,8 @@ class DenseBody:
         if self.step.guide is None:
             y = y + self.step.origin
         else:
-            known = self.step.given(t)
-            y, yv, ya = y + known[0], yv + known[1], ya + known[2]
+            motion = self.step.border_motion(t)
+            y, yv, ya = y + motion[0], yv + motion[1], ya + motion[2]
         e = self.step.elastic
         c = x[e]
         self.step.evaluate(y, yv, ya, c1, c2, self.tested, c, v[e] - c1 * c, a[e] - c2 * c, t, work)
@@ -142,21 +142,21 @@ class Dense:
         """Working arrays for all bodies."""
         return buffers([b.step.frame for b in self.bodies])
 
-    def given(self, t: float) -> FloatArray:
+    def prescribed(self, t: float) -> FloatArray:
         r = np.zeros(self.layout.size)
         for i, f in self.targets:
             r[self.border[i]] -= f(t)
         for h in self.heat:
-            r[h.at] += h.given(t)
+            r[h.at] += h.prescribed(t)
         for b in self.bodies:
             if b.tested is not None:
-                r[b.step.elastic] += b.given(t)
+                r[b.step.elastic] += b.prescribed(t)
         return r
 
     def residual(
-        self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, given: FloatArray
+        self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, prescribed: FloatArray
     ) -> FloatArray:
-        r = given.copy()
+        r = prescribed.copy()
         for h in self.heat:
             h.residual(r, x, v)
         for b, w in zip(self.bodies, self.work, strict=True):

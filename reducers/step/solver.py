@@ -119,7 +119,7 @@ class Stepper:
     ) -> StepOutcome:
         """The step's solution, not yet remembered as a state of the run.
 
-        guess (n,): where the iteration starts; the past states' extrapolation when not given.
+        guess (n,): where the iteration starts; the past states' extrapolation where there is none.
         """
         x = memory.ring.predict() if guess is None else guess.copy()
         if self.newton is not None and memory.full_newton_next:
@@ -247,14 +247,14 @@ def bodies(s: Stepper) -> Sequence[BodyStep]:
     none, found = slice(0, 0), []
     for m in s.separated.moving:
         made = s.elastic.get(m.elastic)
-        block, driven = (None, made) if isinstance(made, PrescribedBlock) else (made, None)
+        block, prescribed = (None, made) if isinstance(made, PrescribedBlock) else (made, None)
         drive = s.drives.get(m.name)
         found.append(BodyStep(
             m.name, s.frames.get(m.name, m.frame), m.to_border, m.origin, block,
             s.layout[m.elastic] if m.elastic else none,
             s.layout[m.thermal] if m.thermal in s.layout else none, m.elastic, m.guide,
-            rigid_block(s.layout, m), driven,
-            driven.known(drive) if driven is not None and drive is not None else None))
+            rigid_block(s.layout, m), prescribed,
+            prescribed.time_table(drive) if prescribed is not None and drive is not None else None))
     return found
 
 
@@ -278,6 +278,6 @@ def reduce_state(
             x[here], v[here], a[here] = state.x[there], state.v[there], state.a[there]
             continue
         d = dictionaries[b.name]
-        given = np.stack([state.x[there] - d.offset, state.v[there], state.a[there]], axis=1)
-        x[here], v[here], a[here] = coefficients(d.atoms, given).T
+        columns = np.stack([state.x[there] - d.offset, state.v[there], state.a[there]], axis=1)
+        x[here], v[here], a[here] = coefficients(d.atoms, columns).T
     return State(state.t, x, v, a, state.memory)

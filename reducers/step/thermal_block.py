@@ -56,7 +56,7 @@ class LocalAt:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FullHeat:
-    """Full order: B = c1 C + K made ready."""
+    """Full order: B = c1 C + K factorized."""
 
     heat: HeatBody
     c1: float
@@ -144,11 +144,11 @@ class FullHeat:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CompressedHeat:
-    """s active atoms. The linear solution is past r1 + given(t): past (s, k) or a diagonal
-    (natural.py), given what loads, tables of heat that moves and what is constant make of it."""
+    """s active atoms. The linear solution is past r1 + prescribed(t): past (s, k) or a diagonal
+    (modal_coordinates.py); prescribed: loads, tables of heat that moves, and what is constant."""
 
     past: FloatArray
-    given: TimeTable
+    prescribed: TimeTable
     active: IntArray | None
     local: tuple[ReducedTerm, ...]
     c1: float
@@ -168,17 +168,17 @@ class CompressedHeat:
         base, loads, tables = left @ b.constant, left @ b.loads, tabulated(
             b.tables, left, support is None)
 
-        def given(times: FloatArray) -> FloatArray:
+        def prescribed(times: FloatArray) -> FloatArray:
             return along(base, loads, b.amplitudes, tables, times)
 
         # a support that may change with the next step does not pay for all times
         times = b.tables[0].times if b.tables and support is None else np.zeros(0)
         return cls(
-            carried(-left @ b.capacity), TimeTable.of(given, times), support, tuple(local), c1)
+            carried(-left @ b.capacity), TimeTable.of(prescribed, times), support, tuple(local), c1)
 
     def solve(self, r1: FloatArray, t: float, guess: FloatArray) -> HeatOutcome:
         base = times(self.past, r1)
-        base += self.given.at(t)
+        base += self.prescribed.at(t)
         if not self.local:
             return HeatOutcome(base, Status.DONE, 1)
         return self._iterate(base, r1, t, guess)

@@ -26,11 +26,11 @@ class Scalar:
     price: int = 3
     named: tuple[tuple[str, frozenset[str]], ...] = (("sole", frozenset({"ball.rigid"})),)
 
-    def given(self, t: float) -> FloatArray:
+    def prescribed(self, t: float) -> FloatArray:
         return np.zeros(1)
 
     def residual(
-        self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, given: FloatArray
+        self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, prescribed: FloatArray
     ) -> FloatArray:
         return np.array([self.f(x[0])])
 
@@ -97,11 +97,11 @@ class Apart:
     price: int = 0
     named: tuple[tuple[str, frozenset[str]], ...] = ()
 
-    def given(self, t: float) -> FloatArray:
+    def prescribed(self, t: float) -> FloatArray:
         return np.zeros(2)
 
     def residual(
-        self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, given: FloatArray
+        self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, prescribed: FloatArray
     ) -> FloatArray:
         return np.array([x[0], (x[1] - 1.0) ** 2])
 

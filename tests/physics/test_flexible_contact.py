@@ -71,7 +71,7 @@ def changes(model: Model, step: StepFormula, x: FloatArray, exact: bool, count: 
     """Sizes of successive changes from x, relative to the largest displacement of the plate."""
     eq = Summed.of(model, price=1)
     c1, c2 = rate_factors(model.layout, step.c1, step.c2, step.c1_first)
-    given, factor, found = eq.given(step.t), None, []
+    given, factor, found = eq.prescribed(step.t), None, []
     at = model.layout["plate.elastic"]
     for _ in range(count):
         v, a = c1 * x + step.r1, c2 * x + step.r2

@@ -45,12 +45,12 @@ class Equations(Protocol):
         """The same equations with the working arrays, and the terms' copies, of one run."""
         ...
 
-    def given(self, t: float) -> FloatArray:
+    def prescribed(self, t: float) -> FloatArray:
         """(n,) the part of the residual that depends on the time (s) alone."""
         ...
 
     def residual(
-        self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, given: FloatArray
+        self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, prescribed: FloatArray
     ) -> FloatArray: ...
     def jacobian(
         self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: FloatArray, c2: FloatArray

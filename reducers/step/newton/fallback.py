@@ -2,7 +2,7 @@
 
 The bordered iteration keeps its operators constant; what a soft body's large displacements add to
 the Jacobian may keep it from converging. Such a step is solved with all unknowns together, by the
-equations and the search of `newton.py`, which are assembled when the first step needs them.
+equations and the search of iteration.py, which are assembled when the first step needs them.
 """
 
 from collections.abc import Callable

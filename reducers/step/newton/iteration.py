@@ -25,7 +25,7 @@ PATIENCE = 6
 NONE = np.zeros(0)
 SHORTEST = 2.0**-7
 """Least share of a full step that is tried."""
-FORETOLD = 1e-2
+EXTRAPOLATION_ERROR = 1e-2
 """Relative error of an extrapolation that is still better than the last state itself."""
 
 
@@ -63,7 +63,7 @@ class _Search:
         self.starts = np.array([equations.layout[b.name].start for b in blocks])
         self.names = [b.name for b in blocks]
         self.judged = np.array([b.kind.order > 0 for b in blocks])
-        self.given = equations.given(step.t)
+        self.prescribed = equations.prescribed(step.t)
         self.mixed = np.array([b.kind.quantity is Quantity.POSE for b in blocks])
         self.floor, self.scale = np.zeros(0), np.zeros(0)
         self.iterations, self.stall, self.least, self.cycles = 0, 0, inf, False
@@ -115,7 +115,8 @@ class _Search:
     def _following(self, at: _At, renew: bool) -> _At | None:
         """The next iterate with its own change: a full step on, or less where full steps lead
         nowhere; None where no share of the change makes the residual fall."""
-        lost = self.iterations > 2 * PATIENCE and at.change > FORETOLD  # wanders, if not in circles
+        # wanders, if not in circles
+        lost = self.iterations > 2 * PATIENCE and at.change > EXTRAPOLATION_ERROR
         if self.stall <= PATIENCE and not lost:
             new = self.beyond(at)
             if np.isfinite(new.r).all():
@@ -192,7 +193,7 @@ class _Search:
         return new
 
     def _evaluated(self, x: FloatArray, v: FloatArray, a: FloatArray) -> _At:
-        return _At(x, v, a, self.eq.residual(x, v, a, self.step.t, self.given))
+        return _At(x, v, a, self.eq.residual(x, v, a, self.step.t, self.prescribed))
 
     def turn(self, at: _At, renew: bool) -> None:
         """The change at an iterate; renew: True for the Jacobian there, else with the kept one."""
@@ -254,13 +255,13 @@ class _Search:
         off = np.maximum.reduceat(np.abs(m.ring.guesses() - x), self.starts, axis=1)
         missed = (off / np.maximum(m.top, 1e-300))[:, self.judged].max(axis=1, initial=0.0)
         m.ring.push(x)
-        # nothing is foretold of a motion that no order came close to
-        m.order = int(missed.argmin()) + 1 if missed.min() <= FORETOLD else 1
+        # a motion that no order came close to is not extrapolated
+        m.order = int(missed.argmin()) + 1 if missed.min() <= EXTRAPOLATION_ERROR else 1
 
     def failed(self, at: _At, status: Status, detail: str = "") -> StepOutcome:
         broken = ~np.isfinite(self._largest(at.r))
         block = self.names[int(np.argmax(broken))] if broken.any() else ""
-        return StepOutcome(at.x, status, self.iterations, block, self._told(detail, block))
+        return StepOutcome(at.x, status, self.iterations, block, self._with_names(detail, block))
 
     def unfinished(self, at: _At) -> StepOutcome:
         moved = np.where(self.judged, self._relative(at), 0.0)
@@ -268,9 +269,9 @@ class _Search:
         how = ("the iteration goes back and forth between two states" if self.cycles else
                f"last relative change {at.change:.1e} after {self.iterations} iterations")
         return StepOutcome(at.x, Status.NOT_CONVERGED, self.iterations, block,
-                           self._told(how, block))
+                           self._with_names(how, block))
 
-    def _told(self, detail: str, block: str) -> str:
+    def _with_names(self, detail: str, block: str) -> str:
         """With the names of what acts between this block and others."""
         names = [n for n, blocks in self.eq.named if n and (not block or block in blocks)]
         if not names:
