@@ -1,7 +1,7 @@
 """Checks of a reducer's options before the training run, by counting on an assembled model."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -177,7 +177,7 @@ def local_blocks(model: AssembledModel) -> dict[str, str]:
     return found
 
 
-def pattern_of(name: str, table: Mapping[str, Any]) -> str | None:
+def pattern_of(name: str, table: Mapping[str, object]) -> str | None:
     """The pattern that decides for a block."""
     return chosen(name, {pattern: pattern for pattern in table}, None)
 

@@ -10,7 +10,7 @@ from sparsemor.reducers.full.monolithic import Summed, coupling, elements
 from sparsemor.reducers.notes import local_heat_notes, whole_step_notes
 from sparsemor.reducers.start_check import check_start
 from sparsemor.reducers.step.acceptance import Tolerances
-from sparsemor.reducers.step.coupled_reduced import reduced_general
+from sparsemor.reducers.step.coupled_reduced import ProjectedModel, reduced_general
 from sparsemor.reducers.step.elastic_block import ElasticBlock, FullElastic
 from sparsemor.reducers.step.newton.fallback import FullNewton
 from sparsemor.reducers.step.newton.stepper import NewtonStepper
@@ -52,7 +52,7 @@ class Full(Plugin):
             return self._whole(model, 0, "method: newton solves for all unknowns together")
         if model.separated.other:
             if not model.reducible():  # rigid bodies only: a few unknowns
-                return reduced_general(model, {}, {}, {}, tol, self.predictor)
+                return reduced_general(ProjectedModel(model), tol, self.predictor)
             names = ", ".join(sorted({n for n, _ in coupling(model) if n})) or "a term"
             return self._whole(model, 6, f"{names} couples blocks inside the step")
         c1, c2, c1_first = constants(model.layout, integrator, h)

@@ -32,7 +32,12 @@ from sparsemor.reducers.sparse.sampled_block import (
     weigh,
 )
 from sparsemor.reducers.sparse.stepper import SparseStepper
-from sparsemor.reducers.step.coupled_reduced import ProjectedBlock, ReducedGeneral, reduced_general
+from sparsemor.reducers.step.coupled_reduced import (
+    ProjectedBlock,
+    ProjectedModel,
+    ReducedGeneral,
+    reduced_general,
+)
 from sparsemor.reducers.step.operators import TestedElastic, TestedHeat, TestMap
 from sparsemor.reducers.step.prepare import stepper
 from sparsemor.reducers.step.solver import Facts, Stepper
@@ -109,29 +114,34 @@ class Build:
         sampled = [*(h.block for h in heat.values()), *(e.block for e in elastic.values())]
         choosing = {block.name for block in sampled if block.selects}
         if self.model.separated.other or choosing & unselectable_blocks(self.model):
-            return self._coupled(rows, {**heat, **elastic}, facts, notes)
+            return self._coupled(rows, heat, elastic, facts, notes)
         return self._stepper(rows, heat, elastic, facts, row_set, notes)
 
     def _coupled(
-        self, rows: Mapping[str, IntArray], blocks: Mapping[str, SampledElastic | SampledHeat],
-        facts: Facts, notes: list[Note],
+        self, rows: Mapping[str, IntArray], heat: Mapping[str, SampledHeat],
+        elastic: Mapping[str, SampledElastic], facts: Facts, notes: list[Note],
     ) -> ReducedGeneral:
         """The general path: least squares of a block's rows as in the fast one. InputError where a
         budget leaves a choice of atoms."""
-        faults = [Fault("reducer.budgets", unselectable(
-                      self.model, s.block.name, s.block.budget, s.block.atoms))
-                  for s in blocks.values() if s.block.selects]
+        blocks = {n: s.block for n, s in heat.items()} | {
+            n: s.block for n, s in elastic.items()}
+        faults = [Fault("reducer.budgets", unselectable(self.model, n, b.budget, b.atoms))
+                  for n, b in blocks.items() if b.selects]
         if faults:
             raise InputError(faults)
-        projected = {}
-        for name, s in blocks.items():
-            P, m = s.block.weight, self._map(name, rows[name])
-            weighted = m if P is None else TestMap(m.rows, P if m.left is None else P @ m.left)
-            projected[name] = ProjectedBlock(s.tested, s.block.left(None), weighted)
+
+        def weighted(name: str) -> TestMap:
+            P, m = blocks[name].weight, self._map(name, rows[name])
+            return m if P is None else TestMap(m.rows, P if m.left is None else P @ m.left)
+
+        projected = ProjectedModel(
+            self.model, self.dictionaries, rows,
+            {n: ProjectedBlock(s.tested, s.block.left(None), weighted(n)) for n, s in heat.items()},
+            {n: ProjectedBlock(s.tested, s.block.left(None), weighted(n))
+             for n, s in elastic.items()})
         return reduced_general(
-            self.model, self.dictionaries, rows, projected, self.options.tolerances,
-            self.options.predictor, self.limits, (*unsampled_loads(self.model, rows), *notes),
-            facts)
+            projected, self.options.tolerances, self.options.predictor, self.limits,
+            (*unsampled_loads(self.model, rows), *notes), facts)
 
     def _source(self, whole: Whole | None, name: str) -> Whole | None:
         """Source of the rows of a block: those of D^-1 r are not stored for all."""

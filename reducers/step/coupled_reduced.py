@@ -6,8 +6,8 @@ rows through the block's test maps; those of local terms are evaluated near the 
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass, field, replace
+from typing import Generic, TypeVar
 
 import numpy as np
 
@@ -34,29 +34,53 @@ from sparsemor.reducers.step.frame_step import BodyStep
 from sparsemor.reducers.step.initial import least
 from sparsemor.reducers.step.newton.memory import NewtonMemory
 from sparsemor.reducers.step.newton.stepper import NewtonStepper
-from sparsemor.reducers.step.operators import TestedElastic, TestMap
+from sparsemor.reducers.step.operators import TestedElastic, TestedHeat, TestMap
 from sparsemor.reducers.step.reduced_residual import Dense, DenseBody, DenseHeat
 from sparsemor.reducers.step.relocalised import Coupled
 from sparsemor.reducers.step.solver import Facts, reduce_state
 
+T = TypeVar("T", TestedElastic, TestedHeat)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ProjectedBlock:
+class ProjectedBlock(Generic[T]):
     """One block under its maps. left (k, l): least squares, left @ (tested operator) = 1; forces:
     the map of all but the block's own operator."""
 
-    tested: Any
+    tested: T
     left: FloatArray
     forces: TestMap
 
     @property
-    def solved(self) -> Any:
+    def solved(self) -> T:
         """The rows times the left inverse: the block's own operator is 1."""
         return self.tested.under(TestMap(left=self.left))
 
-    def wide(self, atoms: Dictionary) -> FloatArray:
-        """(k, n) left times the map of forces, on all rows of the block."""
-        return self.forces.times(self.left, len(atoms.offset))
+    def wide(self, n: int) -> FloatArray:
+        """(k, n) left times the map of forces, on all n rows of the block."""
+        return self.forces.times(self.left, n)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ProjectedModel:
+    """A model with its blocks under their maps; without any block a model of rigid bodies. rows:
+    those that were sampled of each block."""
+
+    model: AssembledModel
+    dictionaries: Mapping[str, Dictionary] = field(default_factory=dict)
+    rows: Mapping[str, IntArray] = field(default_factory=dict)
+    heat: Mapping[str, ProjectedBlock[TestedHeat]] = field(default_factory=dict)
+    elastic: Mapping[str, ProjectedBlock[TestedElastic]] = field(default_factory=dict)
+
+    @property
+    def layout(self) -> Layout:
+        return self.model.layout.resized(
+            {n: d.atoms.shape[1] for n, d in self.dictionaries.items()})
+
+    def wide(self, name: str) -> FloatArray:
+        """(k, n) map of the forces of a block, times its left inverse."""
+        n = len(self.dictionaries[name].offset)
+        return self.heat[name].wide(n) if name in self.heat else self.elastic[name].wide(n)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -90,44 +114,38 @@ class ReducedGeneral(NewtonStepper):
 
 
 def reduced_general(
-    model: AssembledModel, dictionaries: Mapping[str, Dictionary], rows: Mapping[str, IntArray],
-    blocks: Mapping[str, ProjectedBlock], tolerances: Tolerances, points: int,
+    projected: ProjectedModel, tolerances: Tolerances, points: int,
     limits: Mapping[str, float] | None = None, notes: tuple[Note, ...] = (),
     facts: Facts | None = None,
 ) -> ReducedGeneral:
-    """A step solver for a model with terms that no body takes apart.
-
-    blocks: each reducible block under its maps. Without any, a full-order model of rigid bodies.
-    """
-    layout = model.layout.resized({n: d.atoms.shape[1] for n, d in dictionaries.items()})
-    couple = _Couple(model, layout, dictionaries,
-                     {n: s.wide(dictionaries[n]) for n, s in blocks.items()})
-    terms = [*(t for b in model.separated.heat for t in b.local), 
+    """A step solver for a model with terms that no body takes apart."""
+    model, dictionaries, layout = projected.model, projected.dictionaries, projected.layout
+    couple = _Couple(model, layout, dictionaries, {n: projected.wide(n) for n in dictionaries})
+    terms = [*(t for b in model.separated.heat for t in b.local),
              *model.separated.elastic_local, *model.separated.between]
     coupled = [couple(t) for t in terms]
     visited = elements(model, [c.term for c in coupled], [t.rows for t in terms])
     equations = Dense(
         layout,
-        [DenseHeat(layout[b.thermal], blocks[b.thermal].solved) for b in model.separated.heat],
-        _bodies(model, layout, blocks), coupled, model.separated.border_targets, _border(layout),
+        [DenseHeat(layout[n], b.solved) for n, b in projected.heat.items()],
+        _bodies(projected), coupled, model.separated.border_targets, _border(layout),
         model.separated.step, coupling(model))
     count = sum(c.term.elements for c in coupled)
     names = ", ".join(sorted({n for n, _ in equations.named if n})) or "a term"
     reports = (information(
         f"{names} couples blocks inside the step: all unknowns are solved together, and each "
-        f"evaluation visits {count} elements", "coupled"),) if blocks else ()
+        f"evaluation visits {count} elements", "coupled"),) if dictionaries else ()
     reports = (*notes, *reports, *unavailable_resultants(c.term for c in coupled))
-    return ReducedGeneral(equations, visited, tolerances, points, dictionaries, rows,
+    return ReducedGeneral(equations, visited, tolerances, points, dictionaries, projected.rows,
                           limits or {}, reports, facts or {})
 
 
-def _bodies(
-    model: AssembledModel, layout: Layout, blocks: Mapping[str, ProjectedBlock]
-) -> list[DenseBody]:
+def _bodies(projected: ProjectedModel) -> list[DenseBody]:
+    layout = projected.layout
     none, border, found = slice(0, 0), _border(layout), []
-    for m in model.separated.moving:
-        s = blocks.get(m.elastic)
-        tested: TestedElastic | None = None if s is None else s.solved
+    for m in projected.model.separated.moving:
+        block = projected.elastic.get(m.elastic)
+        tested = None if block is None else block.solved
         step = BodyStep(
             m.name, m.frame if tested is None else tested.frame, m.to_border, m.origin, None,
             layout[m.elastic] if m.elastic else none,

@@ -11,14 +11,14 @@ block has D^-1 applied to everything in advance. The Newton loop sees no differe
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from sparsemor.core import Csr, ElasticOperators, Factorized, FloatArray, IntArray, Status
 from sparsemor.core.model.factorizations import short, solved
 from sparsemor.core.protocols.load_tables import total
-from sparsemor.core.protocols.separable import evaluate_amplitudes
+from sparsemor.core.protocols.separable import Amplitude, evaluate_amplitudes
 from sparsemor.reducers.step.acceptance import EPS, rounding
 from sparsemor.reducers.step.elastic_local import (
     FullLocal,
@@ -199,7 +199,7 @@ class CompressedElastic(ElasticBlock):
     E: FloatArray
     G: FloatArray
     active: IntArray | None
-    amplitudes: tuple[Any, ...]
+    amplitudes: tuple[Amplitude, ...]
     sizes: tuple[int, int, int]
     tables: tuple[Moving, ...] = ()
     local: LocalForces | None = None

@@ -11,12 +11,13 @@ time alone (core/protocols/separable.py), so moments and quadratic forms of u ar
 from abc import abstractmethod
 from dataclasses import dataclass
 from math import sqrt
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from sparsemor.core import ElasticOperators, Factorized, FloatArray, IntArray
 from sparsemor.core.model.factorizations import short
+from sparsemor.core.protocols.separable import Amplitude
 from sparsemor.reducers.full.coarse_correction import CoarseCorrection
 from sparsemor.reducers.projection.modal_coordinates import carried, dense, times
 from sparsemor.reducers.step.acceptance import EPS, LEAST
@@ -175,7 +176,7 @@ class CompressedPrescribed(PrescribedBlock):
     leading: FloatArray
     sizes: FloatArray
     active: IntArray | None
-    amplitudes: tuple[Any, ...]
+    amplitudes: tuple[Amplitude, ...]
     tables: tuple[Moving, ...] = ()
     local: LocalForces | None = None
 

@@ -15,7 +15,7 @@ from sparsemor.core import (
     RelocatesNear,
     ReportsResultants,
 )
-from sparsemor.core.protocols import LocalCopy
+from sparsemor.core.protocols import LocalCopy, WrapsTerm
 from sparsemor.reducers.step.newton.memory import NewtonMemory
 
 
@@ -47,11 +47,11 @@ class Relocalised:
 
     @property
     def source(self) -> str:
-        return self.term.source if isinstance(self.term, ReportsResultants) else ""
+        return self.term.source if isinstance(self.term, WrapsTerm) else ""
 
     @property
     def histories(self) -> tuple[str, ...]:
-        return self.term.histories if isinstance(self.term, ReportsResultants) else ()
+        return self.term.histories if isinstance(self.term, WrapsTerm) else ()
 
     def at(self, x: FloatArray) -> LocalCopy | Relocatable:
         """The copy for a state."""

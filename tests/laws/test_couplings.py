@@ -93,7 +93,7 @@ def test_a_choice_of_atoms_is_refused_where_it_cannot_be_made(textbook: March) -
 
 def test_atoms_of_displacements_are_selected_next_to_a_coupling(textbook: March) -> None:
     """Temperatures are those of all atoms; thermal blocks that are coupled select nothing."""
-    chosen = {**REDUCERS["sparse"], "budgets": {"*.elastic": {"rows": 40, "atoms": 6}}}
+    chosen = {**REDUCERS["sparse"], "budgets": {"*.elastic": {"rows": 30, "atoms": 6}}}
     found = run(chosen, textbook)
     assert isinstance(found.solver, SparseStepper) and set(found.solver.elastic) == {
         "one.elastic", "two.elastic"}

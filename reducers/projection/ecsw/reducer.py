@@ -23,7 +23,6 @@ from sparsemor.core import (
     Note,
     OfflineProducts,
     ReducedProblem,
-    StepSolver,
     Term,
     WeighsElements,
 )
@@ -36,8 +35,10 @@ from sparsemor.reducers.projection.ecsw.training import (
     train,
 )
 from sparsemor.reducers.projection.ecsw.training_matrix import Equations
+from sparsemor.reducers.step.coupled_reduced import ReducedGeneral
 from sparsemor.reducers.step.left_inverse import left_inverse
 from sparsemor.reducers.step.operators import TestMap
+from sparsemor.reducers.step.solver import Stepper
 
 Fact = dict[str, float | int | str]
 
@@ -89,8 +90,8 @@ class Ecsw(ProjectionReducer):
         weighed = replace(model.separated, moving=moving, heat=heat)
         return model.with_separated(weighed), training.facts
 
-    def prepare(self, problem: ReducedProblem) -> StepSolver:
-        solver: Any = super().prepare(problem)
+    def prepare(self, problem: ReducedProblem) -> Stepper | ReducedGeneral:
+        solver = super().prepare(problem)
         elements = {n: solver.elements_touched[n] + int(f["elements_kept"])
                     for n, f in solver.facts.items()}
         notes = tuple(
@@ -98,10 +99,9 @@ class Ecsw(ProjectionReducer):
                  f"best comes to {f['residual']:.1e}", "ecsw_training")
             for n, f in solver.facts.items()
             if float(f["residual"]) > 1.05 * self.tau)
-        weighed: StepSolver = replace(
+        return replace(
             solver, elements_touched={**solver.elements_touched, **elements},
             notes=(*solver.notes, *notes))
-        return weighed
 
 
 @dataclass(frozen=True, slots=True, eq=False)
