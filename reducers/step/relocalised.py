@@ -8,12 +8,10 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from sparsemor.core import (
-    ChecksStep,
     FloatArray,
     IntArray,
     ReducedTerm,
     RelocatesNear,
-    ReportsResultants,
 )
 from sparsemor.core.protocols import LocalCopy, WrapsTerm
 from sparsemor.reducers.step.newton.memory import NewtonMemory
@@ -53,34 +51,34 @@ class Relocalised:
     def histories(self) -> tuple[str, ...]:
         return self.term.histories if isinstance(self.term, WrapsTerm) else ()
 
-    def at(self, x: FloatArray) -> LocalCopy | Relocatable:
-        """The copy for a state."""
+    def at(self, x: FloatArray) -> LocalCopy | None:
+        """The copy for a state; None for numbers that are not finite."""
         kept = self.memory.near.get(self.number)
         if isinstance(kept, np.ndarray):  # of a memory that was stored: made there again
             kept = self.memory.near[self.number] = self.term.near(kept)
         if kept is not None and kept.holds(x):
             return kept
         if not np.isfinite(x).all():
-            return self.term
+            return None
         self.memory.searches += 1
         kept = self.memory.near[self.number] = self.term.near(x)
         return kept
 
     def residual(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> FloatArray:
-        return self.at(x).residual(x, v, a, t)
+        return (self.at(x) or self.term).residual(x, v, a, t)
 
     def jacobian(
         self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: FloatArray, c2: FloatArray
     ) -> FloatArray:
-        return self.at(x).jacobian(x, v, a, t, c1, c2)
+        return (self.at(x) or self.term).jacobian(x, v, a, t, c1, c2)
 
     def check_step(self, x: FloatArray, v: FloatArray, t: float, h: float) -> str:
         copy = self.at(x)
-        return copy.check_step(x, v, t, h) if isinstance(copy, ChecksStep) else ""
+        return "" if copy is None else copy.check_step(x, v, t, h)
 
     def resultants(self, x: FloatArray, v: FloatArray, t: float) -> Mapping[str, float]:
         copy = self.at(x)
-        return copy.resultants(x, v, t) if isinstance(copy, ReportsResultants) else {}
+        return {} if copy is None else copy.resultants(x, v, t)
 
 
 def relocalised(coupled: Sequence[Coupled], memory: NewtonMemory) -> list[Coupled]:
