@@ -22,6 +22,7 @@ from sparsemor.core import (
 )
 from sparsemor.core.protocols.sparse_solver import refusal
 from sparsemor.plugins.sparse_solvers.iterates import (
+    Visits,
     always_active,
     ended,
     small_step,
@@ -35,7 +36,6 @@ from sparsemor.plugins.sparse_solvers.least_squares_on_support import (
     pruned,
 )
 from sparsemor.plugins.sparse_solvers.penalised import Penalised
-from sparsemor.plugins.sparse_solvers.support_cycles import Visits
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -25,8 +25,12 @@ from sparsemor.plugins.sparse_solvers.hard_thresholding import (
     reach,
 )
 from sparsemor.plugins.sparse_solvers.least_squares_on_support import EPS
-from sparsemor.plugins.sparse_solvers.optimality_certificates import OfAll, OfJoined
-from sparsemor.plugins.sparse_solvers.refusal import Refusal, Refusals
+from sparsemor.plugins.sparse_solvers.optimality_certificates import (
+    OfAll,
+    OfJoined,
+    Refusal,
+    Refusals,
+)
 
 TINY, UNKNOWN = 1e-300, GramError(np.inf, np.inf)
 FEW_WAYS = 4

@@ -27,8 +27,8 @@ from sparsemor.core import (
 )
 from sparsemor.core.model.equations import jacobian, residual
 from sparsemor.reducers.full.superlu import factorize
-from sparsemor.reducers.step.newton.equations import Factor
-from sparsemor.reducers.step.newton.memory import NewtonMemory
+from sparsemor.reducers.step.newton.memory import Factor, NewtonMemory
+from sparsemor.reducers.step.rejection import Checked, checked
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,6 +44,7 @@ class Summed:
     others: tuple[Term, ...]
     named: tuple[tuple[str, frozenset[str]], ...]
     price: int
+    checks: tuple[Checked, ...] = ()
 
     @classmethod
     def of(cls, model: AssembledModel, price: int) -> "Summed":
@@ -59,7 +60,7 @@ class Summed:
         K = slope(zero, zero)
         return cls(layout, K, slope(one, zero) - K, slope(zero, one) - K, linear,
                    tuple(t for t in model.terms if not constant(t)),
-                   coupling(model), price)
+                   coupling(model), price, checked((t, t.columns) for t in model.terms))
 
     @property
     def terms(self) -> tuple[tuple[Term, IntArray], ...]:

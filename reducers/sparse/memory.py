@@ -43,7 +43,7 @@ class SparseMemory(Memory):
                        steppers=dict(self.steppers), screens={})
 
     def rows_changed(self, fresh: bool) -> None:
-        """What was prepared for supports on other rows goes, unless these come back."""
+        """Drops what was prepared for supports on the rows before, unless these come back."""
         self.current = None
         if fresh:
             self.heat, self.elastic, self.screens, self.steppers = {}, {}, {}, {}

@@ -172,7 +172,7 @@ class _Couple:
     def __call__(self, term: Term) -> Coupled:
         trial, columns = self._trial(term.columns)
         left, rows = self._left(term.rows)
-        return Coupled(term.compress(trial, left), rows, columns)
+        return Coupled.of(term.compress(trial, left), rows, columns)
 
     def _parts(self, at: IntArray) -> Iterable[tuple[str, IntArray, IntArray]]:
         """Each block that some of `at` are in: its name, which of `at`, and where in the block."""

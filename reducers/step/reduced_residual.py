@@ -19,7 +19,8 @@ from sparsemor.core.protocols.separable import Amplitude
 from sparsemor.reducers.step.frame_step import BodyStep, buffers
 from sparsemor.reducers.step.newton.memory import NewtonMemory
 from sparsemor.reducers.step.operators import TestedElastic, TestedHeat
-from sparsemor.reducers.step.relocalised import Coupled, relocalised
+from sparsemor.reducers.step.rejection import Checked
+from sparsemor.reducers.step.relocalised import Coupled
 from sparsemor.reducers.step.time_tables import plus_loads
 
 
@@ -131,8 +132,13 @@ class Dense:
     def terms(self) -> list[tuple[ReducedTerm, IntArray]]:
         return [(c.term, c.columns) for c in self.coupled]
 
+    @property
+    def checks(self) -> list[Checked]:
+        return [(c.checks, c.columns) for c in self.coupled if c.checks is not None]
+
     def of_run(self, memory: NewtonMemory) -> "Dense":
-        return replace(self, coupled=relocalised(self.coupled, memory), work=memory.work)
+        coupled = [c.by_copies(i, memory) for i, c in enumerate(self.coupled)]
+        return replace(self, coupled=coupled, work=memory.work)
 
     def with_work(self) -> "Dense":
         """The same equations with working arrays of their own."""

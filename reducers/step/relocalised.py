@@ -1,13 +1,14 @@
 """Terms evaluated by a lighter copy that is exact near a state, such as a contact with a list of
 neighbours (`RelocatesNear`). The step memory keeps the copies."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 
 from sparsemor.core import (
+    ChecksStep,
     FloatArray,
     IntArray,
     ReducedTerm,
@@ -17,18 +18,36 @@ from sparsemor.core.protocols import LocalCopy, WrapsTerm
 from sparsemor.reducers.step.newton.memory import NewtonMemory
 
 
+@runtime_checkable
+class Relocatable(ReducedTerm, RelocatesNear, Protocol):
+    """A reduced term with local copies."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Coupled:
-    """A compressed term: `columns` (k,) unknowns that it reads, `rows` (l,) that it adds to."""
+    """A compressed term: `columns` (k,) unknowns that it reads, `rows` (l,) that it adds to.
+
+    checks, relocates: the term itself where it checks steps, and where it has local copies. A step
+    does not ask for these abilities again.
+    """
 
     term: ReducedTerm
     rows: IntArray
     columns: IntArray
+    checks: ChecksStep | None = None
+    relocates: Relocatable | None = None
 
+    @classmethod
+    def of(cls, term: ReducedTerm, rows: IntArray, columns: IntArray) -> "Coupled":
+        return cls(term, rows, columns, term if isinstance(term, ChecksStep) else None,
+                   term if isinstance(term, Relocatable) else None)
 
-@runtime_checkable
-class Relocatable(ReducedTerm, RelocatesNear, Protocol):
-    """A reduced term with local copies."""
+    def by_copies(self, number: int, memory: NewtonMemory) -> "Coupled":
+        """The same, evaluated by local copies in `memory` where the term has any."""
+        if self.relocates is None:
+            return self
+        term = Relocalised(self.relocates, number, memory)
+        return replace(self, term=term, checks=term)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,10 +98,3 @@ class Relocalised:
     def resultants(self, x: FloatArray, v: FloatArray, t: float) -> Mapping[str, float]:
         copy = self.at(x)
         return {} if copy is None else copy.resultants(x, v, t)
-
-
-def relocalised(coupled: Sequence[Coupled], memory: NewtonMemory) -> list[Coupled]:
-    """The same terms, those with local copies by the ones in `memory`."""
-    return [replace(c, term=Relocalised(c.term, i, memory)) if isinstance(c.term, Relocatable)
-            else c
-            for i, c in enumerate(coupled)]

@@ -1,20 +1,11 @@
 """The equations of a whole step that Newton's method solves."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Protocol, Self, TypeAlias
+from typing import Protocol, Self
 
-from sparsemor.core import Csr, FloatArray, FrameWork, IntArray, Layout, ReducedTerm, Term
-
-if TYPE_CHECKING:
-    from sparsemor.reducers.step.newton.memory import NewtonMemory
-
-Matrix: TypeAlias = FloatArray | Csr
-
-
-class Factor(Protocol):
-    """A factorized Jacobian."""
-
-    def solve(self, r: FloatArray) -> FloatArray: ...
+from sparsemor.core import FloatArray, FrameWork, IntArray, Layout, ReducedTerm, Term
+from sparsemor.reducers.step.newton.memory import Factor, Matrix, NewtonMemory
+from sparsemor.reducers.step.rejection import Checked
 
 
 class Equations(Protocol):
@@ -37,11 +28,16 @@ class Equations(Protocol):
         """Terms that are evaluated in each iteration, each with its columns."""
         ...
 
+    @property
+    def checks(self) -> Sequence[Checked]:
+        """Those of them that check steps."""
+        ...
+
     def buffers(self) -> Sequence[FrameWork]:
         """Working arrays for one run or one thread."""
         ...
 
-    def of_run(self, memory: "NewtonMemory") -> Self:
+    def of_run(self, memory: NewtonMemory) -> Self:
         """The same equations with the working arrays, and the terms' copies, of one run."""
         ...
 

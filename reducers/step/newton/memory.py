@@ -2,15 +2,22 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import astuple, dataclass, field, replace
-from typing import Self
+from typing import Protocol, Self, TypeAlias
 
 import numpy as np
 
-from sparsemor.core import FloatArray, FrameWork
+from sparsemor.core import Csr, FloatArray, FrameWork
 from sparsemor.core.protocols import LocalCopy
 from sparsemor.reducers.step.memory import RunMemory
-from sparsemor.reducers.step.newton.equations import Factor, Matrix
 from sparsemor.reducers.step.predictor import Ring
+
+Matrix: TypeAlias = FloatArray | Csr
+
+
+class Factor(Protocol):
+    """A factorized Jacobian."""
+
+    def solve(self, r: FloatArray) -> FloatArray: ...
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -52,7 +52,7 @@ class NewtonStepper:
     def solve(self, step: StepFormula, memory: NewtonMemory) -> tuple[StepOutcome, NewtonMemory]:
         equations = self.equations.of_run(memory)
         outcome = solve(equations, step, memory, self.tolerances)
-        outcome = rejected_step(outcome, equations.terms, step, self.layout)
+        outcome = rejected_step(outcome, equations.checks, step, self.layout)
         return (self._sane(outcome) if outcome.status.ok else outcome), memory
 
     def _sane(self, outcome: StepOutcome) -> StepOutcome:
