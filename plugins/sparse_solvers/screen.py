@@ -25,10 +25,14 @@ from sparsemor.plugins.sparse_solvers.hard_thresholding import (
     reach,
 )
 from sparsemor.plugins.sparse_solvers.least_squares_on_support import EPS
-from sparsemor.plugins.sparse_solvers.optimality_certificates import OfAll, OfJoined
-from sparsemor.plugins.sparse_solvers.refusal import Refusal, Refusals
+from sparsemor.plugins.sparse_solvers.optimality_certificates import (
+    OfAll,
+    OfJoined,
+    Refusal,
+    Refusals,
+)
 
-TINY, UNTOLD = 1e-300, GramError(np.inf, np.inf)
+TINY, UNKNOWN = 1e-300, GramError(np.inf, np.inf)
 FEW_WAYS = 4
 """Proposals that may be meant and are still tried, all of them."""
 
@@ -112,7 +116,7 @@ class ExchangeScreen:
                                        for g in self.groups])
             move = self.factors.move(at, support, kept)
             if move is None or None in found:
-                return UNTOLD
+                return UNKNOWN
             seen.append([f.sizes for f in found if f is not None])
             rises.append(move.rise(at))
         (a, _), (b, error) = rises

@@ -72,7 +72,7 @@ def corrections(scene: Scene, every: int) -> list[float]:
         if n % every == every - 1:
             c1, c2 = rate_factors(model.layout, step.c1, step.c2, step.c1_first)
             at = x, c1 * x + step.r1, c2 * x + step.r2, step.t
-            r = equations.residual(*at, equations.given(step.t))
+            r = equations.residual(*at, equations.prescribed(step.t))
             dx = equations.factorize(equations.jacobian(*at, c1, c2)).solve(r)
             found.append(max(
                 float(np.abs(dx[at]).max() / top[at].max())

@@ -83,8 +83,6 @@ BANNED = {
 ALLOWED = {
     # name of an attribute that the docstring explains
     ("core/simulation/offline_cache.py", "told"),
-    # name of an argument that the docstring explains
-    ("reducers/step/newton/iteration.py", "anew"),
 }
 RIDDLE = re.compile(r"(What|Where|Which|How|Whether|Who|When)\b")
 
