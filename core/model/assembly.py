@@ -12,6 +12,7 @@ from sparsemor.core.errors import Gather, InputError
 from sparsemor.core.model.body_cache import BodyCache
 from sparsemor.core.model.contributions import Touched, close, general_terms, touched
 from sparsemor.core.model.factorizations import BlockSolvers
+from sparsemor.core.model.features import PROBES
 from sparsemor.core.model.model import Model
 from sparsemor.core.model.prescribed_motion import (
     NOTHING,
@@ -119,8 +120,7 @@ def _build(
 
 def _probe(body: Any, name: str, probe: Probe) -> ProbePlace:
     if not isinstance(body, HasProbes):
-        raise InputError(f"{type(body).__name__} has no method probe(name, at): this kind of body "
-                         "takes no probes", "body")
+        raise PROBES.refusal(body, "body")
     place: ProbePlace = body.probe(name, probe.at)
     return place
 

@@ -36,7 +36,7 @@ CAPABILITIES: Mapping[str, tuple[type, ...]] = {
     "load": (part.DeclaresEffect,),
     "mesh": (mesh.EstimatesMeshSize,),
     "reducer": (reducer.ChecksModel, reducer.UsesBases, reducer.UsesForceBasis,
-                reducer.HoldsSnapshots, reducer.ResamplesRows, reducer.SharesOptions,
+                reducer.HoldsSnapshots, reducer.RestartsSteps, reducer.SharesOptions,
                 reducer.SamplesRows, reducer.BudgetsFields),
     "sampler": (sampler.ChoosesRowsKept, sampler.SamplesNodes, sampler.DrawsRequired),
     "sparse_solver": (sparse_solver.LimitsProblems, sparse_solver.ScreensSupport),

@@ -207,12 +207,12 @@ class HoldsSnapshots(Protocol):
 
 
 @runtime_checkable
-class ResamplesRows(Protocol):
-    """A reducer whose rows can be redrawn during the run."""
+class RestartsSteps(Protocol):
+    """A reducer whose step solvers can begin a step at a state that they did not compute, as
+    error-controlled steps need: their memory is `Restarts`."""
 
-    @property
-    def resample(self) -> int | None:
-        """Steps after which rows are redrawn; None: never."""
+    def restart_refusal(self) -> str:
+        """Why they cannot with the options of this reducer, "" where they can."""
         ...
 
 

@@ -15,13 +15,11 @@ from typing import Any, Self
 import numpy as np
 
 from sparsemor.core.arrays import BoolArray, FloatArray
-from sparsemor.core.errors import InputError
 from sparsemor.core.model.model import Model
 from sparsemor.core.protocols import (
     CountsLinearIterations,
     Integrator,
     OfflineProducts,
-    RedrawsRows,
     ReducedProblem,
     Restarts,
     State,
@@ -32,13 +30,11 @@ from sparsemor.core.protocols import (
 )
 from sparsemor.core.protocols.layout import Block
 from sparsemor.core.protocols.step_solver import AroundSteps, ResultantSource, resultant_sources_of
+from sparsemor.core.registry.returned_values import complete
 from sparsemor.core.scene.options import Control
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.time_stepping import FixedStep, Step, iterate
 from sparsemor.core.status import Status
-
-ROWS_CHANGE = ("the rows of this reducer change with the steps, so steps of different size cannot "
-               "be compared: keep its rows (leave out reducer.resample), or leave out time.control")
 
 
 def controlled(
@@ -125,8 +121,6 @@ class ControlledSteps(AroundSteps[StepSolver]):
         self, base: StepSolver, integrator: Integrator, h: float, end: float, control: Control,
         prepare: Callable[[float], StepSolver],
     ) -> None:
-        if isinstance(base, RedrawsRows):
-            raise InputError(ROWS_CHANGE, "time.control")
         super().__init__(base)
         self.integrator, self.h, self.control = integrator, h, control
         self.share = control.tolerance * h / end
@@ -141,10 +135,7 @@ class ControlledSteps(AroundSteps[StepSolver]):
 
     def start(self, state: State) -> tuple[State, ControlMemory]:
         reduced, memory = self.base.start(state)
-        if not isinstance(memory, Restarts):
-            raise InputError("this reducer's step memory has no method moved(x), so it cannot go "
-                             "on from a state that it did not compute: leave out time.control",
-                             "time.control")
+        complete(memory, Restarts, self.base, "start", "reducer")
         return reduced, ControlMemory(memory, reduced.x, self.base, state)
 
     def solve(

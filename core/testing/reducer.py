@@ -16,6 +16,8 @@ from sparsemor.core.model.model import Model
 from sparsemor.core.notes import Note
 from sparsemor.core.protocols import (
     ReducedProblem,
+    Restarts,
+    RestartsSteps,
     State,
     StepFormula,
     StepMemory,
@@ -42,6 +44,10 @@ def check_reducer(scene: Scene, seed: int = 0, steps: int = 6) -> None:
     snapshots = {n: s.T for n, s in train(scene.for_training(), new_manager()).items()}
     solver = _prepared(scene, model, snapshots, seed)
     _solver(solver, model)
+    if isinstance(scene.reducer, RestartsSteps) and not scene.reducer.restart_refusal():
+        memory = solver.start(consistent_state(model))[1]
+        law(isinstance(memory, Restarts),
+            "the reducer has `restart_refusal`, and its memory no moved(x)")
     first = _march(scene, model, _Checked(solver), steps)
     again = _march(scene, model, _prepared(scene, model, snapshots, seed), steps)
     law(np.array_equal(first, again), f"two runs of one seed differ (seed {seed})")

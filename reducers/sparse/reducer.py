@@ -138,6 +138,11 @@ class Sparse(Plugin):
         return {f"*.{field}": (of_field(field, self.budgets) or Budget()).model_copy(
             update={option: n}) for field, n in counts.items()}
 
+    def restart_refusal(self) -> str:
+        return "" if self.resample is None else (
+            "the rows of this reducer change with the steps, so steps of different size cannot be "
+            "compared: keep its rows (leave out reducer.resample), or leave out time.control")
+
     def preconditions(self, name: str) -> bool:
         """True if the rows of a block are those of D^-1 r."""
         table = {"*": self.residual} if isinstance(self.residual, str) else self.residual
