@@ -10,3 +10,5 @@ IntArray: TypeAlias = NDArray[np.int64]
 BoolArray: TypeAlias = NDArray[np.bool_]
 Csr: TypeAlias = Any
 """A `scipy.sparse.csr_array` of float64 (scipy ships no type information)."""
+Matrix: TypeAlias = Any
+"""A `Csr`, or a dense array (m, n)."""
