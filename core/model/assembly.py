@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -23,9 +22,14 @@ from sparsemor.core.model.prescribed_motion import (
 )
 from sparsemor.core.protocols import (
     Body,
+    BodyPlugin,
     ChangesBodies,
     ConductsHeat,
+    Contact,
+    ContactPlugin,
     HasProbes,
+    JointPlugin,
+    LoadPlugin,
     LocalizesRows,
     Part,
     ProbePlace,
@@ -34,6 +38,7 @@ from sparsemor.core.protocols.capabilities import BUILT
 from sparsemor.core.protocols.contributions import Equations, Origin, Records
 from sparsemor.core.protocols.layout import Layout
 from sparsemor.core.protocols.prescribed_motion import FrameHistory
+from sparsemor.core.registry.plugin import Plugin
 from sparsemor.core.registry.returned_values import complete
 from sparsemor.core.scene.digest import digest
 from sparsemor.core.scene.options import Probe
@@ -41,6 +46,7 @@ from sparsemor.core.scene.scene import Scene
 
 _PARTS = ("bodies", "joints", "contacts", "loads", "probes")
 """What of a scene a model depends on."""
+Connector = JointPlugin | ContactPlugin | LoadPlugin
 
 
 def assemble(
@@ -59,8 +65,9 @@ def assemble(
 
 
 def _assembled(scene: Scene, given: PrescribedQuantities, body_cache: BodyCache) -> Model:
-    bodies, joints, contacts, loads, probes = _build(scene, given, body_cache)
-    connectors = {**joints, **contacts, **loads}
+    bodies, connected, probes = _build(scene, given, body_cache)
+    groups: dict[str, Mapping[str, Part]] = {"bodies": bodies, **connected}
+    connectors = {n: part for built in connected.values() for n, part in built.items()}
     parts = {**bodies, **connectors}
     layout = Layout([b for part in parts.values() for b in part.blocks()])
     if not layout.size:
@@ -68,8 +75,7 @@ def _assembled(scene: Scene, given: PrescribedQuantities, body_cache: BodyCache)
                          "bodies")
     records = Records()
     motion = given.motion(bodies)
-    for group, built in (("bodies", bodies), ("joints", joints), ("contacts", contacts),
-                         ("loads", loads)):
+    for group, built in groups.items():
         for name, part in built.items():
             equations = Equations(layout, Origin(group, name), records)
             if motion is None or group != "contacts":
@@ -90,23 +96,25 @@ def _assembled(scene: Scene, given: PrescribedQuantities, body_cache: BodyCache)
 
 def _build(
     scene: Scene, given: PrescribedQuantities, body_cache: BodyCache
-) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any], dict[str, Any], tuple[ProbePlace, ...]]:
-    """Bodies, joints, contacts, loads and probes. What mentions a body that failed is not tried:
-    its own faults would only repeat those of the body."""
+) -> tuple[dict[str, Body], dict[str, dict[str, Part]], tuple[ProbePlace, ...]]:
+    """Bodies; joints, contacts and loads by group; probes. What mentions a body that failed is not
+    tried: its own faults would only repeat those of the body."""
     gather = Gather()
     base = scene.file_folder or Path()
-    bodies: dict[str, Any] = {}
+    bodies: dict[str, Body] = {}
     for name, plugin in scene.bodies.items():
         body = gather(f"bodies.{name}", _body, body_cache, plugin, name, base, given)
         if body is not None:
             bodies[name] = body
     failed = set(scene.bodies) - set(bodies)
-    connectors: dict[str, dict[str, Any]] = {"joints": {}, "contacts": {}, "loads": {}}
+    groups: dict[str, Mapping[str, Connector]] = {
+        "joints": scene.joints, "contacts": scene.contacts, "loads": scene.loads}
+    connectors: dict[str, dict[str, Part]] = {group: {} for group in groups}
     for group, built in connectors.items():  # loads see what joints made of the bodies
-        for name, plugin in getattr(scene, group).items():
-            if _mentioned(plugin, failed):
+        for name, connector in groups[group].items():
+            if _mentioned(connector, failed):
                 continue
-            part = gather(f"{group}.{name}", _connector, plugin, name, bodies,
+            part = gather(f"{group}.{name}", _connector, connector, name, bodies,
                           given if group == "joints" else NOTHING, BUILT[group.removesuffix("s")])
             if part is not None:
                 built[name] = part
@@ -114,20 +122,18 @@ def _build(
     probes = [gather(f"probes.{name}", _probe, bodies[probe.body], name, probe)
               for name, probe in scene.probes.items() if probe.body in bodies]
     gather.check()
-    return (bodies, connectors["joints"], connectors["contacts"], connectors["loads"],
-            tuple(p for p in probes if p))
+    return bodies, connectors, tuple(p for p in probes if p)
 
 
-def _probe(body: Any, name: str, probe: Probe) -> ProbePlace:
+def _probe(body: Body, name: str, probe: Probe) -> ProbePlace:
     if not isinstance(body, HasProbes):
         raise PROBES.refusal(body, "body")
-    place: ProbePlace = body.probe(name, probe.at)
-    return place
+    return body.probe(name, probe.at)
 
 
 def _body(
-    body_cache: BodyCache, plugin: Any, name: str, base: Path, given: PrescribedQuantities
-) -> Any:
+    body_cache: BodyCache, plugin: BodyPlugin, name: str, base: Path, given: PrescribedQuantities
+) -> Body:
     """A body, guided where its motion is given."""
     body = body_cache.body(plugin, name, base)
     complete(body, Body, plugin, "build", abilities=BUILT["body"])
@@ -136,9 +142,9 @@ def _body(
 
 
 def _connector(
-    plugin: Any, name: str, bodies: Mapping[str, Any], given: PrescribedQuantities,
+    plugin: Connector, name: str, bodies: Mapping[str, Body], given: PrescribedQuantities,
     abilities: tuple[type, ...],
-) -> Any:
+) -> Part:
     """A joint, contact or load; a joint has known multipliers where they are given."""
     part = plugin.build(name, bodies)
     complete(part, Part, plugin, "build", abilities=abilities)
@@ -147,7 +153,7 @@ def _connector(
 
 
 def _along(
-    equations: Equations, bodies: Mapping[str, Any], name: str, contact: Any,
+    equations: Equations, bodies: Mapping[str, Body], name: str, contact: Contact,
     given: PrescribedQuantities,
     motion: Mapping[str, FrameHistory],
 ) -> None:
@@ -160,9 +166,9 @@ def _along(
         contact.conduction(equations, motion)
 
 
-def _mentioned(plugin: Any, names: set[str]) -> bool:
+def _mentioned(plugin: object, names: set[str]) -> bool:
     """True if an option of a connector is one of these bodies, or `body:set` of one."""
-    pending = list(plugin.model_dump().values()) if names else []
+    pending = list(plugin.model_dump().values()) if names and isinstance(plugin, Plugin) else []
     while pending:
         value = pending.pop()
         if isinstance(value, str) and value.partition(":")[0] in names:
@@ -174,7 +180,7 @@ def _mentioned(plugin: Any, names: set[str]) -> bool:
     return False
 
 
-def _start(layout: Layout, bodies: Mapping[str, Any]) -> tuple[FloatArray, FloatArray]:
+def _start(layout: Layout, bodies: Mapping[str, Body]) -> tuple[FloatArray, FloatArray]:
     x, v = np.zeros(layout.size), np.zeros(layout.size)
     for body in bodies.values():
         for name, (value, rate) in body.initial().items():
@@ -184,7 +190,7 @@ def _start(layout: Layout, bodies: Mapping[str, Any]) -> tuple[FloatArray, Float
 
 
 def _required(
-    layout: Layout, connectors: Mapping[str, Any], acts: Touched
+    layout: Layout, connectors: Mapping[str, Part], acts: Touched
 ) -> tuple[dict[str, IntArray], dict[str, dict[str, IntArray]]]:
     """Local rows of each block that a joint or a localized load acts on, and on whose account."""
     loaded: dict[str, dict[str, IntArray]] = {}

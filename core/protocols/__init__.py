@@ -18,6 +18,7 @@ from sparsemor.core.protocols.body import (
     BodyPlugin,
     BodyShape,
     CarriesSurfaceLoads,
+    ChangesBodies,
     CopiesRigidly,
     EstimatesSize,
     FollowsMotion,
@@ -89,7 +90,6 @@ from sparsemor.core.protocols.linear_solver import (
 from sparsemor.core.protocols.load_tables import LoadTable, Table, Tabled, TabledAlong
 from sparsemor.core.protocols.mesh import BodySize, EstimatesMeshSize, Mesh, MeshPlugin, MeshSize
 from sparsemor.core.protocols.part import (
-    ChangesBodies,
     DeclaresEffect,
     Effect,
     HasNotes,

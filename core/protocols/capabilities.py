@@ -46,7 +46,7 @@ EVERY = (part.ReadsFiles,)
 """Optional protocols of plugins of every kind."""
 
 _ANY_PART = (part.HasNotes,)
-_CONNECTOR = (part.LocalizesRows, part.MovesOverBody, part.ChangesBodies, part.HasSurroundings,
+_CONNECTOR = (part.LocalizesRows, part.MovesOverBody, body.ChangesBodies, part.HasSurroundings,
               *_ANY_PART)
 BUILT: Mapping[str, tuple[type, ...]] = {
     "body": (body.HasProbes, body.HasMesh, body.HasShape, body.CopiesRigidly, body.HasPose,

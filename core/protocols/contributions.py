@@ -132,7 +132,7 @@ class BodyRecord:
     """
 
     origin: Origin
-    kernel: Callable[[Sequence[Any]], BodyFrame]
+    kernel: Callable[[Sequence[FrameItem]], BodyFrame]
     pose: FloatArray
     moves: bool
     guide: FrameHistory | None = None
@@ -176,10 +176,12 @@ class Equations:
         terms; none where the scene does not have it."""
         return self.layout.numbers(block)
 
-    def body(self, kernel: Callable[[Sequence[Any]], BodyFrame], pose: FloatArray, *, moves: bool,
-             guide: FrameHistory | None = None,
-             elastic_integrals: Callable[[], ElasticIntegrals] | None = None,
-             heat_integrals: Callable[[], HeatIntegrals] | None = None) -> None:
+    def body(
+        self, kernel: Callable[[Sequence[FrameItem]], BodyFrame], pose: FloatArray, *,
+        moves: bool, guide: FrameHistory | None = None,
+        elastic_integrals: Callable[[], ElasticIntegrals] | None = None,
+        heat_integrals: Callable[[], HeatIntegrals] | None = None,
+    ) -> None:
         """A body and its frame, as `BodyRecord` has them."""
         self._records.bodies.append(BodyRecord(
             self.origin, kernel, pose, moves, guide, elastic_integrals, heat_integrals))

@@ -63,7 +63,7 @@ class FieldKind:
         """Name in pictures."""
         return self.title or self.name
 
-    def plain(self) -> dict[str, Any]:
+    def plain(self) -> dict[str, object]:
         """Plain data that `of_plain` reads."""
         return asdict(self) | {"quantity": self.quantity.value}
 

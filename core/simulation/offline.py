@@ -3,11 +3,11 @@
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import fields, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sparsemor.core.arrays import FloatArray
+from sparsemor.core.arrays import Arrays, FloatArray
 from sparsemor.core.linalg.least_squares import coefficients
 from sparsemor.core.linalg.snapshots import column_chunks
 from sparsemor.core.model.assembly import assemble
@@ -56,7 +56,7 @@ class Offline:
     def __init__(
         self, model: Model, train: Callable[[], Mapping[str, FloatArray]], key: str,
         products: Products, manager: Manager | None = None, recording: Recording | None = None,
-        reducer: Sequence[Any] = (),
+        reducer: Sequence[object] = (),
     ) -> None:
         self._model, self._train, self._key = model, train, key
         self._reducer = list(reducer)
@@ -78,18 +78,18 @@ class Offline:
         return self._snapshots[name].T
 
     def remember(
-        self, kind: str, depends: Sequence[Any], make: Callable[[], Mapping[str, Any]]
-    ) -> Mapping[str, Any]:
+        self, kind: str, depends: Sequence[object], make: Callable[[], Arrays]
+    ) -> Arrays:
         """Arrays of one product of the reducer: from the cache, or made and kept there."""
         return self._remembered(kind, (*self._reducer, *depends), make)
 
     def _remembered(
-        self, kind: str, depends: Sequence[Any], make: Callable[[], Mapping[str, Any]]
-    ) -> Mapping[str, Any]:
+        self, kind: str, depends: Sequence[object], make: Callable[[], Arrays]
+    ) -> Arrays:
         key = "" if self.products.cache is None else digest(self._key, *depends)
         return self.products.remember(kind, key, make)
 
-    def has(self, kind: str, depends: Sequence[Any] = ()) -> bool:
+    def has(self, kind: str, depends: Sequence[object] = ()) -> bool:
         """True if a product is in the cache."""
         cache = self.products.cache
         return cache is not None and cache.place(kind, digest(self._key, *depends)).exists()
@@ -107,7 +107,7 @@ class Offline:
         known = self._model.block_data(name, step=step)
         self.trained = self.trained or basis.needs_snapshots
 
-        def make() -> Mapping[str, Any]:
+        def make() -> Arrays:
             snapshots = self.snapshots(name) if basis.needs_snapshots else None
             given = known if snapshots is None else replace(known, snapshots=snapshots)
             if snapshots is not None and known.heat is not None:
@@ -131,7 +131,7 @@ _NESTED = frozenset({"heat", "moving"})
 """Fields of a block's data that are digested entry by entry."""
 
 
-def _content(data: BlockData) -> list[Any]:
+def _content(data: BlockData) -> list[object]:
     """Contents of a block for its digest."""
     values = [getattr(data, f.name) for f in fields(data) if f.name not in _NESTED]
     values += [[m.source, m.columns, m.names, m.table.times, m.table.values] for m in data.moving]

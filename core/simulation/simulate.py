@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from contextlib import nullcontext
 from pathlib import Path
 from tempfile import gettempdir, mkdtemp
-from typing import Any
 
 import numpy as np
 
@@ -41,7 +40,12 @@ from sparsemor.core.simulation.memory.use import MemoryUse
 from sparsemor.core.simulation.offline import Offline, is_training_run, step_count
 from sparsemor.core.simulation.prepare import prepared
 from sparsemor.core.simulation.recorder import Recorder, in_summary
-from sparsemor.core.simulation.step_control import ControlledSteps, controlled, step_of
+from sparsemor.core.simulation.step_control import (
+    ControlledSteps,
+    ControlMemory,
+    controlled,
+    step_of,
+)
 from sparsemor.core.simulation.step_statistics import Tally
 from sparsemor.core.simulation.time_stepping import iterate, started
 from sparsemor.core.simulation.training import SnapshotKeeper
@@ -130,7 +134,7 @@ class _Run:
 
     def __init__(
         self, scene: Scene, solver: StepSolver, recorder: Recorder, manager: Manager,
-        state: State, memory: Any, tally: Tally, keeper: SnapshotKeeper | None = None,
+        state: State, memory: StepMemory, tally: Tally, keeper: SnapshotKeeper | None = None,
     ) -> None:
         self.scene, self.solver, self.recorder, self.manager = scene, solver, recorder, manager
         self.state, self.memory, self.tally = state, memory, tally
@@ -174,7 +178,7 @@ class _Run:
     def _finish(self, failure: SolveFailed | None) -> RunResult:
         status = Status.DONE if failure is None else failure.status
         summary = self.recorder.summary(status, self.tally, self.state, self.memory)
-        if isinstance(self.solver, ControlledSteps):
+        if isinstance(self.solver, ControlledSteps) and isinstance(self.memory, ControlMemory):
             summary["control"] = self.solver.summary(self.memory)
         if failure is not None:
             summary["message"] = str(failure)
@@ -239,7 +243,7 @@ class _Run:
                 self.manager.hook.on_resample(block=block, rows=rows)
         return count
 
-    def _tell_changes(self, before: int, memory: Any, t: float) -> int:
+    def _tell_changes(self, before: int, memory: StepMemory, t: float) -> int:
         count = self.solver.counters(memory).get("support_changes", 0)
         if count != before:
             for block, support in self.solver.supports(memory).items():

@@ -24,7 +24,6 @@ from sparsemor.core.protocols import (
     Restarts,
     State,
     StepFormula,
-    StepMemory,
     StepOutcome,
     StepSolver,
 )
@@ -69,9 +68,9 @@ class ControlMemory:
     """
 
     def __init__(
-        self, base: StepMemory, origin: FloatArray, solver: StepSolver, initial: State
+        self, base: Restarts, origin: FloatArray, solver: StepSolver, initial: State
     ) -> None:
-        self.levels: dict[int, Any] = {0: base}
+        self.levels: dict[int, Restarts] = {0: base}
         self.solvers, self.initial = {0: solver}, initial
         self.level, self.fine, self.live = 0, 0, frozenset({0})
         self.origin = origin
@@ -178,7 +177,7 @@ class ControlledSteps(AroundSteps[StepSolver]):
             "prepared": len(memory.levels), "largest_error": memory.error,
         }
 
-    def step(self, state: State, memory: ControlMemory) -> tuple[StepOutcome, State, Any]:
+    def step(self, state: State, memory: ControlMemory) -> tuple[StepOutcome, State, ControlMemory]:
         """One step of the grid; the outcome says where it is not to be had."""
         level, most = memory.level, self.control.max_halvings
         coarse = self._march(level, state, memory)

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from sparsemor.core.arrays import Arrays
 from sparsemor.core.errors import InputError
 from sparsemor.core.model.model import Model
 from sparsemor.core.notes import Note
@@ -215,7 +216,7 @@ def _judged_run(scene: Scene, model: Model, solver: StepSolver, full: State) -> 
     return judge_along(solver, integrator, h, steps, states, Reference(model, known))
 
 
-def _as_arrays(found: Judgement) -> dict[str, Any]:
+def _as_arrays(found: Judgement) -> Arrays:
     """Of a judgement what a run reports: its warning ("" where there is none) and its facts."""
     return {"words": np.array("" if found.stable else found.in_words()),
             "facts": np.array(json.dumps(found.facts()))}
