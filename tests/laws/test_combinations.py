@@ -46,7 +46,7 @@ bdf1) Gauss-Newton on them ends not converged."""
 REFUSED = {
     "a frame of fewer atoms than rows": r"UNTF needs at least as many atoms as rows",
     "dependent rows": r"parseval needs independent rows, so at least as many atoms as rows",
-    "unstable": r"the reduced model is unstable in bar\.(elastic|thermal): its coupled one-step",
+    "unstable": r"the reduced model is unstable in bar\.(elastic|thermal): its coupled time-step map",
 }
 """Every reason for which a combination of these parts may be refused on this scene. The last one is
 asked of runs that diverge: `check_stability: refuse` says it before their first step."""
