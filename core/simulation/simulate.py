@@ -37,7 +37,7 @@ from sparsemor.core.simulation.linearization import check_run
 from sparsemor.core.simulation.memory.estimate import room_for_result
 from sparsemor.core.simulation.memory.limits import peak
 from sparsemor.core.simulation.memory.use import MemoryUse
-from sparsemor.core.simulation.offline import Offline, is_training_run, step_count
+from sparsemor.core.simulation.offline import Offline, step_count
 from sparsemor.core.simulation.prepare import prepared
 from sparsemor.core.simulation.recorder import Recorder, in_summary
 from sparsemor.core.simulation.step_control import (
@@ -48,7 +48,7 @@ from sparsemor.core.simulation.step_control import (
 )
 from sparsemor.core.simulation.step_statistics import Tally
 from sparsemor.core.simulation.time_stepping import iterate, started
-from sparsemor.core.simulation.training import SnapshotKeeper
+from sparsemor.core.simulation.training import SnapshotKeeper, is_training_run
 from sparsemor.core.status import SolveFailed, Status
 
 

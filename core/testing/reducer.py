@@ -28,8 +28,9 @@ from sparsemor.core.protocols.step_solver import AroundSteps
 from sparsemor.core.registry.hooks import new_manager
 from sparsemor.core.results.saved_state import Saved, SavedError
 from sparsemor.core.scene.scene import Scene
-from sparsemor.core.simulation.offline import Offline, train
+from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.simulation.time_stepping import FixedStep, iterate, started
+from sparsemor.core.simulation.training import train
 from sparsemor.core.testing.random_inputs import law
 
 

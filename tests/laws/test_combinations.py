@@ -23,7 +23,8 @@ from sparsemor.core.protocols.load_tables import LoadTable, Table
 from sparsemor.core.registry.hooks import new_manager
 from sparsemor.core.scene.scene import Scene, load
 from sparsemor.core.simulation.linearization.check import Reference, judge
-from sparsemor.core.simulation.offline import Offline, step_count, train
+from sparsemor.core.simulation.offline import Offline, step_count
+from sparsemor.core.simulation.training import train
 from sparsemor.core.status import SolveFailed, Status
 from sparsemor.core.testing import installed
 
@@ -46,7 +47,8 @@ bdf1) Gauss-Newton on them ends not converged."""
 REFUSED = {
     "a frame of fewer atoms than rows": r"UNTF needs at least as many atoms as rows",
     "dependent rows": r"parseval needs independent rows, so at least as many atoms as rows",
-    "unstable": r"the reduced model is unstable in bar\.(elastic|thermal): its coupled time-step map",
+    "unstable": (r"the reduced model is unstable in bar\.(elastic|thermal): its coupled "
+                 "time-step map"),
 }
 """Every reason for which a combination of these parts may be refused on this scene. The last one is
 asked of runs that diverge: `check_stability: refuse` says it before their first step."""
