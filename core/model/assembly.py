@@ -50,22 +50,22 @@ Connector = JointPlugin | ContactPlugin | LoadPlugin
 
 
 def assemble(
-    scene: Scene, given: PrescribedQuantities = NOTHING, body_cache: BodyCache | None = None
+    scene: Scene, prescribed: PrescribedQuantities = NOTHING, body_cache: BodyCache | None = None
 ) -> Model:
-    """Builds every body, joint, contact and load. Raises InputError with all faults found, as
-    dotted keys of the scene (`joints.A.between.0`). given: motion, reactions and surface loads that
-    are not solved for. shop: where bodies, and models without given motion, are that were built
-    before."""
-    if body_cache is None or given is not NOTHING:
-        return _assembled(scene, given, body_cache or BodyCache())
+    """Builds every body, joint, contact and load. prescribed: motion, reactions and surface loads
+    that are not solved for; body_cache: bodies, and models without prescribed motion, that were
+    built before. Raises InputError with all faults found, as dotted keys of the scene
+    (`joints.A.between.0`)."""
+    if body_cache is None or prescribed is not NOTHING:
+        return _assembled(scene, prescribed, body_cache or BodyCache())
     key = digest(str(scene.folder), scene.digest(*_PARTS))
-    model = body_cache.model(key, lambda: _assembled(scene, given, body_cache))
+    model = body_cache.model(key, lambda: _assembled(scene, prescribed, body_cache))
     # with a log of its own, and a start of its own
     return replace(model, solvers=BlockSolvers(scene.linear_solver, scene.linear_solvers))
 
 
-def _assembled(scene: Scene, given: PrescribedQuantities, body_cache: BodyCache) -> Model:
-    bodies, connected, probes = _build(scene, given, body_cache)
+def _assembled(scene: Scene, prescribed: PrescribedQuantities, body_cache: BodyCache) -> Model:
+    bodies, connected, probes = _build(scene, prescribed, body_cache)
     groups: dict[str, Mapping[str, Part]] = {"bodies": bodies, **connected}
     connectors = {n: part for built in connected.values() for n, part in built.items()}
     parts = {**bodies, **connectors}
@@ -74,14 +74,14 @@ def _assembled(scene: Scene, given: PrescribedQuantities, body_cache: BodyCache)
         raise InputError("nothing in this scene can change: no body moves, deforms or has heat",
                          "bodies")
     records = Records()
-    motion = given.motion(bodies)
+    motion = prescribed.motion(bodies)
     for group, built in groups.items():
         for name, part in built.items():
             equations = Equations(layout, Origin(group, name), records)
             if motion is None or group != "contacts":
                 part.contribute(equations)
             else:
-                _along(equations, bodies, name, part, given, motion)
+                _along(equations, bodies, name, part, prescribed, motion)
     terms = general_terms(layout, records)
     x0, v0 = _start(layout, bodies)
     required, loaded = _required(layout, connectors, touched(layout, records))
@@ -95,7 +95,7 @@ def _assembled(scene: Scene, given: PrescribedQuantities, body_cache: BodyCache)
 
 
 def _build(
-    scene: Scene, given: PrescribedQuantities, body_cache: BodyCache
+    scene: Scene, prescribed: PrescribedQuantities, body_cache: BodyCache
 ) -> tuple[dict[str, Body], dict[str, dict[str, Part]], tuple[ProbePlace, ...]]:
     """Bodies; joints, contacts and loads by group; probes. What mentions a body that failed is not
     tried: its own faults would only repeat those of the body."""
@@ -103,7 +103,7 @@ def _build(
     base = scene.file_folder or Path()
     bodies: dict[str, Body] = {}
     for name, plugin in scene.bodies.items():
-        body = gather(f"bodies.{name}", _body, body_cache, plugin, name, base, given)
+        body = gather(f"bodies.{name}", _body, body_cache, plugin, name, base, prescribed)
         if body is not None:
             bodies[name] = body
     failed = set(scene.bodies) - set(bodies)
@@ -114,8 +114,9 @@ def _build(
         for name, connector in groups[group].items():
             if _mentioned(connector, failed):
                 continue
-            part = gather(f"{group}.{name}", _connector, connector, name, bodies,
-                          given if group == "joints" else NOTHING, BUILT[group.removesuffix("s")])
+            own = prescribed if group == "joints" else NOTHING
+            part = gather(f"{group}.{name}", _connector, connector, name, bodies, own,
+                          BUILT[group.removesuffix("s")])
             if part is not None:
                 built[name] = part
                 bodies.update(part.adjusted if isinstance(part, ChangesBodies) else {})
@@ -132,35 +133,35 @@ def _probe(body: Body, name: str, probe: Probe) -> ProbePlace:
 
 
 def _body(
-    body_cache: BodyCache, plugin: BodyPlugin, name: str, base: Path, given: PrescribedQuantities
+    body_cache: BodyCache, plugin: BodyPlugin, name: str, base: Path,
+    prescribed: PrescribedQuantities,
 ) -> Body:
-    """A body, guided where its motion is given."""
+    """A body, with a frame that follows its motion where that is prescribed."""
     body = body_cache.body(plugin, name, base)
     complete(body, Body, plugin, "build", abilities=BUILT["body"])
-    motion = given.frame(name, body)
+    motion = prescribed.frame(name, body)
     return body if motion is None else following(body).with_motion(motion)
 
 
 def _connector(
-    plugin: Connector, name: str, bodies: Mapping[str, Body], given: PrescribedQuantities,
+    plugin: Connector, name: str, bodies: Mapping[str, Body], prescribed: PrescribedQuantities,
     abilities: tuple[type, ...],
 ) -> Part:
-    """A joint, contact or load; a joint has known multipliers where they are given."""
+    """A joint, contact or load; a joint without multipliers where they are prescribed."""
     part = plugin.build(name, bodies)
     complete(part, Part, plugin, "build", abilities=abilities)
-    forces = given.reactions(name, part)
+    forces = prescribed.reactions(name, part)
     return part if forces is None else prescribable(part).known(forces)
 
 
 def _along(
     equations: Equations, bodies: Mapping[str, Body], name: str, contact: Contact,
-    given: PrescribedQuantities,
-    motion: Mapping[str, FrameHistory],
+    prescribed: PrescribedQuantities, motion: Mapping[str, FrameHistory],
 ) -> None:
-    """A contact that follows a given motion: tabled loads on each surface, and what depends on
+    """A contact that follows a prescribed motion: tabled loads on each surface, and what depends on
     temperatures, if a contact has a method `conduction(equations, motion)`."""
     times = next(iter(motion.values())).times
-    for body, resultant_sources in given.surface_loads(name, contact, motion).items():
+    for body, resultant_sources in prescribed.surface_loads(name, contact, motion).items():
         carrying(bodies[body]).surface_loads(equations, resultant_sources, times)
     if isinstance(contact, ConductsHeat):
         contact.conduction(equations, motion)

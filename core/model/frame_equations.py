@@ -67,8 +67,8 @@ class FrameEquations:
         """(b,) each: border unknowns, rates and accelerations."""
         border = (np.asarray(self.y0 + self.Y @ x), np.asarray(self.Y @ v), np.asarray(self.Y @ a))
         if self.guide is not None:
-            for values, known in zip(border, self.guide.at(t), strict=True):
-                values[: len(known)] += known
+            for values, prescribed in zip(border, self.guide.at(t), strict=True):
+                values[: len(prescribed)] += prescribed
         return border
 
     def residual(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> FloatArray:

@@ -68,7 +68,7 @@ class Model:
     def factorize(
         self, name: str, A: Csr, purpose: str = "steps", places: DofLocations | None = None
     ) -> Factorized:
-        """A matrix (n, n) of a reducible block, made ready by the solver that the scene names."""
+        """A matrix (n, n) of a reducible block, factorized by the solver that the scene names."""
         return self.solvers.factorize(
             name, A, self.places(name) if places is None else places, purpose)
 

@@ -93,8 +93,8 @@ class Followed(PrescribedQuantities):
         return self.stage.frames[name] if name in self.stage.moves else None
 
     def reactions(self, name: str, joint: Joint) -> Table | None:
-        known = self.stage.reactions_passed_on.get(name, self.stage.reactions.get(name))
-        return None if known is None else Table(self.stage.times, known)
+        forces = self.stage.reactions_passed_on.get(name, self.stage.reactions.get(name))
+        return None if forces is None else Table(self.stage.times, forces)
 
     def motion(self, bodies: Mapping[str, Body]) -> Mapping[str, FrameHistory] | None:
         return self.stage.frames

@@ -151,9 +151,9 @@ def full_run(
     solver = controlled(scene, model, offline, solver)
     step = step_of(solver, scene.integrator, h)
     state, memory = started(solver, scene.integrator, consistent_state(model))
-    told = phase.removesuffix(" run")
+    name = phase.removesuffix(" run")
     manager.hook.on_start(run=RunStart(
-        scene.title, scene.reducer_name, 0.0, steps * h, steps, told))
+        scene.title, scene.reducer_name, 0.0, steps * h, steps, name))
     yield state
     for n, taken in enumerate(iterate(step, state, memory, steps), 1):
         outcome, state = taken.outcome, taken.state
@@ -161,12 +161,12 @@ def full_run(
             where = f"{phase}: {outcome.detail}" if outcome.detail else phase
             manager.hook.on_failure(
                 status=outcome.status, t=state.t + h, block=outcome.block, detail=where)
-            manager.hook.on_finish(summary={"phase": told, "steps": n - 1})
+            manager.hook.on_finish(summary={"phase": name, "steps": n - 1})
             raise SolveFailed(outcome.status, state.t + h, outcome.block, where)
         yield state
         if manager.has_observers:
             manager.hook.on_step(step=n, t=state.t, x=state.x, outcome=outcome)
-    manager.hook.on_finish(summary={"phase": told, "steps": steps})
+    manager.hook.on_finish(summary={"phase": name, "steps": steps})
 
 
 def step_count(scene: Scene) -> int:

@@ -94,15 +94,15 @@ def _read(place: Path | None) -> Mapping[str, float]:
 
 class Products:
     """Arrays that are made once. `used`: product -> "hit" or "miss" of the cache; seconds: how long
-    asking for it took here. cache: None keeps nothing. told: reports of the linear systems that
-    were made ready on the way."""
+    asking for it took here. cache: None keeps nothing. factorizations: reports of the
+    linear systems that were solved for them."""
 
     def __init__(self, cache: Cache | None) -> None:
         self.cache = cache
         self.used: dict[str, str] = {}
         self.seconds: dict[str, float] = {}
         self.spent = OfflineCost()
-        self.told: list[Factored] = []
+        self.factorizations: list[Factored] = []
         self._scratch: Path | None = None
 
     def scratch(self) -> Path:

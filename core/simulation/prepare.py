@@ -25,7 +25,7 @@ def prepared(
     if scene.rigid_stage is None:
         model = checked_model(scene, body_cache)
     else:
-        checked_model(scene, body_cache)  # which is not held beside the one that is run
+        checked_model(scene, body_cache)  # which is not held next to the one that is run
         model = staged(scene, products, manager, body_cache)
     offline = offline_of(scene, model, products, manager, body_cache)
     offline.expected = fitting(scene, model, offline).total

@@ -69,8 +69,8 @@ class Recorder:
         self.stability: Mapping[str, Any] = {}
         self.memory: MemoryUse | None = None
         self._every, self._saved = scene.output.every, time.perf_counter()
-        # along a rigid stage histories are kept already; what acts besides is conduction alone
-        self._tells = model.stage is None
+        # along a rigid stage histories are kept already; only conduction acts in addition
+        self._keeps_contacts = model.stage is None
         self._rows: list[tuple[float, FloatArray, int, float]] = []
         self._contacts: list[Mapping[str, float]] = []
         self._supports: list[Mapping[str, BoolArray]] = []
@@ -141,8 +141,8 @@ class Recorder:
     ) -> None:
         self._rows.append((state.t, state.x, iterations, seconds))
         self._supports.append(dict(supports))
-        told = resultant_sources_of(self.solver, memory) if self._tells else ()
-        self._contacts.append(resultants(told, state))
+        sources = resultant_sources_of(self.solver, memory) if self._keeps_contacts else ()
+        self._contacts.append(resultants(sources, state))
 
     def save(self, state: State, memory: StepMemory, tally: Tally) -> None:
         """Commit the buffered steps and a checkpoint."""
@@ -209,7 +209,7 @@ class Recorder:
                     *self.notes, *_full_newton(counters, done))),
             "stability": dict(self.stability),
             "linear_solvers": solvers_summary(
-                [*self.model.solvers.log, *self.offline.products.told],
+                [*self.model.solvers.log, *self.offline.products.factorizations],
                 _iterations(solver, memory), done),
             "memory": {} if self.memory is None else self.memory.summary(),
             "facts": finite(dict(solver.facts)),  # dependent columns: no finite condition
@@ -245,7 +245,7 @@ def shapes(model: Model) -> dict[str, BodyShape]:
 
 
 def multiplier_components(model: Model) -> dict[str, tuple[tuple[str, str], ...]]:
-    """Multiplier block -> name and unit of each unknown, for joints that say it."""
+    """Multiplier block -> name and unit of each unknown, for joints with `NamesMultipliers`."""
     found = {}
     for name, part in model.parts.items():
         block = model.layout.multipliers(name)

@@ -103,7 +103,7 @@ def _deforms(body: object) -> bool:
 
 
 def rigid_model(scene: Scene, body_cache: BodyCache) -> Model:
-    """The model of a rigid stage's scene, assembled once a workshop."""
+    """The model of a rigid stage's scene, assembled once per cache."""
     return body_cache.model(scene.digest(), lambda: assemble(scene, Immobile(), body_cache))
 
 
@@ -173,10 +173,10 @@ def _run(scene: Scene, model: Model, manager: Manager) -> Arrays:
     poses = {name: values[:, 0] for name, values in frames.items()}
     for b in layout:
         if b.kind.order == 0 and b.owner in scene.joints:
-            made[f"reaction.{b.owner}"] = known = np.stack([s.x[layout[b.name]] for s in kept])
+            made[f"reaction.{b.owner}"] = reactions = np.stack([s.x[layout[b.name]] for s in kept])
             joint = model.parts[b.owner]
             if isinstance(joint, PassesReactionsOn):
-                made[f"handed.{b.owner}"] = joint.reactions_passed_on(times, known, poses)
+                made[f"handed.{b.owner}"] = joint.reactions_passed_on(times, reactions, poses)
     return made
 
 

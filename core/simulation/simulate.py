@@ -64,7 +64,7 @@ def simulate(
     Raises InputError before anything is written, also when another run is writing to `out`;
     SolveFailed (with `.result`, readable up to there) when the run stops before its end; OSError
     when the result cannot be written, or `out` was moved or removed. `resume` goes on from the
-    last checkpoint. shop: what other runs of the same bodies have built. keep_training: a
+    last checkpoint. body_cache: what other runs of the same bodies have built. keep_training: a
     full-order run that is the training run of its scene leaves its snapshots in the cache, for
     reduced runs that follow.
     """
@@ -226,24 +226,24 @@ class _Run:
                 tally.online = time.perf_counter() - self._begun
                 self.recorder.save(self.state, self.memory, tally)
             if watched:
-                resamplings = self._tell_rows(resamplings)
+                resamplings = self._report_rows(resamplings)
                 self.manager.hook.on_step(
                     step=tally.done, t=self.state.t, x=self.state.x, outcome=outcome)
-                changes = self._tell_changes(changes, self.memory, self.state.t)
+                changes = self._report_changes(changes, self.memory, self.state.t)
         left = tally.done < self.steps
         return SolveFailed(Status.INTERRUPTED, self.state.t) if left else None
 
     def _resamplings(self) -> int:
         return self.solver.counters(self.memory).get("resamplings", 0)
 
-    def _tell_rows(self, before: int) -> int:
+    def _report_rows(self, before: int) -> int:
         count = self._resamplings()
         if count != before and isinstance(self.solver, RedrawsRows):
             for block, rows in self.solver.rows_at(self.memory).items():
                 self.manager.hook.on_resample(block=block, rows=rows)
         return count
 
-    def _tell_changes(self, before: int, memory: StepMemory, t: float) -> int:
+    def _report_changes(self, before: int, memory: StepMemory, t: float) -> int:
         count = self.solver.counters(memory).get("support_changes", 0)
         if count != before:
             for block, support in self.solver.supports(memory).items():

@@ -224,7 +224,7 @@ class ControlledSteps(AroundSteps[StepSolver]):
         inner = memory.levels[level]
         if level not in memory.live:
             inner.moved(state.x)
-        if level != memory.fine:  # a history of other steps: begin anew from x, v, a
+        if level != memory.fine:  # a history of other steps: begin again from x, v, a
             state = self.integrator.start(layout, state)
         memory.live = memory.live - {level}  # unless this try is accepted
         step, iterations = FixedStep(self.integrator, solver, h), 0

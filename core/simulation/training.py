@@ -70,8 +70,8 @@ def offline_of(
     body_cache: BodyCache | None = None,
 ) -> Offline:
     """The offline products of a scene. The key holds the physics of the training scene, its
-    identity (code, plugins, files) and every mesh. shop: what was built for the model, for the
-    training run's."""
+    identity (code, plugins, files) and every mesh. body_cache: bodies of the model, for the
+    training run."""
     training, physics = training_physics(scene)
     key = digest(physics.digest(), training.training.every, Identity.of(physics).plain(),
                  mesh_content(model))
@@ -113,4 +113,4 @@ def train(
         return dict(keeper.finished())
     finally:
         keeper.close()
-        products.told += factorizations_in(TRAINING, model.solvers.log)
+        products.factorizations += factorizations_in(TRAINING, model.solvers.log)

@@ -16,6 +16,6 @@ class MemoryUse:
         """GB. peak_gb: the most that the process has held since it began; peak_offline_gb: until
         the first step; expected_gb: as estimated in advance, at most; available_gb: what it could
         hold when the run ended."""
-        told = {} if self.expected is None else {"expected_gb": self.expected / GIGA}
-        return {"peak_gb": peak() / GIGA, "peak_offline_gb": self.offline / GIGA, **told,
+        expected = {} if self.expected is None else {"expected_gb": self.expected / GIGA}
+        return {"peak_gb": peak() / GIGA, "peak_offline_gb": self.offline / GIGA, **expected,
                 "available_gb": ceiling() / GIGA}
