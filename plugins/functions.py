@@ -19,14 +19,8 @@ def parse(amplitude: float | TimeFunction) -> TimeFunction:
     return Constant(level=amplitude) if isinstance(amplitude, int | float) else amplitude
 
 
-class Constant(Plugin):
-    """Constant function: the same value at all times."""
-
-    level: float
-    """The value."""
-
-    def value(self, t: float) -> float:
-        return self.level
+class PiecewiseLinear(Plugin):
+    """Function of straight lines, whose second derivative is zero, and here also the first one."""
 
     def rate(self, t: float) -> float:
         return 0.0
@@ -35,7 +29,17 @@ class Constant(Plugin):
         return 0.0
 
 
-class Table(Plugin):
+class Constant(PiecewiseLinear):
+    """Constant function: the same value at all times."""
+
+    level: float
+    """The value."""
+
+    def value(self, t: float) -> float:
+        return self.level
+
+
+class Table(PiecewiseLinear):
     """Piecewise linear interpolation of tabulated values."""
 
     times: tuple[float, ...] = Field(min_length=2)
@@ -72,14 +76,11 @@ class Table(Plugin):
             return 0.0
         return self._slope(bisect_right(self.times, t) - 1)
 
-    def curvature(self, t: float) -> float:
-        return 0.0
-
     def _slope(self, i: int) -> float:
         return (self.values[i + 1] - self.values[i]) / (self.times[i + 1] - self.times[i])
 
 
-class Ramp(Plugin):
+class Ramp(PiecewiseLinear):
     """Linear ramp: from one value to another along a straight line, constant before and after."""
 
     start: float = 0.0
@@ -106,11 +107,8 @@ class Ramp(Plugin):
             return 0.0
         return (self.final - self.initial) / (self.end - self.start)
 
-    def curvature(self, t: float) -> float:
-        return 0.0
 
-
-class Pulse(Plugin):
+class Pulse(PiecewiseLinear):
     """Rectangular pulse: a value from `start` until `duration` later (end excluded), else zero."""
 
     start: float = 0.0
@@ -122,12 +120,6 @@ class Pulse(Plugin):
 
     def value(self, t: float) -> float:
         return self.level if self.start <= t < self.start + self.duration else 0.0
-
-    def rate(self, t: float) -> float:
-        return 0.0
-
-    def curvature(self, t: float) -> float:
-        return 0.0
 
 
 class Sine(Plugin):

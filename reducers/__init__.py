@@ -13,11 +13,12 @@ if TYPE_CHECKING:
     from sparsemor.reducers.projection.base import Maps as Maps
     from sparsemor.reducers.projection.base import ProjectionReducer as ProjectionReducer
     from sparsemor.reducers.projection.base import Reducible as Reducible
-    from sparsemor.reducers.projection.base import left_inverse as left_inverse
+    from sparsemor.reducers.step.left_inverse import left_inverse as left_inverse
     from sparsemor.reducers.step.operators import TestMap as TestMap
 
 _HOMES = {
-    "projection.base": ("Linear", "Maps", "ProjectionReducer", "Reducible", "left_inverse"),
+    "projection.base": ("Linear", "Maps", "ProjectionReducer", "Reducible"),
+    "step.left_inverse": ("left_inverse",),
     "step.operators": ("TestMap",),
 }
 """Module -> its public names, imported when they are asked for."""

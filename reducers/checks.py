@@ -1,7 +1,7 @@
 """Checks of a reducer's options before the training run, by counting on an assembled model."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from sparsemor.core import (
 )
 from sparsemor.core.model.block_patterns import unmatched
 from sparsemor.core.protocols.sparse_solver import refusal
+from sparsemor.reducers.full.monolithic import coupling
 
 
 class RowsAndAtoms(Protocol):
@@ -121,6 +122,50 @@ def resampling_faults(
     return []
 
 
+def coupled_faults(
+    model: AssembledModel, budgets: Mapping[str, RowsAndAtoms], basis: Basis,
+    bases: Mapping[str, Basis],
+    resample: int | None,
+) -> list[Fault]:
+    """Faults of options that the general path does not support, by counting."""
+    if not (model.separated.between or model.separated.elastic_local):
+        return []
+    faults = []
+    if resample is not None:
+        faults.append(Fault("resample", f"{_reason(model)}, whose elements are found on the mesh "
+                            "for one set of rows: leave it out"))
+    for name in (n for n in model.reducible() if n in unselectable_blocks(model)):
+        pattern = pattern_of(name, budgets)
+        atoms = None if pattern is None else budgets[pattern].atoms
+        most = bound_of_atoms(chosen(name, bases, basis), block_size(model, name))
+        if atoms is not None and most is not None and atoms < most:
+            faults.append(Fault(f"budgets.{pattern}.atoms", unselectable(model, name, atoms, most)))
+    return faults
+
+
+def unselectable_blocks(model: AssembledModel) -> set[str]:
+    """Blocks whose atoms cannot be selected: all where a term couples bodies or acts on
+    displacements by elements, else the thermal blocks that are solved together."""
+    if model.separated.other or model.separated.elastic_local:
+        return set(model.reducible())
+    return {name for c in model.separated.couplings for name in (c.rows, c.columns)}
+
+
+def _reason(model: AssembledModel) -> str:
+    if not model.separated.between:
+        kinds = sorted({type(t).__name__ for t in model.separated.elastic_local})
+        return f"{', '.join(kinds)} acts on displacements by elements"
+    names = ", ".join(sorted({n for n, _ in coupling(model) if n})) or "a term"
+    return f"{names} couples bodies inside the step"
+
+
+def unselectable(model: AssembledModel, name: str, atoms: int, most: int) -> str:
+    """Why so many of `most` atoms of a block are not selected on the general path."""
+    return (f"{name}: {atoms} of {most} atoms would be selected in each step, which is not done "
+            f"where {_reason(model)}: give as many atoms "
+            "as the dictionary has, or leave them out")
+
+
 def local_blocks(model: AssembledModel) -> dict[str, str]:
     """Blocks with terms that are evaluated by elements in each step, and what these are."""
     found = {b.thermal: "radiation" for b in model.separated.heat if b.local}
@@ -132,7 +177,7 @@ def local_blocks(model: AssembledModel) -> dict[str, str]:
     return found
 
 
-def pattern_of(name: str, table: Mapping[str, Any]) -> str | None:
+def pattern_of(name: str, table: Mapping[str, object]) -> str | None:
     """The pattern that decides for a block."""
     return chosen(name, {pattern: pattern for pattern in table}, None)
 

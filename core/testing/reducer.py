@@ -4,7 +4,8 @@ import sys
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from threading import Barrier
+from threading import Condition
+from types import FrameType
 from typing import Any
 
 import numpy as np
@@ -29,9 +30,15 @@ from sparsemor.core.registry.hooks import new_manager
 from sparsemor.core.results.saved_state import Saved, SavedError
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.offline import Offline
-from sparsemor.core.simulation.time_stepping import FixedStep, iterate, started
+from sparsemor.core.simulation.time_stepping import FixedStep, Step, iterate, started
 from sparsemor.core.simulation.training import train
 from sparsemor.core.testing.random_inputs import law
+
+Run = Callable[[], FloatArray]
+AHEAD = 2
+"""Steps by which one of two threads is ahead of the other."""
+EVERY = 3
+"""Calls of functions after which a thread passes its turn on."""
 
 
 def check_reducer(scene: Scene, seed: int = 0, steps: int = 6) -> None:
@@ -56,27 +63,77 @@ def check_reducer(scene: Scene, seed: int = 0, steps: int = 6) -> None:
         resumed = _march(scene, model, solver, steps, how)
         law(np.array_equal(first, resumed),
             f"a run that is continued from its {how} memory differs (seed {seed})")
-    both = in_two_threads(lambda: _march(scene, model, solver, steps))
-    law(all(np.array_equal(first, one) for one in both),
+    one, other = two_runs(FixedStep(scene.integrator, solver, scene.time.step),
+                          *started(solver, scene.integrator, consistent_state(model)), steps)
+    alone, both = (one(), other()), in_two_threads(one, other)
+    law(all(np.array_equal(*pair) for pair in zip(alone, both, strict=True)),
         "two threads that step one solver, each with its memory, differ from one thread: the "
         "solver keeps something that a step writes to")
 
 
-def in_two_threads(run: Callable[[], FloatArray]) -> tuple[FloatArray, FloatArray]:
-    """Results of two runs at once, which the interpreter changes between as often as it can."""
-    interval, begin = sys.getswitchinterval(), Barrier(2)
+def two_runs(step: Step, state: State, memory: Any, count: int) -> tuple[Run, Run]:
+    """Runs of `count` steps from here, and from `AHEAD` steps later, each on a copy of its memory:
+    (count, n) states."""
+    def run(state: State, memory: Any) -> Run:
+        @np.errstate(all="ignore")  # each thread has its own; overflow is a status of the step
+        def states() -> FloatArray:
+            return np.array([one.state.x for one in iterate(step, state, memory.copy(), count)])
 
-    def one() -> FloatArray:
-        begin.wait()
-        return run()
+        return states
 
-    sys.setswitchinterval(1e-6)
-    try:
-        with ThreadPoolExecutor(2) as pool:
-            first, second = pool.submit(one), pool.submit(one)
-            return first.result(), second.result()
-    finally:
-        sys.setswitchinterval(interval)
+    for one in iterate(step, state, memory.copy(), AHEAD):
+        later = one
+    return run(state, memory), run(later.state, later.memory)
+
+
+class Turns:
+    """Two threads that run in turns, never both at once.
+
+    Each passes its turn on at every `EVERY`-th call of a function, so that what they share is
+    overwritten between its writing and its reading, in each run at the same places. They must
+    compute different numbers: equal ones overwrite each other unseen.
+    """
+
+    def __init__(self) -> None:
+        self.changed, self.turn, self.running = Condition(), 0, {0, 1}
+
+    def run(self, me: int, what: Run) -> FloatArray:
+        """The result of thread number `me`."""
+        calls = 0
+
+        def count(frame: FrameType, event: str, arg: object) -> None:
+            nonlocal calls
+            calls += event in ("call", "c_call")
+            if calls >= EVERY:
+                calls = 0
+                self._pass_on(me)
+
+        with self.changed:
+            self.changed.wait_for(lambda: self.turn == me, timeout=1.0)
+        sys.setprofile(count)
+        try:
+            return what()
+        finally:
+            sys.setprofile(None)
+            with self.changed:
+                self.running.discard(me)
+                self.changed.notify_all()
+
+    def _pass_on(self, me: int) -> None:
+        with self.changed:
+            self.turn = 1 - me
+            self.changed.notify_all()
+            # not for ever: the other one may wait for a lock that this one holds
+            self.changed.wait_for(
+                lambda: self.turn == me or 1 - me not in self.running, timeout=0.1)
+
+
+def in_two_threads(first: Run, second: Run) -> tuple[FloatArray, FloatArray]:
+    """Results of two runs in two threads, which change at the calls of functions."""
+    turns = Turns()
+    with ThreadPoolExecutor(2) as pool:
+        one, other = pool.submit(turns.run, 0, first), pool.submit(turns.run, 1, second)
+        return one.result(), other.result()
 
 
 def _prepared(

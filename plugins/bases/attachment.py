@@ -1,4 +1,4 @@
-"""Attachment modes of loads that move: what a unit load at each place makes of a block."""
+"""Attachment modes of loads that move: responses of a block to unit loads along their path."""
 
 from typing import Annotated
 

@@ -9,7 +9,7 @@ from sparsemor.core.linalg.snapshots import column_chunks, large
 from sparsemor.core.linalg.svd import svd
 from sparsemor.plugins.bases.randomized_svd import round_off_level
 
-FIRST, BESIDE, PASSES = 64, 16, 12
+FIRST, EXTRA, PASSES = 64, 16, 12
 """Columns of the first sketch without a count; columns in addition to those requested; passes at
 most."""
 SETTLED = 1e-4
@@ -18,7 +18,7 @@ SETTLED = 1e-4
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Snapshots:
-    """(A - offset) / divisors, A (n, M): what is decomposed, by stretches of columns.
+    """(A - offset) / divisors, A (n, M): what is decomposed, by column chunks.
 
     offset (n,), divisors (M,); total: sum of all squares.
     """
@@ -81,29 +81,29 @@ class Leading:
 
 
 def leading(
-    given: Snapshots, count: int | None, energy: float | None, level: float
+    snapshots: Snapshots, count: int | None, energy: float | None, level: float
 ) -> Leading | None:
     """By randomized subspace iteration, orthonormal after each half step: `count` columns, or as
-    many as reach `energy`, the fewer; all above round-off (`level`) where neither is given or it
-    comes first. None where they would be more than a third of the snapshots.
+    many as reach `energy`, the fewer; all above round-off (`level`) where neither option is set,
+    or it comes first. None where they would be more than a third of the snapshots.
 
     Halko, Martinsson and Tropp 2011, doi 10.1137/090771806, algorithm 4.4. Passes end when the kept
     columns win no more than 1e-4 of the squares that they miss. The sketch comes from a generator
     that depends on the shape alone: a scene's seed changes rows, and need not change atoms.
     """
-    n, M = given.A.shape
+    n, M = snapshots.A.shape
     rng = np.random.default_rng([n, M])
     most = max(min(n, M) // 3, min(n, M, FIRST))
-    wanted = FIRST if count is None else count + max(BESIDE, count // 4)
+    wanted = FIRST if count is None else count + max(EXTRA, count // 4)
     size, passes = min(wanted, n, M), 0
     Q: FloatArray = np.zeros((n, 0))
     while True:
-        Q = _widened(given, Q, size, rng)
+        Q = _widened(snapshots, Q, size, rng)
         passes += 1
-        found, passes = _settled(given, Q, count, energy, level, passes)
+        found, passes = _settled(snapshots, Q, count, energy, level, passes)
         if found.complete or (count is not None and energy is None):
             return found
-        if energy is not None and _reached(found.values, given.total, energy):
+        if energy is not None and _reached(found.values, snapshots.total, energy):
             return found
         if count is not None and size >= wanted:
             return found
@@ -113,11 +113,11 @@ def leading(
 
 
 def _widened(
-    given: Snapshots, Q: FloatArray, size: int, rng: np.random.Generator
+    snapshots: Snapshots, Q: FloatArray, size: int, rng: np.random.Generator
 ) -> FloatArray:
     """Q (n, l) and a sketch of what it misses, `size` orthonormal columns."""
-    M = given.A.shape[1]
-    Y = given.images(rng.standard_normal((M, size - Q.shape[1])))
+    M = snapshots.A.shape[1]
+    Y = snapshots.images(rng.standard_normal((M, size - Q.shape[1])))
     for _ in range(2):  # once leaves what cancellation brings back
         Y -= Q @ (Q.T @ Y)
         Y = np.linalg.qr(Y)[0]
@@ -125,29 +125,29 @@ def _widened(
 
 
 def _settled(
-    given: Snapshots, Q: FloatArray, count: int | None, energy: float | None, level: float,
+    snapshots: Snapshots, Q: FloatArray, count: int | None, energy: float | None, level: float,
     passes: int,
 ) -> tuple[Leading, int]:
     """Subspace iteration from Q until the kept columns hardly gain."""
     before = -np.inf
     limit = passes + PASSES
     while True:
-        Z = given.coefficients(Q)
+        Z = snapshots.coefficients(Q)
         W, s, Vt = svd(Z)  # Z^T = Q^T A
         U, passes = Q @ Vt.T, passes + 1
-        kept = _kept(s, given.total, count, energy)
+        kept = _kept(s, snapshots.total, count, energy)
         held = float(s[:kept] @ s[:kept])
-        rest = max(given.total - held, 0.0)
-        noise = min(level, round_off_level(*given.A.shape)) * s[0]
-        if rest <= 1e-12 * given.total:  # a difference of squares tells no more than this
+        rest = max(snapshots.total - held, 0.0)
+        noise = min(level, round_off_level(*snapshots.A.shape)) * s[0]
+        if rest <= 1e-12 * snapshots.total:  # a difference of squares tells no more than this
             passes += 1
-            if given.missed(U, s[:, None] * W.T) <= 0.5 * noise:
+            if snapshots.missed(U, s[:, None] * W.T) <= 0.5 * noise:
                 return Leading(U, s, True, passes), passes
         every = count is None and energy is None  # widening finds more than going on
         if every or held - before <= SETTLED * rest or passes >= limit:
             return Leading(U, s, False, passes), passes
         before, passes = held, passes + 1
-        Q = np.linalg.qr(given.images(W))[0]
+        Q = np.linalg.qr(snapshots.images(W))[0]
 
 
 def _kept(s: FloatArray, total: float, count: int | None, energy: float | None) -> int:
@@ -160,5 +160,5 @@ def _kept(s: FloatArray, total: float, count: int | None, energy: float | None) 
 
 def _reached(s: FloatArray, total: float, energy: float) -> bool:
     """By columns that leave room for further ones."""
-    inner = s[: max(len(s) - BESIDE, 1)]
+    inner = s[: max(len(s) - EXTRA, 1)]
     return bool(total - float(inner @ inner) <= (1.0 - energy) * total)

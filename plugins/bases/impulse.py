@@ -1,4 +1,4 @@
-"""Impulse responses along the path of a load that moves: what each place remembers of it."""
+"""Impulse responses of a block to a load that moves, along its path."""
 
 from collections.abc import Iterator
 
@@ -22,14 +22,14 @@ from sparsemor.plugins.bases.static_response import factorize, is_thermal
 class Impulse(Plugin):
     """Impulse responses of heat: (B^-1 c1 C)^p B^-1 g, p steps after unit heat g on a path point.
 
-    Temperatures under heat that moves are sums of these over all places and delays, so no training
-    run is needed. With B = D and c1 C replaced by D - K, displacements are answered likewise.
+    Temperatures under heat that moves are sums of these over all positions and delays, so no
+    training run is needed. With B = D and c1 C replaced by D - K, the same holds for displacements.
     """
 
     positions: int | None = Field(default=None, ge=1)
-    """Places of each moving load, evenly over its path; left out: one a node."""
+    """Positions of each moving load, evenly over its path; left out: one a node."""
     tabled: int | None = Field(default=None, ge=1)
-    """In place of unit heat at places: this many of the shapes that each load has by its table,
+    """In place of unit heat at positions: this many of the shapes that each load has by its table,
     the largest singular vectors over all its times. For what covers many nodes at once."""
     delays: tuple[int, ...] | None = Field(default=None, min_length=1)
     """Numbers of steps p, increasing. Left out: 0, 1, 2, 4, ... and the length of the load's table,
@@ -95,7 +95,7 @@ class Impulse(Plugin):
     ) -> tuple[FloatArray, list[str]]:
         """Orthonormal atoms, those of `first` in front, and the names of the others.
 
-        The sum over all delays of x x^T is what unit heat at random times and places leaves
+        The sum over all delays of x x^T is what unit heat at random times and positions leaves
         behind; the delays that were kept are nodes of a quadrature of it.
         """
         _, Q = independent(first, self.rank_rtol)

@@ -57,9 +57,9 @@ def moving_loads(
     return unit_loads(data, patches) if tabled is None else tabled_loads(data, tabled)
 
 
-def refuse_both(places: int | None, tabled: int | None, option: str) -> None:
+def refuse_both(points: int | None, tabled: int | None, option: str) -> None:
     """InputError where unit loads and tabled ones are asked for at once."""
-    if places is not None and tabled is not None:
+    if points is not None and tabled is not None:
         raise InputError(f"give {option} (unit loads at positions) or tabled (loads as tabulated), "
                          "not both", "tabled")
 
@@ -93,39 +93,39 @@ def _patched(
     return csr_array(np.concatenate([f.toarray() for f in found], axis=1)), names
 
 
-def patch_weights(places: FloatArray, count: int) -> FloatArray:
+def patch_weights(points: FloatArray, count: int) -> FloatArray:
     """(j, q), rows that sum to 1, for points (j, d): how much of each belongs to each patch."""
-    j = len(places)
+    j = len(points)
     if count >= j:
         return np.eye(j)
-    if places.shape[1] == 3:
-        centres = _far_apart(places, count)
-        nearest = np.linalg.norm(places[:, None] - places[centres], axis=2).argmin(axis=1)
+    if points.shape[1] == 3:
+        centres = _far_apart(points, count)
+        nearest = np.linalg.norm(points[:, None] - points[centres], axis=2).argmin(axis=1)
         return np.asarray(nearest[:, None] == np.arange(count), dtype=np.float64)
-    order = _chain(places)
+    order = _chain(points)
     along = np.zeros(j)
-    along[order[1:]] = np.cumsum(np.linalg.norm(np.diff(places[order], axis=0), axis=1))
+    along[order[1:]] = np.cumsum(np.linalg.norm(np.diff(points[order], axis=0), axis=1))
     centres_at = np.linspace(0.0, along.max(), count)
     return np.stack([np.interp(along, centres_at, hat) for hat in np.eye(count)], axis=1)
 
 
-def _chain(places: FloatArray) -> IntArray:
+def _chain(points: FloatArray) -> IntArray:
     """The points in the order of a line through them: each time the nearest that is left."""
-    start = int(np.linalg.norm(places - places.mean(axis=0), axis=1).argmax())
-    left, order = np.ones(len(places), dtype=bool), [start]
+    start = int(np.linalg.norm(points - points.mean(axis=0), axis=1).argmax())
+    left, order = np.ones(len(points), dtype=bool), [start]
     left[start] = False
     while left.any():
-        away = np.where(left, np.linalg.norm(places - places[order[-1]], axis=1), np.inf)
+        away = np.where(left, np.linalg.norm(points - points[order[-1]], axis=1), np.inf)
         order.append(int(away.argmin()))
         left[order[-1]] = False
     return np.array(order, dtype=np.int64)
 
 
-def _far_apart(places: FloatArray, count: int) -> IntArray:
+def _far_apart(points: FloatArray, count: int) -> IntArray:
     """Numbers of `count` points, each the farthest from those before it."""
-    chosen = [int(np.linalg.norm(places - places.mean(axis=0), axis=1).argmax())]
-    away = np.full(len(places), np.inf)
+    chosen = [int(np.linalg.norm(points - points.mean(axis=0), axis=1).argmax())]
+    away = np.full(len(points), np.inf)
     while len(chosen) < count:
-        away = np.minimum(away, np.linalg.norm(places - places[chosen[-1]], axis=1))
+        away = np.minimum(away, np.linalg.norm(points - points[chosen[-1]], axis=1))
         chosen.append(int(away.argmax()))
     return np.array(chosen, dtype=np.int64)

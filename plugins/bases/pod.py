@@ -1,5 +1,6 @@
 """Proper orthogonal decomposition of one block's snapshots (Eq. 8-12)."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Literal, Self
 
@@ -9,8 +10,8 @@ from pydantic import Field, model_validator
 from sparsemor.core import BlockData, Dictionary, FloatArray, InputError, Plugin
 from sparsemor.core.linalg.snapshots import column_chunks, large
 from sparsemor.plugins.bases.blocked_svd import Snapshots, leading, mean
+from sparsemor.plugins.bases.orthogonalise import independent, merge
 from sparsemor.plugins.bases.randomized_svd import held, left_singular, round_off_level, weighted
-from sparsemor.plugins.bases.windowed import pooled, too_many_windows
 
 SQUARABLE = 300
 """Binary exponent, of either sign, from which snapshots are scaled: 2e90 and 5e-91."""
@@ -19,8 +20,8 @@ SQUARABLE = 300
 class Pod(Plugin):
     """Proper orthogonal decomposition: left singular vectors of the snapshots up to their rank.
 
-    Snapshots beyond 256 MB are read by stretches and decomposed by randomized subspace iteration;
-    `count` or `energy` must then say how many columns are kept, unless they are few.
+    Snapshots beyond 256 MB are read by column chunks and decomposed by randomized subspace
+    iteration; `count` or `energy` must then say how many columns are kept, unless they are few.
 
     Where `energy` and `count` are both given, the one that keeps fewer columns decides. The
     entry of largest size of each atom is positive, so that equal snapshots give equal atoms.
@@ -86,7 +87,7 @@ class Pod(Plugin):
     def _decomposed(self, data: BlockData, A: FloatArray, offset: FloatArray) -> Dictionary:
         """The POD of A (n, M) about `offset`."""
         if large(A):
-            return self._by_stretches(data.name, A, offset)
+            return self._by_chunks(data.name, A, offset)
         n, M = A.shape
         A, about = _squarable(A, offset)
         plain = A - about[:, None] if self.centred else A
@@ -120,19 +121,19 @@ class Pod(Plugin):
             "cut": cut,
         })
 
-    def _by_stretches(self, block: str, A: FloatArray, offset: FloatArray) -> Dictionary:
+    def _by_chunks(self, block: str, A: FloatArray, offset: FloatArray) -> Dictionary:
         """The same for more snapshots than are held at once: the leading columns only."""
         n, M = A.shape
-        given = Snapshots.of(A, offset, self.weights != "none")
+        snapshots = Snapshots.of(A, offset, self.weights != "none")
         level = self.rank_rtol or round_off_level(n, M)
-        found = leading(given, self.count, self.energy, level)
+        found = leading(snapshots, self.count, self.energy, level)
         if found is None:
             raise InputError(
                 f"{8 * n * M / 1e9:.2g} GB of snapshots of {block} are decomposed by parts, and "
                 f"more than a third of {M} columns are requested: limit their number by count or "
                 "energy", "count" if self.energy is None else "energy")
         s = found.values
-        if not 0.0 < given.total < np.inf:
+        if not 0.0 < snapshots.total < np.inf:
             raise InputError(
                 f"the snapshots of {block} are so large or small (largest singular value "
                 f"{float(s[0]):.3g}) that their squares are no numbers: take other units")
@@ -140,8 +141,8 @@ class Pod(Plugin):
         rank = int(np.count_nonzero(s > level * max(float(s[0]), stored)))
         if rank == 0:
             raise _nothing_left(block, M)
-        beyond = 0.0 if found.complete else max(given.total - float(s @ s), 0.0)
-        kept, cut = self._cut(s, rank, given.total, beyond)
+        beyond = 0.0 if found.complete else max(snapshots.total - float(s @ s), 0.0)
+        kept, cut = self._cut(s, rank, snapshots.total, beyond)
         atoms = found.U[:, :kept]
         atoms = self._completed(atoms) if self.complete else atoms
         names = [f"pod {i}" for i in range(kept)]
@@ -149,7 +150,7 @@ class Pod(Plugin):
         return Dictionary(np.ascontiguousarray(atoms * _signs(atoms)), offset, tuple(names), {
             "numerical_rank" if found.complete else "rank_at_least": rank,
             "kept": kept, "completed": atoms.shape[1] - kept,
-            "energy": min(1.0, float(s[:kept] @ s[:kept]) / given.total),
+            "energy": min(1.0, float(s[:kept] @ s[:kept]) / snapshots.total),
             "last_singular_value": float(s[kept - 1] / s[0]), "snapshots": M, "rank_rtol": level,
             "cut": cut, "passes": found.passes})
 
@@ -222,3 +223,49 @@ def _checked(data: BlockData) -> FloatArray:
 def _signs(U: FloatArray) -> FloatArray:
     peak = U[np.abs(U).argmax(axis=0), np.arange(U.shape[1])]
     return np.where(peak < 0.0, -1.0, 1.0)
+
+
+def too_many_windows(windows: int, snapshots: int, block: str) -> str:
+    """The sentence on windows that would be empty."""
+    return f"{windows} windows were requested of {snapshots} snapshots of {block}: take fewer"
+
+
+def pooled(
+    decomposed: Callable[[FloatArray], Dictionary], A: FloatArray, offset: FloatArray,
+    windows: int, tolerance: float, block: str,
+) -> Dictionary:
+    """Atoms (n, k) of `windows` parts of the snapshots A (n, M), one after another in time.
+
+    A window without motion has no atoms. Raises InputError for more windows than snapshots, or
+    where no window has an atom.
+    """
+    M = A.shape[1]
+    if windows > M:
+        raise InputError(too_many_windows(windows, M, block), "windows")
+    parts, names, ranks = list[FloatArray](), list[str](), list[int]()
+    for number, columns in enumerate(np.array_split(np.arange(M), windows)):
+        part = np.asarray(A[:, columns])
+        if not (part - offset[:, None]).any():
+            ranks.append(0)
+            continue
+        d = decomposed(part)
+        parts.append(d.atoms)
+        ranks.append(d.atoms.shape[1])
+        names += [f"window {number} {name}" for name in d.provenance]
+    if not parts:
+        raise InputError(f"the {M} snapshots of {block} do not differ from their mean: nothing is "
+                         "left to decompose; set centred: false or train with a load")
+    atoms, said, merged = merge(np.concatenate(parts, axis=1), names, tolerance)
+    _, Q = independent(atoms, 1e-13)
+    return Dictionary(atoms, offset, said, {
+        "windows": windows, "kept": atoms.shape[1], "merged": merged,
+        "kept_each": ", ".join(map(str, ranks)), "numerical_rank": Q.shape[1],
+        "energy": share(A, offset, Q), "snapshots": M})
+
+
+def share(A: FloatArray, offset: FloatArray, Q: FloatArray) -> float:
+    """Of the squares of A (n, M) less `offset`, what orthonormal Q (n, k) hold."""
+    if not large(A):
+        return held(A - offset[:, None], Q)
+    snapshots = Snapshots.of(A, offset, False)
+    return 1.0 - snapshots.missed(Q, snapshots.coefficients(Q).T) ** 2 / snapshots.total

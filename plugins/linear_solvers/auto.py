@@ -63,8 +63,8 @@ class Auto(Plugin):
         if took is not None:
             return ConjugateGradients(rtol=self.rtol), (
                 f"cg: {took} iterations cost less than a solve with factors of {size:.2g} GB")
-        best = _direct()
-        return best, (f"{_name(best)}: factors of {size:.2g} GB fit in {limit:.2g} GB, and "
+        name, best = _direct()
+        return best, (f"{name}: factors of {size:.2g} GB fit in {limit:.2g} GB, and "
                       f"conjugate gradients take more than {worth} iterations")
 
     def expected(self, A: Csr, places: DofLocations | None = None) -> int:
@@ -93,11 +93,8 @@ class Auto(Plugin):
         return 0.5 * machine() / GIGA if self.memory is None else self.memory
 
 
-def _direct() -> Any:
+def _direct() -> tuple[str, Cholmod | Pardiso | Splu]:
+    """The fastest installed direct solver, with its name."""
     if find_spec("sksparse"):
-        return Cholmod()
-    return Pardiso() if find_spec("pypardiso") else Splu()
-
-
-def _name(solver: Any) -> str:
-    return {"Cholmod": "cholmod", "Pardiso": "pardiso"}.get(type(solver).__name__, "splu")
+        return "cholmod", Cholmod()
+    return ("pardiso", Pardiso()) if find_spec("pypardiso") else ("splu", Splu())

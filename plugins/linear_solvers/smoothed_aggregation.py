@@ -85,13 +85,10 @@ def _hierarchy(whole: Any, motions: FloatArray, theta: float) -> Any:
 
 def _held(levels: Any) -> int:
     """Bytes of the hierarchy's matrices."""
-    total = 0
-    for level in levels.levels:
-        for name in ("A", "P", "R"):
-            M = getattr(level, name, None)
-            if M is not None:
-                total += M.data.nbytes + M.indices.nbytes + M.indptr.nbytes
-    return total
+    matrices = [level.A for level in levels.levels]
+    for level in levels.levels[:-1]:  # the coarsest has no transfer to a coarser one
+        matrices += [level.P, level.R]
+    return sum(M.data.nbytes + M.indices.nbytes + M.indptr.nbytes for M in matrices)
 
 
 def _whole_nodes(A: Csr, places: DofLocations | None) -> tuple[Any, IntArray, FloatArray]:

@@ -5,9 +5,8 @@ from typing import Literal
 import numpy as np
 
 from sparsemor.core import FloatArray
-from sparsemor.plugins.samplers.growing_qr import EPS, RowFactor
 from sparsemor.plugins.samplers.row_pool import Rows
-from sparsemor.plugins.samplers.smallest_singular_pair import Smallest
+from sparsemor.plugins.samplers.smallest_singular_pair import EPS, RowFactor, Smallest
 from sparsemor.plugins.samplers.subspace import SpanSampler
 
 NEW = 1e-8

@@ -50,22 +50,22 @@ def sample_rows(
 
 
 def _whole_nodes(
-    draw: Draw, places: FloatArray, m: int, rng: np.random.Generator
+    draw: Draw, coordinates: FloatArray, m: int, rng: np.random.Generator
 ) -> IntArray:
     """m rows on as few nodes as that takes: fewer elements are touched than by single rows.
 
     Only the last node drawn may give fewer rows than it has.
     """
-    node = node_numbers(places)
+    node = node_numbers(coordinates)
     sizes = np.bincount(node)
     nodes = draw(sizes.size, -(-m // int(sizes.max(initial=1))), rng)
     order = np.concatenate([nodes, rng.permutation(np.setdiff1d(np.arange(sizes.size), nodes))])
     return in_order(node, order, m)
 
 
-def node_numbers(places: FloatArray) -> IntArray:
+def node_numbers(coordinates: FloatArray) -> IntArray:
     """Number of each row's node, counted as the rows meet them, so that strata follow the rows."""
-    _, first, node = np.unique(places, axis=0, return_index=True, return_inverse=True)
+    _, first, node = np.unique(coordinates, axis=0, return_index=True, return_inverse=True)
     return np.argsort(np.argsort(first))[node.reshape(-1)]
 
 

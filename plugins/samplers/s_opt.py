@@ -3,8 +3,8 @@
 import numpy as np
 
 from sparsemor.core import FloatArray
-from sparsemor.plugins.samplers.growing_qr import LOST, RowFactor
 from sparsemor.plugins.samplers.row_pool import Rows
+from sparsemor.plugins.samplers.smallest_singular_pair import LOST, RowFactor
 from sparsemor.plugins.samplers.subspace import SpanSampler
 
 TINY = 1e-300

@@ -8,8 +8,8 @@ from pydantic import Field
 
 from sparsemor.core import BlockData, Dictionary, FloatArray, InputError, IntArray
 from sparsemor.plugins.samplers.base import RowSampler
-from sparsemor.plugins.samplers.growing_qr import EPS
 from sparsemor.plugins.samplers.row_pool import Rows, free_rows
+from sparsemor.plugins.samplers.smallest_singular_pair import EPS
 
 Of = Literal["operator", "atoms"]
 

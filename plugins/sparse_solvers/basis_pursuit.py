@@ -69,23 +69,23 @@ class BasisPursuit(LinearRecovery):
         rule = misfit == 0 if self.tolerance == 0.0 else cp.norm(misfit, order) <= self.tolerance
         program = cp.Problem(cp.Minimize(cp.norm1(cp.multiply(weights(problem), x))), [rule])
         try:
-            with warnings.catch_warnings():  # of an inexact end: see _status
+            with warnings.catch_warnings():  # of an inexact end: see _STATUS
                 warnings.simplefilter("ignore")
                 program.solve(solver=self.solver)
         except cp.error.SolverError:
             return Recovered(np.zeros(x.size), Status.NOT_CONVERGED)
-        status = _status(program.status)
+        status = _STATUS.get(program.status, Status.NOT_CONVERGED)
         if not status.ok:
             return Recovered(np.zeros(x.size), status)
         return Recovered(without_small(size * np.asarray(x.value), self.cut))
 
 
-def _status(word: str) -> Status:
-    """`optimal_inaccurate` is what some solvers always reach, and others where columns are nearly
-    parallel; it serves, because only the support is taken from it. Limits are no convergence."""
-    if word.startswith("optimal"):
-        return Status.DONE
-    return Status.INFEASIBLE if word.startswith("infeasible") else Status.NOT_CONVERGED
+_STATUS = {"optimal": Status.DONE, "optimal_inaccurate": Status.DONE,
+           "infeasible": Status.INFEASIBLE, "infeasible_inaccurate": Status.INFEASIBLE,
+           "infeasible_or_unbounded": Status.INFEASIBLE}
+"""Of cvxpy's words. `optimal_inaccurate` is what some solvers always reach, and others where
+columns are nearly parallel; it serves, because only the support is taken from it. Limits are no
+convergence."""
 
 
 def _cvxpy() -> Any:

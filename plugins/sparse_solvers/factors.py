@@ -9,7 +9,7 @@ from sparsemor.plugins.sparse_solvers.gram import Move, Normal, Part, Swap, gath
 
 T = TypeVar("T")
 KEPT = 256
-"""Lists of places kept at once; a support or a proposal often comes back."""
+"""Lists of positions kept at once; a support or a proposal often comes back."""
 
 
 class Factors:

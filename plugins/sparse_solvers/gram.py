@@ -30,7 +30,7 @@ class Part:
     def of(cls, columns: IntArray, k: int) -> "Part":
         if len(columns) == k:
             return cls(columns, None)
-        return cls(columns, places(columns, columns, k))
+        return cls(columns, positions(columns, columns, k))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,7 +45,7 @@ class Swap:
     @classmethod
     def of(cls, old: BoolArray, new: BoolArray) -> "Swap":
         columns = np.concatenate([np.flatnonzero(new), np.flatnonzero(old & ~new)])
-        return cls(columns, places(columns, columns, len(old)), int(np.count_nonzero(new)))
+        return cls(columns, positions(columns, columns, len(old)), int(np.count_nonzero(new)))
 
 
 class Normal:
@@ -115,7 +115,7 @@ class Move:
         return rise, (EPS * n + at.error.gram) * moved
 
 
-def places(rows: IntArray, columns: IntArray, k: int) -> IntArray:
+def positions(rows: IntArray, columns: IntArray, k: int) -> IntArray:
     """Positions of gram[rows, columns] in the upper triangle (k, k) in Fortran order."""
     i, j = rows[:, None], columns[None, :]
     found: IntArray = np.minimum(i, j) + k * np.maximum(i, j)

@@ -1,4 +1,4 @@
-"""Shared parts of iterations over supports: start, stopping test, outcome."""
+"""Shared parts of iterations over supports: start, stopping test, outcome, cycles."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -57,3 +57,24 @@ def ended(
     if not np.isfinite(norm):
         return replace(good, status=Status.NOT_FINITE, iterations=iterations)
     return SparseOutcome(c, good.support, status, iterations, norm)
+
+
+class Visits:
+    """The supports met during one solve, and the best iterate on each."""
+
+    def __init__(self) -> None:
+        self._best: dict[bytes, SparseOutcome] = {}
+        self._last = b""
+
+    def note(self, iterate: SparseOutcome) -> bool:
+        """Records an iterate; True when its support was left before and has come back."""
+        key = iterate.support.tobytes()
+        cycle = key in self._best and key != self._last
+        if key not in self._best or iterate.residual_norm < self._best[key].residual_norm:
+            self._best[key] = iterate
+        self._last = key
+        return cycle
+
+    def best(self) -> SparseOutcome:
+        """The iterate of least residual norm (one at least was noted)."""
+        return min(self._best.values(), key=lambda iterate: iterate.residual_norm)

@@ -1,8 +1,9 @@
-"""The one Newton loop around every linear method of sparse recovery."""
+"""Newton's method on supports: the loop of all sparse solvers, and linear recovery in it."""
 
 from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 from pydantic import Field
@@ -21,19 +22,20 @@ from sparsemor.core import (
 )
 from sparsemor.core.protocols.sparse_solver import refusal
 from sparsemor.plugins.sparse_solvers.iterates import (
+    Visits,
     always_active,
     ended,
     small_step,
     within_budget,
 )
 from sparsemor.plugins.sparse_solvers.least_squares_on_support import (
+    Fit,
     Linearised,
     fit,
     independent,
     pruned,
 )
 from sparsemor.plugins.sparse_solvers.penalised import Penalised
-from sparsemor.plugins.sparse_solvers.support_cycles import Visits
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,15 +63,16 @@ class Support:
         return float(np.linalg.norm(a - b)) <= 1e-12 * float(np.linalg.norm(a))
 
 
-class LinearRecovery(Plugin):
-    """Newton's method whose every step recovers a support again, on the linearised problem.
+Choose = Callable[[Linearised, BoolArray, bool], Fit | Status]
+"""Least squares on the support of the next iterate, from the linearisation at the present one, its
+support, and whether another support may be chosen; or the status of a failure."""
 
-    1 linearise, columns scaled to unit length; 2 rotate the unpenalised columns out; 3 recover
-    sparse coefficients (`recover`, the only thing that differs between these solvers); 4 keep the
-    `budget` largest of each group; 5 least squares on them and the unpenalised columns
-    (debiasing); repeat. It ends when neither the support nor c changes. A support that comes back
-    after it was left is a cycle: from then on plain Gauss-Newton on the best support met. The
-    start gives the point of the first linearisation; its support does not bias the recovery.
+
+class SupportNewton(Plugin):
+    """Newton's method whose every step may change the support.
+
+    It ends when neither the support nor c changes. A support that comes back after it was left is a
+    cycle: from then on plain Gauss-Newton on the best support met.
     """
 
     rtol: float = Field(default=1e-8, gt=0.0, lt=1.0)
@@ -80,6 +83,59 @@ class LinearRecovery(Plugin):
     of the residual Gauss-Newton contracts slowly."""
     rank_rtol: float = Field(default=1e-12, gt=0.0, lt=1.0)
     """Reciprocal condition number at which active columns count as dependent."""
+
+    counts_start: ClassVar[bool] = True
+    """Whether the support of the start takes part in cycles."""
+
+    @abstractmethod
+    def chooser(self, groups: Sequence[Group], support: BoolArray) -> Choose:
+        """The choice of supports during one solve that starts on `support`."""
+
+    def solve(self, problem: SparseProblem, start: SparseStart) -> SparseOutcome:
+        """c (k,) and its support. A failure returns the last iterate that was finite."""
+        with np.errstate(all="ignore"):  # overflow is a status here, not a warning
+            return self._iterate(problem, *within_budget(problem, start))
+
+    def _iterate(self, problem: SparseProblem, c: FloatArray, support: BoolArray) -> SparseOutcome:
+        groups, visits, explore = problem.groups, Visits(), True
+        choose = self.chooser(groups, support)
+        good = SparseOutcome(c, support, Status.NOT_FINITE, 0, float("inf"))
+        for iteration in range(1, self.max_iterations + 1):
+            r = problem.residual(c)
+            linear = Linearised.at(c, r, problem.jacobian(c))
+            if not linear.finite:
+                return replace(good, status=Status.NOT_FINITE, iterations=iteration)
+            good = SparseOutcome(c, support, Status.DONE, iteration, float(np.linalg.norm(r)))
+            if explore and (self.counts_start or iteration > 1) and visits.note(good):
+                explore, good = False, visits.best()
+                c, support = good.c, good.support
+                continue
+            found = choose(linear, support, explore)
+            if isinstance(found, Status):
+                return replace(good, status=found, iterations=iteration)
+            settled = np.array_equal(found.active, support) and small_step(
+                linear, found, groups, self.rtol)
+            c, support = linear.unscaled(found.z), found.active
+            if settled:
+                return ended(problem, c, good, Status.DONE, iteration)
+        last = ended(problem, c, good, Status.NOT_CONVERGED, self.max_iterations)
+        if last.status is Status.NOT_FINITE:
+            return last
+        visits.note(replace(last, support=support))
+        return replace(visits.best(), status=last.status, iterations=last.iterations)
+
+
+class LinearRecovery(SupportNewton):
+    """Newton's method whose every step recovers a support again, on the linearised problem.
+
+    1 linearise, columns scaled to unit length; 2 rotate the unpenalised columns out; 3 recover
+    sparse coefficients (`recover`, the only thing that differs between these solvers); 4 keep the
+    `budget` largest of each group; 5 least squares on them and the unpenalised columns
+    (debiasing); repeat. The start gives the point of the first linearisation; its support does not
+    bias the recovery.
+    """
+
+    counts_start: ClassVar[bool] = False
 
     @property
     def capabilities(self) -> frozenset[str]:
@@ -94,59 +150,26 @@ class LinearRecovery(Plugin):
         """
 
     def solve(self, problem: SparseProblem, start: SparseStart) -> SparseOutcome:
-        """c (k,) and its support. A failure returns the last iterate that was finite.
-
-        InputError when the problem needs what this solver has not.
-        """
+        """As in `SupportNewton`. InputError when the problem needs what this solver has not."""
         refused = refusal("this problem", self, problem.needs)
         if refused:
             raise InputError(refused)
-        with np.errstate(all="ignore"):  # overflow is a status here, not a warning
-            return self._iterate(problem, *within_budget(problem, start))
+        return super().solve(problem, start)
 
-    def _iterate(self, problem: SparseProblem, c: FloatArray, support: BoolArray) -> SparseOutcome:
-        groups, visits, explore = problem.groups, Visits(), True
+    def chooser(self, groups: Sequence[Group], support: BoolArray) -> Choose:
         found: Support | None = None
-        good = SparseOutcome(c, support, Status.NOT_FINITE, 0, float("inf"))
-        for iteration in range(1, self.max_iterations + 1):
-            r = problem.residual(c)
-            linear = Linearised.at(c, r, problem.jacobian(c))
-            if not linear.finite:
-                return replace(good, status=Status.NOT_FINITE, iterations=iteration)
-            good = SparseOutcome(c, support, Status.DONE, iteration, float(np.linalg.norm(r)))
-            # the start is no visit: its support was not found here
-            if explore and iteration > 1 and visits.note(good):
-                explore, good = False, visits.best()
-                c, support = good.c, good.support
-                continue
-            active = support
-            if explore:
-                if found is None or not found.holds_for(linear):
-                    found = self._support(linear, groups)
-                if not found.status.ok:
-                    return replace(good, status=found.status, iterations=iteration)
-                active = found.active
-            fitted = fit(linear, active, self.rank_rtol)
-            if fitted is None:
-                return replace(good, status=Status.RANK_DEFICIENT, iterations=iteration)
-            settled = np.array_equal(active, support) and small_step(
-                linear, fitted, groups, self.rtol)
-            c, support = linear.unscaled(fitted.z), active
-            if settled:
-                return ended(problem, c, good, Status.DONE, iteration)
-        return self._gave_up(problem, c, support, good, visits)
 
-    def _gave_up(
-        self, problem: SparseProblem, c: FloatArray, support: BoolArray, good: SparseOutcome,
-        visits: Visits,
-    ) -> SparseOutcome:
-        """The best iterate met, as not converged."""
-        norm = float(np.linalg.norm(problem.residual(c)))
-        if not np.isfinite(norm):
-            return replace(good, status=Status.NOT_FINITE, iterations=self.max_iterations)
-        last = SparseOutcome(c, support, Status.NOT_CONVERGED, self.max_iterations, norm)
-        visits.note(last)
-        return replace(visits.best(), status=last.status, iterations=last.iterations)
+        def choose(linear: Linearised, support: BoolArray, explore: bool) -> Fit | Status:
+            nonlocal found
+            if explore and (found is None or not found.holds_for(linear)):
+                found = self._support(linear, groups)
+            if explore and found is not None:
+                if not found.status.ok:
+                    return found.status
+                support = found.active
+            return fit(linear, support, self.rank_rtol) or Status.RANK_DEFICIENT
+
+        return choose
 
     def _support(self, linear: Linearised, groups: Sequence[Group]) -> Support:
         """Steps 2 to 4. Columns that depend on others are left out, not solved blindly."""

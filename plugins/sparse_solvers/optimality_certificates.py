@@ -1,14 +1,20 @@
-"""Why a support stays as long as the Gram matrix is the same: functions of slope and c."""
+"""Why a support stays as long as the Gram matrix is the same: functions of slope and c, and
+what steps that follow each other most often refuse alike."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import lapack
 
-from sparsemor.core import FloatArray
+from sparsemor.core import BoolArray, FloatArray, Quadratic
 from sparsemor.plugins.sparse_solvers.candidates import Others
+from sparsemor.plugins.sparse_solvers.gram import Move
 from sparsemor.plugins.sparse_solvers.hard_thresholding import Largest, Tolerance
+
+KEPT = 4
+"""Reasons kept at once: where two proposals are close to each other, they come in turn."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,8 +57,8 @@ class OfJoined:
         order: Largest, others: Others,
     ) -> "OfJoined":
         """gram, own (inverse on the support), inverse (k, k), all in whole."""
-        beside, k = np.concatenate(others.columns), len(lengths)
-        left = ((np.eye(k) - gram @ own) / lengths[:, None])[beside]
+        outside, k = np.concatenate(others.columns), len(lengths)
+        left = ((np.eye(k) - gram @ own) / lengths[:, None])[outside]
         ends = np.cumsum([0, *map(len, others.columns)]).tolist()
         weights = lengths[:, None]
         return cls(
@@ -82,3 +88,35 @@ class OfJoined:
             z = z - columns.dot(share)
             z[out] = 0.0
         return self.order.holds(np.abs(z), Tolerance(relative, absolute[1]))
+
+
+class Refusal(NamedTuple):
+    """The columns that are largest (order) in the least squares on all of them are the support's
+    own (move None), or fit no better: `kept`."""
+
+    kept: BoolArray
+    order: Largest
+    move: Move | None
+
+
+class Refusals:
+    """The last ones of one support and Gram matrix, the latest first."""
+
+    def __init__(self) -> None:
+        self._at: Quadratic | None = None
+        self._support: BoolArray | None = None
+        self.kept: list[Refusal] = []
+
+    def of(self, at: Quadratic, support: BoolArray) -> list[Refusal]:
+        same = self._at is not None and at.gram is self._at.gram and support is self._support
+        return self.kept if same else []
+
+    def remember(self, at: Quadratic, support: BoolArray, why: Refusal) -> None:
+        if not self.of(at, support):
+            self._at, self._support, self.kept = at, support, []
+        self.kept = [why, *self.kept[: KEPT - 1]]
+
+    def first(self, why: Refusal) -> None:
+        """It was met again."""
+        if why is not self.kept[0]:
+            self.kept = [why, *(k for k in self.kept if k is not why)]

@@ -25,10 +25,14 @@ from sparsemor.plugins.sparse_solvers.hard_thresholding import (
     reach,
 )
 from sparsemor.plugins.sparse_solvers.least_squares_on_support import EPS
-from sparsemor.plugins.sparse_solvers.optimality_certificates import OfAll, OfJoined
-from sparsemor.plugins.sparse_solvers.refusal import Refusal, Refusals
+from sparsemor.plugins.sparse_solvers.optimality_certificates import (
+    OfAll,
+    OfJoined,
+    Refusal,
+    Refusals,
+)
 
-TINY, UNTOLD = 1e-300, GramError(np.inf, np.inf)
+TINY, UNKNOWN = 1e-300, GramError(np.inf, np.inf)
 FEW_WAYS = 4
 """Proposals that may be meant and are still tried, all of them."""
 
@@ -63,7 +67,7 @@ class ExchangeScreen:
 
     def stays(self, at: Quadratic, support: BoolArray) -> bool:
         """See `core.protocols.sparse_solver.Screen`."""
-        if self._stands(at, support):
+        if self.stands(at, support):
             return True
         if not self.rule.everyone and self.joining.share(support) < 1.0:
             return False
@@ -92,7 +96,7 @@ class ExchangeScreen:
 
     def settle(self, at: Quadratic, support: BoolArray) -> BoolArray | None:
         """See `core.protocols.sparse_solver.Screen`."""
-        if self._stands(at, support):
+        if self.stands(at, support):
             return support
         found = self._settled(at, support)
         if found is None and at.exact is not None:
@@ -112,7 +116,7 @@ class ExchangeScreen:
                                        for g in self.groups])
             move = self.factors.move(at, support, kept)
             if move is None or None in found:
-                return UNTOLD
+                return UNKNOWN
             seen.append([f.sizes for f in found if f is not None])
             rises.append(move.rise(at))
         (a, _), (b, error) = rises
@@ -121,7 +125,7 @@ class ExchangeScreen:
                 for o, n in zip(*seen, strict=True) for g in self.groups),
             new.error.gram * abs(b - a) / max(error, TINY))
 
-    def _stands(self, at: Quadratic, support: BoolArray) -> bool:
+    def stands(self, at: Quadratic, support: BoolArray) -> bool:
         """Is one of the last reasons why the support stays true again?"""
         reasons = self.refusals.of(at, support)
         found = self._sizes(at, self.seen) if reasons else None

@@ -6,9 +6,8 @@ while it serves. Factorized again in each iteration it is the textbook method, t
 path.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.sparse import csc_array
@@ -16,34 +15,26 @@ from scipy.sparse.linalg import splu
 
 from sparsemor.core import (
     AssembledModel,
-    BoolArray,
     Csr,
-    Dictionary,
     FloatArray,
+    FrameWork,
     HasConstantMatrices,
     IntArray,
     Layout,
     NamesSource,
-    Note,
-    ResultantSource,
-    State,
-    StepFormula,
-    StepOutcome,
+    ReducedTerm,
     Term,
 )
 from sparsemor.core.model.equations import jacobian, residual
-from sparsemor.core.protocols.step_solver import resultant_sources
-from sparsemor.reducers.step.acceptance import Tolerances
-from sparsemor.reducers.step.newton.iteration import solve
-from sparsemor.reducers.step.newton.memory import NewtonMemory
-from sparsemor.reducers.step.rejection import Checked, checked, rejected_step
-from sparsemor.reducers.step.solver import Facts
+from sparsemor.reducers.full.superlu import factorize
+from sparsemor.reducers.step.newton.memory import Factor, NewtonMemory
+from sparsemor.reducers.step.rejection import Checked, checked
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Summed:
-    """The terms of a model: linear ones as K x + C v + M a + given(t), (n, n) csr; others one by
-    one. price: see `newton.Equations`."""
+    """The terms of a model: linear ones as K x + C v + M a + prescribed(t), (n, n) csr; others one
+    by one. price: see `newton.Equations`."""
 
     layout: Layout
     K: Csr
@@ -53,6 +44,7 @@ class Summed:
     others: tuple[Term, ...]
     named: tuple[tuple[str, frozenset[str]], ...]
     price: int
+    checks: tuple[Checked, ...] = ()
 
     @classmethod
     def of(cls, model: AssembledModel, price: int) -> "Summed":
@@ -68,40 +60,44 @@ class Summed:
         K = slope(zero, zero)
         return cls(layout, K, slope(one, zero) - K, slope(zero, one) - K, linear,
                    tuple(t for t in model.terms if not constant(t)),
-                   coupling(model), price)
+                   coupling(model), price, checked((t, t.columns) for t in model.terms))
 
-    def with_work(self) -> "Summed":
-        """Itself: its terms write to no arrays that are kept."""
+    @property
+    def terms(self) -> tuple[tuple[Term, IntArray], ...]:
+        return tuple((t, t.columns) for t in (*self.linear, *self.others))
+
+    def buffers(self) -> tuple[FrameWork, ...]:
+        """None: its terms write to no arrays that are kept."""
+        return ()
+
+    def of_run(self, memory: NewtonMemory) -> "Summed":
         return self
 
-    def given(self, t: float) -> FloatArray:
+    def prescribed(self, t: float) -> FloatArray:
         zero = np.zeros(self.layout.size)
         return residual(self.layout, self.linear, zero, zero, zero, t)
 
     def residual(
-        self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, given: FloatArray
+        self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, prescribed: FloatArray
     ) -> FloatArray:
         r = residual(self.layout, self.others, x, v, a, t)
-        r += self.K @ x + self.C @ v + given
+        r += self.K @ x + self.C @ v + prescribed
         if self.M.nnz:
             r += self.M @ a
         return r
 
     def jacobian(
         self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: FloatArray, c2: FloatArray
-    ) -> Any:
+    ) -> Csr:
         J = self.K + self.C * c1[None, :] + self.M * c2[None, :]
         if self.others:
             J = J + jacobian(self.layout, self.others, x, v, a, t, c1, c2).tocsr()
         return csc_array(J)
 
-    def factorize(self, J: Any) -> Any:
-        if self.price == 0:
-            return splu(J)
-        # the pattern is symmetric: ordered as such, with pivots off the diagonal where it is small,
-        # a factor costs a third and a solve a quarter
-        return splu(J, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.01,
-                    options={"SymmetricMode": True})
+    def factorize(self, J: Csr) -> Factor:
+        # pivots off the diagonal where it is small
+        factor: Factor = splu(J) if self.price == 0 else factorize(J, 0.01)
+        return factor
 
 
 def coupling(model: AssembledModel) -> tuple[tuple[str, frozenset[str]], ...]:
@@ -124,7 +120,7 @@ def touched(layout: Layout, rows: IntArray) -> frozenset[str]:
 
 
 def elements(
-    model: AssembledModel, terms: Sequence[Any], rows: Sequence[IntArray]
+    model: AssembledModel, terms: Sequence[Term | ReducedTerm], rows: Sequence[IntArray]
 ) -> dict[str, int]:
     """Reducible block -> elements that one evaluation of the terms visits for its rows."""
     found = {name: 0 for name in model.reducible()}
@@ -132,46 +128,3 @@ def elements(
         for name in touched(model.layout, at) & found.keys():
             found[name] += term.elements
     return found
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class GeneralStepper:
-    """StepSolver for a whole model, nothing reduced."""
-
-    model: AssembledModel
-    equations: Summed
-    tolerances: Tolerances
-    points: int
-    dictionaries: Mapping[str, Dictionary] = field(default_factory=dict)
-    rows: Mapping[str, IntArray] = field(default_factory=dict)
-    notes: tuple[Note, ...] = ()
-    facts: Facts = field(default_factory=dict)
-    checks: tuple[Checked, ...] = field(init=False)
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "checks", checked((t, t.columns) for t in self.model.terms))
-
-    @property
-    def layout(self) -> Layout:
-        return self.model.layout
-
-    @property
-    def elements_touched(self) -> Mapping[str, int]:
-        terms = self.model.terms
-        return elements(self.model, terms, [t.rows for t in terms])
-
-    def start(self, state: State) -> tuple[State, NewtonMemory]:
-        return state, NewtonMemory(state.x, self.points, len(self.layout.blocks))
-
-    def solve(self, step: StepFormula, memory: NewtonMemory) -> tuple[StepOutcome, NewtonMemory]:
-        outcome = solve(self.equations, step, memory, self.tolerances)
-        return rejected_step(outcome, self.checks, step, self.layout), memory
-
-    def resultant_sources(self, memory: NewtonMemory | None) -> tuple[ResultantSource, ...]:
-        return resultant_sources((t, t.columns) for t in self.model.terms)
-
-    def supports(self, memory: NewtonMemory) -> Mapping[str, BoolArray]:
-        return memory.supports
-
-    def counters(self, memory: NewtonMemory) -> Mapping[str, int]:
-        return memory.counters()

@@ -6,17 +6,18 @@ from typing import Literal
 from pydantic import Field
 
 from sparsemor.core import AssembledModel, HeatBody, Plugin, ReducedProblem, StepSolver
-from sparsemor.reducers.full.monolithic import GeneralStepper, Summed, coupling
+from sparsemor.reducers.full.monolithic import Summed, coupling, elements
+from sparsemor.reducers.notes import local_heat_notes, whole_step_notes
 from sparsemor.reducers.start_check import check_start
 from sparsemor.reducers.step.acceptance import Tolerances
-from sparsemor.reducers.step.coupled_reduced import reduced_general
+from sparsemor.reducers.step.coupled_reduced import ProjectedModel, reduced_general
 from sparsemor.reducers.step.elastic_block import ElasticBlock, FullElastic
 from sparsemor.reducers.step.newton.fallback import FullNewton
+from sparsemor.reducers.step.newton.stepper import NewtonStepper
 from sparsemor.reducers.step.prepare import constants, stepper
 from sparsemor.reducers.step.prescribed_frame_block import FullPrescribed, PrescribedBlock
 from sparsemor.reducers.step.thermal_block import FullHeat, HeatBlock, LocalAt
 from sparsemor.reducers.step.thermal_groups import full_group, group_name
-from sparsemor.reducers.unused_linear_solver import local_heat_notes, whole_step_notes
 
 
 def _alone(model: AssembledModel, b: HeatBody, c1: float) -> FullHeat:
@@ -51,16 +52,12 @@ class Full(Plugin):
         if model.separated.other:
             check_start(model, integrator, h)
         if self.method == "newton":
-            return GeneralStepper(
-                model, Summed.of(model, price=0), tol, self.predictor,
-                notes=whole_step_notes(model, "method: newton solves for all unknowns together"))
+            return self._whole(model, 0, "method: newton solves for all unknowns together")
         if model.separated.other:
             if not model.reducible():  # rigid bodies only: a few unknowns
-                return reduced_general(model, {}, {}, {}, tol, self.predictor)
+                return reduced_general(ProjectedModel(model), tol, self.predictor)
             names = ", ".join(sorted({n for n, _ in coupling(model) if n})) or "a term"
-            return GeneralStepper(
-                model, Summed.of(model, price=6), tol, self.predictor,
-                notes=whole_step_notes(model, f"{names} couples blocks inside the step"))
+            return self._whole(model, 6, f"{names} couples blocks inside the step")
         c1, c2, c1_first = constants(model.layout, integrator, h)
         heat: dict[str, HeatBlock] = {}
         elastic: dict[str, ElasticBlock | PrescribedBlock] = {}
@@ -84,3 +81,10 @@ class Full(Plugin):
         if made.iterating:  # chosen where a factor is too large
             return made
         return replace(made, newton=FullNewton(lambda: Summed.of(model, price=0), tol))
+
+    def _whole(self, model: AssembledModel, price: int, why: str) -> NewtonStepper:
+        """All unknowns together; price: see `Equations`; why: the reason, for notes."""
+        return NewtonStepper(
+            Summed.of(model, price), elements(model, model.terms, [t.rows for t in model.terms]),
+            Tolerances(self.remaining, self.max_iterations), self.predictor,
+            notes=whole_step_notes(model, why))

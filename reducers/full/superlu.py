@@ -9,11 +9,11 @@ from scipy.sparse.linalg import splu
 from sparsemor.core import Csr
 
 
-def factorize(matrix: Csr) -> Any:
-    """SuperLU with the ordering for symmetric patterns and no pivoting off the diagonal.
+def factorize(matrix: Csr, threshold: float = 0.0) -> Any:
+    """SuperLU with the ordering for symmetric patterns: half the time and fill of the default one.
 
-    The patterns are symmetric: half the time and fill of the default ordering. Raises RuntimeError
-    when the matrix is singular.
+    threshold: share of the largest entry of its column below which a diagonal entry is no pivot.
+    Raises RuntimeError when the matrix is singular.
     """
-    return splu(csc_array(matrix), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0,
+    return splu(csc_array(matrix), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=threshold,
                 options={"SymmetricMode": True})

@@ -12,7 +12,6 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 from pydantic import Field
-from scipy.linalg import lapack, solve_triangular
 
 from sparsemor.core import (
     AssembledModel,
@@ -30,31 +29,31 @@ from sparsemor.core import (
     Plugin,
     ReducedProblem,
     Slot,
-    SolveFailed,
-    Status,
     StepFactors,
-    StepSolver,
     chosen,
     slot_default,
 )
 from sparsemor.reducers.checks import pattern_faults
 from sparsemor.reducers.field_options import BASES
-from sparsemor.reducers.ineffective_options import shadowed_basis
+from sparsemor.reducers.notes import shadowed_basis
 from sparsemor.reducers.step.acceptance import Tolerances
-from sparsemor.reducers.step.coupled_reduced import Seen, reduced_general
+from sparsemor.reducers.step.coupled_reduced import (
+    ProjectedBlock,
+    ProjectedModel,
+    ReducedGeneral,
+    reduced_general,
+)
 from sparsemor.reducers.step.elastic_block import CompressedElastic
+from sparsemor.reducers.step.left_inverse import left_inverse
 from sparsemor.reducers.step.newton.equations import Equations
 from sparsemor.reducers.step.newton.fallback import FullNewton
 from sparsemor.reducers.step.operators import TestedElastic, TestedHeat, TestMap
 from sparsemor.reducers.step.prepare import constants, stepper
 from sparsemor.reducers.step.prescribed_frame_block import CompressedPrescribed
-from sparsemor.reducers.step.solver import Facts
+from sparsemor.reducers.step.solver import Facts, Stepper
 from sparsemor.reducers.step.thermal_block import CompressedHeat
 from sparsemor.reducers.step.thermal_groups import heat_groups
 from sparsemor.reducers.trial_bases import local_terms, trial_bases
-
-RANK_RTOL = 1e-14
-"""Reciprocal condition of a scaled block below which its atoms depend on each other."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -138,7 +137,7 @@ class ProjectionReducer(Plugin, ABC):
     def maps(self, block: Reducible) -> Maps:
         """The test maps of one block. InputError or SolveFailed where there are none."""
 
-    def seen(
+    def projected_model(
         self, model: AssembledModel, dictionaries: Mapping[str, Dictionary],
         offline: OfflineProducts, h: float
     ) -> tuple[AssembledModel, Mapping[str, Mapping[str, float | int | str]]]:
@@ -160,7 +159,7 @@ class ProjectionReducer(Plugin, ABC):
     def restart_refusal(self) -> str:
         return ""
 
-    def prepare(self, problem: ReducedProblem) -> StepSolver:
+    def prepare(self, problem: ReducedProblem) -> Stepper | ReducedGeneral:
         """Raises InputError where the scene does not suit, SolveFailed for dependent atoms."""
         model, integrator, h = problem.model, problem.integrator, problem.step
         offline, rng = problem.offline, problem.rng
@@ -171,9 +170,10 @@ class ProjectionReducer(Plugin, ABC):
         modes = self.in_modes(model, dictionaries)
         dictionaries |= {n: d for n, (d, _) in modes.items()}
         limits = {n: top * modes[n][1] if n in modes else top for n, top in limits.items()}
-        model, seen = self.seen(model, dictionaries, offline, h)
+        model, own_facts = self.projected_model(model, dictionaries, offline, h)
         own = dict(zip(dictionaries, rng.spawn(len(dictionaries)), strict=True))
-        maps, blocks = {}, {}
+        maps: dict[str, Maps] = {}
+        heat, elastic = {}, {}
 
         def mapped(name: str, source: HeatBody | MovingBody) -> Maps:
             linear = Linear.of(source, c1, c2, c1_first)
@@ -185,7 +185,8 @@ class ProjectionReducer(Plugin, ABC):
             m = mapped(b.thermal, b)
             th = TestedHeat.of(b, dictionaries[b.thermal], m.test, m.force)
             th = th.in_modes() if b.thermal in modes else th
-            blocks[b.thermal] = Seen(th, left_inverse(b.thermal, th.block(c1_first)), m.forces)
+            left = left_inverse(b.thermal, th.block(c1_first))
+            heat[b.thermal] = ProjectedBlock(th, left, m.forces)
         for body in model.separated.moving:
             if body.operators is None:
                 continue
@@ -194,68 +195,37 @@ class ProjectionReducer(Plugin, ABC):
                                   dictionaries.get(body.thermal), m.test, m.force,
                                   model.separated.rigid_equations)
             te = te.in_modes() if n in modes else te
-            blocks[n] = Seen(te, left_inverse(n, te.block(c1, c2)), m.forces)
+            elastic[n] = ProjectedBlock(te, left_inverse(n, te.block(c1, c2)), m.forces)
         rows = {n: m.rows for n, m in maps.items() if m.rows is not None}
         notes = (*shadowed_basis(self, model, self.bases),
                  *(note for m in maps.values() for note in m.notes))
-        facts = {**seen, **{n: m.facts for n, m in maps.items() if m.facts}}
+        facts = {**own_facts, **{n: m.facts for n, m in maps.items() if m.facts}}
+        projected = ProjectedModel(model, dictionaries, rows, heat, elastic)
         made = reduced_general if model.separated.other else partial(fast, (c1, c2, c1_first))
-        return made(model, dictionaries, rows, blocks,
-                    Tolerances(self.remaining, self.max_iterations), self.predictor, limits, notes,
-                    facts)
+        return made(projected, Tolerances(self.remaining, self.max_iterations), self.predictor,
+                    limits, notes, facts)
 
 
 def fast(
-    rates: tuple[float, float, float], model: AssembledModel,
-    dictionaries: Mapping[str, Dictionary],
-    rows: Mapping[str, IntArray], blocks: Mapping[str, Seen], tolerances: Tolerances, points: int,
-    limits: Mapping[str, float], notes: tuple[Note, ...], facts: Facts,
-) -> StepSolver:
+    rates: tuple[float, float, float], projected: ProjectedModel, tolerances: Tolerances,
+    points: int, limits: Mapping[str, float], notes: tuple[Note, ...], facts: Facts,
+) -> Stepper:
     """The step of a model whose blocks are solved one after the other."""
-    (c1, c2, c1_first), heat, elastic, tested = rates, {}, {}, {}
+    (c1, c2, c1_first), heat, model = rates, {}, projected.model
     for b in model.separated.heat:
-        s, d = blocks[b.thermal], dictionaries[b.thermal]
-        local = local_terms(model, b, d, s.wide(d)) if b.local else []
-        heat[b.thermal] = CompressedHeat.of(s.tested, s.left, None, c1_first, local)
+        n, p = b.thermal, projected.heat[b.thermal]
+        local = local_terms(model, b, projected.dictionaries[n], projected.wide(n)) if (
+            b.local) else []
+        heat[n] = CompressedHeat.of(p.tested, p.left, None, c1_first, local)
     kind = CompressedElastic if model.separated.border_size else CompressedPrescribed
-    for body in model.separated.moving:
-        if body.operators is not None:
-            s = blocks[body.elastic]
-            tested[body.elastic] = s.tested
-            elastic[body.elastic] = kind.of(s.tested, s.left, None)
-    layout = model.layout.resized({n: d.atoms.shape[1] for n, d in dictionaries.items()})
-    visited = {n: block.elements for n, block in heat.items()}
-    wide = {c.rows: blocks[c.rows].wide(dictionaries[c.rows]) for c in model.separated.couplings}
-    hot = heat_groups(model, heat, dictionaries, wide, c1_first)
-    made = stepper(model, layout, dictionaries, rows, hot, elastic, tolerances, points,
-                   len(heat) + len(elastic), (c1, c2), True, limits, notes, tested, facts, visited)
-
+    elastic = {n: kind.of(p.tested, p.left, None) for n, p in projected.elastic.items()}
+    wide = {c.rows: projected.wide(c.rows) for c in model.separated.couplings}
+    made = stepper(
+        model, projected.layout, projected.dictionaries, projected.rows,
+        heat_groups(model, heat, projected.dictionaries, wide, c1_first), elastic, tolerances,
+        points, len(heat) + len(elastic), (c1, c2), True, limits, notes,
+        {n: p.tested for n, p in projected.elastic.items()}, facts,
+        {n: block.elements for n, block in heat.items()})
     # made here, so that what steps does not hold the model
-    whole: Equations = reduced_general(
-        model, dictionaries, rows, blocks, tolerances, points).equations
+    whole: Equations = reduced_general(projected, tolerances, points).equations
     return replace(made, newton=FullNewton(lambda: whole, tolerances))
-
-
-def left_inverse(name: str, A: FloatArray, rtol: float = RANK_RTOL) -> FloatArray:
-    """(k, l) with left @ A = 1 for A (l, k), by least squares on unit columns where l > k.
-
-    Raises SolveFailed (rank deficient) naming the block `name` where the columns depend on each
-    other: an overcomplete dictionary has no unique coefficients.
-    """
-    rows, k = A.shape
-    if rows < k:
-        raise deficient(name, f"{k} atoms, {rows} rows")
-    norms = np.linalg.norm(A, axis=0)
-    if not norms.all():
-        raise deficient(name, f"{int((norms == 0).sum())} atoms vanish on its rows")
-    Q, R = np.linalg.qr(A / norms)
-    rcond = float(lapack.dtrcon(R)[0]) if k else 1.0
-    if not rcond > rtol:
-        raise deficient(
-            name, f"its {k} atoms depend on each other, reciprocal condition {rcond:.1e}: take "
-            "fewer atoms or merge near-duplicates")
-    return np.asarray(solve_triangular(R, Q.T) / norms[:, None], dtype=np.float64)
-
-
-def deficient(name: str, detail: str, sampled: bool = False) -> SolveFailed:
-    return SolveFailed(Status.RANK_DEFICIENT, 0.0, name, detail, sampled=sampled)

@@ -26,7 +26,8 @@ from sparsemor.core import (
 from sparsemor.core.linalg.svd import svd
 from sparsemor.core.model.initial_state import consistent_state
 from sparsemor.core.registry.returned_values import built_dictionary, sampled_rows
-from sparsemor.reducers.projection.base import Reducible, deficient
+from sparsemor.reducers.projection.base import Reducible
+from sparsemor.reducers.step.left_inverse import deficient
 
 FROM_ZERO = "their modes are counted from zero: take centred: false"
 DETERMINED = 1e-12

@@ -19,7 +19,7 @@ from sparsemor.core import (
     slot_default,
 )
 from sparsemor.reducers.checks import block_size, bound_of_atoms, pattern_faults
-from sparsemor.reducers.coverage import unsampled_loads
+from sparsemor.reducers.notes import unsampled_loads
 from sparsemor.reducers.projection.base import ProjectionReducer, Reducible
 from sparsemor.reducers.projection.force_snapshots import FROM_ZERO
 

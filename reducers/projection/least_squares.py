@@ -12,9 +12,10 @@ import numpy as np
 from sparsemor.core import Dictionary, FloatArray, InputError
 from sparsemor.core.linalg.svd import svd
 from sparsemor.core.model.factorizations import solved
-from sparsemor.reducers.projection.base import Maps, ProjectionReducer, Reducible, deficient
+from sparsemor.reducers.projection.base import Maps, ProjectionReducer, Reducible
 from sparsemor.reducers.projection.force_snapshots import choose_points, force_modes, interpolation
 from sparsemor.reducers.projection.interpolation import Interpolating
+from sparsemor.reducers.step.left_inverse import deficient
 from sparsemor.reducers.step.operators import TestMap
 
 Norm = Literal["rows", "energy"]

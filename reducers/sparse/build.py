@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Protocol
 
 from sparsemor.core import (
     AssembledModel,
@@ -13,65 +12,36 @@ from sparsemor.core import (
     IntArray,
     Note,
     OfflineProducts,
-    Preconditioner,
-    SolveFailed,
-    SparseSolver,
-    Status,
     StepFactors,
     StepSolver,
     chosen,
 )
 from sparsemor.core.protocols.sparse_solver import refusal
-from sparsemor.reducers.coverage import unsampled_loads
+from sparsemor.reducers.checks import unselectable, unselectable_blocks
+from sparsemor.reducers.notes import unsampled_loads
 from sparsemor.reducers.sparse.joint_problem import mechanics_needs, shape_needs
 from sparsemor.reducers.sparse.oblique_projection import checked_rows
-from sparsemor.reducers.sparse.preconditioned_rows import inverse_rows
+from sparsemor.reducers.sparse.options import SparseOptions
 from sparsemor.reducers.sparse.sampled_block import (
-    RankDeficient,
     Sampled,
     SampledElastic,
     SampledHeat,
-    left_inverse,
-    told,
+    inverse_rows,
+    on_support,
+    row_facts,
     weigh,
 )
-from sparsemor.reducers.sparse.sampled_coupled import sampled_general
 from sparsemor.reducers.sparse.stepper import SparseStepper
-from sparsemor.reducers.step.acceptance import Tolerances
-from sparsemor.reducers.step.operator_rows import elastic_rows, elastic_times, heat_rows, heat_times
+from sparsemor.reducers.step.coupled_reduced import (
+    ProjectedBlock,
+    ProjectedModel,
+    ReducedGeneral,
+    reduced_general,
+)
 from sparsemor.reducers.step.operators import TestedElastic, TestedHeat, TestMap
 from sparsemor.reducers.step.prepare import stepper
-from sparsemor.reducers.step.solver import Stepper
+from sparsemor.reducers.step.solver import Facts, Stepper
 from sparsemor.reducers.step.thermal_groups import heat_groups
-
-
-class Options(Protocol):
-    """The options of the reducer that are read here."""
-
-    @property
-    def preconditioner(self) -> Preconditioner: ...
-    @property
-    def preconditioned(self) -> tuple[str, ...]: ...
-    @property
-    def solver(self) -> SparseSolver: ...
-    def preconditions(self, name: str) -> bool:
-        """True if the rows of a block are those of its residual times D^-1."""
-        ...
-
-    @property
-    def every(self) -> int: ...
-    @property
-    def carried(self) -> bool: ...
-    @property
-    def polish(self) -> bool: ...
-    @property
-    def screen(self) -> bool: ...
-    @property
-    def predictor(self) -> int: ...
-    @property
-    def remaining(self) -> float: ...
-    @property
-    def max_iterations(self) -> int: ...
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -100,7 +70,7 @@ class Build:
 
     model: AssembledModel
     offline: OfflineProducts | None
-    options: Options
+    options: SparseOptions
     dictionaries: Mapping[str, Dictionary]
     limits: Mapping[str, float]
     atoms: Mapping[str, int | None]
@@ -121,34 +91,59 @@ class Build:
         facts: dict[str, Mapping[str, float | int | str]] = {}
         notes = list(self.notes)
         _, c1, c2, c1_first = self.step
-        driven = not self.model.separated.border_size
+        prescribed = not self.model.separated.border_size
         for b in self.model.separated.heat:
             n = b.thermal
-            th = (heat_rows(known.heat[n], rows[n]) if (known := self._known(whole, n)) else
+            source = self._source(whole, n)
+            th = (source.heat[n].under(TestMap(rows[n])) if source is not None else
                   TestedHeat.of(b, self.dictionaries[n], self._map(n, rows[n])))
             block, facts[n] = self._block(n, rows[n], th.block(c1_first), notes)
-            heat[n] = SampledHeat.of(block, heat_times(block.weight, th), self.model, b, c1_first)
+            th = th.under(TestMap(left=block.weight))
+            heat[n] = SampledHeat.of(block, th, self.model, b, c1_first)
         for m in self.model.separated.moving:
             if m.operators is None:
                 continue
             n = m.elastic
-            te = (elastic_rows(known.elastic[n], rows[n]) if (known := self._known(whole, n)) else
+            source = self._source(whole, n)
+            te = (source.elastic[n].under(TestMap(rows[n])) if source is not None else
                   TestedElastic.of(m.operators, m.frame, self.dictionaries[n],
                                    self.dictionaries.get(m.thermal), self._map(n, rows[n]),
                                    rigid=self.model.separated.rigid_equations))
             block, facts[n] = self._block(n, rows[n], te.block(c1, c2), notes)
-            elastic[n] = SampledElastic.of(block, elastic_times(block.weight, te), driven)
-        chooses = any(h.block.selects for h in heat.values()) or any(
-            e.block.selects for e in elastic.values())
-        apart = self.model.separated
-        if apart.other or (chooses and (apart.couplings or apart.elastic_local)):
-            return sampled_general(
-                self.model, self.dictionaries, self.limits, rows, {**heat, **elastic},
-                {n: self._map(n, r) for n, r in rows.items()}, self.options,
-                (*unsampled_loads(self.model, rows), *notes), facts)
+            elastic[n] = SampledElastic.of(block, te.under(TestMap(left=block.weight)), prescribed)
+        sampled = [*(h.block for h in heat.values()), *(e.block for e in elastic.values())]
+        choosing = {block.name for block in sampled if block.selects}
+        if self.model.separated.other or choosing & unselectable_blocks(self.model):
+            return self._coupled(rows, heat, elastic, facts, notes)
         return self._stepper(rows, heat, elastic, facts, row_set, notes)
 
-    def _known(self, whole: Whole | None, name: str) -> Whole | None:
+    def _coupled(
+        self, rows: Mapping[str, IntArray], heat: Mapping[str, SampledHeat],
+        elastic: Mapping[str, SampledElastic], facts: Facts, notes: list[Note],
+    ) -> ReducedGeneral:
+        """The general path: least squares of a block's rows as in the fast one. InputError where a
+        budget leaves a choice of atoms."""
+        blocks = {n: s.block for n, s in heat.items()} | {
+            n: s.block for n, s in elastic.items()}
+        faults = [Fault("reducer.budgets", unselectable(self.model, n, b.budget, b.atoms))
+                  for n, b in blocks.items() if b.selects]
+        if faults:
+            raise InputError(faults)
+
+        def weighted(name: str) -> TestMap:
+            P, m = blocks[name].weight, self._map(name, rows[name])
+            return m if P is None else TestMap(m.rows, P if m.left is None else P @ m.left)
+
+        projected = ProjectedModel(
+            self.model, self.dictionaries, rows,
+            {n: ProjectedBlock(s.tested, s.block.left(None), weighted(n)) for n, s in heat.items()},
+            {n: ProjectedBlock(s.tested, s.block.left(None), weighted(n))
+             for n, s in elastic.items()})
+        return reduced_general(
+            projected, self.options.tolerances, self.options.predictor, self.limits,
+            (*unsampled_loads(self.model, rows), *notes), facts)
+
+    def _source(self, whole: Whole | None, name: str) -> Whole | None:
         """Source of the rows of a block: those of D^-1 r are not stored for all."""
         return None if self.options.preconditions(name) else whole
 
@@ -171,13 +166,13 @@ class Build:
             P = weigh(self.offline, self.options.preconditioner, name, B)
         block = Sampled(name, self.dictionaries[name], rows, self.atoms[name] or B.shape[1],
                         B if P is None else P @ B, P)
-        seen = {} if self.offline is None else dict(told(B, P))
+        measured = {} if self.offline is None else dict(row_facts(B, P))
         error = None if self.offline is None else checked_rows(
             self.model, self.offline, block, self._map(name, rows), self.step)
         if error is not None:
-            seen["row_error"] = error.rows
+            measured["row_error"] = error.rows
             notes += [note for note in (error.note(block),) if note is not None]
-        return block, {"residual": "preconditioned", **seen} if inverted else seen
+        return block, {"residual": "preconditioned", **measured} if inverted else measured
 
     def _stepper(
         self, rows: Mapping[str, IntArray], heat: Mapping[str, SampledHeat],
@@ -185,31 +180,27 @@ class Build:
         facts: Mapping[str, Mapping[str, float | int | str]], row_set: int, notes: list[Note],
     ) -> Stepper | SparseStepper:
         """Blocks without a choice to make are prepared here, once."""
-        try:
-            hot = {n: h.prepared(None) for n, h in heat.items() if not h.block.selects}
-            bent = {n: e.prepared(None) for n, e in elastic.items() if not e.block.selects}
-        except RankDeficient as error:
-            raise SolveFailed(Status.RANK_DEFICIENT, 0.0, error.block, error.detail,
-                              sampled=True) from None
+        fixed_heat = {n: h.prepared(None) for n, h in heat.items() if not h.block.selects}
+        fixed_elastic = {n: e.prepared(None) for n, e in elastic.items() if not e.block.selects}
         # D^-1 brings every load to every row
         plain = {n: r for n, r in rows.items() if not self.options.preconditions(n)}
         wide = {c.rows: self._wide(heat[c.rows]) for c in self.model.separated.couplings}
-        visited = {n: block.elements for n, block in hot.items()}
-        groups = hot if not wide else heat_groups(
-            self.model, hot, self.dictionaries, wide, self.step.c1_first)
+        visited = {n: block.elements for n, block in fixed_heat.items()}
+        groups = fixed_heat if not wide else heat_groups(
+            self.model, fixed_heat, self.dictionaries, wide, self.step.c1_first)
         o, sizes = self.options, {n: d.atoms.shape[1] for n, d in self.dictionaries.items()}
-        fixed = len(hot) == len(heat) and len(bent) == len(elastic)
+        fixed = len(fixed_heat) == len(heat) and len(fixed_elastic) == len(elastic)
         base = stepper(
-            self.model, self.model.layout.resized(sizes), self.dictionaries, rows, groups, bent,
-            Tolerances(o.remaining, o.max_iterations), o.predictor, len(hot) + len(bent),
+            self.model, self.model.layout.resized(sizes), self.dictionaries, rows, groups,
+            fixed_elastic, o.tolerances, o.predictor, len(fixed_heat) + len(fixed_elastic),
             (self.step.c1, self.step.c2), fixed and self.offline is not None, self.limits,
             (*unsampled_loads(self.model, plain), *notes),
             {n: e.tested for n, e in elastic.items()}, facts, visited)
         if fixed:
             return base
         # elastic blocks are selected in one joint problem: all of them take part in it
-        choosing = {} if len(bent) == len(elastic) else elastic
-        warm = {n: h for n, h in heat.items() if n not in hot}
+        choosing = {} if len(fixed_elastic) == len(elastic) else elastic
+        warm = {n: h for n, h in heat.items() if n not in fixed_heat}
         self._refuse(warm, choosing, base)
         return SparseStepper(base, warm, choosing, o.solver, o.every, o.carried, o.polish,
                              o.screen, row_set)
@@ -218,7 +209,7 @@ class Build:
         """(k, n): the left inverse of a block's sampled rows times the map of its forces."""
         block = source.block
         m, P = self._map(block.name, block.rows), block.weight
-        left = left_inverse(block.name, source.reached[1], None)
+        left = on_support(block.name, source.reached[1], None)
         return m.times(left if P is None else left @ P, len(block.dictionary.offset))
 
     def _refuse(

@@ -20,17 +20,18 @@ from scipy.linalg import blas, lapack
 
 from sparsemor.core import FloatArray
 from sparsemor.reducers.sparse.joint_problem import BORDER
-from sparsemor.reducers.sparse.sampled_residual import Seen
-from sparsemor.reducers.sparse.screen_rows import diagonal, squares
+from sparsemor.reducers.sparse.sampled_residual import SampledBody
+from sparsemor.reducers.sparse.screen_rows import diagonal
 from sparsemor.reducers.step.condensed_newton import Mechanics
 from sparsemor.reducers.step.iteration_state import Workspace
+from sparsemor.reducers.step.left_inverse import squares
 
 
 class Constants:
     """Side by side: B (m, k) with columns over `lengths` (k,), P (m, p), F (p, k) over the same,
     and their Gram products."""
 
-    def __init__(self, bodies: Sequence[Seen]) -> None:
+    def __init__(self, bodies: Sequence[SampledBody]) -> None:
         self.numbers = [s.number for s in bodies]
         B, self.P = diagonal([s.B for s in bodies]), diagonal([s.P for s in bodies])
         self.squares = squares(B)

@@ -1,7 +1,7 @@
 """Does an exchange of atoms pay in this step? Asked before the sparse solver is run.
 
 Heat is linear: its screen is exact. Mechanics: the rows are linear once the border is eliminated
-(eliminated.py). How that is done changes slowly: it is recomputed where a decision is too close,
+(condensed rows). How that is done changes slowly: it is recomputed where a decision is too close,
 and after a time that is measured each time it is recomputed.
 """
 
@@ -23,7 +23,7 @@ from sparsemor.core import (
 )
 from sparsemor.reducers.sparse.condensed_rows import Constants, Eliminated
 from sparsemor.reducers.sparse.sampled_block import SampledElastic, SampledHeat
-from sparsemor.reducers.sparse.sampled_residual import Seen
+from sparsemor.reducers.sparse.sampled_residual import SampledBody
 from sparsemor.reducers.sparse.screen_rows import Together, joined
 from sparsemor.reducers.sparse.thermal_screen import HeatScreen
 from sparsemor.reducers.step.condensed_newton import Mechanics
@@ -56,14 +56,14 @@ class ElasticScreen:
         self, mechanics: Mechanics, elastic: Mapping[str, SampledElastic], layout: Layout,
         solver: ScreensSupport,
     ) -> None:
-        self.bodies = [Seen(i, elastic[b.elastic_name]) for i, b in enumerate(mechanics.bodies)
-                       if b.elastic_name in elastic]
+        self.bodies = [SampledBody(i, elastic[b.elastic_name])
+                       for i, b in enumerate(mechanics.bodies) if b.elastic_name in elastic]
         groups: list[Group] = []
         for s in self.bodies:
             start = groups[-1].stop if groups else 0
             groups.append(Group(s.name, start, start + s.k, s.budget))
         self.groups, self.together = tuple(groups), Together(groups)
-        self.places = joined([layout[g.name] for g in groups])
+        self.columns = joined([layout[g.name] for g in groups])
         self.still = Constants(self.bodies)
         rows = sum(s.problem_rows for s in self.bodies)
         self.screen = solver.screen(groups, self.still.seen, rows)
@@ -77,16 +77,16 @@ class ElasticScreen:
     ) -> dict[str, BoolArray] | None:
         """The supports where the solver would end from the solution x of a step, {} if those
         before; None if it cannot be determined."""
-        look = Look(self, step, x, mechanics, work)
+        at_solution = RowsAtSolution(self, step, x, mechanics, work)
         support, found = self.together.of(before), None
         if self.kept is not None and self.since < step.t < self.until:
-            found = self.screen.settle(look.around(self.kept, self._aged(step.t)), support)
+            found = self.screen.settle(at_solution.around(self.kept, self._aged(step.t)), support)
         if found is None:
             new = Eliminated.of(mechanics, work, self.still)
             if new is None:
                 return None
-            at = look.around(new, ROUGH)
-            self._renew(new, at, look, support, step.t)
+            at = at_solution.around(new, ROUGH)
+            self._renew(new, at, at_solution, support, step.t)
             found = self.screen.settle(at, support)
         self.asked = step.t
         if found is None or found is support:
@@ -94,7 +94,8 @@ class ElasticScreen:
         return {g.name: found[g.start : g.stop] for g in self.groups}
 
     def _renew(
-        self, new: Eliminated, at: Quadratic, look: "Look", support: BoolArray, t: float
+        self, new: Eliminated, at: Quadratic, at_solution: "RowsAtSolution", support: BoolArray,
+        t: float,
     ) -> None:
         """Keeps what was made in the step to t, for as long as the last one would have lasted."""
         old, age, step, lasts = self.kept, t - self.since, t - self.asked, 0.0
@@ -102,7 +103,7 @@ class ElasticScreen:
         if self.immobile > 0:
             self.immobile -= 1
         elif old is not None and age > 0.0:
-            unlike = self.screen.unlike(look.around(old, AGED), at, support)
+            unlike = self.screen.unlike(at_solution.around(old, AGED), at, support)
             self.rate = GramError(*(CARE * u / age for u in unlike))
             lasts = min(GROWTH * age, OLDEST * step, *(
                 a / max(u, TINY) for a, u in zip(AGED, self.rate, strict=True)))
@@ -118,7 +119,7 @@ class ElasticScreen:
         return GramError(ROUGH.sizes + age * rate.sizes, ROUGH.gram + age * rate.gram)
 
 
-class Look:
+class RowsAtSolution:
     """The sampled rows at the solution x of a step that `mechanics` has just solved."""
 
     def __init__(
@@ -129,7 +130,7 @@ class Look:
         assert loop is not None
         self.screen, self.work, self.t, self.y = screen, work, step.t, loop.y
         self.r = np.concatenate([s.residual(step, x, mechanics, work) for s in screen.bodies])
-        self.c = x[screen.places] * screen.still.lengths
+        self.c = x[screen.columns] * screen.still.lengths
 
     def around(self, e: Eliminated, error: GramError) -> Quadratic:
         """With the border eliminated by e, which may be older than the step."""

@@ -5,7 +5,7 @@ the support that follows. Mechanics: the sampled rows of all elastic blocks with
 one problem; rigid coordinates and multipliers are a group without
 a budget. Rows are scaled to compare: elastic ones by their block's size, border rows by their own
 and by BORDER, because they are equations that have to hold and not a sample of many. Sampled rows
-come turned into few (compact.py), which changes neither norms nor solutions.
+come turned into few (row_compression.py), which changes neither norms nor solutions.
 """
 
 from collections.abc import Sequence
@@ -14,12 +14,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from sparsemor.core import FloatArray, FrameWork, Group, StepFormula
-from sparsemor.core.protocols.load_tables import total
-from sparsemor.core.protocols.separable import evaluate_amplitudes
 from sparsemor.reducers.sparse.sampled_block import SampledElastic, SampledHeat
 from sparsemor.reducers.step.condensed_newton import Mechanics
-from sparsemor.reducers.step.frame_step import BodyStep
+from sparsemor.reducers.step.frame_step import BodyStep, buffers
 from sparsemor.reducers.step.operators import TestedElastic
+from sparsemor.reducers.step.time_tables import plus_loads
 
 Few = tuple[TestedElastic, FloatArray]
 BORDER = 10.0
@@ -52,11 +51,7 @@ class HeatProblem:
     @classmethod
     def at(cls, s: SampledHeat, r1: FloatArray, t: float) -> "HeatProblem":
         T, J = s.few
-        b = T.constant - T.capacity @ r1
-        if T.amplitudes:
-            b = b + T.loads @ evaluate_amplitudes(T.amplitudes, t)
-        if T.tables:
-            b = b + total(T.tables, t)
+        b = plus_loads(T.constant - T.capacity @ r1, T, t)
         size = float(np.linalg.norm(J, axis=0).max())
         group = Group(s.block.name, 0, J.shape[1], s.block.budget)
         return cls((group,), J / size, b / size, shape_needs(*s.block.B.shape))
@@ -69,7 +64,7 @@ class HeatProblem:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Place:
+class BodyInProblem:
     """A body in the problem: its sampled block (None: rigid), columns, rows and row scale."""
 
     body: BodyStep
@@ -88,15 +83,16 @@ class MechanicsProblem:
         x: FloatArray,
     ) -> None:
         self.mechanics, self.step, self.x = mechanics, step, x
-        self.places: list[Place] = []
+        self.members: list[BodyInProblem] = []
         groups, k, m = [], 0, 0
         for body, s in zip(mechanics.bodies, sampled, strict=True):
             if s is None:
-                self.places.append(Place(body, None, slice(0, 0), slice(0, 0), 1.0, np.zeros(0)))
+                self.members.append(
+                    BodyInProblem(body, None, slice(0, 0), slice(0, 0), 1.0, np.zeros(0)))
                 continue
             rows, atoms = s.few[1].shape
             size = float(np.linalg.norm(s.few[1], axis=0).max())
-            self.places.append(Place(
+            self.members.append(BodyInProblem(
                 body, s.few, slice(k, k + atoms), slice(m, m + rows), 1 / size,
                 _history(s.few[0], body, step, x)))
             groups.append(Group(s.block.name, k, k + atoms, s.block.budget))
@@ -112,7 +108,7 @@ class MechanicsProblem:
     def start(self) -> FloatArray:
         """The predicted state as a first guess."""
         nr = self.mechanics.n_rigid
-        parts = [self.x[p.body.elastic] for p in self.places if p.few is not None]
+        parts = [self.x[p.body.elastic] for p in self.members if p.few is not None]
         return np.concatenate([*parts, self.x[:nr], self.x[self.mechanics.algebraic]])
 
     def residual(self, c: FloatArray) -> FloatArray:
@@ -134,7 +130,7 @@ class MechanicsProblem:
             r[self.m + i] -= f(step.t)
         rates = np.zeros((2, me.size))
         rates[:, : me.n_rigid] = step.r1[: me.n_rigid], step.r2[: me.n_rigid]
-        for p in self.places:
+        for p in self.members:
             w = self._evaluate(p, c[p.columns], y, rates)
             T = p.body.to_border
             r[self.m :] += w.border[:, -1] @ T
@@ -152,38 +148,29 @@ class MechanicsProblem:
         return r, J
 
     def _evaluate(
-        self, p: Place, c: FloatArray, y: FloatArray, rates: FloatArray
+        self, p: BodyInProblem, c: FloatArray, y: FloatArray, rates: FloatArray
     ) -> FrameWork:
-        step, f, T = self.step, p.body.frame, p.body.to_border
-        w = FrameWork(f.p, f.border, f.generators)
+        step, T = self.step, p.body.to_border
+        w, = buffers([p.body.frame])
         c1, c2 = step.c1, step.c2
-        given = p.body.given(step.t)
-        yb = T @ y + given[0]
-        v, a = T @ (c1 * y + rates[0]) + given[1], T @ (c2 * y + rates[1]) + given[2]
+        motion = p.body.border_motion(step.t)
+        yb = T @ y + motion[0]
+        v, a = T @ (c1 * y + rates[0]) + motion[1], T @ (c2 * y + rates[1]) + motion[2]
         if not self.border:  # nothing rigid to solve for, and so no equations of it
-            f.drive(yb, v, a, c1, c2, step.t, w)
+            p.body.frame.drive(yb, v, a, c1, c2, step.t, w)
             return w
-        if p.few is None:
-            none = np.zeros(0)
-            f.evaluate(yb, v, a, c1, c2, none, none, none, none, none, step.t, w)
-            return w
-        at, F, Q = p.body.elastic, p.few[0].functional, p.few[0].quadratic
-        r1, r2 = step.r1[at], step.r2[at]
-        form, forms = Q @ c @ c, np.concatenate([Q @ r1 @ c, Q @ r2 @ c])
-        f.evaluate(yb, v, a, c1, c2, F @ c, F @ r1, F @ r2, form, forms, step.t, w)
+        at = p.body.elastic
+        p.body.evaluate(yb, v, a, c1, c2, None if p.few is None else p.few[0], c, step.r1[at],
+                        step.r2[at], step.t, w)
         return w
 
 
 def _history(
     t: TestedElastic, body: BodyStep, step: StepFormula, x: FloatArray
 ) -> FloatArray:
-    """Rows that do not change in the step: inertia and damping history, heat, given loads."""
+    """Rows that do not change in the step: inertia and damping history, heat, loads."""
     at = body.elastic
     h = t.mass @ step.r2[at] + t.damping @ step.r1[at] + t.constant
     if t.coupling.size:
         h = h - t.coupling @ x[body.thermal]
-    if t.amplitudes:
-        h = h - t.loads @ evaluate_amplitudes(t.amplitudes, step.t)
-    if t.tables:
-        h = h - total(t.tables, step.t)
-    return np.asarray(h)
+    return plus_loads(h, t, step.t, -1.0)

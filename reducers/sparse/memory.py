@@ -1,59 +1,66 @@
 """Step memory of a reduced model that selects atoms."""
 
 from collections.abc import Callable
-from typing import Any, Self
+from dataclasses import dataclass, field, replace
+from typing import Self, TypeAlias, TypeVar
 
-from sparsemor.core import FloatArray
 from sparsemor.reducers.sparse.elastic_screen import Screens
-from sparsemor.reducers.step.iteration_state import Workspace
-from sparsemor.reducers.step.solver import Memory, Stepper
+from sparsemor.reducers.step.elastic_block import CompressedElastic
+from sparsemor.reducers.step.memory import Memory
+from sparsemor.reducers.step.prescribed_frame_block import CompressedPrescribed
+from sparsemor.reducers.step.solver import Stepper
+from sparsemor.reducers.step.thermal_block import CompressedHeat
 
 KEPT = 64
 """Prepared supports kept per run: a support often comes back."""
+ElasticPart: TypeAlias = CompressedElastic | CompressedPrescribed
+Supports: TypeAlias = tuple[int, str, bytes]
+"""Number of the set of rows, block ("" for all together), and its support."""
+K = TypeVar("K")
+T = TypeVar("T")
 
 
+@dataclass(eq=False, kw_only=True)
 class SparseMemory(Memory):
-    """Adds the stepper of the current supports; prepared arrays are rebuilt after a restart.
+    """Adds the stepper of the current supports, and what was prepared for others, by supports.
+    All of that is rebuilt after a restart."""
 
-    Keys of what is kept begin with the number of the set of rows.
-    """
+    step: int = 0
+    heat: dict[Supports, CompressedHeat] = field(default_factory=dict)
+    elastic: dict[Supports, ElasticPart] = field(default_factory=dict)
+    steppers: dict[Supports, Stepper] = field(default_factory=dict)
+    screens: dict[int, Screens | None] = field(default_factory=dict)
+    current: Stepper | None = None
 
-    def __init__(self, x: FloatArray, points: int, work: Workspace) -> None:
-        super().__init__(x, points, work)
-        self.step = 0
-        self.prepared: dict[tuple[int, str, bytes], Any] = {}
-        self.screens: dict[int, Screens | None] = {}
-        self.steppers: dict[tuple[int, bytes], Stepper] = {}
-        self.current: Stepper | None = None
-
-    def __getstate__(self) -> dict[str, Any]:
-        prepared: dict[str, Any] = {"prepared": {}, "screens": {}, "steppers": {}, "current": None}
-        return {**super().__getstate__(), **prepared}
+    def __getstate__(self) -> dict[str, object]:
+        return {**super().__getstate__(), "heat": {}, "elastic": {}, "screens": {},
+                "steppers": {}, "current": None}
 
     def copy(self) -> Self:
         """Separate memory of the same state. What was prepared for supports does not change and is
         shared; screens do, and are made again from the state, as after a restart."""
-        other = super().copy()
-        other.prepared, other.steppers, other.screens = dict(self.prepared), dict(self.steppers), {}
-        return other
+        return replace(super().copy(), heat=dict(self.heat), elastic=dict(self.elastic),
+                       steppers=dict(self.steppers), screens={})
 
-    def forget(self) -> None:
-        """Everything that was prepared for supports: the rows are others now."""
-        self.prepared, self.screens, self.steppers, self.current = {}, {}, {}, None
+    def rows_changed(self, fresh: bool) -> None:
+        """Drops what was prepared for supports on the rows before, unless these come back."""
+        self.current = None
+        if fresh:
+            self.heat, self.elastic, self.screens, self.steppers = {}, {}, {}, {}
 
-    def kept(self, key: tuple[int, str, bytes], make: Callable[[], Any]) -> Any:
-        """Prepared arrays, made when they are not there; the oldest go when there are many."""
-        if key not in self.prepared:
-            if len(self.prepared) >= KEPT:
-                self.prepared.pop(next(iter(self.prepared)))
-            self.prepared[key] = make()
+    def counted_part(self, kept: dict[Supports, T], key: Supports, make: Callable[[], T]) -> T:
+        """As `kept_or_made`, counted as a factorization where it is made."""
+        def made() -> T:
             self.factorizations += 1
-        return self.prepared[key]
+            return make()
 
-    def stepper(self, key: tuple[int, bytes], make: Callable[[], Stepper]) -> Stepper:
-        """The same for whole steppers, by all supports together."""
-        if key not in self.steppers:
-            if len(self.steppers) >= KEPT:
-                self.steppers.pop(next(iter(self.steppers)))
-            self.steppers[key] = make()
-        return self.steppers[key]
+        return kept_or_made(kept, key, made)
+
+
+def kept_or_made(kept: dict[K, T], key: K, make: Callable[[], T]) -> T:
+    """The entry of a key, made where there is none; the oldest one goes where there are many."""
+    if key not in kept:
+        if len(kept) >= KEPT:
+            kept.pop(next(iter(kept)))
+        kept[key] = make()
+    return kept[key]

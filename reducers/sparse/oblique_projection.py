@@ -19,7 +19,7 @@ from sparsemor.core import (
 from sparsemor.core.linalg.least_squares import coefficients
 from sparsemor.core.results.error_norms import CONSTANT
 from sparsemor.core.simulation.diagnostics.expected_states import expected_states
-from sparsemor.reducers.sparse.sampled_block import RankDeficient, Sampled, left_inverse
+from sparsemor.reducers.sparse.sampled_block import Sampled
 from sparsemor.reducers.step.operators import TestMap
 
 SAMPLED_ROWS = "sampled_rows"
@@ -77,8 +77,8 @@ def row_error(
         groups = [(np.sort(order[:, i]), x[:, [i]], c[:, [i]]) for i in range(x.shape[1])]
     for support, part, own in groups:
         try:
-            left = left_inverse(block.name, block.B, support)
-        except RankDeficient:
+            left = block.left(support)
+        except SolveFailed:
             return None
         atoms = A if support is None else A[:, support]
         rest = part - atoms @ (own if support is None else own[support])

@@ -2,8 +2,8 @@
 
 from collections.abc import Callable, Mapping
 from copy import deepcopy
-from dataclasses import dataclass
-from typing import Any, Self
+from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 
@@ -16,10 +16,11 @@ from sparsemor.core import (
     SolveFailed,
     State,
     StepFormula,
+    StepMemory,
     StepOutcome,
     StepSolver,
 )
-from sparsemor.reducers.sparse.memory import SparseMemory
+from sparsemor.reducers.step.memory import RunMemory
 
 Streams = Mapping[str, np.random.Generator]
 Draw = Callable[[Streams], Mapping[str, IntArray]]
@@ -32,25 +33,24 @@ def branched(streams: Streams) -> dict[str, np.random.Generator]:
     return {n: np.random.default_rng(s.integers(2**63, size=2)) for n, s in streams.items()}
 
 
+@dataclass(eq=False)
 class ResampledMemory:
     """inner: of the solver in use; turn: how often rows changed; fresh rows: what they are, the
     streams that the next are drawn from, and their solver, which is rebuilt after a restart."""
 
-    def __init__(self, inner: Any, streams: Streams) -> None:
-        self.inner, self.step, self.turn = inner, 0, 0
-        self.streams = deepcopy(dict(streams))
-        self.rows: Mapping[str, IntArray] | None = None
-        self.current: StepSolver | None = None
+    inner: RunMemory
+    streams: Streams
+    step: int = 0
+    turn: int = 0
+    rows: Mapping[str, IntArray] | None = None
+    current: StepSolver | None = None
 
-    def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "current": None}
+    def __getstate__(self) -> dict[str, object]:
+        return {**vars(self), "current": None}
 
     def copy(self) -> Self:
         """Separate memory of the same state; the solver of the rows in use is shared."""
-        other = self.__class__.__new__(self.__class__)
-        other.__dict__.update(
-            self.__dict__, inner=self.inner.copy(), streams=deepcopy(self.streams))
-        return other
+        return replace(self, inner=self.inner.copy(), streams=deepcopy(self.streams))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,8 +71,8 @@ class Resampled(AroundSteps[StepSolver]):
     @property
     def elements_touched(self) -> Mapping[str, int]:
         """Of the set of rows that touches most."""
-        told = [s.elements_touched for s in self.sets]
-        return {name: max(t[name] for t in told) for name in told[0]}
+        touched = [s.elements_touched for s in self.sets]
+        return {name: max(t[name] for t in touched) for name in touched[0]}
 
     @property
     def notes(self) -> tuple[Note, ...]:
@@ -81,7 +81,7 @@ class Resampled(AroundSteps[StepSolver]):
 
     def start(self, state: State) -> tuple[State, ResampledMemory]:
         reduced, inner = self.base.start(state)
-        return reduced, ResampledMemory(inner, self.streams)
+        return reduced, ResampledMemory(inner, deepcopy(dict(self.streams)))
 
     def solve(
         self, step: StepFormula, memory: ResampledMemory
@@ -102,11 +102,7 @@ class Resampled(AroundSteps[StepSolver]):
         memory.turn += 1
         if self.draw is not None:
             memory.rows, memory.current = self.draw(branched(memory.streams)), None
-        inner = memory.inner
-        if isinstance(inner, SparseMemory):
-            inner.current = None
-            if self.draw is not None:
-                inner.forget()
+        memory.inner.rows_changed(fresh=self.draw is not None)
 
     def at_rows(self, memory: ResampledMemory) -> StepSolver:
         """The solver on the rows that `memory` is at."""
@@ -116,7 +112,7 @@ class Resampled(AroundSteps[StepSolver]):
             memory.current = self.fresh(memory.rows, memory.turn)
         return memory.current
 
-    def frozen(self, memory: ResampledMemory) -> tuple[Any, Any]:
+    def frozen(self, memory: ResampledMemory) -> tuple[StepSolver, StepMemory]:
         """The solver on the rows and supports that `memory` is at, and its memory."""
         solver, inner = self.at_rows(memory), memory.inner
         return solver.frozen(inner) if isinstance(solver, FreezesSupport) else (solver, inner)

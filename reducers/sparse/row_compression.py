@@ -13,8 +13,7 @@ import numpy as np
 from scipy import linalg
 
 from sparsemor.core import FloatArray
-from sparsemor.reducers.step.operator_rows import elastic_times, heat_times
-from sparsemor.reducers.step.operators import TestedElastic, TestedHeat
+from sparsemor.reducers.step.operators import TestedElastic, TestedHeat, TestMap
 
 DEPENDENT = 1e-14
 """Length of a unit column beyond the others, below which it is rounding."""
@@ -47,7 +46,7 @@ def compact_elastic(t: TestedElastic, B: FloatArray) -> CompactElastic:
     Z = _joined(Z, np.hstack([
         *t.generators, t.damping, t.coupling, t.loads, t.constant[:, None], t.mass,
         *(table.values.T for table in t.tables)]))
-    return CompactElastic(elastic_times(Z.T, t), Z.T @ B, reach, first)
+    return CompactElastic(t.under(TestMap(left=Z.T)), Z.T @ B, reach, first)
 
 
 def compact_heat(t: TestedHeat, B: FloatArray) -> CompactHeat:
@@ -55,7 +54,7 @@ def compact_heat(t: TestedHeat, B: FloatArray) -> CompactHeat:
     turn = np.linalg.qr(_unit(B))[0]
     Z = _joined(turn, np.hstack([
         t.capacity, t.loads, t.constant[:, None], *(table.values.T for table in t.tables)]))
-    return CompactHeat(heat_times(Z.T, t), Z.T @ B, turn)
+    return CompactHeat(t.under(TestMap(left=Z.T)), Z.T @ B, turn)
 
 
 def _joined(Z: FloatArray, A: FloatArray) -> FloatArray:

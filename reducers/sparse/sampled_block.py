@@ -4,12 +4,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import lapack
 from scipy.sparse import eye_array
 
 from sparsemor.core import (
     AssembledModel,
     BoolArray,
+    Csr,
     Dictionary,
     FloatArray,
     HeatBody,
@@ -21,26 +21,18 @@ from sparsemor.core import (
     StepFactors,
 )
 from sparsemor.core.linalg.coherence import coherence, condition_number, unit_columns
+from sparsemor.core.model.factorizations import solved
 from sparsemor.core.registry.returned_values import built_weights, sampled_rows
 from sparsemor.reducers.sparse.row_compression import compact_elastic, compact_heat
-from sparsemor.reducers.sparse.screen_rows import squares
 from sparsemor.reducers.step.elastic_block import CompressedElastic
-from sparsemor.reducers.step.operator_rows import elastic_rows, heat_rows
-from sparsemor.reducers.step.operators import TestedElastic, TestedHeat
+from sparsemor.reducers.step.left_inverse import left_inverse
+from sparsemor.reducers.step.operators import TestedElastic, TestedHeat, TestMap
 from sparsemor.reducers.step.prescribed_frame_block import CompressedPrescribed
 from sparsemor.reducers.step.thermal_block import CompressedHeat
 from sparsemor.reducers.trial_bases import local_terms
 
-RANK_RTOL = 1e-13
-"""Reciprocal condition of the unit columns below which the rows cannot tell atoms apart."""
-
-
-class RankDeficient(RuntimeError):
-    """The sampled rows cannot tell the active atoms of `block` apart."""
-
-    def __init__(self, block: str, detail: str) -> None:
-        super().__init__(f"{block}: {detail}")
-        self.block, self.detail = block, detail
+_CHUNK = 256
+"""Right-hand sides solved at once."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,54 +58,41 @@ class Sampled:
         return self.budget < self.atoms
 
     def left(self, support: IntArray | None) -> FloatArray:
-        """(s, m): least squares on the support, left @ B_S = 1. Raises RankDeficient."""
-        return left_inverse(self.name, self.B, support)
+        """(s, m): least squares on the support, left @ B_S = 1. Raises SolveFailed."""
+        return on_support(self.name, self.B, support)
 
 
-def left_inverse(name: str, B: FloatArray, support: IntArray | None) -> FloatArray:
-    """(s, m): least squares on the columns of B (m, k) in the support. Raises RankDeficient."""
-    A = B if support is None else B[:, support]
-    if A.shape[1] > A.shape[0]:
-        raise RankDeficient(name, f"{A.shape[1]} active atoms, {A.shape[0]} rows")
-    norms = np.sqrt(squares(A))
-    if not norms.all():
-        raise RankDeficient(name, f"{int((norms == 0).sum())} atoms vanish on the rows")
-    # LAPACK without wrappers: half of what an exchange of atoms costs would be theirs
-    packed, tau = lapack.dgeqrf(A / norms)[:2]
-    R = packed[: A.shape[1]]
-    rcond = float(lapack.dtrcon(R)[0])
-    if not rcond > RANK_RTOL:
-        raise RankDeficient(name, f"reciprocal condition {rcond:.1e}")
-    Q = lapack.dorgqr(packed, tau)[0]
-    return np.asarray(lapack.dtrtrs(R, Q.T)[0] / norms[:, None])
+def on_support(name: str, B: FloatArray, support: IntArray | None) -> FloatArray:
+    """(s, m): least squares on the columns of B (m, k) in the support. Raises SolveFailed."""
+    return left_inverse(name, B if support is None else B[:, support], sampled=True)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SampledElastic:
     """tested: the sampled rows, already times the preconditioner. few: the same and B in few
     turned rows, where something is selected; first: how many of these B and the directions need
-    (compact.py); reached: the rows of `few` that B needs, which least squares on any support sees
-    alone. driven: whether frames are given (driven.py)."""
+    (compressed); reached: the rows of `few` that B needs, which least squares on any support sees
+    alone. prescribed: whether frames are prescribed."""
 
     block: Sampled
     tested: TestedElastic
     few: tuple[TestedElastic, FloatArray]
     first: int
     reached: tuple[TestedElastic, FloatArray]
-    driven: bool
+    prescribed: bool
 
     @classmethod
-    def of(cls, block: Sampled, tested: TestedElastic, driven: bool) -> "SampledElastic":
+    def of(cls, block: Sampled, tested: TestedElastic, prescribed: bool) -> "SampledElastic":
         if not block.selects:
             whole = tested, block.B
-            return cls(block, tested, whole, len(block.B), whole, driven)
+            return cls(block, tested, whole, len(block.B), whole, prescribed)
         t, B, reach, first = compact_elastic(tested, block.B)
         near = np.arange(reach)
-        return cls(block, tested, (t, B), first, (elastic_rows(t, near), B[near]), driven)
+        return cls(block, tested, (t, B), first, (t.under(TestMap(near)), B[near]), prescribed)
 
     def prepared(self, support: IntArray | None) -> CompressedElastic | CompressedPrescribed:
-        kind, (t, B) = CompressedPrescribed if self.driven else CompressedElastic, self.reached
-        return kind.of(t, left_inverse(self.block.name, B, support), support)
+        kind, (t, B) = CompressedPrescribed if self.prescribed else CompressedElastic, self.reached
+        return kind.of(t, on_support(self.block.name, B, support), support)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -140,12 +119,12 @@ class SampledHeat:
             return cls(block, tested, whole, len(block.B), whole, None, model, body, c1)
         t, B, turn = compact_heat(tested, block.B)
         near = np.arange(turn.shape[1])
-        return cls(block, tested, (t, B), len(near), (heat_rows(t, near), B[near]), turn, model,
+        return cls(block, tested, (t, B), len(near), (t.under(TestMap(near)), B[near]), turn, model,
                    body, c1)
 
     def prepared(self, support: IntArray | None) -> CompressedHeat:
         t, B = self.reached
-        left = left_inverse(self.block.name, B, support)
+        left = on_support(self.block.name, B, support)
         local = []
         if self.body.local:
             rows = left if self.turn is None else left @ self.turn.T
@@ -207,7 +186,7 @@ def weigh(
     return None if np.array_equal(P, np.eye(len(P))) else P
 
 
-def told(B: FloatArray, weight: FloatArray | None) -> Mapping[str, float | int | str]:
+def row_facts(B: FloatArray, weight: FloatArray | None) -> Mapping[str, float | int | str]:
     """Coherence and condition of the sampled rows B (m, k), before and after preconditioning.
 
     `condition` is that of the unit columns: their lengths are scaled away in every solve.
@@ -225,3 +204,25 @@ def told(B: FloatArray, weight: FloatArray | None) -> Mapping[str, float | int |
 def numbers(support: BoolArray) -> IntArray | None:
     """Positions of the active atoms; None when all are."""
     return None if support.all() else np.flatnonzero(support)
+
+
+def inverse_rows(
+    model: AssembledModel, offline: OfflineProducts | None, name: str, operator: Csr, rows: IntArray
+) -> FloatArray:
+    """(m, n): the rows number `rows` (m,) of the inverse of a block's symmetric operator (n, n).
+
+    As many solves as there are rows; cached, if there is an `offline`.
+    """
+    def make() -> Mapping[str, FloatArray]:
+        factor, n = model.factorize(name, operator, "rows of the inverse"), operator.shape[0]
+        left = np.empty((len(rows), n))
+        for first in range(0, len(rows), _CHUNK):
+            part = rows[first : first + _CHUNK]
+            units = np.zeros((n, len(part)))
+            units[part, np.arange(len(part))] = 1.0
+            left[first : first + _CHUNK] = solved(factor, units, name).T
+        return {"left": left}
+
+    made = make() if offline is None else offline.remember(
+        "inverse rows", (name, operator, rows, model.solvers.of(name)), make)
+    return np.asarray(made["left"], dtype=np.float64)

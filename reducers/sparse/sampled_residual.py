@@ -10,7 +10,7 @@ from sparsemor.reducers.step.condensed_newton import Mechanics
 from sparsemor.reducers.step.iteration_state import Workspace
 
 
-class Seen:
+class SampledBody:
     """One selecting body: u = (G c and G r1 combined, r1, xT, amplitudes, 1, sigma, c) to rows.
 
     near (first, j): the operators on u in the turned rows that columns reach, over the block's

@@ -24,15 +24,10 @@ class Together:
 
 
 def joined(parts: Sequence[slice]) -> slice | IntArray:
-    """All places of the parts, as one slice where they follow each other: it copies nothing."""
+    """All positions of the parts, as one slice where they follow each other: it copies nothing."""
     if all(a.stop == b.start for a, b in zip(parts, parts[1:], strict=False)):
         return slice(parts[0].start, parts[-1].stop)
     return np.concatenate([np.arange(s.start, s.stop) for s in parts])
-
-
-def squares(A: FloatArray) -> FloatArray:
-    """(k,) squared lengths of the columns of A (m, k)."""
-    return np.asarray(np.einsum("ij,ij->j", A, A))
 
 
 def diagonal(blocks: Sequence[FloatArray]) -> FloatArray:

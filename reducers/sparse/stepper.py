@@ -1,8 +1,8 @@
 """The paper's step: select atoms, then solve on the support with prepared arrays."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from sparsemor.core import (
     AroundSteps,
     BoolArray,
     FloatArray,
+    IntArray,
     SolveFailed,
     SparseOutcome,
     SparseSolver,
@@ -22,14 +23,16 @@ from sparsemor.core import (
 from sparsemor.core.registry.returned_values import returned
 from sparsemor.reducers.sparse.elastic_screen import Screens
 from sparsemor.reducers.sparse.joint_problem import HeatProblem, MechanicsProblem
-from sparsemor.reducers.sparse.memory import SparseMemory
+from sparsemor.reducers.sparse.memory import SparseMemory, Supports, kept_or_made
 from sparsemor.reducers.sparse.sampled_block import (
-    RankDeficient,
     SampledElastic,
     SampledHeat,
     numbers,
 )
+from sparsemor.reducers.step.predictor import Ring
 from sparsemor.reducers.step.solver import Stepper
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,7 +42,7 @@ class SparseStepper(AroundSteps[Stepper]):
 
     every: steps between selections; carried: whether one starts from the last support; polish:
     whether the step is solved again on the selected support, with exact border rows; screen:
-    whether the solver is asked first if an exchange could pay (screens.py); row_set: number of
+    whether the solver is asked first if an exchange could pay (screening); row_set: number of
     its rows among others of the run.
     """
 
@@ -54,12 +57,11 @@ class SparseStepper(AroundSteps[Stepper]):
 
     def start(self, state: State) -> tuple[State, SparseMemory]:
         reduced = self.base.reduced(state)
-        memory = SparseMemory(reduced.x, self.base.points, self.base.workspace())
-        memory.factorizations = self.base.factorizations
         blocks = [h.block for h in self.heat.values()] + [e.block for e in self.elastic.values()]
-        for block in blocks:
-            memory.supports[block.name] = np.zeros(block.atoms, dtype=np.bool_)
-        return reduced, memory
+        return reduced, SparseMemory(
+            ring=Ring(self.base.points, reduced.x), work=self.base.workspace(),
+            factorizations=self.base.factorizations,
+            supports={b.name: np.zeros(b.atoms, dtype=np.bool_) for b in blocks})
 
     def solve(self, step: StepFormula, memory: SparseMemory) -> tuple[StepOutcome, SparseMemory]:
         due = memory.step % self.every == 0
@@ -76,9 +78,9 @@ class SparseStepper(AroundSteps[Stepper]):
                     return self.base.accepted(found, memory), memory
             if memory.current is None:
                 memory.current = self._prepared(memory, memory.supports)
-        except RankDeficient as error:
+        except SolveFailed as error:
             x = memory.ring.predict()
-            return StepOutcome(x, Status.RANK_DEFICIENT, 0, error.block, error.detail), memory
+            return StepOutcome(x, error.status, 0, error.block, error.detail), memory
         outcome, _ = memory.current.solve(step, memory)
         return outcome, memory
 
@@ -116,7 +118,7 @@ class SparseStepper(AroundSteps[Stepper]):
         """Thermal supports that change; None when the step or its selection failed."""
         if not tried.status.ok:
             return None
-        screens = self._screens(memory)
+        screens = self.screens_of(memory)
         screen = None if screens is None else screens.heat
         if screen is not None and screen.stay(step, tried.x, memory.supports):
             return {}
@@ -141,7 +143,7 @@ class SparseStepper(AroundSteps[Stepper]):
             return None
         if not self.elastic:
             return {}
-        screens, found = self._screens(memory), None
+        screens, found = self.screens_of(memory), None
         if screens is not None and screens.elastic is not None and now.mechanics is not None:
             found = screens.elastic.supports(
                 step, tried.x, now.mechanics, memory.work, memory.supports)
@@ -169,7 +171,7 @@ class SparseStepper(AroundSteps[Stepper]):
         found = (self.base.insane(outcome.x, n) for n in self.heat)
         return next((bad for bad in found if bad is not None), outcome)
 
-    def _screens(self, memory: SparseMemory) -> Screens | None:
+    def screens_of(self, memory: SparseMemory) -> Screens | None:
         """Those of the rows in use; None where the solver is to be run in every step."""
         if not self.screen:
             return None
@@ -183,8 +185,7 @@ class SparseStepper(AroundSteps[Stepper]):
         temperatures load the bodies."""
         x, iterations = memory.ring.predict(), 0
         found: dict[str, BoolArray] = {}
-        for body in self.base.separated.heat:
-            name, at = body.thermal, self.layout[body.thermal]
+        for name, at in self.base.hot:
             if name not in self.heat:
                 x[at] = self.base.heat[name].solve(step.r1[at], step.t, x[at]).T
                 continue
@@ -247,19 +248,19 @@ class SparseStepper(AroundSteps[Stepper]):
         return support if self.carried else np.zeros_like(support)
 
     def _prepared(self, memory: SparseMemory, supports: Mapping[str, BoolArray]) -> Stepper:
-        key = self.row_set, b"".join(supports[n].tobytes() for n in (*self.heat, *self.elastic))
-        return memory.stepper(key, lambda: self._made(memory, supports))
+        names = (*self.heat, *self.elastic)
+        key = self.row_set, "", b"".join(supports[n].tobytes() for n in names)
+        return kept_or_made(memory.steppers, key, lambda: self._made(memory, supports))
 
     def _made(self, memory: SparseMemory, supports: Mapping[str, BoolArray]) -> Stepper:
-        return self.base.with_blocks(
-            {n: self._block(n, h, memory, supports[n]) for n, h in self.heat.items()},
-            {n: self._block(n, e, memory, supports[n]) for n, e in self.elastic.items()})
+        def part(kept: dict[Supports, T], name: str, make: Callable[[IntArray | None], T]) -> T:
+            support = supports[name]
+            key = self.row_set, name, support.tobytes()
+            return memory.counted_part(kept, key, lambda: make(numbers(support)))
 
-    def _block(
-        self, name: str, source: Any, memory: SparseMemory, support: BoolArray
-    ) -> Any:
-        key = (self.row_set, name, support.tobytes())
-        return memory.kept(key, lambda: source.prepared(numbers(support)))
+        return self.base.with_blocks(
+            {n: part(memory.heat, n, h.prepared) for n, h in self.heat.items()},
+            {n: part(memory.elastic, n, e.prepared) for n, e in self.elastic.items()})
 
     def supports(self, memory: SparseMemory) -> Mapping[str, BoolArray]:
         return memory.supports
@@ -268,11 +269,7 @@ class SparseStepper(AroundSteps[Stepper]):
         """The step on the supports that `memory` carries, without selection, and its memory: what
         a linearised time-step map is made of. Raises SolveFailed where rows cannot tell them apart.
         """
-        try:
-            return self._prepared(memory, memory.supports), memory
-        except RankDeficient as error:
-            raise SolveFailed(Status.RANK_DEFICIENT, 0.0, error.block, error.detail,
-                              sampled=True) from None
+        return self._prepared(memory, memory.supports), memory
 
     def counters(self, memory: SparseMemory) -> Mapping[str, int]:
         return self.base.counters(memory)

@@ -19,7 +19,8 @@ from sparsemor.core import (
 from sparsemor.core.protocols.load_tables import total
 from sparsemor.core.protocols.separable import evaluate_amplitudes
 from sparsemor.reducers.sparse.sampled_block import SampledHeat
-from sparsemor.reducers.sparse.screen_rows import Together, diagonal, joined, squares
+from sparsemor.reducers.sparse.screen_rows import Together, diagonal, joined
+from sparsemor.reducers.step.left_inverse import squares
 
 EXACT = GramError(1e-6, 0.0)
 """Rows are exact but for the stop rule of the step."""
@@ -28,7 +29,7 @@ ONE = np.ones(1)
 
 
 class HeatRows:
-    """One block in turned rows (compact.py): rows (m, j) on (c, r1, amplitudes, 1), over the
+    """One block in turned rows (compressed): rows (m, j) on (c, r1, amplitudes, 1), over the
     block's size. J (first, k): what columns reach, over their lengths."""
 
     def __init__(self, s: SampledHeat) -> None:
@@ -106,7 +107,7 @@ class HeatScreen:
         self.near, self.Jt, self.lengths = near, np.ascontiguousarray(Jt), lengths
         self.gram = np.asfortranarray(Jt @ Jt.T)
         self.one, self.together = np.ones(len(self.gram)), Together(groups)
-        self.places = joined(list(self.where.values()))
+        self.columns = joined(list(self.where.values()))
         self.functions = tuple(f for b in blocks for f in b.amplitudes)
         self.tabled = any(b.tables for b in blocks)
         self.support: BoolArray | None = None
@@ -116,8 +117,8 @@ class HeatScreen:
         self, step: StepFormula, x: FloatArray, supports: Mapping[str, BoolArray]
     ) -> bool:
         """Is it sure that no block would change at the solution x (n,) of a step?"""
-        c, support = x[self.places], self.together.of(supports)
-        parts = [c, step.r1[self.places], evaluate_amplitudes(self.functions, step.t), ONE]
+        c, support = x[self.columns], self.together.of(supports)
+        parts = [c, step.r1[self.columns], evaluate_amplitudes(self.functions, step.t), ONE]
         if self.tabled:
             parts += [b.tabled(step.t) for b in self.blocks.values()]
         u = np.concatenate(parts)
@@ -125,7 +126,7 @@ class HeatScreen:
         if same and self.standing is not None and self.standing.holds(u):
             return True
         at = Quadratic(self.gram, self.Jt.dot(self.near.dot(u)), self.lengths * c, self.one, EXACT,
-                       None, _untold)
+                       None, _no_norm)
         stays = self.screen.stays(at, support)
         if stays and not (same and self.standing):
             why = self.screen.reason(at, support)
@@ -142,6 +143,6 @@ class HeatScreen:
         return self.screens[name].settle(at, support)
 
 
-def _untold() -> tuple[float, float]:
+def _no_norm() -> tuple[float, float]:
     """Side by side no norms are asked for."""
     return np.nan, np.nan

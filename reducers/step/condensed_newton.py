@@ -1,6 +1,6 @@
 """Modified Newton for rigid coordinates, multipliers and elastic blocks of one step.
 
-The elastic blocks are eliminated with their constant operator D (elastic.py), which leaves a small
+The elastic blocks are eliminated with their constant operator D, which leaves a small
 border of rigid coordinates and multipliers (Schur complement). The residual is exact; the Jacobian
 leaves out the terms quadratic in u, so the iteration contracts linearly and fast. It stops on the
 error that is estimated to remain by two changes of this step (acceptance.py).
@@ -63,15 +63,15 @@ class Mechanics:
 
     def with_blocks(self, blocks: Mapping[str, ElasticBlock]) -> "Mechanics":
         """The same equations with these elastic blocks, by name."""
-        twin = copy(self)
-        twin.bodies = tuple(
+        other = copy(self)
+        other.bodies = tuple(
             replace(b, block=blocks.get(b.elastic_name, b.block)) for b in self.bodies)
-        return twin
+        return other
 
     def solve(
         self, step: StepFormula, x: FloatArray, memory: Scales, work: Workspace
     ) -> tuple[Status, int, str, str]:
-        """Improves x in place from its guess; status, iterations, block, what was seen."""
+        """Improves x in place from its guess; status, iterations, block, a detail."""
         loop, nr = self._begin(step, x, memory), self.n_rigid
         work.loop = loop
         last, slow = inf, None
@@ -138,9 +138,9 @@ class Mechanics:
         loop.c, loop.z = [_NONE] * len(self.bodies), [_NONE] * len(self.bodies)
         loop.sigma = [_NONE] * len(self.bodies)
         loop.changes, loop.dy = [0.0] * (len(self.bodies) + 1), _NONE
-        loop.given = np.zeros(self.size)
+        loop.targets = np.zeros(self.size)
         for i, f in self.targets:
-            loop.given[i] = f(step.t)
+            loop.targets[i] = f(step.t)
         rigid = self.map[:, :nr]
         loop.velocity, loop.acceleration = rigid.dot(r1[:nr]), rigid.dot(r2[:nr])
         loop.y, loop.origin = np.concatenate((x[:nr], x[self.algebraic])), self.origin
@@ -158,7 +158,8 @@ class Mechanics:
         """Scale of changes of the rigid coordinates: |q|, or less where an error of
         `remaining` |q| would show in the accelerations; never less than rounding allows."""
         size = max(1.0, sqrt(float(q.dot(q))))
-        least = max(FELT * memory.acceleration / step.c2, 4 * EPS * size / self.tol.remaining)
+        least = max(ACCELERATION_ERROR * memory.acceleration / step.c2,
+                    4 * EPS * size / self.tol.remaining)
         return min(size, least)
 
     def _accelerations(self, step: StepFormula, loop: Loop, memory: Scales) -> None:
@@ -185,13 +186,13 @@ class Mechanics:
                 H[at, at], rows[at] = w.border[:, :-1], w.border[:, -1]
                 continue
             c = x[b.elastic] if b.block.active is None else x[b.elastic][b.block.active]
-            look = b.block.look(c, past)
-            b.frame.evaluate(y[at], v[at], a[at], c1, c2, look.s, past.s1, past.s2, look.form,
-                             look.forms, step.t, w)
-            z, Pz = b.block.combine(look, past, w.coefficients, c, w.sigma[-1])
+            of = b.block.functionals(c, past)
+            b.frame.evaluate(y[at], v[at], a[at], c1, c2, of.s, past.s1, past.s2, of.form,
+                             of.forms, step.t, w)
+            z, Pz = b.block.combine(of, past, w.coefficients, c, w.sigma[-1])
             # border minus tau D^-1 (elastic columns and residual): the Schur complement
             Gs = b.block.G.dot(w.sigma.T)
-            Gs[:, -1] += look.s + Pz
+            Gs[:, -1] += of.s + Pz
             reduced = w.border - w.tau.dot(Gs)
             H[at, at], rows[at] = reduced[:, :-1], reduced[:, -1]
             loop.c[i], loop.z[i] = c, z
@@ -200,7 +201,7 @@ class Mechanics:
     def _advance(self, x: FloatArray, loop: Loop, memory: Scales, work: Workspace) -> float:
         nr = self.n_rigid
         loop.matrix = B = self.map.T.dot(work.H.dot(self.map))
-        dy, info = dgesv(B, work.rows.dot(self.map) - loop.given, 1, 1)[2:]
+        dy, info = dgesv(B, work.rows.dot(self.map) - loop.targets, 1, 1)[2:]
         if info > 0:
             return -1.0
         loop.y = loop.y - dy
@@ -217,15 +218,15 @@ class Mechanics:
             loop.sigma[i] = w.sigma[-1] - moved[at].dot(w.sigma[:-1])
             new = b.block.update(loop.z[i], loop.sigma[i])
             d = new - loop.c[i]
-            bent, size = float(d.dot(d)), float(new.dot(new))
+            moved2, size = float(d.dot(d)), float(new.dot(new))
             scale = memory.elastic[i]
             if size > scale:
                 scale = memory.elastic[i] = size
             # a body that hardly bends is known to its own round-off, not to its own size
-            if bent <= memory.floor[i] * noise:
+            if moved2 <= memory.floor[i] * noise:
                 changes.append(0.0)
             else:  # first step, not a number
-                changes.append(sqrt(bent / scale) if scale > 0.0 and bent < inf else inf)
+                changes.append(sqrt(moved2 / scale) if scale > 0.0 and moved2 < inf else inf)
             if b.block.active is None:
                 x[b.elastic] = new
             else:
@@ -249,17 +250,18 @@ class Mechanics:
         sizes = {}
         for b, moved in zip(self.bodies, loop.changes[1:], strict=True):
             d = b.to_border[: b.frame.rigid_size] @ loop.dy if len(loop.dy) else _ZERO
-            sizes[f"{b.name}.rigid"] = sqrt(float(d.dot(d))) / _largest(q)
+            if b.rigid_name:
+                sizes[b.rigid_name] = sqrt(float(d.dot(d))) / _largest(q)
             if b.block is not None:
                 sizes[b.elastic_name] = moved
         broken = [n for n, size in sizes.items() if not size < inf]
-        return broken[0] if broken else max(sizes, key=lambda n: sizes[n])
+        return broken[0] if broken else max(sizes, key=lambda n: sizes[n], default="")
 
 
 SLOW = 0.2
 """A change that shrinks by less than this factor an iteration is accelerated."""
 _NONE, _ZERO = np.zeros(0), np.zeros(1)
-FELT = 1e5
+ACCELERATION_ERROR = 1e5
 """Relative error of the accelerations that may remain, in units of `remaining`."""
 
 

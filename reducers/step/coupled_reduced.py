@@ -7,23 +7,19 @@ rows through the block's test maps; those of local terms are evaluated near the 
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Generic, TypeVar
 
 import numpy as np
 
 from sparsemor.core import (
     AssembledModel,
-    BoolArray,
     Dictionary,
     FloatArray,
     IntArray,
     Layout,
     Note,
-    ResultantSource,
     State,
-    Status,
     StepFormula,
-    StepOutcome,
     Term,
     Trial,
     information,
@@ -31,89 +27,73 @@ from sparsemor.core import (
 from sparsemor.core.model.constraint_rates import along, motion_step
 from sparsemor.core.model.equations import rate_factors
 from sparsemor.core.protocols.prescribed_quantities import derivatives, from_right
-from sparsemor.core.protocols.step_solver import resultant_sources, unavailable_resultants
+from sparsemor.core.protocols.step_solver import unavailable_resultants
 from sparsemor.reducers.full.monolithic import coupling, elements
 from sparsemor.reducers.step.acceptance import Tolerances
 from sparsemor.reducers.step.frame_step import BodyStep
 from sparsemor.reducers.step.initial import least
-from sparsemor.reducers.step.newton.iteration import solve
 from sparsemor.reducers.step.newton.memory import NewtonMemory
-from sparsemor.reducers.step.operator_rows import elastic_times, heat_times
-from sparsemor.reducers.step.operators import TestedElastic, TestMap
-from sparsemor.reducers.step.reduced_residual import Coupled, Dense, DenseBody, DenseHeat
-from sparsemor.reducers.step.rejection import Checked, checked, rejected_step
-from sparsemor.reducers.step.relocalised import Relocalised, following, movable
+from sparsemor.reducers.step.newton.stepper import NewtonStepper
+from sparsemor.reducers.step.operators import TestedElastic, TestedHeat, TestMap
+from sparsemor.reducers.step.reduced_residual import Dense, DenseBody, DenseHeat
+from sparsemor.reducers.step.relocalised import Coupled
 from sparsemor.reducers.step.solver import Facts, reduce_state
+
+T = TypeVar("T", TestedElastic, TestedHeat)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Seen:
+class ProjectedBlock(Generic[T]):
     """One block under its maps. left (k, l): least squares, left @ (tested operator) = 1; forces:
     the map of all but the block's own operator."""
 
-    tested: Any
+    tested: T
     left: FloatArray
     forces: TestMap
 
-    def wide(self, atoms: Dictionary) -> FloatArray:
-        """(k, n) left times the map of forces, on all rows of the block."""
-        return self.forces.times(self.left, len(atoms.offset))
+    @property
+    def solved(self) -> T:
+        """The rows times the left inverse: the block's own operator is 1."""
+        return self.tested.under(TestMap(left=self.left))
+
+    def wide(self, n: int) -> FloatArray:
+        """(k, n) left times the map of forces, on all n rows of the block."""
+        return self.forces.times(self.left, n)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ReducedGeneral:
-    """StepSolver over `Dense` equations. limits: largest |coefficient| of a block that is sane."""
+class ProjectedModel:
+    """A model with its blocks under their maps; without any block a model of rigid bodies. rows:
+    those that were sampled of each block."""
 
-    equations: Dense
-    dictionaries: Mapping[str, Dictionary]
-    rows: Mapping[str, IntArray]
-    elements_touched: Mapping[str, int]
-    tolerances: Tolerances
-    points: int
-    limits: Mapping[str, float] = field(default_factory=dict)
-    notes: tuple[Note, ...] = ()
-    facts: Facts = field(default_factory=dict)
-    movable: tuple[int, ...] = field(init=False)
-    checks: tuple[Checked, ...] = field(init=False)
-    """Of the terms that do not follow the motion."""
-
-    def __post_init__(self) -> None:
-        coupled = self.equations.coupled
-        moves = movable(coupled)
-        object.__setattr__(self, "movable", moves)
-        object.__setattr__(self, "checks", checked(
-            (c.term, c.columns) for i, c in enumerate(coupled) if i not in moves))
+    model: AssembledModel
+    dictionaries: Mapping[str, Dictionary] = field(default_factory=dict)
+    rows: Mapping[str, IntArray] = field(default_factory=dict)
+    heat: Mapping[str, ProjectedBlock[TestedHeat]] = field(default_factory=dict)
+    elastic: Mapping[str, ProjectedBlock[TestedElastic]] = field(default_factory=dict)
 
     @property
     def layout(self) -> Layout:
-        return self.equations.layout
+        return self.model.layout.resized(
+            {n: d.atoms.shape[1] for n, d in self.dictionaries.items()})
+
+    def wide(self, name: str) -> FloatArray:
+        """(k, n) map of the forces of a block, times its left inverse."""
+        n = len(self.dictionaries[name].offset)
+        return self.heat[name].wide(n) if name in self.heat else self.elastic[name].wide(n)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ReducedGeneral(NewtonStepper):
+    """The same over `Dense` equations."""
+
+    equations: Dense
 
     def start(self, state: State) -> tuple[State, NewtonMemory]:
-        equations = self.equations.with_work()
         if self.dictionaries:
-            state = with_rates(
-                equations, reduce_state(state, self.layout, self.dictionaries))
-        return state, NewtonMemory(
-            state.x, self.points, len(self.layout.blocks), equations.buffers)
-
-    def solve(self, step: StepFormula, memory: NewtonMemory) -> tuple[StepOutcome, NewtonMemory]:
-        coupled = following(self.equations.coupled, self.movable, memory)
-        outcome = solve(
-            replace(self.equations, coupled=coupled, work=memory.work), step, memory,
-            self.tolerances)
-        moved = [(t, coupled[i].columns) for i in self.movable
-                 if isinstance(t := coupled[i].term, Relocalised)]
-        outcome = rejected_step(outcome, (*self.checks, *moved), step, self.layout)
-        return (self._sane(outcome) if outcome.status.ok else outcome), memory
-
-    def _sane(self, outcome: StepOutcome) -> StepOutcome:
-        for name, limit in self.limits.items():
-            top = float(np.abs(outcome.x[self.layout[name]]).max(initial=0.0))
-            if not top <= limit:
-                return replace(
-                    outcome, status=Status.DIVERGED, block=name,
-                    detail=f"largest coefficient {top:.3g}, {limit:.3g} allowed")
-        return outcome
+            state = with_rates(self.equations.with_work(), reduce_state(
+                state, self.layout, self.dictionaries))
+        return NewtonStepper.start(self, state)
 
     def alone(self) -> Mapping[str, FloatArray]:
         """Reduced elastic block -> (k, 2 k): its coefficients' own answer to changes of their r1
@@ -132,57 +112,40 @@ class ReducedGeneral:
         factor = equations.factorize(equations.jacobian(*at, c1, c2))
         return np.asarray(-factor.solve(np.hstack([C, M])))
 
-    def resultant_sources(self, memory: NewtonMemory | None) -> tuple[ResultantSource, ...]:
-        coupled = self.equations.coupled
-        if memory is not None:  # what is told must not change how the run goes on
-            coupled = following(coupled, self.movable, memory.beside())
-        return resultant_sources((c.term, c.columns) for c in coupled)
-
-    def supports(self, memory: NewtonMemory) -> Mapping[str, BoolArray]:
-        return memory.supports
-
-    def counters(self, memory: NewtonMemory) -> Mapping[str, int]:
-        return memory.counters()
-
 
 def reduced_general(
-    model: AssembledModel, dictionaries: Mapping[str, Dictionary], rows: Mapping[str, IntArray],
-    seen: Mapping[str, Seen], tolerances: Tolerances, points: int,
+    projected: ProjectedModel, tolerances: Tolerances, points: int,
     limits: Mapping[str, float] | None = None, notes: tuple[Note, ...] = (),
     facts: Facts | None = None,
 ) -> ReducedGeneral:
-    """A step solver for a model with terms that no body takes apart.
-
-    seen: each reducible block under its maps. Without any, a full-order model of rigid bodies.
-    """
-    layout = model.layout.resized({n: d.atoms.shape[1] for n, d in dictionaries.items()})
-    couple = _Couple(model, layout, dictionaries,
-                     {n: s.wide(dictionaries[n]) for n, s in seen.items()})
-    terms = [*(t for b in model.separated.heat for t in b.local), 
+    """A step solver for a model with terms that no body takes apart."""
+    model, dictionaries, layout = projected.model, projected.dictionaries, projected.layout
+    couple = _Couple(model, layout, dictionaries, {n: projected.wide(n) for n in dictionaries})
+    terms = [*(t for b in model.separated.heat for t in b.local),
              *model.separated.elastic_local, *model.separated.between]
     coupled = [couple(t) for t in terms]
     visited = elements(model, [c.term for c in coupled], [t.rows for t in terms])
     equations = Dense(
         layout,
-        [DenseHeat(layout[b.thermal], heat_times(seen[b.thermal].left, seen[b.thermal].tested))
-         for b in model.separated.heat],
-        _bodies(model, layout, seen), coupled, model.separated.border_targets, _border(layout),
+        [DenseHeat(layout[n], b.solved) for n, b in projected.heat.items()],
+        _bodies(projected), coupled, model.separated.border_targets, _border(layout),
         model.separated.step, coupling(model))
     count = sum(c.term.elements for c in coupled)
     names = ", ".join(sorted({n for n, _ in equations.named if n})) or "a term"
-    told = (information(
+    reports = (information(
         f"{names} couples blocks inside the step: all unknowns are solved together, and each "
-        f"evaluation visits {count} elements", "coupled"),) if seen else ()
-    told = (*notes, *told, *unavailable_resultants(c.term for c in coupled))
-    return ReducedGeneral(equations, dictionaries, rows, visited, tolerances, points,
-                          limits or {}, told, facts or {})
+        f"evaluation visits {count} elements", "coupled"),) if dictionaries else ()
+    reports = (*notes, *reports, *unavailable_resultants(c.term for c in coupled))
+    return ReducedGeneral(equations, visited, tolerances, points, dictionaries, projected.rows,
+                          limits or {}, reports, facts or {})
 
 
-def _bodies(model: AssembledModel, layout: Layout, seen: Mapping[str, Seen]) -> list[DenseBody]:
+def _bodies(projected: ProjectedModel) -> list[DenseBody]:
+    layout = projected.layout
     none, border, found = slice(0, 0), _border(layout), []
-    for m in model.separated.moving:
-        s = seen.get(m.elastic)
-        tested: TestedElastic | None = None if s is None else elastic_times(s.left, s.tested)
+    for m in projected.model.separated.moving:
+        block = projected.elastic.get(m.elastic)
+        tested = None if block is None else block.solved
         step = BodyStep(
             m.name, m.frame if tested is None else tested.frame, m.to_border, m.origin, None,
             layout[m.elastic] if m.elastic else none,
@@ -209,7 +172,7 @@ class _Couple:
     def __call__(self, term: Term) -> Coupled:
         trial, columns = self._trial(term.columns)
         left, rows = self._left(term.rows)
-        return Coupled(term.compress(trial, left), rows, columns)
+        return Coupled.of(term.compress(trial, left), rows, columns)
 
     def _parts(self, at: IntArray) -> Iterable[tuple[str, IntArray, IntArray]]:
         """Each block that some of `at` are in: its name, which of `at`, and where in the block."""
@@ -252,7 +215,7 @@ class _Couple:
 
 def with_rates(equations: Dense, state: State) -> State:
     """The state with accelerations, rates of temperature and multipliers that satisfy the reduced
-    equations: least ones where they are not determined (consistent.py says why)."""
+    equations: least ones where they are not determined (initial.py)."""
     layout, t, x, a = equations.layout, state.t, state.x.copy(), np.zeros(len(state.x))
     second, first, algebraic = layout.second, layout.first, layout.algebraic
     v, zero, one = state.v.copy(), np.zeros(layout.size), np.ones(layout.size)
@@ -264,7 +227,7 @@ def with_rates(equations: Dense, state: State) -> State:
     A = np.hstack([M[:, second], C[:, first], K[:, algebraic]])
     A[algebraic] = 0.0
     A[algebraic, second] = K[algebraic, second]
-    r = equations.residual(x, v, a, t, equations.given(t))
+    r = equations.residual(x, v, a, t, equations.prescribed(t))
     r[algebraic] = _curvature(equations, x, v, t)
     z = -_eliminated(A, r, equations.border)
     a[second], v[first] = z[second], z[first]
@@ -275,8 +238,8 @@ def with_rates(equations: Dense, state: State) -> State:
 def _eliminated(A: FloatArray, r: FloatArray, border: IntArray) -> FloatArray:
     """A z = r, the atoms first, whose masses and capacities determine them, then the border."""
     inner = np.setdiff1d(np.arange(len(r)), border)
-    given = np.column_stack([A[np.ix_(inner, border)], r[inner]])
-    solved = np.linalg.lstsq(A[np.ix_(inner, inner)], given, rcond=None)[0]
+    right = np.column_stack([A[np.ix_(inner, border)], r[inner]])
+    solved = np.linalg.lstsq(A[np.ix_(inner, inner)], right, rcond=None)[0]
     rest = A[np.ix_(border, inner)] @ solved
     z = np.zeros(len(r))
     z[border] = least(A[np.ix_(border, border)] - rest[:, :-1], r[border] - rest[:, -1])

@@ -8,16 +8,17 @@ h the history of the step and P the directions. Full order solves with a factor 
 block has D^-1 applied to everything in advance. The Newton loop sees no difference.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
 from sparsemor.core import Csr, ElasticOperators, Factorized, FloatArray, IntArray, Status
 from sparsemor.core.model.factorizations import short, solved
 from sparsemor.core.protocols.load_tables import total
-from sparsemor.core.protocols.separable import evaluate_amplitudes
+from sparsemor.core.protocols.separable import Amplitude, evaluate_amplitudes
 from sparsemor.reducers.step.acceptance import EPS, rounding
 from sparsemor.reducers.step.elastic_local import (
     FullLocal,
@@ -26,7 +27,7 @@ from sparsemor.reducers.step.elastic_local import (
     StepForces,
 )
 from sparsemor.reducers.step.operators import TestedElastic
-from sparsemor.reducers.step.tabulated_loads import Moving, tabulated
+from sparsemor.reducers.step.time_tables import Moving, plus_loads, tabulated
 
 
 class History:
@@ -52,51 +53,69 @@ class History:
     s2: FloatArray
 
 
-class Look(NamedTuple):
+class Functionals(NamedTuple):
     """s (p,) = P^T u, form (g,) = u.M_g u, forms (2 g,) = u.M_g (r1, r2), and M_g u if needed."""
 
     s: FloatArray
     form: FloatArray
     forms: FloatArray
-    seen: FloatArray | None
+    products: FloatArray | None
 
 
-class ElasticBlock(Protocol):
-    """G (p, p) = P^T D^-1 P. `active`: numbers of the unknowns it solves for, None for all."""
+class DisplacementBlock(ABC):
+    """One body's displacements in a step. `active`: numbers of the unknowns it solves for, None for
+    all; `local`: terms that are evaluated at each iterate."""
+
+    active: IntArray | None
+    local: LocalForces | None
 
     @property
-    def G(self) -> FloatArray: ...
-    @property
-    def active(self) -> IntArray | None: ...
-    @property
-    def local(self) -> LocalForces | None:
-        """Terms that are evaluated at each iterate."""
-        ...
+    def iterates(self) -> bool:
+        """True if its linear solver iterates."""
+        return False
 
-    def begin(self, r1: FloatArray, r2: FloatArray, xT: FloatArray, t: float) -> History: ...
-    def look(self, c: FloatArray, history: History) -> Look: ...
+    def rates(self, k: int) -> tuple[FloatArray, FloatArray] | None:
+        """(s, k) each, of k atoms: D^-1 D_m and D^-1 M, the block's response alone to -r1 and -r2;
+        None at full order."""
+        return None
+
+
+class ElasticBlock(DisplacementBlock):
+    """Displacements on a frame with unknowns. G (p, p) = P^T D^-1 P."""
+
+    G: FloatArray
+
+    @abstractmethod
+    def begin(self, r1: FloatArray, r2: FloatArray, xT: FloatArray, t: float) -> History:
+        """Constants of a step."""
+
+    @abstractmethod
+    def functionals(self, c: FloatArray, history: History) -> Functionals:
+        """Functionals and forms of the unknowns c."""
+
+    @abstractmethod
     def combine(
-        self, look: Look, history: History, factors: FloatArray, c: FloatArray, sigma: FloatArray
+        self, of: Functionals, history: History, factors: FloatArray, c: FloatArray,
+        sigma: FloatArray,
     ) -> tuple[FloatArray, FloatArray]:
         """z and P^T z; factors (2 g + 1,) = kappa, mu, 1. Where c are the unknowns to come, and
         sigma what then multiplies the directions, z is -(c + E sigma): a first guess."""
-        ...
 
+    @abstractmethod
     def update(self, z: FloatArray, sigma: FloatArray) -> FloatArray:
         """-(z + E sigma): the block's unknowns."""
-        ...
 
+    @abstractmethod
     def noise(
         self, c: FloatArray, history: History, factors: FloatArray, c1: float, c2: float
     ) -> float:
         """Norm of what rounding the terms of the elastic rows makes of the unknowns c; factors as
         in `combine`."""
-        ...
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class FullElastic:
-    """Full order: D made ready, one right-hand side an iteration. K is never multiplied."""
+class FullElastic(ElasticBlock):
+    """Full order: D factorized, one right-hand side an iteration. K is never multiplied."""
 
     ops: ElasticOperators
     factor: Factorized
@@ -113,33 +132,31 @@ class FullElastic:
         return cls(ops, factor, E, ops.directions.T @ E,
                    local=FullLocal(ops.local) if ops.local else None)
 
+    @property
+    def iterates(self) -> bool:
+        return self.factor.iterative
+
     def begin(self, r1: FloatArray, r2: FloatArray, xT: FloatArray, t: float) -> History:
         o, s = self.ops, History()
         Mr1, Mr2 = each(o.generators, r1), each(o.generators, r2)
         own = len(Mr2) and o.generators[0] is o.mass
-        h = (Mr2[0] if own else o.mass @ r2) - o.constant
-        if o.damping.nnz:
-            h = h + o.damping @ r1
-        if o.coupling is not None:
-            h = h - o.coupling @ xT
-        if o.amplitudes:
-            h = h - o.loads @ evaluate_amplitudes(o.amplitudes, t)
-        if o.tables:
-            h = h - total(o.tables, t)
-        s.h, s.stack, s.quad = h, Mr1, np.concatenate([Mr1, Mr2])
+        s.h = forces_of_history(o, Mr2[0] if own else o.mass @ r2, r1, xT, t)
+        s.stack, s.quad = Mr1, np.concatenate([Mr1, Mr2])
         s.s1, s.s2 = o.directions.T @ r1, o.directions.T @ r2
         return s
 
-    def look(self, c: FloatArray, history: History) -> Look:
-        seen = each(self.ops.generators, c)
-        return Look(self.ops.directions.T @ c, seen @ c, history.quad @ c, seen)
+    def functionals(self, c: FloatArray, history: History) -> Functionals:
+        products = each(self.ops.generators, c)
+        return Functionals(
+            self.ops.directions.T @ c, products @ c, history.quad @ c, products)
 
     def combine(
-        self, look: Look, history: History, factors: FloatArray, c: FloatArray, sigma: FloatArray
+        self, of: Functionals, history: History, factors: FloatArray, c: FloatArray,
+        sigma: FloatArray,
     ) -> tuple[FloatArray, FloatArray]:
         g = len(self.ops.generators)
-        assert look.seen is not None
-        right = history.h + factors[:g] @ look.seen + factors[g:-1] @ history.stack
+        assert of.products is not None
+        right = history.h + factors[:g] @ of.products + factors[g:-1] @ history.stack
         if history.local is not None:
             right = right + history.local.rows(c)
         if self.factor.iterative:
@@ -168,7 +185,7 @@ class FullElastic:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class CompressedElastic:
+class CompressedElastic(ElasticBlock):
     """s active atoms: every operator is dense, small and prepared (sizes s + p, not n).
 
     Vectors come as [z; P^T z], so that both follow from one product.
@@ -182,7 +199,7 @@ class CompressedElastic:
     E: FloatArray
     G: FloatArray
     active: IntArray | None
-    amplitudes: tuple[Any, ...]
+    amplitudes: tuple[Amplitude, ...]
     sizes: tuple[int, int, int]
     tables: tuple[Moving, ...] = ()
     local: LocalForces | None = None
@@ -217,7 +234,6 @@ class CompressedElastic:
                    ReducedLocal.of(b.local, both))
 
     def rates(self, k: int) -> tuple[FloatArray, FloatArray]:
-        """(s, k) each, k atoms: D^-1 D_m and D^-1 M, the block's own answer to -r1 and -r2."""
         s, p, g = self.sizes
         rows = self.H[g * (s + p) : g * (s + p) + s]
         return rows[:, :k], rows[:, k : 2 * k]
@@ -233,7 +249,7 @@ class CompressedElastic:
         out += self.base
         if self.tables:
             out[g * w : (g + 1) * w] -= total(self.tables, t)
-        # rows kappa_g | mu_g | 1 of the combination; the first g are filled at each look
+        # rows kappa_g | mu_g | 1 of the combination; the first g are filled at each iterate
         h.stack = np.empty((2 * g + 1, w))
         h.stack[g:] = out[: (g + 1) * w].reshape(g + 1, w)
         a = (g + 1) * w
@@ -242,16 +258,17 @@ class CompressedElastic:
         h.s1, h.s2 = out[a : a + p], out[a + p :]
         return h
 
-    def look(self, c: FloatArray, history: History) -> Look:
+    def functionals(self, c: FloatArray, history: History) -> Functionals:
         s, p, g = self.sizes
         out = self.S.dot(c)
         n = g * (s + p)
         history.stack[:g] = out[:n].reshape(g, s + p)
         form = out[n + p :].reshape(g, s).dot(c)
-        return Look(out[n : n + p], form, history.quad.dot(c), None)
+        return Functionals(out[n : n + p], form, history.quad.dot(c), None)
 
     def combine(
-        self, look: Look, history: History, factors: FloatArray, c: FloatArray, sigma: FloatArray
+        self, of: Functionals, history: History, factors: FloatArray, c: FloatArray,
+        sigma: FloatArray,
     ) -> tuple[FloatArray, FloatArray]:
         z: FloatArray = factors.dot(history.stack)
         if history.local is not None:
@@ -289,6 +306,18 @@ def rounded(
         left = history.residual * float(np.linalg.norm(history.h)) / np.sqrt(len(u))
         terms += left / EPS
     return float(np.linalg.norm(factor.solve(v * terms)))
+
+
+def forces_of_history(
+    ops: ElasticOperators, inertia: FloatArray, r1: FloatArray, xT: FloatArray, t: float
+) -> FloatArray:
+    """(n,) M r2 (inertia) + D_m r1 less constant and thermal forces and loads at t, s."""
+    h = inertia - ops.constant
+    if ops.damping.nnz:
+        h = h + ops.damping @ r1
+    if ops.coupling is not None:
+        h = h - ops.coupling @ xT
+    return plus_loads(h, ops, t, -1.0)
 
 
 def each(generators: Sequence[Csr], x: FloatArray) -> FloatArray:

@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from sparsemor.core import ElasticLocal, FloatArray, StepFormula
-from sparsemor.reducers.step.operators import TestedLocal
+from sparsemor.reducers.step.operators import TestedLocal, TestMap
 
 GROWN = 10.0
 """A change that many times as large as the one before, where local terms outweigh D: the iteration
@@ -61,7 +61,8 @@ class ReducedLocal:
 
     @classmethod
     def of(cls, parts: Sequence[TestedLocal], left: FloatArray) -> "ReducedLocal | None":
-        return cls(tuple(part.times(left) for part in parts)) if parts else None
+        return cls(tuple(
+            part.under(TestMap(left=left), left.shape[1]) for part in parts)) if parts else None
 
     @property
     def elements(self) -> int:

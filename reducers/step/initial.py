@@ -14,14 +14,11 @@ import numpy as np
 
 from sparsemor.core import FloatArray, FrameWork, State
 from sparsemor.core.model.constraint_rates import along
-from sparsemor.core.protocols.load_tables import total
 from sparsemor.core.protocols.prescribed_quantities import derivatives
-from sparsemor.core.protocols.separable import evaluate_amplitudes
 from sparsemor.reducers.step.condensed_newton import Mechanics
-from sparsemor.reducers.step.frame_step import BodyStep
+from sparsemor.reducers.step.frame_step import NONE, BodyStep, buffers
 from sparsemor.reducers.step.operators import TestedElastic
-
-NONE = np.zeros(0)
+from sparsemor.reducers.step.time_tables import plus_loads
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +54,7 @@ def consistent_start(
     if not mechanics.bodies:
         return state
     if not n:
-        return _driven_start(mechanics, tested, state)
+        return _prescribed_start(mechanics, tested, state)
     A, r = np.zeros((n, n)), -_target_accelerations(mechanics, state.t, scales.h)
     parts = []
     for body, t in zip(mechanics.bodies, tested, strict=True):
@@ -74,15 +71,15 @@ def consistent_start(
     return replace(state, x=x, a=a)
 
 
-def _driven_start(
+def _prescribed_start(
     mechanics: Mechanics, tested: Sequence[TestedElastic | None], state: State
 ) -> State:
-    """The same where all frames are given or at rest: each elastic block by itself."""
+    """The same where all frames are right or at rest: each elastic block by itself."""
     a = state.a.copy()
     for body, t in zip(mechanics.bodies, tested, strict=True):
         if t is not None:
-            w = FrameWork(body.frame.p, body.frame.border, body.frame.generators)
-            body.frame.drive(*body.given(state.t), 0.0, 0.0, state.t, w)
+            w, = buffers([body.frame])
+            body.frame.drive(*body.border_motion(state.t), 0.0, 0.0, state.t, w)
             rows = _elastic_rows(body, t, w, state)
             a[body.elastic] = -np.linalg.lstsq(t.mass, rows, rcond=None)[0]
     return replace(state, a=a)
@@ -100,9 +97,9 @@ def _linear(
     mechanics: Mechanics, body: BodyStep, t: TestedElastic | None, state: State, scales: StartTimes
 ) -> _Body:
     """The body's equations at a = 0, multipliers 0, and their derivatives by a and multipliers."""
-    origin, rate, _ = body.given(state.t)
+    origin, rate, _ = body.border_motion(state.t)
     y, v = _border(mechanics, body, state.x, origin), _border(mechanics, body, state.v, rate)
-    c2 = 1.0 / scales.h**2  # large enough that masses are not lost beside centrifugal terms
+    c2 = 1.0 / scales.h**2  # large enough that masses are not lost against centrifugal terms
     w0, w1 = (_evaluate(body, t, y, v, c, state) for c in (0.0, c2))
     d = body.frame.rigid_size
     H = np.zeros_like(w0.border[:, :-1])
@@ -114,35 +111,28 @@ def _linear(
         return _Body(NONE, np.zeros((0, len(rows))), rows, H, np.zeros((len(rows), 0)))
     sigma = np.concatenate([(w1.sigma[:d] - w0.sigma[:d]) / c2, w0.sigma[d:-1]])
     tau = np.concatenate([(w1.tau[:d] - w0.tau[:d]) / c2, w0.tau[d:]])
-    given = np.concatenate(
+    right = np.concatenate(
         [_elastic_rows(body, t, w0, state)[:, None], t.directions @ sigma.T], axis=1)
-    solved = np.linalg.lstsq(t.mass, given, rcond=None)[0]
+    solved = np.linalg.lstsq(t.mass, right, rcond=None)[0]
     return _Body(solved[:, 0], solved[:, 1:], rows, H, tau @ t.functional)
 
 
 def _border(
-    mechanics: Mechanics, body: BodyStep, x: FloatArray, given: FloatArray
+    mechanics: Mechanics, body: BodyStep, x: FloatArray, right: FloatArray
 ) -> FloatArray:
-    """Border unknowns of one body with all multipliers zero, over what is given of them."""
+    """Border unknowns of one body with all multipliers zero, over what is right of them."""
     whole = np.zeros(mechanics.size)
     whole[: mechanics.n_rigid] = x[: mechanics.n_rigid]
-    return np.asarray(body.to_border @ whole + given)
+    return np.asarray(body.to_border @ whole + right)
 
 
 def _evaluate(
     body: BodyStep, t: TestedElastic | None, y: FloatArray, v: FloatArray, c2: float, state: State
 ) -> FrameWork:
     """The kernel at zero unknown accelerations: u'' = c2 u + r2 with r2 = -c2 u."""
-    f, a = body.frame, body.given(state.t)[2]
-    w = FrameWork(f.p, f.border, f.generators)
-    if t is None:
-        f.evaluate(y, v, a, 0.0, c2, NONE, NONE, NONE, NONE, NONE, state.t, w)
-        return w
-    c, cv = state.x[body.elastic], state.v[body.elastic]
-    F, Q = t.functional, t.quadratic
-    form = Q @ c @ c
-    forms = np.concatenate([Q @ cv @ c, -c2 * form])
-    f.evaluate(y, v, a, 0.0, c2, F @ c, F @ cv, -c2 * (F @ c), form, forms, state.t, w)
+    (w,), c = buffers([body.frame]), state.x[body.elastic]
+    body.evaluate(y, v, body.border_motion(state.t)[2], 0.0, c2, t, c, state.v[body.elastic],
+                  -c2 * c, state.t, w)
     return w
 
 
@@ -156,10 +146,7 @@ def _elastic_rows(
     r = r + np.tensordot(kappa, t.generators, 1) @ c + np.tensordot(mu, t.generators, 1) @ cv
     if t.coupling.size:
         r = r - t.coupling @ state.x[body.thermal]
-    if t.amplitudes:
-        r = r - t.loads @ evaluate_amplitudes(t.amplitudes, state.t)
-    if t.tables:
-        r = r - total(t.tables, state.t)
+    r = plus_loads(r, t, state.t, -1.0)
     if t.local:
         x, v = (np.concatenate((s[body.elastic], s[body.thermal])) for s in (state.x, state.v))
         r = r + sum(part.rows(x, v, np.zeros(len(x)), state.t) for part in t.local)

@@ -14,17 +14,17 @@ from sparsemor.reducers.step.frame_step import BodyStep, buffers
 
 
 class Loop:
-    """State of one step between its iterations: `given` targets of the constraints, rates of
+    """State of one step between its iterations: targets of the constraints, rates of
     the stacked borders at y = 0, the border unknowns y and their last change dy, the border's
     matrix, and per body its unknowns c, z and what multiplies its directions (sigma). origin: what
     of the stacked borders is no unknown. changes: relative change of the rigid coordinates, then
     |du| of each body by its largest |u|; size: what the former is relative to."""
 
-    __slots__ = ("acceleration", "c", "changes", "dy", "given", "history", "matrix", "origin",
-                 "sigma", "size", "velocity", "y", "z")
+    __slots__ = ("acceleration", "c", "changes", "dy", "history", "matrix", "origin",
+                 "sigma", "size", "targets", "velocity", "y", "z")
 
     history: list[History | None]
-    given: FloatArray
+    targets: FloatArray
     origin: FloatArray
     velocity: FloatArray
     acceleration: FloatArray

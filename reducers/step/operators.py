@@ -5,6 +5,7 @@ atoms^T, the sparse method the rows Omega, DEIM atoms^T for the linear operators
 an interpolation from a few rows for its forces. All give m rows and k columns here.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -38,10 +39,19 @@ class TestMap:
     rows: IntArray | None = None
     left: FloatArray | None = None
 
+    @property
+    def identity(self) -> bool:
+        return self.rows is None and self.left is None
+
     def __call__(self, matrix: Any) -> Any:
         """The map applied to a matrix (n, j) or vector (n,)."""
-        seen = matrix if self.rows is None else matrix[self.rows]
-        return seen if self.left is None else self.left @ seen
+        chosen = matrix if self.rows is None else matrix[self.rows]
+        return chosen if self.left is None else self.left @ chosen
+
+    def of_tables(self, tables: Sequence[Table]) -> tuple[Table, ...]:
+        """The map applied to the rows (n,) of tables (T, n)."""
+        chosen = tables if self.rows is None else [t.columns(self.rows) for t in tables]
+        return tuple(chosen if self.left is None else [t.through(self.left) for t in chosen])
 
     def times(self, left: FloatArray, n: int) -> FloatArray:
         """left (s, l) times this map, as one matrix (s, n) on the whole block of n rows."""
@@ -80,9 +90,10 @@ class TestedLocal:
         left = np.ascontiguousarray(seen.toarray() if issparse(seen) else seen)
         return cls(local.term.compress(Trial(wide, offset), left))
 
-    def times(self, left: FloatArray) -> "TestedLocal":
-        """left (l, m) times its rows."""
-        return TestedLocal(self.term, left if self.left is None else left @ self.left)
+    def under(self, test: TestMap, m: int) -> "TestedLocal":
+        """With a further map of its m rows."""
+        left = test(np.eye(m) if self.left is None else self.left)
+        return TestedLocal(self.term, np.ascontiguousarray(left))
 
     def rows(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> FloatArray:
         """(m,) at coefficients [c | cT] and their rates."""
@@ -167,6 +178,20 @@ class TestedElastic:
         return replace(self, mass=diagonal(self.mass), stiffness=diagonal(self.stiffness),
                        damping=d if alone else self.damping)
 
+    def under(self, test: TestMap) -> "TestedElastic":
+        """The same operators with a further map of their m rows."""
+        if test.identity:
+            return self
+        m, k = self.mass.shape
+        generators = [test(A) for A in self.generators]
+        constant = test(self.constant)
+        return replace(
+            self, mass=test(self.mass), damping=test(self.damping), stiffness=test(self.stiffness),
+            generators=np.stack(generators) if generators else np.zeros((0, len(constant), k)),
+            directions=test(self.directions), coupling=test(self.coupling), loads=test(self.loads),
+            constant=constant, tables=test.of_tables(self.tables),
+            local=tuple(part.under(test, m) for part in self.local))
+
     def block(self, c1: float, c2: float) -> FloatArray:
         """D = K + c1 D + c2 M under both maps, (m, k)."""
         return np.asarray(self.stiffness + c1 * self.damping + c2 * self.mass)
@@ -201,6 +226,15 @@ class TestedHeat:
         """The same under the natural modes of its span, where both operators are diagonal."""
         return replace(
             self, capacity=diagonal(self.capacity), conductivity=diagonal(self.conductivity))
+
+    def under(self, test: TestMap) -> "TestedHeat":
+        """The same operators with a further map of their rows."""
+        if test.identity:
+            return self
+        return replace(
+            self, capacity=test(self.capacity), conductivity=test(self.conductivity),
+            constant=test(self.constant), loads=test(self.loads),
+            tables=test.of_tables(self.tables))
 
     def block(self, c1: float) -> FloatArray:
         """B = c1 C + K under both maps, (m, k)."""

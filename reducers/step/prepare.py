@@ -17,10 +17,10 @@ from sparsemor.core import (
     State,
 )
 from sparsemor.reducers.step.acceptance import Tolerances
-from sparsemor.reducers.step.elastic_block import ElasticBlock, FullElastic
-from sparsemor.reducers.step.frame_step import Drive
+from sparsemor.reducers.step.elastic_block import ElasticBlock
+from sparsemor.reducers.step.frame_step import PrescribedFactors
 from sparsemor.reducers.step.operators import TestedElastic
-from sparsemor.reducers.step.prescribed_frame_block import FullPrescribed, PrescribedBlock
+from sparsemor.reducers.step.prescribed_frame_block import PrescribedBlock
 from sparsemor.reducers.step.solver import Facts, Stepper, bodies
 from sparsemor.reducers.step.thermal_block import HeatBlock
 from sparsemor.reducers.step.thermal_groups import group_name
@@ -64,11 +64,10 @@ def stepper(
     s = Stepper(layout, dictionaries, rows, elements, model.separated, heat, elastic, frames, tol,
                 points, factorizations, limits or {}, sanity, notes, facts or {},
                 tested or {}, hot=_hot(model, layout), iterating=any(
-                    isinstance(b, FullElastic | FullPrescribed) and b.factor.iterative
-                    for b in elastic.values()))
+                    b.iterates for b in elastic.values()))
     if not model.separated.border_size:
         s = replace(s, drives={
-            b.name: TimeTable.of(Drive(b, *rates), _times(m) if ahead else np.zeros(0))
+            b.name: TimeTable.of(PrescribedFactors(b, *rates), _times(m) if ahead else np.zeros(0))
             for b, m in zip(bodies(s), model.separated.moving, strict=True) if b.elastic_name})
     return replace(s, mechanics=s.with_mechanics())
 

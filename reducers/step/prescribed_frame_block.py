@@ -1,32 +1,35 @@
-"""One elastic block on a frame whose motion is given: linear, and nothing rigid to feed.
+"""One elastic block on a frame whose motion is prescribed: linear, and nothing rigid to feed.
 
 With D = K + c1 D_m + c2 M constant, its rows times D^-1 read
 
     u + sum_g kappa_g D^-1 M_g u = b,   b = -D^-1 (h + P sigma + sum_g mu_g M_g r1),
 
-h the history of the step and given loads, P the directions. sigma, kappa and mu follow from the
+h the history of the step and loads, P the directions. sigma, kappa and mu follow from the
 time alone (core/protocols/separable.py), so moments and quadratic forms of u are not needed.
 """
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from dataclasses import dataclass
 from math import sqrt
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from sparsemor.core import ElasticOperators, Factorized, FloatArray, IntArray
 from sparsemor.core.model.factorizations import short
-from sparsemor.core.protocols.load_tables import total, total_along
-from sparsemor.core.protocols.separable import amplitudes_along, evaluate_amplitudes
+from sparsemor.core.protocols.separable import Amplitude
 from sparsemor.reducers.full.coarse_correction import CoarseCorrection
 from sparsemor.reducers.projection.modal_coordinates import carried, dense, times
 from sparsemor.reducers.step.acceptance import EPS, LEAST
-from sparsemor.reducers.step.elastic_block import History, rounded
+from sparsemor.reducers.step.elastic_block import (
+    DisplacementBlock,
+    History,
+    forces_of_history,
+    rounded,
+)
 from sparsemor.reducers.step.elastic_local import FullLocal, LocalForces, ReducedLocal
 from sparsemor.reducers.step.operators import TestedElastic
-from sparsemor.reducers.step.tabulated_loads import Moving, tabulated
-from sparsemor.reducers.step.time_tables import TimeTable
+from sparsemor.reducers.step.time_tables import Moving, TimeTable, along, tabulated
 
 LEADING = 64
 """Soft modes in which a product is worth a second one."""
@@ -41,9 +44,9 @@ class Past(History):
 
     __slots__ = ("bound", "c", "kappa", "mu", "r1", "rates", "terms", "turning", "u", "weights")
 
-    def __init__(self, known: FloatArray, g: int, r1: FloatArray) -> None:
+    def __init__(self, table: FloatArray, g: int, r1: FloatArray) -> None:
         super().__init__()
-        self.kappa, self.mu = known[:g].tolist(), known[g : 2 * g].tolist()
+        self.kappa, self.mu = table[:g].tolist(), table[g : 2 * g].tolist()
         self.r1: FloatArray | None = r1
         self.c: FloatArray | None = None
 
@@ -57,23 +60,21 @@ class Past(History):
     terms: tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 
 
-class PrescribedBlock(ABC):
-    """`active`: numbers of the unknowns it solves for, None for all. proved: whether `contraction`
-    is a bound in the Euclidean norm of the unknowns, and not an estimate of one."""
+class PrescribedBlock(DisplacementBlock):
+    """Displacements on a frame whose motion is prescribed. proved: whether `contraction` is a bound
+    in the Euclidean norm of the unknowns, and not an estimate of one."""
 
-    active: IntArray | None
-    local: LocalForces | None
     proved: ClassVar[bool]
 
     @abstractmethod
-    def known(self, drive: TimeTable) -> TimeTable:
+    def time_table(self, drive: TimeTable) -> TimeTable:
         """Of kappa, mu and sigma at all times: these, and what else time decides of a step."""
 
     @abstractmethod
     def begin(
-        self, r1: FloatArray, r2: FloatArray, xT: FloatArray, t: float, known: FloatArray
+        self, r1: FloatArray, r2: FloatArray, xT: FloatArray, t: float, table: FloatArray
     ) -> Past:
-        """known: what `known` has at t."""
+        """table: row of `time_table` at t."""
 
     @abstractmethod
     def improve(self, c: FloatArray, past: Past) -> FloatArray:
@@ -90,7 +91,7 @@ class PrescribedBlock(ABC):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FullPrescribed(PrescribedBlock):
-    """Full order: D made ready, one right-hand side an iteration, then its lowest modes. Its
+    """Full order: D factorized, one right-hand side an iteration, then its lowest modes. Its
     contraction is estimated by Ritz values, which are none but lower bounds of what they stand for,
     times a margin."""
 
@@ -107,24 +108,20 @@ class FullPrescribed(PrescribedBlock):
         return cls(ops, factor, CoarseCorrection.of(ops, factor, block),
                    local=FullLocal(ops.local) if ops.local else None)
 
-    def known(self, drive: TimeTable) -> TimeTable:
+    @property
+    def iterates(self) -> bool:
+        return self.factor.iterative
+
+    def time_table(self, drive: TimeTable) -> TimeTable:
         return drive
 
     def begin(
-        self, r1: FloatArray, r2: FloatArray, xT: FloatArray, t: float, known: FloatArray
+        self, r1: FloatArray, r2: FloatArray, xT: FloatArray, t: float, table: FloatArray
     ) -> Past:
         o, g = self.ops, len(self.ops.generators)
-        past = Past(known, g, r1)
-        h = o.mass @ r2 - o.constant
-        if o.damping.nnz:
-            h += o.damping @ r1
-        if o.coupling is not None:
-            h -= o.coupling @ xT
-        if o.amplitudes:
-            h -= o.loads @ evaluate_amplitudes(o.amplitudes, t)
-        if o.tables:
-            h -= total(o.tables, t)
-        sigma = known[2 * g :]
+        past = Past(table, g, r1)
+        h = forces_of_history(o, o.mass @ r2, r1, xT, t)
+        sigma = table[2 * g :]
         if sigma.any():
             h += o.directions @ sigma
         for M, mu in zip(o.generators, past.mu, strict=True):
@@ -160,7 +157,7 @@ class FullPrescribed(PrescribedBlock):
 class CompressedPrescribed(PrescribedBlock):
     """s active atoms: every operator is dense, small and prepared; no length of the mesh is left.
 
-    What b is made of: inertia and damping times r2 and r1, (s, k) or diagonals (natural.py),
+    What b is made of: inertia and damping times r2 and r1, (s, k) or diagonals,
     damping None where there is none; coupling (s, kt) times xT; base; E (s, p) times sigma; loads
     (s, j) times amplitudes, and tables. G (g, k, s): the D^-1 M_g transposed, so that those that
     act together are one matrix; leading (g r, r): their first rows and columns, of soft modes,
@@ -179,7 +176,7 @@ class CompressedPrescribed(PrescribedBlock):
     leading: FloatArray
     sizes: FloatArray
     active: IntArray | None
-    amplitudes: tuple[Any, ...]
+    amplitudes: tuple[Amplitude, ...]
     tables: tuple[Moving, ...] = ()
     local: LocalForces | None = None
 
@@ -205,44 +202,38 @@ class CompressedPrescribed(PrescribedBlock):
             ReducedLocal.of(b.local, left))
 
     def rates(self, k: int) -> tuple[FloatArray, FloatArray]:
-        """(s, k) each, k atoms: D^-1 D_m and D^-1 M, the block's own answer to -r1 and -r2."""
         none = np.zeros((len(self.base), k))
         return none if self.damping is None else -dense(self.damping), -dense(self.inertia)
 
-    def known(self, drive: TimeTable) -> TimeTable:
+    def time_table(self, drive: TimeTable) -> TimeTable:
         """kappa, mu, sigma, the bound on the contraction, and all of b that does not depend on
         unknowns."""
         g, n = 2 * len(self.G), 2 * len(self.G) + self.E.shape[1]
 
-        def along(times: FloatArray) -> FloatArray:
+        def decided(times: FloatArray) -> FloatArray:
             rows = np.empty((len(times), n + 1 + len(self.base)))
             rows[:, :n] = drive.along(times)
             rows[:, n] = self._bounds(rows[:, : len(self.G)])
-            b = rows[:, n + 1 :]
-            b[:] = rows[:, g:n].dot(self.E.T)
-            b += self.base
-            if self.amplitudes:
-                b += amplitudes_along(self.amplitudes, times).dot(self.loads.T)
-            if self.tables:
-                b += total_along(self.tables, times)
+            rows[:, n + 1 :] = along(rows[:, g:n].dot(self.E.T) + self.base, self.loads,
+                                     self.amplitudes, self.tables, times)
             return rows
 
         # a support that may change with the next step does not pay for all times
         if self.active is not None:
-            return TimeTable(along)
-        return TimeTable.of(along, np.array(drive.times))
+            return TimeTable(decided)
+        return TimeTable.of(decided, np.array(drive.times))
 
     def begin(
-        self, r1: FloatArray, r2: FloatArray, xT: FloatArray, t: float, known: FloatArray
+        self, r1: FloatArray, r2: FloatArray, xT: FloatArray, t: float, table: FloatArray
     ) -> Past:
         g = len(self.G)
-        past, n = Past(known, g, r1), 2 * g + self.E.shape[1]
-        past.weights, past.rates, past.bound = known[:g], known[g : 2 * g], float(known[n])
+        past, n = Past(table, g, r1), 2 * g + self.E.shape[1]
+        past.weights, past.rates, past.bound = table[:g], table[g : 2 * g], float(table[n])
         acts = [i for i, k in enumerate(zip(past.kappa, past.mu, strict=True)) if any(k)]
         past.turning = (acts[0], acts[-1] + 1) if acts else (0, 0)
-        past.terms = r1, r2, xT, known[n + 1 :]
+        past.terms = r1, r2, xT, table[n + 1 :]
         past.u = times(self.inertia, r2)
-        past.u += known[n + 1 :]
+        past.u += table[n + 1 :]
         if self.damping is not None:
             past.u += times(self.damping, r1)
         if len(xT):

@@ -1,10 +1,10 @@
 """The mechanical step where no rigid coordinate and no joint force is unknown.
 
-Frames are then given or at rest and bodies decouple: each elastic block is a linear
-separate problem (driven_block.py). Its frame is evaluated once a step. What turns with the frame is
-small relative to the constant operator and iterated. Where the factor by which that contracts has a
-proved bound, no iteration is spent on finding that nothing changes any more; else the error that
-remains is estimated by two changes of this step (acceptance.py).
+Frames are then prescribed or at rest and bodies decouple: each elastic block is a linear separate
+problem. Its frame is evaluated once a step. What turns with the frame is small relative to the
+constant operator and iterated. Where the factor by which that contracts has a proved bound, no
+iteration is spent on finding that nothing changes any more; else the error that remains is
+estimated by two changes of this step (acceptance.py).
 """
 
 from math import inf, sqrt
@@ -36,22 +36,22 @@ class PrescribedFrames(Mechanics):
     def solve(
         self, step: StepFormula, x: FloatArray, memory: Scales, work: Workspace
     ) -> tuple[Status, int, str, str]:
-        """Improves x in place from its guess; status, iterations, block, what was seen."""
+        """Improves x in place from its guess; status, iterations, block, a detail."""
         work.loop = loop = Loop()
         loop.history, loop.y, loop.dy = [None] * len(self.bodies), NONE, NONE
         if not memory.elastic:
             memory.elastic, memory.floor = [0.0] * len(self.bodies), [0.0] * len(self.bodies)
         most = 1
         for i, (b, w) in enumerate(zip(self.bodies, work.frames, strict=True)):
-            if b.driven is None or b.known is None:  # a rigid body: carried along
+            if b.prescribed is None or b.table is None:  # a rigid body: carried along
                 continue
-            at, known, g = b.elastic, b.known.at(step.t), len(w.coefficients) - 1
-            w.coefficients[:g], w.sigma[-1] = known[:g], known[g : g + w.sigma.shape[1]]
-            past = b.driven.begin(step.r1[at], step.r2[at], x[b.thermal], step.t, known)
-            if b.driven.local is not None:
-                past.local = StepForces.of(b.driven.local, step, at, b.thermal, x)
+            at, table, g = b.elastic, b.table.at(step.t), len(w.coefficients) - 1
+            w.coefficients[:g], w.sigma[-1] = table[:g], table[g : g + w.sigma.shape[1]]
+            past = b.prescribed.begin(step.r1[at], step.r2[at], x[b.thermal], step.t, table)
+            if b.prescribed.local is not None:
+                past.local = StepForces.of(b.prescribed.local, step, at, b.thermal, x)
             loop.history[i] = past
-            status, n, detail = self._body(i, b, b.driven, past, x, memory, step)
+            status, n, detail = self._body(i, b, b.prescribed, past, x, memory, step)
             most = max(most, n)
             if not status.ok:
                 return status, n, b.elastic_name, detail
@@ -110,13 +110,13 @@ def _rounded(
 def _change(new: FloatArray, c: FloatArray, scales: list[float], i: int) -> float:
     """|new - c| over the largest |u| of body i so far, which is kept."""
     d = new - c
-    bent, size = float(d.dot(d)), float(new.dot(new))
+    moved2, size = float(d.dot(d)), float(new.dot(new))
     if not size < inf:
         return inf
     scales[i] = max(scales[i], size)
     if scales[i] == 0.0:
-        return 0.0 if bent == 0.0 else inf
-    return sqrt(bent / scales[i])
+        return 0.0 if moved2 == 0.0 else inf
+    return sqrt(moved2 / scales[i])
 
 
 def _put(new: FloatArray, at: slice, active: IntArray | None, x: FloatArray) -> None:

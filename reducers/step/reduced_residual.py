@@ -15,21 +15,13 @@ from scipy.linalg import lapack
 from scipy.sparse import issparse
 
 from sparsemor.core import FloatArray, FrameWork, IntArray, Layout, ReducedTerm
-from sparsemor.core.protocols.load_tables import total
-from sparsemor.core.protocols.separable import Amplitude, evaluate_amplitudes
+from sparsemor.core.protocols.separable import Amplitude
 from sparsemor.reducers.step.frame_step import BodyStep, buffers
+from sparsemor.reducers.step.newton.memory import NewtonMemory
 from sparsemor.reducers.step.operators import TestedElastic, TestedHeat
-
-NONE = np.zeros(0)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Coupled:
-    """A compressed term: `columns` (k,) unknowns that it reads, `rows` (l,) that it adds to."""
-
-    term: ReducedTerm
-    rows: IntArray
-    columns: IntArray
+from sparsemor.reducers.step.rejection import Checked
+from sparsemor.reducers.step.relocalised import Coupled
+from sparsemor.reducers.step.time_tables import plus_loads
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,12 +31,8 @@ class DenseHeat:
     at: slice
     tested: TestedHeat
 
-    def given(self, t: float) -> FloatArray:
-        b = self.tested
-        r = -b.constant
-        if b.amplitudes:
-            r = r - b.loads @ evaluate_amplitudes(b.amplitudes, t)
-        return np.asarray(r - total(b.tables, t) if b.tables else r)
+    def prescribed(self, t: float) -> FloatArray:
+        return -plus_loads(self.tested.constant, self.tested, t)
 
     def residual(self, r: FloatArray, x: FloatArray, v: FloatArray) -> None:
         at, b = self.at, self.tested
@@ -63,34 +51,25 @@ class DenseBody:
         used = np.any(step.to_border != 0.0, axis=0)  # of all rigid unknowns and multipliers
         self.at, self.map = border[used], np.ascontiguousarray(step.to_border[:, used])
 
-    def given(self, t: float) -> FloatArray:
-        b = self.tested
-        assert b is not None
-        r = b.constant
-        if b.amplitudes:
-            r = r - b.loads @ evaluate_amplitudes(b.amplitudes, t)
-        return np.asarray(r - total(b.tables, t) if b.tables else r)
+    def prescribed(self, t: float) -> FloatArray:
+        assert self.tested is not None
+        return plus_loads(self.tested.constant, self.tested, t, -1.0)
 
     def _evaluate(
         self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: float, c2: float,
         work: FrameWork,
     ) -> tuple[FloatArray, FloatArray]:
         """Fills `work`; rates and accelerations of the border."""
-        at, T, b, f = self.at, self.map, self.tested, self.step.frame
+        at, T = self.at, self.map
         y, yv, ya = T.dot(x[at]), T.dot(v[at]), T.dot(a[at])
         if self.step.guide is None:
             y = y + self.step.origin
         else:
-            known = self.step.given(t)
-            y, yv, ya = y + known[0], yv + known[1], ya + known[2]
-        if b is None:
-            f.evaluate(y, yv, ya, c1, c2, NONE, NONE, NONE, NONE, NONE, t, work)
-            return yv, ya
+            motion = self.step.border_motion(t)
+            y, yv, ya = y + motion[0], yv + motion[1], ya + motion[2]
         e = self.step.elastic
-        c, F, Q = x[e], b.functional, b.quadratic
-        r1, r2 = v[e] - c1 * c, a[e] - c2 * c
-        form, forms = Q.dot(c).dot(c), np.concatenate((Q.dot(r1).dot(c), Q.dot(r2).dot(c)))
-        f.evaluate(y, yv, ya, c1, c2, F.dot(c), F.dot(r1), F.dot(r2), form, forms, t, work)
+        c = x[e]
+        self.step.evaluate(y, yv, ya, c1, c2, self.tested, c, v[e] - c1 * c, a[e] - c2 * c, t, work)
         return yv, ya
 
     def residual(
@@ -149,6 +128,18 @@ class Dense:
     price: int = 4
     work: Sequence[FrameWork] = ()
 
+    @property
+    def terms(self) -> list[tuple[ReducedTerm, IntArray]]:
+        return [(c.term, c.columns) for c in self.coupled]
+
+    @property
+    def checks(self) -> list[Checked]:
+        return [(c.checks, c.columns) for c in self.coupled if c.checks is not None]
+
+    def of_run(self, memory: NewtonMemory) -> "Dense":
+        coupled = [c.by_copies(i, memory) for i, c in enumerate(self.coupled)]
+        return replace(self, coupled=coupled, work=memory.work)
+
     def with_work(self) -> "Dense":
         """The same equations with working arrays of their own."""
         return replace(self, work=self.buffers())
@@ -157,21 +148,21 @@ class Dense:
         """Working arrays for all bodies."""
         return buffers([b.step.frame for b in self.bodies])
 
-    def given(self, t: float) -> FloatArray:
+    def prescribed(self, t: float) -> FloatArray:
         r = np.zeros(self.layout.size)
         for i, f in self.targets:
             r[self.border[i]] -= f(t)
         for h in self.heat:
-            r[h.at] += h.given(t)
+            r[h.at] += h.prescribed(t)
         for b in self.bodies:
             if b.tested is not None:
-                r[b.step.elastic] += b.given(t)
+                r[b.step.elastic] += b.prescribed(t)
         return r
 
     def residual(
-        self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, given: FloatArray
+        self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, prescribed: FloatArray
     ) -> FloatArray:
-        r = given.copy()
+        r = prescribed.copy()
         for h in self.heat:
             h.residual(r, x, v)
         for b, w in zip(self.bodies, self.work, strict=True):

@@ -1,82 +1,100 @@
-"""Terms that follow the motion: evaluated by a lighter copy that holds near a state.
+"""Terms evaluated by a lighter copy that is exact near a state, such as a contact with a list of
+neighbours (`RelocatesNear`). The step memory keeps the copies."""
 
-A reduced term may have `near(x)`, a copy for states near x, with `holds(x)` and the state `at`
-that it was made at. Such copies give what the whole term gives, and the step memory keeps them.
-"""
-
-from collections.abc import Sequence
-from dataclasses import replace
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from sparsemor.core import FloatArray, RelocatesNear
+from sparsemor.core import (
+    ChecksStep,
+    FloatArray,
+    IntArray,
+    ReducedTerm,
+    RelocatesNear,
+)
+from sparsemor.core.protocols import LocalCopy, WrapsTerm
 from sparsemor.reducers.step.newton.memory import NewtonMemory
-from sparsemor.reducers.step.reduced_residual import Coupled
 
 
+@runtime_checkable
+class Relocatable(ReducedTerm, RelocatesNear, Protocol):
+    """A reduced term with local copies."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Coupled:
+    """A compressed term: `columns` (k,) unknowns that it reads, `rows` (l,) that it adds to.
+
+    checks, relocates: the term itself where it checks steps, and where it has local copies. A step
+    does not ask for these abilities again.
+    """
+
+    term: ReducedTerm
+    rows: IntArray
+    columns: IntArray
+    checks: ChecksStep | None = None
+    relocates: Relocatable | None = None
+
+    @classmethod
+    def of(cls, term: ReducedTerm, rows: IntArray, columns: IntArray) -> "Coupled":
+        return cls(term, rows, columns, term if isinstance(term, ChecksStep) else None,
+                   term if isinstance(term, Relocatable) else None)
+
+    def by_copies(self, number: int, memory: NewtonMemory) -> "Coupled":
+        """The same, evaluated by local copies in `memory` where the term has any."""
+        if self.relocates is None:
+            return self
+        term = Relocalised(self.relocates, number, memory)
+        return replace(self, term=term, checks=term)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Relocalised:
-    """A `ReducedTerm`: the copy at hand, or a new one where that does not hold any more."""
+    """A `ReducedTerm`: the kept copy, or a new one where that is not exact any more."""
 
-    __slots__ = ("memory", "number", "term")
-
-    def __init__(self, term: Any, number: int, memory: NewtonMemory) -> None:
-        self.term, self.number, self.memory = term, number, memory
+    term: Relocatable
+    number: int
+    memory: NewtonMemory
 
     @property
     def elements(self) -> int:
-        return int(self.term.elements)
+        return self.term.elements
 
     @property
     def source(self) -> str:
-        return str(self.term.source)
+        return self.term.source if isinstance(self.term, WrapsTerm) else ""
 
     @property
     def histories(self) -> tuple[str, ...]:
-        found: tuple[str, ...] = self.term.histories
-        return found
+        return self.term.histories if isinstance(self.term, WrapsTerm) else ()
 
-    def at(self, x: FloatArray) -> Any:
-        """The copy for a state."""
+    def at(self, x: FloatArray) -> LocalCopy | None:
+        """The copy for a state; None for numbers that are not finite."""
         kept = self.memory.near.get(self.number)
         if isinstance(kept, np.ndarray):  # of a memory that was stored: made there again
             kept = self.memory.near[self.number] = self.term.near(kept)
         if kept is not None and kept.holds(x):
             return kept
         if not np.isfinite(x).all():
-            return self.term
+            return None
         self.memory.searches += 1
         kept = self.memory.near[self.number] = self.term.near(x)
         return kept
 
     def residual(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> FloatArray:
-        r: FloatArray = self.at(x).residual(x, v, a, t)
-        return r
+        return (self.at(x) or self.term).residual(x, v, a, t)
 
     def jacobian(
         self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: FloatArray, c2: FloatArray
     ) -> FloatArray:
-        J: FloatArray = self.at(x).jacobian(x, v, a, t, c1, c2)
-        return J
+        return (self.at(x) or self.term).jacobian(x, v, a, t, c1, c2)
 
     def check_step(self, x: FloatArray, v: FloatArray, t: float, h: float) -> str:
-        return str(self.at(x).check_step(x, v, t, h))
+        copy = self.at(x)
+        return "" if copy is None else copy.check_step(x, v, t, h)
 
-    def resultants(self, x: FloatArray, v: FloatArray, t: float) -> dict[str, float]:
-        found: dict[str, float] = self.at(x).resultants(x, v, t)
-        return found
-
-
-def movable(coupled: Sequence[Coupled]) -> tuple[int, ...]:
-    """Positions of the terms that follow the motion."""
-    return tuple(i for i, c in enumerate(coupled) if isinstance(c.term, RelocatesNear))
-
-
-def following(
-    coupled: Sequence[Coupled], which: Sequence[int], memory: NewtonMemory
-) -> list[Coupled]:
-    """The same terms, those at positions `which` with their copies in `memory`."""
-    found = list(coupled)
-    for i in which:
-        found[i] = replace(found[i], term=Relocalised(found[i].term, i, memory))
-    return found
+    def resultants(self, x: FloatArray, v: FloatArray, t: float) -> Mapping[str, float]:
+        copy = self.at(x)
+        return {} if copy is None else copy.resultants(x, v, t)

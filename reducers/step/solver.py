@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Self
 
 import numpy as np
 
@@ -13,6 +12,7 @@ from sparsemor.core import (
     Frame,
     IntArray,
     Layout,
+    MovingBody,
     Note,
     Separated,
     State,
@@ -22,59 +22,23 @@ from sparsemor.core import (
 )
 from sparsemor.core.linalg.least_squares import coefficients
 from sparsemor.core.model.constraint_rates import motion_step
-from sparsemor.reducers.step.acceptance import Scales, Tolerances
+from sparsemor.reducers.step.acceptance import Tolerances
 from sparsemor.reducers.step.condensed_newton import Mechanics
-from sparsemor.reducers.step.elastic_block import CompressedElastic, ElasticBlock
+from sparsemor.reducers.step.elastic_block import ElasticBlock
 from sparsemor.reducers.step.frame_step import BodyStep
 from sparsemor.reducers.step.initial import StartTimes, consistent_start
 from sparsemor.reducers.step.iteration_state import Workspace
+from sparsemor.reducers.step.memory import Memory
 from sparsemor.reducers.step.newton.fallback import STEPS, FullNewton
 from sparsemor.reducers.step.operators import TestedElastic
 from sparsemor.reducers.step.predictor import Ring
-from sparsemor.reducers.step.prescribed_frame_block import CompressedPrescribed, PrescribedBlock
+from sparsemor.reducers.step.prescribed_frame_block import PrescribedBlock
 from sparsemor.reducers.step.prescribed_frames import PrescribedFrames
 from sparsemor.reducers.step.thermal_block import HeatBlock
 from sparsemor.reducers.step.time_tables import TimeTable
 
 Facts = Mapping[str, Mapping[str, float | int | str]]
 """Block name -> numbers worth reporting."""
-
-
-class Memory:
-    """Step memory of a separated model: past states, scales, counts, and the working arrays of its
-    steps. All but the arrays is stored as plain data (core/results/saved_state.py)."""
-
-    def __init__(self, x: FloatArray, points: int, work: Workspace) -> None:
-        self.ring, self.scales, self.work = Ring(points, x), Scales(), work
-        self.factorizations = 0
-        self.support_changes = 0
-        self.full_newton_steps, self.full_newton_next = 0, 0
-        """Steps that Newton's method with the exact Jacobian solved, and those next to come that
-        are not tried without it."""
-        self.supports: dict[str, BoolArray] = {}
-        self.linear: dict[str, int] = {}
-
-    def __getstate__(self) -> dict[str, Any]:
-        state = dict(self.__dict__)
-        del state["work"]
-        return state
-
-    def copy(self) -> Self:
-        """Separate memory of the same state, with working arrays of its own."""
-        other = self.__class__.__new__(self.__class__)
-        other.__dict__.update(
-            self.__dict__, ring=self.ring.copy(), scales=self.scales.copy(),
-            work=self.work.separate(), supports=dict(self.supports), linear=dict(self.linear))
-        return other
-
-    def counted(self, block: str, iterations: int) -> None:
-        """Iterations that a linear solver took."""
-        self.linear[block] = self.linear.get(block, 0) + iterations
-
-    def moved(self, x: FloatArray) -> None:
-        """The next step starts at x, after steps of another size that another solver took."""
-        self.ring.push(x)
-        self.ring.restart()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -133,9 +97,8 @@ class Stepper:
 
     def start(self, state: State) -> tuple[State, Memory]:
         reduced = self.reduced(state)
-        memory = Memory(reduced.x, self.points, self.workspace())
-        memory.factorizations = self.factorizations
-        return reduced, memory
+        return reduced, Memory(ring=Ring(self.points, reduced.x), work=self.workspace(),
+                               factorizations=self.factorizations)
 
     def reduced(self, state: State) -> State:
         """A full-order state in this model's unknowns, with consistent rates."""
@@ -156,7 +119,7 @@ class Stepper:
     ) -> StepOutcome:
         """The step's solution, not yet remembered as a state of the run.
 
-        guess (n,): where the iteration starts; the past states' extrapolation when not given.
+        guess (n,): where the iteration starts; the past states' extrapolation where there is none.
         """
         x = memory.ring.predict() if guess is None else guess.copy()
         if self.newton is not None and memory.full_newton_next:
@@ -171,7 +134,7 @@ class Stepper:
             active = block.active
             here = x[at]
             if block.elements:
-                here = _near(here, memory.ring.rows[memory.ring.newest, at])
+                here = _near(here, memory.newest[at])
             guess = here if active is None else here[active]
             T, status, n, linear, detail = block.solve(step.r1[at], step.t, guess)
             if linear:
@@ -253,10 +216,11 @@ class Stepper:
         their r1 and r2 with everything else held: [-D^-1 D_m, -D^-1 M] under its maps."""
         found = {}
         for name, block in self.elastic.items():
-            if isinstance(block, CompressedElastic | CompressedPrescribed):
-                at = self.layout[name]
+            at = self.layout[name]
+            rates = block.rates(at.stop - at.start)
+            if rates is not None:
                 use = slice(None) if block.active is None else block.active
-                found[name] = -np.hstack([w[:, use] for w in block.rates(at.stop - at.start)])
+                found[name] = -np.hstack([w[:, use] for w in rates])
         return found
 
     def supports(self, memory: Memory) -> Mapping[str, BoolArray]:
@@ -283,14 +247,21 @@ def bodies(s: Stepper) -> Sequence[BodyStep]:
     none, found = slice(0, 0), []
     for m in s.separated.moving:
         made = s.elastic.get(m.elastic)
-        block, driven = (None, made) if isinstance(made, PrescribedBlock) else (made, None)
+        block, prescribed = (None, made) if isinstance(made, PrescribedBlock) else (made, None)
         drive = s.drives.get(m.name)
         found.append(BodyStep(
             m.name, s.frames.get(m.name, m.frame), m.to_border, m.origin, block,
             s.layout[m.elastic] if m.elastic else none,
-            s.layout[m.thermal] if m.thermal in s.layout else none, m.elastic, m.guide, driven,
-            driven.known(drive) if driven is not None and drive is not None else None))
+            s.layout[m.thermal] if m.thermal in s.layout else none, m.elastic, m.guide,
+            rigid_block(s.layout, m), prescribed,
+            prescribed.time_table(drive) if prescribed is not None and drive is not None else None))
     return found
+
+
+def rigid_block(layout: Layout, body: MovingBody) -> str:
+    """Name of the block of a body's rigid coordinates, "" where its frame has no unknowns."""
+    used = body.to_border[: body.frame.rigid_size, : layout.frames.stop].any(axis=0)
+    return ", ".join(layout.containing(np.flatnonzero(used)))
 
 
 def reduce_state(
@@ -307,6 +278,6 @@ def reduce_state(
             x[here], v[here], a[here] = state.x[there], state.v[there], state.a[there]
             continue
         d = dictionaries[b.name]
-        given = np.stack([state.x[there] - d.offset, state.v[there], state.a[there]], axis=1)
-        x[here], v[here], a[here] = coefficients(d.atoms, given).T
+        columns = np.stack([state.x[there] - d.offset, state.v[there], state.a[there]], axis=1)
+        x[here], v[here], a[here] = coefficients(d.atoms, columns).T
     return State(state.t, x, v, a, state.memory)

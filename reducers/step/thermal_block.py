@@ -14,13 +14,10 @@ from scipy.sparse import coo_array, csr_array
 
 from sparsemor.core import Factorized, FloatArray, HeatBody, IntArray, ReducedTerm, Status, Term
 from sparsemor.core.model.factorizations import short
-from sparsemor.core.protocols.load_tables import total, total_along
-from sparsemor.core.protocols.separable import amplitudes_along, evaluate_amplitudes
 from sparsemor.reducers.full.superlu import factorize
 from sparsemor.reducers.projection.modal_coordinates import carried, times
 from sparsemor.reducers.step.operators import TestedHeat
-from sparsemor.reducers.step.tabulated_loads import tabulated
-from sparsemor.reducers.step.time_tables import TimeTable
+from sparsemor.reducers.step.time_tables import TimeTable, along, plus_loads, tabulated
 
 STUCK = 1e-7
 """Newton steps that no longer shrink below this share of the temperatures are round-off: in a
@@ -59,7 +56,7 @@ class LocalAt:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FullHeat:
-    """Full order: B = c1 C + K made ready."""
+    """Full order: B = c1 C + K factorized."""
 
     heat: HeatBody
     c1: float
@@ -74,12 +71,7 @@ class FullHeat:
         return sum(at.term.elements for at in self.local)
 
     def _right(self, r1: FloatArray, t: float) -> FloatArray:
-        b = self.heat.constant - self.heat.capacity @ r1
-        if self.heat.amplitudes:
-            b = b + self.heat.loads @ evaluate_amplitudes(self.heat.amplitudes, t)
-        if self.heat.tables:
-            b = b + total(self.heat.tables, t)
-        return np.asarray(b)
+        return plus_loads(self.heat.constant - self.heat.capacity @ r1, self.heat, t)
 
     def solve(self, r1: FloatArray, t: float, guess: FloatArray) -> HeatOutcome:
         b = self._right(r1, t)
@@ -152,11 +144,11 @@ class FullHeat:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CompressedHeat:
-    """s active atoms. The linear solution is past r1 + given(t): past (s, k) or a diagonal
-    (natural.py), given what loads, tables of heat that moves and what is constant make of it."""
+    """s active atoms. The linear solution is past r1 + prescribed(t): past (s, k) or a diagonal
+    (modal_coordinates.py); prescribed: loads, tables of heat that moves, and what is constant."""
 
     past: FloatArray
-    given: TimeTable
+    prescribed: TimeTable
     active: IntArray | None
     local: tuple[ReducedTerm, ...]
     c1: float
@@ -176,22 +168,17 @@ class CompressedHeat:
         base, loads, tables = left @ b.constant, left @ b.loads, tabulated(
             b.tables, left, support is None)
 
-        def given(times: FloatArray) -> FloatArray:
-            rows = np.zeros((len(times), len(base))) + base
-            if b.amplitudes:
-                rows += amplitudes_along(b.amplitudes, times).dot(loads.T)
-            if tables:
-                rows += total_along(tables, times)
-            return rows
+        def prescribed(times: FloatArray) -> FloatArray:
+            return along(base, loads, b.amplitudes, tables, times)
 
         # a support that may change with the next step does not pay for all times
         times = b.tables[0].times if b.tables and support is None else np.zeros(0)
         return cls(
-            carried(-left @ b.capacity), TimeTable.of(given, times), support, tuple(local), c1)
+            carried(-left @ b.capacity), TimeTable.of(prescribed, times), support, tuple(local), c1)
 
     def solve(self, r1: FloatArray, t: float, guess: FloatArray) -> HeatOutcome:
         base = times(self.past, r1)
-        base += self.given.at(t)
+        base += self.prescribed.at(t)
         if not self.local:
             return HeatOutcome(base, Status.DONE, 1)
         return self._iterate(base, r1, t, guess)

@@ -184,16 +184,16 @@ def compressed_group(
         raise SolveFailed(
             Status.SINGULAR, 0.0, group_name(members), "heat of coupled bodies") from None
 
-    def given(times: FloatArray) -> FloatArray:
-        rows = np.concatenate([b.given.along(times) for b in blocks], axis=1)
+    def prescribed(times: FloatArray) -> FloatArray:
+        rows = np.concatenate([b.prescribed.along(times) for b in blocks], axis=1)
         return np.asarray((rows - fixed) @ inverse.T)
 
     times = np.unique(np.concatenate([np.zeros(0), *(
-        np.array(b.given.times) for b in blocks if b.given.rows is not None)]))
+        np.array(b.prescribed.times) for b in blocks if b.prescribed.rows is not None)]))
     local = tuple(GroupLocal(t, here, inverse[:, here])
                   for b, here in zip(blocks, at, strict=True) for t in b.local)
     return CompressedHeat(
-        carried(inverse @ (carry - B)), TimeTable.of(given, times), None, local, c1,
+        carried(inverse @ (carry - B)), TimeTable.of(prescribed, times), None, local, c1,
         blocks[0].rtol, blocks[0].max_iterations)
 
 
@@ -201,8 +201,9 @@ def heat_groups(
     model: AssembledModel, blocks: Mapping[str, CompressedHeat],
     dictionaries: Mapping[str, Dictionary], wide: Mapping[str, FloatArray], c1: float,
 ) -> dict[str, CompressedHeat]:
-    """Reduced thermal blocks, those that couplings connect as one, by the keys of their groups."""
+    """Reduced thermal blocks, those that couplings connect as one, by the keys of their groups.
+    Blocks that no coupling reads may be missing: they are prepared when their atoms are known."""
     return {
         group_name(g): blocks[g[0].thermal] if len(g) == 1 else compressed_group(
             model, g, [blocks[b.thermal] for b in g], dictionaries, wide, c1)
-        for g in model.separated.heat_groups}
+        for g in model.separated.heat_groups if len(g) > 1 or g[0].thermal in blocks}

@@ -1,12 +1,15 @@
-"""Time tables: functions of time only, precomputed at the times of a run."""
+"""Functions of time only: loads of an instant, and tables of values at the times of a run."""
 
 from bisect import bisect_left
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
-from sparsemor.core import FloatArray
+from sparsemor.core import FloatArray, Table
+from sparsemor.core.protocols.load_tables import Tabled, total, total_along
+from sparsemor.core.protocols.separable import Amplitude, amplitudes_along, evaluate_amplitudes
 
 NEAR = 1e-9
 """Share of the interval before it by which a time may miss a tabled one: it was summed up
@@ -46,3 +49,61 @@ class TimeTable:
         if self.rows is not None and np.array_equal(times, self.times):
             return self.rows
         return np.array([self.at(t) for t in times.tolist()])
+
+
+class Loaded(Protocol):
+    """Rows (n,) with loads that time alone decides: loads (n, j) times amplitudes, and tables."""
+
+    @property
+    def loads(self) -> FloatArray: ...
+    @property
+    def amplitudes(self) -> Sequence[Amplitude]: ...
+    @property
+    def tables(self) -> Sequence[Tabled]: ...
+
+
+def plus_loads(r: FloatArray, rows: Loaded, t: float, sign: float = 1.0) -> FloatArray:
+    """r (n,) plus sign times the loads at t, s."""
+    if rows.amplitudes:
+        r = r + sign * (rows.loads @ evaluate_amplitudes(rows.amplitudes, t))
+    return np.asarray(r + sign * total(rows.tables, t) if rows.tables else r)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TabulatedLoads:
+    """left (s, m) @ table.at(t), for tables (T, m) of tested rows."""
+
+    table: Table
+    left: FloatArray
+
+    def at(self, t: float) -> FloatArray:
+        """(s,)"""
+        return np.asarray(self.left.dot(self.table.at(t)))
+
+    def along(self, times: FloatArray) -> FloatArray:
+        """(T, s)"""
+        return np.asarray(self.table.along(times).dot(self.left.T))
+
+
+Moving = Table | TabulatedLoads
+"""What has a value (s,) `at` each time."""
+
+
+def tabulated(tables: Sequence[Table], left: FloatArray, for_good: bool) -> tuple[Moving, ...]:
+    """Applied to all times at once where the arrays stay for the whole run; a support that may
+    change with the next step does not pay for that."""
+    return tuple(t.through(left) if for_good else TabulatedLoads(t, left) for t in tables)
+
+
+def along(
+    base: FloatArray, loads: FloatArray, amplitudes: Sequence[Amplitude],
+    tables: Sequence[Moving], times: FloatArray,
+) -> FloatArray:
+    """(T, s) base, (s,) or (T, s), plus loads (s, j) times amplitudes, and tables, at times (T,).
+    """
+    rows = np.zeros((len(times), base.shape[-1])) + base
+    if amplitudes:
+        rows += amplitudes_along(amplitudes, times).dot(loads.T)
+    if tables:
+        rows += total_along(tables, times)
+    return rows

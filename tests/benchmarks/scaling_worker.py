@@ -170,7 +170,7 @@ def ahead(solver: StepSolver, repeats: int = 5) -> float:
     known: list[TimeTable | None] = [
         *solver.drives.values(), *(h.given for h in solver.heat.values()
                                    if isinstance(h, CompressedHeat))]
-    known += [b.known for b in solver.mechanics.bodies if b.known not in known]
+    known += [b.table for b in solver.mechanics.bodies if b.table not in known]
     asked = [(k.source, np.array(k.times)) for k in known if k is not None and k.rows is not None]
     spent = []
     for _ in range(repeats):

@@ -17,7 +17,7 @@ from sparsemor.core.protocols.load_tables import Table, total, total_along
 from sparsemor.core.protocols.prescribed_motion import FrameHistory
 from sparsemor.core.protocols.separable import FrameWork, amplitudes_along, evaluate_amplitudes
 from sparsemor.core.testing.in_memory_run import March, march
-from sparsemor.reducers.step.tabulated_loads import TabulatedLoads
+from sparsemor.reducers.step.time_tables import TabulatedLoads
 from tests.laws.test_given_frames import bar, plane_bar, turning
 
 TIMES = np.array([0.0, 0.01, 0.02, 0.03, 0.05])

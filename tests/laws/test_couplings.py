@@ -17,8 +17,10 @@ from sparsemor.core.protocols.contributions import Equations, Origin, Records
 from sparsemor.core.protocols.layout import Block, Layout
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.testing.in_memory_run import March, march
+from sparsemor.reducers.sparse.stepper import SparseStepper
 from sparsemor.reducers.step.solver import Stepper
 from springs import bars
+from tiers import quick
 
 HOT = ("one.thermal", "two.thermal")
 REDUCERS: dict[str, dict[str, Any]] = {
@@ -75,7 +77,7 @@ def test_heat_flows_from_the_warm_bar_into_the_cold_one(textbook: March) -> None
     assert abs(sum(heat)) < 1e-9 * abs(heat[0])  # what leaves one enters the other
 
 
-@pytest.mark.parametrize("use", REDUCERS)
+@pytest.mark.parametrize("use", quick(REDUCERS, "galerkin", "sparse"))
 def test_a_reduced_step_is_as_short_as_without_it(use: str, textbook: March) -> None:
     reduced = run(REDUCERS[use], textbook)
     assert isinstance(reduced.solver, Stepper)
@@ -88,6 +90,17 @@ def test_a_choice_of_atoms_is_refused_where_it_cannot_be_made(textbook: March) -
     chosen = {**REDUCERS["sparse"], "budgets": {"*.thermal": {"rows": 14, "atoms": 4}}}
     with pytest.raises(InputError, match="gap couples bodies inside the step"):
         run(chosen, textbook)
+
+
+def test_atoms_of_displacements_are_selected_next_to_a_coupling(textbook: March) -> None:
+    """Temperatures are those of all atoms; thermal blocks that are coupled select nothing."""
+    chosen = {**REDUCERS["sparse"], "budgets": {"*.elastic": {"rows": 30, "atoms": 6}}}
+    found = run(chosen, textbook)
+    assert isinstance(found.solver, SparseStepper) and set(found.solver.elastic) == {
+        "one.elastic", "two.elastic"}
+    wrong = errors(found, textbook)
+    assert max(wrong[name] for name in HOT) < 1e-6
+    assert max(wrong.values()) < 0.1
 
 
 def test_both_forms_of_all_kinds_of_records_are_the_same_equations() -> None:

@@ -26,11 +26,11 @@ class Scalar:
     price: int = 3
     named: tuple[tuple[str, frozenset[str]], ...] = (("sole", frozenset({"ball.rigid"})),)
 
-    def given(self, t: float) -> FloatArray:
+    def prescribed(self, t: float) -> FloatArray:
         return np.zeros(1)
 
     def residual(
-        self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, given: FloatArray
+        self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, prescribed: FloatArray
     ) -> FloatArray:
         return np.array([self.f(x[0])])
 
@@ -42,7 +42,7 @@ class Scalar:
 
     def solved(self, start: float) -> StepOutcome:
         step = StepFormula(0.0, 0.0, 0.0, 0.0, np.zeros(1), np.zeros(1))
-        return solve(self, step, NewtonMemory(np.array([start]), 6, 1), Tolerances())
+        return solve(self, step, NewtonMemory.of(np.array([start]), 6, 1), Tolerances())
 
 
 def test_a_kink_is_crossed() -> None:
@@ -97,11 +97,11 @@ class Apart:
     price: int = 0
     named: tuple[tuple[str, frozenset[str]], ...] = ()
 
-    def given(self, t: float) -> FloatArray:
+    def prescribed(self, t: float) -> FloatArray:
         return np.zeros(2)
 
     def residual(
-        self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, given: FloatArray
+        self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, prescribed: FloatArray
     ) -> FloatArray:
         return np.array([x[0], (x[1] - 1.0) ** 2])
 
@@ -115,6 +115,6 @@ class Apart:
 def test_a_slow_block_is_not_hidden_by_a_quick_one() -> None:
     """The change that is left is estimated block by block."""
     zero = np.zeros(2)
-    start = NewtonMemory(np.array([5.0, 1.0 + 1e-6]), 6, 2)
+    start = NewtonMemory.of(np.array([5.0, 1.0 + 1e-6]), 6, 2)
     out = solve(Apart(), StepFormula(0.0, 0.0, 0.0, 0.0, zero, zero), start, Tolerances())
     assert out.status is Status.DONE and abs(out.x[1] - 1.0) < 5e-9

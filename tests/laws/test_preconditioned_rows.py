@@ -30,9 +30,13 @@ from sparsemor.plugins.samplers.lhs import LatinHypercube
 from sparsemor.plugins.samplers.random import Uniform
 from sparsemor.plugins.samplers.s_opt import SOpt
 from sparsemor.reducers.checks import required_rows
-from sparsemor.reducers.sparse.preconditioned_rows import inverse_rows
 from sparsemor.reducers.sparse.reducer import Sparse
-from sparsemor.reducers.sparse.sampled_block import SampledElastic, SampledHeat, choose_rows
+from sparsemor.reducers.sparse.sampled_block import (
+    SampledElastic,
+    SampledHeat,
+    choose_rows,
+    inverse_rows,
+)
 from tiny_scene import BUDGETS, full, snapshots
 
 FIXED = {"*.elastic": {"rows": 10}, "*.thermal": {"rows": 8}}

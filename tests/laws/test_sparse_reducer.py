@@ -26,7 +26,7 @@ from sparsemor.reducers.sparse.sampled_block import Sampled, SampledElastic
 from sparsemor.reducers.sparse.stepper import SparseStepper
 from sparsemor.reducers.step import operators as test_map
 from sparsemor.reducers.step.elastic_block import CompressedElastic
-from sparsemor.reducers.step.operator_rows import elastic_rows, elastic_times
+from sparsemor.reducers.step.operators import TestMap as Map
 from tiny_scene import BUDGETS, FIXED, full, prepared, snapshots
 
 WIDE = {"*.elastic": {"rows": 8, "atoms": 6}, "*.thermal": {"rows": 4, "atoms": 3}}
@@ -247,16 +247,16 @@ def test_a_stepper_with_other_blocks_is_one_made_of_them() -> None:
 def test_rows_of_the_whole_are_the_rows_of_the_mesh() -> None:
     t, _, rows = elastic()
     d = prepared(reduced()).dictionaries
-    taken = elastic_rows(Whole.of(full().model, d).elastic["bar.elastic"], rows)
-    left = np.random.default_rng(0).standard_normal((5, len(rows)))
-    once, again = elastic_times(left, t), elastic_times(left, taken)
+    taken = Whole.of(full().model, d).elastic["bar.elastic"].under(Map(rows))
+    left = Map(left=np.random.default_rng(0).standard_normal((5, len(rows))))
+    once, again = t.under(left), taken.under(left)
     for name in ("mass", "damping", "stiffness", "generators", "directions", "coupling", "loads",
                  "constant"):
         own = getattr(taken, name)
         np.testing.assert_allclose(own, getattr(t, name), rtol=1e-12, atol=1e-12 * max(
             np.abs(own).max(initial=0.0), 1e-300))
         assert getattr(once, name).shape == getattr(again, name).shape
-    assert elastic_times(None, t) is t
+    assert t.under(Map()) is t
 
 
 class Failing(GreedyGaussNewton):

@@ -19,7 +19,7 @@ from sparsemor.core.testing.problems import (
     incoherent,
 )
 from sparsemor.plugins.sparse_solvers.greedy_gauss_newton import GreedyGaussNewton
-from sparsemor.plugins.sparse_solvers.support_cycles import Visits
+from sparsemor.plugins.sparse_solvers.iterates import Visits
 
 
 @pytest.mark.parametrize("seed", range(40))

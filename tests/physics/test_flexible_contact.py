@@ -14,7 +14,8 @@ from sparsemor.core.protocols import StepFormula
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.status import SolveFailed, Status
 from sparsemor.core.testing.in_memory_run import march
-from sparsemor.reducers.full.monolithic import GeneralStepper, Summed
+from sparsemor.reducers.full.monolithic import Summed
+from sparsemor.reducers.step.newton.stepper import NewtonStepper
 
 pytestmark = pytest.mark.full
 
@@ -23,7 +24,7 @@ pytestmark = pytest.mark.full
 
 def test_the_contact_carries_the_load_and_drags() -> None:
     run = full()
-    assert isinstance(run.solver, GeneralStepper)
+    assert isinstance(run.solver, NewtonStepper)
     x, y, _ = forces(run)[run.model.layout["slider.rigid"]]
     assert abs(y - LOAD) < 2e-4 * LOAD
     # along the deformed surface, which is all but level
@@ -41,7 +42,7 @@ def test_third_law_for_forces_moments_and_heat() -> None:
     moved = np.zeros_like(nodal)
     moved[plate.elasticity.free] = run.end.x[layout["plate.elastic"]]
     x, y, angle = run.end.x[layout["slider.rigid"]]
-    arm = plate.X + moved.view(complex) - complex(x, y)
+    arm = plate.X @ [1, 1j] + moved.view(complex) - complex(x, y)
     moment = float((arm.conj() * nodal.view(complex)).imag.sum())
     size = LOAD * SIDE
     assert abs(nodal.view(complex).sum() + complex(on_slider[0], on_slider[1])) < 1e-12 * LOAD
@@ -70,7 +71,7 @@ def changes(model: Model, step: StepFormula, x: FloatArray, exact: bool, count: 
     """Sizes of successive changes from x, relative to the largest displacement of the plate."""
     eq = Summed.of(model, price=1)
     c1, c2 = rate_factors(model.layout, step.c1, step.c2, step.c1_first)
-    given, factor, found = eq.given(step.t), None, []
+    given, factor, found = eq.prescribed(step.t), None, []
     at = model.layout["plate.elastic"]
     for _ in range(count):
         v, a = c1 * x + step.r1, c2 * x + step.r2

@@ -17,7 +17,7 @@ from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.testing.in_memory_run import march
 from sparsemor.plugins.sparse_solvers.greedy_gauss_newton import GreedyGaussNewton
 from sparsemor.reducers.sparse.condensed_rows import Eliminated
-from sparsemor.reducers.sparse.elastic_screen import ROUGH, Look
+from sparsemor.reducers.sparse.elastic_screen import ROUGH, RowsAtSolution
 from sparsemor.reducers.sparse.joint_problem import MechanicsProblem
 from sparsemor.reducers.sparse.stepper import SparseStepper
 
@@ -153,13 +153,13 @@ def test_the_border_is_eliminated(still: bool) -> None:
         state = scene.integrator.advance(
             stepper.layout, state, formula, outcome.x, scene.time.step)
     formula = scene.integrator.formula(stepper.layout, state, scene.time.step)
-    now, screens = memory.current, stepper._screens(memory)
+    now, screens = memory.current, stepper.screens_of(memory)
     assert now is not None and now.mechanics is not None and screens is not None
     x, screen = now.tried(formula, memory).x, screens.elastic
     assert screen is not None
     new = Eliminated.of(now.mechanics, memory.work, screen.still)
     assert new is not None
-    at = Look(screen, formula, x, now.mechanics, memory.work).around(new, ROUGH)
+    at = RowsAtSolution(screen, formula, x, now.mechanics, memory.work).around(new, ROUGH)
 
     blocks = [stepper.elastic[b.elastic_name] for b in now.mechanics.bodies]
     joint = MechanicsProblem(now.mechanics, blocks, formula, x)

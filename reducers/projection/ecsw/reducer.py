@@ -23,11 +23,10 @@ from sparsemor.core import (
     Note,
     OfflineProducts,
     ReducedProblem,
-    StepSolver,
     Term,
     WeighsElements,
 )
-from sparsemor.reducers.projection.base import Maps, ProjectionReducer, Reducible, left_inverse
+from sparsemor.reducers.projection.base import Maps, ProjectionReducer, Reducible
 from sparsemor.reducers.projection.ecsw.training import (
     Trained,
     elastic_equations,
@@ -36,7 +35,10 @@ from sparsemor.reducers.projection.ecsw.training import (
     train,
 )
 from sparsemor.reducers.projection.ecsw.training_matrix import Equations
+from sparsemor.reducers.step.coupled_reduced import ReducedGeneral
+from sparsemor.reducers.step.left_inverse import left_inverse
 from sparsemor.reducers.step.operators import TestMap
+from sparsemor.reducers.step.solver import Stepper
 
 Fact = dict[str, float | int | str]
 
@@ -50,7 +52,7 @@ class Ecsw(ProjectionReducer):
 
     Trial and test map are the atoms, and weighted element matrices stay symmetric and positive
     semidefinite: the structure, and with it the stability, of Galerkin is kept. Inertia of the
-    floating frame, damping, joints, films and given loads are projected exactly.
+    floating frame, damping, joints, films and loads are projected exactly.
     """
 
     tau: float = Field(default=1e-6, ge=1e-8, lt=1.0)
@@ -77,7 +79,7 @@ class Ecsw(ProjectionReducer):
     def maps(self, block: Reducible) -> Maps:
         return Maps(TestMap(left=block.dictionary.atoms.T))
 
-    def seen(
+    def projected_model(
         self, model: AssembledModel, dictionaries: Mapping[str, Dictionary],
         offline: OfflineProducts, h: float
     ) -> tuple[AssembledModel, Mapping[str, Fact]]:
@@ -88,8 +90,8 @@ class Ecsw(ProjectionReducer):
         weighed = replace(model.separated, moving=moving, heat=heat)
         return model.with_separated(weighed), training.facts
 
-    def prepare(self, problem: ReducedProblem) -> StepSolver:
-        solver: Any = super().prepare(problem)
+    def prepare(self, problem: ReducedProblem) -> Stepper | ReducedGeneral:
+        solver = super().prepare(problem)
         elements = {n: solver.elements_touched[n] + int(f["elements_kept"])
                     for n, f in solver.facts.items()}
         notes = tuple(
@@ -97,10 +99,9 @@ class Ecsw(ProjectionReducer):
                  f"best comes to {f['residual']:.1e}", "ecsw_training")
             for n, f in solver.facts.items()
             if float(f["residual"]) > 1.05 * self.tau)
-        weighed: StepSolver = replace(
+        return replace(
             solver, elements_touched={**solver.elements_touched, **elements},
             notes=(*solver.notes, *notes))
-        return weighed
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -114,7 +115,7 @@ class Training:
     states: int
     dictionaries: Mapping[str, Dictionary]
     facts: dict[str, Fact] = field(default_factory=dict)
-    known: dict[str, Trained] = field(default_factory=dict)
+    trained: dict[str, Trained] = field(default_factory=dict)
 
     def elastic(self, body: MovingBody) -> MovingBody:
         ops = body.operators
@@ -162,14 +163,14 @@ class Training:
         return w
 
     def _trained(self, name: str) -> Trained:
-        if name not in self.known:
+        if name not in self.trained:
             snapshots = self.offline.snapshots(name)
-            self.known[name] = Trained.of(
+            self.trained[name] = Trained.of(
                 self.dictionaries[name], snapshots, self._times(snapshots.shape[1]))
-        return self.known[name]
+        return self.trained[name]
 
     def _times(self, M: int) -> FloatArray:
-        """(M,) s: when the snapshots were taken; given ones are taken for one a step."""
+        """(M,) s: when the snapshots were taken; others are taken for one per step."""
         r = self.offline.recording
         t = np.arange(M) * (self.h if r is None else r.step * r.every)
         if r is not None and r.integrator.order > 1:
@@ -178,12 +179,12 @@ class Training:
 
 
 def _weigh_elastic(ops: ElasticOperators, g: ElasticIntegrals, w: FloatArray) -> ElasticOperators:
-    given, rest = _given(g.given, w)
+    fixed, rest = _left_out(g.given, w)
     return replace(
         ops, stiffness=_weighed(ops.stiffness, g.stiffness, w),
         coupling=None if ops.coupling is None or g.coupling is None
         else _weighed(ops.coupling, g.coupling, w),
-        constant=ops.constant + given, loads=np.concatenate([ops.loads, rest], axis=1),
+        constant=ops.constant + fixed, loads=np.concatenate([ops.loads, rest], axis=1),
         amplitudes=(*ops.amplitudes, *g.amplitudes),
         load_names=(*ops.load_names, *("left-out elements" for _ in g.amplitudes)))
 
@@ -191,16 +192,16 @@ def _weigh_elastic(ops: ElasticOperators, g: ElasticIntegrals, w: FloatArray) ->
 def _weigh_heat(
     body: HeatBody, g: HeatIntegrals, w: FloatArray, local: Iterable[Term]
 ) -> HeatBody:
-    given, rest = _given(g.given, w)
+    fixed, rest = _left_out(g.given, w)
     return replace(
         body, capacity=_weighed(body.capacity, g.capacity, w),
         conductivity=_weighed(body.conductivity, g.conductivity, w),
-        constant=body.constant + given, loads=np.concatenate([body.loads, rest], axis=1),
+        constant=body.constant + fixed, loads=np.concatenate([body.loads, rest], axis=1),
         amplitudes=(*body.amplitudes, *g.amplitudes), local=tuple(local),
         load_names=(*body.load_names, *("left-out elements" for _ in g.amplitudes)))
 
 
-def _given(g: Integrals, w: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _left_out(g: Integrals, w: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Change by the weights of the constant part (n,) and of the prescribed loads (n, j)."""
     change = g.weighted(w - 1.0).toarray()
     return change[:, 0], change[:, 1:]

@@ -95,8 +95,8 @@ def elastic_equations(
     if size == 0.0:
         return Equations(count, (), ())
     left = u.dictionary.atoms @ flexibility.T / size
-    known = _given(integrals.amplitudes, u.t)
-    thermal, factors = [(integrals.given, np.eye(len(known)))], [known]
+    prescribed = _values_at(integrals.amplitudes, u.t)
+    thermal, factors = [(integrals.given, np.eye(len(prescribed)))], [prescribed]
     if integrals.coupling is not None and heat is not None:
         thermal.append((integrals.coupling, heat.with_offset))
         factors.append(heat.homogeneous)
@@ -109,15 +109,16 @@ def heat_equations(integrals: HeatIntegrals, T: Trained, inertness: FloatArray) 
     """G (m, E): rates of temperature that conduction and changes of heat cause, each as a share of
     its own. inertness (k, k): inverse of the projected capacity."""
     left = T.dictionary.atoms @ inertness.T
-    known = _given(integrals.amplitudes, T.t)
+    prescribed = _values_at(integrals.amplitudes, T.t)
     # what conduction and changes are differences of: below its round-off there is nothing to learn
     top = np.abs(T.with_offset) @ np.abs(T.homogeneous).max(axis=1)
     K = abs(integrals.conductivity.weighted(np.ones(integrals.conductivity.count)))
     flow = float(np.linalg.norm(np.abs(left).T @ (K @ top)))
     change = float(np.linalg.norm(np.abs(T.c).max(axis=1))) / float(np.abs(np.diff(T.t)).max())
-    conduction = [(integrals.conductivity, T.with_offset), (integrals.given, -np.eye(len(known)))]
+    conduction = [(integrals.conductivity, T.with_offset),
+                  (integrals.given, -np.eye(len(prescribed)))]
     return _equations(integrals.capacity.count, [
-        (left, conduction, np.concatenate([T.homogeneous, known]), flow),
+        (left, conduction, np.concatenate([T.homogeneous, prescribed]), flow),
         (left, [(integrals.capacity, T.dictionary.atoms)], T.rates(), change)])
 
 
@@ -130,8 +131,8 @@ def local_equations(
     return Equations.of(shares.reshape(len(shares), -1).T, float(np.abs(shares).sum()))
 
 
-def _given(amplitudes: Sequence[Callable[[float], float]], t: FloatArray) -> FloatArray:
-    """(1 + j, M): ones, and known functions of time."""
+def _values_at(amplitudes: Sequence[Callable[[float], float]], t: FloatArray) -> FloatArray:
+    """(1 + j, M): ones, and prescribed functions of time."""
     values = [[f(float(s)) for s in t] for f in amplitudes]
     return np.array([np.ones(len(t)), *values])
 
@@ -169,7 +170,7 @@ def train(equations: Equations, tau: float) -> Weights:
     G = equations.scaled().fewer()
     if not G.parts:
         return Weights(np.ones(G.count), 0.0)
-    total, among, few = G.total(), _candidates(G.count), G.mixed()
+    total, among, few = G.total(), candidates(G.count), G.mixed()
     b = few.total()
     size, U = few.directions(among, b, LEFT_OUT[-1] * tau)
     best = Weights(np.ones(G.count), np.inf)
@@ -188,7 +189,7 @@ def train(equations: Equations, tau: float) -> Weights:
     return best
 
 
-def _candidates(count: int) -> IntArray:
+def candidates(count: int) -> IntArray:
     """Numbers of the elements among which weights are sought, sorted: the same in every call."""
     if count <= CANDIDATES:
         return np.arange(count)

@@ -2,7 +2,7 @@
 
 G has one row for each atom and each combination of snapshots, and one column for each element: 2 GB
 for 40 atoms at 81 thousand tetrahedra. It is never held as a whole. Weights are found from U^T G
-alone, with the few eigenvectors U of G G^T that matter; both are put together block by block.
+alone, with the few eigenvectors U of G G^T that matter; both are assembled block by block.
 """
 
 from collections.abc import Callable, Iterator
@@ -62,7 +62,7 @@ class Equations:
         """(m, E'): those of some elements."""
         return np.concatenate([p.scale * p.make(part) for p in self.parts])
 
-    def _stretches(self, elements: IntArray) -> Iterator[tuple[slice, FloatArray]]:
+    def _chunks(self, elements: IntArray) -> Iterator[tuple[slice, FloatArray]]:
         """Columns of some elements, no more at a time than `BLOCK` allows, and which they are."""
         step = max(BLOCK // max(self.rows, 1), 1)
         for first in range(0, len(elements), step):
@@ -73,7 +73,7 @@ class Equations:
         """(m,): G w; elements of weight 0 are not visited."""
         used = np.flatnonzero(w)
         sums: FloatArray = np.zeros(self.rows)
-        for part, G in self._stretches(used):
+        for part, G in self._chunks(used):
             sums += G @ w[used[part]]
         return sums
 
@@ -121,7 +121,7 @@ class Equations:
         """Singular values above `floor` (r,), ascending, and left vectors (m, r) of the columns of
         some elements and of `total` (m,) next to them."""
         square = np.outer(total, total)
-        for _, G in self._stretches(elements):
+        for _, G in self._chunks(elements):
             square += G @ G.T
         squares, U = eigh(square, subset_by_value=(floor**2, np.inf), overwrite_a=True)
         return np.sqrt(squares), U
@@ -129,6 +129,6 @@ class Equations:
     def along(self, U: FloatArray, elements: IntArray) -> FloatArray:
         """(r, E'): U^T G of some elements, U (m, r)."""
         A: FloatArray = np.zeros((U.shape[1], len(elements)))
-        for part, G in self._stretches(elements):
+        for part, G in self._chunks(elements):
             A[:, part] = U.T @ G
         return A

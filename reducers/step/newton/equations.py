@@ -1,9 +1,11 @@
 """The equations of a whole step that Newton's method solves."""
 
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import Protocol, Self
 
-from sparsemor.core import FloatArray, Layout
+from sparsemor.core import FloatArray, FrameWork, IntArray, Layout, ReducedTerm, Term
+from sparsemor.reducers.step.newton.memory import Factor, Matrix, NewtonMemory
+from sparsemor.reducers.step.rejection import Checked
 
 
 class Equations(Protocol):
@@ -21,23 +23,37 @@ class Equations(Protocol):
         """Couplings of blocks: name in the scene, and the blocks."""
         ...
 
-    def with_work(self) -> "Equations":
-        """The same equations with working arrays of their own, for one run or one thread."""
+    @property
+    def terms(self) -> Sequence[tuple[Term | ReducedTerm, IntArray]]:
+        """Terms that are evaluated in each iteration, each with its columns."""
         ...
 
-    def given(self, t: float) -> FloatArray:
+    @property
+    def checks(self) -> Sequence[Checked]:
+        """Those of them that check steps."""
+        ...
+
+    def buffers(self) -> Sequence[FrameWork]:
+        """Working arrays for one run or one thread."""
+        ...
+
+    def of_run(self, memory: NewtonMemory) -> Self:
+        """The same equations with the working arrays, and the terms' copies, of one run."""
+        ...
+
+    def prescribed(self, t: float) -> FloatArray:
         """(n,) the part of the residual that depends on the time (s) alone."""
         ...
 
     def residual(
-        self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, given: FloatArray
+        self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, prescribed: FloatArray
     ) -> FloatArray: ...
     def jacobian(
         self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: FloatArray, c2: FloatArray
-    ) -> Any:
+    ) -> Matrix:
         """(n, n), dense or csc; c1, c2 (n,) a unknown."""
         ...
 
-    def factorize(self, J: Any) -> Any:
-        """Something with `solve(r)`. Raises RuntimeError when J is singular."""
+    def factorize(self, J: Matrix) -> Factor:
+        """Raises RuntimeError when J is singular."""
         ...

@@ -2,7 +2,7 @@
 
 The bordered iteration keeps its operators constant; what a soft body's large displacements add to
 the Jacobian may keep it from converging. Such a step is solved with all unknowns together, by the
-equations and the search of `newton.py`, which are assembled when the first step needs them.
+equations and the search of iteration.py, which are assembled when the first step needs them.
 """
 
 from collections.abc import Callable
@@ -34,19 +34,18 @@ class FullNewton:
 
     def solve(self, step: StepFormula, guess: FloatArray, past: Ring) -> StepOutcome:
         """From a guess (n,), and where that leads nowhere from the newest state of `past`."""
-        equations = self.equations.with_work()
-        outcome = self._solved(equations, step, guess, past)
+        outcome = self._solved(step, guess, past)
         if outcome.status.ok:
             return outcome
-        second = self._solved(equations, step, past.rows[past.newest], past)
+        second = self._solved(step, past.rows[past.newest], past)
         spent = outcome.iterations + second.iterations
         return StepOutcome(second.x, second.status, spent, second.block, second.detail)
 
     def _solved(
-        self, equations: Equations, step: StepFormula, guess: FloatArray, past: Ring
+        self, step: StepFormula, guess: FloatArray, past: Ring
     ) -> StepOutcome:
-        layout = equations.layout
-        memory = NewtonMemory(guess, 1, len(layout.blocks))
+        layout = self.equations.layout
+        memory = NewtonMemory.of(guess, 1, len(layout.blocks), self.equations.buffers)
         sizes = np.abs(past.rows).max(axis=0)
         memory.top = np.array([sizes[layout[b.name]].max(initial=0.0) for b in layout])
-        return solve(equations, step, memory, self.tolerances)
+        return solve(self.equations.of_run(memory), step, memory, self.tolerances)

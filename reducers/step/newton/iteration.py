@@ -16,7 +16,7 @@ from sparsemor.core import FloatArray, Quantity, Status, StepFormula, StepOutcom
 from sparsemor.core.model.equations import rate_factors
 from sparsemor.reducers.step.acceptance import EPS, LEAST, MARGIN, STALLED, Tolerances, rounding
 from sparsemor.reducers.step.newton.equations import Equations
-from sparsemor.reducers.step.newton.memory import NewtonMemory, Place
+from sparsemor.reducers.step.newton.memory import Linearisation, NewtonMemory
 
 NOISE = 1e-9
 """Relative change below which an iteration is not found to go back and forth."""
@@ -25,7 +25,7 @@ PATIENCE = 6
 NONE = np.zeros(0)
 SHORTEST = 2.0**-7
 """Least share of a full step that is tried."""
-FORETOLD = 1e-2
+EXTRAPOLATION_ERROR = 1e-2
 """Relative error of an extrapolation that is still better than the last state itself."""
 
 
@@ -63,7 +63,7 @@ class _Search:
         self.starts = np.array([equations.layout[b.name].start for b in blocks])
         self.names = [b.name for b in blocks]
         self.judged = np.array([b.kind.order > 0 for b in blocks])
-        self.given = equations.given(step.t)
+        self.prescribed = equations.prescribed(step.t)
         self.mixed = np.array([b.kind.quantity is Quantity.POSE for b in blocks])
         self.floor, self.scale = np.zeros(0), np.zeros(0)
         self.iterations, self.stall, self.least, self.cycles = 0, 0, inf, False
@@ -73,18 +73,18 @@ class _Search:
     def run(self, x: FloatArray) -> StepOutcome:
         at = self.at(x)
         if not np.isfinite(at.r).all():  # the extrapolation led astray
-            at = self.at(self.memory.ring.rows[self.memory.ring.newest])
+            at = self.at(self.memory.newest)
         if not np.isfinite(at.r).all():
             return self.failed(at, Status.NOT_FINITE)
         try:
             return self._iterate(at)
         except RuntimeError:
-            self.memory.place = None
+            self.memory.point = None
             return self.failed(at, Status.SINGULAR, "the Jacobian of the step is singular")
 
     def _iterate(self, at: _At) -> StepOutcome:
         always = self.eq.price == 0
-        self._ready(at, anew=always)
+        self._ready(at, renew=always)
         while True:
             if at.change == inf:
                 return self.failed(at, Status.NOT_FINITE)
@@ -92,7 +92,7 @@ class _Search:
                 return StepOutcome(at.x - at.dx, Status.DONE, self.iterations)
             if self.iterations >= self.tol.max_iterations:
                 return self.unfinished(at)
-            new = self._following(at, anew=always)
+            new = self._following(at, renew=always)
             if new is None:
                 return self.unfinished(at)
             if not np.isfinite(new.r).all():
@@ -108,26 +108,27 @@ class _Search:
             if not (always or new.fresh) and self._slow(new.change, new.change / at.change):
                 if new.change >= at.change and not at.fresh:
                     new = at  # an old factor led astray
-                self.turn(new, anew=True)
+                self.turn(new, renew=True)
             self._watch(new, at)
             at = new
 
-    def _following(self, at: _At, anew: bool) -> _At | None:
+    def _following(self, at: _At, renew: bool) -> _At | None:
         """The next iterate with its own change: a full step on, or less where full steps lead
         nowhere; None where no share of the change makes the residual fall."""
-        lost = self.iterations > 2 * PATIENCE and at.change > FORETOLD  # wanders, if not in circles
+        # wanders, if not in circles
+        lost = self.iterations > 2 * PATIENCE and at.change > EXTRAPOLATION_ERROR
         if self.stall <= PATIENCE and not lost:
             new = self.beyond(at)
             if np.isfinite(new.r).all():
-                self._ready(new, anew)
+                self._ready(new, renew)
                 return new
             return self._shorter(at) or new
         return self._shorter(at)
 
-    def _ready(self, at: _At, anew: bool) -> None:
+    def _ready(self, at: _At, renew: bool) -> None:
         """The next change, with the kept factor where there is one for this step's constants."""
-        place = self.memory.place
-        self.turn(at, anew or place is None or place.c != self.c)
+        point = self.memory.point
+        self.turn(at, renew or point is None or point.c != self.c)
         self.iterations += 1
 
     def _left(self, moved: FloatArray, ratio: FloatArray) -> float:
@@ -152,7 +153,7 @@ class _Search:
     def _shorter(self, at: _At) -> _At | None:
         """An iterate on the way along the change whose residual is less, with its own change."""
         if not at.fresh:
-            self.turn(at, anew=True)
+            self.turn(at, renew=True)
         if not len(self.scale):  # one for the whole step: under two, each way may seem to descend
             self.scale = self._scales(at.x)
         merit, share = self._merit(at.r), 1.0
@@ -160,7 +161,7 @@ class _Search:
         while share >= SHORTEST:
             new = self.beyond(at, share)
             if self._merit(new.r) <= (1.0 - 0.1 * share) * merit:
-                self.turn(new, anew=True)
+                self.turn(new, renew=True)
                 return new
             share *= 0.5
         return None
@@ -168,7 +169,7 @@ class _Search:
     def _scales(self, x: FloatArray) -> FloatArray:
         """(n,) what each row is measured by: the largest terms of its block, of rigid coordinates
         its own ones, because forces and torques are not to be compared."""
-        terms = self.memory.size @ np.abs(x)
+        terms = self.memory.magnitudes @ np.abs(x)
         count = np.diff(np.append(self.starts, len(x)))
         of_block = np.repeat(self._largest(terms), count)
         return np.maximum(np.where(np.repeat(self.mixed, count), terms, of_block), 1e-300)
@@ -192,23 +193,23 @@ class _Search:
         return new
 
     def _evaluated(self, x: FloatArray, v: FloatArray, a: FloatArray) -> _At:
-        return _At(x, v, a, self.eq.residual(x, v, a, self.step.t, self.given))
+        return _At(x, v, a, self.eq.residual(x, v, a, self.step.t, self.prescribed))
 
-    def turn(self, at: _At, anew: bool) -> None:
-        """The change at an iterate; anew: True for the Jacobian there, else with the kept one."""
+    def turn(self, at: _At, renew: bool) -> None:
+        """The change at an iterate; renew: True for the Jacobian there, else with the kept one."""
         m = self.memory
-        if anew:
-            m.place = Place(at.x, at.v, at.a, self.step.t, self.c)
+        if renew:
+            m.point = Linearisation(at.x, at.v, at.a, self.step.t, self.c)
             m.factor = None
             m.factorizations += 1
         if m.factor is None:
-            p = m.place
+            p = m.point
             assert p is not None
             J = self.eq.jacobian(p.x, p.v, p.a, p.t, self.c1, self.c2)
-            m.factor, m.size, self.floor = self.eq.factorize(J), abs(J), np.zeros(0)
+            m.factor, m.magnitudes, self.floor = self.eq.factorize(J), abs(J), np.zeros(0)
         if not len(self.floor):
             self.floor = 16.0 * EPS * self._sizes(at.x)
-        at.fresh, at.dx = anew, m.factor.solve(at.r)
+        at.fresh, at.dx = renew, m.factor.solve(at.r)
         at.moved = self._moved(at)
         at.change = float(at.moved.max())
         if not at.change < inf:
@@ -218,16 +219,18 @@ class _Search:
         """True if the change is no more than what rounding the terms of the residual makes of the
         unknowns, in each block that is not converged: J^-1 (eps |J| |x|), with random signs.
         Constraints subtract positions of size 1 from each other, which |J| |x| may not show."""
-        terms = self.memory.size @ np.abs(at.x)
+        terms = self.memory.magnitudes @ np.abs(at.x)
         count = np.diff(np.append(self.starts, len(terms)))
         terms = np.where(np.repeat(self.judged, count), terms, np.maximum(terms, 1.0))
-        noise = self.memory.factor.solve(rounding(len(terms)) * terms)
+        factor = self.memory.factor
+        assert factor is not None
+        noise = factor.solve(rounding(len(terms)) * terms)
         small = self._largest(at.dx) <= MARGIN * self._largest(noise)
         return bool((small | (at.moved <= self.tol.remaining)).all())
 
     def _sizes(self, x: FloatArray) -> FloatArray:
         """(blocks,) what the residual's terms are as large as: |J| |x|, largest of each block."""
-        return self._largest(self.memory.size @ np.abs(x))
+        return self._largest(self.memory.magnitudes @ np.abs(x))
 
     def _largest(self, x: FloatArray) -> FloatArray:
         return np.maximum.reduceat(np.abs(x), self.starts)
@@ -252,13 +255,13 @@ class _Search:
         off = np.maximum.reduceat(np.abs(m.ring.guesses() - x), self.starts, axis=1)
         missed = (off / np.maximum(m.top, 1e-300))[:, self.judged].max(axis=1, initial=0.0)
         m.ring.push(x)
-        # nothing is foretold of a motion that no order came close to
-        m.order = int(missed.argmin()) + 1 if missed.min() <= FORETOLD else 1
+        # a motion that no order came close to is not extrapolated
+        m.order = int(missed.argmin()) + 1 if missed.min() <= EXTRAPOLATION_ERROR else 1
 
     def failed(self, at: _At, status: Status, detail: str = "") -> StepOutcome:
         broken = ~np.isfinite(self._largest(at.r))
         block = self.names[int(np.argmax(broken))] if broken.any() else ""
-        return StepOutcome(at.x, status, self.iterations, block, self._told(detail, block))
+        return StepOutcome(at.x, status, self.iterations, block, self._with_names(detail, block))
 
     def unfinished(self, at: _At) -> StepOutcome:
         moved = np.where(self.judged, self._relative(at), 0.0)
@@ -266,9 +269,9 @@ class _Search:
         how = ("the iteration goes back and forth between two states" if self.cycles else
                f"last relative change {at.change:.1e} after {self.iterations} iterations")
         return StepOutcome(at.x, Status.NOT_CONVERGED, self.iterations, block,
-                           self._told(how, block))
+                           self._with_names(how, block))
 
-    def _told(self, detail: str, block: str) -> str:
+    def _with_names(self, detail: str, block: str) -> str:
         """With the names of what acts between this block and others."""
         names = [n for n, blocks in self.eq.named if n and (not block or block in blocks)]
         if not names:

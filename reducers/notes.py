@@ -1,0 +1,142 @@
+"""Notes on a reduction: options without effect, linear solvers not used, loads not sampled."""
+
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+
+from sparsemor.core import (
+    AssembledModel,
+    InputError,
+    IntArray,
+    Note,
+    Plugin,
+    Registry,
+    Slot,
+    chosen,
+    information,
+)
+
+NO_EFFECT = "no_effect"
+"""Kind of the notes."""
+OF_A_SELECTION = ("solver", "every", "carried", "polish", "screen")
+"""Options of `sparse` that only a selection of atoms reads."""
+UNSAMPLED = "unsampled"
+"""Kind of these notes."""
+KEEP = "keep the required rows (sampler.required: true) or sample more rows"
+GENERAL = ("auto", "splu")
+"""Linear solvers that mean SuperLU where a matrix is not symmetric, or changes in each iteration;
+all others take symmetric, positive definite matrices that stay."""
+
+
+def changed(reducer: Plugin, options: Sequence[str]) -> list[str]:
+    """Those of the options whose value is not the default."""
+    return [name for name in options if not _is_default(reducer, name)]
+
+
+def _is_default(reducer: Plugin, name: str) -> bool:
+    field, value = type(reducer).model_fields[name], dict(reducer)[name]
+    slot = next((m for m in field.metadata if isinstance(m, Slot)), None)
+    if slot is None or not isinstance(field.default, str):
+        return bool(value == field.get_default(call_default_factory=True))
+    return bool(value == Registry().get(slot.kind, field.default)())
+
+
+def no_effect(options: Sequence[str], why: str) -> tuple[Note, ...]:
+    """One note for all options that the same reason makes idle; none for no option."""
+    if not options:
+        return ()
+    names = ", ".join(f"reducer.{name}" for name in options)
+    verb = "has" if len(options) == 1 else "have"
+    return (Note(f"{names} {verb} no effect: {why}", NO_EFFECT),)
+
+
+def unselected(reducer: Plugin, active: Mapping[str, tuple[int, int]]) -> tuple[Note, ...]:
+    """Options of a selection where no block selects. active: block -> (budget, atoms)."""
+    if any(budget < atoms for budget, atoms in active.values()):
+        return ()
+    counts = ", ".join(f"{name} {atoms} of {atoms}" for name, (_, atoms) in active.items())
+    return no_effect(changed(reducer, OF_A_SELECTION), (
+        f"every budget covers its dictionary ({counts} atoms), so that nothing is selected; give "
+        "fewer atoms in reducer.budgets, or leave this out"))
+
+
+def shadowed_basis(
+    reducer: Plugin, model: AssembledModel, bases: Mapping[str, object]
+) -> tuple[Note, ...]:
+    """A basis that no block takes, because each has its own."""
+    if any(chosen(name, dict.fromkeys(bases, True), False) is False for name in model.reducible()):
+        return ()
+    return no_effect(changed(reducer, ["basis"]), (
+        f"reducer.bases ({', '.join(bases)}) names the basis of every block; change it there"))
+
+
+def unread_sampler(
+    reducer: Plugin, sizes: Mapping[str, tuple[int, int]]
+) -> tuple[Note, ...]:
+    """A sampler that had nothing to choose. sizes: block -> (rows, unknowns)."""
+    if any(rows < unknowns for rows, unknowns in sizes.values()):
+        return ()
+    counts = ", ".join(f"{name} {n}" for name, (_, n) in sizes.items())
+    return no_effect(changed(reducer, ["sampler"]), (
+        f"all rows of every block are taken ({counts}); ask for fewer rows in reducer.budgets"))
+
+
+def unweighted(
+    reducer: Plugin, model: AssembledModel, patterns: Sequence[str]
+) -> tuple[Note, ...]:
+    """A preconditioner without blocks, or blocks without a preconditioner."""
+    named = dict.fromkeys(patterns, True)
+    if not any(chosen(name, named, False) for name in model.reducible()):
+        return no_effect(changed(reducer, ["preconditioner"]), (
+            f"reducer.preconditioned ({', '.join(patterns) or 'empty'}) names no block of this "
+            "scene"))
+    if _is_default(reducer, "preconditioner"):
+        return no_effect(changed(reducer, ["preconditioned"]), (
+            "reducer.preconditioner is none"))
+    return ()
+
+
+def unsampled_loads(
+    model: AssembledModel, rows: Mapping[str, IntArray], hint: str = KEEP
+) -> tuple[Note, ...]:
+    """A note for each load or joint none of whose rows is in the sample of a block."""
+    return tuple(
+        Note(f"no sampled row of {block} is one that {name} acts on: it has no effect there; "
+             f"{hint}", UNSAMPLED)
+        for block, chosen_rows in rows.items()
+        for name, touched in model.loaded[block].items()
+        if not np.isin(touched, chosen_rows).any())
+
+
+def asked_for(model: AssembledModel, blocks: Iterable[str]) -> dict[str, str]:
+    """Block -> name of its linear solver, of those that the scene chose against SuperLU."""
+    registry, found = Registry(), dict[str, str]()
+    for block in blocks:
+        kind = type(model.solvers.of(block))
+        try:
+            name = registry.name_of("linear_solver", kind)
+        except InputError:  # not registered: made in a program
+            name = kind.__name__
+        if name not in GENERAL:
+            found[block] = name
+    return found
+
+
+def whole_step_notes(model: AssembledModel, why: str) -> tuple[Note, ...]:
+    """Notes for models whose unknowns are solved together; why: the reason."""
+    asked = asked_for(model, model.reducible())
+    if not asked:
+        return ()
+    blocks = ", ".join(f"{solver} for {block}" for block, solver in asked.items())
+    return (information(
+        f"linear_solver: steps are solved with splu, not with {blocks}: {why}, and a Jacobian of "
+        "all unknowns is not symmetric positive definite", "linear_solver"),)
+
+
+def local_heat_notes(model: AssembledModel) -> tuple[Note, ...]:
+    """Notes on local terms, such as radiation, that are iterated with a changing matrix."""
+    asked = asked_for(model, [b.thermal for b in model.separated.heat if b.local])
+    return tuple(information(
+        f"linear_solver: {solver} solves the constant part of {block}; where its local terms, such "
+        "as radiation, outweigh that part, Newton steps are solved with splu, because their matrix "
+        "changes in each", "linear_solver") for block, solver in asked.items())
