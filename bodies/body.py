@@ -12,13 +12,14 @@ from sparsemor.bodies.fem.element_balance import elastic_integrals, heat_integra
 from sparsemor.bodies.fem.fields import Elasticity, Heat
 from sparsemor.bodies.frames import nodal
 from sparsemor.bodies.frames.frame import SpatialFrame
+from sparsemor.bodies.frames.inertia import Inertia
 from sparsemor.bodies.frames.items import Attachment, BodyForce, SpaceForce, UnitLength
-from sparsemor.bodies.frames.moments import MassProperties
+from sparsemor.bodies.frames.moments import MassProperties, moments_of
 from sparsemor.bodies.frames.plane import PlanarFrame
 from sparsemor.bodies.frames.rotation import torque
 from sparsemor.bodies.terms.body_terms import write_conduction, write_elasticity, write_film
 from sparsemor.bodies.terms.field_kinds import ELASTIC, MULTIPLIER, RIGID, THERMAL
-from sparsemor.bodies.terms.inertia import write_inertia
+from sparsemor.bodies.terms.inertia import directions, generator
 from sparsemor.bodies.terms.surface_loads import write_surface_loads
 from sparsemor.core import (
     Block,
@@ -139,7 +140,7 @@ class Body:
             elastic_integrals=partial(elastic_integrals, self) if mesh else None,
             heat_integrals=partial(heat_integrals, self) if mesh else None)
         if self.moves or self.elasticity is not None:
-            write_inertia(self, equations)
+            self._write_inertia(equations)
         if self.moves and self.turns_freely:
             self.frame_item(equations, UnitLength(), None,
                             multipliers=f"{self.name}.multiplier", C=np.eye(1))
@@ -147,6 +148,19 @@ class Body:
             write_elasticity(self, equations, self.elasticity)
         if self.heat is not None:
             write_conduction(self, equations, self.heat)
+
+    def _write_inertia(self, equations: Equations) -> None:
+        """Inertia of the rigid and elastic unknowns; none of a frame without mass."""
+        if self.inertia is None:
+            return
+        moments = moments_of(len(self.pose))
+        item = Inertia.of(self.inertia, moments)
+        if self.elasticity is None or self.mass_matrix is None:
+            self.frame_item(equations, item, None)
+            return
+        m, F = self.mass_matrix, self.elasticity.free
+        self.frame_item(equations, item, directions(m, self.X, moments.B), generators=[
+            generator(m, B)[F][:, F] for B in moments.B])
 
     def frame_of(self, items: Sequence[Any]) -> BodyFrame:
         """The frame kernel of some items."""

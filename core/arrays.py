@@ -1,5 +1,6 @@
 """Names for the arrays that every contract passes around."""
 
+from collections.abc import Mapping
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -10,3 +11,7 @@ IntArray: TypeAlias = NDArray[np.int64]
 BoolArray: TypeAlias = NDArray[np.bool_]
 Csr: TypeAlias = Any
 """A `scipy.sparse.csr_array` of float64 (scipy ships no type information)."""
+Matrix: TypeAlias = Any
+"""A `Csr`, or a dense array (m, n)."""
+Arrays: TypeAlias = Mapping[str, NDArray[Any]]
+"""Named arrays with entries of any type."""

@@ -4,6 +4,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from sparsemor.core.cli.plugins import first_sentence
+from sparsemor.core.model.features import FEATURES
 from sparsemor.core.protocols.capabilities import BUILT, CAPABILITIES, EVERY, OTHERS
 from sparsemor.core.registry.contracts import CONTRACTS, PARTS, shapes
 
@@ -25,7 +26,10 @@ def page() -> str:
              *_table((kind, (p,)) for kind, p in PARTS.items()),
              "## Optional abilities of plugins\n", *_table({**CAPABILITIES, "any": EVERY}.items()),
              "## Optional abilities of what `build` returns\n", *_table(BUILT.items()),
-             "## Optional abilities of what is passed between parts\n", *_table(OTHERS.items())]
+             "## Optional abilities of what is passed between parts\n", *_table(OTHERS.items()),
+             "## Features that need an ability\n",
+             "`validate` refuses a scene where a plugin lacks what a feature of the scene needs.\n",
+             *_features()]
     return "\n".join(parts)
 
 
@@ -33,6 +37,13 @@ def _table(rows: Iterable[tuple[str, tuple[type, ...]]]) -> list[str]:
     made = [f"| {kind} | `{p.__name__}` | {', '.join(f'`{m}`' for m in shapes(p))} | "
             f"{first_sentence(p.__doc__ or '')} |" for kind, protocols in rows for p in protocols]
     return ["| kind | protocol | members | meaning |", "|---|---|---|---|", *made, ""]
+
+
+def _features() -> list[str]:
+    made = [f"| {f.name} | `{f.option}` | {f.kind} {f.condition}".rstrip()
+            + f" | `{f.ability.__name__}` | {f.need} |" for f in FEATURES]
+    return ["| feature | option | needed of | protocol | it has to |", "|---|---|---|---|---|",
+            *made, ""]
 
 
 if __name__ == "__main__":

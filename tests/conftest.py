@@ -16,7 +16,9 @@ from threadpoolctl import threadpool_limits
 from cpu_limit import CpuLimit
 from installed_once import entry_points
 
+ROOT = Path(__file__).parents[1]
 THIRD_PARTY = Path(__file__).parent / "third_party"
+LONG = 300
 Distribute = Callable[..., None]
 
 TOY_PLUGINS = '''
@@ -144,6 +146,17 @@ def pytest_configure(config: pytest.Config) -> None:
         signal.signal(signal.SIGINT, signal.default_int_handler)
     if limit := config.getoption("--cpu-limit"):
         config.pluginmanager.register(CpuLimit(limit), "cpu_limit")
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Names long files of the product, and fails nothing: a file is one concept, and is looked at
+    again where it is long, never cut to fit a number."""
+    folders = ("core", "bodies", "integrators", "reducers", "plugins")
+    lengths = {file.relative_to(ROOT): len(file.read_text(encoding="utf-8").splitlines())
+               for folder in folders for file in (ROOT / folder).rglob("*.py")}
+    for name, lines in sorted(lengths.items()):
+        if lines > LONG:
+            terminalreporter.write_line(f"{name} has {lines} lines, more than {LONG}", yellow=True)
 
 
 @pytest.fixture(autouse=True, scope="session")

@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sparsemor.bodies.fem.fields import Heat
+from sparsemor.bodies.fem.fields import HasFields, Heat
 from sparsemor.core import ElasticIntegrals, FloatArray, HeatIntegrals, IntArray, Integrals, Mesh
 from sparsemor.core.protocols.separable import Amplitude
 
-if TYPE_CHECKING:
-    from sparsemor.bodies.body import Body
 
-
-def elastic_integrals(body: Body) -> ElasticIntegrals:
+def elastic_integrals(body: HasFields) -> ElasticIntegrals:
     """Internal forces of the free displacements: as `body_terms.write_elasticity`."""
     from sparsemor.bodies.fem import forms
 
@@ -42,7 +38,7 @@ def elastic_integrals(body: Body) -> ElasticIntegrals:
     return ElasticIntegrals(stiffness, coupling, _columns(rows, n, vectors), tuple(amplitudes))
 
 
-def heat_integrals(body: Body) -> HeatIntegrals:
+def heat_integrals(body: HasFields) -> HeatIntegrals:
     """Heat balance of the free temperatures: as `body_terms.write_conduction`."""
     from sparsemor.bodies.fem import forms
 

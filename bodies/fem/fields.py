@@ -1,9 +1,10 @@
 """Constant finite-element matrices of a body's elastic and thermal fields."""
 
 from dataclasses import dataclass
+from typing import Protocol
 
 from sparsemor.bodies.fem.elasticity import Law
-from sparsemor.core import Csr, IntArray, TimeFunction
+from sparsemor.core import Csr, FloatArray, IntArray, Mesh, TimeFunction
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,3 +37,22 @@ class Heat:
     prescribed: tuple[tuple[IntArray, TimeFunction], ...] = ()
     constants: tuple[float, float] | None = None
     lumped: bool = False
+
+
+class HasFields(Protocol):
+    """A body's mesh and fields, as `bodies.body.Body` has them: T0, T_ref (N,) K, thickness m."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def mesh(self) -> Mesh | None: ...
+    @property
+    def thickness(self) -> float: ...
+    @property
+    def elasticity(self) -> Elasticity | None: ...
+    @property
+    def heat(self) -> Heat | None: ...
+    @property
+    def T0(self) -> FloatArray | None: ...
+    @property
+    def T_ref(self) -> FloatArray | None: ...

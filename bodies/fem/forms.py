@@ -21,6 +21,8 @@ from sparsemor.core import BoolArray, Csr, FloatArray, IntArray, Mesh
 
 CHUNK = 1 << 15
 """Cells assembled at a time: what is held next to the matrix stays below about 100 MB."""
+ROUND_OFF = 1e-14
+"""Entries no larger, relative to the largest of their row and column, are sums that cancel."""
 _MESHES = {2: skfem.MeshTri, 3: skfem.MeshTet}
 _ELEMENTS = {2: skfem.ElementTriP1, 3: skfem.ElementTetP1}
 
@@ -56,6 +58,7 @@ def matrix(
     """Matrix of a bilinear form on all cells; integrands of degree `order` are exact.
 
     rows, columns: whether the test and the trial function are vectors: d N unknowns for N.
+    Entries that cancel to round-off are left out, so that a symmetric form has a symmetric pattern.
     """
     d, n = mesh.dimension, len(mesh.points)
     shape = (d * n if rows else n, d * n if columns else n)
@@ -66,7 +69,7 @@ def matrix(
         chunk.eliminate_zeros()
         chunk.resize(shape)  # scikit-fem stops at the last point that a cell uses
         whole = chunk if not whole.nnz else whole + chunk
-    return whole
+    return _without_round_off(whole)
 
 
 def elements(
@@ -107,6 +110,17 @@ def facet_vector(
     whole[:len(values)] = values
     whole[~np.repeat(_on(mesh, facets), mesh.dimension if vector else 1)] = 0.0
     return whole.reshape(-1, mesh.dimension) if vector else whole
+
+
+def _without_round_off(A: Csr) -> Csr:
+    """A (m, n) without entries |A_ij| <= ROUND_OFF sqrt(max_k |A_ik| max_k |A_kj|)."""
+    size = abs(A)
+    by_row, by_column = (np.sqrt(size.max(axis=axis).toarray()) for axis in (1, 0))
+    size.data /= np.repeat(by_row, np.diff(A.indptr))
+    size.data /= by_column[A.indices]
+    A.data[size.data <= ROUND_OFF] = 0.0
+    A.eliminate_zeros()
+    return A
 
 
 def _on(mesh: Mesh, facets: IntArray) -> BoolArray:

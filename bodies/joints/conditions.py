@@ -24,8 +24,16 @@ from sparsemor.bodies.frames import nodal
 from sparsemor.bodies.frames.attitude import velocity_at
 from sparsemor.bodies.frames.constraints import Facing, Slide
 from sparsemor.bodies.frames.items import Rotation
-from sparsemor.bodies.joints.part import Condition, JointPart
-from sparsemor.bodies.joints.side import NEAR, Side, check_meet, side_of, sides_of, size_of
+from sparsemor.bodies.joints.part import JointPart
+from sparsemor.bodies.joints.side import (
+    NEAR,
+    Condition,
+    Side,
+    check_meet,
+    side_of,
+    sides_of,
+    size_of,
+)
 from sparsemor.bodies.targets import Target
 from sparsemor.core import FloatArray, Held, InputError, Part
 from sparsemor.core.protocols.separable import Amplitude, FrameItem

@@ -8,23 +8,11 @@ import numpy as np
 from sparsemor.bodies.body import Body
 from sparsemor.bodies.frames import nodal
 from sparsemor.bodies.frames.items import Attachment, Holding, Reaction
-from sparsemor.bodies.joints.side import Side
+from sparsemor.bodies.joints.side import Condition, Side
 from sparsemor.bodies.joints.wrench import holding, size, wrenches
 from sparsemor.bodies.terms.field_kinds import MULTIPLIER
 from sparsemor.core import Block, Equations, FloatArray, Table
-from sparsemor.core.protocols.separable import Amplitude, FrameItem
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Condition:
-    """One item of a body with its nodal directions; rows of the joint are C (l, forces) @ its
-    rows. other: the body whose rigid coordinates it reads, "" for none."""
-
-    body: Body
-    item: FrameItem
-    vectors: FloatArray | None
-    C: FloatArray
-    other: str = ""
+from sparsemor.core.protocols.separable import Amplitude
 
 
 @dataclass(frozen=True, slots=True, eq=False)

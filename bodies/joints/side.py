@@ -1,4 +1,4 @@
-"""The two sides of a joint: a set of a body's points, or the ground."""
+"""The two sides of a joint, a set of a body's points or the ground each, and its conditions."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -11,10 +11,23 @@ from sparsemor.bodies.frames import nodal
 from sparsemor.bodies.frames.constraints import GROUND as AT_ORIGIN
 from sparsemor.bodies.targets import GROUND, Target, find_target
 from sparsemor.core import FloatArray, Gather, InputError, Part
+from sparsemor.core.protocols.separable import FrameItem
 
 NEAR = 1e-8
 """Relative gap that sides which must meet may have at the start."""
 WHERE = {2: "plane", 3: "in space"}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Condition:
+    """One item of a body with its nodal directions; rows of the joint are C (l, forces) @ its
+    rows. other: the body whose rigid coordinates it reads, "" for none."""
+
+    body: Body
+    item: FrameItem
+    vectors: FloatArray | None
+    C: FloatArray
+    other: str = ""
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,19 +8,15 @@ a side are what both have in common, so these are what a rigid stage passes on.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from sparsemor.bodies.frames.items import Holding
 from sparsemor.bodies.frames.rotation import torque
-from sparsemor.bodies.joints.side import Side
+from sparsemor.bodies.joints.side import Condition, Side
 from sparsemor.core import FloatArray, InputError
 from sparsemor.core.protocols.poses import placed
 from sparsemor.core.protocols.separable import FrameItem
-
-if TYPE_CHECKING:
-    from sparsemor.bodies.joints.part import Condition
 
 
 def size(side: Side) -> int:

@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-from sparsemor.bodies.fem.fields import Elasticity, Heat
+from sparsemor.bodies.fem.fields import Elasticity, HasFields, Heat
 from sparsemor.core import Csr, Equations, FloatArray
 from sparsemor.core.protocols.separable import Amplitude
 
-if TYPE_CHECKING:
-    from sparsemor.bodies.body import Body
 
-
-def write_elasticity(body: Body, equations: Equations, e: Elasticity) -> None:
+def write_elasticity(body: HasFields, equations: Equations, e: Elasticity) -> None:
     """Stiffness, damping and thermal forces of the free displacements."""
     F, Kt = e.free, e.coupling[e.free]
     block, thermal = f"{body.name}.elastic", f"{body.name}.thermal"
@@ -29,7 +24,7 @@ def write_elasticity(body: Body, equations: Equations, e: Elasticity) -> None:
         equations.vector(block, _row_sums(Kt[:, nodes]), function.value, "prescribed")
 
 
-def write_conduction(body: Body, equations: Equations, h: Heat) -> None:
+def write_conduction(body: HasFields, equations: Equations, h: Heat) -> None:
     """Conduction and capacity of the free temperatures."""
     block, free = f"{body.name}.thermal", h.free
     equations.matrix(block, block, A=h.conductivity[free][:, free], B=h.capacity[free][:, free])

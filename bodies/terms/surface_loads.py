@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.sparse import csr_array
 
+from sparsemor.bodies.fem.fields import HasFields
 from sparsemor.core import Equations, FloatArray, IntArray, LoadTable, SurfaceLoads, Table
-
-if TYPE_CHECKING:
-    from sparsemor.bodies.body import Body
 
 
 def write_surface_loads(
-    body: Body, equations: Equations, loads: SurfaceLoads, times: FloatArray
+    body: HasFields, equations: Equations, loads: SurfaceLoads, times: FloatArray
 ) -> None:
     """Forces on the elastic and heat on the thermal unknowns of the loaded nodes.
 

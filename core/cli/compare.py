@@ -113,7 +113,7 @@ def _run_all(
 
     Bad input that a later run finds removes those that were made here.
     """
-    from sparsemor.core.simulation.offline import is_training_run
+    from sparsemor.core.simulation.training import is_training_run
 
     results: dict[str, Any] = {}
     failures: dict[str, SolveFailed] = {}

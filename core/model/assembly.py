@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -12,6 +11,7 @@ from sparsemor.core.errors import Gather, InputError
 from sparsemor.core.model.body_cache import BodyCache
 from sparsemor.core.model.contributions import Touched, close, general_terms, touched
 from sparsemor.core.model.factorizations import BlockSolvers
+from sparsemor.core.model.features import PROBES
 from sparsemor.core.model.model import Model
 from sparsemor.core.model.prescribed_motion import (
     NOTHING,
@@ -22,9 +22,14 @@ from sparsemor.core.model.prescribed_motion import (
 )
 from sparsemor.core.protocols import (
     Body,
+    BodyPlugin,
     ChangesBodies,
     ConductsHeat,
+    Contact,
+    ContactPlugin,
     HasProbes,
+    JointPlugin,
+    LoadPlugin,
     LocalizesRows,
     Part,
     ProbePlace,
@@ -33,6 +38,7 @@ from sparsemor.core.protocols.capabilities import BUILT
 from sparsemor.core.protocols.contributions import Equations, Origin, Records
 from sparsemor.core.protocols.layout import Layout
 from sparsemor.core.protocols.prescribed_motion import FrameHistory
+from sparsemor.core.registry.plugin import Plugin
 from sparsemor.core.registry.returned_values import complete
 from sparsemor.core.scene.digest import digest
 from sparsemor.core.scene.options import Probe
@@ -40,41 +46,42 @@ from sparsemor.core.scene.scene import Scene
 
 _PARTS = ("bodies", "joints", "contacts", "loads", "probes")
 """What of a scene a model depends on."""
+Connector = JointPlugin | ContactPlugin | LoadPlugin
 
 
 def assemble(
-    scene: Scene, given: PrescribedQuantities = NOTHING, body_cache: BodyCache | None = None
+    scene: Scene, prescribed: PrescribedQuantities = NOTHING, body_cache: BodyCache | None = None
 ) -> Model:
-    """Builds every body, joint, contact and load. Raises InputError with all faults found, as
-    dotted keys of the scene (`joints.A.between.0`). given: motion, reactions and surface loads that
-    are not solved for. shop: where bodies, and models without given motion, are that were built
-    before."""
-    if body_cache is None or given is not NOTHING:
-        return _assembled(scene, given, body_cache or BodyCache())
+    """Builds every body, joint, contact and load. prescribed: motion, reactions and surface loads
+    that are not solved for; body_cache: bodies, and models without prescribed motion, that were
+    built before. Raises InputError with all faults found, as dotted keys of the scene
+    (`joints.A.between.0`)."""
+    if body_cache is None or prescribed is not NOTHING:
+        return _assembled(scene, prescribed, body_cache or BodyCache())
     key = digest(str(scene.folder), scene.digest(*_PARTS))
-    model = body_cache.model(key, lambda: _assembled(scene, given, body_cache))
+    model = body_cache.model(key, lambda: _assembled(scene, prescribed, body_cache))
     # with a log of its own, and a start of its own
     return replace(model, solvers=BlockSolvers(scene.linear_solver, scene.linear_solvers))
 
 
-def _assembled(scene: Scene, given: PrescribedQuantities, body_cache: BodyCache) -> Model:
-    bodies, joints, contacts, loads, probes = _build(scene, given, body_cache)
-    connectors = {**joints, **contacts, **loads}
+def _assembled(scene: Scene, prescribed: PrescribedQuantities, body_cache: BodyCache) -> Model:
+    bodies, connected, probes = _build(scene, prescribed, body_cache)
+    groups: dict[str, Mapping[str, Part]] = {"bodies": bodies, **connected}
+    connectors = {n: part for built in connected.values() for n, part in built.items()}
     parts = {**bodies, **connectors}
     layout = Layout([b for part in parts.values() for b in part.blocks()])
     if not layout.size:
         raise InputError("nothing in this scene can change: no body moves, deforms or has heat",
                          "bodies")
     records = Records()
-    motion = given.motion(bodies)
-    for group, built in (("bodies", bodies), ("joints", joints), ("contacts", contacts),
-                         ("loads", loads)):
+    motion = prescribed.motion(bodies)
+    for group, built in groups.items():
         for name, part in built.items():
             equations = Equations(layout, Origin(group, name), records)
             if motion is None or group != "contacts":
                 part.contribute(equations)
             else:
-                _along(equations, bodies, name, part, given, motion)
+                _along(equations, bodies, name, part, prescribed, motion)
     terms = general_terms(layout, records)
     x0, v0 = _start(layout, bodies)
     required, loaded = _required(layout, connectors, touched(layout, records))
@@ -88,81 +95,81 @@ def _assembled(scene: Scene, given: PrescribedQuantities, body_cache: BodyCache)
 
 
 def _build(
-    scene: Scene, given: PrescribedQuantities, body_cache: BodyCache
-) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any], dict[str, Any], tuple[ProbePlace, ...]]:
-    """Bodies, joints, contacts, loads and probes. What mentions a body that failed is not tried:
-    its own faults would only repeat those of the body."""
+    scene: Scene, prescribed: PrescribedQuantities, body_cache: BodyCache
+) -> tuple[dict[str, Body], dict[str, dict[str, Part]], tuple[ProbePlace, ...]]:
+    """Bodies; joints, contacts and loads by group; probes. What mentions a body that failed is not
+    tried: its own faults would only repeat those of the body."""
     gather = Gather()
     base = scene.file_folder or Path()
-    bodies: dict[str, Any] = {}
+    bodies: dict[str, Body] = {}
     for name, plugin in scene.bodies.items():
-        body = gather(f"bodies.{name}", _body, body_cache, plugin, name, base, given)
+        body = gather(f"bodies.{name}", _body, body_cache, plugin, name, base, prescribed)
         if body is not None:
             bodies[name] = body
     failed = set(scene.bodies) - set(bodies)
-    connectors: dict[str, dict[str, Any]] = {"joints": {}, "contacts": {}, "loads": {}}
+    groups: dict[str, Mapping[str, Connector]] = {
+        "joints": scene.joints, "contacts": scene.contacts, "loads": scene.loads}
+    connectors: dict[str, dict[str, Part]] = {group: {} for group in groups}
     for group, built in connectors.items():  # loads see what joints made of the bodies
-        for name, plugin in getattr(scene, group).items():
-            if _mentioned(plugin, failed):
+        for name, connector in groups[group].items():
+            if _mentioned(connector, failed):
                 continue
-            part = gather(f"{group}.{name}", _connector, plugin, name, bodies,
-                          given if group == "joints" else NOTHING, BUILT[group.removesuffix("s")])
+            own = prescribed if group == "joints" else NOTHING
+            part = gather(f"{group}.{name}", _connector, connector, name, bodies, own,
+                          BUILT[group.removesuffix("s")])
             if part is not None:
                 built[name] = part
                 bodies.update(part.adjusted if isinstance(part, ChangesBodies) else {})
     probes = [gather(f"probes.{name}", _probe, bodies[probe.body], name, probe)
               for name, probe in scene.probes.items() if probe.body in bodies]
     gather.check()
-    return (bodies, connectors["joints"], connectors["contacts"], connectors["loads"],
-            tuple(p for p in probes if p))
+    return bodies, connectors, tuple(p for p in probes if p)
 
 
-def _probe(body: Any, name: str, probe: Probe) -> ProbePlace:
+def _probe(body: Body, name: str, probe: Probe) -> ProbePlace:
     if not isinstance(body, HasProbes):
-        raise InputError(f"{type(body).__name__} has no method probe(name, at): this kind of body "
-                         "takes no probes", "body")
-    place: ProbePlace = body.probe(name, probe.at)
-    return place
+        raise PROBES.refusal(body, "body")
+    return body.probe(name, probe.at)
 
 
 def _body(
-    body_cache: BodyCache, plugin: Any, name: str, base: Path, given: PrescribedQuantities
-) -> Any:
-    """A body, guided where its motion is given."""
+    body_cache: BodyCache, plugin: BodyPlugin, name: str, base: Path,
+    prescribed: PrescribedQuantities,
+) -> Body:
+    """A body, with a frame that follows its motion where that is prescribed."""
     body = body_cache.body(plugin, name, base)
     complete(body, Body, plugin, "build", abilities=BUILT["body"])
-    motion = given.frame(name, body)
+    motion = prescribed.frame(name, body)
     return body if motion is None else following(body).with_motion(motion)
 
 
 def _connector(
-    plugin: Any, name: str, bodies: Mapping[str, Any], given: PrescribedQuantities,
+    plugin: Connector, name: str, bodies: Mapping[str, Body], prescribed: PrescribedQuantities,
     abilities: tuple[type, ...],
-) -> Any:
-    """A joint, contact or load; a joint has known multipliers where they are given."""
+) -> Part:
+    """A joint, contact or load; a joint without multipliers where they are prescribed."""
     part = plugin.build(name, bodies)
     complete(part, Part, plugin, "build", abilities=abilities)
-    forces = given.reactions(name, part)
+    forces = prescribed.reactions(name, part)
     return part if forces is None else prescribable(part).known(forces)
 
 
 def _along(
-    equations: Equations, bodies: Mapping[str, Any], name: str, contact: Any,
-    given: PrescribedQuantities,
-    motion: Mapping[str, FrameHistory],
+    equations: Equations, bodies: Mapping[str, Body], name: str, contact: Contact,
+    prescribed: PrescribedQuantities, motion: Mapping[str, FrameHistory],
 ) -> None:
-    """A contact that follows a given motion: tabled loads on each surface, and what depends on
+    """A contact that follows a prescribed motion: tabled loads on each surface, and what depends on
     temperatures, if a contact has a method `conduction(equations, motion)`."""
     times = next(iter(motion.values())).times
-    for body, resultant_sources in given.surface_loads(name, contact, motion).items():
+    for body, resultant_sources in prescribed.surface_loads(name, contact, motion).items():
         carrying(bodies[body]).surface_loads(equations, resultant_sources, times)
     if isinstance(contact, ConductsHeat):
         contact.conduction(equations, motion)
 
 
-def _mentioned(plugin: Any, names: set[str]) -> bool:
+def _mentioned(plugin: object, names: set[str]) -> bool:
     """True if an option of a connector is one of these bodies, or `body:set` of one."""
-    pending = list(plugin.model_dump().values()) if names else []
+    pending = list(plugin.model_dump().values()) if names and isinstance(plugin, Plugin) else []
     while pending:
         value = pending.pop()
         if isinstance(value, str) and value.partition(":")[0] in names:
@@ -174,7 +181,7 @@ def _mentioned(plugin: Any, names: set[str]) -> bool:
     return False
 
 
-def _start(layout: Layout, bodies: Mapping[str, Any]) -> tuple[FloatArray, FloatArray]:
+def _start(layout: Layout, bodies: Mapping[str, Body]) -> tuple[FloatArray, FloatArray]:
     x, v = np.zeros(layout.size), np.zeros(layout.size)
     for body in bodies.values():
         for name, (value, rate) in body.initial().items():
@@ -184,7 +191,7 @@ def _start(layout: Layout, bodies: Mapping[str, Any]) -> tuple[FloatArray, Float
 
 
 def _required(
-    layout: Layout, connectors: Mapping[str, Any], acts: Touched
+    layout: Layout, connectors: Mapping[str, Part], acts: Touched
 ) -> tuple[dict[str, IntArray], dict[str, dict[str, IntArray]]]:
     """Local rows of each block that a joint or a localized load acts on, and on whose account."""
     loaded: dict[str, dict[str, IntArray]] = {}

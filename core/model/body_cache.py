@@ -3,9 +3,9 @@
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from sparsemor.core.protocols import CopiesRigidly, SelectsFields
+from sparsemor.core.protocols import Body, BodyPlugin, CopiesRigidly, SelectsFields
 from sparsemor.core.registry.plugin import Plugin
 
 if TYPE_CHECKING:
@@ -15,9 +15,9 @@ if TYPE_CHECKING:
 @dataclass(frozen=True, slots=True)
 class _Built:
     name: str
-    plugin: Any
+    plugin: BodyPlugin
     base: Path
-    body: Any
+    body: Body
 
 
 @dataclass(slots=True)
@@ -32,7 +32,7 @@ class BodyCache:
     _bodies: list[_Built] = field(default_factory=list)
     _models: dict[str, "Model"] = field(default_factory=dict)
 
-    def body(self, plugin: Any, name: str, base: Path) -> Any:
+    def body(self, plugin: BodyPlugin, name: str, base: Path) -> Body:
         """The body that `plugin.build(name, base)` makes; InputError as it raises."""
         mine = [b for b in self._bodies if b.name == name and b.base == base]
         for b in mine:
@@ -50,7 +50,7 @@ class BodyCache:
         return self._models[key]
 
 
-def without_fields(plugin: Any) -> Any:
+def without_fields(plugin: BodyPlugin) -> BodyPlugin | None:
     """The same body plugin with `fields: []`; None where it has no such option, or none set."""
     if not (isinstance(plugin, Plugin) and isinstance(plugin, SelectsFields) and plugin.fields):
         return None

@@ -11,11 +11,10 @@ time step, whichever is shorter: no unit of time or length, and no distance to t
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from sparsemor.core.arrays import FloatArray
+from sparsemor.core.arrays import Csr, FloatArray
 from sparsemor.core.protocols import Term, TimeDependent
 from sparsemor.core.protocols.layout import Layout, Quantity
 from sparsemor.core.protocols.poses import PLANAR
@@ -104,7 +103,7 @@ class Constraints:
             self._add(found, term, self._jacobian(term, x, t) @ v[term.columns])
         return found
 
-    def _jacobian(self, term: Term, x: FloatArray, t: float) -> Any:
+    def _jacobian(self, term: Term, x: FloatArray, t: float) -> Csr:
         j = term.columns
         zero = np.zeros(len(j))
         return term.jacobian(x[j], zero, zero, t, zero, zero)

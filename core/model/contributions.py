@@ -15,9 +15,14 @@ from scipy.sparse import csr_array
 
 from sparsemor.core.arrays import Csr, FloatArray, IntArray
 from sparsemor.core.errors import Fault, InputError
-from sparsemor.core.model.frame_term import frame_rows, frame_term, name_of, numbers
-from sparsemor.core.model.linear_term import matrix_term, target_term, vector_term
-from sparsemor.core.model.table_term import table_term
+from sparsemor.core.model.frame_equations import frame_rows, frame_term
+from sparsemor.core.model.linear_equations import (
+    matrix_term,
+    right_hand_side,
+    table_term,
+    target_term,
+    vector_term,
+)
 from sparsemor.core.protocols import Term
 from sparsemor.core.protocols.contributions import (
     BodyRecord,
@@ -90,7 +95,7 @@ def touched(layout: Layout, records: Records) -> Touched:
     for f in records.frames:
         at = frame_rows(layout, f)[1]
         if len(at):
-            block = name_of(layout, f.body, Quantity.DISPLACEMENT)
+            block = layout.name_of(f.body, Quantity.DISPLACEMENT)
             add(f.origin, block, at - layout[block].start)
     for m in records.matrices:
         for X in (m.A, m.B, m.M):
@@ -190,7 +195,7 @@ class _Closing:
             return None
         (block,), read = rows, set(rows)
         if self.field(block) is Quantity.DISPLACEMENT:
-            read.add(name_of(self.layout, self.layout.block(block).owner, Quantity.TEMPERATURE))
+            read.add(self.layout.name_of(self.layout.block(block).owner, Quantity.TEMPERATURE))
             if local.together:
                 return None
         return block if read.issuperset(local.blocks) else None
@@ -207,7 +212,7 @@ class _Closing:
     def _elastic_local(self, term: Term, block: str, thermal: str) -> ElasticLocal:
         """A local term with positions in the block, and in the temperatures of the body."""
         first, columns = self.layout[block].start, term.columns.copy()
-        hot = ~np.isin(columns, numbers(self.layout, block))
+        hot = ~np.isin(columns, self.layout.numbers(block))
         columns[~hot] -= first
         if hot.any():
             columns[hot] -= self.layout[thermal].start
@@ -217,7 +222,7 @@ class _Closing:
         """Matrices between thermal blocks of different bodies."""
         for m in self.records.matrices:
             if self._couples_heat(m) and not self._has_slot(m):
-                shape = tuple(len(numbers(self.layout, n)) for n in (m.rows, m.columns))
+                shape = tuple(len(self.layout.numbers(n)) for n in (m.rows, m.columns))
                 A, B = (csr_array(shape) if X is None else X for X in (m.A, m.B))
                 yield HeatCoupling(
                     m.rows, m.columns, A, B, matrix_term(self.layout, [m], []))
@@ -234,7 +239,7 @@ class _Closing:
         frames = [f for f in self.records.frames if f.body == body.name and _acts(self.layout, f)]
         if not frames:
             return None
-        elastic, thermal = (name_of(self.layout, body.name, q) for q in (
+        elastic, thermal = (self.layout.name_of(body.name, q) for q in (
             Quantity.DISPLACEMENT, Quantity.TEMPERATURE))
         inertia = next((f for f in frames if f.generators), None)
         at_rest = not body.moves and body.guide is None
@@ -258,17 +263,17 @@ class _Closing:
         from rigid blocks and multipliers."""
         layout, shift = self.layout, self.rigid - self.layout.algebraic.start
         own = np.zeros((len(body.pose), self.border))
-        at = numbers(layout, name_of(layout, body.name, Quantity.POSE))
+        at = layout.numbers(layout.name_of(body.name, Quantity.POSE))
         own[np.arange(len(at)), at] = 1.0
         others, forces = [], []
         for f in frames:
-            kernel, read = body.kernel((f.item,)), numbers(layout, f.reads)
+            kernel, read = body.kernel((f.item,)), layout.numbers(f.reads)
             T = np.zeros((kernel.rigid_size - len(own), self.border))
             T[np.arange(len(read)), read] = 1.0
             others.append(T)
             T = np.zeros((kernel.border - kernel.rigid_size, self.border))
             if f.C is not None:
-                T[:, numbers(layout, f.multipliers) + shift] = f.C.T
+                T[:, layout.numbers(f.multipliers) + shift] = f.C.T
             forces.append(T)
         return np.concatenate([own, *others, *forces])
 
@@ -277,7 +282,7 @@ class _Closing:
         inertia: FrameRecord,
     ) -> ElasticOperators:
         """frames: what acts through the frame; inertia: one of them unless the frame is at rest."""
-        n, hot = (len(numbers(self.layout, b)) for b in (block, thermal))
+        n, hot = (len(self.layout.numbers(b)) for b in (block, thermal))
         columns = tuple(LoadColumn(name, f.item.forces > 0)
                         for f in frames for name in f.item.names(f.origin.part))
         here = [m for m in self.records.matrices if m.rows == block and self._has_slot(m)]
@@ -285,7 +290,7 @@ class _Closing:
         added = [m.M for m in own if m.M is not None]
         mass = sum(added, inertia.generators[0])
         coupling = [-m.A for m in here if m.columns == thermal and m.A is not None]
-        constant, loads, amplitudes, names = self._given(block)
+        constant, loads, amplitudes, names = self._right_hand_side(block)
         return ElasticOperators(
             mass=mass, damping=_sum([m.B for m in own], (n, n)),
             stiffness=_sum([m.A for m in own], (n, n)),
@@ -301,24 +306,21 @@ class _Closing:
         block = of.name
         integrals = next((b.heat_integrals for b in self.records.bodies if b.name == of.owner),
                          None)
-        n = len(numbers(self.layout, block))
+        n = len(self.layout.numbers(block))
         own = [m for m in self.records.matrices if m.rows == m.columns == block]
-        constant, loads, amplitudes, names = self._given(block)
+        constant, loads, amplitudes, names = self._right_hand_side(block)
         return HeatBody(
             of.owner, block, _sum([m.B for m in own], (n, n)), _sum([m.A for m in own], (n, n)),
             constant, loads, amplitudes, self._local(block), names, integrals,
             self._tables(block))
 
-    def _given(
+    def _right_hand_side(
         self, block: str
     ) -> tuple[FloatArray, FloatArray, tuple[Amplitude, ...], tuple[str, ...]]:
         """Constant right-hand side, load columns, their amplitudes and names."""
         here = [r for r in self.records.vectors if r.rows == block]
-        n = len(numbers(self.layout, block))
-        constant = sum((r.w for r in here if r.amplitude is None), np.zeros(n))
-        timed = [(r, r.amplitude) for r in here if r.amplitude is not None]
-        loads = np.stack([r.w for r, _ in timed], axis=1) if timed else np.zeros((n, 0))
-        return constant, loads, tuple(f for _, f in timed), tuple(r.name for r, _ in timed)
+        return (*right_hand_side(here, len(self.layout.numbers(block))),
+                tuple(r.name for r in here if r.amplitude is not None))
 
     def _tables(self, block: str) -> tuple[LoadTable, ...]:
         return tuple(t.load for t in self.records.tables if t.rows == block)

@@ -40,16 +40,16 @@ class BlockSolvers:
     def factorize(
         self, block: str, A: Csr, places: DofLocations | None, purpose: str = "steps"
     ) -> Factorized:
-        """A (n, n) of a block made ready. Raises SolveFailed where it is singular or not finite,
+        """A (n, n) of a block, factorized. Raises SolveFailed where it is singular or not finite,
         InputError where the solver does not serve."""
         start = time.perf_counter()
         made = self.of(block).factorize(A, places)
         if not made.status.ok:
             raise SolveFailed(made.status, 0.0, block, f"{made.solver}: {made.note}")
-        self._tell(block, purpose, made, A.shape[0], time.perf_counter() - start)
+        self._record(block, purpose, made, A.shape[0], time.perf_counter() - start)
         return made
 
-    def _tell(
+    def _record(
         self, block: str, purpose: str, made: Factorized, unknowns: int, seconds: float
     ) -> None:
         key = (block, purpose, made.solver, unknowns)

@@ -41,7 +41,7 @@ def _solved(model: AssembledModel, t: float) -> State:
     M, C = (_derivative(model, K, State(t, x, v, a, x), rate)[part][:, part]
             for rate, part in ((2, second), (1, first)))
     held, across = K[:, algebraic], K[algebraic][:, second]
-    del K  # beside A: as large as all operators of the model
+    del K  # next to A: as large as all operators of the model
     A = block_array([
         [M, None, held[second]], [None, C, held[first]], [across, None, held[algebraic]]],
         format="csr")

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from functools import partial
 
 import numpy as np
 
@@ -48,7 +48,7 @@ class Model:
     required: Mapping[str, IntArray]
     loaded: Mapping[str, Mapping[str, IntArray]]
     probes: tuple[ProbePlace, ...]
-    geometry: Mapping[str, Any]
+    geometry: Mapping[str, tuple[FloatArray, IntArray]]
     solvers: BlockSolvers
     stage: Stage | None = None
     starts: list[State] = field(default_factory=list, init=False, repr=False)
@@ -68,7 +68,7 @@ class Model:
     def factorize(
         self, name: str, A: Csr, purpose: str = "steps", places: DofLocations | None = None
     ) -> Factorized:
-        """A matrix (n, n) of a reducible block, made ready by the solver that the scene names."""
+        """A matrix (n, n) of a reducible block, factorized by the solver that the scene names."""
         return self.solvers.factorize(
             name, A, self.places(name) if places is None else places, purpose)
 
@@ -83,18 +83,17 @@ class Model:
         taken = step or StepFactors(0.0, 0.0, 0.0, 0.0)
         n = self.layout[name].stop - self.layout[name].start
         coordinates, component = self.geometry[name]
-        common = {
-            "name": name, "snapshots": np.zeros((n, 0)) if snapshots is None else snapshots,
-            "coordinates": coordinates, "component": component, "start": self.x0[self.layout[name]],
-            "ring": self.ring(name), "moving": self.moving(name), "step": taken.h,
-            "solver": self.solvers.of(name),
-        }
+        data = partial(
+            BlockData, name=name, coordinates=coordinates, component=component,
+            snapshots=np.zeros((n, 0)) if snapshots is None else snapshots,
+            start=self.x0[self.layout[name]], ring=self.ring(name), moving=self.moving(name),
+            step=taken.h, solver=self.solvers.of(name))
         for h in self.separated.heat:
             if h.thermal == name:
                 loads, names, _ = _loads([
                     (h.loads, _columns(h.loads, h.load_names)), _constant(h.constant)])
-                return BlockData(order=1, mass=h.capacity, stiffness=h.conductivity, loads=loads,
-                                 load_names=names, factors=(0.0, taken.c1_first), **common)
+                return data(order=1, mass=h.capacity, stiffness=h.conductivity, loads=loads,
+                            load_names=names, factors=(0.0, taken.c1_first))
         for m in self.separated.moving:
             if m.elastic == name and m.operators is not None:
                 ops = m.operators
@@ -102,12 +101,12 @@ class Model:
                     (ops.directions, ops.columns or _columns(ops.directions)),
                     (ops.loads, _columns(ops.loads, ops.load_names)), _constant(ops.constant)])
                 coupled = ops.coupling is not None and m.thermal in self.layout
-                return BlockData(
+                return data(
                     mass=ops.mass, stiffness=ops.stiffness, loads=loads, load_names=names,
                     joints=joints, interface=self._interface(name),
                     coupling=ops.coupling if coupled else None,
                     heat=self.block_data(m.thermal, step=step) if coupled else None,
-                    damping=ops.damping, factors=(taken.c1, taken.c2), **common)
+                    damping=ops.damping, factors=(taken.c1, taken.c2))
         raise KeyError(name)
 
     def with_separated(self, separated: Separated) -> "Model":

@@ -4,7 +4,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from sparsemor.core.errors import InputError
+from sparsemor.core.model.features import (
+    CONTACT_ALONG_MOTION,
+    PRESCRIBED_MOTION,
+    PRESCRIBED_REACTIONS,
+    SURFACE_LOADS,
+)
 from sparsemor.core.protocols import (
     Body,
     CarriesSurfaceLoads,
@@ -18,7 +23,6 @@ from sparsemor.core.protocols import (
 )
 from sparsemor.core.protocols.load_tables import Table
 from sparsemor.core.protocols.prescribed_motion import FrameHistory, Stage, SurfaceLoads
-from sparsemor.core.registry.contracts import absent_members, origin
 
 
 class PrescribedQuantities:
@@ -89,8 +93,8 @@ class Followed(PrescribedQuantities):
         return self.stage.frames[name] if name in self.stage.moves else None
 
     def reactions(self, name: str, joint: Joint) -> Table | None:
-        known = self.stage.reactions_passed_on.get(name, self.stage.reactions.get(name))
-        return None if known is None else Table(self.stage.times, known)
+        forces = self.stage.reactions_passed_on.get(name, self.stage.reactions.get(name))
+        return None if forces is None else Table(self.stage.times, forces)
 
     def motion(self, bodies: Mapping[str, Body]) -> Mapping[str, FrameHistory] | None:
         return self.stage.frames
@@ -100,33 +104,25 @@ def following(body: Body) -> FollowsMotion:
     """The body, if its motion can be prescribed."""
     if isinstance(body, FollowsMotion):
         return body
-    raise _lacking(body, FollowsMotion, "has to follow a prescribed motion")
+    raise PRESCRIBED_MOTION.refusal(body)
 
 
 def prescribable(joint: Joint) -> PrescribesReactions:
     """The joint, if its reactions can be prescribed."""
     if isinstance(joint, PrescribesReactions):
         return joint
-    raise _lacking(joint, PrescribesReactions, "has to take its reactions as prescribed")
+    raise PRESCRIBED_REACTIONS.refusal(joint)
 
 
 def importing(contact: Contact, name: str) -> ImportsMotion:
     """The contact of this name, if it can be evaluated along a prescribed motion."""
     if isinstance(contact, ImportsMotion):
         return contact
-    raise _lacking(contact, ImportsMotion, "has to be evaluated along a prescribed motion",
-                   f"contacts.{name}")
+    raise CONTACT_ALONG_MOTION.refusal(contact, f"contacts.{name}")
 
 
 def carrying(body: Body) -> CarriesSurfaceLoads:
     """The body, if it takes tabulated loads on its surface."""
     if isinstance(body, CarriesSurfaceLoads):
         return body
-    raise _lacking(body, CarriesSurfaceLoads, "has to take loads on its surface",
-                   f"bodies.{body.name}")
-
-
-def _lacking(part: object, ability: type, why: str, key: str = "") -> InputError:
-    return InputError(f"with rigid_stage, it {why}, which {origin(part)} cannot: "
-                      f"it lacks {', '.join(absent_members(ability, part))} ({ability.__name__})",
-                      key)
+    raise SURFACE_LOADS.refusal(body, f"bodies.{body.name}")

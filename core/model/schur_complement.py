@@ -30,28 +30,29 @@ def solve_by_blocks(model: AssembledModel, A: Csr, r: FloatArray) -> FloatArray:
             continue
         own = np.arange(at.start, at.stop)
         right = csc_array(A[at])
-        beside = np.setdiff1d(np.flatnonzero(np.diff(right.indptr)), own)
+        coupled = np.setdiff1d(np.flatnonzero(np.diff(right.indptr)), own)
         below = csc_array(A[:, at]).tocsr()
-        under = np.setdiff1d(np.flatnonzero(np.diff(below.indptr)), own)
-        if len(beside) > BORDER or not border[beside].all() or not border[under].all():
+        coupled_rows = np.setdiff1d(np.flatnonzero(np.diff(below.indptr)), own)
+        if len(coupled) > BORDER or not border[coupled].all() or not border[coupled_rows].all():
             continue
         border[own] = False
-        parts.append((name, own, beside, right[:, beside].toarray(), below[under], under))
+        parts.append((name, own, coupled, right[:, coupled].toarray(), below[coupled_rows],
+                      coupled_rows))
     rest = np.flatnonzero(border)
-    place = np.full(n, -1)
-    place[rest] = np.arange(len(rest))
+    position = np.full(n, -1)
+    position[rest] = np.arange(len(rest))
     S, b, answers = A[rest][:, rest].tolil(), r[rest].copy(), []
-    for name, own, beside, right, below, under in parts:
+    for name, own, coupled, right, below, coupled_rows in parts:
         factor = model.factorize(name, A[own][:, own].tocsr(), "start")
         x = solved(factor, np.column_stack([r[own], right]), name)
         answers.append(x)
         changed = below @ x
-        b[place[under]] -= changed[:, 0]
-        _subtract(S, place[under], place[beside], changed[:, 1:])
+        b[position[coupled_rows]] -= changed[:, 0]
+        _subtract(S, position[coupled_rows], position[coupled], changed[:, 1:])
     z = np.zeros(n)
     z[rest] = _scaled(S.tocsc(), b)
-    for (_, own, beside, *_), x in zip(parts, answers, strict=True):
-        z[own] = x[:, 0] - x[:, 1:] @ z[beside]
+    for (_, own, coupled, *_), x in zip(parts, answers, strict=True):
+        z[own] = x[:, 0] - x[:, 1:] @ z[coupled]
     return z
 
 

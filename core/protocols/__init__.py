@@ -18,6 +18,7 @@ from sparsemor.core.protocols.body import (
     BodyPlugin,
     BodyShape,
     CarriesSurfaceLoads,
+    ChangesBodies,
     CopiesRigidly,
     EstimatesSize,
     FollowsMotion,
@@ -89,7 +90,6 @@ from sparsemor.core.protocols.linear_solver import (
 from sparsemor.core.protocols.load_tables import LoadTable, Table, Tabled, TabledAlong
 from sparsemor.core.protocols.mesh import BodySize, EstimatesMeshSize, Mesh, MeshPlugin, MeshSize
 from sparsemor.core.protocols.part import (
-    ChangesBodies,
     DeclaresEffect,
     Effect,
     HasNotes,
@@ -114,7 +114,7 @@ from sparsemor.core.protocols.reducer import (
     Recording,
     ReducedProblem,
     Reducer,
-    ResamplesRows,
+    RestartsSteps,
     SamplesRows,
     SharesOptions,
     StepFactors,
@@ -208,8 +208,8 @@ __all__ = [
     "PrescribesReactions", "ProbePlace", "Quadratic", "Quantity", "ReadsFiles", "Reason",
     "Recording", "Records", "RedrawsRows", "ReducedProblem", "ReducedTerm", "Reducer",
     "RelocatesNear", "ReportsChatter", "ReportsNoContact", "ReportsPassage",
-    "ReportsResultants", "ReportsTerms", "ResamplesRows", "RespondsByBlock", "RespondsExactly",
-    "Restarts", "ResultantSource", "RowsKept", "Sampler", "SamplesNodes", "SamplesRows",
+    "ReportsResultants", "ReportsTerms", "RespondsByBlock", "RespondsExactly", "Restarts",
+    "RestartsSteps", "ResultantSource", "RowsKept", "Sampler", "SamplesNodes", "SamplesRows",
     "Screen", "ScreensSupport", "SelectsFields", "Separated", "SharesOptions", "SparseOutcome",
     "SparseProblem", "SparseSolver", "SparseStart", "Stage", "State", "StatesFillIn",
     "StepFactors", "StepFormula", "StepMemory", "StepOutcome", "StepSolver", "SurfaceLoads",

@@ -1,5 +1,7 @@
 """Bodies: the plugin of a scene's entry, the built body, and its optional abilities."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -96,7 +98,7 @@ class BodyShape:
 class BodyPlugin(Protocol):
     """A body of the scene. base: folder of the scene file, for relative paths."""
 
-    def build(self, name: str, base: Path) -> "Body": ...
+    def build(self, name: str, base: Path) -> Body: ...
 
 
 class Body(Part, Protocol):
@@ -168,7 +170,7 @@ class HasShape(Protocol):
 class CopiesRigidly(Protocol):
     """A built body that makes its own rigid copy, without a second look at its mesh."""
 
-    def rigid_copy(self) -> Part:
+    def rigid_copy(self) -> Body:
         """The same body without fields: rigid, with the mass and shape that it has."""
         ...
 
@@ -194,7 +196,7 @@ class FollowsMotion(HasPose, Protocol):
     def moves(self) -> bool: ...
     @property
     def immobile(self) -> bool: ...
-    def with_motion(self, motion: FrameHistory) -> Part:
+    def with_motion(self, motion: FrameHistory) -> Body:
         """The same body with a frame that follows the motion and has no unknowns."""
         ...
 
@@ -207,4 +209,14 @@ class CarriesSurfaceLoads(Protocol):
         self, equations: Equations, loads: SurfaceLoads, times: FloatArray
     ) -> None:
         """Contributes forces and heat on its surface at times (T,), s."""
+        ...
+
+
+@runtime_checkable
+class ChangesBodies(Protocol):
+    """A built joint or load that replaces bodies, such as one with prescribed temperatures."""
+
+    @property
+    def adjusted(self) -> Mapping[str, Body]:
+        """Body name -> the body that takes its place; {} where nothing changes."""
         ...

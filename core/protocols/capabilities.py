@@ -36,7 +36,7 @@ CAPABILITIES: Mapping[str, tuple[type, ...]] = {
     "load": (part.DeclaresEffect,),
     "mesh": (mesh.EstimatesMeshSize,),
     "reducer": (reducer.ChecksModel, reducer.UsesBases, reducer.UsesForceBasis,
-                reducer.HoldsSnapshots, reducer.ResamplesRows, reducer.SharesOptions,
+                reducer.HoldsSnapshots, reducer.RestartsSteps, reducer.SharesOptions,
                 reducer.SamplesRows, reducer.BudgetsFields),
     "sampler": (sampler.ChoosesRowsKept, sampler.SamplesNodes, sampler.DrawsRequired),
     "sparse_solver": (sparse_solver.LimitsProblems, sparse_solver.ScreensSupport),
@@ -46,7 +46,7 @@ EVERY = (part.ReadsFiles,)
 """Optional protocols of plugins of every kind."""
 
 _ANY_PART = (part.HasNotes,)
-_CONNECTOR = (part.LocalizesRows, part.MovesOverBody, part.ChangesBodies, part.HasSurroundings,
+_CONNECTOR = (part.LocalizesRows, part.MovesOverBody, body.ChangesBodies, part.HasSurroundings,
               *_ANY_PART)
 BUILT: Mapping[str, tuple[type, ...]] = {
     "body": (body.HasProbes, body.HasMesh, body.HasShape, body.CopiesRigidly, body.HasPose,

@@ -132,7 +132,7 @@ class BodyRecord:
     """
 
     origin: Origin
-    kernel: Callable[[Sequence[Any]], BodyFrame]
+    kernel: Callable[[Sequence[FrameItem]], BodyFrame]
     pose: FloatArray
     moves: bool
     guide: FrameHistory | None = None
@@ -169,21 +169,19 @@ class Equations:
 
     def size(self, block: str) -> int:
         """Number of unknowns of a block, 0 where the scene does not have it."""
-        if block not in self.layout:
-            return 0
-        at = self.layout[block]
-        return int(at.stop - at.start)
+        return len(self.layout.numbers(block))
 
     def numbers(self, block: str) -> IntArray:
         """Positions of a block's unknowns in the state vector, for the rows and columns of local
         terms; none where the scene does not have it."""
-        return np.arange(self.layout.size)[self.layout[block]] if block in self.layout else (
-            NO_NUMBERS)
+        return self.layout.numbers(block)
 
-    def body(self, kernel: Callable[[Sequence[Any]], BodyFrame], pose: FloatArray, *, moves: bool,
-             guide: FrameHistory | None = None,
-             elastic_integrals: Callable[[], ElasticIntegrals] | None = None,
-             heat_integrals: Callable[[], HeatIntegrals] | None = None) -> None:
+    def body(
+        self, kernel: Callable[[Sequence[FrameItem]], BodyFrame], pose: FloatArray, *,
+        moves: bool, guide: FrameHistory | None = None,
+        elastic_integrals: Callable[[], ElasticIntegrals] | None = None,
+        heat_integrals: Callable[[], HeatIntegrals] | None = None,
+    ) -> None:
         """A body and its frame, as `BodyRecord` has them."""
         self._records.bodies.append(BodyRecord(
             self.origin, kernel, pose, moves, guide, elastic_integrals, heat_integrals))

@@ -63,7 +63,7 @@ class FieldKind:
         """Name in pictures."""
         return self.title or self.name
 
-    def plain(self) -> dict[str, Any]:
+    def plain(self) -> dict[str, object]:
         """Plain data that `of_plain` reads."""
         return asdict(self) | {"quantity": self.quantity.value}
 
@@ -178,6 +178,17 @@ class Layout:
         """The first block of an owner whose entries mean `quantity`; None where it has none."""
         return next((b for b in self.blocks
                      if b.owner == owner and b.kind.quantity is quantity), None)
+
+    def name_of(self, owner: str, quantity: Quantity) -> str:
+        """Name of that block, "" where it has none."""
+        block = self.of(owner, quantity)
+        return "" if block is None else block.name
+
+    def numbers(self, name: str) -> IntArray:
+        """Positions of a block's unknowns in the state vector, none where there is no such block.
+        """
+        at = self._slices.get(name, slice(0, 0))
+        return np.arange(at.start, at.stop)
 
     def multipliers(self, owner: str) -> Block | None:
         """The first algebraic block of an owner, None where it has none."""

@@ -28,7 +28,8 @@ class LinearOutcome:
 
 
 class Factorized(Protocol):
-    """A matrix made ready for many right-hand sides. Immutable: equal calls give equal results.
+    """A factorized or preconditioned matrix, for many right-hand sides. Immutable: equal calls give
+    equal results.
 
     solver: name of the plugin that did it (not "auto"); note: a sentence on why, or on what failed,
     "" when there is nothing to say. status: not ok when A is found singular, not positive definite

@@ -3,12 +3,12 @@
 from bisect import bisect_left
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 from scipy.sparse import issparse
 
-from sparsemor.core.arrays import Csr, FloatArray, IntArray
+from sparsemor.core.arrays import Csr, FloatArray, IntArray, Matrix
 
 
 def place(times: FloatArray, t: float) -> tuple[int, float]:
@@ -94,7 +94,9 @@ class TabledAlong(Protocol):
     def along(self, times: FloatArray) -> FloatArray: ...
 
 
-def projected_tables(tables: Sequence[LoadTable], test: Callable[[Any], Any]) -> tuple[Table, ...]:
+def projected_tables(
+    tables: Sequence[LoadTable], test: Callable[[Csr], Matrix]
+) -> tuple[Table, ...]:
     """Tables of all loads projected by a linear map `test` of the block's rows, merged by times."""
     found: list[Table] = []
     for load in tables:

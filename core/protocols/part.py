@@ -69,16 +69,6 @@ class MovesOverBody(Protocol):
 
 
 @runtime_checkable
-class ChangesBodies(Protocol):
-    """A built joint or load that replaces bodies, such as one with prescribed temperatures."""
-
-    @property
-    def adjusted(self) -> Mapping[str, Part]:
-        """Body name -> the body that takes its place; {} where nothing changes."""
-        ...
-
-
-@runtime_checkable
 class DeclaresEffect(Protocol):
     """A load or joint plugin that states what it acts on; without it, "motion".
 

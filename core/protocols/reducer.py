@@ -2,11 +2,11 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol, Self, runtime_checkable
+from typing import NamedTuple, Protocol, Self, runtime_checkable
 
 import numpy as np
 
-from sparsemor.core.arrays import Csr, FloatArray, IntArray
+from sparsemor.core.arrays import Arrays, Csr, FloatArray, IntArray
 from sparsemor.core.errors import Fault
 from sparsemor.core.protocols.basis import Basis
 from sparsemor.core.protocols.block_data import BlockData, Dictionary
@@ -139,8 +139,8 @@ class OfflineProducts(Protocol):
         ...
 
     def remember(
-        self, kind: str, depends: Sequence[Any], make: Callable[[], Mapping[str, Any]]
-    ) -> Mapping[str, Any]:
+        self, kind: str, depends: Sequence[object], make: Callable[[], Arrays]
+    ) -> Arrays:
         """Arrays of one product, from the cache or made; depends: all that they depend on except
         the training run."""
         ...
@@ -207,12 +207,12 @@ class HoldsSnapshots(Protocol):
 
 
 @runtime_checkable
-class ResamplesRows(Protocol):
-    """A reducer whose rows can be redrawn during the run."""
+class RestartsSteps(Protocol):
+    """A reducer whose step solvers can begin a step at a state that they did not compute, as
+    error-controlled steps need: their memory is `Restarts`."""
 
-    @property
-    def resample(self) -> int | None:
-        """Steps after which rows are redrawn; None: never."""
+    def restart_refusal(self) -> str:
+        """Why they cannot with the options of this reducer, "" where they can."""
         ...
 
 
@@ -253,11 +253,11 @@ class BudgetsFields(Protocol):
         """The budget of the blocks of a field; None where nothing is limited at all."""
         ...
 
-    def with_rows(self, rows: Mapping[str, int]) -> Any:
+    def with_rows(self, rows: Mapping[str, int]) -> Self:
         """The same reducer with other numbers of rows in the blocks of these fields."""
         ...
 
-    def with_atoms(self, atoms: Mapping[str, int]) -> Any:
+    def with_atoms(self, atoms: Mapping[str, int]) -> Self:
         """The same reducer with other numbers of active atoms; bases that count their atoms have as
         many, so that nothing is left to select."""
         ...

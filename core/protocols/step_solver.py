@@ -2,7 +2,9 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Generic, Protocol, Self, TypeVar, runtime_checkable
+from typing import Any, Generic, Protocol, Self, runtime_checkable
+
+from typing_extensions import TypeVar
 
 from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
 from sparsemor.core.notes import Note, information
@@ -49,9 +51,15 @@ class StepMemory(Protocol):
         ...
 
 
-class StepSolver(Protocol):
-    """Solves one step of one (full or reduced) model. Immutable: a step writes only to the
-    `StepMemory` that it is given.
+M = TypeVar("M", bound=StepMemory, default=Any)
+"""Class of a step solver's own memory. A solver of an unknown class (`StepSolver` alone) takes what
+its own `start` has returned."""
+M_contra = TypeVar("M_contra", bound=StepMemory, contravariant=True, default=Any)
+
+
+class StepSolver(Protocol[M]):
+    """Solves one step of one (full or reduced) model. Immutable: a step writes only to the memory
+    that it is given.
 
     `dictionaries` maps block names to the map back to full unknowns (absent: kept as they are);
     `rows`, `elements_touched`: per block; `supports(memory)`: active atoms per budgeted block;
@@ -72,33 +80,33 @@ class StepSolver(Protocol):
     def rows(self) -> Mapping[str, IntArray]: ...
     @property
     def elements_touched(self) -> Mapping[str, int]: ...
-    def start(self, state: State) -> tuple[State, Any]:
+    def start(self, state: State) -> tuple[State, M]:
         """From a full-order state to this solver's state (consistent rates) and memory."""
         ...
 
-    def solve(self, step: StepFormula, memory: Any) -> tuple[StepOutcome, Any]: ...
-    def supports(self, memory: Any) -> Mapping[str, BoolArray]: ...
-    def counters(self, memory: Any) -> Mapping[str, int]:
+    def solve(self, step: StepFormula, memory: M) -> tuple[StepOutcome, M]: ...
+    def supports(self, memory: M) -> Mapping[str, BoolArray]: ...
+    def counters(self, memory: M) -> Mapping[str, int]:
         """"factorizations", "support_changes", ... counted since `start`."""
         ...
 
 
 @runtime_checkable
-class RedrawsRows(Protocol):
+class RedrawsRows(Protocol[M_contra]):
     """A step solver whose rows change during the run. `rows` are those of the start; `counters`
     then hold "resamplings"."""
 
-    def rows_at(self, memory: Any) -> Mapping[str, IntArray]:
+    def rows_at(self, memory: M_contra) -> Mapping[str, IntArray]:
         """The rows in use, per block."""
         ...
 
 
 @runtime_checkable
-class FreezesSupport(Protocol):
+class FreezesSupport(Protocol[M_contra]):
     """A step solver whose supports or rows change, and that can be held at those of a memory; the
     stability check then sees a fixed step map."""
 
-    def frozen(self, memory: Any) -> tuple[StepSolver, Any]:
+    def frozen(self, memory: M_contra) -> tuple[StepSolver, StepMemory]:
         """A step solver on the supports and rows that `memory` is at, and its memory."""
         ...
 
@@ -123,19 +131,19 @@ class RespondsExactly(Protocol):
 
 
 @runtime_checkable
-class CountsLinearIterations(Protocol):
+class CountsLinearIterations(Protocol[M_contra]):
     """A step solver whose blocks are solved by iterative linear solvers."""
 
-    def linear_iterations(self, memory: Any) -> Mapping[str, int]:
+    def linear_iterations(self, memory: M_contra) -> Mapping[str, int]:
         """Block -> iterations since `start`."""
         ...
 
 
 @runtime_checkable
-class ReportsTerms(Protocol):
+class ReportsTerms(Protocol[M_contra]):
     """A step solver with terms whose resultants are kept at the stored steps."""
 
-    def resultant_sources(self, memory: Any) -> tuple[ResultantSource, ...]:
+    def resultant_sources(self, memory: M_contra | None) -> tuple[ResultantSource, ...]:
         """Those terms after the step that left `memory` (None: only their names count)."""
         ...
 
@@ -199,7 +207,9 @@ def unavailable_resultants(terms: Iterable[object]) -> tuple[Note, ...]:
                  and isinstance(t.term, ReportsResultants) and not t.histories)
 
 
-def resultant_sources_of(solver: StepSolver, memory: Any) -> tuple[ResultantSource, ...]:
+def resultant_sources_of(
+    solver: StepSolver, memory: StepMemory | None
+) -> tuple[ResultantSource, ...]:
     """Terms with resultants of a step solver, () where it has none."""
     return solver.resultant_sources(memory) if isinstance(solver, ReportsTerms) else ()
 

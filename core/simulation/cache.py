@@ -15,9 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sparsemor.core.arrays import Arrays
 from sparsemor.core.results.zarr_files import checksum
-
-Arrays = Mapping[str, NDArray[Any]]
 
 _MAPPED_BYTES = 2**24
 _MANIFEST = "manifest.json"
@@ -166,7 +165,7 @@ def _load(place: Path) -> dict[str, NDArray[Any]]:
     return {name: _load_one(place / file) for name, (file, _) in table.items()}
 
 
-def _checksum(table: Mapping[str, Any]) -> int:
+def _checksum(table: Mapping[str, object]) -> int:
     return checksum(json.dumps(table).encode("utf-8"))
 
 

@@ -3,16 +3,12 @@
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import fields, replace
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sparsemor.core.arrays import FloatArray
+from sparsemor.core.arrays import Arrays, FloatArray
 from sparsemor.core.linalg.least_squares import coefficients
 from sparsemor.core.linalg.snapshots import column_chunks
-from sparsemor.core.model.assembly import assemble
-from sparsemor.core.model.body_cache import BodyCache
-from sparsemor.core.model.factorizations import factorizations_in
 from sparsemor.core.model.initial_state import consistent_state
 from sparsemor.core.model.model import Model
 from sparsemor.core.protocols import (
@@ -28,20 +24,11 @@ from sparsemor.core.protocols import (
 from sparsemor.core.registry.hooks import Manager, RunStart, new_manager
 from sparsemor.core.registry.returned_values import built_dictionary
 from sparsemor.core.scene.digest import digest
-from sparsemor.core.scene.independent_of_physics import physics_of, training_physics
-from sparsemor.core.scene.run_identity import Identity, origin
 from sparsemor.core.scene.scene import Scene
-from sparsemor.core.simulation.offline_cache import Products, mesh_content
+from sparsemor.core.simulation.offline_cache import Products
 from sparsemor.core.simulation.step_control import controlled, step_of
 from sparsemor.core.simulation.time_stepping import iterate, started
-from sparsemor.core.simulation.training import SnapshotKeeper
 from sparsemor.core.status import SolveFailed
-
-if TYPE_CHECKING:
-    from sparsemor.core.simulation.memory.estimate import Estimate
-
-TRAINING = "training run"
-"""How the detail of a failure begins that happened in the training run."""
 
 
 class Offline:
@@ -49,14 +36,14 @@ class Offline:
 
     snapshots(name) (n, M): unknowns of a block over the training run, in columns; recording: how
     they were taken, None when they were given; trained: whether some basis needs snapshots, also
-    where it came from the cache; expected: what a run will hold in memory, once estimated. reducer:
+    where it came from the cache; expected: bytes that a run will hold, once estimated. reducer:
     origin of a reducer that is not sparsemor's own, part of the key of its products.
     """
 
     def __init__(
         self, model: Model, train: Callable[[], Mapping[str, FloatArray]], key: str,
         products: Products, manager: Manager | None = None, recording: Recording | None = None,
-        reducer: Sequence[Any] = (),
+        reducer: Sequence[object] = (),
     ) -> None:
         self._model, self._train, self._key = model, train, key
         self._reducer = list(reducer)
@@ -64,7 +51,7 @@ class Offline:
         self.manager, self.recording = manager or new_manager(), recording
         self.products = products
         self.trained = False
-        self.expected: Estimate | None = None
+        self.expected: float | None = None
 
     @classmethod
     def of(cls, model: Model, snapshots: Mapping[str, FloatArray]) -> "Offline":
@@ -78,18 +65,18 @@ class Offline:
         return self._snapshots[name].T
 
     def remember(
-        self, kind: str, depends: Sequence[Any], make: Callable[[], Mapping[str, Any]]
-    ) -> Mapping[str, Any]:
+        self, kind: str, depends: Sequence[object], make: Callable[[], Arrays]
+    ) -> Arrays:
         """Arrays of one product of the reducer: from the cache, or made and kept there."""
         return self._remembered(kind, (*self._reducer, *depends), make)
 
     def _remembered(
-        self, kind: str, depends: Sequence[Any], make: Callable[[], Mapping[str, Any]]
-    ) -> Mapping[str, Any]:
+        self, kind: str, depends: Sequence[object], make: Callable[[], Arrays]
+    ) -> Arrays:
         key = "" if self.products.cache is None else digest(self._key, *depends)
         return self.products.remember(kind, key, make)
 
-    def has(self, kind: str, depends: Sequence[Any] = ()) -> bool:
+    def has(self, kind: str, depends: Sequence[object] = ()) -> bool:
         """True if a product is in the cache."""
         cache = self.products.cache
         return cache is not None and cache.place(kind, digest(self._key, *depends)).exists()
@@ -107,7 +94,7 @@ class Offline:
         known = self._model.block_data(name, step=step)
         self.trained = self.trained or basis.needs_snapshots
 
-        def make() -> Mapping[str, Any]:
+        def make() -> Arrays:
             snapshots = self.snapshots(name) if basis.needs_snapshots else None
             given = known if snapshots is None else replace(known, snapshots=snapshots)
             if snapshots is not None and known.heat is not None:
@@ -131,7 +118,7 @@ _NESTED = frozenset({"heat", "moving"})
 """Fields of a block's data that are digested entry by entry."""
 
 
-def _content(data: BlockData) -> list[Any]:
+def _content(data: BlockData) -> list[object]:
     """Contents of a block for its digest."""
     values = [getattr(data, f.name) for f in fields(data) if f.name not in _NESTED]
     values += [[m.source, m.columns, m.names, m.table.times, m.table.values] for m in data.moving]
@@ -150,59 +137,6 @@ def largest_coefficient(d: Dictionary, snapshots: FloatArray) -> float:
                for _, values in column_chunks(snapshots))
 
 
-def offline_of(
-    scene: Scene, model: Model, products: Products, manager: Manager,
-    body_cache: BodyCache | None = None,
-) -> Offline:
-    """The offline products of a scene. The key holds the physics of the training scene, its
-    identity (code, plugins, files) and every mesh. shop: what was built for the model, for the
-    training run's."""
-    training, physics = training_physics(scene)
-    key = digest(physics.digest(), training.training.every, Identity.of(physics).plain(),
-                 mesh_content(model))
-    recording = Recording(training.integrator, training.time.step, training.training.every,
-                          training.time.end)
-    return Offline(
-        model, lambda: train(training, manager, products, body_cache), key, products, manager,
-        recording, origin(type(scene.reducer)))
-
-
-def is_training_run(scene: Scene) -> bool:
-    """True if the run of this scene is the training run of its own reduced models."""
-    settings = {"training": {"every": scene.training.every}}
-    own = physics_of(scene.using(settings), "training")
-    return own.digest() == training_physics(scene)[1].digest()
-
-
-@np.errstate(all="ignore")  # overflow is a status of the step, not a warning
-def train(
-    scene: Scene, manager: Manager, products: Products | None = None,
-    body_cache: BodyCache | None = None,
-) -> dict[str, FloatArray]:
-    """Full-order run of the training scene; block -> (M, n) unknowns at the start and after
-    every `training.every` steps, and for second-order integrators x + h^2 a of the start.
-
-    Raises SolveFailed when it stops before its end, or its rigid stage does.
-    """
-    if scene.rigid_stage is None:
-        model = assemble(scene, body_cache=body_cache)
-    else:  # which is a run of its own, by this module's means
-        from sparsemor.core.simulation.rigid_stage import staged
-
-        model = staged(scene, products or Products(None), manager, body_cache or BodyCache())
-    products = products or Products(None)
-    keeper = SnapshotKeeper(
-        scene, step_count(scene), model.layout, model.reducible(), products.scratch)
-    try:
-        for n, state in enumerate(
-                full_run(scene, model, Offline.of(model, {}), manager, TRAINING)):
-            keeper.take(n, state)
-        return dict(keeper.finished())
-    finally:
-        keeper.close()
-        products.told += factorizations_in(TRAINING, model.solvers.log)
-
-
 def full_run(
     scene: Scene, model: Model, offline: Offline, manager: Manager, phase: str
 ) -> Iterator[State]:
@@ -217,9 +151,9 @@ def full_run(
     solver = controlled(scene, model, offline, solver)
     step = step_of(solver, scene.integrator, h)
     state, memory = started(solver, scene.integrator, consistent_state(model))
-    told = phase.removesuffix(" run")
+    name = phase.removesuffix(" run")
     manager.hook.on_start(run=RunStart(
-        scene.title, scene.reducer_name, 0.0, steps * h, steps, told))
+        scene.title, scene.reducer_name, 0.0, steps * h, steps, name))
     yield state
     for n, taken in enumerate(iterate(step, state, memory, steps), 1):
         outcome, state = taken.outcome, taken.state
@@ -227,12 +161,12 @@ def full_run(
             where = f"{phase}: {outcome.detail}" if outcome.detail else phase
             manager.hook.on_failure(
                 status=outcome.status, t=state.t + h, block=outcome.block, detail=where)
-            manager.hook.on_finish(summary={"phase": told, "steps": n - 1})
+            manager.hook.on_finish(summary={"phase": name, "steps": n - 1})
             raise SolveFailed(outcome.status, state.t + h, outcome.block, where)
         yield state
         if manager.has_observers:
             manager.hook.on_step(step=n, t=state.t, x=state.x, outcome=outcome)
-    manager.hook.on_finish(summary={"phase": told, "steps": steps})
+    manager.hook.on_finish(summary={"phase": name, "steps": steps})
 
 
 def step_count(scene: Scene) -> int:

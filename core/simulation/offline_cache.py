@@ -8,8 +8,8 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
+from sparsemor.core.arrays import Arrays
 from sparsemor.core.model.factorizations import Factored
 from sparsemor.core.model.model import Model
 from sparsemor.core.protocols import HasMesh
@@ -94,15 +94,15 @@ def _read(place: Path | None) -> Mapping[str, float]:
 
 class Products:
     """Arrays that are made once. `used`: product -> "hit" or "miss" of the cache; seconds: how long
-    asking for it took here. cache: None keeps nothing. told: reports of the linear systems that
-    were made ready on the way."""
+    asking for it took here. cache: None keeps nothing. factorizations: reports of the
+    linear systems that were solved for them."""
 
     def __init__(self, cache: Cache | None) -> None:
         self.cache = cache
         self.used: dict[str, str] = {}
         self.seconds: dict[str, float] = {}
         self.spent = OfflineCost()
-        self.told: list[Factored] = []
+        self.factorizations: list[Factored] = []
         self._scratch: Path | None = None
 
     def scratch(self) -> Path:
@@ -114,7 +114,7 @@ class Products:
         return self._scratch
 
     def keep(
-        self, kind: str, key: str, arrays: Mapping[str, Any], seconds: float
+        self, kind: str, key: str, arrays: Arrays, seconds: float
     ) -> None:
         """Put arrays that a run has made into the cache; seconds: what they cost."""
         if self.cache is None:
@@ -124,8 +124,8 @@ class Products:
             record(self.cache.place(kind, key), {f"{kind}/{key}": seconds})
 
     def remember(
-        self, kind: str, key: str, make: Callable[[], Mapping[str, Any]]
-    ) -> Mapping[str, Any]:
+        self, kind: str, key: str, make: Callable[[], Arrays]
+    ) -> Arrays:
         """Arrays of one product: from the cache, or made and kept there."""
         start = time.perf_counter()
         if self.cache is None:
@@ -140,7 +140,7 @@ class Products:
         return arrays
 
 
-def mesh_content(model: Model) -> list[Any]:
+def mesh_content(model: Model) -> list[object]:
     """Points, cells and sets of every mesh of a model, for keys."""
     meshes = [m for p in model.parts.values() if isinstance(p, HasMesh)
               and (m := p.mesh) is not None]

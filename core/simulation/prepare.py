@@ -6,9 +6,10 @@ from sparsemor.core.registry.hooks import Manager
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.memory.estimate import fitting
-from sparsemor.core.simulation.offline import Offline, offline_of
+from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.simulation.offline_cache import Products
 from sparsemor.core.simulation.rigid_stage import staged
+from sparsemor.core.simulation.training import offline_of
 from sparsemor.core.simulation.validation import checked_model
 
 
@@ -24,8 +25,8 @@ def prepared(
     if scene.rigid_stage is None:
         model = checked_model(scene, body_cache)
     else:
-        checked_model(scene, body_cache)  # which is not held beside the one that is run
+        checked_model(scene, body_cache)  # which is not held next to the one that is run
         model = staged(scene, products, manager, body_cache)
     offline = offline_of(scene, model, products, manager, body_cache)
-    offline.expected = fitting(scene, model, offline)
+    offline.expected = fitting(scene, model, offline).total
     return model, offline

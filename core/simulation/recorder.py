@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from sparsemor.core.arrays import BoolArray
+from sparsemor.core.arrays import BoolArray, FloatArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.linalg.threads import described, elsewhere
 from sparsemor.core.model.initial_state import start_notes
@@ -21,6 +21,7 @@ from sparsemor.core.protocols import (
     HasShape,
     NamesMultipliers,
     State,
+    StepMemory,
     StepSolver,
 )
 from sparsemor.core.protocols.step_solver import resultant_sources_of, resultants
@@ -68,9 +69,9 @@ class Recorder:
         self.stability: Mapping[str, Any] = {}
         self.memory: MemoryUse | None = None
         self._every, self._saved = scene.output.every, time.perf_counter()
-        # along a rigid stage histories are kept already; what acts besides is conduction alone
-        self._tells = model.stage is None
-        self._rows: list[tuple[float, Any, int, float]] = []
+        # along a rigid stage histories are kept already; only conduction acts in addition
+        self._keeps_contacts = model.stage is None
+        self._rows: list[tuple[float, FloatArray, int, float]] = []
         self._contacts: list[Mapping[str, float]] = []
         self._supports: list[Mapping[str, BoolArray]] = []
 
@@ -91,7 +92,9 @@ class Recorder:
         header = _header(scene, model, solver, steps)
         return cls(scene, model, solver, offline, ResultWriter.create(store, header), None, steps)
 
-    def restored(self, state: State, memory: Any, tally: Tally) -> tuple[State, Any, Tally]:
+    def restored(
+        self, state: State, memory: StepMemory, tally: Tally
+    ) -> tuple[State, StepMemory, Tally]:
         """State, step memory and sums at the last checkpoint; given: those of the start, which
         have the same structure. Raises InputError where the checkpoint's is another one."""
         assert self.checkpoint is not None
@@ -111,11 +114,11 @@ class Recorder:
         tally.offline += offline
         return State(t, *(arrays[name] for name in own)), memory, tally
 
-    def start(self, state: State, supports: Mapping[str, BoolArray], memory: Any) -> None:
+    def start(self, state: State, supports: Mapping[str, BoolArray], memory: StepMemory) -> None:
         self._keep(state, 0, 0.0, supports, memory)
 
     def take(
-        self, state: State, tally: Tally, supports: Mapping[str, BoolArray], memory: Any
+        self, state: State, tally: Tally, supports: Mapping[str, BoolArray], memory: StepMemory
     ) -> bool:
         """Keep an accepted step when it is one to store; True when it is time to save."""
         if tally.done % self._every and tally.done != self.steps:
@@ -125,7 +128,7 @@ class Recorder:
                 or time.perf_counter() - self._saved > SECONDS)
 
     def keep_last(
-        self, state: State, tally: Tally, supports: Mapping[str, BoolArray], memory: Any
+        self, state: State, tally: Tally, supports: Mapping[str, BoolArray], memory: StepMemory
     ) -> None:
         """Commit everything up to the last accepted step, also where it is none to store."""
         if tally.done % self._every:
@@ -134,14 +137,14 @@ class Recorder:
 
     def _keep(
         self, state: State, iterations: int, seconds: float, supports: Mapping[str, BoolArray],
-        memory: Any,
+        memory: StepMemory,
     ) -> None:
         self._rows.append((state.t, state.x, iterations, seconds))
         self._supports.append(dict(supports))
-        told = resultant_sources_of(self.solver, memory) if self._tells else ()
-        self._contacts.append(resultants(told, state))
+        sources = resultant_sources_of(self.solver, memory) if self._keeps_contacts else ()
+        self._contacts.append(resultants(sources, state))
 
-    def save(self, state: State, memory: Any, tally: Tally) -> None:
+    def save(self, state: State, memory: StepMemory, tally: Tally) -> None:
         """Commit the buffered steps and a checkpoint."""
         self.flush()
         arrays = {"t": np.array(state.t), "x": state.x, "v": state.v, "a": state.a,
@@ -174,7 +177,7 @@ class Recorder:
         self.writer.finish(status, summary)
 
     def summary(
-        self, status: Status, tally: Tally, state: State, memory: Any
+        self, status: Status, tally: Tally, state: State, memory: StepMemory
     ) -> dict[str, Any]:
         """The `--json` object of a run that came to `state`."""
         end, x = np.array([state.t]), state.x[None]
@@ -206,7 +209,7 @@ class Recorder:
                     *self.notes, *_full_newton(counters, done))),
             "stability": dict(self.stability),
             "linear_solvers": solvers_summary(
-                [*self.model.solvers.log, *self.offline.products.told],
+                [*self.model.solvers.log, *self.offline.products.factorizations],
                 _iterations(solver, memory), done),
             "memory": {} if self.memory is None else self.memory.summary(),
             "facts": finite(dict(solver.facts)),  # dependent columns: no finite condition
@@ -230,7 +233,7 @@ def _full_newton(counters: Mapping[str, int], steps: int) -> tuple[Note, ...]:
         "are the usual cause", "full_newton"),)
 
 
-def _iterations(solver: Any, memory: Any) -> Mapping[str, int]:
+def _iterations(solver: StepSolver, memory: StepMemory) -> Mapping[str, int]:
     """Of linear solvers in the steps, by block."""
     return solver.linear_iterations(memory) if isinstance(solver, CountsLinearIterations) else {}
 
@@ -242,7 +245,7 @@ def shapes(model: Model) -> dict[str, BodyShape]:
 
 
 def multiplier_components(model: Model) -> dict[str, tuple[tuple[str, str], ...]]:
-    """Multiplier block -> name and unit of each unknown, for joints that say it."""
+    """Multiplier block -> name and unit of each unknown, for joints with `NamesMultipliers`."""
     found = {}
     for name, part in model.parts.items():
         block = model.layout.multipliers(name)

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from sparsemor.core.arrays import FloatArray
+from sparsemor.core.arrays import Arrays, FloatArray, IntArray
 from sparsemor.core.errors import Fault, InputError
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.body_cache import BodyCache
@@ -103,7 +103,7 @@ def _deforms(body: object) -> bool:
 
 
 def rigid_model(scene: Scene, body_cache: BodyCache) -> Model:
-    """The model of a rigid stage's scene, assembled once a workshop."""
+    """The model of a rigid stage's scene, assembled once per cache."""
     return body_cache.model(scene.digest(), lambda: assemble(scene, Immobile(), body_cache))
 
 
@@ -132,9 +132,9 @@ class _Imported(Followed):
     def surface_loads(
         self, name: str, contact: Contact, motion: Mapping[str, FrameHistory]
     ) -> Mapping[str, SurfaceLoads]:
-        def make() -> dict[str, Any]:
+        def make() -> Arrays:
             able = importing(contact, name)
-            made: dict[str, Any] = {
+            made: dict[str, FloatArray | IntArray] = {
                 f"history.{n}": np.asarray(h) for n, h in able.history(motion).items()}
             for body, loads in able.imported(motion).items():
                 made |= {f"nodes.{body}": loads.nodes, f"force.{body}": loads.force,
@@ -149,7 +149,7 @@ class _Imported(Followed):
 
 
 @np.errstate(all="ignore")  # overflow is a status of the step, not a warning
-def _run(scene: Scene, model: Model, manager: Manager) -> dict[str, Any]:
+def _run(scene: Scene, model: Model, manager: Manager) -> Arrays:
     """Times; per body pose, rate and acceleration (T, 3, n); per joint (T, l) multipliers and, from
     `reactions_passed_on(times, multipliers, poses)`, what the flexible stage receives."""
     layout = model.layout
@@ -173,14 +173,14 @@ def _run(scene: Scene, model: Model, manager: Manager) -> dict[str, Any]:
     poses = {name: values[:, 0] for name, values in frames.items()}
     for b in layout:
         if b.kind.order == 0 and b.owner in scene.joints:
-            made[f"reaction.{b.owner}"] = known = np.stack([s.x[layout[b.name]] for s in kept])
+            made[f"reaction.{b.owner}"] = reactions = np.stack([s.x[layout[b.name]] for s in kept])
             joint = model.parts[b.owner]
             if isinstance(joint, PassesReactionsOn):
-                made[f"handed.{b.owner}"] = joint.reactions_passed_on(times, known, poses)
+                made[f"handed.{b.owner}"] = joint.reactions_passed_on(times, reactions, poses)
     return made
 
 
-def _stage(arrays: Mapping[str, Any]) -> Stage:
+def _stage(arrays: Arrays) -> Stage:
     times = np.asarray(arrays["times"])
     frames = {n: FrameHistory(times, *(np.ascontiguousarray(m[:, i]) for i in range(3)))
               for n, m in _under("frame", arrays).items()}
@@ -188,7 +188,7 @@ def _stage(arrays: Mapping[str, Any]) -> Stage:
                  _under("reaction", arrays), {}, _under("handed", arrays))
 
 
-def _under(group: str, arrays: Mapping[str, Any]) -> dict[str, Any]:
+def _under(group: str, arrays: Arrays) -> Arrays:
     """The arrays named `group.x`, by x."""
     return {n.partition(".")[2]: np.asarray(a) for n, a in arrays.items()
             if n.partition(".")[0] == group}

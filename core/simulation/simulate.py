@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from contextlib import nullcontext
 from pathlib import Path
 from tempfile import gettempdir, mkdtemp
-from typing import Any
 
 import numpy as np
 
@@ -38,13 +37,18 @@ from sparsemor.core.simulation.linearization import check_run
 from sparsemor.core.simulation.memory.estimate import room_for_result
 from sparsemor.core.simulation.memory.limits import peak
 from sparsemor.core.simulation.memory.use import MemoryUse
-from sparsemor.core.simulation.offline import Offline, is_training_run, step_count
+from sparsemor.core.simulation.offline import Offline, step_count
 from sparsemor.core.simulation.prepare import prepared
 from sparsemor.core.simulation.recorder import Recorder, in_summary
-from sparsemor.core.simulation.step_control import ControlledSteps, controlled, step_of
+from sparsemor.core.simulation.step_control import (
+    ControlledSteps,
+    ControlMemory,
+    controlled,
+    step_of,
+)
 from sparsemor.core.simulation.step_statistics import Tally
 from sparsemor.core.simulation.time_stepping import iterate, started
-from sparsemor.core.simulation.training import SnapshotKeeper
+from sparsemor.core.simulation.training import SnapshotKeeper, is_training_run
 from sparsemor.core.status import SolveFailed, Status
 
 
@@ -60,7 +64,7 @@ def simulate(
     Raises InputError before anything is written, also when another run is writing to `out`;
     SolveFailed (with `.result`, readable up to there) when the run stops before its end; OSError
     when the result cannot be written, or `out` was moved or removed. `resume` goes on from the
-    last checkpoint. shop: what other runs of the same bodies have built. keep_training: a
+    last checkpoint. body_cache: what other runs of the same bodies have built. keep_training: a
     full-order run that is the training run of its scene leaves its snapshots in the cache, for
     reduced runs that follow.
     """
@@ -130,7 +134,7 @@ class _Run:
 
     def __init__(
         self, scene: Scene, solver: StepSolver, recorder: Recorder, manager: Manager,
-        state: State, memory: Any, tally: Tally, keeper: SnapshotKeeper | None = None,
+        state: State, memory: StepMemory, tally: Tally, keeper: SnapshotKeeper | None = None,
     ) -> None:
         self.scene, self.solver, self.recorder, self.manager = scene, solver, recorder, manager
         self.state, self.memory, self.tally = state, memory, tally
@@ -174,7 +178,7 @@ class _Run:
     def _finish(self, failure: SolveFailed | None) -> RunResult:
         status = Status.DONE if failure is None else failure.status
         summary = self.recorder.summary(status, self.tally, self.state, self.memory)
-        if isinstance(self.solver, ControlledSteps):
+        if isinstance(self.solver, ControlledSteps) and isinstance(self.memory, ControlMemory):
             summary["control"] = self.solver.summary(self.memory)
         if failure is not None:
             summary["message"] = str(failure)
@@ -222,24 +226,24 @@ class _Run:
                 tally.online = time.perf_counter() - self._begun
                 self.recorder.save(self.state, self.memory, tally)
             if watched:
-                resamplings = self._tell_rows(resamplings)
+                resamplings = self._report_rows(resamplings)
                 self.manager.hook.on_step(
                     step=tally.done, t=self.state.t, x=self.state.x, outcome=outcome)
-                changes = self._tell_changes(changes, self.memory, self.state.t)
+                changes = self._report_changes(changes, self.memory, self.state.t)
         left = tally.done < self.steps
         return SolveFailed(Status.INTERRUPTED, self.state.t) if left else None
 
     def _resamplings(self) -> int:
         return self.solver.counters(self.memory).get("resamplings", 0)
 
-    def _tell_rows(self, before: int) -> int:
+    def _report_rows(self, before: int) -> int:
         count = self._resamplings()
         if count != before and isinstance(self.solver, RedrawsRows):
             for block, rows in self.solver.rows_at(self.memory).items():
                 self.manager.hook.on_resample(block=block, rows=rows)
         return count
 
-    def _tell_changes(self, before: int, memory: Any, t: float) -> int:
+    def _report_changes(self, before: int, memory: StepMemory, t: float) -> int:
         count = self.solver.counters(memory).get("support_changes", 0)
         if count != before:
             for block, support in self.solver.supports(memory).items():

@@ -15,30 +15,25 @@ from typing import Any, Self
 import numpy as np
 
 from sparsemor.core.arrays import BoolArray, FloatArray
-from sparsemor.core.errors import InputError
 from sparsemor.core.model.model import Model
 from sparsemor.core.protocols import (
     CountsLinearIterations,
     Integrator,
     OfflineProducts,
-    RedrawsRows,
     ReducedProblem,
     Restarts,
     State,
     StepFormula,
-    StepMemory,
     StepOutcome,
     StepSolver,
 )
 from sparsemor.core.protocols.layout import Block
 from sparsemor.core.protocols.step_solver import AroundSteps, ResultantSource, resultant_sources_of
+from sparsemor.core.registry.returned_values import complete
 from sparsemor.core.scene.options import Control
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.time_stepping import FixedStep, Step, iterate
 from sparsemor.core.status import Status
-
-ROWS_CHANGE = ("the rows of this reducer change with the steps, so steps of different size cannot "
-               "be compared: keep its rows (leave out reducer.resample), or leave out time.control")
 
 
 def controlled(
@@ -73,9 +68,9 @@ class ControlMemory:
     """
 
     def __init__(
-        self, base: StepMemory, origin: FloatArray, solver: StepSolver, initial: State
+        self, base: Restarts, origin: FloatArray, solver: StepSolver, initial: State
     ) -> None:
-        self.levels: dict[int, Any] = {0: base}
+        self.levels: dict[int, Restarts] = {0: base}
         self.solvers, self.initial = {0: solver}, initial
         self.level, self.fine, self.live = 0, 0, frozenset({0})
         self.origin = origin
@@ -125,8 +120,6 @@ class ControlledSteps(AroundSteps[StepSolver]):
         self, base: StepSolver, integrator: Integrator, h: float, end: float, control: Control,
         prepare: Callable[[float], StepSolver],
     ) -> None:
-        if isinstance(base, RedrawsRows):
-            raise InputError(ROWS_CHANGE, "time.control")
         super().__init__(base)
         self.integrator, self.h, self.control = integrator, h, control
         self.share = control.tolerance * h / end
@@ -141,10 +134,7 @@ class ControlledSteps(AroundSteps[StepSolver]):
 
     def start(self, state: State) -> tuple[State, ControlMemory]:
         reduced, memory = self.base.start(state)
-        if not isinstance(memory, Restarts):
-            raise InputError("this reducer's step memory has no method moved(x), so it cannot go "
-                             "on from a state that it did not compute: leave out time.control",
-                             "time.control")
+        complete(memory, Restarts, self.base, "start", "reducer")
         return reduced, ControlMemory(memory, reduced.x, self.base, state)
 
     def solve(
@@ -187,7 +177,7 @@ class ControlledSteps(AroundSteps[StepSolver]):
             "prepared": len(memory.levels), "largest_error": memory.error,
         }
 
-    def step(self, state: State, memory: ControlMemory) -> tuple[StepOutcome, State, Any]:
+    def step(self, state: State, memory: ControlMemory) -> tuple[StepOutcome, State, ControlMemory]:
         """One step of the grid; the outcome says where it is not to be had."""
         level, most = memory.level, self.control.max_halvings
         coarse = self._march(level, state, memory)
@@ -234,7 +224,7 @@ class ControlledSteps(AroundSteps[StepSolver]):
         inner = memory.levels[level]
         if level not in memory.live:
             inner.moved(state.x)
-        if level != memory.fine:  # a history of other steps: begin anew from x, v, a
+        if level != memory.fine:  # a history of other steps: begin again from x, v, a
             state = self.integrator.start(layout, state)
         memory.live = memory.live - {level}  # unless this try is accepted
         step, iterations = FixedStep(self.integrator, solver, h), 0

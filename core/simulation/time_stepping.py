@@ -4,35 +4,39 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import repeat
-from typing import Any, NamedTuple
+from typing import Any, Generic, NamedTuple, TypeAlias
 
-from sparsemor.core.protocols import Integrator, State, StepOutcome, StepSolver
+from typing_extensions import TypeVar
+
+from sparsemor.core.protocols import Integrator, State, StepMemory, StepOutcome, StepSolver
 from sparsemor.core.status import SolveFailed
 
+M = TypeVar("M", bound=StepMemory, default=Any)
 
-class TimeStep(NamedTuple):
+
+class TimeStep(NamedTuple, Generic[M]):
     """Outcome of one time step. state and memory are those after it; where it failed, the state is
     the one that it started from. seconds: wall-clock time of the step."""
 
     outcome: StepOutcome
     state: State
-    memory: Any
+    memory: M
     seconds: float
 
 
-Step = Callable[[State, Any], tuple[StepOutcome, State, Any]]
+Step: TypeAlias = Callable[[State, M], tuple[StepOutcome, State, M]]
 """State and memory -> outcome, and both after one time step, as in `TimeStep`."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class FixedStep:
+class FixedStep(Generic[M]):
     """Time step of h (s): the integrator's substitution for the rates, then the solver."""
 
     integrator: Integrator
-    solver: StepSolver
+    solver: StepSolver[M]
     h: float
 
-    def __call__(self, state: State, memory: Any) -> tuple[StepOutcome, State, Any]:
+    def __call__(self, state: State, memory: M) -> tuple[StepOutcome, State, M]:
         layout, integrator = self.solver.layout, self.integrator
         formula = integrator.formula(layout, state, self.h)
         outcome, memory = self.solver.solve(formula, memory)
@@ -41,16 +45,16 @@ class FixedStep:
         return outcome, state, memory
 
 
-def started(solver: StepSolver, integrator: Integrator, full: State) -> tuple[State, Any]:
+def started(solver: StepSolver[M], integrator: Integrator, full: State) -> tuple[State, M]:
     """Full-order state in the solver's unknowns with the integrator's history, and a new memory."""
     state, memory = solver.start(full)
     return integrator.start(solver.layout, state), memory
 
 
 def iterate(
-    step: Step, state: State, memory: Any, count: int,
+    step: Step[M], state: State, memory: M, count: int,
     interrupted: Callable[[], bool] = lambda: False,
-) -> Iterator[TimeStep]:
+) -> Iterator[TimeStep[M]]:
     """Up to `count` successive time steps. Ends after the first one that fails, which is the last
     one given, and before a step where `interrupted` is true."""
     for _ in repeat(None, count):
@@ -64,8 +68,8 @@ def iterate(
 
 
 def accepted_steps(
-    step: Step, state: State, memory: Any, count: int, h: float
-) -> Iterator[TimeStep]:
+    step: Step[M], state: State, memory: M, count: int, h: float
+) -> Iterator[TimeStep[M]]:
     """As `iterate`, with SolveFailed where a step of h (s) fails."""
     for taken in iterate(step, state, memory, count):
         outcome = taken.outcome

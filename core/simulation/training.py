@@ -1,4 +1,4 @@
-"""Training snapshots: full-order states at the start and after every few steps, block by block."""
+"""The training run: full-order states at the start and after every few steps, block by block."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -7,9 +7,23 @@ import numpy as np
 
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.linalg.snapshots import SnapshotWriter
-from sparsemor.core.protocols import State
+from sparsemor.core.model.assembly import assemble
+from sparsemor.core.model.body_cache import BodyCache
+from sparsemor.core.model.factorizations import factorizations_in
+from sparsemor.core.model.model import Model
+from sparsemor.core.protocols import Recording, State
 from sparsemor.core.protocols.layout import Layout
+from sparsemor.core.registry.hooks import Manager
+from sparsemor.core.scene.digest import digest
+from sparsemor.core.scene.independent_of_physics import physics_of, training_physics
+from sparsemor.core.scene.run_identity import Identity, origin
 from sparsemor.core.scene.scene import Scene
+from sparsemor.core.simulation.offline import Offline, full_run, step_count
+from sparsemor.core.simulation.offline_cache import Products, mesh_content
+from sparsemor.core.simulation.rigid_stage import staged
+
+TRAINING = "training run"
+"""How the detail of a failure begins that happened in the training run."""
 
 
 class SnapshotKeeper:
@@ -49,3 +63,54 @@ class SnapshotKeeper:
         """Releases files, also after a run that failed."""
         for rows in self._kept.values():
             rows.close()
+
+
+def offline_of(
+    scene: Scene, model: Model, products: Products, manager: Manager,
+    body_cache: BodyCache | None = None,
+) -> Offline:
+    """The offline products of a scene. The key holds the physics of the training scene, its
+    identity (code, plugins, files) and every mesh. body_cache: bodies of the model, for the
+    training run."""
+    training, physics = training_physics(scene)
+    key = digest(physics.digest(), training.training.every, Identity.of(physics).plain(),
+                 mesh_content(model))
+    recording = Recording(training.integrator, training.time.step, training.training.every,
+                          training.time.end)
+    return Offline(
+        model, lambda: train(training, manager, products, body_cache), key, products, manager,
+        recording, origin(type(scene.reducer)))
+
+
+def is_training_run(scene: Scene) -> bool:
+    """True if the run of this scene is the training run of its own reduced models."""
+    settings = {"training": {"every": scene.training.every}}
+    own = physics_of(scene.using(settings), "training")
+    return own.digest() == training_physics(scene)[1].digest()
+
+
+@np.errstate(all="ignore")  # overflow is a status of the step, not a warning
+def train(
+    scene: Scene, manager: Manager, products: Products | None = None,
+    body_cache: BodyCache | None = None,
+) -> dict[str, FloatArray]:
+    """Full-order run of the training scene; block -> (M, n) unknowns at the start and after
+    every `training.every` steps, and for second-order integrators x + h^2 a of the start.
+
+    Raises SolveFailed when it stops before its end, or its rigid stage does.
+    """
+    if scene.rigid_stage is None:
+        model = assemble(scene, body_cache=body_cache)
+    else:
+        model = staged(scene, products or Products(None), manager, body_cache or BodyCache())
+    products = products or Products(None)
+    keeper = SnapshotKeeper(
+        scene, step_count(scene), model.layout, model.reducible(), products.scratch)
+    try:
+        for n, state in enumerate(
+                full_run(scene, model, Offline.of(model, {}), manager, TRAINING)):
+            keeper.take(n, state)
+        return dict(keeper.finished())
+    finally:
+        keeper.close()
+        products.factorizations += factorizations_in(TRAINING, model.solvers.log)

@@ -8,23 +8,23 @@ from sparsemor.core.errors import Fault, Gather, InputError
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.block_patterns import unmatched
 from sparsemor.core.model.body_cache import BodyCache
+from sparsemor.core.model.features import CONTROLLED_STEPS
 from sparsemor.core.model.model import Model
 from sparsemor.core.model.prescribed_motion import NOTHING, AtStart
-from sparsemor.core.protocols import ChecksBlock, ChecksModel, ResamplesRows
+from sparsemor.core.protocols import ChecksBlock, ChecksModel, RestartsSteps
 from sparsemor.core.registry.registry import near
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.memory.estimate import chosen_bases, grid_refusal
 from sparsemor.core.simulation.memory.precheck import check_memory
 from sparsemor.core.simulation.offline import step_count
 from sparsemor.core.simulation.rigid_stage import check_rigid, rigid_scene, stage_faults
-from sparsemor.core.simulation.step_control import ROWS_CHANGE
 
 
 @np.errstate(all="ignore")  # overflow ends in a refusal or in a status, not in a warning
 def checked_model(scene: Scene, body_cache: BodyCache | None = None) -> Model:
     """The assembled scene, before the rigid stage if it has one (everything as it is at the start).
-    Raises InputError with every fault that is known without a step. shop: for those who go on to
-    run the scene.
+    Raises InputError with every fault that is known without a step. body_cache: for the run that
+    follows.
 
     A reducer that checks models (`ChecksModel`) adds its own.
     """
@@ -67,9 +67,14 @@ def unknown_fields(scene: Scene, model: Model) -> list[Fault]:
 
 
 def control_faults(scene: Scene) -> list[Fault]:
-    """Error-controlled steps of a reducer whose rows change on the way."""
-    redraws = isinstance(scene.reducer, ResamplesRows) and scene.reducer.resample is not None
-    return [Fault("time.control", ROWS_CHANGE)] if redraws and scene.time.control else []
+    """Error-controlled steps of a reducer that cannot go back to the state before a step."""
+    feature, reducer = CONTROLLED_STEPS, scene.reducer
+    if scene.time.control is None:
+        return []
+    if not isinstance(reducer, RestartsSteps):
+        return list(feature.refusal(reducer, feature.option).faults)
+    why = reducer.restart_refusal()
+    return [Fault(feature.option, why)] if why else []
 
 
 def basis_faults(scene: Scene, model: Model) -> list[Fault]:

@@ -17,6 +17,8 @@ from sparsemor.core.model.model import Model
 from sparsemor.core.notes import Note
 from sparsemor.core.protocols import (
     ReducedProblem,
+    Restarts,
+    RestartsSteps,
     State,
     StepFormula,
     StepMemory,
@@ -27,8 +29,9 @@ from sparsemor.core.protocols.step_solver import AroundSteps
 from sparsemor.core.registry.hooks import new_manager
 from sparsemor.core.results.saved_state import Saved, SavedError
 from sparsemor.core.scene.scene import Scene
-from sparsemor.core.simulation.offline import Offline, train
+from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.simulation.time_stepping import FixedStep, Step, iterate, started
+from sparsemor.core.simulation.training import train
 from sparsemor.core.testing.random_inputs import law
 
 Run = Callable[[], FloatArray]
@@ -49,6 +52,10 @@ def check_reducer(scene: Scene, seed: int = 0, steps: int = 6) -> None:
     snapshots = {n: s.T for n, s in train(scene.for_training(), new_manager()).items()}
     solver = _prepared(scene, model, snapshots, seed)
     _solver(solver, model)
+    if isinstance(scene.reducer, RestartsSteps) and not scene.reducer.restart_refusal():
+        memory = solver.start(consistent_state(model))[1]
+        law(isinstance(memory, Restarts),
+            "the reducer has `restart_refusal`, and its memory no moved(x)")
     first = _march(scene, model, _Checked(solver), steps)
     again = _march(scene, model, _prepared(scene, model, snapshots, seed), steps)
     law(np.array_equal(first, again), f"two runs of one seed differ (seed {seed})")

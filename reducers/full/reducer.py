@@ -42,6 +42,9 @@ class Full(Plugin):
     one Jacobian of the whole that is kept while it serves. `newton`: the whole Jacobian factorized
     again in each iteration, the textbook method, kept as a check."""
 
+    def restart_refusal(self) -> str:
+        return ""
+
     def prepare(self, problem: ReducedProblem) -> StepSolver:
         """Raises InputError where contact at the start does not suit the integrator."""
         model, integrator, h = problem.model, problem.integrator, problem.step

@@ -156,6 +156,9 @@ class ProjectionReducer(Plugin, ABC):
         """Faults found by counting, before any training; keys relative to the reducer."""
         return pattern_faults(model, "bases", self.bases)
 
+    def restart_refusal(self) -> str:
+        return ""
+
     def prepare(self, problem: ReducedProblem) -> Stepper | ReducedGeneral:
         """Raises InputError where the scene does not suit, SolveFailed for dependent atoms."""
         model, integrator, h = problem.model, problem.integrator, problem.step

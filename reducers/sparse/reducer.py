@@ -70,6 +70,11 @@ class Sparse(SparseOptions):
         return {f"*.{field}": (of_field(field, self.budgets) or Budget()).model_copy(
             update={option: n}) for field, n in counts.items()}
 
+    def restart_refusal(self) -> str:
+        return "" if self.resample is None else (
+            "the rows of this reducer change with the steps, so steps of different size cannot be "
+            "compared: keep its rows (leave out reducer.resample), or leave out time.control")
+
     def prepare(self, problem: ReducedProblem) -> StepSolver:
         model, h, offline = problem.model, problem.step, problem.offline
         faults = self.check(model)

@@ -16,6 +16,7 @@ from sparsemor.core import (
     SolveFailed,
     State,
     StepFormula,
+    StepMemory,
     StepOutcome,
     StepSolver,
 )
@@ -111,7 +112,7 @@ class Resampled(AroundSteps[StepSolver]):
             memory.current = self.fresh(memory.rows, memory.turn)
         return memory.current
 
-    def frozen(self, memory: ResampledMemory) -> tuple[StepSolver, RunMemory]:
+    def frozen(self, memory: ResampledMemory) -> tuple[StepSolver, StepMemory]:
         """The solver on the rows and supports that `memory` is at, and its memory."""
         solver, inner = self.at_rows(memory), memory.inner
         return solver.frozen(inner) if isinstance(solver, FreezesSupport) else (solver, inner)

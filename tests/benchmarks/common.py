@@ -27,9 +27,10 @@ from sparsemor.core.protocols import State, StepSolver
 from sparsemor.core.registry.hooks import new_manager
 from sparsemor.core.scene.scene import Scene, load
 from sparsemor.core.simulation.cache import Cache
-from sparsemor.core.simulation.offline import Offline, offline_of
+from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.simulation.offline_cache import Products
 from sparsemor.core.simulation.time_stepping import FixedStep, accepted_steps, started
+from sparsemor.core.simulation.training import offline_of
 from sparsemor.core.status import SolveFailed
 
 LATE = 0.1

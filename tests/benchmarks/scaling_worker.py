@@ -126,7 +126,7 @@ class Way:
             self.facts["errors"] = self.errors(offline)
         told = offline.expected
         assert told is not None and early is not None
-        self.facts |= {"peak": peak() / GIGA, "base": BASE / GIGA, "told": told.total / GIGA,
+        self.facts |= {"peak": peak() / GIGA, "base": BASE / GIGA, "told": told / GIGA,
                        "foretold": early.total / GIGA}
 
     def window(self, steps: int) -> dict[str, Any]:

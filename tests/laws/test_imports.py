@@ -2,7 +2,8 @@
 each folder knows those that stand before it. Folders stay small enough to be searched by eye."""
 
 import ast
-import warnings
+from collections.abc import Mapping
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -15,6 +16,10 @@ LAYERS = ("arrays", "errors", "notes", "status", "protocols", "registry", "linal
 FLAT = {"core": 4, "bodies": 10, "reducers": 10}
 """Modules at most that stand in no folder of their role."""
 CROWD = 25
+DEPTH = 8
+"""Imports at most from a folder of core down to the modules that import nothing of it: cli,
+analysis, simulation, results, model, scene, registry, protocols, arrays."""
+FLAT_MODULES = {"arrays", "errors", "notes", "status"}
 HEAVY = {"skfem", "matplotlib", "meshio", "zarr", "xarray", "rich", "pyvista"}
 FILES = sorted(p for folder in FOLDERS for p in (ROOT / folder).rglob("*.py"))
 FORMS = "sparsemor.bodies.fem.forms"
@@ -52,6 +57,41 @@ def at_import(tree: ast.Module) -> set[str]:
         isinstance(n, ast.FunctionDef | ast.ClassDef)
         or isinstance(n, ast.If) and "TYPE_CHECKING" in ast.unparse(n.test))]
     return imported(ast.Module(body, []))
+
+
+def module_of(path: Path) -> str:
+    parts = path.relative_to(ROOT).with_suffix("").parts
+    return ".".join(("sparsemor", *(parts[:-1] if parts[-1] == "__init__" else parts)))
+
+
+def graph(folders: tuple[str, ...]) -> dict[str, set[str]]:
+    """Module -> modules that it imports anywhere: in functions and for type checkers, too."""
+    files = {module_of(p): p for p in FILES
+             if p.relative_to(ROOT).parts[0] in folders and not p.is_relative_to(BUILD)}
+    found = {}
+    for name, path in files.items():
+        names = imported(ast.parse(path.read_text(encoding="utf-8")))
+        found[name] = {n if n in files else n.rpartition(".")[0] for n in names} & set(files)
+        found[name].discard(name)
+    return found
+
+
+def between_folders(modules: Mapping[str, set[str]]) -> dict[str, set[str]]:
+    """The same between the folders of core; what stands in none is one more."""
+    found: dict[str, set[str]] = {}
+    for name, others in modules.items():
+        folder, *to = (parts[2] if len(parts) > 3 or parts[-1] not in FLAT_MODULES else "core"
+                       for parts in (n.split(".") for n in (name, *others)))
+        found.setdefault(folder, set()).update(set(to) - {folder})
+    return found
+
+
+def longest_chain(graph: Mapping[str, set[str]]) -> int:
+    """Number of imports in the longest chain. Raises CycleError."""
+    length: dict[str, int] = {}
+    for name in TopologicalSorter(graph).static_order():
+        length[name] = max((length[n] + 1 for n in graph[name]), default=0)
+    return max(length.values())
 
 
 @pytest.mark.parametrize("folder", FOLDERS)
@@ -93,19 +133,27 @@ def test_every_folder_is_looked_at() -> None:
     assert inside == {*LAYERS, "__init__"}
 
 
+@pytest.mark.parametrize("folder", FOLDERS)
+def test_no_module_imports_itself_through_others(folder: str) -> None:
+    """With imports in functions and type-only ones, so that neither can hide a circle."""
+    longest_chain(graph((folder,)))
+
+
+def test_imports_between_folders_of_core_are_few_deep() -> None:
+    folders = between_folders({name: others for name, others in graph(("core",)).items()
+                               if name != "sparsemor.core"})
+    assert set(folders) == {*LAYERS} - FLAT_MODULES | {"core"}
+    assert longest_chain(folders) <= DEPTH
+
+
+def test_the_check_sees_a_circle() -> None:
+    with pytest.raises(CycleError):
+        longest_chain({"a": {"b"}, "b": {"c"}, "c": {"a"}})
+    assert longest_chain({"a": {"b", "c"}, "b": {"c"}, "c": set()}) == 2
+
+
 def test_folders_can_be_searched_by_eye() -> None:
     crowds = {p.parent: len(list(p.parent.glob("*.py"))) for p in FILES}
     assert {str(f.relative_to(ROOT)): n for f, n in crowds.items() if n > CROWD} == {}
     flat = {name: len(list((ROOT / name).glob("*.py"))) - 1 for name in FLAT}  # but __init__
     assert {name: n for name, n in flat.items() if n > FLAT[name]} == {}
-
-
-def test_long_files_are_named() -> None:
-    """A file is one concept: a long one is looked at again, and never cut to fit a number."""
-    lengths = {str(p.relative_to(ROOT)): len(p.read_text(encoding="utf-8").splitlines())
-               for p in FILES}
-    long = {name: n for name, n in lengths.items() if n > 300}
-    with warnings.catch_warnings():
-        warnings.simplefilter("default")
-        if long:
-            warnings.warn(f"files of more than 300 lines: {long}", stacklevel=1)

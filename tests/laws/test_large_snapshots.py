@@ -16,8 +16,9 @@ from sparsemor.core.linalg.snapshots import SnapshotWriter, column_chunks
 from sparsemor.core.protocols import BlockData, Dictionary
 from sparsemor.core.registry.hooks import new_manager
 from sparsemor.core.simulation.cache import Cache, scratch_folder
-from sparsemor.core.simulation.offline import largest_coefficient, train
+from sparsemor.core.simulation.offline import largest_coefficient
 from sparsemor.core.simulation.offline_cache import Products
+from sparsemor.core.simulation.training import train
 from sparsemor.core.testing.random_inputs import random_block
 from sparsemor.plugins.bases.pod import Pod
 

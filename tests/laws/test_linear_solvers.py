@@ -94,13 +94,13 @@ def symbolic(pattern: Any) -> Any:
 
 @pytest.mark.full
 def test_dissection_predicts_and_lowers_the_fill_in_space() -> None:
-    A, places = elastic(13)
+    A, places = elastic(16)
     done = Splu(ordering="dissection").factorize(A, places)
     assert done.outcome(np.ones((A.shape[0], 2))).residual < 1e-11
     by_parts = done.memory
     by_degree = Splu(ordering="minimum_degree").factorize(A, places).memory
     told = 2 * ENTRY * dissect(A, places).entries
-    assert by_parts < 0.75 * by_degree
+    assert by_parts < 0.7 * by_degree
     assert 0.85 * told < by_parts <= 1.02 * told
     assert Splu().factorize(A, places).memory == by_parts  # best
 
@@ -129,6 +129,14 @@ def test_rigid_motions_cost_no_force() -> None:
     assert rigid_motions(plane).shape == (8, 3)
     scalar = DofLocations(plane.coordinates, np.zeros(8, np.int64))
     assert rigid_motions(scalar).tolist() == [[1.0]] * 8
+
+
+def test_matrices_have_symmetric_patterns() -> None:
+    """Entries that cancel are left out on both sides, not kept where their sum is round-off."""
+    for A in (heat(6, 1.0)[0], elastic(6)[0]):
+        size, s = A.tocoo(), np.sqrt(A.diagonal())
+        assert ((A != 0) != (A.T != 0)).nnz == 0
+        assert (np.abs(size.data) > 1e-14 * s[size.row] * s[size.col]).all()
 
 
 def test_a_warm_start_saves_iterations() -> None:

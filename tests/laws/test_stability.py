@@ -26,10 +26,10 @@ from sparsemor.core.simulation.linearization import (
 from sparsemor.core.simulation.linearization.check import over_the_run
 from sparsemor.core.simulation.linearization.differences import packed, unpacked
 from sparsemor.core.simulation.linearization.reference import linearization_times, states_along
-from sparsemor.core.simulation.offline import offline_of
 from sparsemor.core.simulation.offline_cache import Products
 from sparsemor.core.simulation.simulate import simulate
 from sparsemor.core.simulation.time_stepping import started
+from sparsemor.core.simulation.training import offline_of
 from sparsemor.core.simulation.validation import checked_model
 from sparsemor.core.testing.installed import installed
 from tiers import quick

@@ -8,10 +8,11 @@ import pytest
 from scipy.sparse import random_array
 
 from sparsemor import load
+from sparsemor.core.model.assembled_term import AssembledTerm
 from sparsemor.core.model.assembly import assemble
+from sparsemor.core.model.linear_equations import TabledEquations
 from sparsemor.core.model.model import Model
 from sparsemor.core.model.prescribed_motion import AtStart
-from sparsemor.core.model.table_term import TableTerm
 from sparsemor.core.protocols.load_tables import LoadTable, Table, projected_tables, total
 from sparsemor.core.testing import check_term
 
@@ -61,11 +62,14 @@ def model() -> Model:
     return assemble(load(SLIDER), AtStart())
 
 
-def moving(model: Model) -> list[TableTerm]:
+def moving(model: Model) -> list[AssembledTerm[TabledEquations]]:
     """The contact's terms, with loads drawn at random in place of those at the start."""
-    found = [t for t in model.terms if isinstance(t, TableTerm)]
-    return [replace(t, load=replace(t.load, table=table(width=t.load.columns.shape[1], seed=i)))
-            for i, t in enumerate(found)]
+    found = [t for t in model.terms
+             if isinstance(t, AssembledTerm) and isinstance(t.equations, TabledEquations)]
+    loads = [t.equations.load for t in found]
+    return [replace(t, equations=TabledEquations(
+                replace(load, table=table(width=load.columns.shape[1], seed=i))))
+            for i, (t, load) in enumerate(zip(found, loads, strict=True))]
 
 
 def test_table_terms_keep_the_laws_of_a_term(model):
@@ -93,5 +97,5 @@ def test_a_block_gets_the_rows_that_the_term_has(model):
         whole[term.rows] = -term.residual(*(np.zeros(0),) * 3, 2.2)
         assert whole.any()
         (load,) = model.moving(block)
-        load = replace(load, table=term.load.table)
+        load = replace(load, table=term.equations.load.table)
         np.testing.assert_array_equal(load.at(2.2), whole[at])

@@ -49,7 +49,7 @@ BANNED = {
     "is off by": ("has an error of", (DOCS,)),
     "left alone": ("uninterrupted", (DOCS,)),
     "made good": ("recovered", (DOCS,)),
-    "made ready": ("prepared", (DOCS,)),
+    "made ready": ("prepared", (DOCS, MESSAGES)),
     "mend": ("fix", EVERYWHERE),
     "mended": ("fixed", (DOCS, MESSAGES)),
     "mends": ("fixes", TEXTS),
@@ -75,15 +75,12 @@ BANNED = {
     "the error is theirs": ("is dominated by", TEXTS),
     "unmet": ("without contact", TEXTS),
     "unsaid": ("without a note", (MESSAGES, DOCSTRINGS)),
-    "workshop": ("cache", (DOCS, MESSAGES)),
+    "workshop": ("cache", EVERYWHERE),
     "wrong by its own size": ("a relative error of about 1", TEXTS),
     "wrong by their own size": ("a relative error of about 1", TEXTS),
     "twins": ("counterparts", TEXTS),
 }
-ALLOWED = {
-    # name of an attribute that the docstring explains
-    ("core/simulation/offline_cache.py", "told"),
-}
+ALLOWED: set[tuple[str, str]] = set()
 RIDDLE = re.compile(r"(What|Where|Which|How|Whether|Who|When)\b")
 
 

@@ -20,8 +20,9 @@ from sparsemor.core.simulation.linearization import (
     radius,
     step_map,
 )
-from sparsemor.core.simulation.offline import Offline, train
+from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.simulation.time_stepping import started
+from sparsemor.core.simulation.training import train
 from sparsemor.core.testing.in_memory_run import scene_of
 
 H, G = 1e-3, 9.81

@@ -1,9 +1,9 @@
 """Pictures of runs, drawn with matplotlib's objects only: no window, no global state."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from sparsemor.core.analysis.charts.active_atoms import active_atoms_figure
 from sparsemor.core.analysis.charts.angles import angles_figure
@@ -23,14 +23,30 @@ from sparsemor.core.protocols.layout import Quantity
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from sparsemor.core.analysis.compare import Comparison
+    from sparsemor.core.results.error_norms import Errors
     from sparsemor.core.results.run_result import RunResult
 
 FORMATS = ("png", "svg")
 
 
+class Compared(Protocol):
+    """Runs by name, measured against a reference (`core.analysis.compare`)."""
+
+    @property
+    def reference(self) -> "RunResult": ...
+    @property
+    def runs(self) -> "Mapping[str, RunResult]": ...
+    @property
+    def measured(self) -> "Mapping[str, Errors]": ...
+    @property
+    def name(self) -> str: ...
+    @property
+    def limit(self) -> float: ...
+    def work_points(self) -> tuple[list[WorkPoint], WorkPoint]: ...
+
+
 def write_charts(
-    comparison: "Comparison",
+    comparison: Compared,
     folder: Path,
     times: Sequence[float] | None = None,
     formats: Sequence[str] = FORMATS,

@@ -33,10 +33,10 @@ from sparsemor.core.scene.scene import Scene, build
 from sparsemor.core.scene.source import Source
 from sparsemor.core.scene.yaml_reader import Document
 from sparsemor.core.simulation.cache import Cache
-from sparsemor.core.simulation.offline import TRAINING
 from sparsemor.core.simulation.offline_cache import mesh_content
 from sparsemor.core.simulation.prepare import prepared
 from sparsemor.core.simulation.simulate import simulate
+from sparsemor.core.simulation.training import TRAINING
 from sparsemor.core.simulation.validation import checked_model
 from sparsemor.core.status import SolveFailed, Status
 

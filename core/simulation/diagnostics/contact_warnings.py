@@ -18,14 +18,14 @@ def contact_warnings(model: Model, result: RunResult) -> tuple[Note, ...]:
     """Notes on contacts that never closed, by the motion of the rigid stage or the stored steps;
     whose forces do not settle, or whose surfaces pass each other in too few steps, by all steps;
     on joints whose forces alternate, and on bodies whose temperature undershoots."""
-    told = [part.missed(_motion(model, result)) for part in model.parts.values()
+    texts = [part.missed(_motion(model, result)) for part in model.parts.values()
             if isinstance(part, ReportsNoContact)]
     if model.stage is not None or result.scene["output"]["every"] == 1:
-        told += [part.chatter_warning(history) for name, history in result.contacts().items()
+        texts += [part.chatter_warning(history) for name, history in result.contacts().items()
                  if isinstance(part := model.parts[name], ReportsChatter)]
-        told += [part.passage(_motion(model, result)) for part in model.parts.values()
+        texts += [part.passage(_motion(model, result)) for part in model.parts.values()
                  if isinstance(part, ReportsPassage)]
-    contacts = tuple(Note(text, "contact") for text in told if text)
+    contacts = tuple(Note(text, "contact") for text in texts if text)
     return (*contacts, *alternating_forces(result), *undershoot(model, result))
 
 

@@ -8,12 +8,11 @@ projection on the atoms. No reduced run on these atoms can have a smaller one.
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
 
 import numpy as np
 from scipy.linalg import qr
 
-from sparsemor.core.arrays import FloatArray
+from sparsemor.core.arrays import Arrays, FloatArray
 from sparsemor.core.linalg.least_squares import orthonormal
 from sparsemor.core.linalg.snapshots import column_chunks
 from sparsemor.core.model.model import Model
@@ -102,7 +101,7 @@ def trial_spaces(
     for name, d in dictionaries.items():
         if not d.atoms.shape[1]:
             continue
-        depends: tuple[Any, ...] = (name, d.atoms, d.offset, offline.trained)
+        depends: tuple[object, ...] = (name, d.atoms, d.offset, offline.trained)
         if not offline.trained:
             depends = (*depends, h, end)
         arrays = offline.remember(
@@ -116,7 +115,7 @@ def trial_spaces(
 
 def _tested(
     model: Model, offline: Offline, name: str, d: Dictionary, h: float, end: float
-) -> dict[str, Any]:
+) -> Arrays:
     Q, R = _orthogonal(d.atoms)
     none = np.zeros(0)
     load, load_error = "", 0.0
@@ -126,13 +125,15 @@ def _tested(
         try:
             expected = expected_states(model, name, StepFactors(h, 0.0, 0.0, 0.0), end)
         except SolveFailed:  # the run itself will say so
-            return {"error": 0.0, "change": 0.0, "load": "", "load_error": 0.0,
-                    "axes": np.zeros((0, 0)), "low": none, "high": none}
+            return {"error": np.array(0.0), "change": np.array(0.0), "load": np.array(""),
+                    "load_error": np.array(0.0), "axes": np.zeros((0, 0)), "low": none,
+                    "high": none}
         states = expected.states
         load, load_error = _worst(Q, expected.responses, expected.names)
     error, change, gram = _projected(Q, d.offset, states)
-    found = {"error": error, "change": change, "load": load, "load_error": load_error,
-             "axes": np.zeros((0, R.shape[1])), "low": none, "high": none}
+    found = {"error": np.array(error), "change": np.array(change), "load": np.array(load),
+             "load_error": np.array(load_error), "axes": np.zeros((0, R.shape[1])), "low": none,
+             "high": none}
     if not offline.trained or change == 0.0:
         return found
     turn = np.eye(0)

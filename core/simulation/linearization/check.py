@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from sparsemor.core.arrays import Arrays
 from sparsemor.core.errors import InputError
 from sparsemor.core.model.model import Model
 from sparsemor.core.notes import Note
@@ -82,8 +83,8 @@ class Judgement:
     def facts(self) -> dict[str, Any]:
         """For results."""
         numbers = {"radius": self.radius, "growth": self.growth, "gate": self.gate}
-        known = {name: v if isfinite(v) else None for name, v in numbers.items()}
-        return {"t": self.t, **known, "stable": self.stable} | (
+        finite = {name: v if isfinite(v) else None for name, v in numbers.items()}
+        return {"t": self.t, **finite, "stable": self.stable} | (
             {} if self.stable else {"block": self.block})
 
     def in_words(self) -> str:
@@ -210,12 +211,13 @@ def check_run(
 
 def _judged_run(scene: Scene, model: Model, solver: StepSolver, full: State) -> Judgement:
     integrator, h, steps = scene.integrator, scene.time.step, step_count(scene)
-    known = scene.source.registry
-    states = states_along(model, integrator, h, solver, full, linearization_times(h, steps), known)
-    return judge_along(solver, integrator, h, steps, states, Reference(model, known))
+    registry = scene.source.registry
+    states = states_along(
+        model, integrator, h, solver, full, linearization_times(h, steps), registry)
+    return judge_along(solver, integrator, h, steps, states, Reference(model, registry))
 
 
-def _as_arrays(found: Judgement) -> dict[str, Any]:
+def _as_arrays(found: Judgement) -> Arrays:
     """Of a judgement what a run reports: its warning ("" where there is none) and its facts."""
     return {"words": np.array("" if found.stable else found.in_words()),
             "facts": np.array(json.dumps(found.facts()))}

@@ -17,7 +17,6 @@ stopping error (1e-13) through.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -125,7 +124,7 @@ def step_map(
     small = solver.layout.resized(
         {b.name: int(active[solver.layout[b.name]].sum()) for b in solver.layout})
     scale = _sizes(solver.layout, x)
-    S = _exact(solver.response, formula, x) if isinstance(solver, RespondsExactly) else (
+    S = _exact(solver, formula, x) if isinstance(solver, RespondsExactly) else (
         _response_by_some_change(solver, formula, memory, np.flatnonzero(active), scale))
     inner = State(state.t, state.x[active], state.v[active], state.a[active],
                   state.memory[active])
@@ -136,9 +135,9 @@ def step_map(
     return StepMap(solver, supports, small, matrix, S, formula, part, scale[active])
 
 
-def _exact(response: Any, formula: StepFormula, x: FloatArray) -> FloatArray:
+def _exact(solver: RespondsExactly, formula: StepFormula, x: FloatArray) -> FloatArray:
     try:
-        return np.asarray(response(formula, x))
+        return np.asarray(solver.response(formula, x))
     except RuntimeError:
         raise SolveFailed(Status.SINGULAR, formula.t) from None
 

@@ -80,13 +80,13 @@ def fitting(scene: Scene, model: Model, offline: Offline) -> Estimate:
     """The estimate of a run that may start. InputError, in words, for one that would not fit in
     memory, or whose snapshots would not fit on the disk."""
     limit = ceiling()
-    told = estimate(scene, model, offline, exact=False)
-    if told.total > ROUGH * limit:
-        told = estimate(scene, model, offline, exact=True)
-    if told.total > limit:
-        raise InputError(refusal(told, limit))
+    expected = estimate(scene, model, offline, exact=False)
+    if expected.total > ROUGH * limit:
+        expected = estimate(scene, model, offline, exact=True)
+    if expected.total > limit:
+        raise InputError(refusal(expected, limit))
     _disk(scene, model, offline)
-    return told
+    return expected
 
 
 def estimate(scene: Scene, model: Model, offline: Offline, exact: bool) -> Estimate:
@@ -283,12 +283,12 @@ def _bytes(A: Csr) -> int:
     return int(A.data.nbytes + A.indices.nbytes + A.indptr.nbytes)
 
 
-def refusal(told: Estimate, limit: int) -> str:
-    items = sorted(told.phases[told.largest], key=lambda i: -i.size)[:3]
+def refusal(expected: Estimate, limit: int) -> str:
+    items = sorted(expected.phases[expected.largest], key=lambda i: -i.size)[:3]
     parts = "; ".join(f"{i.what}: {_gb(i.size)}" for i in items)
-    return (f"this run would hold about {_gb(told.total)} of memory ({told.largest}: {parts}; held "
-            f"already: {_gb(told.base)}), and {_gb(limit)} are there for it (the machine's, or "
-            f"{LIMIT}): take {items[0].advice}")
+    return (f"this run would hold about {_gb(expected.total)} of memory ({expected.largest}: "
+            f"{parts}; held already: {_gb(expected.base)}), and {_gb(limit)} are there for it (the "
+            f"machine's, or {LIMIT}): take {items[0].advice}")
 
 
 def _gb(size: float) -> str:

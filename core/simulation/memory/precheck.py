@@ -38,9 +38,9 @@ SCALAR = 4
 def check_memory(scene: Scene) -> None:
     """InputError, in words, where a run would not fit in memory whatever it finds in the cache.
     Bodies that do not know their size in advance are left out."""
-    told, limit = precheck_memory(scene), ceiling()
-    if told is not None and told.total > limit:
-        raise InputError(refusal(told, limit))
+    expected, limit = precheck_memory(scene), ceiling()
+    if expected is not None and expected.total > limit:
+        raise InputError(refusal(expected, limit))
 
 
 def precheck_memory(scene: Scene) -> Estimate | None:
@@ -59,7 +59,7 @@ def precheck_memory(scene: Scene) -> Estimate | None:
         phases = {"steps": [*assembled, states(sum(blocks.values())), *factors, *start]}
     else:
         phases = {"start": [*assembled, *start], "steps": [*assembled, *reduced(scene, blocks)]}
-    if trains(scene, blocks):  # a training run that cannot be is told elsewhere
+    if trains(scene, blocks):  # an impossible training run is reported elsewhere
         phases["bases"] = [*assembled, *(Gather()("", bases, scene, blocks) or [])]
     return Estimate(resident(), {name: tuple(items) for name, items in phases.items()}, False)
 

@@ -2,21 +2,20 @@
 
 from dataclasses import dataclass
 
-from sparsemor.core.simulation.memory.estimate import Estimate
 from sparsemor.core.simulation.memory.limits import GIGA, ceiling, peak
 
 
 @dataclass(frozen=True, slots=True)
 class MemoryUse:
-    """expected: before the first step; offline: bytes at most until then."""
+    """Bytes. expected: in all, as estimated before; offline: the most until the first step."""
 
-    expected: Estimate | None
+    expected: float | None
     offline: int
 
     def summary(self) -> dict[str, float]:
         """GB. peak_gb: the most that the process has held since it began; peak_offline_gb: until
         the first step; expected_gb: as estimated in advance, at most; available_gb: what it could
         hold when the run ended."""
-        told = {} if self.expected is None else {"expected_gb": self.expected.total / GIGA}
-        return {"peak_gb": peak() / GIGA, "peak_offline_gb": self.offline / GIGA, **told,
+        expected = {} if self.expected is None else {"expected_gb": self.expected / GIGA}
+        return {"peak_gb": peak() / GIGA, "peak_offline_gb": self.offline / GIGA, **expected,
                 "available_gb": ceiling() / GIGA}

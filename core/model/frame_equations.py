@@ -1,28 +1,29 @@
-"""A frame kernel as a Term: the general (row by row) face of the separable equations.
+"""Equations of a frame kernel row by row: the general form of the separable equations.
 
 Residual, with y = Y x the border unknowns and s = D x the functionals of the displacement:
 
     r = L rows(y, s, ...) + W sigma + sum_g (kappa_g V_g x + mu_g V_g v) + V_m a
 
-The matrices are sparse for a full-order term and small and dense for a compressed one; the sums
-are the same, so both are this one class (law: compress == left @ residual).
+The matrices are sparse at full order, small and dense under trial and test maps; the sums are the
+same, so both are this one class (law: mapped == left @ residual).
 """
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import ClassVar
 
 import numpy as np
 from scipy.sparse import csr_array, issparse
 
-from sparsemor.core.arrays import Csr, FloatArray, IntArray
+from sparsemor.core.arrays import Csr, FloatArray, IntArray, Matrix
+from sparsemor.core.model.assembled_term import AssembledTerm
 from sparsemor.core.protocols import Trial
-from sparsemor.core.protocols.contributions import NO_NUMBERS, BodyRecord, FrameRecord
+from sparsemor.core.protocols.contributions import BodyRecord, FrameRecord
 from sparsemor.core.protocols.layout import Layout, Quantity
 from sparsemor.core.protocols.prescribed_motion import FrameHistory
 from sparsemor.core.protocols.separable import BodyFrame, FrameWork
 
 
-def _dense(matrix: Any) -> FloatArray:
+def _dense(matrix: Matrix) -> FloatArray:
     return np.asarray(matrix.toarray() if issparse(matrix) else matrix, dtype=np.float64)
 
 
@@ -36,18 +37,16 @@ class FrameEquations:
     """
 
     frame: BodyFrame
-    Y: Any
+    Y: Matrix
     y0: FloatArray
-    D: Any
-    Q: tuple[Any, ...]
-    L: Any
-    W: Any
-    V: tuple[Any, ...]
+    D: Matrix
+    Q: tuple[Matrix, ...]
+    L: Matrix
+    W: Matrix
+    V: tuple[Matrix, ...]
     guide: FrameHistory | None = None
-
-    @property
-    def elements(self) -> int:
-        return 0
+    elements: ClassVar[int] = 0
+    linear: ClassVar[bool] = False
 
     def _evaluate(
         self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: float, c2: float
@@ -68,8 +67,8 @@ class FrameEquations:
         """(b,) each: border unknowns, rates and accelerations."""
         border = (np.asarray(self.y0 + self.Y @ x), np.asarray(self.Y @ v), np.asarray(self.Y @ a))
         if self.guide is not None:
-            for values, known in zip(border, self.guide.at(t), strict=True):
-                values[: len(known)] += known
+            for values, prescribed in zip(border, self.guide.at(t), strict=True):
+                values[: len(prescribed)] += prescribed
         return border
 
     def residual(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> FloatArray:
@@ -83,7 +82,7 @@ class FrameEquations:
 
     def jacobian(
         self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: FloatArray, c2: FloatArray
-    ) -> Any:
+    ) -> Matrix:
         """Exact; c1, c2 must be the same for all second-order columns."""
         k1, k2 = float(np.max(c1, initial=0.0)), float(np.max(c2, initial=0.0))
         w = self._evaluate(x, v, a, t, k1, k2)
@@ -108,6 +107,14 @@ class FrameEquations:
             J = J + factor * V
         return J
 
+    def time_derivative(self, order: int, t: float, h: float) -> "FrameEquations | None":
+        """Of its constraint rows; joints that are unknown hold no frame that is prescribed."""
+        frame = self.frame.time_derivative(order, t, h)
+        return None if frame is None else replace(self, frame=frame)
+
+    def restricted(self, keep: IntArray) -> "FrameEquations":
+        return replace(self, L=self.L[keep], W=self.W[keep], V=tuple(V[keep] for V in self.V))
+
     def mapped(self, trial: Trial, left: FloatArray) -> "FrameEquations":
         """Trial and test maps applied: the mesh-sized dimension disappears."""
         T, o = trial.atoms, trial.offset
@@ -129,69 +136,23 @@ class FrameEquations:
         )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class FrameTerm:
-    """Equations of one frame at global `rows` (m,) and `columns` (n,); no element is visited.
-
-    `body` names its owner, `source` the part of the scene that it comes from.
-    """
-
-    body: str
-    rows: IntArray
-    columns: IntArray
-    equations: FrameEquations
-    elements: int = 0
-    source: str = ""
-
-    def residual(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> FloatArray:
-        return self.equations.residual(x, v, a, t)
-
-    def jacobian(
-        self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: FloatArray, c2: FloatArray
-    ) -> Any:
-        return csr_array(self.equations.jacobian(x, v, a, t, c1, c2))
-
-    def time_derivative(self, order: int, t: float, h: float) -> "FrameTerm | None":
-        """Of its constraint rows; joints that are unknown hold no frame that is prescribed."""
-        frame = self.equations.frame.time_derivative(order, t, h)
-        return None if frame is None else replace(
-            self, equations=replace(self.equations, frame=frame))
-
-    def restrict(self, keep: IntArray) -> "FrameTerm":
-        e = self.equations
-        kept = replace(e, L=e.L[keep], W=e.W[keep], V=tuple(V[keep] for V in e.V))
-        return replace(self, rows=self.rows[keep], equations=kept)
-
-    def compress(self, trial: Trial, left: FloatArray) -> FrameEquations:
-        return self.equations.mapped(trial, left)
-
-
 def frame_rows(layout: Layout, record: FrameRecord) -> tuple[IntArray, IntArray, IntArray]:
     """Positions of the rigid, elastic and multiplier unknowns that an item acts on."""
-    rigid, elastic = (numbers(layout, name_of(layout, record.body, q)) for q in (
+    rigid, elastic = (layout.numbers(layout.name_of(record.body, q)) for q in (
         Quantity.POSE, Quantity.DISPLACEMENT))
-    lam = numbers(layout, record.multipliers)
+    lam = layout.numbers(record.multipliers)
     used = slice(None) if record.generators else np.flatnonzero(
         np.any(record.directions != 0, axis=1))
     return rigid, elastic[used], lam
 
 
-def name_of(layout: Layout, body: str, quantity: Quantity) -> str:
-    """Name of the first block of a body whose entries mean `quantity`, "" where it has none."""
-    block = layout.of(body, quantity)
-    return "" if block is None else block.name
-
-
-def numbers(layout: Layout, block: str) -> IntArray:
-    """Positions of a block's unknowns, none where the layout does not have it."""
-    return np.arange(layout.size)[layout[block]] if block in layout else NO_NUMBERS
-
-
-def frame_term(layout: Layout, body: BodyRecord, record: FrameRecord) -> FrameTerm:
+def frame_term(
+    layout: Layout, body: BodyRecord, record: FrameRecord
+) -> AssembledTerm[FrameEquations]:
     """One item of a body's frame by itself, as a term."""
     frame = body.kernel((record.item,))
     rigid, el, lam = frame_rows(layout, record)
-    other, pose = numbers(layout, record.reads), len(body.pose)
+    other, pose = layout.numbers(record.reads), len(body.pose)
     at = np.sort(np.concatenate([rigid, other, el, lam]))
     own, read, mine, forces = (np.searchsorted(at, n) for n in (rigid, other, el, lam))
     Y, y0 = np.zeros((frame.border, len(at))), np.zeros(frame.border)
@@ -203,12 +164,12 @@ def frame_term(layout: Layout, body: BodyRecord, record: FrameRecord) -> FrameTe
         Y[frame.rigid_size :, forces] = record.C.T
     D, W = np.zeros((frame.p, len(at))), np.zeros((len(at), frame.p))
     if frame.p:
-        first = layout[name_of(layout, record.body, Quantity.DISPLACEMENT)].start
+        first = layout[layout.name_of(record.body, Quantity.DISPLACEMENT)].start
         P = record.directions[el - first]
         D[:, mine], W[mine] = P.T, P
     V = _embedded(record.generators, mine, len(at))
-    return FrameTerm(record.body, at, at, FrameEquations(
-        frame, Y, y0, D, V, Y.T.copy(), W, V, body.guide), source=record.origin.part)
+    return AssembledTerm(at, at, FrameEquations(
+        frame, Y, y0, D, V, Y.T.copy(), W, V, body.guide), record.origin.part)
 
 
 def _embedded(matrices: tuple[Csr, ...], at: IntArray, size: int) -> tuple[Csr, ...]:

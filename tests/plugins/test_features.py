@@ -1,0 +1,153 @@
+"""A plugin without the ability that a feature of the scene needs is refused before any run."""
+
+from pathlib import Path
+
+import pytest
+
+from sparsemor import load, simulate
+from sparsemor.core import InputError, hookimpl
+from sparsemor.core.model.features import FEATURES
+from sparsemor.core.simulation.validation import checked_model
+
+ROD = Path(__file__).parents[1] / "support" / "own_rod.py"
+LACKING = '''
+"""Plugins with what their kind must have, and no more."""
+
+import numpy as np
+from own_rod import Rod
+
+from sparsemor.core import Block, BodyDefaults, FieldKind, Plugin, SurfaceLoads
+
+FORCE = FieldKind("force", order=0, unit="N")
+
+
+class Plain(Plugin):
+    """A reducer."""
+
+    def prepare(self, problem):
+        raise NotImplementedError
+
+
+class StiffRod(Rod):
+    """A body whose frame cannot follow a motion."""
+
+    def build(self, name, base):
+        return Stiff(super().build(name, base))
+
+
+class Stiff(BodyDefaults):
+    def __init__(self, rod):
+        self.name, self.blocks, self.contribute = rod.name, rod.blocks, rod.contribute
+
+    def blocks(self): ...
+    def contribute(self, equations): ...
+
+
+class Part:
+    def __init__(self, name):
+        self.name = name
+
+    def blocks(self):
+        return []
+
+    def contribute(self, equations):
+        pass
+
+
+class Glue(Plugin):
+    """A joint."""
+
+    def build(self, name, parts):
+        return Glued(name)
+
+
+class Glued(Part):
+    def blocks(self):
+        return [Block(self.name, FORCE, 1)]
+
+
+class Near(Plugin):
+    """A contact."""
+
+    def build(self, name, parts):
+        return Part(name)
+
+
+class Pad(Plugin):
+    """A contact that makes surface loads."""
+
+    def build(self, name, parts):
+        return Pressing(name)
+
+
+class Pressing(Part):
+    def imported(self, motion):
+        one = len(motion["rod"].times)
+        return {"rod": SurfaceLoads(np.zeros(1, int), np.zeros((one, 1, 2)), np.zeros((one, 1)))}
+
+    def history(self, motion):
+        return {}
+'''
+PLUGINS = {
+    "body": {"rod": "own_rod:Rod", "stiff_rod": "lacking:StiffRod"},
+    "contact": {"near": "lacking:Near", "pad": "lacking:Pad"},
+    "joint": {"glue": "lacking:Glue"}, "reducer": {"plain": "lacking:Plain"}}
+SCENE = """\
+format: 1
+bodies:
+  rod: {use: rod, cells: 4, capacity: 1.0, conductance: 1.0, power: 1.0}
+time: {end: 1.0, step: 0.5}
+"""
+STIFF = {"use": "stiff_rod", "cells": 4, "capacity": 1.0, "conductance": 1.0}
+CASES = {
+    "RestartsSteps": ({"time.control": {"tolerance": 0.1}, "reducer": "plain"},
+                      "time.control", "Plain"),
+    "HasProbes": ({"probes": {"tip": {"body": "rod", "at": "end"}}}, "probes.tip.body", "BuiltRod"),
+    "FollowsMotion": ({"rigid_stage": {}, "bodies.rod": STIFF}, "bodies.rod", "Stiff"),
+    "PrescribesReactions": ({"rigid_stage": {}, "joints": {"glue": {"use": "glue"}}},
+                            "joints.glue", "Glued"),
+    "ImportsMotion": ({"rigid_stage": {}, "contacts": {"near": {"use": "near"}}},
+                      "contacts.near", "Part"),
+    "CarriesSurfaceLoads": ({"rigid_stage": {}, "contacts": {"pad": {"use": "pad"}}},
+                            "bodies.rod", "BuiltRod"),
+}
+"""Ability -> changes to the scene, where they are refused, the class that lacks it."""
+
+
+class Phases:
+    """Whether a run began."""
+
+    begun = False
+
+    @hookimpl
+    def on_start(self, run):
+        self.begun = True
+
+
+@pytest.fixture
+def scene(distribute, here) -> Path:
+    distribute("lacking-pkg", PLUGINS, own_rod=ROD.read_text(), lacking=LACKING)
+    path = Path("scene.yaml")
+    path.write_text(SCENE)
+    return path
+
+
+@pytest.mark.parametrize("feature", FEATURES, ids=lambda f: f.ability.__name__)
+def test_what_a_feature_needs_is_asked_before_a_run(scene, feature) -> None:
+    changes, key, lacking = CASES[feature.ability.__name__]
+    assert any(option.startswith(feature.option) for option in changes)
+    loaded, phases = load(scene, changes), Phases()
+    for refuse in (checked_model, lambda s: simulate(s, observers=[phases])):
+        with pytest.raises(InputError) as caught:
+            refuse(loaded)
+        (fault,) = caught.value.faults
+        assert fault.key == key
+        assert fault.message.startswith(f"with {feature.option}, it has to {feature.need}, which ")
+        assert f"{lacking} cannot: it lacks " in fault.message
+        assert fault.message.endswith(f"({feature.ability.__name__})")
+    assert not phases.begun
+
+
+def test_each_plugin_of_these_is_fine_by_itself(scene) -> None:
+    checked_model(load(scene, {"reducer": "plain", "bodies.rod": STIFF}))
+    checked_model(load(scene, {"contacts": {"near": {"use": "near"}, "pad": {"use": "pad"}}}))
