@@ -56,7 +56,7 @@ class Comparison:
         return {run: e.worst_late for run, e in self.measured.items()}
 
     @property
-    def series(self) -> dict[str, dict[str, FloatArray]]:
+    def series(self) -> dict[str, Mapping[str, FloatArray]]:
         """run -> measure -> (j,) error at each of `measured[run].times`."""
         return {run: e.series for run, e in self.measured.items()}
 

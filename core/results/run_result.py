@@ -160,7 +160,8 @@ class RunResult:
 
     @property
     def probes(self) -> tuple[str, ...]:
-        return tuple(n[6:] for n in self._data.names if n.startswith("probe."))
+        arrays = {n: self._data.attributes_of(n) for n in self._data.names}
+        return tuple(n.removeprefix("probe.") for n, a in arrays.items() if "position" in a)
 
     def probe(self, name: str) -> FloatArray:
         """(j, components) of a probe; their names stand in its attributes in `to_xarray`."""

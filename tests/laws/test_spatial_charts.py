@@ -9,16 +9,19 @@ from scipy.spatial.transform import Rotation
 
 from sparsemor import load, simulate
 from sparsemor.core.analysis.charts import surface_pyvista, write_run_charts
-from sparsemor.core.analysis.charts.angles import angles_figure, rate_of, turning
-from sparsemor.core.analysis.charts.positions import moving_bodies, positions_figure
-from sparsemor.core.analysis.charts.probes import (
-    probe_displacement_figure,
-    probe_temperature_figure,
-)
 from sparsemor.core.analysis.charts.style import new_figure
 from sparsemor.core.analysis.charts.surface_fields import solid_bodies, surface_figures
 from sparsemor.core.analysis.charts.surface_matplotlib import paint
 from sparsemor.core.analysis.charts.surface_pyvista import rendered
+from sparsemor.core.analysis.charts.time_histories import (
+    angles_figure,
+    moving_bodies,
+    positions_figure,
+    probe_displacement_figure,
+    probe_temperature_figure,
+    rate_of,
+    turning,
+)
 from sparsemor.core.analysis.charts.view import DARKEST, LIGHT, VIEWS, Surface, skin
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.model.facets import boundary

@@ -8,6 +8,7 @@ from typing import Any
 
 from sparsemor.core.analysis.study.axes import (
     Point,
+    axis_columns,
     chart_columns,
     points_of,
     setting_columns,
@@ -65,14 +66,19 @@ class Run:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Plan:
-    """All runs and the references they are measured against, by key. fields: kinds that the bodies
-    may have."""
+    """All runs and the references they are measured against, by key.
+
+    columns: of the table; settings: those of changes; axes: those without the details of named
+    alternatives; lines: those that name a line of the chart; fields: kinds that the bodies may
+    have.
+    """
 
     study: Study
     runs: tuple[Run, ...]
     references: Mapping[str, SceneData]
     columns: tuple[str, ...]
     settings: tuple[str, ...]
+    axes: tuple[str, ...]
     lines: tuple[str, ...]
     digest: str
     fields: tuple[FieldKind, ...] = ()
@@ -100,7 +106,8 @@ class Plan:
             [[r.refused, dict(r.scene.tree) if r.scene else None] for r in runs],
             {key: dict(s.tree) for key, s in maker.references.items()})
         return cls(read, tuple(runs), maker.references, tuple(columns), tuple(settings),
-                   tuple(chart_columns(read.file, points)), about, fields)
+                   tuple(axis_columns(points)), tuple(chart_columns(read.file, points)), about,
+                   fields)
 
 
 @dataclass(slots=True)
