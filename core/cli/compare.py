@@ -23,6 +23,7 @@ from sparsemor.core.cli.options import (
     print_json,
     progress,
     warn,
+    words,
 )
 from sparsemor.core.errors import InputError
 from sparsemor.core.model.body_cache import BodyCache
@@ -55,7 +56,8 @@ def compare(
     """Run a scene with several reducers and tabulate errors and cost."""
     with exit_codes(as_json):
         loaded = load_with(scene, settings)
-        scenes = variants(loaded, [n.strip() for n in reducers.split(",") if n.strip()])
+        with located_in(loaded):
+            scenes = variants(loaded, words(reducers) or [])
         directory = out or Path("runs", f"{loaded.name}-compare")
         body_cache = BodyCache()
         _refuse_early(scenes, body_cache)
@@ -75,7 +77,7 @@ def variants(scene: Scene, reducers: list[str], registry: Registry | None = None
     """
     if len(reducers) < 2 or len(set(reducers)) < len(reducers):
         raise InputError(
-            f"--reducers: give two or more different names (got {','.join(reducers)})")
+            f"give two or more different names (got {', '.join(reducers) or 'none'})", "reducers")
     known = registry or Registry()
     own: dict[str, Any] = scene.dump()["reducer"]
     cls = known.get("reducer", scene.reducer_name)
@@ -84,7 +86,10 @@ def variants(scene: Scene, reducers: list[str], registry: Registry | None = None
         if name == scene.reducer_name:
             chosen[name] = scene
             continue
-        other = known.get("reducer", name)
+        try:
+            other = known.get("reducer", name)
+        except InputError as error:
+            raise error.under("reducers") from None
         theirs, mine = other.model_fields, cls.model_fields
         shared = {*shared_options(cls)} & {*shared_options(other)}
         common = {

@@ -66,7 +66,7 @@ def replaced_reducer(scene: str, settings: Sequence[str] | None) -> list[str]:
     if not isinstance(name, str) or not isinstance(own, Mapping):
         return []
     registry = Registry()
-    if name not in {p.name for p in registry.names("reducer")}:
+    if not registry.has("reducer", name):
         return []
     cls = registry.get("reducer", name)
     left = [key for key in shared_options(cls) if key in own and key in cls.model_fields]

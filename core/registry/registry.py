@@ -72,6 +72,10 @@ class Registry:
         found = [_named(e) for e in self._of(kind)]
         return tuple(sorted(found, key=lambda p: (p.name, p.distribution)))
 
+    def has(self, kind: str, name: str) -> bool:
+        """True if a plain or qualified name is that of a plugin, or of several. Imports nothing."""
+        return bool(self._called(kind, name))
+
     def get(self, kind: str, name: str) -> type[Plugin]:
         """Import the plugin's class.
 
@@ -107,7 +111,8 @@ class Registry:
         one = self._only(kind, name)
         others = [_named(e) for e in offers if e is not one]
         return (f"{kind} plugin {name!r} is that of {_origin(one)}; "
-                f"{' and '.join(p.origin for p in others)} offers one of that name too: write "
+                f"{' and '.join(p.origin for p in others)} "
+                f"{'offers' if len(others) == 1 else 'offer'} one of that name too: write "
                 f"{' or '.join(p.qualified for p in others)} for it, or {_named(one).qualified} "
                 "for this one")
 
@@ -135,7 +140,8 @@ class Registry:
         """All plugins that a plain or qualified name may mean."""
         package, colon, plain = name.partition(":")
         if not colon:
-            return [e for e in self._of(kind) if e.name == name]
+            offers = [e for e in self._of(kind) if e.name == name]
+            return sorted(offers, key=lambda e: _named(e).distribution)
         return [e for e in self._of(kind) if e.name == plain and e.dist is not None
                 and canonical(e.dist.name) == canonical(package)]
 

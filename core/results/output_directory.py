@@ -60,14 +60,19 @@ class OutputDirectory:
         """True if something is there that writing would change."""
         return self.path.exists() and (not self.path.is_dir() or bool(self.entries()))
 
-    def require_directory(self) -> None:
-        """Raises InputError (key `out`) for a file."""
-        if self.path.exists() and not self.path.is_dir():
-            raise InputError(f"{self.path}: this is a file: choose a directory", "out")
+    def make(self) -> None:
+        """Make the directory and its parents. Raises InputError (key `out`) where it cannot."""
+        try:
+            self.path.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(f"{self.path}: cannot be made ({error.strerror}): choose another "
+                             "--out", "out") from None
 
     def require_empty(self, advice: str) -> None:
-        """Raises InputError (key `out`), which ends in `advice`, where something is there."""
-        self.require_directory()
+        """Raises InputError (key `out`) for a file, and where something is there; the latter ends
+        in `advice`."""
+        if self.path.exists() and not self.path.is_dir():
+            raise InputError(f"{self.path}: this is a file: choose a directory", "out")
         if self.occupied():
             raise InputError(f"{self.path}: output directory is not empty: {advice}", "out")
 

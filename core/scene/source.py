@@ -138,22 +138,25 @@ def _inside(path: KeyPath, changed: Iterable[KeyPath]) -> bool:
 
 
 def _path(scene: str | Path, registry: Registry, kind: str) -> Path:
-    looks_like_a_file = isinstance(scene, Path) or any(c in scene for c in "/\\.")
-    if looks_like_a_file:
-        path = Path(scene)
-        if path.is_file():
-            return path
+    if isinstance(scene, str) and registry.has(kind, scene):
+        try:
+            return Path(registry.load(kind, scene))
+        except InputError as error:  # two packages offer it
+            raise LocatedError(error.faults, [str(error)]) from None
+    path = Path(scene)
+    if path.is_file():
+        return path
+    if isinstance(scene, Path) or any(c in scene for c in "/\\.") or path.is_dir():
         what = f"is a directory, not a {kind} file" if path.is_dir() else "there is no such file"
         raise _unreadable(path, what)
-    packaged = {s for p in registry.names(kind) for s in (registry.spelling(p), p.qualified)}
-    if scene not in packaged:
-        if Path(scene).is_file():
-            return Path(scene)
-        raise LocatedError(
-            [Fault("", message := f"no packaged {kind}, and no file, is called {scene!r}: "
-                   + near(str(scene), sorted(map(registry.spelling, registry.names(kind))),
-                          "packaged"))], [message])
-    return Path(registry.load(kind, str(scene)))
+    message = (f"no packaged {kind}, and no file, is called {scene!r}: "
+               + near(scene, packaged(registry, kind), "packaged"))
+    raise LocatedError([Fault("", message)], [message])
+
+
+def packaged(registry: Registry, kind: str) -> list[str]:
+    """Names of the packaged scenes or studies, as they select them."""
+    return sorted(map(registry.spelling, registry.names(kind)))
 
 
 def _unreadable(path: Path, what: str) -> LocatedError:

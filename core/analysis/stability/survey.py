@@ -23,6 +23,7 @@ from sparsemor.core.protocols.reducer import is_full_order
 from sparsemor.core.registry.hooks import new_manager
 from sparsemor.core.results.tables import text_table
 from sparsemor.core.scene.scene import Scene
+from sparsemor.core.scene.yaml_reader import LocatedError
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.linearization.check import (
     LIMIT,
@@ -182,15 +183,12 @@ def _refuse(v: Variant, model: Model, plan: Plan) -> None:
     faults = time_faults(v.scene)
     if isinstance(v.scene.reducer, ChecksModel):
         faults += InputError(list(v.scene.reducer.check(model))).under("reducer").faults
-    if faults:
-        raise InputError(faults)
+    if faults:  # at the options that make the variant
+        raise LocatedError(faults, v.scene.locate(InputError(faults)))
     if is_full_order(v.scene.reducer):
         raise InputError("full order is what reduced models are judged by: name another one",
                          "reducer")
-    try:
-        times_checked(plan.at or (), v.scene.time.step, v.scene.time.end)
-    except InputError as error:
-        raise InputError(f"--at: {error.faults[0].message}") from None
+    times_checked(plan.at or (), v.scene.time.step, v.scene.time.end)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

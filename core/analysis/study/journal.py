@@ -40,7 +40,7 @@ class Journal:
             if OutputDirectory(folder).occupied():
                 raise InputError(f"{folder} is not empty and contains no study: choose another "
                                  "--out", "out")
-            _make(folder)
+            OutputDirectory(folder).make()
             _replace(about, json.dumps(
                 {"format": 1, "study": plan.study.name, "digest": plan.digest,
                  "runs": len(plan.runs), "columns": plan.columns, "settings": plan.settings},
@@ -93,13 +93,6 @@ def _whole_lines(path: Path) -> Iterator[dict[str, Any]]:
         except ValueError:
             return  # a disk that lost power may hold anything behind the last whole row
         yield row
-
-
-def _make(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{folder} cannot be made: {error.strerror}", "out") from None
 
 
 def _line(row: Mapping[str, Any]) -> str:

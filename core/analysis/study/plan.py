@@ -26,7 +26,7 @@ from sparsemor.core.scene.independent_of_physics import NOT_PHYSICS, training_ph
 from sparsemor.core.scene.overrides import split
 from sparsemor.core.scene.run_identity import Identity, environment
 from sparsemor.core.scene.scene import Scene, build
-from sparsemor.core.scene.source import Source
+from sparsemor.core.scene.source import Source, packaged
 from sparsemor.core.scene.yaml_reader import KeyPath, LocatedError
 
 
@@ -250,16 +250,17 @@ def _compared(dump: Mapping[str, Any]) -> dict[str, Any]:
 def _scene_of(study: Study, registry: Registry) -> Source:
     """The scene with `set` applied; faults at the study's keys."""
     named = study.file.scene
-    folder = Path(study.source.document.name).parent
-    packaged = [p.name for p in registry.names("scene")]
-    if named in packaged:
-        source = Source.read(named, registry)
-    elif (folder / named).is_file():
-        source = Source.read(folder / named, registry)
-    else:
+    beside = Path(study.source.document.name).parent / named
+    if registry.has("scene", named):
+        try:
+            registry.load("scene", named)
+        except InputError as error:  # two packages offer it
+            raise study.locate([Finding(("scene",), str(error))]) from None
+    elif not beside.is_file():
         raise study.locate([Finding(
             ("scene",), f"there is no such file next to the study, and no packaged scene is "
-            f"called {named!r}: {near(named, packaged, 'packaged')}")])
+            f"called {named!r}: {near(named, packaged(registry, 'scene'), 'packaged')}")])
+    source = Source.read(named if registry.has("scene", named) else beside, registry)
     try:
         return source.changed(study.file.changes, "set")
     except InputError as error:

@@ -70,7 +70,7 @@ def export(
     fresh = target.with_name(f".{target.name}.new")
     shutil.rmtree(fresh, ignore_errors=True)
     try:
-        fresh.mkdir(parents=True)
+        OutputDirectory(fresh).make()
         with writing(target):
             names = {body: _write(run, plan, body, fresh) for body in plan.fields}
         shutil.rmtree(target, ignore_errors=True)
