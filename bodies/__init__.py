@@ -1,27 +1,26 @@
 """Bodies, joints, contacts and loads: the physics, and its public names for plugins.
 
-    from sparsemor.bodies import LoadPart, Quantity, find_body
+    from sparsemor.bodies import LoadPart, NumberOrFunction, find_body
 """
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from sparsemor.bodies.joints.conditions import Rows as Rows
-    from sparsemor.bodies.joints.conditions import rows_between as rows_between
-    from sparsemor.bodies.joints.conditions import rows_on as rows_on
-    from sparsemor.bodies.joints.plane_attachment import constant as constant
-    from sparsemor.bodies.joints.plane_attachment import plane as plane
-    from sparsemor.bodies.joints.plane_part import End as End
-    from sparsemor.bodies.joints.plane_part import JointPart as JointPart
-    from sparsemor.bodies.joints.space_part import SpaceJoint as SpaceJoint
-    from sparsemor.bodies.loads.amplitude import Quantity as Quantity
+    from sparsemor.bodies.body import Body as Body
+    from sparsemor.bodies.frames.moments import MassProperties as MassProperties
+    from sparsemor.bodies.joints.between import Between as Between
+    from sparsemor.bodies.joints.conditions import Conditions as Conditions
+    from sparsemor.bodies.joints.conditions import conditions_between as conditions_between
+    from sparsemor.bodies.joints.conditions import conditions_on as conditions_on
+    from sparsemor.bodies.joints.conditions import constant as constant
+    from sparsemor.bodies.joints.part import JointPart as JointPart
+    from sparsemor.bodies.loads.amplitude import NumberOrFunction as NumberOrFunction
     from sparsemor.bodies.loads.amplitude import amplitude as amplitude
     from sparsemor.bodies.loads.part import LoadPart as LoadPart
-    from sparsemor.bodies.material import Material as Material
-    from sparsemor.bodies.planar_body import PlanarBody as PlanarBody
+    from sparsemor.bodies.loads.vectors import components as components
+    from sparsemor.bodies.material import Isotropic as Isotropic
     from sparsemor.bodies.pose import Pose as Pose
-    from sparsemor.bodies.spatial_body import SpatialBody as SpatialBody
     from sparsemor.bodies.targets import Target as Target
     from sparsemor.bodies.targets import find_body as find_body
     from sparsemor.bodies.targets import find_surfaces as find_surfaces
@@ -35,16 +34,16 @@ if TYPE_CHECKING:
     from sparsemor.bodies.terms.field_kinds import THERMAL as THERMAL
 
 _HOMES = {
-    "joints.conditions": ("Rows", "rows_between", "rows_on"),
-    "joints.plane_attachment": ("constant", "plane"),
-    "joints.plane_part": ("End", "JointPart"),
-    "joints.space_part": ("SpaceJoint",),
-    "loads.amplitude": ("Quantity", "amplitude"),
+    "body": ("Body",),
+    "frames.moments": ("MassProperties",),
+    "joints.between": ("Between",),
+    "joints.conditions": ("Conditions", "conditions_between", "conditions_on", "constant"),
+    "joints.part": ("JointPart",),
+    "loads.amplitude": ("NumberOrFunction", "amplitude"),
     "loads.part": ("LoadPart",),
-    "material": ("Material",),
-    "planar_body": ("PlanarBody",),
+    "loads.vectors": ("components",),
+    "material": ("Isotropic",),
     "pose": ("Pose",),
-    "spatial_body": ("SpatialBody",),
     "targets": ("Target", "find_body", "find_surfaces", "find_target", "need_field"),
     "terms.dense": ("DenseTerm",),
     "terms.field_kinds": ("BODY_KINDS", "ELASTIC", "MULTIPLIER", "RIGID", "THERMAL"),

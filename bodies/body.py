@@ -1,9 +1,8 @@
-"""Built body, in the plane or in space: its unknowns and fields, and what assembly
-asks of it. PlanarBody and SpatialBody add the equations of their frames."""
+"""A built body, in the plane or in space: its unknowns and fields, its equations, and what joints,
+loads and contacts read from it."""
 
-from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any, Self
 
@@ -11,8 +10,15 @@ import numpy as np
 
 from sparsemor.bodies.fem.element_balance import elastic_integrals, heat_integrals
 from sparsemor.bodies.fem.fields import Elasticity, Heat
+from sparsemor.bodies.frames import nodal
+from sparsemor.bodies.frames.frame import SpatialFrame
+from sparsemor.bodies.frames.items import Attachment, BodyForce, SpaceForce, UnitLength
+from sparsemor.bodies.frames.moments import MassProperties
+from sparsemor.bodies.frames.plane import PlanarFrame
+from sparsemor.bodies.frames.rotation import torque
 from sparsemor.bodies.terms.body_terms import write_conduction, write_elasticity, write_film
 from sparsemor.bodies.terms.field_kinds import ELASTIC, MULTIPLIER, RIGID, THERMAL
+from sparsemor.bodies.terms.inertia import write_inertia
 from sparsemor.bodies.terms.surface_loads import write_surface_loads
 from sparsemor.core import (
     Block,
@@ -32,25 +38,29 @@ from sparsemor.core import (
     TimeFunction,
     near,
 )
-from sparsemor.core.protocols.separable import Amplitude
+from sparsemor.core.protocols.poses import FREE, PLANAR, placed, turned
+from sparsemor.core.protocols.separable import Amplitude, FrameItem
 
 NO_NUMBERS = np.zeros(0, np.int64)
 KINDS = {2: "plane: give two", 3: "spatial: give three"}
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Body(ABC):
-    """One body of dimension d.
+class Body:
+    """One body in d dimensions.
 
-    X: N reference points, m (body frame), as the dimension's equations have them; mass_matrix
-    (N, N) scalar, kg, or None for a rigid body given by numbers; pose: rigid coordinates and
-    velocity their rates at the start; moves: False when the frame stays where the pose puts it, or
-    follows `guide`: a motion that is given. T0, T_ref (N,) K; thickness (m) makes volumes of areas.
-    notes: warnings on its mesh and sets.
+    X (N, d): reference points, m (body frame). pose: rigid coordinates at the start, and velocity
+    their rates: position and angle (3) in the plane; in space position and unit quaternion (7), or
+    position and angle (4) for a frame that turns about the z axis alone. inertia: mass and moments
+    about the frame origin, None for a frame without mass; mass_matrix (N, N) scalar, kg, or None
+    for a rigid body given by numbers. moves: False when the frame stays where the pose puts it, or
+    follows `guide`: a motion that is prescribed. T0, T_ref (N,) K; thickness (m) makes volumes of
+    areas. notes: warnings on its mesh and sets. kernel: what evaluates its frame.
     """
 
     name: str
-    X: Any
+    X: FloatArray
+    inertia: MassProperties | None
     pose: FloatArray
     velocity: FloatArray
     moves: bool
@@ -64,24 +74,21 @@ class Body(ABC):
     T_ref: FloatArray | None = None
     guide: FrameHistory | None = None
     notes: tuple[Note, ...] = ()
+    kernel: type[PlanarFrame] | type[SpatialFrame] = field(init=False)
+
+    def __post_init__(self) -> None:
+        plane = len(self.pose) == PLANAR
+        object.__setattr__(self, "kernel", PlanarFrame if plane else SpatialFrame)
 
     @property
-    @abstractmethod
-    def coordinates(self) -> FloatArray:
-        """(N, d) reference points, m (body frame)."""
-
-    @abstractmethod
-    def frame_of(self, items: Sequence[Any]) -> BodyFrame:
-        """The frame kernel of some items."""
-
-    @abstractmethod
-    def frame_equations(self, equations: Equations) -> None:
-        """Inertia, and what else the frame's own coordinates need."""
+    def d(self) -> int:
+        """Dimension: 2 or 3."""
+        return int(self.X.shape[1])
 
     @property
-    def own_multipliers(self) -> int:
-        """Conditions that the frame's coordinates keep by themselves."""
-        return 0
+    def turns_freely(self) -> bool:
+        """True if its attitude is a quaternion, not an angle."""
+        return len(self.pose) == FREE
 
     @property
     def immobile(self) -> bool:
@@ -89,7 +96,7 @@ class Body(ABC):
         return not self.moves and self.elasticity is None and self.guide is None
 
     def with_motion(self, motion: FrameHistory) -> Self:
-        """The same body with a frame that follows a given motion and costs no unknowns."""
+        """The same body with a frame that follows a prescribed motion and costs no unknowns."""
         return replace(self, moves=False, guide=motion)
 
     def rigid_copy(self) -> Self:
@@ -103,7 +110,7 @@ class Body(ABC):
             RIGID: len(self.pose) if self.moves else 0,
             ELASTIC: 0 if self.elasticity is None else len(self.elasticity.free),
             THERMAL: 0 if self.heat is None else len(self.heat.free),
-            MULTIPLIER: self.own_multipliers if self.moves else 0,
+            MULTIPLIER: 1 if self.moves and self.turns_freely else 0,  # of the quaternion's length
         }
         return [Block(self.name, kind, n) for kind, n in sizes.items()]
 
@@ -131,11 +138,61 @@ class Body(ABC):
             self.frame_of, self.pose, moves=self.moves, guide=self.guide,
             elastic_integrals=partial(elastic_integrals, self) if mesh else None,
             heat_integrals=partial(heat_integrals, self) if mesh else None)
-        self.frame_equations(equations)
+        if self.moves or self.elasticity is not None:
+            write_inertia(self, equations)
+        if self.moves and self.turns_freely:
+            self.frame_item(equations, UnitLength(), None,
+                            multipliers=f"{self.name}.multiplier", C=np.eye(1))
         if self.elasticity is not None:
             write_elasticity(self, equations, self.elasticity)
         if self.heat is not None:
             write_conduction(self, equations, self.heat)
+
+    def frame_of(self, items: Sequence[Any]) -> BodyFrame:
+        """The frame kernel of some items."""
+        return self.kernel(tuple(items), self.elasticity is not None, len(self.pose))
+
+    def frame_item(
+        self, equations: Equations, item: FrameItem, vectors: FloatArray | None, *,
+        multipliers: str = "", C: FloatArray | None = None, reads: str = "",
+        generators: Sequence[Csr] = (),
+    ) -> None:
+        """Contributes one item with its nodal directions (d N, directions).
+
+        multipliers, C (l, forces): constraint rows of that block are C @ the item's rows; reads:
+        rigid block of the other body that the item reads.
+        """
+        e = self.elasticity
+        equations.frame(
+            self.name, item, None if e is None or vectors is None else vectors[e.free],
+            multipliers=multipliers, C=C, reads=reads, generators=generators)
+
+    # ------------------------------------------------------------------ loads and joints
+
+    def space_force(
+        self, equations: Equations, weights: FloatArray, force: FloatArray, amplitude: Amplitude
+    ) -> None:
+        """Nodal weights (N,) times one force (d,) (N per unit weight) in space axes."""
+        item = SpaceForce(float(weights.sum()), weights @ self.X, force, amplitude)
+        self.frame_item(equations, item, nodal.along(weights, self.d))
+
+    def gravity(self, equations: Equations, g: FloatArray, amplitude: Amplitude) -> None:
+        """Weight of the deformed body: nodal masses times g (d,), m/s^2."""
+        if self.inertia is None:
+            return
+        item = SpaceForce(self.inertia.mass, self.inertia.moment, g, amplitude)
+        m = self.mass_matrix
+        self.frame_item(equations, item, None if m is None else nodal.along(
+            np.asarray(m.sum(axis=1)).ravel(), self.d))
+
+    def body_force(self, equations: Equations, forces: FloatArray, amplitude: Amplitude) -> None:
+        """Nodal forces (N, d) that turn with the body frame, N."""
+        item = BodyForce(forces.sum(axis=0), torque(self.X, forces).sum(axis=0), amplitude)
+        self.frame_item(equations, item, nodal.with_torques(forces))
+
+    def attachment(self, weights: FloatArray) -> tuple[Attachment, FloatArray]:
+        """The mean point of the weighted nodes, with its nodal directions (d N, d)."""
+        return Attachment(weights @ self.X), nodal.along(weights, self.d)
 
     def heat_load(
         self, equations: Equations, vector: FloatArray, amplitude: Amplitude,
@@ -153,8 +210,7 @@ class Body(ABC):
 
     def geometry(self) -> Mapping[str, tuple[FloatArray, IntArray]]:
         """Reducible block name -> node coordinates (n, d) and component (n,) of its unknowns."""
-        points, found = self.coordinates, {}
-        d = points.shape[1]
+        points, found, d = self.X, {}, self.d
         if self.elasticity is not None:
             free = self.elasticity.free
             found[f"{self.name}.elastic"] = (points[free // d], free % d)
@@ -171,7 +227,15 @@ class Body(ABC):
                          None if h is None else h.free, pose=self.pose,
                          given=() if h is None else h.prescribed)
 
-    # ------------------------------------------------------------------ sets and probes
+    # ------------------------------------------------------------------ positions, sets and probes
+
+    def start_rotation(self) -> FloatArray:
+        """(d, d): body axes to space axes at the start."""
+        return np.stack([turned(self.pose[None], e)[0] for e in np.eye(self.d)], axis=1)
+
+    def start_position(self, weights: FloatArray) -> FloatArray:
+        """(d,) position of the weighted mean point at the start, m (space axes)."""
+        return np.asarray(placed(self.pose[None], (weights @ self.X)[None])[0])
 
     def named(self, which: str, key: str) -> IntArray:
         """Points of a named set; InputError under `key` that names the sets there are."""
@@ -185,25 +249,24 @@ class Body(ABC):
         weights, point = self._probed(at)
         displacement: FloatArray | None = None
         temperature: FloatArray | None = None
-        given: tuple[tuple[float, TimeFunction], ...] = ()
+        prescribed: tuple[tuple[float, TimeFunction], ...] = ()
         if self.elasticity is not None:
             every = np.asarray(np.kron(weights[:, None], np.eye(len(point))))
             displacement = every[self.elasticity.free]
         if self.heat is not None:
             temperature = weights[self.heat.free]
-            given = tuple((float(weights[n].sum()), f) for n, f in self.heat.prescribed)
-        return ProbePlace(name, self.name, point, displacement, temperature, given, self.pose,
-                          self.guide)
+            prescribed = tuple((float(weights[n].sum()), f) for n, f in self.heat.prescribed)
+        return ProbePlace(name, self.name, point, displacement, temperature, prescribed,
+                          self.pose, self.guide)
 
     def _probed(self, at: str | Sequence[float]) -> tuple[FloatArray, FloatArray]:
         """(N,) weights and (d,) the point, m (body frame)."""
-        points, weights = self.coordinates, np.zeros(len(self.X))
+        points, weights = self.X, np.zeros(len(self.X))
         if isinstance(at, str):
             nodes = self.named(at, "at")
             weights[nodes] = 1.0 / len(nodes)
-        elif len(at) != points.shape[1]:
-            raise InputError(
-                f"body {self.name!r} is {KINDS[points.shape[1]]} coordinates", "at")
+        elif len(at) != self.d:
+            raise InputError(f"body {self.name!r} is {KINDS[self.d]} coordinates", "at")
         elif self.mesh is None:  # a rigid body is the same everywhere
             return weights, np.array(at, dtype=np.float64)
         else:

@@ -10,22 +10,20 @@ import numpy as np
 from pydantic import Field
 from scipy.sparse import csr_array
 
-from sparsemor.bodies.any_body import AnyBody
+from sparsemor.bodies.body import Body
 from sparsemor.bodies.fem.elasticity import Model, elastic_stiffness, law, thermoelastic_coupling
 from sparsemor.bodies.fem.fields import Elasticity, Heat
 from sparsemor.bodies.fem.volume import capacity, conductivity, lumped, scalar_mass
-from sparsemor.bodies.frames.inertia import of_mesh
-from sparsemor.bodies.frames.moments import moments_of
-from sparsemor.bodies.material import Material, require
+from sparsemor.bodies.frames.moments import MassProperties
+from sparsemor.bodies.material import require
 from sparsemor.bodies.mesh.check import check_mesh
 from sparsemor.bodies.mesh.expression import FormulaText, evaluate_formula
 from sparsemor.bodies.mesh.plausibility import mesh_notes
 from sparsemor.bodies.mesh.sets import PointSet, with_sets
-from sparsemor.bodies.planar_body import PlanarBody
 from sparsemor.bodies.pose import Pose
 from sparsemor.bodies.reference import Reference
-from sparsemor.bodies.spatial_body import SpatialBody
 from sparsemor.bodies.terms.field_kinds import BODY_KINDS, ELASTIC, THERMAL
+from sparsemor.bodies.terms.inertia import generator
 from sparsemor.core import (
     BodySize,
     EstimatesMeshSize,
@@ -35,11 +33,13 @@ from sparsemor.core import (
     Gather,
     InputError,
     IntArray,
+    Material,
     Mesh,
     MeshPlugin,
     MeshSize,
     Plugin,
     Slot,
+    slot_default,
 )
 from sparsemor.core.registry.returned_values import returned
 
@@ -75,8 +75,8 @@ class Flexible(Plugin):
     """More named point sets."""
     thickness: float | None = Field(default=None, gt=0)
     """Thickness of a planar body, m."""
-    material: Material
-    """Constants of the material."""
+    material: Annotated[Material, Slot("material")] = slot_default("isotropic")
+    """Material, by its constants or by a plugin that has them."""
     model: Literal["plane_stress", "plane_strain", "solid"] | None = None
     """Elasticity: plane stress in the plane when not given, `solid` in space."""
     fields: list[Literal["elastic", "thermal"]]
@@ -105,7 +105,7 @@ class Flexible(Plugin):
         return body_size(
             self.mesh.expected(), ELASTIC.name in self.fields, THERMAL.name in self.fields)
 
-    def build(self, name: str, base: Path) -> AnyBody:
+    def build(self, name: str, base: Path) -> Body:
         gather = Gather()
         self._check_options(gather)
         mesh = gather("", self._mesh, base)
@@ -116,42 +116,17 @@ class Flexible(Plugin):
         T0 = gather("", self._initial_temperature, mesh)
         gather.check()
         assert T0 is not None
-        if mesh.dimension == 3:
-            return self._in_space(name, mesh, held, T0)
-        return self._in_plane(name, mesh, held, T0)
-
-    def _in_space(
-        self, name: str, mesh: Mesh, held: IntArray | None, T0: FloatArray
-    ) -> SpatialBody:
-        m = scalar_mass(mesh, self.material.rho)
-        spins = self.frame == "spinning"
-        pose, velocity = self.pose.spinning() if spins else self.pose.in_space()
-        return SpatialBody(
-            name=name, X=mesh.points, inertia=of_mesh(m, mesh.points, moments_of(len(pose))),
-            pose=pose, velocity=velocity, moves=self.frame != "fixed", points=mesh.point_sets,
-            mesh=mesh, mass_matrix=m,
+        d, thickness, heats = mesh.dimension, self._thickness(mesh), THERMAL.name in self.fields
+        m = scalar_mass(mesh, self.material.rho * thickness)
+        pose, velocity = self.pose.start(d, self.frame == "spinning")
+        return Body(
+            name=name, X=mesh.points, inertia=MassProperties.of_mesh(m, mesh.points), pose=pose,
+            velocity=velocity, moves=self.frame != "fixed", points=mesh.point_sets, mesh=mesh,
+            thickness=thickness, mass_matrix=m,
             elasticity=None if held is None else self._elasticity(mesh, m, held),
-            heat=self._heat(mesh) if "thermal" in self.fields else None, T0=T0,
+            heat=self._heat(mesh) if heats else None, T0=T0,
             T_ref=np.full(len(mesh.points), self.reference_temperature),
             notes=mesh_notes(name, mesh, self.sets))
-
-    def _in_plane(
-        self, name: str, mesh: Mesh, held: IntArray | None, T0: FloatArray
-    ) -> PlanarBody:
-        thickness = self._thickness(mesh)
-        m = scalar_mass(mesh, self.material.rho * thickness)
-        X = mesh.points[:, 0] + 1j * mesh.points[:, 1]
-        weights = np.asarray(m.sum(axis=1)).ravel()
-        return PlanarBody(
-            name=name, X=X, mass=float(weights.sum()), moment=complex(weights @ X),
-            inertia=float(np.vdot(X, m @ X).real), pose=self.pose.coordinates(),
-            velocity=self.pose.rates(), moves=self.frame == "floating",
-            points=mesh.point_sets, mesh=mesh, thickness=thickness, mass_matrix=m,
-            elasticity=None if held is None else self._elasticity(mesh, m, held),
-            heat=self._heat(mesh) if "thermal" in self.fields else None, T0=T0,
-            T_ref=np.full(len(X), self.reference_temperature),
-            notes=mesh_notes(name, mesh, self.sets),
-        )
 
     def _mesh(self, base: Path) -> Mesh:
         try:
@@ -188,9 +163,7 @@ class Flexible(Plugin):
                 "model", f"{self.model} does not suit a {mesh.dimension}-D mesh: take {allowed}"))
         if plane and self.frame == "spinning":
             gather.faults.append(Fault("frame", "the mesh is plane: its frame is `floating`"))
-        spins = self.frame == "spinning"
-        gather("", self.pose.coordinates if plane else
-               self.pose.spinning if spins else self.pose.in_space)
+        gather("", self.pose.start, mesh.dimension, self.frame == "spinning")
 
     def _thickness(self, mesh: Mesh) -> float:
         """1 for a mesh that has volume."""
@@ -213,7 +186,7 @@ class Flexible(Plugin):
     def _elasticity(self, mesh: Mesh, m: Any, held: IntArray) -> Elasticity:
         d, thickness, model = mesh.dimension, self._thickness(mesh), self._model(mesh)
         K = elastic_stiffness(mesh, self.material, thickness, model)
-        M = csr_array(_blockwise(m, d))
+        M = generator(m, np.eye(d))
         return Elasticity(
             free=np.setdiff1d(np.arange(d * len(mesh.points)), held), stiffness=K,
             damping=csr_array(self.damping.mass * M + self.damping.stiffness * K),
@@ -229,16 +202,10 @@ class Flexible(Plugin):
             constants=(self.material.rho * c * thickness, k * thickness), lumped=is_lumped)
 
     def _initial_temperature(self, mesh: Mesh) -> FloatArray:
-        given = self.initial_temperature
+        T0 = self.initial_temperature
         n = len(mesh.points)
-        if given is None:
+        if T0 is None:
             return np.full(n, self.reference_temperature)
-        if isinstance(given, str):
-            return evaluate_formula(given, mesh.points, "initial_temperature")
-        return np.full(n, float(given))
-
-
-def _blockwise(m: Any, d: int) -> Any:
-    from scipy.sparse import identity, kron
-
-    return kron(m, identity(d), format="csr")
+        if isinstance(T0, str):
+            return evaluate_formula(T0, mesh.points, "initial_temperature")
+        return np.full(n, float(T0))

@@ -1,14 +1,14 @@
-"""Material: linear thermoelastic, isotropic, constant in temperature."""
+"""Materials of flexible bodies: linear thermoelastic, constant in temperature."""
 
 from collections.abc import Sequence
 
 from pydantic import Field
 
-from sparsemor.core import Fault, InputError, Plugin
+from sparsemor.core import Fault, InputError, Material, Plugin
 
 
-class Material(Plugin):
-    """Constants of one isotropic material. A scene gives only what its fields need.
+class Isotropic(Plugin):
+    """Isotropic material by its constants; a scene gives those that its fields need.
 
     Rigid motion needs rho; the elastic field E, nu, rho; the thermal field rho, k, c.
     """
@@ -34,12 +34,12 @@ _MEANING = {
 
 
 def require(material: Material, names: Sequence[str], field: str) -> tuple[float, ...]:
-    """The values of `names`, in that order; InputError naming every one that was not given."""
-    given = {name: getattr(material, name) for name in names}
-    missing = [name for name, value in given.items() if value is None]
+    """The constants `names`, in that order; InputError naming every one that the material lacks."""
+    values = {name: getattr(material, name) for name in names}
+    missing = [name for name, value in values.items() if value is None]
     if missing:
         raise InputError(
             [Fault(name, f"missing: the {field} field needs it ({_MEANING[name]})")
              for name in missing]
         )
-    return tuple(float(value) for value in given.values())
+    return tuple(float(value) for value in values.values())

@@ -24,21 +24,22 @@ class Pose(Plugin):
     spin: float | tuple[float, float, float] = 0.0
     """Angular velocity, rad/s; in space a vector in space axes."""
 
-    def coordinates(self) -> FloatArray:
-        """Planar (R_x, R_y, theta); InputError when the pose is one in space."""
+    def start(self, d: int, spins: bool = False) -> tuple[FloatArray, FloatArray]:
+        """Rigid coordinates of a frame in d dimensions and their rates; spins: it turns about the
+        z axis of space alone. InputError when the pose is one of another kind of frame."""
+        return self.in_plane() if d == 2 else self.spinning() if spins else self.in_space()
+
+    def in_plane(self) -> tuple[FloatArray, FloatArray]:
+        """(R_x, R_y, theta) and their rates; InputError when the pose is one in space."""
         faults = [Fault(key, f"this body is plane: give {what}") for key, what, wrong in (
             ("position", "two coordinates", len(self.position) != 2),
             ("velocity", "two components", len(self.velocity) != 2),
             ("spin", "one number, rad/s", isinstance(self.spin, tuple)),
             ("axis", "the angle alone", self.axis is not None),
             ("quaternion", "an angle", self.quaternion is not None)) if wrong]
-        if faults:
+        if faults or isinstance(self.spin, tuple):
             raise InputError(faults).under("pose")
-        return np.array([*self.position, self.angle])
-
-    def rates(self) -> FloatArray:
-        assert not isinstance(self.spin, tuple)
-        return np.array([*self.velocity, self.spin])
+        return np.array([*self.position, self.angle]), np.array([*self.velocity, self.spin])
 
     def in_space(self) -> tuple[FloatArray, FloatArray]:
         """Position and unit quaternion (7,), and their rates; InputError when it is a planar one.
@@ -63,7 +64,6 @@ class Pose(Plugin):
         spin = np.array(self.spin) if isinstance(self.spin, tuple) else np.zeros(3)
         return (np.concatenate([_three(self.position), p]),
                 np.concatenate([_three(self.velocity), rot.rates(p, spin)]))
-
 
     def spinning(self) -> tuple[FloatArray, FloatArray]:
         """Position and angle about z (4,), and their rates; InputError for other rotations."""

@@ -6,12 +6,9 @@ from typing import ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from sparsemor.bodies.any_body import AnyBody
-from sparsemor.bodies.frames.inertia import Inertia
-from sparsemor.bodies.frames.moments import moments_of
-from sparsemor.bodies.planar_body import PlanarBody
+from sparsemor.bodies.body import Body
+from sparsemor.bodies.frames.moments import MassProperties
 from sparsemor.bodies.pose import Pose, Vector
-from sparsemor.bodies.spatial_body import SpatialBody
 from sparsemor.bodies.terms.field_kinds import BODY_KINDS
 from sparsemor.core import Fault, FieldKind, FloatArray, InputError, Plugin
 
@@ -40,43 +37,21 @@ class Rigid(Plugin):
     pose: Pose = Pose()
     """Frame origin, rotation and their rates at the start."""
 
-    def build(self, name: str, base: Path) -> AnyBody:
-        plane = isinstance(self.inertia, float)
-        if plane and self.frame == "spinning":
+    def build(self, name: str, base: Path) -> Body:
+        J = np.array(self.inertia, dtype=np.float64)
+        d, spins = (3 if J.ndim else 2), self.frame == "spinning"
+        if d == 2 and spins:
             raise InputError("one number for the inertia makes a planar body, which turns about "
                              "one axis anyway: drop it, or give a tensor", "frame")
-        self._check_vectors(2 if plane else 3)
-        if isinstance(self.inertia, float):
-            return self._in_plane(name, self.inertia)
-        return self._in_space(name, np.array(self.inertia, dtype=np.float64))
-
-    def _in_plane(self, name: str, inertia: float) -> PlanarBody:
-        if inertia < 0:
-            raise InputError(f"a moment of inertia is not negative (got {inertia:g})", "inertia")
-        X = np.array([complex(*p) for p in self.points.values()], dtype=complex)
-        com = complex(*self.center)
-        return PlanarBody(
-            name=name, X=X, mass=self.mass, moment=self.mass * com,
-            inertia=inertia + self.mass * abs(com) ** 2,
-            pose=self.pose.coordinates(), velocity=self.pose.rates(), moves=True,
-            points={p: np.array([i]) for i, p in enumerate(self.points)},
-        )
-
-    def _in_space(self, name: str, J: FloatArray) -> SpatialBody:
+        self._check_vectors(d)
         J = np.diag(J) if J.ndim == 1 else J
-        _check_tensor(J)
-        com = np.array(self.center if len(self.center) == 3 else (0.0, 0.0, 0.0))
-        about_origin = J + self.mass * (com @ com * np.eye(3) - np.outer(com, com))
-        spins = self.frame == "spinning"
-        pose, velocity = self.pose.spinning() if spins else self.pose.in_space()
-        moments = moments_of(len(pose))
-        return SpatialBody(
-            name=name, X=np.array(list(self.points.values()), dtype=np.float64).reshape(-1, 3),
-            inertia=Inertia(
-                self.mass, self.mass * com, moments.of_inertia(about_origin), moments),
-            pose=pose, velocity=velocity, moves=True,
-            points={p: np.array([i]) for i, p in enumerate(self.points)},
-        )
+        _check_inertia(J)
+        center = np.array(self.center if len(self.center) == d else d * (0.0,))
+        pose, velocity = self.pose.start(d, spins)
+        return Body(
+            name=name, X=np.array(list(self.points.values()), dtype=np.float64).reshape(-1, d),
+            inertia=MassProperties.rigid(self.mass, center, J), pose=pose, velocity=velocity,
+            moves=True, points={p: np.array([i]) for i, p in enumerate(self.points)})
 
     def _check_vectors(self, d: int) -> None:
         """InputError for a centre or points of the other dimension; zeros fit both."""
@@ -89,8 +64,13 @@ class Rigid(Plugin):
             raise InputError(faults)
 
 
-def _check_tensor(J: FloatArray) -> None:
-    """A real body's tensor is symmetric, and no moment exceeds the sum of the other two."""
+def _check_inertia(J: FloatArray) -> None:
+    """In the plane J >= 0; in space the tensor of a real body is symmetric, and no principal moment
+    exceeds the sum of the other two."""
+    if J.ndim == 0:
+        if J < 0:
+            raise InputError(f"a moment of inertia is not negative (got {J:g})", "inertia")
+        return
     size = float(np.abs(J).max())
     if np.abs(J - J.T).max() > 1e-9 * size:
         raise InputError("the inertia tensor is not symmetric", "inertia")

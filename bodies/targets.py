@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sparsemor.bodies.any_body import AnyBody
+from sparsemor.bodies.body import Body
 from sparsemor.bodies.fem.surface import boundary_facets
 from sparsemor.core import FloatArray, Gather, InputError, IntArray, Mesh, Part, near
 
@@ -16,7 +16,7 @@ GROUND = "ground"
 class Target:
     """A named set of one body's points."""
 
-    body: AnyBody
+    body: Body
     nodes: IntArray
     text: str
 
@@ -37,12 +37,17 @@ class Target:
             raise error.under(key) from None
 
 
-def find_body(parts: Mapping[str, Part], name: str, key: str) -> AnyBody:
-    body = parts.get(name)
-    if not isinstance(body, AnyBody):
-        known = [n for n, p in parts.items() if isinstance(p, AnyBody)]
-        raise InputError(f"no body is called {name!r}: {near(name, known, 'bodies')}", key)
-    return body
+def all_bodies(parts: Mapping[str, Part]) -> list[Body]:
+    """Those of this package: bodies of other classes take part through their own loads."""
+    return [p for p in parts.values() if isinstance(p, Body)]
+
+
+def find_body(parts: Mapping[str, Part], name: str, key: str) -> Body:
+    """InputError names the bodies that there are."""
+    bodies = {b.name: b for b in all_bodies(parts)}
+    if name not in bodies:
+        raise InputError(f"no body is called {name!r}: {near(name, list(bodies), 'bodies')}", key)
+    return bodies[name]
 
 
 def find_target(parts: Mapping[str, Part], text: str, key: str) -> Target:
@@ -56,12 +61,12 @@ def find_target(parts: Mapping[str, Part], text: str, key: str) -> Target:
 
 def find_surfaces(
     parts: Mapping[str, Part], texts: Sequence[str], field: str
-) -> list[tuple[AnyBody, Mesh, IntArray]]:
+) -> list[tuple[Body, Mesh, IntArray]]:
     """Body, mesh and boundary facets (F, 2) of each of a load's `on`, which acts on `field`.
 
     InputError with every fault, under `on.0`, `on.1`, ...
     """
-    def find(text: str, key: str) -> tuple[AnyBody, Mesh, IntArray]:
+    def find(text: str, key: str) -> tuple[Body, Mesh, IntArray]:
         target = find_target(parts, text, key)
         need_field(target, field, key)
         facets = target.facets(key)

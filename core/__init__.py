@@ -3,8 +3,8 @@
     from sparsemor.core import BlockData, Dictionary, InputError, Plugin
 
 Names are imported when they are asked for, so that importing the package stays quick. Where a name
-is defined may change; its name here does not (tests/laws/test_extension_api.py lists them all).
-Law checks of a plugin stand in `sparsemor.core.testing`.
+is defined may change; its name here does not: tests/laws/test_extension_api.py
+lists them all. Law checks of a plugin are in `sparsemor.core.testing`.
 """
 
 from importlib import import_module

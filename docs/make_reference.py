@@ -14,7 +14,8 @@ from sparsemor.core.scene.scene import Scene
 
 PAGE = Path(__file__).with_name("scene-reference.md")
 KINDS = {
-    "body": "bodies.NAME", "mesh": "mesh of a flexible body", "joint": "joints.NAME",
+    "body": "bodies.NAME", "material": "material of a flexible body",
+    "mesh": "mesh of a flexible body", "joint": "joints.NAME",
     "contact": "contacts.NAME", "normal_law": "normal of a contact",
     "friction_law": "friction of a contact", "load": "loads.NAME",
     "function": "any option that takes a function of time",

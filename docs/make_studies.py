@@ -2,7 +2,7 @@
 
     sparsemor study samplers --out runs/samplers
     python docs/make_studies.py runs/samplers/table.csv     # copies it to docs/measured/studies
-    python docs/make_studies.py                             # writes all tables anew
+    python docs/make_studies.py                             # writes all tables again
 
 A table stands between `<!-- study NAME: MEASURE by COLUMN, .. -->` and `<!-- end -->`: one line a
 value of the first columns, one column a value of the last; of several measures, one line a value of
@@ -19,7 +19,8 @@ from pathlib import Path
 from statistics import median
 
 HERE = Path(__file__).parent
-PAGES = (HERE / "ablations.md", HERE / "slider-plate.md", HERE / "brake-disk.md")
+PAGES = (HERE / "ablations.md", HERE / "measured" / "slider-plate.md",
+         HERE / "measured" / "brake-disk.md")
 TABLES = HERE / "measured" / "studies"
 MARK = re.compile(
     r"(<!-- study (\w+): (\w+(?:, \w+)*) by ([^>]+?) -->\n).*?(<!-- end -->)", re.DOTALL)
@@ -89,7 +90,7 @@ def name(value: str) -> str:
 
 
 def page(text: str, folder: Path = TABLES) -> str:
-    """The page with every table made anew."""
+    """The page with every table made again."""
     def made(match: re.Match[str]) -> str:
         head, study, measure, columns, end = match.groups()
         names, measures = ([c.strip() for c in text.split(",")] for text in (columns, measure))

@@ -14,7 +14,7 @@ from sparsemor.core import (
     StepOutcome,
 )
 from sparsemor.core.model.initial_state import consistent_state
-from sparsemor.reducers.step.rejection import rejected_step
+from sparsemor.reducers.step.rejection import checked, rejected_step
 
 
 def check_start(model: AssembledModel, integrator: Integrator, h: float) -> None:
@@ -49,5 +49,6 @@ def _objection(model: AssembledModel, h: float, start: State) -> str:
     c1 = 1.0 / h
     step = StepFormula(start.t + h, c1, 0.0, c1, v + h * a - c1 * end, 0.0 * x)
     found = rejected_step(
-        StepOutcome(end, Status.DONE, 0), ((t, t.columns) for t in model.terms), step, layout)
+        StepOutcome(end, Status.DONE, 0), checked((t, t.columns) for t in model.terms), step,
+        layout)
     return "" if found.status.ok else found.detail

@@ -1,16 +1,20 @@
 """Distributions for tests: tiny ones made on the spot, and the third-party samples. A folder for
 the results of runs that name none."""
 
+import os
+import signal
 import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
+from importlib import metadata
 from pathlib import Path
 
 import pytest
+from threadpoolctl import threadpool_limits
 
 from cpu_limit import CpuLimit
-from time_budget import TimeBudget
+from installed_once import entry_points
 
 THIRD_PARTY = Path(__file__).parent / "third_party"
 Distribute = Callable[..., None]
@@ -128,16 +132,18 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption(
         "--cpu-limit", type=float, default=0.5, metavar="S",
         help="CPU seconds of a test without a tier (0: no limit, for profiles and coverage)")
-    parser.addoption(
-        "--minutes", type=float, metavar="N",
-        help="start no test after so many minutes: a random share, another one each day")
 
 
 def pytest_configure(config: pytest.Config) -> None:
+    # One thread of BLAS, for workers and programs that tests start, too: most matrices here are
+    # small, and the threads of two workers on two cores wait for each other.
+    os.environ.update(OPENBLAS_NUM_THREADS="1", OMP_NUM_THREADS="1", MKL_NUM_THREADS="1")
+    threadpool_limits(limits=1, user_api="blas")
+    metadata.entry_points = entry_points
+    if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:  # started in the background by a shell
+        signal.signal(signal.SIGINT, signal.default_int_handler)
     if limit := config.getoption("--cpu-limit"):
         config.pluginmanager.register(CpuLimit(limit), "cpu_limit")
-    if (minutes := config.getoption("--minutes")) is not None:
-        config.pluginmanager.register(TimeBudget(minutes), "time_budget")
 
 
 @pytest.fixture(autouse=True, scope="session")

@@ -14,7 +14,7 @@ from sparsemor.core import FloatArray, IntArray
 def moving_edges(
     o: Overlaps, pieces: Pieces, face: Interface, T: FloatArray | None, deforms: bool
 ) -> Iterator[tuple[IntArray, FloatArray]]:
-    """Overlaps (E,) and derivatives (E, rows, columns) of `Slopes.z`: the integrand times the
+    """Overlaps (E,) and derivatives (E, rows, columns) of `Tangent.z`: the integrand times the
     velocity of the edge (Leibniz), along borders of cells where they may jump (all, where surfaces
     deform) and, for conduction, along the line of lift-off."""
     conducts = T is not None and face.conductance > 0

@@ -3,7 +3,6 @@
 import numpy as np
 
 from sparsemor.bodies.body import Body
-from sparsemor.bodies.contact.kinematics import attitude_of
 from sparsemor.bodies.contact.projection import nearest
 from sparsemor.bodies.contact.surface import Surface
 from sparsemor.bodies.mesh.simplices import boundary
@@ -47,20 +46,15 @@ def _deepest(one: Surface, other: Surface, allowed: float) -> tuple[FloatArray, 
     return z[worst], float(depth[worst])
 
 
-def rotation(body: Body) -> FloatArray:
-    """(d, d): body axes to space axes at the start."""
-    return attitude_of(body.pose, 0.0 * body.pose).A
-
-
 def placed(body: Body, X: FloatArray) -> FloatArray:
     """(n, d) positions at the start of reference points X (n, d), m."""
-    return np.asarray(body.pose[: X.shape[1]] + X @ rotation(body).T)
+    return np.asarray(body.pose[: X.shape[1]] + X @ body.start_rotation().T)
 
 
 def _in_box(body: Body, z: FloatArray) -> BoolArray:
     """(n,) points in space that are inside the box about the body in its own axes."""
-    X = body.coordinates
-    own = (z - body.pose[: z.shape[1]]) @ rotation(body)
+    X = body.X
+    own = (z - body.pose[: z.shape[1]]) @ body.start_rotation()
     return np.asarray(((own > X.min(axis=0)) & (own < X.max(axis=0))).all(axis=1))
 
 
@@ -68,7 +62,7 @@ def within(body: Body, z: FloatArray) -> BoolArray:
     """(n,) points z (n, d) in space that are inside the undeformed body at the start: its surface
     fills their field of view."""
     assert body.mesh is not None
-    corners = placed(body, body.coordinates)[boundary(body.mesh)]
+    corners = placed(body, body.X)[boundary(body.mesh)]
     share = np.zeros(len(z))
     for part in np.array_split(np.arange(len(z)), 1 + len(z) * len(corners) // AT_ONCE):
         share[part] = _view(corners[None] - z[part, None, None]).sum(axis=1)

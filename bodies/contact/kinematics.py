@@ -62,9 +62,12 @@ def turning(w: FloatArray) -> FloatArray:
 
 def crossed(w: FloatArray, r: FloatArray) -> FloatArray:
     """(..., d) w x r of angular velocities (..., 1 or 3) and vectors r (..., d)."""
-    if r.shape[-1] == 2:
-        return np.asarray(w * np.stack([-r[..., 1], r[..., 0]], axis=-1))
-    return np.cross(w, r)
+    if r.shape[-1] != 2:
+        return np.cross(w, r)
+    made = np.empty(np.broadcast_shapes(w[..., 0].shape, r.shape[:-1]) + (2,))
+    np.multiply(-w[..., 0], r[..., 1], out=made[..., 0])
+    np.multiply(w[..., 0], r[..., 0], out=made[..., 1])
+    return made
 
 
 def moment(r: FloatArray, f: FloatArray) -> FloatArray:

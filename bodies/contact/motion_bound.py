@@ -12,8 +12,8 @@ from sparsemor.core import BoolArray, FloatArray, IntArray
 class Mover:
     """A surface in d dimensions as its points move: X (n, d) at reference, m; facets (F, d).
 
-    frame (f,), u (n, d): places of the frame's unknowns, position first, and of the displacements
-    in a list, -1: nowhere. A frame turns by an angle (f = d + 1) or a quaternion (f = 7), or has no
+    frame (f,), u (n, d): where the frame's unknowns, position first, and the displacements are in a
+    list, -1: nowhere. A frame turns by an angle (f = d + 1) or a quaternion (f = 7), or has no
     unknowns (all -1, or f = 0).
     """
 
@@ -55,7 +55,7 @@ class MotionBound:
         return cls(frame[:d], frame[d:], rest[d:], np.any(u != 0.0, axis=(0, 1)), gain, arm)
 
     def bound(self, change: FloatArray, x: FloatArray, beyond: float = 0.0) -> float:
-        """m, of any point, from x (k,) to x + change; of rates, m/s. beyond: m by which places that
+        """m, of any point, from x (k,) to x + change; of rates, m/s. beyond: m by which points that
         are carried along may be farther out than the points."""
         arm = self.arm + beyond + self.gain * float(np.linalg.norm(x[self.own]))
         return float(np.linalg.norm(self.shift @ change) + self._turned(change, x) * arm
@@ -73,7 +73,7 @@ class MotionBound:
 
 
 def _rows(matrix: FloatArray, at: IntArray) -> FloatArray:
-    """(..., k) rows of a matrix (N, k) at places (...), 0 where a place is -1."""
+    """(..., k) rows of a matrix (N, k) at positions (...), 0 where one is -1."""
     if not len(matrix):
         return np.zeros((*at.shape, matrix.shape[1]))
     return np.where((at >= 0)[..., None], matrix[at], 0.0)

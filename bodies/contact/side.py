@@ -11,7 +11,11 @@ from typing import Self
 import numpy as np
 
 from sparsemor.bodies.contact.surface import Surface
-from sparsemor.bodies.contact.unknowns import Held, elastic_numbers, thermal_numbers
+from sparsemor.bodies.contact.unknowns import (
+    PrescribedTemperatures,
+    elastic_numbers,
+    thermal_numbers,
+)
 from sparsemor.core import BoolArray, FloatArray, FrameHistory, IntArray, Layout
 
 
@@ -25,7 +29,7 @@ class Side:
     u: IntArray
     T: IntArray
     motion: FrameHistory | None
-    held: Held
+    held: PrescribedTemperatures
 
     @classmethod
     def of(
@@ -40,7 +44,7 @@ class Side:
         if deforms and body.elasticity is not None:
             u = elastic_numbers(body, layout, nodes).ravel()
         T = thermal_numbers(body, layout, nodes) if conducts else np.full(len(nodes), -1)
-        held = Held.of(body, nodes) if conducts else Held()
+        held = PrescribedTemperatures.of(body, nodes) if conducts else PrescribedTemperatures()
         return cls(surface, frame, u, T, motion, held)
 
     def some(self, chosen: IntArray) -> tuple[Self, IntArray]:

@@ -19,27 +19,37 @@ def too_deep(
     A point that crosses a facet within the step was no farther from it before than both moved.
     """
     before, facing = now.a - h * now.va, now.b - h * now.vb
-    speed = float(np.linalg.norm(now.va, axis=1).max() + np.linalg.norm(now.vb, axis=1).max())
-    tree = tree_of(facing, second.facets) if now.sizes.u2 else second.tree
+    deforms = now.sizes.u2 > 0
+    speed = float(np.linalg.norm(now.va, axis=1).max())
+    if deforms:
+        speed += float(np.linalg.norm(now.vb, axis=1).max())
+    tree = tree_of(facing, second.facets) if deforms else second.tree
     found = tree.query(before, k=np.arange(1, min(4 * near.most, tree.n) + 1),
                        distance_upper_bound=second.radius + reach + h * speed)[1]
     node, rank = np.nonzero(found < tree.n)
     facet = found[node, rank]
-    depth = _depth(now.a[node], now.b, second, facet)
+    depth = _depth(now.a[node], now.b if deforms else None, second, facet)
     deep = np.flatnonzero(depth > reach)
     if not len(deep):
         return 0.0
-    was = _depth(before[node[deep]], facing, second, facet[deep])
+    was = _depth(before[node[deep]], facing if deforms else None, second, facet[deep])
     return float(depth[deep[(was <= reach) & (was > -np.inf)]].max(initial=0.0))
 
 
-def _depth(z: FloatArray, points: FloatArray, surface: Surface, facet: IntArray) -> FloatArray:
-    """(m,) depth of points z (m, d) below their facets, m; -inf outside the facet's cell."""
-    planes = Planes.of(points[surface.facets[facet]])
+def _depth(
+    z: FloatArray, points: FloatArray | None, surface: Surface, facet: IntArray
+) -> FloatArray:
+    """(m,) depth of points z (m, d) below their facets, m; -inf outside the facet's cell. points:
+    of the surface, where it deforms."""
+    if points is None:
+        planes, cells = surface.planes.some(facet), surface.cells.some(facet)
+    else:
+        planes = Planes.of(points[surface.facets[facet]])
+        cells = surface.cells_at(facet, planes)
     rel = (z - planes.corner)[:, :, None]
     depth = -(planes.n[:, None] @ rel)[:, 0, 0]
     eta = (planes.g @ rel)[:, :, 0]
     eta[:, 0] += 1.0
-    borders = surface.cells_at(facet, planes).values(eta[:, None], depth[:, None])
+    borders = cells.values(eta[:, None], depth[:, None])
     inside = (borders >= 0).all(axis=(1, 2))
     return np.where(inside, depth, -np.inf)

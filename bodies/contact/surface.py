@@ -30,7 +30,7 @@ class Surface:
         """facets (F, d): point numbers of the body, ordered for outward normals."""
         nodes = np.unique(facets)
         at = np.searchsorted(nodes, facets)
-        X = body.coordinates[nodes]
+        X = body.X[nodes]
         return cls(body, nodes, at, cells_of(X, at, Planes.of(X[at])), float(radii_of(X[at]).max()))
 
     def some(self, chosen: IntArray) -> tuple[Self, IntArray]:
@@ -58,7 +58,7 @@ class Surface:
     @cached_property
     def X(self) -> FloatArray:
         """(n, d) reference positions, m."""
-        return np.asarray(self.body.coordinates[self.nodes], dtype=np.float64)
+        return self.body.X[self.nodes]
 
     @cached_property
     def sizes(self) -> FloatArray:

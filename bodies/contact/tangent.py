@@ -22,7 +22,7 @@ from sparsemor.core import FloatArray, IntArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Slopes:
+class Tangent:
     """Of each overlap, rows being forces on the corners (D = d^2 where only the first surface
     moves, else 2 d^2), then heats (2 d): by position z and by velocity rate (P, D + 2 d, D), by
     temperature T (P, 2 d, 2 d) of the heats."""
@@ -35,17 +35,17 @@ class Slopes:
     def of(
         cls, o: Overlaps, pieces: Pieces, face: Interface, loads: Loads, T: FloatArray | None,
         deforms: bool, warms: bool,
-    ) -> "Slopes":
+    ) -> "Tangent":
         """deforms: the traction may jump at every border of a cell; warms: rows of heats are asked
         for, which are else zero."""
         q = Samples.at(o, pieces.overlap, pieces.samples(face.points), face)
         W = weights_of(o, pieces, face)
-        answers = Answers.of(o, q, face, T)
+        responses = Responses.of(o, q, face, T)
         moves, warm = (_first_moves, _warm_first) if o.pairs.vb is None else (
             _both_move, _warm_both)
-        forces = moves(o, q, W, answers)
+        forces = moves(o, q, W, responses)
         M, D = forces[0].shape[:2]
-        heats = warm(o, q, W, answers, face) if warms else (np.zeros((M, 2 * o.d, D)),) * 2
+        heats = warm(o, q, W, responses, face) if warms else (np.zeros((M, 2 * o.d, D)),) * 2
         z, rate = (np.concatenate(x, axis=1) for x in zip(forces, heats, strict=True))
         whole = np.concatenate([loads.force.reshape(M, 2 * o.d**2)[:, :D], loads.heat], axis=1)
         z += whole[:, :, None] * (_measure(o)[:, :D] / o.measure[:, None])[q.of][:, None]
@@ -65,7 +65,7 @@ def summed(values: FloatArray, of: IntArray, number: int) -> FloatArray:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Answers:
+class Responses:
     """Per area, at points (M, q): force on the first body by y, by w and by dn (d, d); friction
     heat and conducted heat by them (d); the force, the friction heat, the heat that flows."""
 
@@ -81,7 +81,7 @@ class Answers:
     flow: FloatArray
 
     @classmethod
-    def of(cls, o: Overlaps, q: Samples, face: Interface, T: FloatArray | None) -> "Answers":
+    def of(cls, o: Overlaps, q: Samples, face: Interface, T: FloatArray | None) -> "Responses":
         planes, vb = o.pairs.planes, o.pairs.vb
         n, v = planes.n[q.of][:, None], q.slip
         N, V = n[..., None, :], v[..., None, :]
@@ -133,7 +133,7 @@ def _measure(o: Overlaps) -> FloatArray:
 
 
 def _first_moves(
-    o: Overlaps, q: Samples, W: FloatArray, of: Answers
+    o: Overlaps, q: Samples, W: FloatArray, of: Responses
 ) -> tuple[FloatArray, FloatArray]:
     """Forces (M, d^2, d^2) by position and by velocity of the first facet's corners."""
     (M, k), d, D = W.shape, o.d, o.d**2
@@ -146,7 +146,7 @@ def _first_moves(
 
 
 def _warm_first(
-    o: Overlaps, q: Samples, W: FloatArray, of: Answers, face: Interface
+    o: Overlaps, q: Samples, W: FloatArray, of: Responses, face: Interface
 ) -> tuple[FloatArray, FloatArray]:
     """Heats (M, 2 d, d^2) by position and by velocity of the first facet's corners."""
     (M, k), d = W.shape, o.d
@@ -172,7 +172,7 @@ def _conducted(q: Samples, columns: FloatArray) -> FloatArray:
                            q.eta.transpose(0, 2, 1) @ columns], axis=1)
 
 
-def _carried(o: Overlaps, q: Samples, of: Answers, share: float) -> FloatArray:
+def _carried(o: Overlaps, q: Samples, of: Responses, share: float) -> FloatArray:
     """(M, q, d, d): share of d eta = g . y in the heat at the second facet's corners, by y."""
     into = (1.0 - share) * of.heat + of.flow
     return np.asarray(into[..., None, None] * o.pairs.planes.g[q.of][:, None])
@@ -190,7 +190,7 @@ def _displacement(o: Overlaps, q: Samples) -> FloatArray:
 
 
 def _both_move(
-    o: Overlaps, q: Samples, W: FloatArray, of: Answers
+    o: Overlaps, q: Samples, W: FloatArray, of: Responses
 ) -> tuple[FloatArray, FloatArray]:
     """Forces (M, 2 d^2, 2 d^2) by position and by velocity of both facets' corners."""
     B, tilt, swing = _moves(o, q)
@@ -202,7 +202,7 @@ def _both_move(
 
 
 def _warm_both(
-    o: Overlaps, q: Samples, W: FloatArray, of: Answers, face: Interface
+    o: Overlaps, q: Samples, W: FloatArray, of: Responses, face: Interface
 ) -> tuple[FloatArray, FloatArray]:
     """Heats (M, 2 d, 2 d^2) by position and by velocity of both facets' corners."""
     B, tilt, swing = _moves(o, q)
@@ -237,7 +237,7 @@ def _tilts(o: Overlaps) -> tuple[FloatArray, FloatArray]:
 
 
 def _bent(
-    o: Overlaps, q: Samples, W: FloatArray, of: Answers, B: FloatArray, tilt: FloatArray
+    o: Overlaps, q: Samples, W: FloatArray, of: Responses, B: FloatArray, tilt: FloatArray
 ) -> FloatArray:
     """(M, D, D) of a constant force whose weights at the second facet's corners move."""
     n, g = o.pairs.planes.n[q.of], o.pairs.planes.g[q.of]

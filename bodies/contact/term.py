@@ -17,7 +17,7 @@ from sparsemor.bodies.contact.resultants import names_of, resultants
 from sparsemor.bodies.contact.side import Side, Sizes
 from sparsemor.bodies.contact.step_check import too_deep
 from sparsemor.bodies.contact.surface import radii_of, tree_of
-from sparsemor.bodies.contact.tangent import Slopes, summed
+from sparsemor.bodies.contact.tangent import Tangent, summed
 from sparsemor.bodies.contact.tractions import Interface, Loads, nodal
 from sparsemor.bodies.contact.unknowns import found_in, picked, renumbered
 from sparsemor.bodies.contact.verlet_list import FollowedContact
@@ -180,14 +180,14 @@ class ContactTerm:
         in the order of `Sizes.of_pairs`."""
         k, n = now.kinematics, now.kinematics.sizes
         warms = bool((self.writes[n.whole :] >= 0).any())
-        slopes = Slopes.of(now.overlaps, now.pieces, self.face, now.loads, now.T, self.deforms,
+        tangent = Tangent.of(now.overlaps, now.pieces, self.face, now.loads, now.T, self.deforms,
                            warms)
-        i, j, D = now.nodes[:, : n.d], now.nodes[:, n.d :] - n.n1, slopes.z.shape[2]
-        inner = k.by_unknowns(slopes.z, i) + k.by_rates(slopes.rate, i, j, c1)
+        i, j, D = now.nodes[:, : n.d], now.nodes[:, n.d :] - n.n1, tangent.z.shape[2]
+        inner = k.by_unknowns(tangent.z, i) + k.by_rates(tangent.rate, i, j, c1)
         P, m, f = len(i), inner.shape[2], n.frames
         made = np.zeros((P, m + 2 * n.d, m + 2 * n.d))
         made[:, :m, :m] = k.by_unknowns(inner[:, :D].transpose(0, 2, 1), i).transpose(0, 2, 1)
-        made[:, m:, :m], made[:, m:, m:] = inner[:, D:], slopes.T
+        made[:, m:, :m], made[:, m:, m:] = inner[:, D:], tangent.T
         forces = summed(now.loads.force[:, : n.d], now.pieces.overlap, P)
         frames, own = k.rows_by(forces, i)
         made[0, :f, :f] += frames
@@ -265,11 +265,11 @@ class ContactTerm:
         """Both surfaces, their unknowns among the columns."""
         n = Sizes.of(*self.sides)
         ends = np.cumsum([0, n.f1, n.f2, n.u1, n.u2])
-        places = [self.reads[i:j] for i, j in pairwise(ends)]
+        columns = [self.reads[i:j] for i, j in pairwise(ends)]
         first, second = (
             Mover(s.surface.X, s.surface.facets, frame,
                   u.reshape(-1, n.d) if len(u) else np.full(s.surface.X.shape, -1))
-            for s, frame, u in zip(self.sides, places[:2], places[2:], strict=True))
+            for s, frame, u in zip(self.sides, columns[:2], columns[2:], strict=True))
         return first, second
 
     def points(self, x: FloatArray, t: float) -> tuple[FloatArray, FloatArray] | None:

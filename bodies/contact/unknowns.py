@@ -1,7 +1,7 @@
 """Unknowns of a surface's points, and prescribed temperatures there."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
@@ -13,7 +13,7 @@ from sparsemor.core.protocols.separable import Amplitude
 
 def elastic_numbers(body: Body, layout: Layout, nodes: IntArray) -> IntArray:
     """(n, d) global numbers of the displacements of points nodes (n,), -1 where there are none."""
-    d = body.coordinates.shape[1]
+    d = body.d
     numbers = np.full(d * len(body.X), -1)
     if body.elasticity is not None:
         numbers[body.elasticity.free] = body.position(layout, "elastic")
@@ -36,25 +36,24 @@ def found_in(numbers: IntArray, among: IntArray) -> IntArray:
     return np.where((numbers >= 0) & (among[at] == numbers), at, -1)
 
 
-def renumbered(places: IntArray, kept: IntArray, size: int) -> IntArray:
-    """Places in a list of `size` as places in the list of those `kept`; -1 stays, or is left out.
-    """
-    new = np.full(size + 1, -1)  # the last one for places that are -1
+def renumbered(positions: IntArray, kept: IntArray, size: int) -> IntArray:
+    """Positions in a list of `size` as positions in the list of those `kept`, -1 where left out."""
+    new = np.full(size + 1, -1)  # the last one for positions that are -1
     new[kept] = np.arange(len(kept))
     new[-1] = -1
-    return np.asarray(new[places])
+    return np.asarray(new[positions])
 
 
 def picked(x: FloatArray, at: IntArray) -> FloatArray:
-    """x at places `at`, 0 where a place is -1: nowhere."""
+    """x at positions `at`, 0 where one is -1."""
     return np.where(at >= 0, x[at], 0.0) if len(x) else np.zeros(at.shape)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Held:
+class PrescribedTemperatures:
     """Temperatures that are no unknowns: pairs of points of a surface and T(t), K."""
 
-    given: Sequence[tuple[IntArray, Amplitude]] = ()
+    prescribed: Sequence[tuple[IntArray, Amplitude]] = ()
 
     @classmethod
     def of(cls, body: Body, nodes: IntArray) -> Self:
@@ -64,13 +63,14 @@ class Held:
         return cls([(np.flatnonzero(np.isin(nodes, at)), f.value)
                     for at, f in body.heat.prescribed])
 
-    def some(self, used: IntArray) -> "Held":
+    def some(self, used: IntArray) -> "PrescribedTemperatures":
         """Of some of the points alone."""
-        return Held([(np.flatnonzero(np.isin(used, at)), f) for at, f in self.given])
+        return replace(self, prescribed=[(np.flatnonzero(np.isin(used, at)), f)
+                                         for at, f in self.prescribed])
 
     def filled(self, T: FloatArray, t: float) -> FloatArray:
-        """T (n,), K, with those that are given at time t."""
+        """T (n,), K, with those prescribed at time t."""
         T = T.copy()
-        for at, function in self.given:
+        for at, function in self.prescribed:
             T[at] = function(t)
         return T

@@ -46,7 +46,7 @@ class FollowedContact:
 
     whole: CompressedLocal
     facets: tuple[IntArray, IntArray]
-    paces: tuple[MotionBound, MotionBound]
+    bounds: tuple[MotionBound, MotionBound]
     margin: float
 
     @classmethod
@@ -90,7 +90,7 @@ class FollowedContact:
 
     def moved(self, change: FloatArray, x: FloatArray, beyond: float = 0.0) -> float:
         """m, how far points of both surfaces together move at most from x (k,) to x + change."""
-        first, second = self.paces
+        first, second = self.bounds
         return first.bound(change, x, beyond) + second.bound(change, x, beyond)
 
     def near(self, x: FloatArray) -> "LocalContact":

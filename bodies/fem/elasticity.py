@@ -8,9 +8,9 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from sparsemor.bodies.material import Material, require
+from sparsemor.bodies.material import require
 from sparsemor.bodies.mesh.simplices import gradients
-from sparsemor.core import Csr, FloatArray, InputError, Mesh
+from sparsemor.core import Csr, FloatArray, InputError, Material, Mesh
 
 Model: TypeAlias = Literal["plane_stress", "plane_strain", "solid"]
 

@@ -27,19 +27,19 @@ def elastic_integrals(body: Body) -> ElasticIntegrals:
     n = len(e.free)
     d = mesh.dimension
     corners = d * mesh.cells[:, :, None] + np.arange(d)
-    rows = _places(e.free, d * len(mesh.points))[corners.reshape(len(mesh.cells), -1)]
+    rows = _positions(e.free, d * len(mesh.points))[corners.reshape(len(mesh.cells), -1)]
     assert body.T0 is not None and body.T_ref is not None
     stiffness = Integrals(rows, rows, K, (n, n))
     if body.heat is None:
         return ElasticIntegrals(
             stiffness, None, _columns(rows, n, [_applied(Kt, mesh, body.T0 - body.T_ref)]), ())
-    nodes = _places(body.heat.free, len(mesh.points))[mesh.cells]
-    given, amplitudes = [-_applied(Kt, mesh, body.T_ref)], []
+    nodes = _positions(body.heat.free, len(mesh.points))[mesh.cells]
+    vectors, amplitudes = [-_applied(Kt, mesh, body.T_ref)], []
     for held, function in body.heat.prescribed:
-        given.append(_applied(Kt, mesh, _indicator(mesh, held)))
+        vectors.append(_applied(Kt, mesh, _indicator(mesh, held)))
         amplitudes.append(function.value)
     coupling = Integrals(rows, nodes, Kt, (n, len(body.heat.free)))
-    return ElasticIntegrals(stiffness, coupling, _columns(rows, n, given), tuple(amplitudes))
+    return ElasticIntegrals(stiffness, coupling, _columns(rows, n, vectors), tuple(amplitudes))
 
 
 def heat_integrals(body: Body) -> HeatIntegrals:
@@ -54,11 +54,11 @@ def heat_integrals(body: Body) -> HeatIntegrals:
         C = C.sum(axis=2)[:, :, None] * np.eye(C.shape[1])
     K = forms.elements(forms.conduction, mesh, 0, weight=conductivity)
     n = len(h.free)
-    nodes = _places(h.free, len(mesh.points))[mesh.cells]
-    given, amplitudes = _prescribed(h, mesh, C, K)
+    nodes = _positions(h.free, len(mesh.points))[mesh.cells]
+    vectors, amplitudes = _prescribed(h, mesh, C, K)
     return HeatIntegrals(
         Integrals(nodes, nodes, C, (n, n)), Integrals(nodes, nodes, K, (n, n)),
-        _columns(nodes, n, given), amplitudes)
+        _columns(nodes, n, vectors), amplitudes)
 
 
 def _prescribed(
@@ -73,11 +73,11 @@ def _prescribed(
     return columns, tuple(amplitudes)
 
 
-def _places(free: IntArray, size: int) -> IntArray:
+def _positions(free: IntArray, size: int) -> IntArray:
     """(size,) position of each unknown among the free ones, -1 where it is none."""
-    places = np.full(size, -1, dtype=np.int64)
-    places[free] = np.arange(len(free))
-    return places
+    positions = np.full(size, -1, dtype=np.int64)
+    positions[free] = np.arange(len(free))
+    return positions
 
 
 def _indicator(mesh: Mesh, nodes: IntArray) -> FloatArray:
@@ -91,7 +91,7 @@ def _applied(matrices: FloatArray, mesh: Mesh, nodal: FloatArray) -> FloatArray:
     return np.asarray(np.einsum("epc,ec->ep", matrices, nodal[mesh.cells]))
 
 
-def _columns(rows: IntArray, n: int, given: Sequence[FloatArray]) -> Integrals:
+def _columns(rows: IntArray, n: int, vectors: Sequence[FloatArray]) -> Integrals:
     """Vectors (E, p), one for each column."""
-    columns = np.broadcast_to(np.arange(len(given)), (len(rows), len(given)))
-    return Integrals(rows, columns, np.stack(given, axis=2), (n, len(given)))
+    columns = np.broadcast_to(np.arange(len(vectors)), (len(rows), len(vectors)))
+    return Integrals(rows, columns, np.stack(vectors, axis=2), (n, len(vectors)))

@@ -11,6 +11,7 @@ import numpy as np
 
 from sparsemor.bodies.frames import rotation as rot
 from sparsemor.core import FloatArray
+from sparsemor.core.protocols.poses import turned
 
 Rates: TypeAlias = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 """w, alpha (3,) in body axes, 1/s and 1/s^2; their derivatives (3, n) by the coordinates."""
@@ -101,7 +102,11 @@ def attitude(q: FloatArray) -> Attitude:
     return Free(q) if len(q) == Free.size else Spin(q)
 
 
-def angular_velocity(pose: FloatArray, velocity: FloatArray) -> FloatArray:
-    """(3,) in space axes, rad/s, of rigid coordinates (position first) and their rates."""
+def velocity_at(pose: FloatArray, velocity: FloatArray, z: FloatArray) -> FloatArray:
+    """(d,) velocity, m/s, of a body point z (d,), m, by rigid coordinates and their rates."""
+    if len(z) == 2:
+        arm = turned(pose[None], z)
+        return np.asarray(velocity[:2] + velocity[2] * rot.GENERATORS[2][0] @ arm[0])
     a = attitude(pose[3:])
-    return np.asarray(a.A @ a.rates(velocity[3:], velocity[3:], 0.0, 0.0)[0])
+    w, _ = a.turning(velocity[3:], velocity[3:])
+    return np.asarray(velocity[:3] + a.A @ rot.cross(w, z))

@@ -1,35 +1,28 @@
-"""Conditions between two frames: directions that stay perpendicular, points that slide.
+"""Conditions between two frames: points that slide and, in space, directions that stay
+perpendicular.
 
-Both are products of coordinates of both bodies, so they live in the kernel of one of them (the own
+Both are products of coordinates of both bodies, so they are in the kernel of one of them (the own
 one, which may be flexible) and read the other's rigid coordinates as border unknowns; the ground
-is an other body that stands at the origin. All derivatives follow from the potential
+is another body that stands at the origin. All derivatives follow from the potential
 sum lambda_k g_k, so the border stays symmetric.
 """
 
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
 
 import numpy as np
 
+from sparsemor.bodies.frames import plane_items as plane
 from sparsemor.bodies.frames import rotation as rot
 from sparsemor.bodies.frames.attitude import Attitude, attitude
+from sparsemor.bodies.frames.items import AXES, Wrench
 from sparsemor.bodies.frames.motion import Motion, Sums
 from sparsemor.core import FloatArray
 from sparsemor.core.protocols.poses import placed, turned
 from sparsemor.core.protocols.prescribed_quantities import derivatives
 from sparsemor.core.protocols.separable import Amplitude
 
-STILL = np.array([0.0, 0, 0, 1, 0, 0, 0])
-"""Rigid coordinates of the ground."""
-
-
-class Wrench(NamedTuple):
-    """force (T, 3), N, at the own point and moment (T, 3), N m, on the own side, in space axes;
-    reach (T, 3), m: where that force meets the other body, None where it has no part in it."""
-
-    force: FloatArray
-    moment: FloatArray
-    reach: FloatArray | None
+GROUND = {2: np.zeros(3), 3: np.array([0.0, 0, 0, 1, 0, 0, 0])}
+"""Dimension -> rigid coordinates of the ground."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,7 +38,7 @@ class Facing:
     own: FloatArray
     other: FloatArray
     others: int = 0
-    place: FloatArray = field(default_factory=lambda: STILL)
+    place: FloatArray = field(default_factory=lambda: GROUND[3])
     turns: bool = False
     turned: FloatArray = field(default_factory=lambda: np.zeros(3))
     turn: Amplitude | None = None
@@ -59,8 +52,12 @@ class Facing:
     def forces(self) -> int:
         return len(self.own)
 
+    @property
+    def reactions(self) -> tuple[tuple[str, str], ...]:
+        return (("moment", "N m"),) * self.forces
+
     def names(self, source: str) -> tuple[str, ...]:
-        return tuple(f"joint {source} turn {a}" for a in "xyz") if self.turns else ()
+        return tuple(f"joint {source} turn {a}" for a in AXES) if self.turns else ()
 
     def shifted(self, s: FloatArray, quadratic: FloatArray) -> "Facing":
         return replace(self, turned=self.turned + s) if self.turns else self
@@ -152,33 +149,48 @@ class Facing:
 class Slide:
     """g_k = (R + A z - R_o - A_o z_o) . (A_o e_k): the own point stays on lines of the other body.
 
-    point (3,) = z in own axes, m; lines (l, 3) = e and base (3,) = z_o in the other's.
+    point (d,) = z in own axes, m; lines (l, d) = e and base (d,) = z_o in the other's; others: as
+    in `Facing`, the other body standing at `place` where it is 0.
     """
 
     point: FloatArray
     lines: FloatArray
     base: FloatArray
-    others: int = 0
-    place: FloatArray = field(default_factory=lambda: STILL)
-    directions = 3
+    others: int
+    place: FloatArray
+
+    @property
+    def directions(self) -> int:
+        return len(self.point)
 
     @property
     def forces(self) -> int:
         return len(self.lines)
 
+    @property
+    def reactions(self) -> tuple[tuple[str, str], ...]:
+        return (("force across the axis", "N"),) * self.forces
+
     def names(self, source: str) -> tuple[str, ...]:
-        return tuple(f"joint {source} {a}" for a in "xyz")
+        return tuple(f"joint {source} {a}" for a in AXES[: self.directions])
 
     def shifted(self, s: FloatArray, quadratic: FloatArray) -> "Slide":
         return replace(self, point=self.point + s)
 
+    def in_plane(self) -> plane.PlaneItem:
+        return plane.Slide(
+            complex(*self.point), complex(*self.lines[0]), float(self.lines[0] @ self.base),
+            self.others > 0, tuple(self.place.tolist()))
+
     def wrench(
         self, times: FloatArray, forces: FloatArray, pose: FloatArray, other: FloatArray | None
     ) -> Wrench:
-        far, none = self.place[None] if other is None else other, np.zeros((len(times), 3))
+        far, d = self.place[None] if other is None else other, len(self.point)
         lines = [turned(far, e) for e in self.lines]
-        force = sum((forces[:, k : k + 1] * f for k, f in enumerate(lines)), none)
-        return Wrench(force, none, placed(pose, np.broadcast_to(self.point, (len(pose), 3))))
+        force = sum((forces[:, k : k + 1] * f for k, f in enumerate(lines)),
+                    np.zeros((len(times), d)))
+        reach = placed(pose, np.broadcast_to(self.point, (len(pose), d)))
+        return Wrench(force, np.zeros((len(times), 2 * d - 3)), reach)
 
     def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
         y_o = m.y[o : o + self.others] if self.others else self.place

@@ -1,46 +1,84 @@
-"""The spatial frame kernel: sums its items' equations of one body (equations.md, section 1)."""
+"""Frame kernels: each sums its items' equations of one body (equations.md, section 1)."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Generic, Self, TypeVar
 
 import numpy as np
 
-from sparsemor.bodies.frames.inertia import FIRST, Inertia
-from sparsemor.bodies.frames.items import Item, Nothing, Pushing, Timed
+from sparsemor.bodies.frames.inertia import Inertia
+from sparsemor.bodies.frames.items import Item, Nothing, Pushing, SpatialItem, Timed
 from sparsemor.bodies.frames.many_times import MotionAtTimes, Pushes
 from sparsemor.bodies.frames.moments import moments_of
 from sparsemor.bodies.frames.motion import Motion, Sums
 from sparsemor.core import FloatArray, FrameWork
 
+AnyItem = TypeVar("AnyItem", bound=Item)
 
-@dataclass(frozen=True, slots=True, eq=False)
-class SpatialFrame:
-    """Border unknowns: own rigid coordinates (`size`: position and quaternion 7, position and angle
-    4), those of the other bodies that items read, then the items' forces. `elastic` False when the
-    body has no elastic block. Where the frame's motion is prescribed, items act on displacements
-    by `push`; `without_push` finds those that could not."""
 
-    items: tuple[Item, ...]
+@dataclass(frozen=True, eq=False)
+class ItemFrame(Generic[AnyItem]):
+    """Border unknowns: own rigid coordinates (`size`: in the plane position and angle 3; in space
+    position and quaternion 7, or angle 4), those of the other bodies that items read, then the
+    items' forces. `elastic` False when the body has no elastic block."""
+
+    items: tuple[AnyItem, ...]
     elastic: bool
     size: int
 
-    @property
+    @cached_property
     def rigid_size(self) -> int:
         return self.size + sum(i.others for i in self.items)
 
-    @property
+    @cached_property
     def border(self) -> int:
         return self.rigid_size + sum(i.forces for i in self.items)
 
-    @property
+    @cached_property
     def p(self) -> int:
         return sum(i.directions for i in self.items) if self.elastic else 0
 
-    @property
+    @cached_property
     def generators(self) -> int:
         """None at rest, where no inertia but M u'' acts."""
         inert = any(isinstance(i, Inertia) or (isinstance(i, Nothing) and i.inert)
                     for i in self.items)
         return moments_of(self.size).count if self.elastic and inert else 0
+
+    @cached_property
+    def starts(self) -> tuple[tuple[int, int, int], ...]:
+        """Of each item: its first direction, coordinate of another body and force."""
+        made, j, o, k = [], 0, self.size, self.rigid_size
+        for item in self.items:
+            made.append((j, o, k))
+            j, o, k = j + item.directions, o + item.others, k + item.forces
+        return tuple(made)
+
+    @cached_property
+    def inertias(self) -> tuple[tuple[int, Inertia], ...]:
+        """Inertia and its first direction, if the body is flexible and has one."""
+        return tuple((j, i) for i, (j, _, _) in zip(self.items, self.starts, strict=True)
+                     if self.elastic and isinstance(i, Inertia))
+
+    @property
+    def shape_columns(self) -> tuple[tuple[int, int], ...]:
+        """The second-moment directions of the inertia are M_g X."""
+        return tuple((j + len(i.moment) + g, g) for j, i in self.inertias
+                     for g in range(i.moments.count))
+
+    def shifted(self, s: FloatArray, quadratic: FloatArray) -> Self:
+        if not self.elastic:
+            return self
+        return replace(self, items=tuple(
+            i.shifted(np.asarray(s[j : j + i.directions]), quadratic)
+            for i, (j, _, _) in zip(self.items, self.starts, strict=True)))
+
+
+@dataclass(frozen=True, eq=False)
+class SpatialFrame(ItemFrame[SpatialItem]):
+    """Frame of a body in space. Where its motion is prescribed, items act on displacements by
+    `push`; `without_push` finds those that could not."""
 
     def evaluate(
         self, y: FloatArray, v: FloatArray, a: FloatArray, c1: float, c2: float,
@@ -56,10 +94,8 @@ class SpatialFrame:
         if self.elastic:
             m.s, m.s1, m.s2, m.form, m.forms = s, s1, s2, form, forms
             work.tau[3 : self.size] = 0.0
-        j, o, k = 0, self.size, self.rigid_size
-        for item in self.items:
+        for item, (j, o, k) in zip(self.items, self.starts, strict=True):
             item.evaluate(m, j, o, k, out)
-            j, o, k = j + item.directions, o + item.others, k + item.forces
         out.finish(m)
 
     def drive(
@@ -69,65 +105,47 @@ class SpatialFrame:
         out = work.views
         if not isinstance(out, Sums):
             out = work.views = Sums(work, self.size)
-        m, j = Motion(self.size, y, v, a, c1, c2, t, derivatives=False), 0
-        for item in self.items:
-            if isinstance(item, Pushing):
-                item.push(m, j, out)
-            j += item.directions
+        m = Motion(self.size, y, v, a, c1, c2, t, derivatives=False)
+        for item, j in self._pushing():
+            item.push(m, j, out)
 
     def drive_along(
         self, y: FloatArray, v: FloatArray, a: FloatArray, c1: float, c2: float,
         times: FloatArray,
     ) -> FloatArray:
         """(T, 2 g + p): what `drive` gives, at all times (T,) at once."""
-        m, j = MotionAtTimes(self.size, y, v, a, c1, times), 0
+        m = MotionAtTimes(self.size, y, v, a, c1, times)
         out = Pushes(len(times), self.p, self.generators)
-        for item in self.items:
-            if isinstance(item, Pushing):
-                item.push(m, j, out)
-            j += item.directions
+        for item, j in self._pushing():
+            item.push(m, j, out)
         return np.hstack([out.coefficients, out.sigma])
+
+    def _pushing(self) -> Iterator[tuple[Pushing, int]]:
+        """Items that push, with their first direction."""
+        for item, (j, _, _) in zip(self.items, self.starts, strict=True):
+            if isinstance(item, Pushing):
+                yield item, j
 
     def exact(
         self, v: FloatArray, a: FloatArray, c1: float, c2: float, work: FrameWork
     ) -> None:
         out = work.views
-        if isinstance(out, Sums) and self.elastic:
-            for item in self.items:
-                if isinstance(item, Inertia):
-                    item.exact(out.motion, out)
+        if isinstance(out, Sums):
+            for _, inertia in self.inertias:
+                inertia.exact(out.motion, out)
 
     @property
-    def without_push(self) -> tuple[Item, ...]:
+    def without_push(self) -> tuple[SpatialItem, ...]:
         """Items that act on displacements by more than unknown forces, but have no `push`."""
         return tuple(i for i in self.items
                      if i.directions and not i.forces and not isinstance(i, Pushing))
 
     def time_derivative(self, order: int, t: float, h: float) -> "SpatialFrame | None":
         """The frame of the partial derivative by time of its items' constraint rows, at t, s."""
-        made: list[Item] = []
+        made: list[SpatialItem] = []
         for i in self.items:
             of_time = i.time_derivative(order, t, h) if isinstance(i, Timed) else None
             made.append(of_time or Nothing(
                 i.directions, i.others, i.forces, isinstance(i, Inertia)))
         zero = all(isinstance(i, Nothing) for i in made)
         return None if zero else replace(self, items=tuple(made))
-
-    @property
-    def shape_columns(self) -> tuple[tuple[int, int], ...]:
-        """The second-moment directions of the inertia are M_g X."""
-        j, found = 0, []
-        for item in self.items:
-            if isinstance(item, Inertia) and self.elastic:
-                found += [(j + FIRST + g, g) for g in range(item.moments.count)]
-            j += item.directions
-        return tuple(found)
-
-    def shifted(self, s: FloatArray, quadratic: FloatArray) -> "SpatialFrame":
-        if not self.elastic:
-            return self
-        j, items = 0, []
-        for item in self.items:
-            items.append(item.shifted(np.asarray(s[j : j + item.directions]), quadratic))
-            j += item.directions
-        return replace(self, items=tuple(items))

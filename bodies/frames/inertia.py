@@ -1,4 +1,4 @@
-"""Inertia of a spatial body, rigid or flexible (equations.md, section 1; notation: motion.py).
+"""Inertia of a body, rigid or flexible (equations.md, section 1; notation: motion.py).
 
 With z = X + u and the second moments of moments.py, the torque of the inertia forces about the
 frame origin is
@@ -9,48 +9,59 @@ J of the moments (z, z), K1 of (z, u'). A rigid body is the case of constant mom
 """
 
 from dataclasses import dataclass, field, replace
+from typing import Self
 
 import numpy as np
 
+from sparsemor.bodies.frames import plane_items as plane
 from sparsemor.bodies.frames import rotation as rot
+from sparsemor.bodies.frames.items import AXES
 from sparsemor.bodies.frames.many_times import Moved, Pushed
-from sparsemor.bodies.frames.moments import FREE, Moments
+from sparsemor.bodies.frames.moments import MassProperties, Moments
 from sparsemor.bodies.frames.motion import Motion, Sums
-from sparsemor.core import Csr, FloatArray
+from sparsemor.core import FloatArray
 
 FIRST = 3
-"""Directions of the first moment, before those of the second moments."""
+"""Directions of the first moment in space, before those of the second moments."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Inertia:
-    """mass (kg), moment (3,) = sum m X (kg m), second (g,) = X.M_g X (kg m^2).
+    """mass (kg), moment (d,) = sum m X (kg m), second (g,) = X.M_g X (kg m^2).
 
-    Directions: m e_i (3), then M_g X (g).
+    Directions: m e_i (d), then M_g X (g).
     """
 
     mass: float
     moment: FloatArray
     second: FloatArray
-    moments: Moments = FREE
+    moments: Moments
     tensor: FloatArray = field(init=False)
-    """(3, 3) moments of inertia of the reference shape about the frame origin, kg m^2."""
+    """(r, r) moments of inertia of the reference shape about the frame origin, kg m^2."""
     others = 0
     forces = 0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "tensor", self.moments.tensor.dot(self.second))
 
+    @classmethod
+    def of(cls, body: MassProperties, moments: Moments) -> Self:
+        return cls(body.mass, body.moment, moments.numbers(body.second), moments)
+
     @property
     def directions(self) -> int:
-        return FIRST + self.moments.count
+        return len(self.moment) + self.moments.count
 
     def names(self, source: str) -> tuple[str, ...]:
-        return (*(f"inertia {a}" for a in "xyz"), *self.moments.names)
+        return (*(f"inertia {a}" for a in AXES[: len(self.moment)]), *self.moments.names)
 
     def shifted(self, s: FloatArray, quadratic: FloatArray) -> "Inertia":
-        return replace(self, moment=self.moment + s[:FIRST],
-                       second=self.second + self.moments.symmetric * s[FIRST:] + quadratic)
+        d = len(self.moment)
+        return replace(self, moment=self.moment + s[:d],
+                       second=self.second + self.moments.symmetric * s[d:] + quadratic)
+
+    def in_plane(self) -> plane.PlaneItem:
+        return plane.Inertia(self.mass, complex(*self.moment), float(self.second[0]))
 
     def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
         m.acc_b = m.A.T.dot(m.acc)
@@ -138,10 +149,3 @@ class Inertia:
         by_shape, by_rate = self._levers(m.w, m.al, wx)
         for i, torque in enumerate((by_shape, by_rate, k.axial)):
             out.quad[m.at, i] = lever.dot(torque)
-
-
-def of_mesh(m: Csr, X: FloatArray, moments: Moments) -> Inertia:
-    """Of a mass matrix m (N, N), kg, and reference points X (N, 3), m."""
-    weights = np.asarray(m.sum(axis=1)).ravel()
-    return Inertia(
-        float(weights.sum()), weights @ X, moments.numbers(X.T @ (m @ X)), moments)

@@ -1,29 +1,56 @@
-"""Second moments of a body's mass, and the constant tensors that make its inertia of them.
+"""Moments of a body's mass, and the constant tensors that make its inertia of them.
 
-The inertia of z = X + u needs T = sum m z y^T for y = z, u', u''. A set of 3 x 3 matrices B_g that
+The inertia of z = X + u needs T = sum m z y^T for y = z, u', u''. A set of d x d matrices B_g that
 spans what is needed of T gives the generators M_g = m (x) B_g of the elastic inertia
 (equations.md, section 1) and the numbers N_g = z.M_g y = B_g : T.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
-from sparsemor.bodies.frames.rotation import LEVI_CIVITA
-from sparsemor.core import FloatArray
+from sparsemor.bodies.frames.rotation import GENERATORS, LEVI_CIVITA
+from sparsemor.core import Csr, FloatArray
+from sparsemor.core.protocols.poses import FREE, PLANAR, SPINNING
 
 Rates = Callable[[FloatArray, FloatArray], FloatArray]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class MassProperties:
+    """mass, kg; moment (d,) = sum m X, kg m; second (d, d) = sum m X X^T, kg m^2, about the frame
+    origin."""
+
+    mass: float
+    moment: FloatArray
+    second: FloatArray
+
+    @classmethod
+    def rigid(cls, mass: float, center: FloatArray, inertia: float | FloatArray) -> Self:
+        """center (d,): centre of mass, m; inertia: about it, kg m^2, the moment of inertia in the
+        plane, the tensor (3, 3) in space. Of the second moment only its part in J is known in the
+        plane, its trace."""
+        J = np.asarray(inertia, dtype=np.float64)
+        own = 0.5 * J * np.eye(2) if J.ndim == 0 else 0.5 * np.trace(J) * np.eye(3) - J
+        return cls(mass, mass * center, own + mass * np.outer(center, center))
+
+    @classmethod
+    def of_mesh(cls, m: Csr, X: FloatArray) -> Self:
+        """Of a mass matrix m (N, N), kg, and reference points X (N, d), m."""
+        weights = np.asarray(m.sum(axis=1)).ravel()
+        return cls(float(weights.sum()), weights @ X, X.T @ (m @ X))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Moments:
-    """g matrices B (g, 3, 3), the identity first; M_g^T = signs_g M_g; N_g(z) changes by
+    """g matrices B (g, d, d), the identity first; M_g^T = signs_g M_g; N_g(z) changes by
     symmetric_g (M_g z).dz; names: what M_g X is a load of, "" for none.
 
-    tensor (3, 3, g): moments of inertia J = tensor N(z); levers (3, g, 3) the same numbers; axial
-    (3, g): sum z x m y = axial N(y). factors(w, al) (g,): sum_g factor_g B_g = w~ w~ + al~ in body
-    axes, (T, g) of rates (T, 3); slopes(w) (g, 3): their derivative by w; turn (g, 3): by al.
+    tensor (r, r, g): moments of inertia J = tensor N(z); levers (r, g, r) the same numbers; axial
+    (r, g): sum z x m y = axial N(y). factors(w, al) (g,): sum_g factor_g B_g = w~ w~ + al~ in body
+    axes, (T, g) of rates (T, r); slopes(w) (g, r): their derivative by w; turn (g, r): by al.
     """
 
     B: FloatArray
@@ -42,23 +69,15 @@ class Moments:
         return len(self.B)
 
     def numbers(self, T: FloatArray) -> FloatArray:
-        """(g,) of a second moment T (3, 3) = sum m z y^T."""
+        """(g,) of a second moment T (d, d) = sum m z y^T."""
         return np.asarray(np.tensordot(self.B, T, 2))
-
-    def of_inertia(self, J: FloatArray) -> FloatArray:
-        """(g,) of a rigid body with inertia tensor J (3, 3) about the frame origin."""
-        return self.numbers(0.5 * np.trace(J) * np.eye(3) - J)
-
-
-TURNS = -LEVI_CIVITA
-"""(3, 3, 3): e1~, e2~, e3~."""
 
 
 def _free_matrices() -> FloatArray:
     e = np.eye(3)
     pairs = [np.outer(e[i], e[j]) + np.outer(e[j], e[i]) for i, j in ((1, 2), (0, 2), (0, 1))]
     # e3 e3^T is the identity less the other two
-    return np.stack([e, *TURNS, np.outer(e[0], e[0]), np.outer(e[1], e[1]), *pairs])
+    return np.stack([e, *GENERATORS[3], np.outer(e[0], e[0]), np.outer(e[1], e[1]), *pairs])
 
 
 def _free_factors(w: FloatArray, al: FloatArray) -> FloatArray:
@@ -96,7 +115,7 @@ def _spin_factors(w: FloatArray, al: FloatArray) -> FloatArray:
 
 def _spin() -> Moments:
     """Three matrices: what the torque about z and a turn about z ask for, no more."""
-    B = np.stack([np.eye(3), TURNS[2], np.diag([1.0, 1.0, 0.0])])
+    B = np.stack([np.eye(3), GENERATORS[3][2], np.diag([1.0, 1.0, 0.0])])
     tensor, axial, turn = np.zeros((3, 3, 3)), np.zeros((3, 3)), np.zeros((3, 3))
     tensor[2, 2, 2], axial[2, 1], turn[1, 2] = 1.0, -1.0, 1.0
     return _of(
@@ -114,9 +133,20 @@ def _of(
                    slopes, turn, tuple(n and f"inertia {n}" for n in names))
 
 
-FREE, SPIN = _free(), _spin()
+def _plane() -> Moments:
+    """Two matrices: of the shape, which the rotation carries outward and around."""
+    B = np.stack([np.eye(2), GENERATORS[2][0]])
+    return _of(
+        B, np.array([[[1.0, 0.0]]]), np.array([[0.0, -1.0]]),
+        lambda w, al: np.array([-w[..., 0] ** 2, al[..., 0]]).T,
+        lambda w: np.array([[-2.0 * w[0]], [0.0]]), np.array([[0.0], [1.0]]),
+        ("outward", "around"))
+
+
+_MOMENTS = {PLANAR: _plane(), SPINNING: _spin(), FREE: _free()}
 
 
 def moments_of(size: int) -> Moments:
-    """For frames with `size` rigid coordinates: 7, free, or 4, turning about z alone."""
-    return FREE if size == 7 else SPIN
+    """For frames with `size` rigid coordinates: 3 in the plane; in space 7, free, or 4, turning
+    about z alone."""
+    return _MOMENTS[size]

@@ -1,31 +1,34 @@
-"""Nodal direction vectors: columns over all 3 N displacements, number 3 * node + component."""
+"""Nodal direction vectors: columns over all d N displacements, number d * node + component."""
 
 import numpy as np
 
-from sparsemor.bodies.frames.rotation import LEVI_CIVITA
+from sparsemor.bodies.frames.rotation import GENERATORS
 from sparsemor.core import FloatArray
 
 
-def along(weights: FloatArray) -> FloatArray:
-    """(3 N, 3): the weighted sum of u along each axis."""
-    return np.asarray(np.kron(weights[:, None], np.eye(3)))
+def along(weights: FloatArray, d: int) -> FloatArray:
+    """(d N, d): the weighted sum of u along each axis."""
+    return np.asarray(np.kron(weights[:, None], np.eye(d)))
 
 
 def with_torques(forces: FloatArray) -> FloatArray:
-    """(3 N, 4): nodal forces (N, 3) as a load, and the three functionals sum u x f."""
-    torques = np.einsum("abc,nc->nba", LEVI_CIVITA, forces)  # (u x f)_a = eps_abc u_b f_c
-    return np.concatenate([forces.reshape(-1, 1), torques.reshape(-1, 3)], axis=1)
+    """(d N, 1 + r): nodal forces (N, d) as a load, and the r functionals sum u x f."""
+    G = GENERATORS[forces.shape[1]]
+    torques = np.einsum("acb,nc->nba", G, forces).reshape(-1, len(G))
+    return np.concatenate([forces.reshape(-1, 1), torques], axis=1)
 
 
 def mean_turn(weights: FloatArray, X: FloatArray) -> FloatArray:
-    """(3 N, 3): mean rotation (rad) of the weighted points X (N, 3), by least squares.
+    """(d N, d): mean rotation (rad) of the weighted points X (N, d), by least squares; in the
+    plane a column of zeros follows it, because directions come in pairs there.
 
-    Minimises sum w |u - u_mean - theta x arm|^2. The points must not lie on one line: LinAlgError.
+    Minimises sum w |u - u_mean - theta x arm|^2. The points must not lie on one line, in the plane
+    not at one place: LinAlgError.
     """
     arm = X - weights @ X
-    T = (weights[:, None] * arm).T @ arm
-    J = np.trace(T) * np.eye(3) - T
-    if np.linalg.cond(J) > 1e12:
+    lever = np.einsum("aij,nj->nia", GENERATORS[X.shape[1]], arm)  # e_a x arm
+    J = np.einsum("n,nia,nib->ab", weights, lever, lever)
+    if not np.linalg.cond(J) <= 1e12:
         raise np.linalg.LinAlgError
-    lever = np.einsum("abc,nb->nca", LEVI_CIVITA, weights[:, None] * arm)  # (arm x u)_a
-    return np.asarray(lever.reshape(-1, 3) @ np.linalg.inv(J))
+    turn = (weights[:, None, None] * lever).reshape(X.size, -1) @ np.linalg.inv(J)
+    return np.asarray(np.pad(turn, ((0, 0), (0, X.shape[1] - turn.shape[1]))))

@@ -1,38 +1,28 @@
-"""The planar frame kernel: sums its items' equations of one body (equations.md, section 1)."""
+"""The planar frame kernel, in complex numbers: the equations of the spatial one for motion in a
+plane, in a fraction of its time (`tests/laws/test_plane_kernel.py` compares them)."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from sparsemor.bodies.frames.plane_items import Inertia, Item
+from sparsemor.bodies.frames.frame import ItemFrame
+from sparsemor.bodies.frames.items import PlanarItem
+from sparsemor.bodies.frames.plane_items import PlaneItem
 from sparsemor.bodies.frames.plane_motion import Motion, Views
 from sparsemor.core import FloatArray, FrameWork
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class PlanarFrame:
-    """Rigid coordinates (R_x, R_y, theta); `elastic` False when the body has no elastic block."""
+@dataclass(frozen=True, eq=False)
+class PlanarFrame(ItemFrame[PlanarItem]):
+    """Frame of a body in the plane: rigid coordinates (R_x, R_y, theta)."""
 
-    items: tuple[Item, ...]
-    elastic: bool
-
-    @property
-    def rigid_size(self) -> int:
-        return 3
-
-    @property
-    def border(self) -> int:
-        return 3 + sum(i.forces for i in self.items)
-
-    @property
-    def p(self) -> int:
-        return 2 * sum(i.pairs for i in self.items) if self.elastic else 0
-
-    @property
-    def generators(self) -> int:
-        """None at rest, where no inertia but M u'' acts."""
-        inert = any(isinstance(i, Inertia) for i in self.items)
-        return 2 if self.elastic and inert else 0
+    @cached_property
+    def evaluated(self) -> tuple[tuple[PlaneItem, int, int, int], ...]:
+        """Items in complex numbers, with their first pair of directions, coordinate of another
+        body and force."""
+        return tuple((item.in_plane(), j // 2, o, k)
+                     for item, (j, o, k) in zip(self.items, self.starts, strict=True))
 
     def evaluate(
         self, y: FloatArray, v: FloatArray, a: FloatArray, c1: float, c2: float,
@@ -49,11 +39,8 @@ class PlanarFrame:
             m.s1, m.s2 = s1.view("c16").tolist(), s2.view("c16").tolist()
             m.form, m.forms = form.tolist(), forms.tolist()
         total = [0.0] * 9
-        j, k = 0, 3
-        for item in self.items:
-            item.evaluate(m, j, k, total, out)
-            j += item.pairs
-            k += item.forces
+        for item, j, o, k in self.evaluated:
+            item.evaluate(m, j, o, k, total, out)
         out.write(total)
 
     def drive(
@@ -67,37 +54,18 @@ class PlanarFrame:
     def exact(
         self, v: FloatArray, a: FloatArray, c1: float, c2: float, work: FrameWork
     ) -> None:
-        out = work.views
-        if isinstance(out, Views) and self.elastic:
-            m = Motion([0.0] * 3, float(v[2]), 0j, float(a[2]), c1, c2, 0.0)
-            for item in self.items:
-                if isinstance(item, Inertia):
-                    item.exact(m, out)
+        """Derivatives that are quadratic in u: the inertia's."""
+        out, w, al = work.views, float(v[2]), float(a[2])
+        if isinstance(out, Views) and self.inertias:
+            out.kappa_y[2, 0], out.kappa_y[2, 1] = -2 * w * c1, c2
+            out.mu_y[2, 1] = 2 * c1
+            out.quad[2, 0, 0], out.quad[2, 1, 0], out.quad[2, 2, 1] = al, 2 * w, -1.0
 
     @property
-    def without_push(self) -> tuple[Item, ...]:
+    def without_push(self) -> tuple[PlanarItem, ...]:
         """None: `drive` evaluates every item."""
         return ()
 
     def time_derivative(self, order: int, t: float, h: float) -> "PlanarFrame | None":
         """None: no attachment of it depends on time alone."""
         return None
-
-    @property
-    def shape_columns(self) -> tuple[tuple[int, int], ...]:
-        """Inertia's second pair is (M X, M J X)."""
-        j, found = 0, []
-        for item in self.items:
-            if isinstance(item, Inertia) and self.elastic:
-                found += [(2 * j + 2, 0), (2 * j + 3, 1)]
-            j += item.pairs
-        return tuple(found)
-
-    def shifted(self, s: FloatArray, quadratic: FloatArray) -> "PlanarFrame":
-        if not self.elastic:
-            return self
-        sl, j, items = s.view("c16").tolist(), 0, []
-        for item in self.items:
-            items.append(item.shifted(sl[j : j + item.pairs], quadratic))
-            j += item.pairs
-        return PlanarFrame(tuple(items), self.elastic)

@@ -1,38 +1,40 @@
-"""Parts of the planar frame equations: inertia, forces, attachments (notation: motion.py).
+"""Items of a planar frame in complex numbers: inertia, forces, attachments, constraints.
 
-Each item adds its force and torque to `total` (rows 0-2, then H02, H12, H20, H21, H22, H00) and
-writes its own columns: pairs from j on, border unknowns from k on. `names` says what each of its
-directions is a load of, two a pair; "" where it only serves the rows of the frame.
+Each adds its force and torque to `total` (rows 0-2, then H02, H12, H20, H21, H22, H00 = H11) and
+writes its own columns: pairs of directions from j on, coordinates of another body from o on, border
+unknowns from k on. The data are those of the items of the same names in items.py, inertia.py and
+constraints.py, which make these (`in_plane`); notation: plane_motion.py.
 """
 
-from dataclasses import dataclass, replace
+from cmath import exp
+from dataclasses import dataclass
+from typing import Protocol
 
 from sparsemor.bodies.frames.plane_motion import Motion, Views
-from sparsemor.core import FloatArray, Table
+from sparsemor.core import Table
 from sparsemor.core.protocols.separable import Amplitude
+
+
+class PlaneItem(Protocol):
+    """An item as the planar frame evaluates it."""
+
+    def evaluate(
+        self, m: Motion, j: int, o: int, k: int, total: list[float], out: Views
+    ) -> None: ...
 
 
 @dataclass(frozen=True, slots=True)
 class Inertia:
     """Two pairs: S = m 1 (first moment) and M X (equations.md, section 1).
 
-    mass (kg), moment = sum m X (kg m, complex), inertia = X.M X (kg m^2) about the frame origin.
+    mass (kg), moment = sum m X (kg m), inertia = X.M X (kg m^2) about the frame origin.
     """
 
     mass: float
     moment: complex
     inertia: float
-    pairs = 2
-    forces = 0
 
-    def names(self, source: str) -> tuple[str, ...]:
-        return ("inertia x", "inertia y", "inertia outward", "inertia around")
-
-    def shifted(self, s: list[complex], quadratic: FloatArray) -> "Inertia":
-        return Inertia(self.mass, self.moment + s[0],
-                       self.inertia + 2 * s[1].real + float(quadratic[0]))
-
-    def evaluate(self, m: Motion, j: int, k: int, total: list[float], out: Views) -> None:
+    def evaluate(self, m: Motion, j: int, o: int, k: int, total: list[float], out: Views) -> None:
         """Translation A sum(M acc), rotation sum z x M acc, with acc = A^T R'' + ... ."""
         e, ec, w, al, c1, c2 = m.e, m.ec, m.w, m.al, m.c1, m.c2
         spin = complex(-w * w, al)
@@ -83,64 +85,38 @@ class Inertia:
         on_u = out.coefficients
         on_u[0], on_u[1], on_u[3] = -w * w, al + 2 * w * c1, 2 * w
 
-    def exact(self, m: Motion, out: Views) -> None:
-        """Derivatives that are quadratic in u, which only the exact Jacobian needs."""
-        out.kappa_y[2, 0], out.kappa_y[2, 1] = -2 * m.w * m.c1, m.c2
-        out.mu_y[2, 1] = 2 * m.c1
-        out.quad[2, 0, 0], out.quad[2, 1, 0], out.quad[2, 2, 1] = m.al, 2 * m.w, -1.0
-
 
 @dataclass(frozen=True, slots=True)
 class BodyForce:
-    """A nodal load that turns with the body. total = sum f (N), arm = <f, X> = sum conj(f) X."""
+    """total = sum f (N), arm = sum X x f (N m); pair: the load and the functional sum u x f."""
 
     total: complex
-    arm: complex
+    arm: float
     amplitude: Amplitude
-    pairs = 1
-    forces = 0
 
-    def names(self, source: str) -> tuple[str, ...]:
-        return (source, "")
-
-    def shifted(self, s: list[complex], quadratic: FloatArray) -> "BodyForce":
-        return replace(self, arm=self.arm + s[0])
-
-    def evaluate(self, m: Motion, j: int, k: int, total: list[float], out: Views) -> None:
+    def evaluate(self, m: Motion, j: int, o: int, k: int, total: list[float], out: Views) -> None:
         g = self.amplitude(m.t)
-        arm = self.arm + (m.s[j] if m.s else 0j)
         f = m.e * self.total * g
         total[0] -= f.real
         total[1] -= f.imag
-        total[2] += g * arm.imag  # sum z x f = -Im <f, z>
+        total[2] -= g * (self.arm + (m.s[j].imag if m.s else 0.0))
         total[3] += f.imag
         total[4] -= f.real
         if m.s:
             out.sigma[j] = -g
-            out.tau[2, j] = 1j * g
+            out.tau[2, j] = -1j * g
 
 
 @dataclass(frozen=True, slots=True)
 class SpaceForce:
-    """Nodal weights times one force in space axes (gravity: weights are nodal masses).
-
-    total = sum w, arm = sum w X (complex), force per unit weight (complex, N).
-    """
+    """total = sum w, arm = sum w X, force per unit weight (N)."""
 
     total: float
     arm: complex
     force: complex
     amplitude: Amplitude
-    pairs = 1
-    forces = 0
 
-    def names(self, source: str) -> tuple[str, ...]:
-        return (f"{source} x", f"{source} y")
-
-    def shifted(self, s: list[complex], quadratic: FloatArray) -> "SpaceForce":
-        return replace(self, arm=self.arm + s[0])
-
-    def evaluate(self, m: Motion, j: int, k: int, total: list[float], out: Views) -> None:
+    def evaluate(self, m: Motion, j: int, o: int, k: int, total: list[float], out: Views) -> None:
         f = self.amplitude(m.t) * self.force
         fb = m.ec * f
         arm = self.arm + (m.s[j] if m.s else 0j)
@@ -156,34 +132,11 @@ class SpaceForce:
 
 @dataclass(frozen=True, slots=True)
 class Attachment:
-    """Mean position of a weighted set of points; its border unknown is the force on it.
-
-    point = sum w X with sum w = 1 (complex, m). With `turns` a second pair gives the mean
-    rotation of the set (rad) and a third border unknown, the moment (N m).
-    """
+    """point = sum w X with sum w = 1, m."""
 
     point: complex
-    turns: bool = False
-    angle: float = 0.0
-    """Mean rotation of the set in the shape that displacements count from, rad."""
 
-    @property
-    def pairs(self) -> int:
-        return 2 if self.turns else 1
-
-    @property
-    def forces(self) -> int:
-        return 3 if self.turns else 2
-
-    def names(self, source: str) -> tuple[str, ...]:
-        turn = (f"joint {source} turn", "") if self.turns else ()
-        return (f"joint {source} x", f"joint {source} y", *turn)
-
-    def shifted(self, s: list[complex], quadratic: FloatArray) -> "Attachment":
-        angle = self.angle + s[1].real if self.turns else 0.0
-        return replace(self, point=self.point + s[0], angle=angle)
-
-    def evaluate(self, m: Motion, j: int, k: int, total: list[float], out: Views) -> None:
+    def evaluate(self, m: Motion, j: int, o: int, k: int, total: list[float], out: Views) -> None:
         ec, y = m.ec, m.y
         z = self.point + (m.s[j] if m.s else 0j)
         f = complex(y[k], y[k + 1])
@@ -204,59 +157,87 @@ class Attachment:
             sy[k, j] = tau[k, j] = ec
             sy[k + 1, j] = tau[k + 1, j] = 1j * ec
             sy[2, j] = tau[2, j] = -1j * fb
-        if self.turns:
-            self._rotation(m, j + 1, k + 2, total, out)
 
-    def _rotation(self, m: Motion, j: int, k: int, total: list[float], out: Views) -> None:
-        moment = m.y[k]
+
+@dataclass(frozen=True, slots=True)
+class Rotation:
+    """angle: mean rotation of a set in the shape that displacements count from, rad."""
+
+    turns: bool
+    angle: float
+
+    def evaluate(self, m: Motion, j: int, o: int, k: int, total: list[float], out: Views) -> None:
+        moment, deforms = m.y[k], self.turns and bool(m.s)
         total[2] += moment
-        out.rows[k] = m.y[2] + self.angle + (m.s[j].real if m.s else 0.0)
+        out.rows[k] = m.y[2] + self.angle + (m.s[j].real if deforms else 0.0)
         out.H[2, k] = out.H[k, 2] = 1.0
-        if m.s:
+        if deforms:
             out.sigma[j] = moment
             out.sigma_y[k, j] = out.tau[k, j] = 1.0
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Reaction:
-    """Prescribed reaction on an `Attachment`: (T, 2) N in space axes or, with the
-    moment (N m) on the mean rotation of the set, (T, 3)."""
+@dataclass(frozen=True, slots=True)
+class Slide:
+    """g = Re(conj(n) (r + e z - r_o)) - base, n = e_o line: the own point z, m, stays on a line of
+    the other body, of normal `line` (unit) and offset `base` (m) in its axes; place: its
+    coordinates where they are no unknowns."""
 
     point: complex
-    forces_at: Table
-    forces = 0
+    line: complex
+    base: float
+    moves: bool
+    place: tuple[float, ...]
 
-    @property
-    def turns(self) -> bool:
-        return bool(self.forces_at.values.shape[1] == 3)
-
-    @property
-    def pairs(self) -> int:
-        return 2 if self.turns else 1
-
-    def names(self, source: str) -> tuple[str, ...]:
-        turn = (f"{source} turn", "") if self.turns else ()
-        return (f"{source} x", f"{source} y", *turn)
-
-    def shifted(self, s: list[complex], quadratic: FloatArray) -> "Reaction":
-        return replace(self, point=self.point + s[0])
-
-    def evaluate(self, m: Motion, j: int, k: int, total: list[float], out: Views) -> None:
-        known = self.forces_at.at(m.t).tolist()
-        f = complex(known[0], known[1])
-        fb = m.ec * f
-        torque = (self.point + (m.s[j] if m.s else 0j)).conjugate() * fb
+    def evaluate(self, m: Motion, j: int, o: int, k: int, total: list[float], out: Views) -> None:
+        z, lam = self.point + (m.s[j] if m.s else 0j), m.y[k]
+        x, y, angle = m.y[o : o + 3] if self.moves else self.place
+        n, rz = exp(1j * angle) * self.line, m.e * z
+        gap, f, fb = m.r + rz - complex(x, y), lam * n, lam * m.ec * n
+        torque = z.conjugate() * fb
         total[0] += f.real
         total[1] += f.imag
         total[2] += torque.imag
         total[7] -= torque.real
+        rows, H, pull = out.rows, out.H, n.conjugate() * gap
+        rows[k] = pull.real - self.base
+        H[k, 0], H[k, 1], H[k, 2] = n.real, n.imag, (rz.conjugate() * n).imag
+        H[0, k], H[1, k], H[2, k] = H[k, 0], H[k, 1], H[k, 2]
+        if self.moves:
+            self._other(o, k, lam, n, pull, torque.real, out)
         if m.s:
+            sy, tau = out.sigma_y, out.tau
             out.sigma[j] = fb
-            out.sigma_y[2, j] = out.tau[2, j] = -1j * fb
-        if self.turns:
-            total[2] += known[2]
-            if m.s:
-                out.sigma[j + 1] = known[2]
+            sy[k, j] = tau[k, j] = m.ec * n
+            sy[2, j] = tau[2, j] = -1j * fb
+            if self.moves:
+                sy[o + 2, j] = tau[o + 2, j] = 1j * fb
+
+    @staticmethod
+    def _other(
+        o: int, k: int, lam: float, n: complex, pull: complex, along: float, out: Views
+    ) -> None:
+        """Derivatives by the other's coordinates, from o on; along = lam Re(conj(e z) n)."""
+        rows, H, f = out.rows, out.H, lam * n
+        rows[o], rows[o + 1], rows[o + 2] = -f.real, -f.imag, lam * pull.imag
+        H[k, o], H[k, o + 1], H[k, o + 2] = -n.real, -n.imag, pull.imag
+        H[0, o + 2], H[1, o + 2], H[2, o + 2] = -f.imag, f.real, along
+        H[o, o + 2], H[o + 1, o + 2] = f.imag, -f.real
+        for i in (k, 0, 1, 2, o, o + 1):
+            H[o + 2, i] = H[i, o + 2]
+        H[o, k], H[o + 1, k] = H[k, o], H[k, o + 1]
+        H[o + 2, o + 2] = -lam * pull.real
 
 
-Item = Inertia | BodyForce | SpaceForce | Attachment | Reaction
+@dataclass(frozen=True, slots=True, eq=False)
+class Reaction:
+    """forces_at: (T, 3) N in space axes and N m."""
+
+    forces_at: Table
+    turns: bool
+
+    def evaluate(self, m: Motion, j: int, o: int, k: int, total: list[float], out: Views) -> None:
+        if m.s:
+            x, y, moment = self.forces_at.at(m.t).tolist()
+            out.sigma[j] = m.ec * complex(x, y)
+            if self.turns:
+                out.sigma[j + 1] = moment

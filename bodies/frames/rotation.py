@@ -7,7 +7,7 @@ alpha = 2 G p''. A is quadratic in p and no angle is ever formed, so no attitude
 off the constraint, where Newton's method visits.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -18,6 +18,9 @@ for _i, _j, _k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
     LEVI_CIVITA[_i, _j, _k], LEVI_CIVITA[_i, _k, _j] = 1.0, -1.0
 _SKEW = -LEVI_CIVITA
 _EYE = np.eye(3)
+GENERATORS: Mapping[int, FloatArray] = {
+    2: np.array([[[0.0, -1.0], [1.0, 0.0]]]), 3: _SKEW}
+"""Dimension d -> generators of rotations (r, d, d), r = 1 or 3: generator a times z is e_a x z."""
 
 
 def _linear(sign: float) -> FloatArray:
@@ -42,6 +45,11 @@ def skew(v: FloatArray) -> FloatArray:
 def cross(a: FloatArray, b: FloatArray) -> FloatArray:
     """a x b; a tenth of the time of numpy.cross."""
     return np.asarray(_SKEW.dot(a).dot(b))
+
+
+def torque(arm: FloatArray, force: FloatArray) -> FloatArray:
+    """(n, r): arm x force of vectors (n, d), r = 1 in the plane and 3 in space."""
+    return np.asarray(np.einsum("aij,nj,ni->na", GENERATORS[arm.shape[1]], arm, force))
 
 
 def to_space(p: FloatArray) -> FloatArray:
@@ -96,8 +104,11 @@ def rates(p: FloatArray, spin: FloatArray) -> FloatArray:
     return np.asarray(0.5 * _E.dot(p).T.dot(spin))
 
 
-def across(axis: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Two unit vectors that form a right-handed triad with the unit vector `axis`: e1, e2, axis."""
+def across(axis: FloatArray) -> tuple[FloatArray, ...]:
+    """Unit vectors that form a right-handed system with the unit vector `axis` (d,): e1, e2, axis
+    in space; axis, e1 in the plane."""
+    if len(axis) == 2:
+        return (np.asarray(GENERATORS[2][0].dot(axis)),)
     first = cross(axis, _EYE[int(np.argmin(np.abs(axis)))])
     first = first / np.linalg.norm(first)
     return first, cross(axis, first)

@@ -1,49 +1,59 @@
-"""Joints in space: which points coincide or slide, which directions stay perpendicular.
+"""Conditions of joints: which points coincide or slide, which directions stay perpendicular, how
+rotations depend on each other.
 
-A joint's rows are sums over its conditions, each in the kernel of one body. Conditions on
-directions and lines are written in the own body (the flexible one, if there is one) and read the
-coordinates of the other; a flexible side turns with the mean rotation of its set. Two flexible
-sides meet in a frame without mass that is welded to the first.
+A joint's rows are sums over its conditions, each in the kernel of one body. Positions and, in the
+plane, angles of the two sides enter linearly. Conditions on directions and lines are written in the
+own body (the flexible one, if there is one) and read the coordinates of the other; a flexible side
+turns with the mean rotation of its set. Two flexible sides of such a condition meet in a frame
+without mass that is welded to the first.
 
-That mean rotation is a linear function theta of the displacements, and I + theta~ is a rotation to
-first order only. A condition on one pair of directions then depends, to second order, on which pair
-was taken. Relative rotations are therefore conditions on the antisymmetric part of the direction
-cosines, (d . e' - e . d') / 2: the rotation part of I + theta~ in its polar decomposition, by
-atan |theta| about theta, in whichever axes it is written.
+In space that mean rotation is a linear function theta of the displacements, and I + theta~ is a
+rotation to first order only. A condition on one pair of directions then depends, to second order,
+on which pair was taken. Relative rotations are therefore conditions on the antisymmetric part of
+the direction cosines, (d . e' - e . d') / 2: the rotation part of I + theta~ in its polar
+decomposition, by atan |theta| about theta, in whichever axes it is written.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from sparsemor.bodies.body import Body
 from sparsemor.bodies.frames import nodal
-from sparsemor.bodies.frames import rotation as rot
-from sparsemor.bodies.frames.attitude import angular_velocity
+from sparsemor.bodies.frames.attitude import velocity_at
 from sparsemor.bodies.frames.constraints import Facing, Slide
-from sparsemor.bodies.frames.items import Item
-from sparsemor.bodies.joints.plane_attachment import constant
-from sparsemor.bodies.joints.space_attachment import NEAR, Side, check_meet, side_of, size_of
-from sparsemor.bodies.joints.space_part import Condition, SpaceJoint
-from sparsemor.bodies.spatial_body import SpatialBody
+from sparsemor.bodies.frames.items import Rotation
+from sparsemor.bodies.joints.part import Condition, JointPart
+from sparsemor.bodies.joints.side import NEAR, Side, check_meet, side_of, sides_of, size_of
 from sparsemor.bodies.targets import Target
-from sparsemor.core import FloatArray, Gather, InputError, Part
-from sparsemor.core.protocols.separable import Amplitude
+from sparsemor.core import FloatArray, Held, InputError, Part
+from sparsemor.core.protocols.separable import Amplitude, FrameItem
+
+
+def constant(value: float) -> Amplitude:
+    """A target that stays."""
+    return Held(value)
 
 
 @dataclass(slots=True, eq=False)
-class Rows:
+class Conditions:
     """Collects the conditions of a joint. first, second: its sides in the order of the scene;
-    weld: what ties the frame between two flexible bodies, then `first`, to the first of them."""
+    weld: what ties the frame between two flexible bodies, then `first`, to the first of them.
+    made: conditions with their first row."""
 
     name: str
     first: Side
     second: Side
-    weld: "Rows | None" = None
+    weld: "Conditions | None" = None
     count: int = 0
-    made: list[tuple[SpatialBody, Item, FloatArray | None, FloatArray, int, str]] = field(
-        default_factory=list)
+    made: list[tuple[int, Condition]] = field(default_factory=list)
     targets: list[Amplitude] = field(default_factory=list)
+
+    @property
+    def d(self) -> int:
+        """Dimension: 2 or 3."""
+        return self.first.d
 
     @property
     def own(self) -> Side:
@@ -57,28 +67,77 @@ class Rows:
         return self.first if self.own is self.second else self.second
 
     @property
-    def given(self) -> bool:
-        """True if nothing is solved: the motion of a side is given and none is unknown."""
+    def ends(self) -> tuple[Side, Side]:
+        """The sides of the scene, without a frame between them."""
+        return (self.first if self.weld is None else self.weld.first, self.second)
+
+    @property
+    def prescribed(self) -> bool:
+        """True if nothing is solved: the motion of a side is prescribed and none is unknown."""
         bodies = [s.body for s in (self.first, self.second) if s.body is not None]
         return any(b.guide is not None for b in bodies) and not any(b.moves for b in bodies)
 
-    def meet(
-        self, which: Sequence[int] = (0, 1, 2), follow: Sequence[Amplitude] = ()
+    def signed(self) -> list[tuple[Side, float]]:
+        """Sides with a body: +1 for the first, -1 for the second unless it is alone, so that a
+        multiplier is a force on the first."""
+        sides = [s for s in (self.first, self.second) if s.body is not None]
+        return list(zip(sides, (1.0, -1.0), strict=False))
+
+    # ------------------------------------------------------------------ positions and angles
+
+    def linear(
+        self, shares: Sequence[tuple[Side, FloatArray]], targets: Sequence[Amplitude]
     ) -> None:
-        """Coordinates (space axes) of the two points are equal, or stay where they are; one point
-        alone may follow functions of time, m."""
-        start = np.zeros(3)
-        for side, sign in ((self.first, 1.0), (self.second, -1.0)):
-            if side.body is None:
-                continue
-            if self.first.body is None:
-                sign = 1.0  # a single side: its force has the sign of its own coordinates
-            item, vectors = side.body.attachment(side.mean())
-            self._add(side.body, item, vectors, sign * np.eye(3)[list(which)], "")
-            start += sign * side.place()
-        if self.first.body is not None and self.second.body is not None:
-            start[:] = 0.0
-        self._close(len(which), follow or [constant(float(start[i])) for i in which])
+        """Rows sum of C_i (position of the mean point of side i, m, space axes) = targets, C_i
+        (l, d); in the plane also C_i (l, 3), whose last column takes the angle of the side, rad."""
+        for side, C in shares:
+            assert side.body is not None
+            position, angle = C[:, : self.d], C[:, self.d :]
+            if position.any():
+                item, vectors = side.body.attachment(side.mean())
+                self._add(side.body, item, vectors, position)
+            if angle.any():
+                self._check_angle(side)
+                turning = side.turning
+                self._add(side.body, Rotation(turning is not None), turning, angle)
+        self._close(len(shares[0][1]), targets)
+
+    def meet(
+        self, along: FloatArray | None = None, targets: Sequence[Amplitude] = ()
+    ) -> None:
+        """Components of the two points along directions (l, d) of space, all when not given, are
+        equal; those of one point alone stay as they are, or follow functions of time, m.
+
+        InputError for points that are apart at the start.
+        """
+        first, second = self.ends
+        if first.body is not None and second.body is not None:
+            check_meet(first, second)
+        E, sides = np.eye(self.d) if along is None else along, self.signed()
+        start = E @ sides[0][0].place() if len(sides) == 1 else np.zeros(len(E))
+        self.linear([(side, sign * E) for side, sign in sides],
+                    targets or [constant(value) for value in start.tolist()])
+
+    def couple_rotations(self, ratio: float = -1.0, target: Amplitude | None = None) -> None:
+        """In the plane: angle_1 + ratio angle_2, rad, keeps its value; the angle of one side alone
+        may follow a function of time."""
+        factors = [1.0, ratio]
+        sides = [s for s in (self.first, self.second) if s.body is not None]
+        start = sum(f * float(s.pose[2]) for f, s in zip(factors, sides, strict=False))
+        self.linear([(s, np.array([[0.0, 0.0, f]])) for f, s in zip(factors, sides, strict=False)],
+                    [constant(start) if target is None else target])
+
+    def no_turn(self) -> None:
+        """The two sides keep their relative rotation. In space three pairs are enough where both
+        are rigid: their relative rotation is one."""
+        if self.d == 2:
+            self.couple_rotations()
+            return
+        x, y, z = np.eye(3)
+        hold = self.face if self.own.turning is None else self.no_relative_rotation
+        hold([y, z, x], [z, x, y])
+
+    # ------------------------------------------------------------------ directions and lines
 
     def face(self, own: Sequence[FloatArray], other: Sequence[FloatArray]) -> None:
         """Pairs of directions, in space axes at the start, that stay perpendicular."""
@@ -100,14 +159,12 @@ class Rows:
     ) -> None:
         """Rows C (l, n) @ (A own_k . A_o other_k), n pairs of directions."""
         side, far = self.own, self.other
-        body = side.body
-        assert body is not None
         across = axis is not None and abs(abs(axis[2]) - 1.0) >= 1e-9
-        if side.about_z and across and axis is not None and not self.given:
+        if side.about_z and across and axis is not None and not self.prescribed:
             raise InputError(f"the body turns about the z axis alone, and about {axis.tolist()} "
                              "it cannot: the axis must be [0, 0, 1]; or give the body a floating "
                              "frame", "axis")
-        if side.about_z and far.about_z and not self.given:
+        if side.about_z and far.about_z and not self.prescribed:
             own, other, C = _about_z(own, other, C)
             if not own:
                 return
@@ -116,109 +173,103 @@ class Rows:
             others=len(far.pose) if far.reads else 0, place=far.pose,
             turns=side.turning is not None, turn=turn,
             axis=None if axis is None else axis @ far.axes)
-        sign = 1.0 if side is self.first or self.first.body is None else -1.0
-        self._add(body, item, side.turning, sign * C, far.reads)
-        self._close(len(C), [constant(0.0)] * len(C))
+        self._of_both(item, side.turning, C)
 
     def slide(self, lines: Sequence[FloatArray]) -> None:
         """The distance of the two points across directions (space axes at the start) of the other
         body stays zero; the ground's point is where the body's is at the start."""
         side, far = self.own, self.other
-        body = side.body
-        assert body is not None
+        assert side.body is not None
         place = side.place() if far.body is None else far.place()
-        gap = np.array(lines) @ (side.place() - place)
-        if np.abs(gap).max() > NEAR * size_of(side, far):
+        gap = np.abs(np.array(lines) @ (side.place() - place)).max()
+        if gap > NEAR * size_of(side, far):
             raise InputError(
                 "the second point does not lie on the line through the first along the axis: they "
-                f"are {np.abs(gap).max():.3g} m apart across it; correct a pose or the axis",
-                "between")
+                f"are {gap:.3g} m apart across it; correct a pose or the axis", "between")
         weights = side.mean()
-        item = Slide(weights @ body.X, np.array(lines) @ far.axes,
-                     (place - far.pose[:3]) @ far.axes, len(far.pose) if far.reads else 0, far.pose)
-        sign = 1.0 if side is self.first or self.first.body is None else -1.0
-        self._add(body, item, nodal.along(weights), sign * np.eye(len(lines)), far.reads)
-        self._close(len(lines), [constant(0.0)] * len(lines))
+        item = Slide(weights @ side.body.X, np.array(lines) @ far.axes,
+                     (place - far.pose[: self.d]) @ far.axes,
+                     len(far.pose) if far.reads else 0, far.pose)
+        self._of_both(item, nodal.along(weights, self.d), np.eye(len(lines)))
 
-    def no_turn(self) -> None:
-        """The two sides keep their relative rotation. Three pairs are enough where both are rigid:
-        their relative rotation is one."""
-        x, y, z = np.eye(3)
-        hold = self.face if self.own.turning is None else self.no_relative_rotation
-        hold([y, z, x], [z, x, y])
+    def _of_both(self, item: FrameItem, vectors: FloatArray | None, C: FloatArray) -> None:
+        """Rows of the own side that read the other one."""
+        body = self.own.body
+        assert body is not None
+        sign = 1.0 if self.own is self.first or self.first.body is None else -1.0
+        self._add(body, item, vectors, sign * C, self.other.reads)
+        self._close(len(C), [constant(0.0)] * len(C))
 
-    def joint(self) -> SpaceJoint:
-        frame: dict[str, SpatialBody] = {}
+    # ------------------------------------------------------------------ the joint
+
+    def joint(self) -> JointPart:
+        frame: dict[str, Body] = {}
         if self.weld is not None and self.first.body is not None:
             frame[self.first.body.name] = self.first.body
-            self.made += [(b, i, P, C, first + self.count, r)
-                          for b, i, P, C, first, r in self.weld.made]
+            self.made += [(first + self.count, c) for first, c in self.weld.made]
             self._close(self.weld.count, self.weld.targets)
         conditions = []
-        for body, item, vectors, C, first, reads in self.made:
-            wide = np.zeros((self.count, C.shape[1]))
-            wide[first : first + len(C)] = C
-            conditions.append(Condition(body, item, vectors, wide, reads))
-        ends = (self.first if self.weld is None else self.weld.first, self.second)
-        sides = tuple(s for s in ends if s.body is not None)
-        return SpaceJoint(self.name, sides, tuple(conditions), tuple(self.targets), frame)
+        for first, c in self.made:
+            wide = np.zeros((self.count, c.C.shape[1]))
+            wide[first : first + len(c.C)] = c.C
+            conditions.append(replace(c, C=wide))
+        sides = tuple(s for s in self.ends if s.body is not None)
+        return JointPart(self.name, sides, tuple(conditions), tuple(self.targets), frame)
 
     def _add(
-        self, body: SpatialBody, item: Item, vectors: FloatArray | None, C: FloatArray, reads: str
+        self, body: Body, item: FrameItem, vectors: FloatArray | None, C: FloatArray,
+        reads: str = "",
     ) -> None:
-        self.made.append((body, item, vectors, C, self.count, reads))
+        self.made.append((self.count, Condition(body, item, vectors, C, reads)))
 
     def _close(self, rows: int, targets: Sequence[Amplitude]) -> None:
         self.count += rows
         self.targets += targets
 
-
-def rows_between(
-    name: str, between: tuple[str, str], parts: Mapping[str, Part], *, meeting: bool,
-    turning: bool,
-) -> Rows:
-    """The sides of a joint in space. meeting: their points must coincide at the start; turning: it
-    has conditions on both sides at once.
-
-    InputError when both sides are the ground, are the same body, or do not meet.
-    """
-    gather = Gather()
-    sides = [gather("", side_of, parts, s, f"between.{i}") for i, s in enumerate(between)]
-    gather.check()
-    first, second = (s for s in sides if s is not None)
-    if first.body is None and second.body is None:
-        raise InputError("a joint needs at least one body: both sides are the ground", "between")
-    if first.body is not None and second.body is not None:
-        if first.body.name == second.body.name:
-            raise InputError(f"both sides are on body {first.body.name!r}", "between")
-        if meeting:
-            check_meet(first, second)
-        if turning and first.flexible and second.flexible:
-            middle = _frame_at(f"{name}.frame", first)
-            weld = Rows(name, first, middle)
-            weld.meet()
-            weld.no_turn()
-            return Rows(name, middle, second, weld)
-    return Rows(name, first, second)
+    @staticmethod
+    def _check_angle(side: Side) -> None:
+        target, body = side.target, side.body
+        if target is not None and body is not None and (
+                body.elasticity is not None and len(target.nodes) < 2):
+            raise InputError(f"{target.text!r} is a single point of a flexible body and has no "
+                             "angle: attach to a set of two or more points", side.key)
 
 
-def rows_on(name: str, of: str, parts: Mapping[str, Part]) -> Rows:
-    """The same for one target that is driven against the ground."""
-    return Rows(name, side_of(parts, of, "of"), Side(None, None))
+def conditions_between(
+    name: str, between: tuple[str, str], parts: Mapping[str, Part], *,
+    dimensions: Sequence[int] = (2, 3), relative: Sequence[int] = (),
+) -> Conditions:
+    """A joint of two sides without conditions yet. dimensions: those that it has; relative: those
+    in which it has conditions on directions or lines, so that two flexible sides need a frame
+    between them."""
+    first, second = sides_of(parts, between, dimensions)
+    if first.d not in relative or not (first.flexible and second.flexible):
+        return Conditions(name, first, second)
+    middle = _frame_at(f"{name}.frame", first)
+    weld = Conditions(name, first, middle)
+    weld.meet()
+    weld.no_turn()
+    return Conditions(name, middle, second, weld)
+
+
+def conditions_on(
+    name: str, of: str, parts: Mapping[str, Part], *, dimensions: Sequence[int] = (2, 3)
+) -> Conditions:
+    """The same for one target `body:set`, under the key `of`, against the ground."""
+    side = side_of(parts, of, dimensions, "of")
+    return Conditions(name, side, Side(None, side.d))
 
 
 def _frame_at(name: str, side: Side) -> Side:
     """A frame without mass at a side's point, with that body's axes and motion at the start."""
-    body = side.body
+    body, d = side.body, side.d
     assert body is not None
-    arm = side.place() - body.pose[:3]
-    spin = angular_velocity(body.pose, body.velocity)
     pose, velocity = body.pose.copy(), body.velocity.copy()
-    pose[:3] += arm
-    velocity[:3] += rot.cross(spin, arm)
-    frame = SpatialBody(name=name, X=np.zeros((1, 3)), inertia=None, pose=pose, velocity=velocity,
-                        moves=True, points={"origin": np.array([0])})
-    return Side(Target(frame, np.array([0]), name), frame)
+    pose[:d] = side.place()
+    velocity[:d] = velocity_at(body.pose, body.velocity, side.mean() @ body.X)
+    frame = Body(name=name, X=np.zeros((1, d)), inertia=None, pose=pose, velocity=velocity,
+                 moves=True, points={"origin": np.array([0])})
+    return Side(Target(frame, np.array([0]), name), d)
 
 
 def _about_z(

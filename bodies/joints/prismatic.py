@@ -1,28 +1,27 @@
-"""Prismatic joint: one direction of translation in space, no rotation."""
-
-from collections.abc import Mapping
+"""Prismatic joint: one direction of translation, no rotation."""
 
 from sparsemor.bodies.frames.rotation import across
-from sparsemor.bodies.joints.conditions import rows_between
-from sparsemor.bodies.joints.space_attachment import need_space, unit
-from sparsemor.bodies.joints.space_part import SpaceJoint
-from sparsemor.core import Part, Plugin
+from sparsemor.bodies.joints.between import Between
+from sparsemor.bodies.joints.conditions import Conditions
+from sparsemor.bodies.joints.side import unit
+from sparsemor.bodies.pose import Vector
 
 
-class Prismatic(Plugin):
+class Prismatic(Between):
     """Prismatic joint: relative translation along an axis fixed in one body, no relative rotation.
 
-    Five multipliers: two forces across the axis, N, and three moments, N m.
+    The axis is fixed in the second body or the ground; in the first, if only the second is
+    flexible; in a frame that follows the first set, if both are.
+
+    Multipliers: the forces on the first side across the axis (two in space, one in the plane), N,
+    and the moments (three in space, one in the plane), N m.
     """
 
-    between: tuple[str, str]
-    """Two of `body:set` and `ground`."""
-    axis: tuple[float, float, float]
-    """Direction of the axis at the start (space axes)."""
+    relative = (2, 3)
 
-    def build(self, name: str, parts: Mapping[str, Part]) -> SpaceJoint:
-        need_space(parts, self.between, "prismatic")
-        rows = rows_between(name, self.between, parts, meeting=False, turning=True)
-        rows.slide(across(unit(self.axis)))
-        rows.no_turn()
-        return rows.joint()
+    axis: Vector
+    """Direction of the axis at the start (space axes): two numbers in the plane, three in space."""
+
+    def constrain(self, sides: Conditions) -> None:
+        sides.slide(across(unit(self.axis, sides.d)))
+        sides.no_turn()

@@ -1,17 +1,13 @@
 """Revolute joint: two attachment points coincide, and in space an axis is shared."""
 
-from collections.abc import Mapping
-
 from sparsemor.bodies.frames.rotation import across
-from sparsemor.bodies.joints.conditions import rows_between
-from sparsemor.bodies.joints.plane_attachment import connect
-from sparsemor.bodies.joints.plane_part import JointPart
-from sparsemor.bodies.joints.space_attachment import spatial, unit
-from sparsemor.bodies.joints.space_part import SpaceJoint
-from sparsemor.core import InputError, Part, Plugin
+from sparsemor.bodies.joints.between import Between
+from sparsemor.bodies.joints.conditions import Conditions
+from sparsemor.bodies.joints.side import unit
+from sparsemor.core import InputError
 
 
-class Revolute(Plugin):
+class Revolute(Between):
     """Revolute joint: the mean points of two sets coincide; rotation about the axis is free.
 
     With one set, its mean point is fixed in space. In the plane the axis is normal to it.
@@ -20,18 +16,15 @@ class Revolute(Plugin):
     N m.
     """
 
-    between: tuple[str, str]
-    """Two of `body:set` and `ground`."""
+    relative = (3,)
+
     axis: tuple[float, float, float] | None = None
     """In space: direction of the axis at the start (space axes)."""
 
-    def build(self, name: str, parts: Mapping[str, Part]) -> JointPart | SpaceJoint:
-        if not spatial(parts, self.between):
-            if self.axis is not None:
-                raise InputError("plane bodies turn about the normal of the plane: drop it", "axis")
-            return connect(name, self.between, parts, angle=False)
-        axis = unit(self.axis)
-        rows = rows_between(name, self.between, parts, meeting=True, turning=True)
-        rows.meet()
-        rows.face([axis, axis], across(axis))
-        return rows.joint()
+    def constrain(self, sides: Conditions) -> None:
+        if sides.d == 2 and self.axis is not None:
+            raise InputError("plane bodies turn about the normal of the plane: drop it", "axis")
+        axis = None if sides.d == 2 else unit(self.axis, 3)
+        sides.meet()
+        if axis is not None:
+            sides.face([axis, axis], across(axis))

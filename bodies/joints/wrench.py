@@ -1,63 +1,63 @@
-"""Wrench of a joint in space: force and moment of the multipliers on each side.
+"""Wrench of a joint: force and moment of the multipliers on each side.
 
-Multipliers mean what the joint's conditions were built for, and a joint of rigid bodies has fewer
-of them than one of the same bodies when they deform. Force and moment about the mean point of a
-side are what both have in common, so these are what a rigid stage passes on.
+Multipliers mean what the joint's conditions were built for, and a joint of rigid bodies can have
+fewer of them than one of the same bodies when they deform. Force and moment about the mean point of
+a side are what both have in common, so these are what a rigid stage passes on.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sparsemor.bodies.frames.constraints import Wrench
-from sparsemor.bodies.frames.items import Holding, Item
+from sparsemor.bodies.frames.items import Holding
+from sparsemor.bodies.frames.rotation import torque
+from sparsemor.bodies.joints.side import Side
 from sparsemor.core import FloatArray, InputError
 from sparsemor.core.protocols.poses import placed
+from sparsemor.core.protocols.separable import FrameItem
 
 if TYPE_CHECKING:
-    from sparsemor.bodies.joints.space_part import Condition, SpaceJoint
+    from sparsemor.bodies.joints.part import Condition
 
-SIZE = 6
-"""Force (3), N, and moment (3), N m, of one side."""
+
+def size(side: Side) -> int:
+    """Numbers of a wrench on a side: force (d), N, and moment (1 or 3), N m."""
+    return 3 * side.d - 3
 
 
 def wrenches(
-    joint: SpaceJoint, times: FloatArray, multipliers: FloatArray, poses: Mapping[str, FloatArray]
+    sides: Sequence[Side], conditions: Sequence[Condition], times: FloatArray,
+    multipliers: FloatArray, poses: Mapping[str, FloatArray], *, welded: bool,
 ) -> FloatArray:
-    """(T, 6 s): force (N) on each of the s sides and moment (N m) about its mean point, in space
+    """(T, sum of sizes): force (N) on each side and moment (N m) about its mean point, in space
     axes and with the sign of the equations' left sides; multipliers (T, l), poses (T, n) of bodies
-    that move.
+    that move. welded: there is a frame without mass between the sides, whose weld acts on them.
     """
-    bodies = [side.body for side in joint.sides if side.body is not None]
+    bodies = [side.body for side in sides if side.body is not None]
     motion = {b.name: poses.get(b.name, b.pose[None]) for b in bodies}
-    of = {b.name: i for i, b in enumerate(bodies)}
-    found = np.zeros((len(bodies), 2, len(times), 3))
-    for c in joint.conditions:
+    of, d = {b.name: i for i, b in enumerate(bodies)}, sides[0].d
+    found = np.zeros((len(times), len(bodies), size(sides[0])))
+    for c in conditions:
         if c.body.name not in of:
-            continue  # a frame between two flexible sides, whose weld acts on them
-        force, moment, reach = _own(c, times, multipliers @ c.C, motion[c.body.name], poses)
-        found[of[c.body.name]] += force, moment
-        if reach is None or joint.adjusted:
+            continue
+        other = poses[c.other] if c.other else None
+        w = holding(c.item).wrench(times, multipliers @ c.C, motion[c.body.name], other)
+        found[:, of[c.body.name], :d] += w.force
+        found[:, of[c.body.name], d:] += w.moment
+        if w.reach is None or welded:
             continue
         for name, i in of.items():
-            if name != c.body.name:
-                found[i] -= _other(joint, i, force, moment, reach, motion)
-    return found.transpose(2, 0, 1, 3).reshape(len(times), -1)
+            if name != c.body.name:  # it answers with a force at `reach`
+                found[:, i, :d] -= w.force
+                found[:, i, d:] -= w.moment + torque(
+                    w.reach - _mean_point(sides[i], motion[name]), w.force)
+    return found.reshape(len(times), -1)
 
 
-def _own(
-    c: Condition, times: FloatArray, lam: FloatArray, pose: FloatArray,
-    poses: Mapping[str, FloatArray],
-) -> Wrench:
-    """On the own side of a condition; lam (T, forces)."""
-    other = poses[c.other] if c.other else None
-    return holding(c.item).wrench(times, lam, pose, other)
-
-
-def holding(item: Item) -> Holding:
+def holding(item: FrameItem) -> Holding:
     """The item of a joint. InputError for one without `wrench`."""
     if isinstance(item, Holding):
         return item
@@ -67,14 +67,8 @@ def holding(item: Item) -> Holding:
         "`Holding`), or drop rigid_stage")
 
 
-def _other(
-    joint: SpaceJoint, side: int, force: FloatArray, moment: FloatArray, reach: FloatArray,
-    motion: Mapping[str, FloatArray],
-) -> tuple[FloatArray, FloatArray]:
-    """Force and moment about its mean point that a side answers with: a force at `reach`."""
-    body = joint.sides[side].body
-    assert body is not None
-    mean = joint.sides[side].mean() @ body.X
-    pose = motion[body.name]
-    arm = reach - placed(pose, np.broadcast_to(mean, (len(pose), 3)))
-    return force, moment + np.cross(arm, force)
+def _mean_point(side: Side, pose: FloatArray) -> FloatArray:
+    """(T or 1, d) in space axes."""
+    assert side.body is not None
+    mean = side.mean() @ side.body.X
+    return placed(pose, np.broadcast_to(mean, (len(pose), side.d)))

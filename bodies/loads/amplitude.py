@@ -14,7 +14,7 @@ def _number_as_function(value: Any) -> Any:
     return value
 
 
-Quantity = Annotated[
+NumberOrFunction = Annotated[
     TimeFunction, Slot("function"),
     BeforeValidator(_number_as_function,
                     json_schema_input_type=float | Annotated[Any, Slot("function")]),

@@ -6,7 +6,7 @@ from typing import Annotated, ClassVar
 from pydantic import Field
 
 from sparsemor.bodies.fem.surface import surface_load, surface_mass
-from sparsemor.bodies.loads.amplitude import Quantity
+from sparsemor.bodies.loads.amplitude import NumberOrFunction
 from sparsemor.bodies.loads.part import LoadPart
 from sparsemor.bodies.targets import find_surfaces
 from sparsemor.core import Effect, Equations, Part, Plugin
@@ -21,7 +21,7 @@ class Convection(Plugin):
     """Surfaces `body:set`."""
     film: float = Field(gt=0)
     """Film coefficient h, W/(m^2 K)."""
-    temperature: Quantity
+    temperature: NumberOrFunction
     """Temperature of the fluid, K, a number or a function of time."""
 
     def build(self, name: str, parts: Mapping[str, Part]) -> LoadPart:

@@ -6,7 +6,7 @@ from typing import Annotated, ClassVar
 from pydantic import Field
 
 from sparsemor.bodies.fem.surface import surface_load
-from sparsemor.bodies.loads.amplitude import Quantity
+from sparsemor.bodies.loads.amplitude import NumberOrFunction
 from sparsemor.bodies.loads.part import LoadPart
 from sparsemor.bodies.targets import find_surfaces
 from sparsemor.core import Effect, Equations, Part, Plugin
@@ -19,7 +19,7 @@ class HeatFlux(Plugin):
 
     on: Annotated[list[str], Field(min_length=1)]
     """Surfaces `body:set`."""
-    flux: Quantity
+    flux: NumberOrFunction
     """Heat flux, W/m^2, a number or a function of time; positive heats the body."""
 
     def build(self, name: str, parts: Mapping[str, Part]) -> LoadPart:

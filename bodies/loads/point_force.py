@@ -5,9 +5,9 @@ from typing import Literal
 
 import numpy as np
 
-from sparsemor.bodies.loads.amplitude import Quantity, amplitude
+from sparsemor.bodies.loads.amplitude import NumberOrFunction, amplitude
 from sparsemor.bodies.loads.part import LoadPart
-from sparsemor.bodies.loads.vectors import Vector, body_force, components, space_force
+from sparsemor.bodies.loads.vectors import Vector, components
 from sparsemor.bodies.targets import find_target, need_field
 from sparsemor.core import Equations, Part, Plugin
 
@@ -21,7 +21,7 @@ class PointForce(Plugin):
     """Force, N: two components in the plane, three in space."""
     axes: Literal["body", "space"] = "space"
     """Axes of the force: `body` turns with the frame, `space` does not."""
-    factor: Quantity | None = None
+    factor: NumberOrFunction | None = None
     """Function of time that multiplies it; constant 1 when not given."""
 
     def build(self, name: str, parts: Mapping[str, Part]) -> LoadPart:
@@ -32,8 +32,8 @@ class PointForce(Plugin):
 
         def write(equations: Equations) -> None:
             if self.axes == "space":
-                space_force(body, equations, w, F, f)
+                body.space_force(equations, w, F, f)
             else:
-                body_force(body, equations, np.outer(w, F), f)
+                body.body_force(equations, np.outer(w, F), f)
 
         return LoadPart(name, write)

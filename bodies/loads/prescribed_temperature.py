@@ -1,32 +1,16 @@
 """Prescribed temperature: the nodes of a set follow a function of time, and cost no unknowns."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import replace
 from typing import ClassVar
 
 import numpy as np
 
-from sparsemor.bodies.any_body import AnyBody
-from sparsemor.bodies.loads.amplitude import Quantity
+from sparsemor.bodies.body import Body
+from sparsemor.bodies.loads.amplitude import NumberOrFunction
+from sparsemor.bodies.loads.part import LoadPart
 from sparsemor.bodies.targets import find_target, need_field
-from sparsemor.core import Block, Effect, Equations, InputError, Part, Plugin
-from sparsemor.core.protocols.separable import Amplitude
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Held:
-    """Stands in the scene for nodes whose temperatures are given; `adjusted` are its bodies."""
-
-    name: str
-    adjusted: Mapping[str, AnyBody]
-    localized: bool = True
-    surroundings: Amplitude | None = None
-
-    def blocks(self) -> Sequence[Block]:
-        return ()
-
-    def contribute(self, equations: Equations) -> None:
-        """Nothing: the bodies write the effect of the temperatures that they are given."""
+from sparsemor.core import Effect, Equations, InputError, Part, Plugin
 
 
 class PrescribedTemperature(Plugin):
@@ -36,11 +20,11 @@ class PrescribedTemperature(Plugin):
 
     on: list[str]
     """Sets `body:set`."""
-    temperature: Quantity
+    temperature: NumberOrFunction
     """Temperature, K, a number or a function of time."""
 
-    def build(self, name: str, parts: Mapping[str, Part]) -> Held:
-        bodies: dict[str, AnyBody] = {}
+    def build(self, name: str, parts: Mapping[str, Part]) -> LoadPart:
+        bodies: dict[str, Body] = {}
         for i, text in enumerate(self.on):
             target = find_target({**parts, **bodies}, text, f"on.{i}")
             need_field(target, "thermal", f"on.{i}")
@@ -57,4 +41,8 @@ class PrescribedTemperature(Plugin):
                                  "solve for: prescribe fewer nodes, or refine the mesh", f"on.{i}")
             bodies[target.body.name] = replace(target.body, heat=replace(
                 heat, free=free, prescribed=(*heat.prescribed, (target.nodes, self.temperature))))
-        return Held(name, bodies, surroundings=self.temperature.value)
+        return LoadPart(name, _nothing, adjusted=bodies, surroundings=self.temperature.value)
+
+
+def _nothing(equations: Equations) -> None:
+    """The bodies write the effect of the temperatures that are prescribed for them."""

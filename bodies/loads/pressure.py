@@ -6,9 +6,8 @@ from typing import Annotated
 from pydantic import Field, model_validator
 
 from sparsemor.bodies.fem.surface import facet_measures, surface_normal_load
-from sparsemor.bodies.loads.amplitude import Quantity
+from sparsemor.bodies.loads.amplitude import NumberOrFunction
 from sparsemor.bodies.loads.part import LoadPart
-from sparsemor.bodies.loads.vectors import body_force
 from sparsemor.bodies.targets import find_surfaces
 from sparsemor.core import Equations, InputError, Part, Plugin
 
@@ -21,9 +20,9 @@ class Pressure(Plugin):
 
     on: Annotated[list[str], Field(min_length=1)]
     """Surfaces `body:set`."""
-    pressure: Quantity | None = None
+    pressure: NumberOrFunction | None = None
     """Pressure, Pa, a number or a function of time."""
-    force: Quantity | None = None
+    force: NumberOrFunction | None = None
     """In place of it: pressure times the area of all sets, N, a number or a function of time. A
     polygon is smaller than the curve that it follows: so all meshes carry the same."""
 
@@ -45,6 +44,6 @@ class Pressure(Plugin):
 
         def write(equations: Equations) -> None:
             for b, w in loads:
-                body_force(b, equations, w, size.value)
+                b.body_force(equations, w, size.value)
 
         return LoadPart(name, write)

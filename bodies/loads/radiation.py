@@ -10,7 +10,7 @@ from scipy.sparse import csr_array
 
 from sparsemor.bodies.fem.fields import Heat
 from sparsemor.bodies.fem.surface import facet_measures
-from sparsemor.bodies.loads.amplitude import Quantity
+from sparsemor.bodies.loads.amplitude import NumberOrFunction
 from sparsemor.bodies.loads.part import LoadPart
 from sparsemor.bodies.mesh.plausibility import celsius_notes
 from sparsemor.bodies.targets import find_surfaces
@@ -39,7 +39,7 @@ class RadiationTerm:
 
     facets (F, d): positions in `values`, the facets' own node list; weights (F,) = measure x
     thickness x eps sigma; row_of, column_of: position of each listed node in `rows`, `columns`
-    (-1: none); given: (position in list, T(t)) of nodes whose temperature is prescribed.
+    (-1: none); prescribed: (position in list, T(t)) of nodes with that temperature.
     """
 
     rows: IntArray
@@ -48,7 +48,7 @@ class RadiationTerm:
     weights: FloatArray
     row_of: IntArray
     column_of: IntArray
-    given: tuple[tuple[IntArray, Amplitude], ...]
+    prescribed: tuple[tuple[IntArray, Amplitude], ...]
     surroundings: Amplitude
 
     @property
@@ -59,7 +59,7 @@ class RadiationTerm:
         T = np.zeros(len(self.column_of))
         free = self.column_of >= 0
         T[free] = x[self.column_of[free]]
-        for at, function in self.given:
+        for at, function in self.prescribed:
             T[at] = function(t)
         return T
 
@@ -69,7 +69,7 @@ class RadiationTerm:
         return T**4 if abs(T) < LARGEST else np.inf
 
     def residual(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> FloatArray:
-        phi, w = _RULES[self.facets.shape[1]]
+        phi, w = RULES[self.facets.shape[1]]
         T = self._nodal(x, t)[self.facets] @ phi  # (F, quadrature points)
         flux = (T**4 - self._fourth(t)) * self.weights[:, None]
         loads = flux @ (phi * w).T
@@ -81,7 +81,7 @@ class RadiationTerm:
         self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: FloatArray, c2: FloatArray
     ) -> Csr:
         d = self.facets.shape[1]
-        phi, w = _RULES[d]
+        phi, w = RULES[d]
         T = self._nodal(x, t)[self.facets] @ phi
         slope = 4 * T**3 * self.weights[:, None] * w
         local = np.einsum("fq,iq,jq->fij", slope, phi, phi)
@@ -97,7 +97,7 @@ class RadiationTerm:
         """(F, l, M): left (l, m) times what each facet adds at states x (n, M), t (M,) s."""
         place = self.row_of[self.facets]
         seen = np.where(place >= 0, left[:, place], 0.0)  # (l, F, d)
-        phi, w = _RULES[self.facets.shape[1]]
+        phi, w = RULES[self.facets.shape[1]]
         found = np.zeros((len(self.facets), len(left), len(t)))
         for i, time in enumerate(t):
             T = self._nodal(x[:, i], float(time))[self.facets] @ phi
@@ -128,7 +128,7 @@ class RadiationTerm:
             facets=renumber[self.facets[touched]], weights=self.weights[touched],
             row_of=row_of[nodes],
             column_of=np.where(self.column_of[nodes] >= 0, back, -1),
-            given=tuple((renumber[at][renumber[at] >= 0], f) for at, f in self.given),
+            prescribed=tuple((renumber[at][renumber[at] >= 0], f) for at, f in self.prescribed),
         )
 
     def compress(self, trial: Trial, left: FloatArray) -> CompressedLocal:
@@ -152,7 +152,7 @@ def _triangle() -> tuple[FloatArray, FloatArray]:
     return np.stack(points, axis=1), np.array(weights)
 
 
-_RULES = {2: _line(), 3: _triangle()}
+RULES = {2: _line(), 3: _triangle()}
 """By the number of a facet's nodes."""
 
 
@@ -165,7 +165,7 @@ class Radiation(Plugin):
     """Surfaces `body:set`."""
     emissivity: float = Field(gt=0, le=1)
     """Emissivity eps."""
-    surroundings: Quantity
+    surroundings: NumberOrFunction
     """Temperature of the surroundings, K, a number or a function of time."""
 
     def build(self, name: str, parts: Mapping[str, Part]) -> LoadPart:
@@ -193,6 +193,7 @@ def _term(
     is_free = np.isin(nodes, heat.free)
     place = np.where(is_free, np.cumsum(is_free) - 1, -1)
     unknown = at[np.searchsorted(heat.free, nodes[is_free])]
-    given = tuple((np.flatnonzero(np.isin(nodes, held)), f.value) for held, f in heat.prescribed)
+    prescribed = tuple(
+        (np.flatnonzero(np.isin(nodes, at)), f.value) for at, f in heat.prescribed)
     return RadiationTerm(unknown, unknown, np.searchsorted(nodes, facets), weights, place, place,
-                         given, surroundings)
+                         prescribed, surroundings)

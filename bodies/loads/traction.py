@@ -7,9 +7,9 @@ import numpy as np
 from pydantic import Field
 
 from sparsemor.bodies.fem.surface import surface_load
-from sparsemor.bodies.loads.amplitude import Quantity, amplitude
+from sparsemor.bodies.loads.amplitude import NumberOrFunction, amplitude
 from sparsemor.bodies.loads.part import LoadPart
-from sparsemor.bodies.loads.vectors import Vector, body_force, components, space_force
+from sparsemor.bodies.loads.vectors import Vector, components
 from sparsemor.bodies.targets import find_surfaces
 from sparsemor.core import Equations, Part, Plugin
 
@@ -23,7 +23,7 @@ class Traction(Plugin):
     """Force per area, Pa: two components in the plane, three in space."""
     axes: Literal["body", "space"] = "body"
     """Axes of the traction: `body` turns with the frame, `space` does not."""
-    factor: Quantity | None = None
+    factor: NumberOrFunction | None = None
     """Function of time that multiplies it; constant 1 when not given."""
 
     def build(self, name: str, parts: Mapping[str, Part]) -> LoadPart:
@@ -35,8 +35,8 @@ class Traction(Plugin):
         def write(equations: Equations) -> None:
             for b, w, p in loads:
                 if self.axes == "space":
-                    space_force(b, equations, w, p, f)
+                    b.space_force(equations, w, p, f)
                 else:
-                    body_force(b, equations, np.outer(w, p), f)
+                    b.body_force(equations, np.outer(w, p), f)
 
         return LoadPart(name, write)

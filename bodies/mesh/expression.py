@@ -197,8 +197,8 @@ class _Evaluator:
     def coordinate(self, name: str) -> FloatArray:
         axis, d = COORDINATES.index(name), self.points.shape[1]
         if axis >= d:
-            known = " and ".join(COORDINATES[:d])
-            raise InputError(f"'{name}' in '{self.text}': a {d}-D mesh has {known} only", self.key)
+            names = " and ".join(COORDINATES[:d])
+            raise InputError(f"'{name}' in '{self.text}': a {d}-D mesh has {names} only", self.key)
         return np.asarray(self.points[:, axis])
 
     def comparison(self, node: ast.Compare) -> Any:

@@ -52,7 +52,7 @@ class MeshFile(Plugin):
         """The mesh of `base / path`; InputError with key `path` when it cannot be used."""
         content = _read(base / self.path, self.path)
         try:
-            with np.errstate(all="ignore"):  # points that are not finite are told by number
+            with np.errstate(all="ignore"):  # points that are not finite are reported by number
                 return _clean(content, self.scale)
         except InputError as error:
             faults = "; ".join(f.message for f in error.faults)
@@ -69,16 +69,16 @@ class _Content:
     sets: Mapping[str, IntArray]
 
 
-def _read(full: Path, given: str) -> _Content:
+def _read(full: Path, written: str) -> _Content:
     """The file's arrays. Readers print and run out of memory on bad files: both are caught."""
     kind = FORMATS.get(full.suffix.lower())
     if kind is None:
         endings = ", ".join(FORMATS)
-        raise InputError(f"'{given}' has none of the supported formats: its name must end in "
+        raise InputError(f"'{written}' has none of the supported formats: its name must end in "
                          f"{endings}; convert it, for example with `meshio convert`", "path")
     if not full.is_file():
         raise InputError(
-            f"there is no file '{given}'; paths start at the folder of the scene", "path"
+            f"there is no file '{written}'; paths start at the folder of the scene", "path"
         )
     import meshio
 
@@ -89,7 +89,7 @@ def _read(full: Path, given: str) -> _Content:
             return _arrays(readers[kind].read(str(full)))
     # each of meshio's readers fails in its own way; whatever it is, the file is the cause
     except (Exception, SystemExit) as error:
-        raise InputError(f"'{given}' cannot be read as {kind}: {_reason(error, full, given)}",
+        raise InputError(f"'{written}' cannot be read as {kind}: {_reason(error, full, written)}",
                          "path") from None
 
 
@@ -103,13 +103,13 @@ def _silent() -> Iterator[None]:
         yield
 
 
-def _reason(error: BaseException, full: Path, given: str) -> str:
+def _reason(error: BaseException, full: Path, written: str) -> str:
     """A reader's own words on one line, without the path on this machine."""
     if isinstance(error, MemoryError):
         return "a number in it asks for far more memory than a file of this size can fill"
     if isinstance(error, ModuleNotFoundError):
         return f"that takes the package {error.name}, which is not installed"
-    text = " ".join(str(error).replace(str(full), given).split())
+    text = " ".join(str(error).replace(str(full), written).split())
     text = text if len(text) <= _MOST_LETTERS else f"{text[:_MOST_LETTERS]}..."
     return f"{text} ({type(error).__name__})" if text else "it is damaged, or another format"
 

@@ -22,11 +22,11 @@ class PointSet(Plugin):
 
     @model_validator(mode="after")
     def _one(self) -> "PointSet":
-        given = [name for name in ("box", "where", "nearest") if getattr(self, name) is not None]
-        if len(given) != 1:
+        options = [name for name in ("box", "where", "nearest") if getattr(self, name) is not None]
+        if len(options) != 1:
             raise InputError(
-                f"{' and '.join(given) or 'nothing'} given; a point set takes exactly one of box, "
-                "where, nearest"
+                f"{' and '.join(options) or 'nothing'} given; a point set takes exactly one of "
+                "box, where, nearest"
             )
         if any(low > high for low, high in self.box or ()):
             raise InputError(f"box {self.box}: each pair is [lower, upper]", "box")
@@ -86,6 +86,6 @@ def find_set(mesh: Mesh, name: str, key: str) -> IntArray:
                      f"{near(name, sorted(mesh.point_sets), 'sets')}{advice}", key)
 
 
-def _same_dimension(given: int, mesh: Mesh, key: str) -> None:
-    if given != mesh.dimension:
-        raise InputError(f"{given} coordinates given for a {mesh.dimension}-D mesh", key)
+def _same_dimension(count: int, mesh: Mesh, key: str) -> None:
+    if count != mesh.dimension:
+        raise InputError(f"{count} coordinates given for a {mesh.dimension}-D mesh", key)

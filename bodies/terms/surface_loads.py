@@ -19,7 +19,7 @@ def write_surface_loads(
 ) -> None:
     """Forces on the elastic and heat on the thermal unknowns of the loaded nodes.
 
-    A frame that is given needs no resultants: its rigid equations are not solved.
+    A frame with prescribed motion needs no resultants: its rigid equations are not solved.
     """
     names = [f"{equations.origin.part}, node {n}" for n in loads.nodes.tolist()]
     if body.elasticity is not None:
@@ -34,15 +34,15 @@ def write_surface_loads(
 
 
 def _write(
-    equations: Equations, block: str, free: IntArray, places: IntArray, names: Sequence[str],
+    equations: Equations, block: str, free: IntArray, dofs: IntArray, names: Sequence[str],
     table: Table,
 ) -> None:
-    """Column i of the table acts on place number places[i] of a field; where that is no unknown
-    (held displacements, given temperatures) it does nothing. No table where it acts on none."""
-    acts = np.flatnonzero(np.isin(places, free))
+    """Column i of the table acts on dof number dofs[i] of a field; where that is no unknown
+    (prescribed displacements or temperatures) it does nothing. No table where it acts on none."""
+    acts = np.flatnonzero(np.isin(dofs, free))
     if not len(acts):
         return
-    at = np.searchsorted(free, places[acts])
+    at = np.searchsorted(free, dofs[acts])
     columns = csr_array((np.ones(len(acts)), (at, np.arange(len(acts)))),
                         shape=(len(free), len(acts)))
     equations.table(block, LoadTable(

@@ -1,6 +1,6 @@
 """A local term under trial and test maps: only the elements at its kept rows are visited."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,11 @@ class CompressedLocal:
     atoms: FloatArray
     offset: FloatArray
     left: FloatArray
+    checks: ChecksStep | None = field(init=False)
+    """The term, if it checks steps."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "checks", self.term if isinstance(self.term, ChecksStep) else None)
 
     @classmethod
     def of(cls, term: Term, trial: Trial, left: FloatArray) -> "CompressedLocal":
@@ -53,10 +58,10 @@ class CompressedLocal:
 
     def check_step(self, x: FloatArray, v: FloatArray, t: float, h: float) -> str:
         """Objection of the term itself to the end of a step of about h (s)."""
-        if not isinstance(self.term, ChecksStep):
+        if self.checks is None:
             return ""
         T = self.atoms
-        return self.term.check_step(self.offset + T @ x, T @ v, t, h)
+        return self.checks.check_step(self.offset + T @ x, T @ v, t, h)
 
     @property
     def source(self) -> str:

@@ -16,10 +16,12 @@ from sparsemor.core.protocols.prescribed_motion import FrameHistory, SurfaceLoad
 
 
 class Material(Protocol):
-    """Constants of an isotropic linear thermoelastic material.
+    """Constants of an isotropic linear thermoelastic material, the same at all temperatures.
 
-    rho kg/m3; E Pa and nu, for elastic fields; alpha 1/K; k W/(m K) and c J/(kg K), for thermal
-    fields. None where a constant is not given.
+    rho: density, kg/m3; E: Young's modulus, Pa, and nu: Poisson's ratio, for elastic fields; alpha:
+    linear thermal expansion, 1/K; k: conductivity, W/(m K), and c: specific heat, J/(kg K), for
+    thermal fields. None where the material does not have a constant: a body with a field that needs
+    it is refused.
     """
 
     @property

@@ -28,6 +28,7 @@ from sparsemor.core.protocols import (
     LinearSolver,
     Load,
     LoadPlugin,
+    Material,
     MeshPlugin,
     NormalLaw,
     Preconditioner,
@@ -50,9 +51,9 @@ TYPING_ERROR = 0.85
 CONTRACTS: Mapping[str, type] = {
     "basis": Basis, "body": BodyPlugin, "contact": ContactPlugin, "friction_law": FrictionLaw,
     "function": TimeFunction, "integrator": Integrator, "joint": JointPlugin,
-    "linear_solver": LinearSolver, "load": LoadPlugin, "mesh": MeshPlugin, "normal_law": NormalLaw,
-    "observer": ObserverPlugin, "preconditioner": Preconditioner, "reducer": Reducer,
-    "sampler": Sampler, "sparse_solver": SparseSolver,
+    "linear_solver": LinearSolver, "load": LoadPlugin, "material": Material, "mesh": MeshPlugin,
+    "normal_law": NormalLaw, "observer": ObserverPlugin, "preconditioner": Preconditioner,
+    "reducer": Reducer, "sampler": Sampler, "sparse_solver": SparseSolver,
 }
 """Kind of plugin -> protocol of its class."""
 PARTS: Mapping[str, type] = {"body": Body, "contact": Contact, "joint": Joint, "load": Load}

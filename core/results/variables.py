@@ -14,13 +14,13 @@ from sparsemor.core.results.zarr_files import array_metadata
 
 TIME = "time"
 _CHUNK_BYTES = 2**22
-_CHUNK_STEPS = 256
+CHUNK_STEPS = 256
 
 
 def steps_per_chunk(header: RunHeader) -> int:
     """Rows of one file: about 4 MB for the widest block, at most 256 steps."""
     widest = max((b.size for b in header.layout), default=1)
-    return int(np.clip(_CHUNK_BYTES // (8 * widest), 8, _CHUNK_STEPS))
+    return int(np.clip(_CHUNK_BYTES // (8 * widest), 8, CHUNK_STEPS))
 
 
 def time_arrays(header: RunHeader) -> dict[str, dict[str, Any]]:

@@ -95,7 +95,7 @@ def environment() -> list[Any]:
 def code_digest() -> str:
     """sha256 of sparsemor's own sources, read once per process."""
     root = Path(__file__).absolute().parents[2]
-    return _digest_of([p for folder in FOLDERS for p in _sources(root / folder)], root)
+    return _digest_of([p for folder in FOLDERS for p in sources(root / folder)], root)
 
 
 @cache
@@ -145,7 +145,7 @@ def _origin(root: str) -> tuple[str, str]:
         spec = None
     files: list[Path] = []
     if spec is not None and spec.submodule_search_locations:
-        files = [p for place in spec.submodule_search_locations for p in _sources(Path(place))]
+        files = [p for place in spec.submodule_search_locations for p in sources(Path(place))]
     elif spec is not None and spec.origin:
         files = [Path(spec.origin)]
     return _distribution(root), _digest_of(files, None)
@@ -159,7 +159,7 @@ def _distribution(root: str) -> str:
     return ", ".join(sorted(found))
 
 
-def _sources(folder: Path) -> list[Path]:
+def sources(folder: Path) -> list[Path]:
     return sorted(Path(place, name) for place, _, names in os.walk(folder) for name in names
                   if name.endswith(_SOURCES))
 

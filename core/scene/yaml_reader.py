@@ -19,7 +19,7 @@ Place = tuple[int, int]
 
 _TAG = "tag:yaml.org,2002:"
 _SCALARS = {"null", "bool", "int", "float", "str"}
-_DEEPEST, _LARGEST, _MOST_KEYS = 64, 100_000, 20_000
+_DEEPEST, _LARGEST, MOST_KEYS = 64, 100_000, 20_000
 MOST_BYTES = 1_500_000
 """Size of a scene or study file beyond which it is refused unread."""
 _MOST_LETTERS = 60
@@ -139,7 +139,7 @@ class _BoundedComposer(Composer):
         for count, most, what in (
                 (self._open, _DEEPEST + 1, f"nested deeper than {_DEEPEST} levels"),
                 (self._values, _LARGEST, f"more than {_LARGEST} values"),
-                (self._keys, _MOST_KEYS, f"more than {_MOST_KEYS} keys")):
+                (self._keys, MOST_KEYS, f"more than {MOST_KEYS} keys")):
             if count > most:
                 raise ComposerError(None, None, what, self.parser.peek_event().start_mark)
         node = super().compose_node(parent, index)

@@ -2,6 +2,7 @@
 
 A plugin author calls the check of its kind in one test. Each raises AssertionError in words on
 the first law that is broken, and returns nothing. Plain numpy: no test framework is needed.
+`scene_of` builds a scene from plain data, as a scene file holds it; `march` runs one in memory.
 """
 
 from sparsemor.core.testing.basis import check_basis
@@ -9,11 +10,13 @@ from sparsemor.core.testing.body import check_body
 from sparsemor.core.testing.contact import check_contact
 from sparsemor.core.testing.contact_laws import check_friction_law, check_normal_law
 from sparsemor.core.testing.function import check_function
+from sparsemor.core.testing.in_memory_run import March, march, scene_of
 from sparsemor.core.testing.installed import installed
 from sparsemor.core.testing.integrator import check_integrator
 from sparsemor.core.testing.joint import check_joint
 from sparsemor.core.testing.linear_solver import check_linear_solver
 from sparsemor.core.testing.load import check_load
+from sparsemor.core.testing.material import check_material
 from sparsemor.core.testing.mesh import check_mesh_plugin
 from sparsemor.core.testing.observer import check_observer
 from sparsemor.core.testing.parts import check_parts
@@ -24,6 +27,7 @@ from sparsemor.core.testing.sparse_solver import check_sparse_solver
 from sparsemor.core.testing.term import check_term
 
 __all__ = [
+    "March",
     "check_basis",
     "check_body",
     "check_contact",
@@ -33,6 +37,7 @@ __all__ = [
     "check_joint",
     "check_linear_solver",
     "check_load",
+    "check_material",
     "check_mesh_plugin",
     "check_normal_law",
     "check_observer",
@@ -43,4 +48,6 @@ __all__ = [
     "check_sparse_solver",
     "check_term",
     "installed",
+    "march",
+    "scene_of",
 ]

@@ -63,7 +63,7 @@ class ExchangeScreen:
 
     def stays(self, at: Quadratic, support: BoolArray) -> bool:
         """See `core.protocols.sparse_solver.Screen`."""
-        if self._stands(at, support):
+        if self.stands(at, support):
             return True
         if not self.rule.everyone and self.joining.share(support) < 1.0:
             return False
@@ -92,7 +92,7 @@ class ExchangeScreen:
 
     def settle(self, at: Quadratic, support: BoolArray) -> BoolArray | None:
         """See `core.protocols.sparse_solver.Screen`."""
-        if self._stands(at, support):
+        if self.stands(at, support):
             return support
         found = self._settled(at, support)
         if found is None and at.exact is not None:
@@ -121,7 +121,7 @@ class ExchangeScreen:
                 for o, n in zip(*seen, strict=True) for g in self.groups),
             new.error.gram * abs(b - a) / max(error, TINY))
 
-    def _stands(self, at: Quadratic, support: BoolArray) -> bool:
+    def stands(self, at: Quadratic, support: BoolArray) -> bool:
         """Is one of the last reasons why the support stays true again?"""
         reasons = self.refusals.of(at, support)
         found = self._sizes(at, self.seen) if reasons else None

@@ -36,7 +36,7 @@ from sparsemor.core.protocols.step_solver import resultant_sources
 from sparsemor.reducers.step.acceptance import Tolerances
 from sparsemor.reducers.step.newton.iteration import solve
 from sparsemor.reducers.step.newton.memory import NewtonMemory
-from sparsemor.reducers.step.rejection import rejected_step
+from sparsemor.reducers.step.rejection import Checked, checked, rejected_step
 from sparsemor.reducers.step.solver import Facts
 
 
@@ -146,6 +146,10 @@ class GeneralStepper:
     rows: Mapping[str, IntArray] = field(default_factory=dict)
     notes: tuple[Note, ...] = ()
     facts: Facts = field(default_factory=dict)
+    checks: tuple[Checked, ...] = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "checks", checked((t, t.columns) for t in self.model.terms))
 
     @property
     def layout(self) -> Layout:
@@ -161,8 +165,7 @@ class GeneralStepper:
 
     def solve(self, step: StepFormula, memory: NewtonMemory) -> tuple[StepOutcome, NewtonMemory]:
         outcome = solve(self.equations, step, memory, self.tolerances)
-        terms = ((t, t.columns) for t in self.model.terms)
-        return rejected_step(outcome, terms, step, self.layout), memory
+        return rejected_step(outcome, self.checks, step, self.layout), memory
 
     def resultant_sources(self, memory: NewtonMemory | None) -> tuple[ResultantSource, ...]:
         return resultant_sources((t, t.columns) for t in self.model.terms)

@@ -116,7 +116,7 @@ class SparseStepper(AroundSteps[Stepper]):
         """Thermal supports that change; None when the step or its selection failed."""
         if not tried.status.ok:
             return None
-        screens = self._screens(memory)
+        screens = self.screens_of(memory)
         screen = None if screens is None else screens.heat
         if screen is not None and screen.stay(step, tried.x, memory.supports):
             return {}
@@ -141,7 +141,7 @@ class SparseStepper(AroundSteps[Stepper]):
             return None
         if not self.elastic:
             return {}
-        screens, found = self._screens(memory), None
+        screens, found = self.screens_of(memory), None
         if screens is not None and screens.elastic is not None and now.mechanics is not None:
             found = screens.elastic.supports(
                 step, tried.x, now.mechanics, memory.work, memory.supports)
@@ -169,7 +169,7 @@ class SparseStepper(AroundSteps[Stepper]):
         found = (self.base.insane(outcome.x, n) for n in self.heat)
         return next((bad for bad in found if bad is not None), outcome)
 
-    def _screens(self, memory: SparseMemory) -> Screens | None:
+    def screens_of(self, memory: SparseMemory) -> Screens | None:
         """Those of the rows in use; None where the solver is to be run in every step."""
         if not self.screen:
             return None

@@ -41,8 +41,8 @@ from sparsemor.reducers.step.newton.memory import NewtonMemory
 from sparsemor.reducers.step.operator_rows import elastic_times, heat_times
 from sparsemor.reducers.step.operators import TestedElastic, TestMap
 from sparsemor.reducers.step.reduced_residual import Coupled, Dense, DenseBody, DenseHeat
-from sparsemor.reducers.step.rejection import rejected_step
-from sparsemor.reducers.step.relocalised import following
+from sparsemor.reducers.step.rejection import Checked, checked, rejected_step
+from sparsemor.reducers.step.relocalised import Relocalised, following, movable
 from sparsemor.reducers.step.solver import Facts, reduce_state
 
 
@@ -73,6 +73,16 @@ class ReducedGeneral:
     limits: Mapping[str, float] = field(default_factory=dict)
     notes: tuple[Note, ...] = ()
     facts: Facts = field(default_factory=dict)
+    movable: tuple[int, ...] = field(init=False)
+    checks: tuple[Checked, ...] = field(init=False)
+    """Of the terms that do not follow the motion."""
+
+    def __post_init__(self) -> None:
+        coupled = self.equations.coupled
+        moves = movable(coupled)
+        object.__setattr__(self, "movable", moves)
+        object.__setattr__(self, "checks", checked(
+            (c.term, c.columns) for i, c in enumerate(coupled) if i not in moves))
 
     @property
     def layout(self) -> Layout:
@@ -87,12 +97,13 @@ class ReducedGeneral:
             state.x, self.points, len(self.layout.blocks), equations.buffers)
 
     def solve(self, step: StepFormula, memory: NewtonMemory) -> tuple[StepOutcome, NewtonMemory]:
-        coupled = following(self.equations.coupled, memory)
+        coupled = following(self.equations.coupled, self.movable, memory)
         outcome = solve(
             replace(self.equations, coupled=coupled, work=memory.work), step, memory,
             self.tolerances)
-        terms = ((c.term, c.columns) for c in coupled)
-        outcome = rejected_step(outcome, terms, step, self.layout)
+        moved = [(t, coupled[i].columns) for i in self.movable
+                 if isinstance(t := coupled[i].term, Relocalised)]
+        outcome = rejected_step(outcome, (*self.checks, *moved), step, self.layout)
         return (self._sane(outcome) if outcome.status.ok else outcome), memory
 
     def _sane(self, outcome: StepOutcome) -> StepOutcome:
@@ -124,7 +135,7 @@ class ReducedGeneral:
     def resultant_sources(self, memory: NewtonMemory | None) -> tuple[ResultantSource, ...]:
         coupled = self.equations.coupled
         if memory is not None:  # what is told must not change how the run goes on
-            coupled = following(coupled, memory.beside())
+            coupled = following(coupled, self.movable, memory.beside())
         return resultant_sources((c.term, c.columns) for c in coupled)
 
     def supports(self, memory: NewtonMemory) -> Mapping[str, BoolArray]:

@@ -67,8 +67,16 @@ class Relocalised:
         return found
 
 
-def following(coupled: Sequence[Coupled], memory: NewtonMemory) -> list[Coupled]:
-    """The same terms, those that follow the motion with their copies in `memory`."""
-    return [replace(c, term=Relocalised(c.term, i, memory)) if isinstance(c.term, RelocatesNear)
-            else c
-            for i, c in enumerate(coupled)]
+def movable(coupled: Sequence[Coupled]) -> tuple[int, ...]:
+    """Positions of the terms that follow the motion."""
+    return tuple(i for i, c in enumerate(coupled) if isinstance(c.term, RelocatesNear))
+
+
+def following(
+    coupled: Sequence[Coupled], which: Sequence[int], memory: NewtonMemory
+) -> list[Coupled]:
+    """The same terms, those at positions `which` with their copies in `memory`."""
+    found = list(coupled)
+    for i in which:
+        found[i] = replace(found[i], term=Relocalised(found[i].term, i, memory))
+    return found

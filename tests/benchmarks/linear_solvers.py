@@ -23,14 +23,14 @@ import report
 from scipy import sparse
 
 from sparsemor.bodies import fem as fe
-from sparsemor.bodies.material import Material
+from sparsemor.bodies.material import Isotropic
 from sparsemor.bodies.mesh.generators.disk import Disk
 from sparsemor.core.protocols import DofLocations
 from sparsemor.core.registry.registry import Registry
 from sparsemor.core.simulation.memory.limits import peak, resident
 from sparsemor.plugins.linear_solvers.auto import Auto
 
-STEEL = Material(E=200e9, nu=0.3, rho=7850, alpha=12.3e-6, k=44.5, c=475)
+STEEL = Isotropic(E=200e9, nu=0.3, rho=7850, alpha=12.3e-6, k=44.5, c=475)
 STEP = 1e-3
 NEEDS = {"splu": "scipy", "cholmod": "sksparse", "pardiso": "pypardiso", "cg": "scipy",
          "amg": "pyamg"}

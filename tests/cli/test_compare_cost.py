@@ -10,11 +10,11 @@ import pytest
 from typer.testing import CliRunner
 
 from sparsemor import load, open_result, simulate
-from sparsemor.bodies.flexible import Flexible
+from sparsemor.bodies.mesh.generators.rectangle import Rectangle
 from sparsemor.core.analysis.compare import compare
 from sparsemor.core.cli import app
 from sparsemor.core.cli.compare import variants
-from sparsemor.core.model import assembly as assemble
+from sparsemor.core.model import assembly
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.reducers.full.reducer import Full
 
@@ -42,11 +42,11 @@ def test_one_model_one_full_order_run_no_pictures(monkeypatch: pytest.MonkeyPatc
             return made(*args, **kwargs)
         monkeypatch.setattr(owner, name, call)
 
-    counted(Flexible, "_mesh")
-    counted(assemble, "_assembled")
+    counted(Rectangle, "build")
+    counted(assembly, "Records")  # of one model
     counted(Full, "prepare")
     found = compared(TINY, "--no-charts", "--out", "out")
-    assert counts == {"_mesh": 1, "_assembled": 1, "prepare": 1}
+    assert counts == {"build": 1, "Records": 1, "prepare": 1}
     assert {p.suffix for p in Path("out").iterdir() if p.is_file()} == {".csv"}
     galerkin = next(r for r in found["runs"] if r["run"] == "galerkin")
     assert galerkin["cache"]["training"] == "hit"

@@ -14,6 +14,7 @@ from sparsemor import load, open_result, simulate, study
 from sparsemor.core.cli import app
 from sparsemor.core.registry.hooks import hookimpl
 from sparsemor.core.status import Status
+from tiers import quick
 
 TINY = str(SCENES / "tiny.yaml")
 STEPS = 3
@@ -27,10 +28,9 @@ def in_json(*arguments: object) -> Any:
 
 
 @pytest.mark.end_to_end
-@pytest.mark.parametrize("name", [
-    "double_pendulum", "slider_plate", "brake_disk",
-    *(pytest.param(f"{name}_published", marks=pytest.mark.full)
-      for name in ("double_pendulum", "slider_plate", "brake_disk"))])
+@pytest.mark.parametrize("name", quick(
+    [f"{name}{kind}" for name in ("double_pendulum", "slider_plate", "brake_disk")
+     for kind in ("", "_published")], "double_pendulum"))
 def test_a_packaged_scene_begins(name: str) -> None:
     scene = load(name)
     end = STEPS * scene.time.step

@@ -59,7 +59,7 @@ def test_a_setting_nested_too_deep_is_refused() -> None:
 def test_a_file_of_too_many_keys_is_refused_at_the_first_too_many(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("sparsemor.core.scene.yaml_reader._MOST_KEYS", 200)
+    monkeypatch.setattr("sparsemor.core.scene.yaml_reader.MOST_KEYS", 200)
     text = "".join(f"k{n}: 1\n" for n in range(205))
     assert read(tmp_path, text) == "201:1: this is not YAML: more than 200 keys"
 

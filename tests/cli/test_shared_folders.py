@@ -156,7 +156,7 @@ def test_a_directory_lost_in_mid_run_ends_the_run(
 def test_a_file_that_is_lost_in_mid_run_ends_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sparsemor.core.simulation.recorder.CHUNK", 5)
     lost = Path("out/result.zarr/bar.elastic/c/0/0")
-    monkeypatch.setattr("sparsemor.core.results.variables._CHUNK_STEPS", 8)
+    monkeypatch.setattr("sparsemor.core.results.variables.CHUNK_STEPS", 8)
     with pytest.raises(OSError, match="rows 0 to 7 of bar.elastic are lost"):
         simulate(scene(), out="out", observers=[AtStep(18, lost.unlink)])
     assert json.loads(Path("out/result.zarr/zarr.json").read_text(encoding="utf-8"))[

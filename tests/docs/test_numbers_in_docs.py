@@ -12,7 +12,9 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+DOCS = ROOT / "docs"
+PAGES = [ROOT / "README.md", *sorted(DOCS.glob("*.md")),
+         *sorted((DOCS / "measured").glob("*.md"))]
 LEFT_OUT = {"bibliography.md", "scene-reference.md", "verification.md"}
 UNITS = "ms|us|s|GB|MB|K|%|times|µm|um|nm|mm"
 NUMBER = re.compile(rf"(?<![\w.])(\d+(?:\.\d+)?e-?\d+|\d+(?:\.\d+)?\s?(?:{UNITS})\b)")
@@ -37,7 +39,8 @@ def measured(text: str) -> bool:
     return bool(NUMBER.search(re.sub(r"`[^`]*`", "", text)))
 
 
-@pytest.mark.parametrize("page", [p for p in PAGES if p.name not in LEFT_OUT], ids=lambda p: p.name)
+@pytest.mark.parametrize("page", [p for p in PAGES if p.name not in LEFT_OUT],
+                         ids=lambda p: str(p.relative_to(ROOT)))
 def test_measured_numbers_name_their_command(page: Path) -> None:
     silent = [heading for heading, text in sections(page)
               if measured(text) and not COMMAND.search(text) and not WITHOUT.search(text)]
@@ -45,12 +48,13 @@ def test_measured_numbers_name_their_command(page: Path) -> None:
 
 
 def test_numbers_without_a_command_are_listed() -> None:
-    listed = (ROOT / "docs" / "verification.md").read_text(encoding="utf-8")
+    listed = (DOCS / "verification.md").read_text(encoding="utf-8")
     for page in PAGES:
         for heading, text in sections(page):
             for reason in WITHOUT.findall(text):
-                line = f"| [{page.stem}]({page.name}) | {heading.lstrip('# ')} | {reason} |"
-                assert line in listed, line
+                name = page.relative_to(DOCS)
+                row = f"| [{name.with_suffix('')}]({name}) | {heading.lstrip('# ')} | {reason} |"
+                assert row in listed, row
 
 
 def test_commands_name_what_exists() -> None:

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sparsemor.bodies.planar_body import PlanarBody
+from sparsemor.bodies.body import Body
 from sparsemor.core import ReducedProblem
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.equations import rate_factors
@@ -16,6 +16,7 @@ from sparsemor.core.simulation.simulate import simulate
 from sparsemor.core.testing.in_memory_run import March, march, scene_of
 from sparsemor.reducers.full.monolithic import Summed
 from sparsemor.reducers.step.acceptance import estimated_error, largest_error
+from tiers import quick
 
 INTEGRATORS: list[dict[str, Any]] = [
     {"use": "bdf1"}, {"use": "bdf2"}, {"use": "generalized_alpha", "rho_inf": 0.7},
@@ -87,9 +88,10 @@ def test_each_accepted_step_solves_the_equations(integrator: dict[str, Any]) -> 
     assert max(corrections(pendulum(2e-4, 400, 7e7, integrator), 20)) < 1e-10
 
 
-@pytest.mark.parametrize("integrator", INTEGRATORS, ids=["bdf1", "bdf2", "alpha-0.7", "alpha-1"])
+@pytest.mark.parametrize("integrator", quick(INTEGRATORS, INTEGRATORS[0], INTEGRATORS[2]),
+                         ids=["bdf1", "bdf2", "alpha-0.7", "alpha-1"])
 @pytest.mark.parametrize("E", [7e10, 5e6])
-@pytest.mark.parametrize("h", [1e-2, 1e-3, 1e-4, 1e-5, 1e-6])
+@pytest.mark.parametrize("h", quick((1e-2, 1e-3, 1e-4, 1e-5, 1e-6), 1e-2, 1e-6))
 def test_bordered_steps_are_those_of_the_textbook(
     h: float, E: float, integrator: dict[str, Any],
 ) -> None:
@@ -197,13 +199,14 @@ def test_small_steps_of_a_flexible_pendulum(h: float) -> None:
 def tip(run: March) -> complex:
     """Where the middle of the bar's free end is at the end."""
     body = run.model.parts["bar"]
-    assert isinstance(body, PlanarBody) and body.elasticity is not None
+    assert isinstance(body, Body) and body.elasticity is not None
     y, c = run.block("bar.rigid")[-1], run.block("bar.elastic")[-1]
     d = run.solver.dictionaries.get("bar.elastic")
     u = np.zeros(2 * len(body.X))
     u[body.elasticity.free] = c if d is None else d.offset + d.atoms @ c
-    i = int(np.argmin(np.abs(body.X - 1.0)))
-    return complex(y[0] + 1j * y[1] + np.exp(1j * y[2]) * (body.X[i] + u.view(np.complex128)[i]))
+    z = body.X @ [1, 1j]
+    i = int(np.argmin(np.abs(z - 1.0)))
+    return complex(y[0] + 1j * y[1] + np.exp(1j * y[2]) * (z[i] + u.view(np.complex128)[i]))
 
 
 def test_estimates_of_the_error_rely_on_two_changes_of_one_part() -> None:

@@ -1,6 +1,7 @@
 """Laws of a contact term in the plane and in space, on flat, bent and open surfaces."""
 
 from dataclasses import replace
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -22,9 +23,16 @@ DAMPED = ElasticFoundation(stiffness=1e9, damping=1e5, damping_depth=1e-6)
 RUBBING = Coulomb(coefficient=0.2, critical_velocity=0.1)
 
 
-@both
-@pytest.mark.parametrize("case", CASES)
-@pytest.mark.parametrize(("surfaces", "fields", "heat"), KINDS)
+LAID = [pytest.param(world, case, *kind, id=f"{name}-{case}-{kind[0]}-{'-'.join(kind[1])}",
+                     marks=[] if case == "flat" or (kind is KINDS[-1] and world is PLANE)
+                     else pytest.mark.full)
+        for (world, name), case, kind in product(
+            ((PLANE, "plane"), (SPACE, "space")), CASES, KINDS)]
+"""How the block lies, on what; the default tier has all that is flat, and all with everything in
+the plane."""
+
+
+@pytest.mark.parametrize(("world", "case", "surfaces", "fields", "heat"), LAID)
 def test_every_contact_keeps_the_laws_of_a_term(
     world: World, case: str, surfaces: str, fields: tuple[str, ...], heat: dict[str, Any]
 ) -> None:

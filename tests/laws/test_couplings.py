@@ -19,6 +19,7 @@ from sparsemor.core.scene.scene import Scene
 from sparsemor.core.testing.in_memory_run import March, march
 from sparsemor.reducers.step.solver import Stepper
 from springs import bars
+from tiers import quick
 
 HOT = ("one.thermal", "two.thermal")
 REDUCERS: dict[str, dict[str, Any]] = {
@@ -75,7 +76,7 @@ def test_heat_flows_from_the_warm_bar_into_the_cold_one(textbook: March) -> None
     assert abs(sum(heat)) < 1e-9 * abs(heat[0])  # what leaves one enters the other
 
 
-@pytest.mark.parametrize("use", REDUCERS)
+@pytest.mark.parametrize("use", quick(REDUCERS, "galerkin", "sparse"))
 def test_a_reduced_step_is_as_short_as_without_it(use: str, textbook: March) -> None:
     reduced = run(REDUCERS[use], textbook)
     assert isinstance(reduced.solver, Stepper)

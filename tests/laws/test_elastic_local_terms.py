@@ -28,6 +28,7 @@ from sparsemor.core.testing import check_term
 from sparsemor.core.testing.in_memory_run import March, march, scene_of
 from sparsemor.reducers.step.solver import Stepper
 from springs import bars
+from tiers import quick
 
 REDUCERS: dict[str, dict[str, Any]] = {
     use: {"use": use, "basis": {"use": "pod", "count": 14}}
@@ -203,7 +204,7 @@ def test_full_order_is_the_textbook_newton_and_the_springs_matter(case) -> None:
     assert fast.solver.elements_touched[name] == term.elements > 4
 
 
-@pytest.mark.parametrize("use", REDUCERS)
+@pytest.mark.parametrize("use", quick(REDUCERS, "galerkin", "ecsw"))
 def test_reduced(use: str, case) -> None:
     scene, on, k, truth = case
     reduced = run(scene, REDUCERS[use], on, k, truth)

@@ -73,7 +73,7 @@ def test_weights_are_found_among_a_part_of_a_large_mesh(monkeypatch: pytest.Monk
     all_of_them = train(Equations.of(G), 1e-3)
     monkeypatch.setattr(element_weights, "CANDIDATES", 250)
     few = train(Equations.of(G), 1e-3)
-    among = element_weights._candidates(4000)
+    among = element_weights.candidates(4000)
     assert len(np.unique(among)) == 250 and np.isin(np.flatnonzero(few.values), among).all()
     for found in (few, all_of_them):
         b = G.sum(axis=1)

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from small_scenes import coarse_pendulum, everything
+from small_scenes import coarse_pendulum, everything, everything_assembled
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.protocols.element_integrals import WeighsElements
 from sparsemor.core.scene.scene import Scene
@@ -49,7 +49,7 @@ def close(one: Any, other: Any) -> None:
 @pytest.mark.parametrize("seed", range(6))
 def test_projected_integrals_are_those_of_the_weighted_matrix(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    body = assemble(everything()).separated.moving[0]
+    body = everything_assembled().separated.moving[0]
     assert body.operators is not None and body.operators.integrals is not None
     g = body.operators.integrals().coupling
     assert g is not None
@@ -62,7 +62,7 @@ def test_projected_integrals_are_those_of_the_weighted_matrix(seed: int) -> None
 @pytest.mark.parametrize("seed", range(8))
 def test_weighted_stiffness_is_symmetric_and_positive_semidefinite(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    model = assemble(everything())
+    model = everything_assembled()
     g = [m.operators.integrals().stiffness for m in model.separated.moving
          if m.operators is not None and m.operators.integrals is not None]
     for b in model.separated.heat:
@@ -79,7 +79,7 @@ def test_weighted_stiffness_is_symmetric_and_positive_semidefinite(seed: int) ->
 @pytest.mark.parametrize("seed", range(6))
 def test_contributions_of_radiation_add_up_and_weights_scale_them(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    model = assemble(everything())
+    model = everything_assembled()
     terms = [t for b in model.separated.heat for t in b.local]
     assert len(terms) == 4
     for term in terms:

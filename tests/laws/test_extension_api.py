@@ -27,10 +27,11 @@ def test_each_name_is_there(name: str) -> None:
 
 
 BODIES = {
-    "BODY_KINDS", "DenseTerm", "ELASTIC", "End", "JointPart", "LoadPart", "MULTIPLIER", "Material",
-    "PlanarBody", "Pose", "Quantity", "RIGID", "Rows", "SpaceJoint", "SpatialBody", "THERMAL",
-    "Target", "amplitude", "constant", "find_body", "find_surfaces", "find_target", "need_field",
-    "plane", "rows_between", "rows_on",
+    "BODY_KINDS", "Between", "Body", "Conditions", "DenseTerm", "ELASTIC", "Isotropic",
+    "JointPart", "LoadPart", "MULTIPLIER", "MassProperties", "NumberOrFunction", "Pose", "RIGID",
+    "THERMAL", "Target", "amplitude", "components", "conditions_between", "conditions_on",
+    "constant", "find_body",
+    "find_surfaces", "find_target", "need_field",
 }
 REDUCERS = {"Linear", "Maps", "ProjectionReducer", "Reducible", "TestMap", "left_inverse"}
 

@@ -35,13 +35,15 @@ def differences(fast: March, plain: March) -> dict[str, float]:
     return found
 
 
-@pytest.mark.end_to_end
-@pytest.mark.parametrize("integrator", [
-    pytest.param(i, marks=[pytest.mark.slow] * (i != "bdf2")) for i in INTEGRATORS])
-def test_a_scene_with_everything(integrator: str) -> None:
+@pytest.mark.parametrize(("integrator", "steps"), [
+    pytest.param("bdf2", 5, marks=pytest.mark.end_to_end),
+    *(pytest.param(i, 25, marks=pytest.mark.full if i == "bdf2" else pytest.mark.slow)
+      for i in INTEGRATORS)])
+def test_a_scene_with_everything(integrator: str, steps: int) -> None:
     use = {"use": integrator, **INTEGRATORS[integrator].model_dump()}
-    fast, plain = both(everything().using({"integrator": use}))
-    assert len(fast.t) == 26
+    scene = everything().using({"integrator": use})
+    fast, plain = both(scene.using({"time.end": steps * scene.time.step}))
+    assert len(fast.t) == steps + 1
     found = differences(fast, plain)
     assert set(found) == {b.name for b in plain.model.layout}
     assert max(found.values()) < 1e-9, found

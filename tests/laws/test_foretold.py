@@ -9,7 +9,9 @@ from typer.testing import CliRunner
 
 from sparsemor import load
 from sparsemor.bodies.fem.volume import capacity
-from sparsemor.bodies.flexible import Flexible, body_size
+from sparsemor.bodies.flexible import body_size
+from sparsemor.bodies.mesh.generators.disk import Disk
+from sparsemor.bodies.mesh.generators.pad import Pad
 from sparsemor.core.cli import app
 from sparsemor.core.errors import InputError
 from sparsemor.core.registry.registry import Registry
@@ -55,7 +57,8 @@ def test_what_cannot_fit_is_refused_before_it_is_meshed(
     def meshed(*_: Any) -> Any:
         raise AssertionError("this would take minutes and all memory there is")
 
-    monkeypatch.setattr(Flexible, "_mesh", meshed)
+    for mesh in (Disk, Pad):
+        monkeypatch.setattr(mesh, "build", meshed)
     monkeypatch.setenv(memory.LIMIT, "4")
     out, cache = tmp_path / "out", tmp_path / "cache"
     monkeypatch.setenv("SPARSEMOR_CACHE", str(cache))

@@ -1,7 +1,7 @@
 """Items of a spatial frame that are written elsewhere: evaluated everywhere, or refused."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -11,8 +11,8 @@ from sparsemor.bodies.frames import nodal
 from sparsemor.bodies.frames.items import BodyForce
 from sparsemor.bodies.frames.many_times import Moved, Pushed
 from sparsemor.bodies.frames.motion import Motion, Sums
-from sparsemor.bodies.joints.conditions import rows_between
-from sparsemor.bodies.joints.space_part import SpaceJoint
+from sparsemor.bodies.joints.conditions import conditions_between
+from sparsemor.bodies.joints.part import JointPart
 from sparsemor.bodies.loads.part import LoadPart
 from sparsemor.bodies.mesh.generators.block import Block
 from sparsemor.bodies.targets import find_target
@@ -135,12 +135,11 @@ class Ball(Plugin):
 
     of: str
 
-    def build(self, name: str, parts: Mapping[str, Part]) -> SpaceJoint:
-        rows = rows_between(name, ("ground", self.of), parts, meeting=True, turning=False)
-        rows.meet()
-        rows.made = [(b, Plain(item), P, C, first, other)
-                     for b, item, P, C, first, other in rows.made]
-        return rows.joint()
+    def build(self, name: str, parts: Mapping[str, Part]) -> JointPart:
+        sides = conditions_between(name, ("ground", self.of), parts)
+        sides.meet()
+        sides.made = [(row, replace(c, item=Plain(c.item))) for row, c in sides.made]
+        return sides.joint()
 
 
 def test_a_joint_item_that_a_rigid_stage_cannot_pass_on_is_refused() -> None:

@@ -1,6 +1,7 @@
 """GappyPOD+E with many columns: updates in place of an SVD a row change no choice."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ import pytest
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.plugins.samplers import smallest_singular_pair as smallest
 from sparsemor.plugins.samplers.deim import pivots, raise_smallest
+from sparsemor.plugins.samplers.growing_qr import RowFactor
 from sparsemor.plugins.samplers.row_pool import Rows
 from sparsemor.plugins.samplers.smallest_singular_pair import SMALL, Smallest, largest
 
@@ -82,14 +84,14 @@ def test_values_stay_those_of_an_svd_over_many_rows(make: Columns) -> None:
 
 def test_an_svd_a_row_is_not_taken(monkeypatch: pytest.MonkeyPatch) -> None:
     taken = 0
-    whole = Smallest._from_all
+    whole = RowFactor.singular
 
-    def counted(self: Smallest) -> None:
+    def counted(self: RowFactor, k: int) -> Any:
         nonlocal taken
         taken += 1
-        whole(self)
+        return whole(self, k)
 
-    monkeypatch.setattr(Smallest, "_from_all", counted)
+    monkeypatch.setattr(RowFactor, "singular", counted)
     U = random(480, 96, 0)
     rows = rows_beside(U, np.arange(120), 100)
     raise_smallest(U, rows)

@@ -26,6 +26,8 @@ from sparsemor.reducers.step.thermal_block import CompressedHeat
 from sparsemor.reducers.step.time_tables import TimeTable
 
 STEPS, H = 8, 1e-3
+TURNING = [(5e12, 60.0), (5e5, 60.0), (5e4, 400.0)]
+"""Pa, rad/s"""
 STEEL = {"nu": 0.3, "rho": 1100, "alpha": 1e-4, "k": 20, "c": 500}
 
 
@@ -69,7 +71,8 @@ def differ(one: March, other: March) -> float:
 
 
 @pytest.mark.parametrize("make, size", [(bar, 4), (plane_bar, 3)])
-@pytest.mark.parametrize("E, spin", [(5e12, 60.0), (5e5, 60.0), (5e4, 400.0)])
+@pytest.mark.parametrize("E, spin", [
+    pytest.param(*at, marks=[pytest.mark.full] * (at == (5e5, 60.0))) for at in TURNING])
 def test_what_turns_with_the_frame_is_solved_for_however_much_it_is(make, size, E, spin) -> None:
     """From a contraction of 1e-4 to one that has to be accelerated, against the textbook Newton."""
     fast = march(make(E), model=turning(make(E), spin, size))
@@ -244,7 +247,7 @@ def test_known_rows_are_what_the_source_gives() -> None:
 
 
 @pytest.mark.full
-@pytest.mark.parametrize("E, spin", [(5e12, 60.0), (5e5, 60.0), (5e4, 400.0)])
+@pytest.mark.parametrize("E, spin", TURNING)
 def test_full_order_corrected_in_soft_modes_is_that_of_newton(E, spin) -> None:
     fine = (8, 3, 2)  # enough unknowns for it to have any
     fast = march(bar(E, fine), model=turning(bar(E, fine), spin, 4))

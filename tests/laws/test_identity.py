@@ -11,11 +11,11 @@ from typing import Any
 import meshio
 import pytest
 import threadpoolctl
+from typer.testing import CliRunner
 
 from sparsemor import InputError, load, simulate
 from sparsemor.core.analysis.study.plan import Plan
-from sparsemor.core.cli.compare import _run_one
-from sparsemor.core.model.body_cache import BodyCache
+from sparsemor.core.cli import app
 from sparsemor.core.registry.hooks import hookimpl, new_manager
 from sparsemor.core.scene import run_identity as identity
 from sparsemor.core.scene.independent_of_physics import IRRELEVANT, REDUCTION, RELEVANT
@@ -113,7 +113,7 @@ def test_a_changed_program_finds_nothing(monkeypatch: pytest.MonkeyPatch) -> Non
 
 def test_the_digest_of_the_program_reads_every_source() -> None:
     root = Path(identity.__file__).parents[2]
-    known = {p for folder in FOLDERS for p in identity._sources(root / folder)}
+    known = {p for folder in FOLDERS for p in identity.sources(root / folder)}
     assert {p for p in root.rglob("*.py") if p.parent != root} <= known
     assert len(known) > 200
 
@@ -244,12 +244,16 @@ def test_a_run_that_is_continued_on_another_processor_says_so(
 def test_a_comparison_keeps_no_run_of_another_program(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    scene = load(TINY, {**SHORT, "reducer": "full"})
-    simulate(scene, out=tmp_path / "full")
-    assert _run_one(scene, tmp_path / "full", True, (), BodyCache(), keep=False).status.ok
+    command = ["compare", str(TINY), "--reducers", "full,galerkin", "--set", "time.end=0.003",
+               "--no-charts", "--out", str(tmp_path / "out")]
+    assert CliRunner().invoke(app, command).exit_code == 0
+    kept = {p: p.stat().st_mtime_ns for p in (tmp_path / "out" / "full").rglob("*")}
+    assert CliRunner().invoke(app, [*command, "--resume"]).exit_code == 0
+    assert kept == {p: p.stat().st_mtime_ns for p in kept}
     monkeypatch.setattr(identity, "code_digest", lambda: "other")
-    with pytest.raises(InputError, match="since it was computed, the code of sparsemor has chang"):
-        _run_one(scene, tmp_path / "full", True, (), BodyCache(), keep=False)
+    done = CliRunner().invoke(app, [*command, "--resume"])
+    assert done.exit_code == 2
+    assert "since it was computed, the code of sparsemor has chang" in done.stderr
 
 
 @pytest.mark.full

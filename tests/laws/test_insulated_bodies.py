@@ -13,6 +13,7 @@ from sparsemor.core.protocols import Dictionary
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.testing.in_memory_run import march, scene_of
 from sparsemor.reducers.projection.modal_coordinates import modal_coordinates
+from tiers import quick
 
 BUDGETS = {"*.elastic": {"rows": 24, "atoms": 8}, "*.thermal": {"rows": 10, "atoms": 1}}
 REDUCERS: dict[str, dict[str, Any]] = {
@@ -56,8 +57,9 @@ def drawn(seed: int) -> Scene:
 
 
 @pytest.mark.parametrize("reducer", ["galerkin", "lspg", "deim", "gnat", "ecsw"])
-def test_random_insulated_plates_keep_their_temperature(reducer: str) -> None:
-    for seed in range(10):
+@pytest.mark.parametrize("seeds", quick((range(3), range(3, 10)), range(3)), ids=("few", "more"))
+def test_random_insulated_plates_keep_their_temperature(reducer: str, seeds: range) -> None:
+    for seed in seeds:
         scene = drawn(seed)
         reference = march(scene.using({"reducer": "full"}))
         basis = {"use": "pod", "count": 1, "centred": False}

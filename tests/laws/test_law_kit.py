@@ -21,6 +21,7 @@ from sparsemor.core.testing import (
     check_function,
     check_integrator,
     check_linear_solver,
+    check_material,
     check_mesh_plugin,
     check_normal_law,
     check_observer,
@@ -31,6 +32,7 @@ from sparsemor.core.testing import (
     check_sparse_solver,
     installed,
 )
+from tiers import quick
 
 SCENES = Path(__file__).parents[1] / "scenes"
 BUDGETS = {"*.elastic": {"rows": 24, "atoms": 4}, "*.thermal": {"rows": 12, "atoms": 3}}
@@ -42,6 +44,7 @@ OPTIONS: dict[tuple[str, str], dict[str, Any]] = {
     ("function", "sine"): {"amplitude": 2.0, "frequency": 0.7},
     ("normal_law", "elastic_foundation"): {
         "stiffness": 1e9, "damping": 1e5, "damping_depth": 1e-6},
+    ("material", "isotropic"): {"rho": 2700.0, "E": 7e10, "nu": 0.33, "k": 150.0, "c": 900.0},
     ("friction_law", "coulomb"): {"coefficient": 0.3, "critical_velocity": 0.05},
     ("mesh", "rectangle"): {"size": (2.0, 1.0), "divisions": (4, 3)},
     ("mesh", "unstructured"): {"size": (2.0, 1.0), "divisions": (4, 2), "elements": 24},
@@ -72,11 +75,14 @@ LAWS: dict[str, Callable[[Any, int], None]] = {
     "function": check_function,
     "normal_law": check_normal_law,
     "friction_law": check_friction_law,
+    "material": lambda p, seed: check_material(p),
     "observer": lambda p, seed: check_observer(p.observer, seed),
 }
 SCENE_KINDS = {"body", "joint", "load", "contact"}
 QUICK = {"sparse_solver": {"greedy_gauss_newton"}}
 """Of the kinds whose laws take long: those that the default tier checks."""
+QUICK_RUNS = {"galerkin", "bdf2"}
+"""Each reducer with this integrator, and this reducer with each integrator."""
 RANDOM = [pytest.param(kind, name, marks=[pytest.mark.full] * (name not in QUICK.get(kind, {name})))
           for kind in LAWS for name in installed(kind)]
 
@@ -90,12 +96,16 @@ def test_every_kind_has_laws() -> None:
     assert set(Registry().kinds()) <= set(LAWS) | others
 
 
+@pytest.mark.parametrize("examples", quick((2, 5), 2))
 @pytest.mark.parametrize(("kind", "name"), RANDOM, ids=lambda word: str(word))
-@settings(max_examples=5, deadline=None, derandomize=True,
-          suppress_health_check=[HealthCheck.too_slow])
-@given(seed=st.integers(0, 2**31 - 1))
-def test_laws_over_random_inputs(kind: str, name: str, seed: int) -> None:
-    LAWS[kind](made(kind, name), seed)
+def test_laws_over_random_inputs(kind: str, name: str, examples: int) -> None:
+    @settings(max_examples=examples, deadline=None, derandomize=True,
+              suppress_health_check=[HealthCheck.too_slow])
+    @given(seed=st.integers(0, 2**31 - 1))
+    def kept(seed: int) -> None:
+        LAWS[kind](made(kind, name), seed)
+
+    kept()
 
 
 @pytest.mark.parametrize("name", installed("mesh"))
@@ -106,8 +116,10 @@ def test_laws_of_a_mesh(name: str, tmp_path: Path) -> None:
     check_mesh_plugin(made("mesh", name), tmp_path)
 
 
-@pytest.mark.parametrize("name", installed("reducer"))
-@pytest.mark.parametrize("integrator", installed("integrator"))
+@pytest.mark.parametrize(("name", "integrator"), [
+    pytest.param(name, integrator, marks=[] if {name, integrator} & QUICK_RUNS else
+                 pytest.mark.full)
+    for name in installed("reducer") for integrator in installed("integrator")])
 def test_laws_of_a_reducer(name: str, integrator: str) -> None:
     options = {"use": name, **OPTIONS.get(("reducer", name), {})}
     check_reducer(load(SCENES / "tiny.yaml", {"reducer": options, "integrator": integrator}))

@@ -9,7 +9,7 @@ import pytest
 from scipy import sparse
 
 from sparsemor.bodies import fem as fe
-from sparsemor.bodies.material import Material
+from sparsemor.bodies.material import Isotropic
 from sparsemor.bodies.mesh.generators.block import Block
 from sparsemor.core.arrays import Csr, FloatArray
 from sparsemor.core.errors import InputError
@@ -28,7 +28,7 @@ from sparsemor.plugins.linear_solvers.smoothed_aggregation import SmoothedAggreg
 from sparsemor.plugins.linear_solvers.superlu import ENTRY, Splu
 
 PACKAGE = {"pardiso": "pypardiso", "cholmod": "sksparse", "amg": "pyamg"}
-STEEL = Material(E=200e9, nu=0.3, rho=7850, alpha=12.3e-6, k=44.5, c=475)
+STEEL = Isotropic(E=200e9, nu=0.3, rho=7850, alpha=12.3e-6, k=44.5, c=475)
 
 
 def block(n: int) -> Any:
@@ -188,6 +188,7 @@ def test_a_body_that_nothing_holds_is_singular(name: str) -> None:
     assert done.outcome(np.ones(K.shape[0])).status is Status.SINGULAR
 
 
+@pytest.mark.full
 def test_auto_says_what_it_took_and_why() -> None:
     small, places = heat(4, 1.0)
     assert Auto().factorize(small, places).note == "splu: 125 unknowns are few"

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from sparsemor.bodies.material import Material, require
+from sparsemor.bodies.material import Isotropic, require
 from sparsemor.bodies.mesh.check import check_mesh
 from sparsemor.bodies.mesh.generators.link import Link
 from sparsemor.bodies.mesh.generators.rectangle import Rectangle
@@ -163,11 +163,11 @@ def test_rectangle_options(options: dict[str, object]) -> None:
 @pytest.mark.parametrize("options", [{"E": 0}, {"nu": 0.5}, {"nu": -1}, {"rho": -1}, {"k": 0}])
 def test_material_bounds(options: dict[str, float]) -> None:
     with pytest.raises(ValidationError):
-        Material.model_validate({"rho": 1000} | options)
+        Isotropic.model_validate({"rho": 1000} | options)
 
 
 def test_missing_constants_are_all_named() -> None:
-    steel = Material(rho=7850, nu=0.3)
+    steel = Isotropic(rho=7850, nu=0.3)
     with pytest.raises(InputError) as caught:
         require(steel, ("E", "nu", "k"), "elastic")
     assert [fault.key for fault in caught.value.faults] == ["E", "k"]

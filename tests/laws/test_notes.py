@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from sparsemor import load, simulate
-from sparsemor.core.analysis.stability.survey import _unsampled
+from sparsemor.core.analysis.stability.survey import unsampled
 from sparsemor.core.notes import Level, Note, information, kinds, sentences
 
 SLIDER = "tests/scenes/small_slider.yaml"
@@ -33,4 +33,4 @@ def test_only_unsampled_loads_are_counted_as_such() -> None:
         notes = (Note("the rows miss a load", "unsampled"), Note("another warning", "other"),
                  information("how a step is solved"))
 
-    assert _unsampled(Solver()) == 1
+    assert unsampled(Solver()) == 1

@@ -32,6 +32,7 @@ from sparsemor.plugins.sparse_solvers.least_squares_on_support import Linearised
 from sparsemor.plugins.sparse_solvers.newton import LinearRecovery, Recovered
 from sparsemor.plugins.sparse_solvers.omp import OrthogonalMatchingPursuit
 from sparsemor.plugins.sparse_solvers.penalised import Penalised
+from tiers import quick
 
 VARIANTS: dict[str, SparseSolver] = {
     "lp, equations": BasisPursuitLp(tolerance=0.0),
@@ -56,24 +57,30 @@ def two_bases(rng: np.random.Generator, active: int) -> LeastSquares:
 
 
 @each
-@settings(max_examples=25, deadline=None, derandomize=True)
-@given(seed=st.integers(0, 2**32 - 1), active=st.integers(1, 4))
+@pytest.mark.parametrize("examples", quick((8, 25), 8))
 def test_supports_within_the_coherence_bound_are_found(
-    solver: SparseSolver, seed: int, active: int
+    solver: SparseSolver, examples: int
 ) -> None:
-    problem = two_bases(np.random.default_rng(seed), active)
-    outcome = empty(solver, problem)
-    assert outcome.status is Status.DONE
-    assert np.array_equal(outcome.support, problem.support)
-    np.testing.assert_allclose(outcome.c, problem.answer, atol=1e-12)
+    @settings(max_examples=examples, deadline=None, derandomize=True)
+    @given(seed=st.integers(0, 2**32 - 1), active=st.integers(1, 4))
+    def found(seed: int, active: int) -> None:
+        problem = two_bases(np.random.default_rng(seed), active)
+        outcome = empty(solver, problem)
+        assert outcome.status is Status.DONE
+        assert np.array_equal(outcome.support, problem.support)
+        np.testing.assert_allclose(outcome.c, problem.answer, atol=1e-12)
+
+    found()
 
 
 @each
 @pytest.mark.parametrize("make", [incoherent, all_penalised, tall])
+@pytest.mark.parametrize("seeds", quick((range(100, 104), range(104, 115)), range(100, 104)),
+                         ids=("few", "more"))
 def test_gaussian_supports_are_found(
-    solver: SparseSolver, make: Callable[[np.random.Generator], LeastSquares]
+    solver: SparseSolver, make: Callable[[np.random.Generator], LeastSquares], seeds: range
 ) -> None:
-    for seed in range(100, 115):
+    for seed in seeds:
         problem = make(np.random.default_rng(seed))
         outcome = empty(solver, problem)
         assert outcome.status is Status.DONE

@@ -10,25 +10,17 @@ import pytest
 from sparsemor import InputError, SolveFailed, Status, load, open_result, simulate
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.prescribed_motion import Followed
-from sparsemor.core.protocols.prescribed_motion import FrameHistory, Stage
+from sparsemor.core.protocols.prescribed_motion import FrameHistory
 from sparsemor.core.registry.hooks import hookimpl
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.rigid_stage import rigid_scene
 from sparsemor.core.simulation.validation import checked_model
-from sparsemor.core.testing.in_memory_run import March, march
+from sparsemor.core.testing.in_memory_run import march
+from tests.laws.test_rigid_stage_in_space import stage_of
 
 SCENES = Path(__file__).parents[1] / "scenes"
 SLIDER, EVERYTHING = SCENES / "small_slider.yaml", SCENES / "everything.yaml"
 SHORT: dict[str, Any] = {"time.end": 7.5e-5, "training.end": 7.5e-5, "reducer": "full"}
-
-
-def stage_of(run: March) -> Stage:
-    """Frames and joint forces of a run whose bodies are flexible."""
-    layout, t = run.model.layout, run.t
-    frames = {b.owner: FrameHistory(t, *(m[:, layout[b.name]] for m in (run.x, run.v, run.a)))
-              for b in layout if b.field == "rigid"}
-    reactions = {b.owner: run.x[:, layout[b.name]] for b in layout if b.field == "multiplier"}
-    return Stage(t, frames, frozenset(frames), reactions, {})
 
 
 @pytest.mark.full

@@ -164,7 +164,7 @@ def test_reactions_do_the_work_of_the_constraints(model: Model, name: str) -> No
 
 def test_radiation_of_a_triangle_is_integrated_exactly() -> None:
     """T^4 phi is of degree 5: against integrals of monomials in area coordinates."""
-    phi, weights = radiation._RULES[3]
+    phi, weights = radiation.RULES[3]
     for a, b, c in product(range(6), repeat=3):
         if a + b + c <= 5:
             exact = 2 * factorial(a) * factorial(b) * factorial(c) / factorial(a + b + c + 2)

@@ -19,6 +19,7 @@ from sparsemor.core.simulation.time_stepping import accepted_steps, started
 from sparsemor.core.testing.in_memory_run import march
 from sparsemor.core.testing.reducer import in_two_threads
 from springs import bars, coupled
+from tiers import quick
 from tiny_scene import BUDGETS, FIXED
 
 COUNT = 8
@@ -38,6 +39,7 @@ KINDS = (
     "coupled, full",
     "coupled, galerkin",
 )
+QUICK = [k for k in KINDS if "coupled" not in k and "textbook" not in k and "controlled" not in k]
 
 
 @cache
@@ -94,7 +96,7 @@ def steps(
     return np.array([one.state.x for one in taken]), taken[-1].state, taken[-1].memory
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", quick(KINDS, *QUICK))
 def test_one_solver_serves_two_threads(kind: str) -> None:
     scene, model, solver = prepared(kind)
 
@@ -109,7 +111,7 @@ def test_one_solver_serves_two_threads(kind: str) -> None:
         assert np.array_equal(both, alone)
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", quick(KINDS, *QUICK))
 def test_a_copy_goes_on_to_equal_bits(kind: str) -> None:
     """The copy first, then the original: steps of the one do not show in the other."""
     scene, model, solver = prepared(kind)

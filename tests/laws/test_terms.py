@@ -4,10 +4,9 @@
 import numpy as np
 import pytest
 
-from small_scenes import everything
+from small_scenes import everything, everything_assembled
 from sparsemor.bodies.frames.plane import PlanarFrame
 from sparsemor.bodies.loads.radiation import RadiationTerm
-from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.equations import jacobian, residual
 from sparsemor.core.model.frame_term import FrameTerm
 from sparsemor.core.model.linear_term import LinearTerm
@@ -22,7 +21,7 @@ PARTS = [pytest.param(name, marks=[pytest.mark.full] * (name in LONG)) for name 
 
 @pytest.fixture(scope="module")
 def model() -> Model:
-    return assemble(everything())
+    return everything_assembled()
 
 
 @pytest.mark.parametrize("part", PARTS)
@@ -40,9 +39,9 @@ def test_the_scene_has_terms_of_every_kind(model: Model) -> None:
     assert {type(t) for t in model.terms} == {FrameTerm, LinearTerm, RadiationTerm}
     items = {type(i).__name__ for t in model.terms if isinstance(t, FrameTerm)
              and isinstance(t.equations.frame, PlanarFrame) for i in t.equations.frame.items}
-    assert items == {"Inertia", "BodyForce", "SpaceForce", "Attachment"}
-    partly_given = [t for t in model.terms if isinstance(t, RadiationTerm) and t.given]
-    assert any(0 < len(at) < len(t.column_of) for t in partly_given for at, _ in t.given)
+    assert items == {"Inertia", "BodyForce", "SpaceForce", "Attachment", "Rotation"}
+    partly_given = [t for t in model.terms if isinstance(t, RadiationTerm) and t.prescribed]
+    assert any(0 < len(at) < len(t.column_of) for t in partly_given for at, _ in t.prescribed)
 
 
 def test_every_term_has_one_owner_in_the_fast_step(model: Model) -> None:

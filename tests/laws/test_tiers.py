@@ -26,6 +26,9 @@ def own():
 
 def test_short(shared): pass
 def test_long(): burn(0.06)
+def test_long_the_first_time(known=[]):
+    burn(0.0 if known else 0.06)
+    known.append(1)
 def test_long_before_it_starts(own): pass
 @pytest.mark.full
 def test_marked(): burn(0.06)
@@ -55,7 +58,7 @@ def test_an_unmarked_test_of_long_is_refused(
     """On a machine that is as fast as the one of the limit, which this one may not be."""
     monkeypatch.setattr("cpu_limit.fixed_work", lambda: 0.0)
     run = written.runpytest_inprocess()
-    run.assert_outcomes(passed=3, failed=2)
+    run.assert_outcomes(passed=4, failed=2)
     run.stdout.fnmatch_lines([
         "*test_long*", "0.* CPU-s, where an unmarked test may take 0.0*@pytest.mark.full*",
         "*test_long_before_it_starts*"])
@@ -66,7 +69,7 @@ def test_a_slower_machine_has_a_higher_limit(
     written: pytest.Pytester, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("cpu_limit.fixed_work", lambda: 10.0)
-    written.runpytest_inprocess().assert_outcomes(passed=5)
+    written.runpytest_inprocess().assert_outcomes(passed=6)
 
 
 def test_few_long_tests_stay_in_the_default_tier() -> None:

@@ -27,29 +27,57 @@ TEXTS = (DOCS, MESSAGES, DOCSTRINGS)
 BANNED = {
     # word or phrase: (instead, areas)
     "anew": ("again", TEXTS),
+    "as it was left alone": ("an uninterrupted run", TEXTS),
+    "at its largest": ("peak", (DOCS,)),
     "beside": ("next to", TEXTS),
     "besides": ("in addition", TEXTS),
     "beforehand": ("in advance", TEXTS),
+    "by lot": ("at random", (DOCS,)),
+    "comes out again": ("is reproduced", (DOCS, MESSAGES)),
     "feels": ("acts on", TEXTS),
     "felt": ("acts on", TEXTS),
     "feel": ("acts on", TEXTS),
     "foretell": ("estimate", TEXTS),
     "foretells": ("estimate", TEXTS),
     "foretold": ("estimated", TEXTS),
+    "foreseen": ("predicted", (DOCS, MESSAGES)),
     "handed on": ("passed on", TEXTS),
     "hands": ("passes, returns", TEXTS),
     "handed": ("passed", (DOCS, DOCSTRINGS)),
+    "in place of": ("instead of", (DOCS,)),
+    "is asked": ("is evaluated", (DOCS, MESSAGES)),
+    "is off by": ("has an error of", (DOCS,)),
+    "left alone": ("uninterrupted", (DOCS,)),
+    "made good": ("recovered", (DOCS,)),
+    "made ready": ("prepared", (DOCS,)),
     "mend": ("fix", EVERYWHERE),
+    "mended": ("fixed", (DOCS, MESSAGES)),
+    "mends": ("fixes", TEXTS),
     "misfits": ("unmatched pattern", TEXTS),
     "ms a step": ("ms/step", TEXTS),
+    "milliseconds a step": ("ms/step", TEXTS),
+    "need no luck": ("are deterministic", TEXTS),
+    "needs no luck": ("is deterministic", TEXTS),
+    "natural modes": ("modal coordinates", (DOCS,)),
+    "nobody": ("no part, no program", (DOCS,)),
+    "on the way": ("during the run", (DOCS,)),
     "one-step map": ("time-step map", TEXTS),
+    "put together": ("assembled", (DOCS, MESSAGES)),
+    "quicker": ("faster", (DOCS, MESSAGES)),
     "reckoned": ("estimated", TEXTS),
     "charged": ("counted as excess growth", TEXTS),
     "softest": ("deflation space", TEXTS),
+    "stands beside": ("is next to", TEXTS),
+    "stands for": ("means", (MESSAGES,)),
     "stretches": ("column chunks", (DOCS, MESSAGES)),
     "told": ("reported, estimated", TEXTS),
     "tells": ("reports", (DOCS, MESSAGES, DOCSTRINGS)),
+    "the error is theirs": ("is dominated by", TEXTS),
+    "unmet": ("without contact", TEXTS),
+    "unsaid": ("without a note", (MESSAGES, DOCSTRINGS)),
     "workshop": ("cache", (DOCS, MESSAGES)),
+    "wrong by its own size": ("a relative error of about 1", TEXTS),
+    "wrong by their own size": ("a relative error of about 1", TEXTS),
     "twins": ("counterparts", TEXTS),
 }
 ALLOWED = {
@@ -83,8 +111,9 @@ def _pages() -> Iterator[Text]:
     for page in [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]:
         if page.name == "scene-reference.md":  # made of docstrings and options
             continue
-        for number, line in enumerate(prose(page.read_text(encoding="utf-8")).splitlines(), 1):
-            yield Text(str(page.relative_to(ROOT)), number, line)
+        text, path = prose(page.read_text(encoding="utf-8")), str(page.relative_to(ROOT))
+        for m in re.finditer(r"(?:[^\n]*\S[^\n]*\n?)+", text):  # a phrase may cross lines
+            yield Text(path, text.count("\n", 0, m.start()) + 1, " ".join(m[0].split()))
 
 
 def _code(area: str) -> Iterator[Text]:
@@ -124,9 +153,10 @@ def _parts(name: str) -> str:
 @cache
 def uses(area: str) -> dict[tuple[str, str], str]:
     """(path, word) of the words that are banned in this area -> the last line with it."""
-    words = "|".join(re.escape(w) for w, (_, areas) in BANNED.items() if area in areas)
+    banned = (w for w, (_, areas) in BANNED.items() if area in areas)
+    words = "|".join(map(re.escape, sorted(banned, key=len, reverse=True)))
     found = re.compile(rf"(?<![\w.-])({words})(?![\w-])", re.IGNORECASE)
-    return {(t.path, m[1].lower()): f"line {t.line}: {t.words.strip()}"
+    return {(t.path, m[1].lower()): f"line {t.line}: {t.words[max(0, m.start() - 60):m.end() + 60]}"
             for t in texts(area) for m in found.finditer(t.words)}
 
 

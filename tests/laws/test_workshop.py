@@ -16,6 +16,7 @@ from sparsemor.core.simulation import validation as checks
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.rigid_stage import rigid_scene
 from sparsemor.core.simulation.validation import checked_model
+from sparsemor.core.testing import installed
 
 SCENES = Path(__file__).parents[1] / "scenes"
 SHORT = {"time.end": 0.002, "time.step": 0.001, "training.end": 0.002, "check_stability": "off"}
@@ -32,7 +33,8 @@ def made(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
             return made(*args, **kwargs)
         return call
 
-    monkeypatch.setattr(Flexible, "_mesh", counted("meshes", Flexible._mesh))
+    for mesh in installed("mesh").values():
+        monkeypatch.setattr(mesh, "build", counted("meshes", mesh.build))
     for name in ("elastic_stiffness", "scalar_mass", "conductivity"):
         monkeypatch.setattr(flexible, name, counted(name, getattr(flexible, name)))
     for module in (checks, offline, rigid_stage):

@@ -14,6 +14,7 @@ from sparsemor.core.scene.scene import load
 from sparsemor.core.testing.in_memory_run import March, march
 
 LINKS = ("link1", "link2")
+pytestmark = pytest.mark.full
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +31,6 @@ def angles(run: March, times: list[float]) -> FloatArray:
     return np.asarray(np.degrees(np.stack(columns, axis=1)))
 
 
-@pytest.mark.full
 def test_angles(heated: March) -> None:
     table = [(-153.0813, -146.0835), (-94.3823, -96.7524), (-13.1448, -61.3529),
              (-157.5868, -253.3396)]

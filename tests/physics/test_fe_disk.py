@@ -7,12 +7,12 @@ from scipy.spatial import Delaunay
 
 from disk_fields import radial_and_hoop, rms
 from sparsemor.bodies import fem as fe
-from sparsemor.bodies.material import Material
+from sparsemor.bodies.material import Isotropic
 from sparsemor.bodies.mesh.check import check_mesh
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.protocols.mesh import Mesh
 
-STEEL = Material(E=200e9, nu=0.3, rho=7850, alpha=12.3e-6)
+STEEL = Isotropic(E=200e9, nu=0.3, rho=7850, alpha=12.3e-6)
 RADIUS, SPEED, THICKNESS, RISE = 0.14, 66.667, 0.013, 100.0
 INNER, RIM = 821, 84
 

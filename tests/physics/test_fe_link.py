@@ -9,12 +9,12 @@ from scipy.sparse import eye_array, kron
 from scipy.sparse.linalg import eigsh, splu
 
 from sparsemor.bodies import fem as fe
-from sparsemor.bodies.material import Material
+from sparsemor.bodies.material import Isotropic
 from sparsemor.bodies.mesh.generators.link import Link
 from sparsemor.core.arrays import Csr, FloatArray, IntArray
 from sparsemor.core.protocols.mesh import Mesh
 
-MATERIAL = Material(E=7e10, nu=0.3, rho=1000, alpha=2e-5, k=44.5, c=475)
+MATERIAL = Isotropic(E=7e10, nu=0.3, rho=1000, alpha=2e-5, k=44.5, c=475)
 THICKNESS, START, STEP = 0.03, 293.15, 1e-3
 
 

@@ -11,7 +11,7 @@ from scipy.sparse.linalg import spsolve
 
 from sparsemor.bodies import fem as fe
 from sparsemor.bodies.fem import Model
-from sparsemor.bodies.material import Material
+from sparsemor.bodies.material import Isotropic
 from sparsemor.bodies.mesh.check import check_mesh
 from sparsemor.bodies.mesh.generators.rectangle import Rectangle
 from sparsemor.bodies.mesh.simplices import boundary, signed_measures
@@ -19,7 +19,7 @@ from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.protocols.mesh import Mesh
 
-ALLOY = Material(E=7e10, nu=0.3, rho=1000, alpha=2e-5)
+ALLOY = Isotropic(E=7e10, nu=0.3, rho=1000, alpha=2e-5)
 SHEAR = {2: np.array([[1.0, 0.3], [0.0, 0.8]]),
          3: np.array([[1.0, 0.3, 0.1], [0.0, 0.8, -0.2], [0.0, 0.0, 1.2]])}
 

@@ -11,7 +11,7 @@ from scipy.sparse.linalg import eigsh
 from disk_fields import radial_and_hoop, rms
 from sparsemor.bodies import fem as fe
 from sparsemor.bodies.fem import forms
-from sparsemor.bodies.material import Material
+from sparsemor.bodies.material import Isotropic
 from sparsemor.bodies.mesh.generators.block import Block
 from sparsemor.bodies.mesh.generators.disk import Disk
 from sparsemor.bodies.mesh.generators.pad import Pad
@@ -22,8 +22,8 @@ from sparsemor.core.protocols import DofLocations
 from sparsemor.core.protocols.mesh import Mesh
 from sparsemor.plugins.linear_solvers.superlu import Splu
 
-STEEL = Material(E=200e9, nu=0.3, rho=7850, alpha=12.3e-6, k=44.5, c=475)
-ALLOY = Material(E=7e10, nu=0.3, rho=1000, alpha=2e-5)
+STEEL = Isotropic(E=200e9, nu=0.3, rho=7850, alpha=12.3e-6, k=44.5, c=475)
+ALLOY = Isotropic(E=7e10, nu=0.3, rho=1000, alpha=2e-5)
 RADIUS, SPEED = 0.14, 66.667
 
 

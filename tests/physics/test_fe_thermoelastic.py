@@ -9,12 +9,12 @@ from scipy.sparse.linalg import spsolve
 
 from sparsemor.bodies import fem as fe
 from sparsemor.bodies.fem import Model
-from sparsemor.bodies.material import Material
+from sparsemor.bodies.material import Isotropic
 from sparsemor.bodies.mesh.generators.rectangle import Rectangle
 from sparsemor.core.arrays import Csr, FloatArray, IntArray
 from sparsemor.core.protocols.mesh import Mesh
 
-ALLOY = Material(E=7e10, nu=0.3, rho=1000, alpha=2e-5)
+ALLOY = Isotropic(E=7e10, nu=0.3, rho=1000, alpha=2e-5)
 
 
 def solve(stiffness: Csr, force: FloatArray, held: IntArray) -> FloatArray:

@@ -8,11 +8,11 @@ from scipy.sparse import eye_array, kron
 from scipy.sparse.linalg import eigsh
 
 from sparsemor.bodies import fem as fe
-from sparsemor.bodies.material import Material
+from sparsemor.bodies.material import Isotropic
 from sparsemor.bodies.mesh.generators.rectangle import Rectangle
 from sparsemor.core.arrays import FloatArray
 
-ALLOY = Material(E=7e10, nu=0.3, rho=1000)
+ALLOY = Isotropic(E=7e10, nu=0.3, rho=1000)
 THICKNESS = 0.03
 
 

@@ -41,7 +41,7 @@ def test_third_law_for_forces_moments_and_heat() -> None:
     moved = np.zeros_like(nodal)
     moved[plate.elasticity.free] = run.end.x[layout["plate.elastic"]]
     x, y, angle = run.end.x[layout["slider.rigid"]]
-    arm = plate.X + moved.view(complex) - complex(x, y)
+    arm = plate.X @ [1, 1j] + moved.view(complex) - complex(x, y)
     moment = float((arm.conj() * nodal.view(complex)).imag.sum())
     size = LOAD * SIDE
     assert abs(nodal.view(complex).sum() + complex(on_slider[0], on_slider[1])) < 1e-12 * LOAD

@@ -32,7 +32,7 @@ def slab(
 def profile(run: March, at: int = -1) -> tuple[FloatArray, FloatArray]:
     """x and temperature of all nodes that are unknowns."""
     body: Any = run.model.parts["slab"]
-    return body.X[body.heat.free].real, run.block("slab.thermal")[at]
+    return body.X[body.heat.free, 0], run.block("slab.thermal")[at]
 
 
 def film(on: str, h: float, temperature: float) -> dict[str, Any]:

@@ -26,8 +26,8 @@ from sparsemor.core.arrays import FloatArray
 from sparsemor.core.testing.in_memory_run import March, march
 
 ALL = ("rigid", "elastic", "thermal")
-FEW = (0, 24, 26)
-SEEDS = [s if s in FEW else pytest.param(s, marks=pytest.mark.slow) for s in range(28)]
+TIERS = {24: (), 0: pytest.mark.full, 26: pytest.mark.full}
+SEEDS = [pytest.param(s, marks=TIERS.get(s, pytest.mark.slow)) for s in range(28)]
 
 
 @cache

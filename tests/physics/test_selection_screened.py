@@ -153,7 +153,7 @@ def test_the_border_is_eliminated(still: bool) -> None:
         state = scene.integrator.advance(
             stepper.layout, state, formula, outcome.x, scene.time.step)
     formula = scene.integrator.formula(stepper.layout, state, scene.time.step)
-    now, screens = memory.current, stepper._screens(memory)
+    now, screens = memory.current, stepper.screens_of(memory)
     assert now is not None and now.mechanics is not None and screens is not None
     x, screen = now.tried(formula, memory).x, screens.elastic
     assert screen is not None

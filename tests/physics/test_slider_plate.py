@@ -17,6 +17,7 @@ from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.rigid_stage import rigid_scene
 from sparsemor.core.testing.in_memory_run import march
+from tiers import quick
 
 HEAT_ALONE = {"reducer": "full", "bodies.slider.fields": ["thermal"],
               "bodies.plate.fields": ["thermal"]}
@@ -57,7 +58,7 @@ def stored_heat(run: RunResult, body: str) -> float:
     return float(2700 * 900 * SIDE * area @ run.nodal_temperature(body, -1)[cells].mean(axis=1))
 
 
-@pytest.mark.parametrize("name", ["slider_plate", "slider_plate_published"])
+@pytest.mark.parametrize("name", quick(["slider_plate", "slider_plate_published"], "slider_plate"))
 def test_unknowns_of_the_packaged_scenes(name: str) -> None:
     scene = load(name)
     model = assemble(scene)
@@ -116,6 +117,7 @@ def test_forces(stage: Stage) -> None:
     assert steady[-1] == pytest.approx(N + weight, abs=2e-6)
 
 
+@pytest.mark.full
 def test_tilt_and_pressure(stage: Stage) -> None:
     """First-order values of the specification: 3.233e-4, 1.125 mm, 22.22 MPa."""
     tilt, length, pressure = tilted()
@@ -127,6 +129,7 @@ def test_tilt_and_pressure(stage: Stage) -> None:
     assert pressure == pytest.approx(22.2e6, rel=3e-3)
 
 
+@pytest.mark.full
 def test_slider_moves_with_the_drive(stage: Stage) -> None:
     """The drive's point, the middle of the top, goes 1 m/s; the plate stays."""
     X, Y, turn = stage.frames["slider"].pose.T
@@ -136,6 +139,7 @@ def test_slider_moves_with_the_drive(stage: Stage) -> None:
     assert np.all(stage.frames["plate"].pose == 0.0)
 
 
+@pytest.mark.full
 def test_hottest_point(heated: RunResult) -> None:
     """6.13 at the leading edge; the paper has 6.138, the literature about 6.10."""
     assert hottest(heated, "slider", 3.75e-3) == pytest.approx(6.13, abs=0.02)
@@ -147,6 +151,7 @@ def test_hottest_point(heated: RunResult) -> None:
         heated.points("slider") - [SIDE, 0.0], axis=1).argmin()
 
 
+@pytest.mark.full
 def test_heat_balance(heated: RunResult, stage: Stage) -> None:
     """Half of the friction work is in either body: mu N v t / 2 = 5.859375e-3 J."""
     entered = 0.5 * MU * N * V * 3.75e-3

@@ -169,6 +169,7 @@ def held(run: RunResult, deep: bool) -> FloatArray:
     return np.array([h.capacity.sum(axis=0) @ run.block(h.thermal)[-1] for h in heat])
 
 
+@pytest.mark.full
 def test_the_flexible_stage_is_that_of_the_plane(
     runs: tuple[RunResult, RunResult]
 ) -> None:

@@ -9,7 +9,7 @@ from scipy.sparse import csr_array, eye_array, kron
 from scipy.sparse.linalg import splu
 
 from sparsemor.bodies import fem as fe
-from sparsemor.bodies.material import Material
+from sparsemor.bodies.material import Isotropic
 from sparsemor.bodies.mesh.generators.rectangle import Rectangle
 from sparsemor.core.arrays import Csr, FloatArray, IntArray
 from sparsemor.core.model.moving_loads import path_rows, ring
@@ -17,7 +17,7 @@ from sparsemor.core.protocols import BlockData
 from sparsemor.core.protocols.load_tables import LoadTable, Table
 from sparsemor.core.protocols.mesh import Mesh
 
-ALLOY = Material(E=70.006e9, nu=0.3, rho=2700, alpha=23.8e-6, k=150, c=900)
+ALLOY = Isotropic(E=70.006e9, nu=0.3, rho=2700, alpha=23.8e-6, k=150, c=900)
 THICKNESS = 1.25e-3
 STEP, STEPS = 1.5e-5, 220
 """s; the contact passes over most of the plate."""

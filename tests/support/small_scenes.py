@@ -3,6 +3,8 @@
 from functools import cache
 from pathlib import Path
 
+from sparsemor.core.model.assembly import assemble
+from sparsemor.core.model.model import Model
 from sparsemor.core.scene.scene import Scene, load
 
 SCENES = Path(__file__).parents[1] / "scenes"
@@ -12,6 +14,12 @@ SCENES = Path(__file__).parents[1] / "scenes"
 def everything() -> Scene:
     """Every plane joint and load on rigid and flexible bodies (tests/scenes/everything.yaml)."""
     return load(SCENES / "everything.yaml")
+
+
+@cache
+def everything_assembled() -> Model:
+    """Its model, which nothing writes to."""
+    return assemble(everything())
 
 
 @cache

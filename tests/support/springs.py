@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csr_array
 
-from sparsemor.bodies.planar_body import PlanarBody
+from sparsemor.bodies.body import Body
 from sparsemor.core.arrays import Csr, FloatArray, IntArray
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.compressed_local import CompressedLocal
@@ -40,7 +40,7 @@ class Springs:
 
     @classmethod
     def between(
-        cls, layout: Layout, first: PlanarBody, second: PlanarBody,
+        cls, layout: Layout, first: Body, second: Body,
         nodes: tuple[IntArray, IntArray],
         stiffness: tuple[float, float] = (2e3, 5e5), damping: float = 3.0,
         film: tuple[float, float] = (5.0, 0.02),
@@ -58,7 +58,7 @@ class Springs:
                 T[body.heat.free] = thermal
             frame = rigid if len(rigid) else np.full(3, -1)
             places.append((np.tile(frame, (len(at), 1)), u.reshape(-1, 2)[at], T[at][:, None]))
-            X += [body.X[at].real, body.X[at].imag]
+            X += [*body.X[at].T]
         (q1, u1, T1), (q2, u2, T2) = places
         at = np.concatenate([q1, q2, u1, u2, T1, T2], axis=1)
         numbers = np.unique(at[at >= 0])
@@ -162,7 +162,7 @@ def coupled(scene: Scene) -> Model:
     """Three springs and heat links between the facing ends' lower, middle and upper points."""
     model = assemble(scene)
     one, two = model.parts["one"], model.parts["two"]
-    assert isinstance(one, PlanarBody) and isinstance(two, PlanarBody)
+    assert isinstance(one, Body) and isinstance(two, Body)
     right, left = one.points["right"], two.points["left"]
     some = np.linspace(0, len(right) - 1, 3).astype(int)
     term = Springs.between(model.layout, one, two, (right[some], left[some]))

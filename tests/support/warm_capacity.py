@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csr_array
 
-from sparsemor.bodies.planar_body import PlanarBody
+from sparsemor.bodies.body import Body
 from sparsemor.core.arrays import Csr, FloatArray, IntArray
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.compressed_local import CompressedLocal
@@ -107,7 +107,7 @@ def with_warm_capacity(scene: Scene, share: float = 1e-3) -> Model:
     """c(T) = c (1 + share (T - 293.15 K)), share in 1/K, on the plate, as assembly has it."""
     model = assemble(scene)
     body = model.parts["plate"]
-    assert isinstance(body, PlanarBody) and body.mesh is not None and body.heat is not None
+    assert isinstance(body, Body) and body.mesh is not None and body.heat is not None
     corners, cells = body.mesh.points[body.mesh.cells], body.mesh.cells
     (ax, ay), (bx, by) = (corners[:, 1] - corners[:, 0]).T, (corners[:, 2] - corners[:, 0]).T
     third = 7850 * 475 * share * body.thickness * 0.5 * (ax * by - ay * bx) / 3.0

@@ -98,7 +98,7 @@ class Unstructured(Plugin):
             for _ in range(SWEEPS):
                 tried = np.concatenate([outline, moving])
                 found = _triangulate(tried, 1e-6 * self._side**2)
-                if len(found) != self.elements:  # round-off: three points on a line, start anew
+                if len(found) != self.elements:  # round-off: three points on a line, start again
                     break
                 worst = float(quality(tried, found).min())
                 if worst > best:

@@ -240,16 +240,16 @@ def _finding(scene: Scene, case: _Case, seed: int) -> Finding:
             step = step_map(solver, integrator, h, *started(solver, integrator, full))
         except SolveFailed as failure:
             return Finding(seed, failed(full.t, steps, failure), UNKNOWN, {},
-                           _unsampled(solver), fields)
+                           unsampled(solver), fields)
         theirs = case.reference.step(step, integrator, h, full)
         found.append(Finding(seed, judged(step, theirs, full.t, steps),
                              departure(step, theirs, case.exact), own_radii(step),
-                             _unsampled(solver), fields))
+                             unsampled(solver), fields))
     worst = max(found, key=lambda f: f.judgement.excess)
     return replace(worst, judgement=over_the_run([f.judgement for f in found]))
 
 
-def _unsampled(solver: StepSolver) -> int:
+def unsampled(solver: StepSolver) -> int:
     """Number of loads and joints with no sampled row in a block they act on."""
     return sum(note.kind == "unsampled" for note in solver.notes)
 

@@ -169,7 +169,7 @@ def train(equations: Equations, tau: float) -> Weights:
     G = equations.scaled().fewer()
     if not G.parts:
         return Weights(np.ones(G.count), 0.0)
-    total, among, few = G.total(), _candidates(G.count), G.mixed()
+    total, among, few = G.total(), candidates(G.count), G.mixed()
     b = few.total()
     size, U = few.directions(among, b, LEFT_OUT[-1] * tau)
     best = Weights(np.ones(G.count), np.inf)
@@ -188,7 +188,7 @@ def train(equations: Equations, tau: float) -> Weights:
     return best
 
 
-def _candidates(count: int) -> IntArray:
+def candidates(count: int) -> IntArray:
     """Numbers of the elements among which weights are sought, sorted: the same in every call."""
     if count <= CANDIDATES:
         return np.arange(count)

@@ -4,6 +4,7 @@ from math import cos, sqrt
 from pathlib import Path
 
 import pytest
+from alloys import TABLE, Alloy
 from sparsemor_sample import EveryNth, HardThresholding, PowerLaw, Trapezoidal
 from sparsemor_sample_parts import Gear, Ring, Spring
 from thermal_contact import ContactResistance
@@ -14,6 +15,7 @@ from sparsemor.core.testing import (
     check_integrator,
     check_joint,
     check_load,
+    check_material,
     check_normal_law,
     check_parts,
     check_reducer,
@@ -35,6 +37,21 @@ def test_laws_of_methods() -> None:
     check_integrator(Trapezoidal())
     check_normal_law(PowerLaw(stiffness=1e11))
     check_sparse_solver(HardThresholding())
+
+
+@pytest.mark.parametrize("name", TABLE)
+def test_laws_of_a_material(name: str) -> None:
+    check_material(Alloy(name=name))
+
+
+def test_an_alloy_is_the_material_of_its_constants() -> None:
+    constants = TABLE["6061-T6"]._asdict()
+    one, other = (simulate(scene("bar", **{"bodies.bar.material": m})) for m in (
+        {"use": "alloy", "name": "6061-T6"}, constants))
+    for block in ("bar.rigid", "bar.elastic", "bar.thermal"):
+        assert (one.block(block) == other.block(block)).all()
+    titanium = simulate(scene("bar", **{"bodies.bar.material.name": "Ti-6Al-4V"}))
+    assert (one.block("bar.thermal") != titanium.block("bar.thermal")).any()
 
 
 def test_laws_of_parts() -> None:
@@ -82,7 +99,7 @@ def test_the_block_comes_to_rest_on_its_law() -> None:
 
 def test_the_study_compares_its_methods(tmp_path: Path) -> None:
     rows = {row["method"]: row for row in study(HERE / "methods.yaml", out=tmp_path / "table")}
-    assert [row["status"] for row in rows.values()] == ["done"] * 5
-    for name in ("galerkin", "oblique", "thresholded"):
+    assert [row["status"] for row in rows.values()] == ["done"] * 6
+    for name in ("galerkin", "oblique", "thresholded", "other_integrator"):
         assert float(rows[name]["error_elastic"]) < 1e-3, name
         assert float(rows[name]["error_thermal"]) < 1e-5, name

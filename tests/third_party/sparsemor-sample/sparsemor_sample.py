@@ -99,6 +99,8 @@ class HardThresholding(Plugin):
     """Hard thresholding pursuit: gradient step, largest entries of each group, least squares.
 
     Foucart 2011, doi 10.1137/100806278; a nonlinear residual is linearised in every iteration.
+    With correlated columns the supports can come back in a circle: the one of the smallest residual
+    is kept then, and Gauss-Newton goes on with it.
     """
 
     iterations: int = Field(default=100, ge=1)
@@ -111,14 +113,23 @@ class HardThresholding(Plugin):
         groups, c = problem.groups, start.c
         active = _largest(groups, np.where(start.support, np.abs(c), 0.0))
         c = np.where(active, c, 0.0)
+        tried: dict[bytes, float] = {}
+        best, circle = active, False
         for count in range(1, self.iterations + 1):
             r, J = problem.residual(c), problem.jacobian(c)
             if not (np.isfinite(r).all() and np.isfinite(J).all()):
                 return _ended(c, active, Status.NOT_FINITE, count, r)
             lengths = np.linalg.norm(J, axis=0)
             A = J / np.where(lengths > 0.0, lengths, 1.0)
-            if count > 1:
+            if count > 1 and not circle:
+                left = float(np.linalg.norm(r))
+                if left <= min(tried.values(), default=left):
+                    best = active
+                last = active.tobytes()
+                tried[last] = left
                 active = _largest(groups, np.abs(lengths * c - A.T @ r))
+                circle = active.tobytes() in tried and active.tobytes() != last
+                active = best if circle else active
             z, rank = np.zeros(c.size), 0
             z[active], _, rank, _ = np.linalg.lstsq(A[:, active], J @ c - r, rcond=1e-10)
             if rank < active.sum():

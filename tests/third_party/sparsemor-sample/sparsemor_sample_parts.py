@@ -9,15 +9,13 @@ from pydantic import Field
 
 from sparsemor.bodies import (
     BODY_KINDS,
+    Between,
+    Body,
+    Conditions,
     DenseTerm,
-    End,
-    JointPart,
     LoadPart,
-    PlanarBody,
+    MassProperties,
     Pose,
-    constant,
-    find_target,
-    plane,
 )
 from sparsemor.core import (
     Equations,
@@ -42,32 +40,24 @@ class Ring(Plugin):
     pose: Pose = Pose()
     """Centre, rotation and their rates at the start."""
 
-    def build(self, name: str, base: Path) -> PlanarBody:
-        return PlanarBody(
-            name=name, X=np.array([0.0, self.radius], dtype=complex), mass=self.mass, moment=0.0,
-            inertia=self.mass * self.radius**2, pose=self.pose.coordinates(),
-            velocity=self.pose.rates(), moves=True,
-            points={"centre": np.array([0]), "rim": np.array([1])})
+    def build(self, name: str, base: Path) -> Body:
+        pose, velocity = self.pose.in_plane()
+        return Body(
+            name=name, X=np.array([[0.0, 0.0], [self.radius, 0.0]]), pose=pose, velocity=velocity,
+            inertia=MassProperties.rigid(self.mass, np.zeros(2), self.mass * self.radius**2),
+            moves=True, points={"centre": np.array([0]), "rim": np.array([1])})
 
 
-class Gear(Plugin):
+class Gear(Between):
     """Pair of gears: angle_1 + ratio angle_2 keeps its value. The multiplier is a moment, N m."""
 
-    between: tuple[str, str]
-    """The two wheels, each as `body:set`."""
+    dimensions = (2,)
+
     ratio: float = 1.0
     """Radius of the second wheel over that of the first."""
 
-    def build(self, name: str, parts: Mapping[str, Part]) -> JointPart:
-        first, second = (find_target(parts, text, f"between.{i}")
-                         for i, text in enumerate(self.between))
-        if first.body.name == second.body.name:
-            raise InputError(f"both wheels are body {first.body.name!r}", "between")
-        ends, start = [], 0.0
-        for target, factor in ((first, 1.0), (second, self.ratio)):
-            ends.append(End(target, np.array([[0.0, 0.0, factor]])))
-            start += factor * float(plane(target).pose[2])
-        return JointPart(name, tuple(ends), (constant(start),))
+    def constrain(self, sides: Conditions) -> None:
+        sides.couple_rotations(self.ratio)
 
 
 class Spring(Plugin):

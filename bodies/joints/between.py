@@ -1,0 +1,33 @@
+"""Joints between two sides: what their plugins have in common."""
+
+from abc import abstractmethod
+from collections.abc import Mapping
+from typing import ClassVar
+
+from sparsemor.bodies.joints.conditions import Conditions, conditions_between
+from sparsemor.bodies.joints.part import JointPart
+from sparsemor.core import Part, Plugin
+
+
+class Between(Plugin):
+    """Joint between two of `body:set` and `ground`.
+
+    dimensions: those that it has, 2 in the plane and 3 in space; relative: those in which it has
+    conditions on directions or lines, by which two flexible sides meet in a frame between them.
+    """
+
+    dimensions: ClassVar[tuple[int, ...]] = (2, 3)
+    relative: ClassVar[tuple[int, ...]] = ()
+
+    between: tuple[str, str]
+    """Two of `body:set` and `ground`."""
+
+    def build(self, name: str, parts: Mapping[str, Part]) -> JointPart:
+        conditions = conditions_between(name, self.between, parts, dimensions=self.dimensions,
+                                        relative=self.relative)
+        self.constrain(conditions)
+        return conditions.joint()
+
+    @abstractmethod
+    def constrain(self, sides: Conditions) -> None:
+        """Adds the conditions of the joint."""

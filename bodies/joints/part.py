@@ -1,0 +1,124 @@
+"""A built joint: constraint rows, summed from conditions in the frames of its bodies."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from sparsemor.bodies.body import Body
+from sparsemor.bodies.frames import nodal
+from sparsemor.bodies.frames.items import Attachment, Holding, Reaction
+from sparsemor.bodies.joints.side import Side
+from sparsemor.bodies.joints.wrench import holding, size, wrenches
+from sparsemor.bodies.terms.field_kinds import MULTIPLIER
+from sparsemor.core import Block, Equations, FloatArray, Table
+from sparsemor.core.protocols.separable import Amplitude, FrameItem
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Condition:
+    """One item of a body with its nodal directions; rows of the joint are C (l, forces) @ its
+    rows. other: the body whose rigid coordinates it reads, "" for none."""
+
+    body: Body
+    item: FrameItem
+    vectors: FloatArray | None
+    C: FloatArray
+    other: str = ""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class JointPart:
+    """Rows: sum of the conditions - targets(t) = 0, with as many multipliers: forces on the first
+    side (N, space axes) and moments (N m), or forces across a line (N).
+
+    sides: those with a body. adjusted: a frame without mass between two flexible bodies; the rows
+    of its weld come last. localized: its rows are kept when rows are sampled, because a joint's
+    reaction acts on few unknowns. reactions: force and moment (wrench.py) on each side when they
+    are prescribed: then there is neither an unknown nor a constraint.
+    """
+
+    name: str
+    sides: tuple[Side, ...]
+    conditions: tuple[Condition, ...]
+    targets: tuple[Amplitude, ...]
+    adjusted: Mapping[str, Body] = field(default_factory=dict)
+    localized: bool = True
+    reactions: Table | None = None
+
+    @property
+    def bodies(self) -> Sequence[Body]:
+        """Those that it holds."""
+        return [side.body for side in self.sides if side.body is not None]
+
+    @property
+    def inert(self) -> bool:
+        """True if no unknown could satisfy its constraints: in a rigid stage, a joint of bodies
+        that do not move there. The flexible stage then has it as a constraint."""
+        return not any(b.moves or b.elasticity is not None for b in self.bodies)
+
+    @property
+    def components(self) -> tuple[tuple[str, str], ...]:
+        """Name and unit of each multiplier."""
+        return tuple(self._component(row) for row in range(len(self.targets)))
+
+    def _component(self, row: int) -> tuple[str, str]:
+        kinds = {c.item.reactions[i] for c in self.conditions if isinstance(c.item, Holding)
+                 for i in np.flatnonzero(c.C[row]).tolist()}
+        if len(kinds) == 1:
+            return kinds.pop()
+        units = {unit for _, unit in kinds}
+        return ("force", "N") if units == {"N"} else ("force and moment", "N or N m")
+
+    def blocks(self) -> Sequence[Block]:
+        if self.reactions is not None or self.inert:
+            return ()
+        return [Block(self.name, MULTIPLIER, len(self.targets))]
+
+    def contribute(self, equations: Equations) -> None:
+        if self.inert:
+            return
+        if self.reactions is not None:
+            for i, side in enumerate(self.sides):
+                self._reaction(equations, side, i, self.reactions)
+            return
+        block = f"{self.name}.multiplier"
+        for c in self.conditions:
+            c.body.frame_item(equations, c.item, c.vectors, multipliers=block, C=c.C,
+                              reads=f"{c.other}.rigid" if c.other else "")
+        equations.constraint(block, self.targets)
+
+    # ------------------------------------------------------------------ two stages
+
+    @property
+    def reaction_count(self) -> int:
+        """Columns that `known` takes. InputError for an item that has no wrench."""
+        for c in self.conditions:
+            holding(c.item)
+        return sum(size(side) for side in self.sides)
+
+    def reactions_passed_on(
+        self, times: FloatArray, multipliers: FloatArray, poses: Mapping[str, FloatArray]
+    ) -> FloatArray:
+        """(T, columns) what `known` takes, of multipliers (T, l) along a motion (T, n)."""
+        return wrenches(self.sides, self.conditions, times, multipliers, poses,
+                        welded=bool(self.adjusted))
+
+    def known(self, reactions: Table) -> "JointPart":
+        """The same joint with prescribed forces and moments on its sides."""
+        return replace(self, reactions=reactions, adjusted={})
+
+    def _reaction(
+        self, equations: Equations, side: Side, number: int, reactions: Table
+    ) -> None:
+        """Prescribed reactions on the displacements of a side; none where these are fixed."""
+        if not side.flexible or side.body is None:
+            return
+        mine = reactions.columns(size(side) * number + np.arange(size(side)))
+        vectors = nodal.along(side.mean(), side.d)
+        # a joint that lets its sides turn makes no moment, and its set may be a single point
+        turning = None if all(isinstance(c.item, Attachment) for c in self.conditions) else (
+            side.turning)
+        if turning is not None:
+            vectors = np.concatenate([vectors, turning], axis=1)
+        side.body.frame_item(equations, Reaction(mine, turning is not None), vectors)

@@ -1,0 +1,168 @@
+"""The two sides of a joint: a set of a body's points, or the ground."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from sparsemor.bodies.body import Body
+from sparsemor.bodies.frames import nodal
+from sparsemor.bodies.frames.constraints import GROUND as AT_ORIGIN
+from sparsemor.bodies.targets import GROUND, Target, find_target
+from sparsemor.core import FloatArray, Gather, InputError, Part
+
+NEAR = 1e-8
+"""Relative gap that sides which must meet may have at the start."""
+WHERE = {2: "plane", 3: "in space"}
+
+
+@dataclass(frozen=True, eq=False)
+class Side:
+    """One side of a joint in d dimensions; target None: the ground. key: its key in the scene."""
+
+    target: Target | None
+    d: int
+    key: str = "between"
+
+    @property
+    def body(self) -> Body | None:
+        return None if self.target is None else self.target.body
+
+    @property
+    def flexible(self) -> bool:
+        """True if displacements can move its points: not where all of them are held."""
+        body = self.body
+        if body is None or body.elasticity is None or self.target is None:
+            return False
+        return bool(np.isin(self.target.nodes, body.elasticity.free // self.d).any())
+
+    @cached_property
+    def turning(self) -> FloatArray | None:
+        """(d N, d) mean rotation of the set by the displacements; None where they cannot turn it:
+        on a rigid body, or where all its points are held. InputError where it is undefined."""
+        body = self.body
+        if not self.flexible or body is None or body.elasticity is None or self.target is None:
+            return None
+        try:
+            vectors = nodal.mean_turn(self.mean(), body.X)
+        except np.linalg.LinAlgError:
+            where, what = ("are at one place", "two or more places") if self.d == 2 else (
+                "lie on one line (or are one point)", "a set that spans a plane")
+            raise InputError(
+                f"the points of {self.target.text!r} {where}, so their mean rotation is undefined: "
+                f"attach to {what}", self.key) from None
+        return vectors if np.any(vectors[body.elasticity.free]) else None
+
+    @property
+    def about_z(self) -> bool:
+        """In space: True if it can turn about the z axis of space alone, or not at all."""
+        body = self.body
+        return body is None or (
+            self.turning is None and (not body.moves or not body.turns_freely))
+
+    @property
+    def pose(self) -> FloatArray:
+        """(3; 7 or 4 in space,) at the start."""
+        return AT_ORIGIN[self.d] if self.body is None else self.body.pose
+
+    @property
+    def axes(self) -> FloatArray:
+        """(d, d): its axes to space axes at the start."""
+        return np.eye(self.d) if self.body is None else self.body.start_rotation()
+
+    @property
+    def reads(self) -> str:
+        """The body whose coordinates are unknowns, "" for a side that stands still."""
+        return self.body.name if self.body is not None and self.body.moves else ""
+
+    def mean(self) -> FloatArray:
+        assert self.target is not None
+        return self.target.mean()
+
+    def place(self) -> FloatArray:
+        """(d,) global position of its point at the start."""
+        assert self.body is not None
+        return self.body.start_position(self.mean())
+
+
+def sides_of(
+    parts: Mapping[str, Part], between: tuple[str, str], dimensions: Sequence[int]
+) -> tuple[Side, Side]:
+    """InputError when both sides are the ground, are the same body, or are not in one of the same
+    of these dimensions."""
+    gather = Gather()
+    targets = [None if text == GROUND else gather("", _target, parts, text, f"between.{i}")
+               for i, text in enumerate(between)]
+    gather.check()
+    bodies = [t.body for t in targets if t is not None]
+    if not bodies:
+        raise InputError("a joint needs at least one body: both sides are the ground", "between")
+    first, other = bodies[0], bodies[-1]
+    if len(bodies) == 2 and first.name == other.name:
+        raise InputError(f"both sides are on body {first.name!r}", "between")
+    if first.d != other.d:
+        flat, solid = sorted(bodies, key=lambda b: b.d)
+        raise InputError(f"body {flat.name!r} is plane and body {solid.name!r} in space: the sides "
+                         "of a joint are both in the plane or both in space", "between")
+    _check_dimension(first, dimensions, "between")
+    one, two = (Side(t, first.d, f"between.{i}") for i, t in enumerate(targets))
+    return one, two
+
+
+def side_of(parts: Mapping[str, Part], text: str, dimensions: Sequence[int], key: str) -> Side:
+    """The side of a joint with the ground. InputError as for two."""
+    target = _target(parts, text, key)
+    _check_dimension(target.body, dimensions, key)
+    return Side(target, target.body.d, key)
+
+
+def _target(parts: Mapping[str, Part], text: str, key: str) -> Target:
+    target = find_target(parts, text, key)
+    if target.body.immobile:
+        raise InputError(f"{text!r} cannot move: body {target.body.name!r} is fixed in space and "
+                         "has no elastic field", key)
+    return target
+
+
+def _check_dimension(body: Body, dimensions: Sequence[int], key: str) -> None:
+    if body.d not in dimensions:
+        need = "in space" if body.d == 2 else "in the plane"
+        raise InputError(f"this joint needs bodies {need}, and body {body.name!r} is "
+                         f"{WHERE[body.d]}", key)
+
+
+def unit(axis: Sequence[float] | None, d: int, key: str = "axis") -> FloatArray:
+    """(d,) of length 1; InputError when it is missing, zero or of the other dimension."""
+    if axis is None:
+        raise InputError("missing: in space give the axis, such as [0, 0, 1] (space axes, at the "
+                         "start)", key)
+    if len(axis) != d:
+        raise InputError(f"the bodies are {WHERE[d]}: give {'two' if d == 2 else 'three'} "
+                         f"components (got {list(axis)})", key)
+    length = float(np.linalg.norm(axis))
+    if not 0 < length < np.inf:
+        raise InputError(f"an axis has a direction (got {list(axis)})", key)
+    return np.array(axis, dtype=np.float64) / length
+
+
+def check_meet(a: Side, b: Side) -> None:
+    """InputError for points that are apart at the start."""
+    za, zb = a.place(), b.place()
+    gap = float(np.linalg.norm(za - zb))
+    if gap > NEAR * size_of(a, b) and a.target is not None and b.target is not None:
+        raise InputError(
+            f"the two sides do not meet at the start: {a.target.text} is at {_place(za)} m, "
+            f"{b.target.text} at {_place(zb)} m, {gap:.3g} m apart; correct a pose", "between")
+
+
+def size_of(*sides: Side) -> float:
+    """Length that a gap is compared with, m."""
+    bodies = [s for s in sides if s.body is not None]
+    extents = [float(np.ptp(s.body.X, axis=0).max()) for s in bodies
+               if s.body is not None and len(s.body.X)]
+    return max(*extents, *(float(np.linalg.norm(s.place())) for s in bodies), 1e-12)
+
+
+def _place(z: FloatArray) -> str:
+    return "(" + ", ".join(f"{c:.9g}" for c in z) + ")"
