@@ -1,7 +1,7 @@
 """`sparsemor export` and `sparsemor pictures`: files for ParaView, and charts, of a stored run."""
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -18,6 +18,9 @@ from sparsemor.core.cli.options import (
 )
 from sparsemor.core.errors import InputError
 from sparsemor.core.results.output_lock import owned
+
+if TYPE_CHECKING:
+    from sparsemor.core.results.run_result import RunResult
 
 Run = Annotated[str, typer.Argument(
     metavar="RUN", help="Directory of a run, finished or not.")]
@@ -87,6 +90,6 @@ def pictures(
                 typer.echo(str(file))
 
 
-def _line(run: Any, body: str, file: Path, fields: tuple[str, ...], times: int) -> str:
+def _line(run: "RunResult", body: str, file: Path, fields: tuple[str, ...], times: int) -> str:
     what = ", ".join(fields) or "no field"
     return f"{file}: {len(run.points(body))} points, {times} times, {what}"

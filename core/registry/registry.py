@@ -53,12 +53,12 @@ class Registry:
     """
 
     def __init__(self, entry_points: Iterable[metadata.EntryPoint] | None = None) -> None:
-        self._given = None if entry_points is None else tuple(entry_points)
+        self._replaced = None if entry_points is None else tuple(entry_points)
 
     @cached_property
     def _entry_points(self) -> tuple[metadata.EntryPoint, ...]:
-        if self._given is not None:
-            return tuple(e for e in self._given if e.group.startswith(PREFIX))
+        if self._replaced is not None:
+            return tuple(e for e in self._replaced if e.group.startswith(PREFIX))
         installed = metadata.entry_points()
         groups = sorted(g for g in installed.groups if g.startswith(PREFIX))
         return tuple(e for g in groups for e in installed.select(group=g))
@@ -171,10 +171,8 @@ class _Driver(DriverManager[Any]):
 
     def __init__(self, entry_point: metadata.EntryPoint) -> None:
         self._only = entry_point
-        super().__init__(
-            entry_point.group, entry_point.name,
-            on_load_failure_callback=_reraise, on_missing_entrypoints_callback=None,
-        )
+        super().__init__(entry_point.group, entry_point.name,
+            on_load_failure_callback=_reraise, on_missing_entrypoints_callback=None)
 
     def list_entry_points(self) -> list[metadata.EntryPoint]:
         return [self._only]
@@ -206,20 +204,18 @@ def _reraise(_manager: Any, _entry_point: metadata.EntryPoint, error: BaseExcept
     raise error
 
 
-def near(given: str, known: Iterable[str], label: str = "allowed") -> str:
-    """Advice after a name nobody knows: the nearest ones, then all of them."""
-    names = list(known)
-    close = difflib.get_close_matches(given, names, n=3, cutoff=0.6)
+def near(name: str, allowed: Iterable[str], label: str = "allowed") -> str:
+    """Advice after an unknown name: the nearest ones, then all of them."""
+    names = list(allowed)
+    close = difflib.get_close_matches(name, names, n=3, cutoff=0.6)
     hint = f"did you mean {' or '.join(close)}? " if close else ""
     return f"{hint}{label}: {', '.join(names) or 'none'}"
 
 
 def _named(e: metadata.EntryPoint) -> PluginName:
     dist = e.dist
-    return PluginName(
-        e.group.removeprefix(PREFIX), e.name,
-        dist.name if dist else "", dist.version if dist else "", e.value,
-    )
+    return PluginName(e.group.removeprefix(PREFIX), e.name,
+        dist.name if dist else "", dist.version if dist else "", e.value)
 
 
 def _origin(e: metadata.EntryPoint) -> str:

@@ -45,7 +45,7 @@ class Probe:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RunHeader:
-    """Everything that is known before the first step.
+    """Header of a result, written before the first step.
 
     layout: the solver's own unknowns; full_layout: the full-order ones. dictionaries: block ->
     map back to full unknowns (absent: the block is kept as it is). rows: block -> sampled rows.
@@ -97,7 +97,7 @@ class RunHeader:
         }
 
 
-def dump_layout(layout: Layout) -> list[list[Any]]:
+def dump_layout(layout: Layout) -> list[list[str | int]]:
     return [[b.owner, b.field, b.size] for b in layout]
 
 

@@ -77,12 +77,12 @@ class OutputDirectory:
             raise InputError(f"{self.path}: output directory is not empty: {advice}", "out")
 
     def require_replaceable(
-        self, force: bool, advice: str, known: Callable[[], bool], kind: str
+        self, force: bool, advice: str, replaceable: Callable[[], bool], kind: str
     ) -> None:
-        """The same, unless `force` and the directory holds nothing but what is `known`."""
+        """The same, unless `force` and the directory holds only what is `replaceable`."""
         if not force:
             self.require_empty(advice)
-        elif self.occupied() and not known():
+        elif self.occupied() and not replaceable():
             raise InputError(f"{self.path}: --force replaces {kind}", "out")
 
     def require_writable(self) -> None:
@@ -98,22 +98,22 @@ class OutputDirectory:
 
     @contextmanager
     def claimed(
-        self, *, resume: bool, force: bool, known: Callable[[], bool] | None = None,
+        self, *, resume: bool, force: bool, replaceable: Callable[[], bool] | None = None,
         kind: str = "results only, and this holds none",
     ) -> Iterator[None]:
         """The directory, owned until the end, with room for a new result unless `resume`.
 
         Refuses to overwrite. With `force` an earlier result is kept in OUT/.replaced until the new
         one has ended, and put back if none came about. Of what was not made here nothing is
-        removed. known, kind: whether it is one that may be replaced, where that is not a run or a
-        comparison, and what the message says.
+        removed. replaceable: whether the directory may be replaced, if it is not that of a run or a
+        comparison; kind: what may be, for the message.
         """
         with owned(self.path):
             self._recover()
             if not resume and self.entries():
                 self.require_replaceable(
                     force, "use --resume to continue, --force to overwrite, or choose another "
-                    "--out", known or self.is_result, kind)
+                    "--out", replaceable or self.is_result, kind)
                 self._set_aside()
             try:
                 yield

@@ -18,6 +18,7 @@ READERS = ("registry", "scene", "cli")
 """Folders that read texts: entry points, YAML, options."""
 TEXTS = {
     ("__init__.py", "name.startswith('_')"),  # private names of Python
+    ("analysis/study/dask_pool.py", "'://' in address"),
     ("analysis/study/journal.py", "line.endswith(b'\\n')"),
     ("analysis/study/local_pool.py", "line.endswith('\\n')"),
     ("model/assembly.py", "group.removesuffix('s')"),  # keys of a scene and kinds of plugins

@@ -86,7 +86,7 @@ def test_three_sides_of_a_box_face_the_eye(view: Any) -> None:
     np.testing.assert_allclose(view.axes @ view.axes.T, np.eye(3), atol=1e-15)
     assert np.linalg.det(view.axes) == pytest.approx(1.0)
     points, triangles = block((1.0, 2.0, 3.0))
-    shown = triangles[skin(view.seen(points), triangles)]
+    shown = triangles[skin(view.rotated(points), triangles)]
     normals = {tuple(np.sign(np.round(np.cross(b - a, c - a), 9)))
                for a, b, c in points[shown]}
     assert len(shown) == 6

@@ -31,9 +31,7 @@ FORMATS = ("png", "svg")
 
 
 def write_charts(
-    comparison: "Comparison",
-    folder: Path,
-    times: Sequence[float] | None = None,
+    comparison: "Comparison", folder: Path, times: Sequence[float] | None = None,
     formats: Sequence[str] = FORMATS,
 ) -> list[Path]:
     """The pictures that make sense for these runs; returns their paths.
@@ -54,9 +52,7 @@ def write_charts(
 
 
 def write_run_charts(
-    run: "RunResult",
-    folder: Path,
-    times: Sequence[float] | None = None,
+    run: "RunResult", folder: Path, times: Sequence[float] | None = None,
     formats: Sequence[str] = FORMATS,
 ) -> list[Path]:
     """The same for one run alone: all but errors and costs."""

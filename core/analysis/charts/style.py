@@ -10,6 +10,7 @@ from sparsemor.core.arrays import FloatArray
 from sparsemor.core.status import Status
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -42,11 +43,8 @@ class LineStyle:
 def style_of(number: int) -> LineStyle:
     """The style of run `number`; colours and dashes go round at different lengths."""
     turn = number // len(_COLOURS)
-    return LineStyle(
-        _COLOURS[number % len(_COLOURS)],
-        _DASHES[(number + turn) % len(_DASHES)],
-        _MARKERS[(number + turn) % len(_MARKERS)],
-    )
+    return LineStyle(_COLOURS[number % len(_COLOURS)], _DASHES[(number + turn) % len(_DASHES)],
+        _MARKERS[(number + turn) % len(_MARKERS)])
 
 
 def plain(text: str) -> str:
@@ -108,13 +106,13 @@ def draw_line(
     axes.plot(x, y, color=style.colour, linestyle=style.dash, linewidth=1.1, label=label)
 
 
-def handles_of(panels: "Iterable[Axes]", labels: Iterable[str]) -> list[Any]:
+def handles_of(panels: "Iterable[Axes]", labels: Iterable[str]) -> "list[Artist]":
     """Handles of the lines with these labels, in this order, each once."""
     found = {h.get_label(): h for axes in panels for h in axes.get_legend_handles_labels()[0]}
     return [found[label] for label in labels if label in found]
 
 
-def legend_above(figure: "Figure", handles: list[Any], columns: int = 3) -> None:
+def legend_above(figure: "Figure", handles: "Sequence[Artist]", columns: int = 3) -> None:
     """One legend for all panels, outside them, so that it never covers data."""
     figure.legend(
         handles=handles, loc="outside upper left", ncols=min(columns, len(handles)),

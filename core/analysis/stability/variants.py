@@ -26,8 +26,8 @@ class Plan:
     field.
 
     required: whether the rows of joints and loads are kept; steps: s; integrators: a name or
-    `{use: name, ..}`; seeds: how many, 1, 2, ..; at: times of the linearisations, s (as `run` does
-    when not given: from the start to the end).
+    `{use: name, ..}`; seeds: how many, 1, 2, ..; at: times of the linearisations, s (as in `run` by
+    default: from the start to the end).
     """
 
     samplers: Sequence[str] | None = None
@@ -81,7 +81,7 @@ def settings(scene: Scene) -> dict[str, str]:
     """Settings that distinguish a variant; "-" where its reducer has no such option."""
     reducer, options = scene.reducer, dict(scene.dump()["integrator"])
     name = options.pop("use")
-    told = ", ".join(f"{k} {v:g}" if isinstance(v, float) else f"{k} {v}"
+    words = ", ".join(f"{k} {v:g}" if isinstance(v, float) else f"{k} {v}"
                      for k, v in options.items())
     sampler = reducer.sampler if isinstance(reducer, SamplesRows) else None
     required = sampler.required if isinstance(sampler, DrawsRequired) else None
@@ -92,12 +92,12 @@ def settings(scene: Scene) -> dict[str, str]:
         limited = any(b is not None for b in budgets)
         return "/".join("-" if n is None else str(n) for n in counts) if limited else "-"
 
-    known = [b or BlockBudget() for b in budgets]
+    limits = [b or BlockBudget() for b in budgets]
     return {
         "sampler": "-" if sampler is None else _name(scene, sampler),
         "required": "-" if required is None else "kept" if required else "drawn",
-        "rows": joined([b.rows for b in known]), "atoms": joined([b.atoms for b in known]),
-        "integrator": f"{name} ({told})" if told else name, "step": f"{scene.time.step:g}"}
+        "rows": joined([b.rows for b in limits]), "atoms": joined([b.atoms for b in limits]),
+        "integrator": f"{name} ({words})" if words else name, "step": f"{scene.time.step:g}"}
 
 
 def _sampler(scene: Scene, name: str | None, required: bool | None) -> Sampler:

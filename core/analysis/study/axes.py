@@ -1,4 +1,4 @@
-"""From axes to points: what each run of a study changes."""
+"""Axes of a study, and the changes of each of its runs."""
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
@@ -206,10 +206,10 @@ def _taken(name: str, where: KeyPath) -> Finding:
 
 
 def _repeated(values: Sequence[Any], where: KeyPath) -> list[Finding]:
-    seen: dict[str, int] = {}
+    first_of: dict[str, int] = {}
     findings = []
     for i, value in enumerate(values):
-        first = seen.setdefault(json.dumps(value, sort_keys=True), i)
+        first = first_of.setdefault(json.dumps(value, sort_keys=True), i)
         if first != i:
             findings.append(Finding((*where, i), f"the same as item {first}: remove one"))
     return findings
@@ -228,10 +228,10 @@ def _combinations(axes: Sequence[Axis], some: RandomSubset | None) -> list[tuple
 def _of_chart(file: StudyFile, points: Sequence[Point]) -> list[Finding]:
     names = setting_columns(points)
     lines = [file.method] if isinstance(file.method, str) else file.method
-    places: list[tuple[KeyPath, str]] = [
+    named: list[tuple[KeyPath, str]] = [
         (("method",) if isinstance(file.method, str) else ("method", i), name)
         for i, name in enumerate(lines)]
     if file.budget:
-        places.append((("budget",), file.budget))
+        named.append((("budget",), file.budget))
     return [Finding(path, f"nothing of that name varies: {near(name, names, 'there are')}")
-            for path, name in places if name not in names]
+            for path, name in named if name not in names]

@@ -1,4 +1,4 @@
-"""The folder of a study: rows as they come, each whole, and the table at the end."""
+"""Folder of a study: rows as they are computed, and the table at the end."""
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
@@ -18,7 +18,8 @@ ABOUT, LINES, CSV = "study.json", "runs.jsonl", "runs.csv"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Journal:
-    """`runs.jsonl` counts; `runs.csv` is the same for other programs, mended when continued."""
+    """`runs.jsonl` counts; `runs.csv` is the same for other programs, written again when the study
+    is continued."""
 
     folder: Path
     columns: tuple[str, ...]

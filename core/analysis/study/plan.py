@@ -90,10 +90,10 @@ class Plan:
         A choice that no run can take is a fault of the file; one that only some combinations
         refuse leaves those runs refused.
         """
-        known = registry or Registry()
-        read = Study.read(study, known)
+        plugins = registry or Registry()
+        read = Study.read(study, plugins)
         points = points_of(read)
-        maker = _Maker(read, _scene_of(read, known))
+        maker = _Maker(read, _scene_of(read, plugins))
         runs = [maker.run(number, point) for number, point in enumerate(points, 1)]
         read.check(maker.never_valid(points))
         maker.check_scene(len(points))
@@ -175,7 +175,7 @@ class _Maker:
         return key, scene.dump()
 
     def _reference_place(self, key: str) -> KeyPath:
-        written = self.study.source.document.places
+        written = self.study.source.document.positions
         inner: KeyPath = ("reference", "fixed", key)
         return inner if inner in written else ("reference", key)
 
@@ -184,7 +184,7 @@ class _Maker:
         if key in self._known:
             return self._known[key]
         made = make()
-        if isinstance(made, tuple) or kind != "reference":  # each run is told of a failure
+        if isinstance(made, tuple) or kind != "reference":  # each run reports its own failure
             self._known[key] = made
         return made
 
@@ -194,20 +194,20 @@ class _Maker:
         """Keeps who is to blame for the faults of a run; returns them in words."""
         words = []
         for fault in error.faults:
-            label, given = source.origin(fault.key) or ("", "")
+            label, option = source.origin(fault.key) or ("", "")
             if not label and fault.key in owners:  # it could not even be applied
-                label, given = "run", fault.key
+                label, option = "run", fault.key
             inner = f"{fault.key}: " if fault.key else ""
             words.append(inner + fault.message)
             if label == "set":
-                path: KeyPath = ("set", given)
+                path: KeyPath = ("set", option)
             elif label:
-                path = owners[given]
+                path = owners[option]
             else:
                 self.scene_lines.setdefault(number, []).extend(source.lines(InputError([fault])))
                 continue
-            said = "" if path[-1] == fault.key else inner
-            self.blamed.setdefault(number, []).append(Finding(path, said + fault.message))
+            prefix = "" if path[-1] == fault.key else inner
+            self.blamed.setdefault(number, []).append(Finding(path, prefix + fault.message))
         return "; ".join(words)
 
     def never_valid(self, points: list[Point]) -> list[Finding]:
@@ -250,17 +250,17 @@ def _compared(dump: Mapping[str, Any]) -> dict[str, Any]:
 def _scene_of(study: Study, registry: Registry) -> Source:
     """The scene with `set` applied; faults at the study's keys."""
     named = study.file.scene
-    beside = Path(study.source.document.name).parent / named
+    neighbour = Path(study.source.document.name).parent / named
     if registry.has("scene", named):
         try:
             registry.load("scene", named)
         except InputError as error:  # two packages offer it
             raise study.locate([Finding(("scene",), str(error))]) from None
-    elif not beside.is_file():
+    elif not neighbour.is_file():
         raise study.locate([Finding(
             ("scene",), f"there is no such file next to the study, and no packaged scene is "
             f"called {named!r}: {near(named, packaged(registry, 'scene'), 'packaged')}")])
-    source = Source.read(named if registry.has("scene", named) else beside, registry)
+    source = Source.read(named if registry.has("scene", named) else neighbour, registry)
     try:
         return source.changed(study.file.changes, "set")
     except InputError as error:

@@ -55,10 +55,10 @@ def work_points(plan: Plan, rows: Sequence[Mapping[str, Any]]) -> "list[WorkPoin
     Runs that differ in the seed only are one point: median times, largest errors. Those of them
     that stopped are another, with the status of the first.
     """
-    known = {s.value for s in Status}
+    statuses = {s.value for s in Status}
     groups: dict[tuple[str, str, bool], list[Mapping[str, Any]]] = {}
     for row in rows:
-        if row["ms_per_step"] is not None and row["status"] in known:
+        if row["ms_per_step"] is not None and row["status"] in statuses:
             method = ", ".join(cell(row[n]) for n in plan.lines if row.get(n) is not None)
             budget = cell(row.get(plan.study.file.budget))
             key = method or plan.study.name, budget, Status(row["status"]).ok
