@@ -94,7 +94,7 @@ def test_a_step_does_not_grow_with_the_loaded_surface(cache):
         solver: Any = scene.reducer.prepare(ReducedProblem(
             model, scene.integrator, scene.time.step, offline, np.random.default_rng(0)))
         known = [*(b.table for b in solver.mechanics.bodies if b.table is not None),
-                 *(b.given for b in solver.heat.values())]
+                 *(b.prescribed for b in solver.heat.values())]
         widths.append([k.rows.shape for k in known])
         nodes.append([t.columns.shape[1] for b in model.separated.heat for t in b.tables])
     assert widths[0] == widths[1]
