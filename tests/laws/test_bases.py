@@ -191,7 +191,7 @@ class Broken(Pod):
         ("not unit", "unit columns"),
         ("provenance", "provenances"),
         ("claims too much", "reported energy"),
-        ("writes", "wrote to the data"),
+        ("writes", "wrote to its argument"),
         ("forgets the mean", "reported energy"),
         ("not repeatable", "differ"),
         ("accepts anything", "expected an InputError"),

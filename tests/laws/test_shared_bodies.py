@@ -11,7 +11,7 @@ from sparsemor import load, simulate
 from sparsemor.bodies import flexible
 from sparsemor.bodies.flexible import Flexible
 from sparsemor.core.model.body_cache import BodyCache, without_fields
-from sparsemor.core.simulation import offline, rigid_stage
+from sparsemor.core.simulation import rigid_stage, training
 from sparsemor.core.simulation import validation as checks
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.rigid_stage import rigid_scene
@@ -37,7 +37,7 @@ def made(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
         monkeypatch.setattr(mesh, "build", counted("meshes", mesh.build))
     for name in ("elastic_stiffness", "scalar_mass", "conductivity"):
         monkeypatch.setattr(flexible, name, counted(name, getattr(flexible, name)))
-    for module in (checks, offline, rigid_stage):
+    for module in (checks, training, rigid_stage):
         monkeypatch.setattr(module, "assemble", counted("models", module.assemble))
     return counts
 
