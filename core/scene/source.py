@@ -8,7 +8,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from sparsemor.core.errors import Fault, InputError
-from sparsemor.core.registry.registry import Registry, near
+from sparsemor.core.registry.registry import Registry, suggestions
 from sparsemor.core.registry.validation_errors import dotted, faults_of
 from sparsemor.core.scene.overrides import apply, find
 from sparsemor.core.scene.yaml_reader import (
@@ -151,7 +151,7 @@ def _path(scene: str | Path, registry: Registry, kind: str) -> Path:
             return Path(scene)
         raise LocatedError(
             [Fault("", message := f"no packaged {kind}, and no file, is called {scene!r}: "
-                   + near(str(scene), sorted(map(registry.spelling, registry.names(kind))),
+                   + suggestions(str(scene), sorted(map(registry.spelling, registry.names(kind))),
                           "packaged"))], [message])
     return Path(registry.load(kind, str(scene)))
 

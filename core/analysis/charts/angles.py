@@ -19,7 +19,7 @@ from sparsemor.core.analysis.charts.style import (
 from sparsemor.core.analysis.charts.units import unit
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.protocols.layout import Quantity
-from sparsemor.core.protocols.poses import PLANAR, SPINNING
+from sparsemor.core.protocols.poses import PLANAR_POSE, SPINNING_POSE
 from sparsemor.core.results.run_result import RunResult
 
 if TYPE_CHECKING:
@@ -48,9 +48,9 @@ def turning(run: RunResult) -> Curves:
     if len(run.times) < 2:
         return found
     for b in run.layout:
-        if b.kind.quantity is Quantity.POSE and b.size in (PLANAR, SPINNING):
+        if b.kind.quantity is Quantity.POSE and b.size in (PLANAR_POSE, SPINNING_POSE):
             angle = run.block(b.name)[:, -1]
-            if b.size == PLANAR:
+            if b.size == PLANAR_POSE:
                 found[b.owner, "angle (°)"] = Curve(run.times, np.degrees(angle))
             else:
                 found |= _spin(b.owner, run.times, angle, rate_of(run.times, angle))
@@ -58,7 +58,7 @@ def turning(run: RunResult) -> Curves:
     for body in sorted(stage.moves) if stage is not None else ():
         assert stage is not None
         frame = stage.frames[body]
-        if frame.pose.shape[1] == SPINNING and len(stage.times) > 1:
+        if frame.pose.shape[1] == SPINNING_POSE and len(stage.times) > 1:
             found |= _spin(body, stage.times, frame.pose[:, -1], frame.rate[:, -1])
     return found
 

@@ -9,7 +9,7 @@ from sparsemor.core.analysis.charts.style import COLUMN, legend_above, new_figur
 from sparsemor.core.analysis.charts.units import unit
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.protocols.layout import Quantity
-from sparsemor.core.protocols.poses import FREE, KNOWN, PLANAR, turned_by
+from sparsemor.core.protocols.poses import FREE_POSE, KNOWN, PLANAR_POSE, turned_by
 from sparsemor.core.results.run_result import RunResult
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ def moving_bodies(run: RunResult) -> dict[str, tuple[FloatArray, FloatArray]]:
     stage = run.stage()
     if stage is not None:
         return {body: (stage.times, stage.frames[body].pose) for body in sorted(stage.moves)}
-    least = PLANAR if run.scene.get("contacts") else PLANAR + 1
+    least = PLANAR_POSE if run.scene.get("contacts") else PLANAR_POSE + 1
     return {b.owner: (run.times, run.block(b.name)) for b in run.layout
             if b.kind.quantity is Quantity.POSE and b.size in KNOWN and b.size >= least}
 
@@ -66,9 +66,10 @@ def _moved(
     """Body -> (j,) since the start, m or rad; empty where nothing moves."""
     found = {}
     for body, (_, pose) in moving.items():
-        plane = pose.shape[1] == PLANAR
+        plane = pose.shape[1] == PLANAR_POSE
         if what == "turned":
-            found[body] = turned_by(pose) if pose.shape[1] == FREE else pose[:, -1] - pose[0, -1]
+            found[body] = (
+                turned_by(pose) if pose.shape[1] == FREE_POSE else pose[:, -1] - pose[0, -1])
         elif what != "z moved" or not plane:
             column = pose[:, _AXES.index(what)]
             found[body] = column - column[0]

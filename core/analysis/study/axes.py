@@ -205,7 +205,7 @@ def _combinations(axes: Sequence[Axis], some: RandomSubset | None) -> list[tuple
 
 
 def _of_chart(file: StudyFile, points: Sequence[Point]) -> list[Finding]:
-    from sparsemor.core.registry.registry import near
+    from sparsemor.core.registry.registry import suggestions
 
     names = setting_columns(points)
     lines = [file.method] if isinstance(file.method, str) else file.method
@@ -214,7 +214,7 @@ def _of_chart(file: StudyFile, points: Sequence[Point]) -> list[Finding]:
         for i, name in enumerate(lines)]
     if file.budget:
         places.append((("budget",), file.budget))
-    return [Finding(path, f"nothing of that name varies: {near(name, names, 'there are')}")
+    return [Finding(path, f"nothing of that name varies: {suggestions(name, names, 'there are')}")
             for path, name in places if name not in names]
 
 
