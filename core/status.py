@@ -77,6 +77,7 @@ class SolveFailed(RuntimeError):
 
     `status`, `time` (s), `block` (`body.field`, or "" for the whole system) and `detail` of the
     failure. sampled: True if the model's rows were drawn by a sampler: the advice mentions them.
+    phase: "run", or "training run" or "rigid stage" for a run that comes before it.
     """
 
     result: object = None
@@ -84,8 +85,9 @@ class SolveFailed(RuntimeError):
 
     def __init__(
         self, status: Status, time: float, block: str = "", detail: str = "", *,
-        sampled: bool = False,
+        sampled: bool = False, phase: str = "run",
     ) -> None:
+        self.phase = phase
         self.status, self.time, self.block, self.detail = status, time, block, detail
         where = f" in {block}" if block else ""
         what = f" ({detail})" if detail else ""

@@ -16,7 +16,7 @@ from sparsemor.core.results.error_norms import (
     measure_names,
 )
 from sparsemor.core.results.run_result import RunResult
-from sparsemor.core.results.tables import CONSTANT, MARK, csv_table, marked, text_table
+from sparsemor.core.results.tables import CONSTANT, MARK, csv_table, marked, number, text_table
 from sparsemor.core.results.zarr_files import to_json
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ class Comparison:
         return {run: e.worst_late for run, e in self.measured.items()}
 
     @property
-    def series(self) -> dict[str, dict[str, FloatArray]]:
+    def series(self) -> dict[str, Mapping[str, FloatArray]]:
         """run -> measure -> (j,) error at each of `measured[run].times`."""
         return {run: e.series for run, e in self.measured.items()}
 
@@ -114,9 +114,9 @@ class Comparison:
             errors = self.errors.get(name, {})
             label = f"{name} (reference)" if name == self.name != REFERENCE else name
             table.append([
-                label, f.reducer, f.status.value, _text(f.ms_per_step, ".3g"),
-                _ratio(base, f.ms_per_step), _text(f.iterations, ".2f"), f.atoms_text, str(f.rows),
-                _text(f.offline_whole_seconds, ".3g"), _text(pays.get(name), "d"),
+                label, f.reducer, f.status.value, number(f.ms_per_step, ".3g"),
+                _ratio(base, f.ms_per_step), number(f.iterations, ".2f"), f.atoms_text, str(f.rows),
+                number(f.offline_whole_seconds, ".3g"), number(pays.get(name), "d"),
                 *(self._error(name, errors, field) for field in fields)])
         if all(name == f.reducer for name, f in facts.items()):
             table = [[row[0], *row[2:]] for row in table]  # the second column repeats the first
@@ -238,10 +238,6 @@ def compare(
     return Comparison(reference, runs, measured, name, error_limit)
 
 
-def _text(value: float | None, form: str) -> str:
-    return "-" if value is None else format(value, form)
-
-
 def _ratio(base: float | None, own: float | None) -> str:
     return f"{base / own:.3g}" if base and own else "-"
 
@@ -264,10 +260,10 @@ def phase_table(
     return "\n".join([text_table([head, *table]), note])
 
 
-def phase_rows(measured: Mapping[str, Errors]) -> list[list[Any]]:
+def phase_rows(measured: Mapping[str, Errors]) -> list[list[object]]:
     """Rows of start_up.csv, one a run and measure. `_present`: relative to the reference's norm at
     the same time, as the paper defines its combined error; empty where there is none."""
-    rows: list[list[Any]] = [
+    rows: list[list[object]] = [
         ["run", "measure", "start_up", "steady", "start_up_present", "steady_present"]]
     for run, e in measured.items():
         phases = e.start_up, e.steady, e.start_up_present, e.steady_present

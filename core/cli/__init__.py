@@ -21,10 +21,8 @@ try:
 except KeyboardInterrupt:  # Ctrl-C in the first half second, while all this is read
     raise SystemExit(130) from None
 
-app = typer.Typer(
-    no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False,
-    context_settings={"help_option_names": ["-h", "--help"]},
-)
+app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]})
 for command in (run, compare, study, stability, export, pictures, validate, schema, plugins):
     app.command()(command)
 app.command("new-plugin")(new_plugin)

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -23,6 +23,7 @@ from sparsemor.core.cli.options import (
     print_json,
     progress,
     warn,
+    words,
 )
 from sparsemor.core.errors import InputError
 from sparsemor.core.model.body_cache import BodyCache
@@ -33,6 +34,9 @@ from sparsemor.core.results.output_directory import OutputDirectory
 from sparsemor.core.scene.defaults import COMPARED
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.status import SolveFailed, Status
+
+if TYPE_CHECKING:
+    from sparsemor.core.results.run_result import RunResult
 
 Out = Annotated[Path | None, out_option("runs/SCENE-compare")]
 
@@ -55,7 +59,8 @@ def compare(
     """Run a scene with several reducers and tabulate errors and cost."""
     with exit_codes(as_json):
         loaded = load_with(scene, settings)
-        scenes = variants(loaded, [n.strip() for n in reducers.split(",") if n.strip()])
+        with located_in(loaded):
+            scenes = variants(loaded, words(reducers) or [])
         directory = out or Path("runs", f"{loaded.name}-compare")
         body_cache = BodyCache()
         _refuse_early(scenes, body_cache)
@@ -75,16 +80,19 @@ def variants(scene: Scene, reducers: list[str], registry: Registry | None = None
     """
     if len(reducers) < 2 or len(set(reducers)) < len(reducers):
         raise InputError(
-            f"--reducers: give two or more different names (got {','.join(reducers)})")
-    known = registry or Registry()
+            f"give two or more different names (got {', '.join(reducers) or 'none'})", "reducers")
+    plugins = registry or Registry()
     own: dict[str, Any] = scene.dump()["reducer"]
-    cls = known.get("reducer", scene.reducer_name)
+    cls = plugins.get("reducer", scene.reducer_name)
     chosen: dict[str, Scene] = {}
     for name in reducers:
         if name == scene.reducer_name:
             chosen[name] = scene
             continue
-        other = known.get("reducer", name)
+        try:
+            other = plugins.get("reducer", name)
+        except InputError as error:
+            raise error.under("reducers") from None
         theirs, mine = other.model_fields, cls.model_fields
         shared = {*shared_options(cls)} & {*shared_options(other)}
         common = {
@@ -107,15 +115,16 @@ def _refuse_early(scenes: dict[str, Scene], body_cache: BodyCache) -> None:
 
 def _run_all(
     scenes: dict[str, Scene], directory: Path, resume: bool, quiet: bool, body_cache: BodyCache
-) -> tuple[dict[str, Any], dict[str, SolveFailed]]:
+) -> "tuple[dict[str, RunResult], dict[str, SolveFailed]]":
     """Results by name, also of runs that stopped early, and what stopped them. A run that is the
     training run of the others leaves its snapshots to them.
 
     Bad input that a later run finds removes those that were made here.
     """
+    from sparsemor.core.results.run_result import RunResult
     from sparsemor.core.simulation.training import is_training_run
 
-    results: dict[str, Any] = {}
+    results: dict[str, RunResult] = {}
     failures: dict[str, SolveFailed] = {}
     teacher = next((n for n, s in scenes.items() if is_training_run(s)), "")
     old = {name for name in scenes if OutputDirectory(directory / name).is_result()}
@@ -132,7 +141,7 @@ def _run_all(
                 if not results or error.status is Status.INTERRUPTED:
                     raise  # nothing to compare with, or no wish to
                 failures[name] = error
-                if error.result is not None:
+                if isinstance(error.result, RunResult):
                     results[name] = error.result
     return results, failures
 
@@ -140,7 +149,7 @@ def _run_all(
 def _run_one(
     scene: Scene, here: Path, resume: bool, observers: Sequence[object], body_cache: BodyCache,
     keep: bool,
-) -> Any:
+) -> "RunResult":
     from sparsemor.core.results.run_result import open_result
     from sparsemor.core.scene.run_identity import Identity
     from sparsemor.core.simulation.simulate import simulate
@@ -158,8 +167,8 @@ def _run_one(
 
 
 def _report(
-    results: dict[str, Any], failures: dict[str, SolveFailed], directory: Path, as_json: bool,
-    quiet: bool, charts: bool, error_limit: float,
+    results: "dict[str, RunResult]", failures: dict[str, SolveFailed], directory: Path,
+    as_json: bool, quiet: bool, charts: bool, error_limit: float,
 ) -> None:
     from sparsemor.core.analysis.compare import compare as compared
 
@@ -169,8 +178,8 @@ def _report(
         if as_json:
             print_json({"status": "failed", "failures": failed})
         leave(failed, FAILED)
-    comparison = compared(results[reference], error_limit=error_limit,
-                          **{name: results[name] for name in others})
+    runs: dict[str, Any] = {name: results[name] for name in others}
+    comparison = compared(results[reference], error_limit=error_limit, **runs)
     with writing(directory):
         comparison.write(directory, charts)
     summaries = {name: dict(result.summary) for name, result in results.items()}

@@ -1,7 +1,7 @@
 """`sparsemor export` and `sparsemor pictures`: files for ParaView, and charts, of a stored run."""
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -10,13 +10,17 @@ from sparsemor.core.cli.options import (
     Json,
     Quiet,
     exit_codes,
-    numbers,
-    options,
+    located_in,
     print_json,
-    under,
+    times_at,
     warn,
     words,
 )
+from sparsemor.core.errors import InputError
+from sparsemor.core.results.output_lock import owned
+
+if TYPE_CHECKING:
+    from sparsemor.core.results.run_result import RunResult
 
 Run = Annotated[str, typer.Argument(
     metavar="RUN", help="Directory of a run, finished or not.")]
@@ -39,14 +43,14 @@ def export(
     force: Force = False, as_json: Json = False, quiet: Quiet = False,
 ) -> None:
     """Write the moving bodies of a stored run with their fields, for ParaView."""
-    with exit_codes(as_json), options():
+    with exit_codes(as_json), located_in():
         from sparsemor.core.results.export import export as write
         from sparsemor.core.results.run_result import open_result
 
         result = open_result(run)
         done = write(
             result, out or result.path.parent / form, form, bodies=words(bodies),
-            fields=words(fields), at=numbers("at", at), every=every, force=force)
+            fields=words(fields), at=times_at(at), every=every, force=force)
         if as_json:
             print_json({
                 "status": "done", "out": done.folder, "format": form, "times": len(done.times),
@@ -66,16 +70,19 @@ def pictures(
     as_json: Json = False, quiet: Quiet = False,
 ) -> None:
     """Draw a stored run: motion, fields at some times, probes, atoms in use. PNG and SVG."""
-    with exit_codes(as_json), options():
+    with exit_codes(as_json), located_in():
         from sparsemor.core.analysis.charts import write_run_charts
         from sparsemor.core.results.run_result import open_result
 
         result = open_result(run)
-        times = numbers("at", at)
-        with under("at" if times else ""):
+        times = times_at(at)
+        try:
             result.steps_at(times)
+        except InputError as error:
+            raise error.under("at") if times else error from None
         folder = out or result.path.parent / "pictures"
-        files = write_run_charts(result, folder, times)
+        with owned(folder):
+            files = write_run_charts(result, folder, times)
         if as_json:
             print_json({"status": "done", "out": folder, "files": [str(f) for f in files]})
         elif not quiet:
@@ -83,6 +90,6 @@ def pictures(
                 typer.echo(str(file))
 
 
-def _line(run: Any, body: str, file: Path, fields: tuple[str, ...], times: int) -> str:
+def _line(run: "RunResult", body: str, file: Path, fields: tuple[str, ...], times: int) -> str:
     what = ", ".join(fields) or "no field"
     return f"{file}: {len(run.points(body))} points, {times} times, {what}"

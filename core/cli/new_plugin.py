@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from sparsemor.core.cli.options import exit_codes, options
+from sparsemor.core.cli.options import exit_codes, located_in
 from sparsemor.core.errors import InputError
 from sparsemor.core.registry.registry import Registry, suggestions
 from sparsemor.core.results.output_directory import OutputDirectory
@@ -35,10 +35,12 @@ def new_plugin(
         files = package_files(name, kind)
         taken = [p.origin for p in Registry().names(kind) if p.name == name]
         if taken:
-            raise InputError(f"NAME: {' and '.join(taken)} offers a {kind} called {name!r} already,"
-                             " which a scene would go on to mean: choose another name")
-        with options():
+            offer = "offers" if len(taken) == 1 else "offer"
+            raise InputError(f"NAME: {' and '.join(taken)} {offer} a {kind} called {name!r} "
+                             "already: choose another name")
+        with located_in():
             OutputDirectory(directory).require_empty("choose another --out")
+            OutputDirectory(directory).make()
         for path, text in files.items():
             (directory / path).parent.mkdir(parents=True, exist_ok=True)
             (directory / path).write_text(text, encoding="utf-8")

@@ -2,20 +2,24 @@
 
 import json
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
+from math import isfinite
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
 import typer
 
 from sparsemor.core.errors import Damaged, InputError
 from sparsemor.core.registry.registry import Registry
+from sparsemor.core.registry.validation_errors import shown
 from sparsemor.core.results.output_directory import OutputDirectory
 from sparsemor.core.scene.overrides import parse_settings
 from sparsemor.core.scene.scene import Scene, load
 from sparsemor.core.scene.yaml_reader import LocatedError
 from sparsemor.core.status import SolveFailed, Status
+
+T = TypeVar("T")
 
 SceneName = Annotated[
     str, typer.Argument(metavar="SCENE", help="A packaged scene's name (`sparsemor plugins scene` "
@@ -31,7 +35,9 @@ Resume = Annotated[bool, typer.Option("--resume", help="Continue an interrupted 
 Force = Annotated[bool, typer.Option("--force", help="Replace an earlier result.")]
 
 FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
-_OPTIONS = ("out", "resume")
+OPTIONS = frozenset({"out", "resume", "reducers", "samplers", "required", "rows", "atoms",
+                     "integrators", "at"})
+"""Options of commands on a scene, by which faults name them; no key of a scene is called so."""
 
 
 def out_option(otherwise: str) -> Any:
@@ -50,40 +56,20 @@ def load_with(scene: str, settings: Sequence[str] | None) -> Scene:
 
 
 @contextmanager
-def located_in(scene: Scene) -> Iterator[None]:
-    """Adds file, line and column to faults found after loading."""
+def located_in(scene: Scene | None = None) -> Iterator[None]:
+    """Bad input as located lines: options of the command as `--out`, other keys by file, line
+    and column of the scene. Without a scene every key is an option."""
     try:
         yield
     except (LocatedError, Damaged):  # what is damaged on disk is nowhere in the scene
         raise
     except InputError as error:
-        # what is wrong with an option of the command is nowhere in the file
-        own = [f for f in error.faults if f.key in _OPTIONS]
-        rest = [f for f in error.faults if f.key not in _OPTIONS]
-        lines = [f"--{f.key}: {f.message}" for f in own]
-        raise LocatedError(
-            error.faults, lines + (scene.locate(InputError(rest)) if rest else [])) from error
-
-
-@contextmanager
-def options() -> Iterator[None]:
-    """Faults of a command without a scene: each key is the name of an option."""
-    try:
-        yield
-    except LocatedError:
-        raise
-    except InputError as error:
-        lines = [f"--{f.key}: {f.message}" if f.key else f.message for f in error.faults]
+        own = [f for f in error.faults if scene is None or f.key in OPTIONS]
+        rest = [f for f in error.faults if f not in own]
+        lines = [f"--{f.key}: {f.message}" if f.key else f.message for f in own]
+        if rest and scene is not None:
+            lines += scene.locate(InputError(rest))
         raise LocatedError(error.faults, lines) from error
-
-
-@contextmanager
-def under(option: str) -> Iterator[None]:
-    """Faults without a key get that of an option, if one is named."""
-    try:
-        yield
-    except InputError as error:
-        raise (error.under(option) if option else error) from None
 
 
 def words(text: str | None) -> list[str] | None:
@@ -91,12 +77,32 @@ def words(text: str | None) -> list[str] | None:
     return None if text is None else [w.strip() for w in text.split(",") if w.strip()]
 
 
-def numbers(option: str, text: str | None) -> list[float] | None:
-    """The numbers of a comma-separated list. Raises InputError under the option's name."""
-    try:
-        return None if text is None else [float(w) for w in words(text) or ()]
-    except ValueError:
-        raise InputError(f"must be numbers separated by commas (got {text})", option) from None
+def items(
+    option: str, text: str | None, read: Callable[[str], T], form: str
+) -> list[T] | None:
+    """Values of a comma-separated list, each read by `read`. Raises InputError under the option's
+    name that says the form of an item."""
+    found: list[T] = []
+    for word in words(text) or ():
+        try:
+            found.append(read(word))
+        except ValueError:
+            raise InputError(f"{form} (got {shown(word)})", option) from None
+    if text is not None and not found:
+        raise InputError(f"{form} (got nothing)", option)
+    return None if text is None else found
+
+
+def times_at(text: str | None) -> list[float] | None:
+    """Times of `--at`, s."""
+    return items("at", text, finite_number, "must be times in s, separated by commas")
+
+
+def finite_number(word: str) -> float:
+    value = float(word)
+    if not isfinite(value):
+        raise ValueError(word)
+    return value
 
 
 @contextmanager
@@ -159,7 +165,7 @@ def progress(quiet: bool) -> Iterator[Sequence[object]]:
         yield ()
         return
     registry = Registry()
-    if "progress" not in {p.name for p in registry.names("observer")}:
+    if not registry.has("observer", "progress"):
         yield ()
         return
     plugin: Any = registry.get("observer", "progress")()
@@ -174,6 +180,6 @@ def progress(quiet: bool) -> Iterator[Sequence[object]]:
 def place_for_result(out: Path, resume: bool, force: bool) -> Iterator[None]:
     """The output directory, claimed until the end of this command (`OutputDirectory.claimed`)."""
     with ExitStack() as stack:
-        with options():
+        with located_in():
             stack.enter_context(OutputDirectory(out).claimed(resume=resume, force=force))
         yield

@@ -1,4 +1,4 @@
-"""`sparsemor validate`, `schema` and `plugins`: what is given, and what there is."""
+"""`sparsemor validate`, `schema` and `plugins`."""
 
 import json
 import re

@@ -27,7 +27,6 @@ from sparsemor.core.protocols.reducer import shared_options
 from sparsemor.core.registry.registry import Registry
 from sparsemor.core.results.solver_report import solvers_in_words
 from sparsemor.core.scene.overrides import parse_settings
-from sparsemor.core.scene.scene import Scene
 from sparsemor.core.scene.source import Source
 
 Out = Annotated[Path | None, out_option("runs/SCENE-REDUCER")]
@@ -40,7 +39,7 @@ def run(
     """Simulate a scene and store the result."""
     with exit_codes(as_json):
         loaded = load_with(scene, settings)
-        directory = out or Path("runs", f"{loaded.name}-{reducer_name(loaded)}")
+        directory = out or Path("runs", f"{loaded.name}-{loaded.reducer_name}")
         with (place_for_result(directory, resume, force), located_in(loaded),
               progress(quiet or as_json) as observers):
             from sparsemor.core.simulation.simulate import simulate
@@ -66,17 +65,13 @@ def replaced_reducer(scene: str, settings: Sequence[str] | None) -> list[str]:
     if not isinstance(name, str) or not isinstance(own, Mapping):
         return []
     registry = Registry()
-    if name not in {p.name for p in registry.names("reducer")}:
+    if not registry.has("reducer", name):
         return []
     cls = registry.get("reducer", name)
     left = [key for key in shared_options(cls) if key in own and key in cls.model_fields]
     return [f"reducer {name} runs with its own defaults: {', '.join(left)} of the scene's reducer "
             f"{own.get('use')} {'is' if len(left) == 1 else 'are'} left out; `compare --reducers` "
             "keeps what both have"] if left else []
-
-
-def reducer_name(scene: Scene) -> str:
-    return scene.reducer_name
 
 
 def in_words(summary: Mapping[str, Any]) -> str:
@@ -93,7 +88,7 @@ def in_words(summary: Mapping[str, Any]) -> str:
     iterations = summary.get("newton_iterations")
     lines.append(("iterations", None if iterations is None else f"{_short(iterations)} per step"))
     lines.append(("factorized", summary.get("factorizations")))
-    lines += [("linear solver", told) for told in solvers_in_words(
+    lines += [("linear solver", text) for text in solvers_in_words(
         summary.get("linear_solvers", ()))]
     held = summary.get("memory")
     if held:

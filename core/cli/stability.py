@@ -1,8 +1,9 @@
 """`sparsemor stability`: predicted stability of the reduced models of a scene."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
+from contextlib import nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -13,24 +14,25 @@ from sparsemor.core.cli.options import (
     SceneName,
     Settings,
     exit_codes,
+    finite_number,
+    items,
     load_with,
     located_in,
-    options,
     out_option,
     print_json,
     progress,
+    times_at,
 )
 from sparsemor.core.errors import InputError
 from sparsemor.core.results.atomic_files import writing
 from sparsemor.core.results.output_directory import OutputDirectory
+from sparsemor.core.results.output_lock import owned
 from sparsemor.core.results.tables import csv_table, with_head
 from sparsemor.core.scene.yaml_reader import parse_value
 
 if TYPE_CHECKING:
     from sparsemor.core.analysis.stability.survey import Survey
     from sparsemor.core.analysis.stability.variants import Plan
-
-T = TypeVar("T")
 
 Out = Annotated[Path | None, out_option("only printed")]
 
@@ -59,18 +61,18 @@ def stability(
     """
     with exit_codes(as_json):
         loaded = load_with(scene, settings)
-        plan = plan_of(seeds, samplers, required, rows, atoms, step, integrators, at)
-        if out is not None:
-            with options():
-                OutputDirectory(out).require_directory()
-                if not force:
-                    OutputDirectory(out).require_empty(
-                        "use --force to overwrite, or choose another --out")
+        with located_in():
+            plan = plan_of(seeds, samplers, required, rows, atoms, step, integrators, at)
+            if out is not None:
+                OutputDirectory(out).require_replaceable(
+                    force, "use --force to overwrite, or choose another --out",
+                    OutputDirectory(out).path.is_dir, "a directory only")
         from sparsemor.core.analysis.stability.survey import survey
 
-        with located_in(loaded), progress(quiet or as_json) as observers:
-            found = survey(loaded, plan, observers=observers)
-        files = [] if out is None else write(found, out)
+        with located_in(loaded), owned(out) if out is not None else nullcontext():
+            with progress(quiet or as_json) as observers:
+                found = survey(loaded, plan, observers=observers)
+            files = [] if out is None else write(found, out)
         if as_json:
             print_json({"status": "done", "scene": loaded.name, **found.as_dict(),
                         "files": [str(f) for f in files]})
@@ -89,12 +91,14 @@ def plan_of(
 
     flags = {"true": [True], "false": [False], "both": [True, False], None: None}
     if required not in flags:
-        raise InputError(f"--required: true, false or both (got {required})")
+        raise InputError(f"must be true, false or both (got {required})", "required")
+    numbers = "must be a number for each field, such as 60/40"
     return Plan(
-        samplers=_each(samplers, "samplers", str), required=flags[required],
-        rows=_each(rows, "rows", _counts), atoms=_each(atoms, "atoms", _counts),
-        steps=_each(step, "step", _positive), integrators=_integrators(integrators), seeds=seeds,
-        at=_each(at, "at", float))
+        samplers=items("samplers", samplers, str, "must be names of samplers"),
+        required=flags[required], rows=items("rows", rows, _counts, numbers),
+        atoms=items("atoms", atoms, _counts, numbers),
+        steps=items("step", step, _positive, "must be step sizes in s, above 0"),
+        integrators=_integrators(integrators), seeds=seeds, at=times_at(at))
 
 
 def write(found: "Survey", folder: Path) -> list[Path]:
@@ -102,7 +106,6 @@ def write(found: "Survey", folder: Path) -> list[Path]:
     from sparsemor.core.analysis.charts.stability import stability_figure
     from sparsemor.core.analysis.charts.style import save
 
-    folder.mkdir(parents=True, exist_ok=True)
     table, each = folder / "stability.csv", folder / "seeds.csv"
     with writing(folder):
         lines = [e.as_dict() for e in found.entries]
@@ -119,23 +122,6 @@ def _flat(row: Mapping[str, Any]) -> dict[str, Any]:
     return {k: v for k, v in row.items() if k != "own"} | radii
 
 
-def _each(text: str | None, option: str, read: Callable[[str], T]) -> list[T] | None:
-    if text is None:
-        return None
-    found = []
-    for word in (w.strip() for w in text.split(",")):
-        try:
-            found.append(read(word))
-        except ValueError:
-            raise InputError(f"--{option}: cannot read {word!r}{_FORMS.get(option, '')}") from None
-    return found
-
-
-_FORMS = {"rows": ": give a number for each field, such as 60/40",
-          "atoms": ": give a number for each field, such as 30/20",
-          "step": ": give step sizes in s, above 0", "at": ": give times in s"}
-
-
 def _counts(word: str) -> tuple[int, ...]:
     counts = tuple(int(n) for n in word.split("/"))
     if min(counts) < 0:
@@ -144,7 +130,7 @@ def _counts(word: str) -> tuple[int, ...]:
 
 
 def _positive(word: str) -> float:
-    value = float(word)
+    value = finite_number(word)
     if not value > 0.0:
         raise ValueError(word)
     return value
@@ -154,8 +140,4 @@ def _integrators(text: str | None) -> list[Any] | None:
     """A YAML list without its brackets: names and `{use: name, ..}`."""
     if text is None:
         return None
-    try:
-        found: list[Any] = list(parse_value(f"[{text}]", "integrators"))
-    except InputError as error:
-        raise InputError(f"--integrators: {error.faults[0].message}") from None
-    return found
+    return list(parse_value(f"[{text}]", "integrators"))

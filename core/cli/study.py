@@ -13,16 +13,13 @@ from sparsemor.core.cli.options import (
     Quiet,
     exit_codes,
     leave,
+    located_in,
     print_json,
 )
-from sparsemor.core.errors import InputError
-from sparsemor.core.scene.yaml_reader import LocatedError
 
 if TYPE_CHECKING:
     from sparsemor.core.analysis.study import StudyOutcome
     from sparsemor.core.analysis.study.plan import Plan
-
-_OPTIONS = ("out", "workers", "scheduler")
 
 
 def study(
@@ -48,15 +45,11 @@ def study(
         plan = Plan.of(file)
         folder = (out or Path("runs", plan.study.name)).absolute()
         try:
-            with shown(plan, quiet or as_json) as watch:
+            with located_in(), shown(plan, quiet or as_json) as watch:
                 done = run_plan(plan, out=folder, workers=workers, scheduler=scheduler,
                                times=not no_times, force=force, watch=watch)
         except KeyboardInterrupt:
             _interrupted(plan, folder, as_json, quiet)
-        except LocatedError:
-            raise
-        except InputError as error:
-            raise _of_options(error) from None
         else:
             _report(done, as_json, quiet)
 
@@ -89,9 +82,3 @@ def _interrupted(plan: "Plan", folder: Path, as_json: bool, quiet: bool) -> None
         typer.echo(in_words(plan, rows))
     leave([f"interrupted: the same command continues {folder / 'runs.csv'}"], INTERRUPTED)
 
-
-def _of_options(error: InputError) -> LocatedError:
-    """Faults of the command's own options."""
-    lines = [f"--{f.key}: {f.message}" if f.key in _OPTIONS else f"{f.key}: {f.message}"
-             for f in error.faults]
-    return LocatedError(error.faults, lines)

@@ -290,15 +290,16 @@ class _Closing:
         added = [m.M for m in own if m.M is not None]
         mass = sum(added, inertia.generators[0])
         coupling = [-m.A for m in here if m.columns == thermal and m.A is not None]
-        constant, loads, amplitudes, names = self._right_hand_side(block)
+        constant, loads, timed = self._loads(block)
         return ElasticOperators(
             mass=mass, damping=_sum([m.B for m in own], (n, n)),
             stiffness=_sum([m.A for m in own], (n, n)),
             generators=inertia.generators if inertia in frames else (),
             directions=np.concatenate([np.zeros((n, 0)), *(f.directions for f in frames)], axis=1),
             coupling=_sum(coupling, (n, hot)) if hot else None,
-            constant=constant, loads=loads, amplitudes=amplitudes, columns=columns,
-            load_names=names, integrals=body.elastic_integrals, tables=self._tables(block),
+            constant=constant, loads=loads, amplitudes=_amplitudes(timed), columns=columns,
+            load_names=tuple(r.name for r in timed), integrals=body.elastic_integrals,
+            tables=self._tables(block),
             local=tuple(self._elastic_local(t, block, thermal) for t in self._local(block)))
 
     def heat(self, of: Block) -> HeatBody:
@@ -308,22 +309,25 @@ class _Closing:
                          None)
         n = len(self.layout.numbers(block))
         own = [m for m in self.records.matrices if m.rows == m.columns == block]
-        constant, loads, amplitudes, names = self._right_hand_side(block)
+        constant, loads, timed = self._loads(block)
+        columns = tuple(LoadColumn(r.name, prescribed=r.kind == "prescribed") for r in timed)
         return HeatBody(
             of.owner, block, _sum([m.B for m in own], (n, n)), _sum([m.A for m in own], (n, n)),
-            constant, loads, amplitudes, self._local(block), names, integrals,
+            constant, loads, _amplitudes(timed), self._local(block), columns, integrals,
             self._tables(block))
 
-    def _right_hand_side(
-        self, block: str
-    ) -> tuple[FloatArray, FloatArray, tuple[Amplitude, ...], tuple[str, ...]]:
-        """Constant right-hand side, load columns, their amplitudes and names."""
+    def _loads(self, block: str) -> tuple[FloatArray, FloatArray, list[VectorRecord]]:
+        """Constant right-hand side, load columns, and the record of each column."""
         here = [r for r in self.records.vectors if r.rows == block]
-        return (*right_hand_side(here, len(self.layout.numbers(block))),
-                tuple(r.name for r in here if r.amplitude is not None))
+        constant, loads, _ = right_hand_side(here, len(self.layout.numbers(block)))
+        return constant, loads, [r for r in here if r.amplitude is not None]
 
     def _tables(self, block: str) -> tuple[LoadTable, ...]:
         return tuple(t.load for t in self.records.tables if t.rows == block)
+
+
+def _amplitudes(records: Sequence[VectorRecord]) -> tuple[Amplitude, ...]:
+    return tuple(r.amplitude for r in records if r.amplitude is not None)
 
 
 def _acts(layout: Layout, record: FrameRecord) -> bool:

@@ -91,7 +91,7 @@ class Model:
         for h in self.separated.heat:
             if h.thermal == name:
                 loads, names, _ = _loads([
-                    (h.loads, _columns(h.loads, h.load_names)), _constant(h.constant)])
+                    (h.loads, h.columns or _columns(h.loads)), _constant(h.constant)])
                 return data(order=1, mass=h.capacity, stiffness=h.conductivity, loads=loads,
                             load_names=names, factors=(0.0, taken.c1_first))
         for m in self.separated.moving:

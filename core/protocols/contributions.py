@@ -69,7 +69,7 @@ class VectorRecord:
         """The load as bases and reports name it."""
         if self.kind == "load":
             return self.origin.part
-        own = "given temperature"
+        own = "prescribed temperature"
         return own if self.origin.group == "bodies" else f"{self.origin.part}, {own}"
 
 

@@ -46,11 +46,16 @@ class FrameWork:
 
 @dataclass(frozen=True, slots=True)
 class LoadColumn:
-    """One column of an elastic block's directions, as a load: its name for bases and reports ("":
-    no load), and whether it is the force of a joint, whose size is an unknown."""
+    """One load column of a block.
+
+    name: of the load, for bases and reports; "" where the column is no load. joint: whether it is
+    the force of a joint, whose size is an unknown. prescribed: whether a prescribed temperature
+    makes it.
+    """
 
     name: str
     joint: bool = False
+    prescribed: bool = False
 
 
 class Frame(Protocol):
@@ -216,7 +221,7 @@ class MovingBody:
 class HeatBody:
     """capacity T' + conductivity T - constant - loads @ amplitudes(t) - tables + local terms = 0.
 
-    load_names (j,): what each column of `loads` (n, j) is. integrals: capacity and conduction by
+    columns (j,): meaning of each column of `loads` (n, j). integrals: capacity and conduction by
     elements, where the body can give them (`element_integrals`); tables: heat that moves over it.
     """
 
@@ -228,7 +233,7 @@ class HeatBody:
     loads: FloatArray
     amplitudes: tuple[Amplitude, ...]
     local: tuple[Term, ...]
-    load_names: tuple[str, ...] = ()
+    columns: tuple[LoadColumn, ...] = ()
     integrals: Callable[[], HeatIntegrals] | None = None
     tables: tuple[LoadTable, ...] = ()
 

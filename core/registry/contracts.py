@@ -9,7 +9,7 @@ where it is first used (`core.registry.returned_values`).
 
 import difflib
 import inspect
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
@@ -68,8 +68,10 @@ def breaches(kind: str, cls: type) -> tuple[str, ...]:
         return ()
     abilities = (*CAPABILITIES.get(kind, ()), *EVERY)
     looked_for = _members((protocol, *abilities))
-    return (*_version(cls), *_unfit_members(cls, protocol, abilities), *_misspelled(
-        cls, _public(cls), looked_for, _members((*abilities, *BUILT.get(kind, ())))))
+    return (*_version(cls), *_breaches(cls, protocol, get_protocol_members(protocol)),
+            *_unfit_abilities(cls, abilities),
+            *_misspelled(cls, _public(cls), looked_for,
+                         _members((*abilities, *BUILT.get(kind, ())))))
 
 
 def part_breaches(protocol: type, abilities: tuple[type, ...], cls: type) -> list[str]:
@@ -77,9 +79,8 @@ def part_breaches(protocol: type, abilities: tuple[type, ...], cls: type) -> lis
     looked_for = _members((protocol, *abilities))
     public = {n for c in cls.__mro__ if c is not object and not is_protocol(c)
               for n in (*vars(c), *inspect.get_annotations(c)) if not n.startswith("_")}
-    wrong = [text for m in sorted(get_protocol_members(protocol))
-             if _member(cls, m) is not _ABSENT and (text := _breach(cls, protocol, m))]
-    return [*wrong, *_unfit_abilities(cls, abilities),
+    present = [m for m in get_protocol_members(protocol) if _member(cls, m) is not _ABSENT]
+    return [*_breaches(cls, protocol, present), *_unfit_abilities(cls, abilities),
             *_misspelled(cls, sorted(public), looked_for, _members(abilities))]
 
 
@@ -104,11 +105,6 @@ def abilities_of(kind: str, cls: type) -> list[type]:
     """Optional protocols of a kind whose members a class has."""
     return [ability for ability in (*CAPABILITIES.get(kind, ()), *EVERY)
             if all(_member(cls, m) is not _ABSENT for m in get_protocol_members(ability))]
-
-
-def missing_members(protocol: type, cls: type) -> list[str]:
-    """Names of the members of a protocol that a class lacks."""
-    return [m for m in sorted(get_protocol_members(protocol)) if _member(cls, m) is _ABSENT]
 
 
 def absent_members(protocol: type, value: object) -> list[str]:
@@ -144,25 +140,25 @@ def _unfit(function: Callable[..., Any], static: bool, protocol: type, member: s
     """Why a method cannot be called as the protocol calls it, "" where it can."""
     wanted = _parameters(protocol, member)
     try:
-        given = inspect.signature(function)
+        signature = inspect.signature(function)
     except (TypeError, ValueError):  # written in C: it does not say
         return ""
     self_too: list[object] = [] if static else [None]
     always = [p.name for p in wanted if p.default is p.empty]
     rest = {p.name: None for p in wanted if p.default is not p.empty}
     try:
-        given.bind(*self_too, *always)
-        given.bind(*self_too, *always, *rest)
-        given.bind(*self_too, *always, **rest)
+        signature.bind(*self_too, *always)
+        signature.bind(*self_too, *always, *rest)
+        signature.bind(*self_too, *always, **rest)
     except TypeError as error:
-        return (f"{member}{_without_types(given, static)} cannot be called as "
+        return (f"{member}{_without_types(signature, static)} cannot be called as "
                 f"{_shape(protocol, member)} ({error})")
-    names = list(given.parameters)[len(self_too):]
+    names = list(signature.parameters)[len(self_too):]
     order = [p.name for p in wanted]
     moved = [n for i, n in enumerate(order) if n in names[:len(order)] and names[i] != n]
     if moved:
-        return (f"{member}{_without_types(given, static)} has {' and '.join(moved)} at other "
-                f"places than {_shape(protocol, member)}")
+        return (f"{member}{_without_types(signature, static)} has {' and '.join(moved)} at other "
+                f"positions than {_shape(protocol, member)}")
     return ""
 
 
@@ -173,11 +169,9 @@ def _version(cls: type) -> list[str]:
         f"it was written for version {made_for} of the extension API, and this is version {API}"]
 
 
-def _unfit_members(cls: type, protocol: type, abilities: Sequence[type]) -> list[str]:
-    """Members of the protocol that a class lacks or has otherwise, and abilities that are wrong."""
-    found = [text for m in sorted(get_protocol_members(protocol))
-             if (text := _breach(cls, protocol, m))]
-    return [*found, *_unfit_abilities(cls, abilities)]
+def _breaches(cls: type, protocol: type, members: Iterable[str]) -> list[str]:
+    """Violations of some members of a protocol, in words."""
+    return [text for m in sorted(members) if (text := _breach(cls, protocol, m))]
 
 
 def _unfit_abilities(cls: type, abilities: Sequence[type]) -> list[str]:
@@ -188,8 +182,7 @@ def _unfit_abilities(cls: type, abilities: Sequence[type]) -> list[str]:
         own = _own_members(ability)
         telling = {m for m in own if _function(inspect.getattr_static(ability, m, None))} or own
         if any(_member(cls, m) is not _ABSENT for m in telling):
-            found += [f"{text} ({ability.__name__})" for m in sorted(own)
-                      if (text := _breach(cls, ability, m))]
+            found += [f"{text} ({ability.__name__})" for text in _breaches(cls, ability, own)]
     return found
 
 
@@ -283,8 +276,8 @@ def _shape(protocol: type, member: str) -> str:
     return member + _written(_parameters(protocol, member))
 
 
-def _without_types(given: inspect.Signature, static: bool) -> str:
-    return _written(list(given.parameters.values())[0 if static else 1:])
+def _without_types(signature: inspect.Signature, static: bool) -> str:
+    return _written(list(signature.parameters.values())[0 if static else 1:])
 
 
 def _written(parameters: list[inspect.Parameter]) -> str:

@@ -1,4 +1,4 @@
-"""Events of a run, for whoever wants to know. Nothing comes back from them.
+"""Events of a run, which observers receive; observers return nothing.
 
 An observer is any object with methods marked by `hookimpl`; each takes the arguments it needs:
 
@@ -41,7 +41,7 @@ class RunStart:
 
 
 class Events:
-    """The specifications."""
+    """Specification of the events: names and arguments."""
 
     @hookspec
     def on_start(self, run: RunStart) -> None:
@@ -79,7 +79,7 @@ class ObserverPlugin(Protocol):
 
 @runtime_checkable
 class Closes(Protocol):
-    """An observer that holds something, such as the terminal, until it is closed."""
+    """Observer with a resource to release at its end, such as the terminal."""
 
     def close(self) -> None: ...
 
@@ -96,7 +96,7 @@ class Manager(pluggy.PluginManager):
 def new_manager(observers: Iterable[object] = ()) -> Manager:
     """A manager for one run.
 
-    Raises `InputError` for an observer that listens to nothing, twice, or to no known event.
+    Raises `InputError` for an observer that listens to nothing, twice, or to an unknown event.
     """
     manager = Manager()
     for observer in observers:

@@ -9,7 +9,7 @@ API = 2
 
 
 class Plugin(BaseModel):
-    """Fields are options, methods fill the protocol of the plugin's kind. No second config class.
+    """Base class of plugins: fields are options, methods implement the protocol of its kind.
 
     Unknown options, and numbers that are not finite, are refused. A plugin that sets
     `sparsemor_api` to the version it was written for is refused by name where that is another one.

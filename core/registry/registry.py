@@ -53,12 +53,12 @@ class Registry:
     """
 
     def __init__(self, entry_points: Iterable[metadata.EntryPoint] | None = None) -> None:
-        self._given = None if entry_points is None else tuple(entry_points)
+        self._replaced = None if entry_points is None else tuple(entry_points)
 
     @cached_property
     def _entry_points(self) -> tuple[metadata.EntryPoint, ...]:
-        if self._given is not None:
-            return tuple(e for e in self._given if e.group.startswith(PREFIX))
+        if self._replaced is not None:
+            return tuple(e for e in self._replaced if e.group.startswith(PREFIX))
         installed = metadata.entry_points()
         groups = sorted(g for g in installed.groups if g.startswith(PREFIX))
         return tuple(e for g in groups for e in installed.select(group=g))
@@ -71,6 +71,10 @@ class Registry:
         """The plugins of one kind, sorted by name. Imports nothing."""
         found = [_named(e) for e in self._of(kind)]
         return tuple(sorted(found, key=lambda p: (p.name, p.distribution)))
+
+    def has(self, kind: str, name: str) -> bool:
+        """True if a plain or qualified name is that of a plugin, or of several. Imports nothing."""
+        return bool(self._called(kind, name))
 
     def get(self, kind: str, name: str) -> type[Plugin]:
         """Import the plugin's class.
@@ -107,7 +111,8 @@ class Registry:
         one = self._only(kind, name)
         others = [_named(e) for e in offers if e is not one]
         return (f"{kind} plugin {name!r} is that of {_origin(one)}; "
-                f"{' and '.join(p.origin for p in others)} offers one of that name too: write "
+                f"{' and '.join(p.origin for p in others)} "
+                f"{'offers' if len(others) == 1 else 'offer'} one of that name too: write "
                 f"{' or '.join(p.qualified for p in others)} for it, or {_named(one).qualified} "
                 "for this one")
 
@@ -135,7 +140,8 @@ class Registry:
         """All plugins that a plain or qualified name may mean."""
         package, colon, plain = name.partition(":")
         if not colon:
-            return [e for e in self._of(kind) if e.name == name]
+            offers = [e for e in self._of(kind) if e.name == name]
+            return sorted(offers, key=lambda e: _named(e).distribution)
         return [e for e in self._of(kind) if e.name == plain and e.dist is not None
                 and canonical(e.dist.name) == canonical(package)]
 
@@ -165,10 +171,8 @@ class _Driver(DriverManager[Any]):
 
     def __init__(self, entry_point: metadata.EntryPoint) -> None:
         self._only = entry_point
-        super().__init__(
-            entry_point.group, entry_point.name,
-            on_load_failure_callback=_reraise, on_missing_entrypoints_callback=None,
-        )
+        super().__init__(entry_point.group, entry_point.name,
+            on_load_failure_callback=_reraise, on_missing_entrypoints_callback=None)
 
     def list_entry_points(self) -> list[metadata.EntryPoint]:
         return [self._only]
@@ -200,20 +204,18 @@ def _reraise(_manager: Any, _entry_point: metadata.EntryPoint, error: BaseExcept
     raise error
 
 
-def suggestions(given: str, known: Iterable[str], label: str = "allowed") -> str:
-    """Advice after a name nobody knows: the nearest ones, then all of them."""
-    names = list(known)
-    close = difflib.get_close_matches(given, names, n=3, cutoff=0.6)
+def suggestions(name: str, allowed: Iterable[str], label: str = "allowed") -> str:
+    """Advice after an unknown name: the nearest ones, then all of them."""
+    names = list(allowed)
+    close = difflib.get_close_matches(name, names, n=3, cutoff=0.6)
     hint = f"did you mean {' or '.join(close)}? " if close else ""
     return f"{hint}{label}: {', '.join(names) or 'none'}"
 
 
 def _named(e: metadata.EntryPoint) -> PluginName:
     dist = e.dist
-    return PluginName(
-        e.group.removeprefix(PREFIX), e.name,
-        dist.name if dist else "", dist.version if dist else "", e.value,
-    )
+    return PluginName(e.group.removeprefix(PREFIX), e.name,
+        dist.name if dist else "", dist.version if dist else "", e.value)
 
 
 def _origin(e: metadata.EntryPoint) -> str:

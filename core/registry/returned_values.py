@@ -1,8 +1,7 @@
 """Results of plugins' methods, checked where core and reducers receive them.
 
-Each check raises an InputError, under `key` where one is known, that names the plugin's class, the
-method and what it returned: the first line that a user of somebody else's plugin needs, instead of
-a traceback further on.
+Each check raises an InputError, under `key` if there is one, that names the plugin's class, the
+method and what it returned, instead of a traceback further on.
 """
 
 from typing import Any, TypeVar
@@ -46,11 +45,11 @@ def sampled_rows(
     sampler: Sampler, data: BlockData, m: int, dictionary: Dictionary, rng: np.random.Generator,
     required: IntArray,
 ) -> IntArray:
-    """Rows (r,) that a sampler draws: whole numbers of the block's rows, none twice."""
+    """Rows (r,) that a sampler draws: distinct row numbers of the block."""
     rows: Any = np.asarray(sampler.sample(data, m, dictionary, rng, required))
     if rows.ndim != 1 or (rows.size and rows.dtype.kind not in "iu"):
         raise _wrong(sampler, "sample", f"{rows.dtype} of shape {rows.shape}",
-                     "whole numbers of shape (r,)", "reducer.sampler")
+                     "integers of shape (r,)", "reducer.sampler")
     if rows.size and (rows.min() < 0 or rows.max() >= data.size
                       or len(np.unique(rows)) < len(rows)):
         raise _wrong(sampler, "sample", f"{rows.size} rows from {rows.min()} to {rows.max()}",

@@ -1,4 +1,4 @@
-"""A place in the configuration that some plugin of one kind fills."""
+"""Slot: an option whose value is a plugin of one kind."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ from typing_extensions import is_protocol
 
 from sparsemor.core.errors import InputError
 from sparsemor.core.notes import Note
-from sparsemor.core.registry.contracts import missing_members, origin, refusal
+from sparsemor.core.registry.contracts import absent_members, origin, refusal
 from sparsemor.core.registry.registry import Registry
 from sparsemor.core.registry.validation_errors import shown, with_advice
 
@@ -44,10 +44,10 @@ class Slot:
         def fill(value: object, info: ValidationInfo) -> object:
             return self._fill(value, source, dict(info.context or {}))
 
-        open_place = Annotated[Any, WithJsonSchema({self.MARK: self.kind})]
+        open_slot = Annotated[Any, WithJsonSchema({self.MARK: self.kind})]
         return core_schema.with_info_plain_validator_function(
             fill,
-            json_schema_input_schema=handler.generate_schema(open_place),
+            json_schema_input_schema=handler.generate_schema(open_slot),
             serialization=core_schema.plain_serializer_function_ser_schema(
                 self._write, info_arg=True
             ),
@@ -62,7 +62,8 @@ class Slot:
             if not isinstance(name, str):
                 raise InputError(f"name the {self.kind} with `use: name`", "use")
             return self._build(name, options, context)
-        missing = _missing_members(source, value)
+        checked = isinstance(source, type) and is_protocol(source)
+        missing = absent_members(source, value) if checked else []
         if value is None or missing or isinstance(value, int | float | list | tuple | set | bytes):
             lacks = f" that has {', '.join(missing)}" if missing else ""
             raise InputError(
@@ -105,14 +106,8 @@ def name_default_slots(cls: type[BaseModel], options: Mapping[str, Any]) -> dict
     """`solver: {rtol: 1e-9}` without `use` sets an option of the slot's default plugin."""
     named = dict(options)
     for key, field in cls.model_fields.items():
-        given = named.get(key)
+        value = named.get(key)
         is_slot = any(isinstance(m, Slot) for m in field.metadata)
-        if is_slot and isinstance(field.default, str) and isinstance(given, Mapping):
-            named[key] = {"use": field.default, **given}
+        if is_slot and isinstance(field.default, str) and isinstance(value, Mapping):
+            named[key] = {"use": field.default, **value}
     return named
-
-
-def _missing_members(source: Any, value: object) -> list[str]:
-    if not (isinstance(source, type) and is_protocol(source)):
-        return []
-    return missing_members(source, type(value))

@@ -1,4 +1,4 @@
-"""Turns pydantic's errors into faults: full dotted keys, the value given, and advice."""
+"""Faults of a validation error of pydantic: dotted keys, the value found, and advice."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -37,11 +37,11 @@ def with_advice(cls: type[BaseModel], error: ValidationError) -> list[InitErrorD
     return [_advised(cls, e) for e in error.errors(include_url=False)]
 
 
-def custom(kind: str, message: str, loc: Path, given: object) -> InitErrorDetails:
+def custom(kind: str, message: str, loc: Path, value: object) -> InitErrorDetails:
     """One error line whose message may hold braces."""
     return InitErrorDetails(
         type=PydanticCustomError("custom", "{text}", {"text": message, "kind": kind}),
-        loc=loc, input=given,
+        loc=loc, input=value,
     )
 
 

@@ -13,13 +13,13 @@ from sparsemor.core.status import Status
 
 @dataclass(frozen=True, slots=True)
 class RunFacts:
-    """ms_per_step: online time over steps, writing included. ms_per_step_solver: median time of
-    the step solver alone. iterations: mean a step.
+    """Cost of one run; None where it was not recorded.
 
-    offline_seconds: of this run; offline_whole_seconds: had nothing been in the cache.
-    atoms: dictionary columns; active_atoms: mean number in use. rows: sampled rows. None: not
-    known. end: last stored time, s. linear_solvers: of the steps, by block, in words; peak_gb: the
-    most that its process had held by its end.
+    ms_per_step: online time over steps, writing included; ms_per_step_solver: median time of the
+    step solver alone; iterations: mean per step; offline_seconds: of this run;
+    offline_whole_seconds: without cached products; atoms: dictionary columns; active_atoms: mean
+    number in use; rows: sampled rows; end: last stored time, s; linear_solvers: of the steps, by
+    block, in words; peak_gb: peak memory of the process.
     """
 
     reducer: str
@@ -57,24 +57,17 @@ def run_facts(run: RunResult) -> RunFacts:
     if solver is None and stepped.size:
         solver = 1e3 * float(np.median(run.step_seconds[stepped]))
     reduced = [b.name for b in run.layout if b.name in run.solver_layout and run.reduced(b.name)]
-    return RunFacts(
-        reducer=run.reducer,
-        status=run.status,
-        steps=steps,
-        ms_per_step=summary.get("ms_per_step"),
-        offline_seconds=wall.get("offline"),
+    return RunFacts(reducer=run.reducer, status=run.status, steps=steps,
+        ms_per_step=summary.get("ms_per_step"), offline_seconds=wall.get("offline"),
         offline_whole_seconds=summary.get("offline_whole_s", wall.get("offline")),
         online_seconds=wall.get("online"),
         iterations=float(run.iterations[stepped].mean()) if stepped.size else None,
         atoms=sum(run.support(name).shape[1] for name in reduced),
         active_atoms=float(sum(run.support(name).sum(axis=1).mean() for name in reduced))
-        if len(run.times) else 0.0,
-        rows=sum(run.rows(b.name).size for b in run.layout),
+        if len(run.times) else 0.0, rows=sum(run.rows(b.name).size for b in run.layout),
         end=float(run.times[-1]) if len(run.times) else 0.0,
         linear_solvers="; ".join(solvers_in_words(summary.get("linear_solvers", ()))),
-        peak_gb=summary.get("memory", {}).get("peak_gb"),
-        ms_per_step_solver=solver,
-    )
+        peak_gb=summary.get("memory", {}).get("peak_gb"), ms_per_step_solver=solver)
 
 
 def pays_after(full: RunFacts, own: RunFacts) -> int | None:

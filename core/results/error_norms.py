@@ -6,8 +6,8 @@ zero makes errors relative to the present norm large for a few steps, so the sta
 separately.
 """
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -32,46 +32,59 @@ _BATCH_ENTRIES = 2**21
 class Errors:
     """Errors of one run against a reference, over their common stored times.
 
-    times (j,) s. series: name -> (j,) error at each time; worst, worst_late: name -> the largest
-    one over all times, and over those from `late_from` (s) on. Names are `combined` (Eq. 34), each
-    `body.field`, each field (its worst block), and `angle_rad`. until: the last common time, s.
-    present: as series, blocks and fields relative to the reference's norm at the same time, as
-    `combined` is. start_up_end: when the start-up ends, s. constant: names of blocks and fields
-    that do not change in the reference; their errors are relative to their size. unshared: blocks
-    that only one of the runs has, or that differ in size; they are not compared.
+    times (j,) s. series: name -> (j,) error at each time. Names are `combined` (Eq. 34), each
+    `body.field`, each field (its worst block), and `angle_rad`; blocks: those `body.field`.
+    late_from: time from which late errors count, s. present: as series, blocks and fields relative
+    to the reference's norm at the same time, as `combined` is. start_up_end: end of the start-up,
+    s. constant: names of blocks and fields that do not change in the reference; their errors are
+    relative to their size. unshared: blocks that only one of the runs has, or that differ in size;
+    they are not compared.
     """
 
     times: FloatArray
-    series: dict[str, FloatArray]
-    worst: dict[str, float]
-    worst_late: dict[str, float]
-    late_from: float
-    until: float
-    present: dict[str, FloatArray]
-    start_up_end: float
+    series: Mapping[str, FloatArray]
+    blocks: frozenset[str] = frozenset()
+    late_from: float = 0.0
+    present: Mapping[str, FloatArray] = field(default_factory=dict)
+    start_up_end: float = 0.0
     unshared: tuple[str, ...] = ()
     constant: frozenset[str] = frozenset()
+
+    @property
+    def until(self) -> float:
+        """Last common time, s."""
+        return float(self.times[-1])
+
+    @property
+    def worst(self) -> dict[str, float]:
+        """name -> the largest of `series`."""
+        return _largest(self.series, slice(None))
+
+    @property
+    def worst_late(self) -> dict[str, float]:
+        """The same, from `late_from` on; empty where the runs have no such time in common."""
+        return _largest(self.series, self.times >= self.late_from)
 
     @property
     def start_up(self) -> dict[str, float]:
         """name -> the largest of `series` in the first 2 % of the reference's time span; empty
         when no time that both have lies in it. The start itself is not counted."""
-        return self._largest(self.series, self._early)
+        return _largest(self.series, self._early)
 
     @property
     def steady(self) -> dict[str, float]:
         """The same, after the start-up."""
-        return self._largest(self.series, self.times > self.start_up_end)
+        return _largest(self.series, self.times > self.start_up_end)
 
     @property
     def start_up_present(self) -> dict[str, float]:
         """name -> the largest of `present` during the start-up."""
-        return self._largest(self.present, self._early)
+        return _largest(self.present, self._early)
 
     @property
     def steady_present(self) -> dict[str, float]:
         """The same, after the start-up."""
-        return self._largest(self.present, self.times > self.start_up_end)
+        return _largest(self.present, self.times > self.start_up_end)
 
     @property
     def _early(self) -> BoolArray:
@@ -85,11 +98,7 @@ class Errors:
     def above(self, limit: float = LIMIT) -> dict[str, float]:
         """name -> largest error, of those above `limit` (relative; rad for `angle_rad`), the
         combined measure, fields and angles only."""
-        return {m: e for m, e in self.worst.items() if "." not in m and e > limit}
-
-    @staticmethod
-    def _largest(series: dict[str, FloatArray], when: BoolArray) -> dict[str, float]:
-        return {name: float(e[when].max()) for name, e in series.items()} if when.any() else {}
+        return {m: e for m, e in self.worst.items() if m not in self.blocks and e > limit}
 
 
 def measure_errors(reference: RunResult, run: RunResult, late_from: float = 0.0) -> Errors:
@@ -130,19 +139,14 @@ def measure_errors(reference: RunResult, run: RunResult, late_from: float = 0.0)
     if any(map(_turns, blocks)):
         series["angle_rad"] = angle
     present = {name: _ratio(e, size[name]) for name, e in error.items()}
-    late = times >= late_from
     return Errors(
-        times=times,
-        series=series,
-        worst={name: float(e.max()) for name, e in series.items()},
-        worst_late={name: float(e[late].max()) for name, e in series.items() if late.any()},
-        late_from=late_from,
-        until=float(times[-1]),
-        present={"combined": series["combined"], **_per_field(blocks, present)},
-        start_up_end=_start_up_end(reference.times),
-        unshared=unshared,
-        constant=frozenset(constant),
-    )
+        times, series, frozenset(error), late_from,
+        {"combined": series["combined"], **_per_field(blocks, present)},
+        _start_up_end(reference.times), unshared, frozenset(constant))
+
+
+def _largest(series: Mapping[str, FloatArray], when: BoolArray | slice) -> dict[str, float]:
+    return {name: float(e[when].max()) for name, e in series.items() if e[when].size}
 
 
 def measure_names(kinds: Iterable[FieldKind]) -> tuple[str, ...]:

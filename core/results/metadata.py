@@ -20,7 +20,8 @@ CONTACT_UNITS = {"normal": "N", "friction": "N", "power": "W", "length": "m", "a
 class Probe:
     """A point that is recorded each stored step; `position` (d,) in the body frame, m.
 
-    `components` and `units` name the columns of what the run passes in, in the same order.
+    `components` and `units` name the columns that are recorded: d coordinates in space and, where
+    the body has these fields, d displacements in body axes and a temperature.
     """
 
     name: str
@@ -29,10 +30,22 @@ class Probe:
     components: tuple[str, ...] = ("x", "y")
     units: tuple[str, ...] = ("m", "m")
 
+    @property
+    def displacement(self) -> slice | None:
+        """Columns of the displacement; None where it is not recorded."""
+        d = len(self.position)
+        return slice(d, 2 * d) if len(self.components) >= 2 * d else None
+
+    @property
+    def temperature(self) -> int | None:
+        """Column of the temperature; None where it is not recorded."""
+        last = len(self.components) - 1
+        return last if last % len(self.position) == 0 else None
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RunHeader:
-    """Everything that is known before the first step.
+    """Header of a result, written before the first step.
 
     layout: the solver's own unknowns; full_layout: the full-order ones. dictionaries: block ->
     map back to full unknowns (absent: the block is kept as it is). rows: block -> sampled rows.
@@ -84,7 +97,7 @@ class RunHeader:
         }
 
 
-def dump_layout(layout: Layout) -> list[list[Any]]:
+def dump_layout(layout: Layout) -> list[list[str | int]]:
     return [[b.owner, b.field, b.size] for b in layout]
 
 

@@ -60,24 +60,29 @@ class OutputDirectory:
         """True if something is there that writing would change."""
         return self.path.exists() and (not self.path.is_dir() or bool(self.entries()))
 
-    def require_directory(self) -> None:
-        """Raises InputError (key `out`) for a file."""
-        if self.path.exists() and not self.path.is_dir():
-            raise InputError(f"{self.path}: this is a file: choose a directory", "out")
+    def make(self) -> None:
+        """Make the directory and its parents. Raises InputError (key `out`) where it cannot."""
+        try:
+            self.path.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(f"{self.path}: cannot be made ({error.strerror}): choose another "
+                             "--out", "out") from None
 
     def require_empty(self, advice: str) -> None:
-        """Raises InputError (key `out`), which ends in `advice`, where something is there."""
-        self.require_directory()
+        """Raises InputError (key `out`) for a file, and where something is there; the latter ends
+        in `advice`."""
+        if self.path.exists() and not self.path.is_dir():
+            raise InputError(f"{self.path}: this is a file: choose a directory", "out")
         if self.occupied():
             raise InputError(f"{self.path}: output directory is not empty: {advice}", "out")
 
     def require_replaceable(
-        self, force: bool, advice: str, known: Callable[[], bool], kind: str
+        self, force: bool, advice: str, replaceable: Callable[[], bool], kind: str
     ) -> None:
-        """The same, unless `force` and the directory holds nothing but what is `known`."""
+        """The same, unless `force` and the directory holds only what is `replaceable`."""
         if not force:
             self.require_empty(advice)
-        elif self.occupied() and not known():
+        elif self.occupied() and not replaceable():
             raise InputError(f"{self.path}: --force replaces {kind}", "out")
 
     def require_writable(self) -> None:
@@ -93,22 +98,22 @@ class OutputDirectory:
 
     @contextmanager
     def claimed(
-        self, *, resume: bool, force: bool, known: Callable[[], bool] | None = None,
+        self, *, resume: bool, force: bool, replaceable: Callable[[], bool] | None = None,
         kind: str = "results only, and this holds none",
     ) -> Iterator[None]:
         """The directory, owned until the end, with room for a new result unless `resume`.
 
         Refuses to overwrite. With `force` an earlier result is kept in OUT/.replaced until the new
         one has ended, and put back if none came about. Of what was not made here nothing is
-        removed. known, kind: whether it is one that may be replaced, where that is not a run or a
-        comparison, and what the message says.
+        removed. replaceable: whether the directory may be replaced, if it is not that of a run or a
+        comparison; kind: what may be, for the message.
         """
         with owned(self.path):
             self._recover()
             if not resume and self.entries():
                 self.require_replaceable(
                     force, "use --resume to continue, --force to overwrite, or choose another "
-                    "--out", known or self.is_result, kind)
+                    "--out", replaceable or self.is_result, kind)
                 self._set_aside()
             try:
                 yield

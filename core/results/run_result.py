@@ -1,4 +1,4 @@
-"""Reading a result: labelled data, full fields rebuilt for the steps that are asked for."""
+"""Reader of a result: labelled data, and full fields evaluated for the requested steps."""
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
@@ -34,7 +34,7 @@ class RunResult:
     """One run, finished or not, as it stood when first read. Pickles as its path.
 
     Blocks are named `body.field`. Arrays over time have one row a stored step. Reduced runs
-    hold coefficients; full unknowns are computed on request, for the asked steps only. Whole
+    hold coefficients; full unknowns are computed on request, for the requested steps only. Whole
     arrays are read-only: copy one to change it. Raises `Damaged` for damaged or missing files.
     """
 
@@ -43,7 +43,7 @@ class RunResult:
         if not (self.path / GROUP_FILE).exists():
             kept = OutputDirectory(self.path).kept_note()
             raise InputError(f"there is no result in {path}{kept}")
-        self._kept: dict[str, NDArray[Any]] = {}
+        self._arrays: dict[str, NDArray[Any]] = {}
 
     def __reduce__(self) -> tuple[Any, ...]:
         return RunResult, (self.path,)
@@ -107,17 +107,17 @@ class RunResult:
     @property
     def times(self) -> FloatArray:
         """(j,) s."""
-        return self._whole("time")
+        return self._array("time")
 
     @property
     def iterations(self) -> IntArray:
         """(j,) iterations of each stored step."""
-        return self._whole("iterations")
+        return self._array("iterations")
 
     @property
     def step_seconds(self) -> FloatArray:
         """(j,) computing time of each stored step, s."""
-        return self._whole("step_seconds")
+        return self._array("step_seconds")
 
     def steps_at(self, times: Sequence[float] | None) -> IntArray:
         """(j,) the stored steps next to `times` (s), each once, increasing; None: all of them.
@@ -133,8 +133,8 @@ class RunResult:
         slack = 1e-9 * max(abs(first), abs(last))
         outside = [t for t in times if not first - slack <= t <= last + slack]
         if outside or not times:
-            given = ", ".join(f"{t:g}" for t in outside) or "none"
-            raise InputError(f"give times within the run, {first:g} to {last:g} s (got {given})")
+            got = ", ".join(f"{t:g}" for t in outside) or "none"
+            raise InputError(f"give times within the run, {first:g} to {last:g} s (got {got})")
         return np.unique([int(np.argmin(np.abs(stored - t))) for t in times])
 
     def reduced(self, name: str) -> bool:
@@ -148,8 +148,8 @@ class RunResult:
             raise InputError(f"no block {name!r} in this result; it has {have}", key="block")
         if not self.reduced(name):
             return self._data.read(name, steps)
-        c, atoms = self.coefficients(name, steps), self._whole(f"{name}.atoms")
-        return np.asarray(self._whole(f"{name}.offset") + c @ atoms.T)
+        c, atoms = self.coefficients(name, steps), self._array(f"{name}.atoms")
+        return np.asarray(self._array(f"{name}.offset") + c @ atoms.T)
 
     def coefficients(self, name: str, steps: slice | IntArray = ALL) -> FloatArray:
         """(j, k) coefficients of a reduced block at the stored steps `steps`."""
@@ -157,23 +157,24 @@ class RunResult:
 
     def support(self, name: str) -> BoolArray:
         """(j, k) which atoms of a reduced block were in use."""
-        return self._whole(self._of_reduced(name, "active"))
+        return self._array(self._of_reduced(name, "active"))
 
     def rows(self, name: str) -> IntArray:
         """The sampled rows of a block; empty when it was not sampled."""
         key = f"{name}.rows"
-        return self._whole(key) if key in self._data else np.zeros(0, dtype=np.int64)
+        return self._array(key) if key in self._data else np.zeros(0, dtype=np.int64)
 
     @property
     def probes(self) -> tuple[str, ...]:
-        return tuple(n[6:] for n in self._data.names if n.startswith("probe."))
+        arrays = {n: self._data.attributes_of(n) for n in self._data.names}
+        return tuple(n.removeprefix("probe.") for n, a in arrays.items() if "position" in a)
 
     def probe(self, name: str) -> FloatArray:
         """(j, components) of a probe; their names stand in its attributes in `to_xarray`."""
         if name not in self.probes:
             have = ", ".join(self.probes) or "none"
             raise InputError(f"no probe {name!r} in this result; it has {have}", key="probe")
-        return self._whole(f"probe.{name}")
+        return self._array(f"probe.{name}")
 
     def probe_header(self, name: str) -> Probe:
         """Position and columns of a probe."""
@@ -184,11 +185,11 @@ class RunResult:
 
     def points(self, body: str) -> FloatArray:
         """(N, d) reference positions in the body frame, m."""
-        return self._whole(self._of_body(body, "points"))
+        return self._array(self._of_body(body, "points"))
 
     def cells(self, body: str) -> IntArray:
         """(E, d + 1) point numbers."""
-        return self._whole(self._of_body(body, "cells"))
+        return self._array(self._of_body(body, "cells"))
 
     def nodal_displacement(self, body: str, step: int) -> FloatArray:
         """(N, d) displacements in the body frame, m; `step` counts stored steps."""
@@ -200,9 +201,9 @@ class RunResult:
         """(N,) temperatures, K."""
         temperature = self._at_nodes(body, "temperature", self.points(body).shape[:1])
         if f"{body}.given" in self._data:  # an older result knows those of the start alone
-            which = self._whole(f"{body}.given_of")
-            told = self._data.read(f"{body}.given", self._only(step))[0]
-            temperature[which >= 0] = told[which[which >= 0]]
+            which = self._array(f"{body}.given_of")
+            values = self._data.read(f"{body}.given", self._only(step))[0]
+            temperature[which >= 0] = values[which[which >= 0]]
         self._fill(temperature, body, Quantity.TEMPERATURE, step)
         return temperature
 
@@ -212,11 +213,11 @@ class RunResult:
         return self.in_space(body, step, self.points(body) + magnify * u)
 
     def in_space(self, body: str, step: int, z: FloatArray) -> FloatArray:
-        """(j, d) global positions R + A z, m, of points z (j, d) given in body axes."""
+        """(j, d) global positions R + A z, m, of points z (j, d) in body axes."""
         return points_in_space(self._poses(body, step, len(z)), z)
 
     def turned(self, body: str, step: int, vectors: FloatArray) -> FloatArray:
-        """(j, d) A w of vectors w (j, d) given in body axes, such as displacements."""
+        """(j, d) A w of vectors w (j, d) in body axes, such as displacements."""
         return vectors_in_space(self._poses(body, step, len(vectors)), vectors)
 
     def pose(self, body: str, step: int) -> FloatArray:
@@ -230,7 +231,7 @@ class RunResult:
         if stage is not None and body in stage.frames:
             return stage.frames[body].at(float(self.times[self._only(step)][0]))[0]
         if f"{body}.pose" in self._data:
-            return self._whole(f"{body}.pose")
+            return self._array(f"{body}.pose")
         return np.zeros(SPINNING_POSE if self._in_space(body) else PLANAR_POSE)
 
     def _poses(self, body: str, step: int, count: int) -> FloatArray:
@@ -251,7 +252,8 @@ class RunResult:
 
     @cached_property
     def _stage(self) -> Stage | None:
-        return read_stage(told, self._data) if (told := self._attributes.get("stage")) else None
+        names = self._attributes.get("stage")
+        return read_stage(names, self._data) if names else None
 
     def contacts(self) -> Mapping[str, Mapping[str, FloatArray]]:
         """Contact -> name -> (T,): "time" s; "normal", "friction" N, the sizes of the resultants;
@@ -264,7 +266,7 @@ class RunResult:
         if stage is not None:
             return {name: {"time": stage.times, **kept} for name, kept in stage.contacts.items()}
         return {name: {"time": self.times}
-                | {what: self._whole(f"contact.{name}.{what}") for what in kept}
+                | {what: self._array(f"contact.{name}.{what}") for what in kept}
                 for name, kept in self._attributes.get("contacts", {}).items()}
 
     def to_xarray(self) -> "xr.Dataset":
@@ -273,13 +275,13 @@ class RunResult:
 
     def _at_nodes(self, body: str, what: str, shape: tuple[int, ...]) -> FloatArray:
         key = f"{body}.eliminated_{what}"
-        return self._whole(key).copy() if key in self._data else np.zeros(shape)
+        return self._array(key).copy() if key in self._data else np.zeros(shape)
 
     def _fill(self, values: FloatArray, body: str, quantity: Quantity, step: int) -> None:
         block = self.layout.of(body, quantity)
         if block is not None:
-            places = self._whole(f"{block.name}.places")
-            values.reshape(-1)[places] = self.block(block.name, self._only(step))[0]
+            dofs = self._array(f"{block.name}.places")
+            values.reshape(-1)[dofs] = self.block(block.name, self._only(step))[0]
 
     def _only(self, step: int) -> slice:
         count = self._data.shape("time")[0]
@@ -299,11 +301,11 @@ class RunResult:
             raise InputError(f"no body {body!r} with a stored shape; there are {have}", key="body")
         return f"{body}.{what}"
 
-    def _whole(self, name: str) -> NDArray[Any]:
-        if name not in self._kept:
-            self._kept[name] = self._data.read(name)
-            self._kept[name].flags.writeable = False
-        return self._kept[name]
+    def _array(self, name: str) -> NDArray[Any]:
+        if name not in self._arrays:
+            self._arrays[name] = self._data.read(name)
+            self._arrays[name].flags.writeable = False
+        return self._arrays[name]
 
 
 def open_result(path: str | Path) -> RunResult:

@@ -45,7 +45,7 @@ class Saved:
     arrays: tuple[NDArray[Any], ...]
 
     @classmethod
-    def of(cls, value: Any, name: str = "memory") -> "Saved":
+    def of(cls, value: object, name: str = "memory") -> "Saved":
         """From None, numbers, strings, bytes, arrays, random generators, lists, tuples, sets,
         mappings, and objects with such fields.
 
@@ -203,10 +203,10 @@ def _mapping(content: Any, like: Any, arrays: tuple[NDArray[Any], ...], name: st
     if like is not None and not isinstance(like, Mapping):
         raise SavedError(f"{name} is a mapping, and {_kind(like)} in this program")
     keys = [_value(k, None, arrays, name) for k, _ in content]
-    known = dict(like or {})
-    first = next(iter(known.values()), None)
-    more = None if set(keys) <= set(known) else _another(first)  # before any of them is filled
-    return {k: _value(v, known[k] if k in known else _another(more), arrays, f"{name}[{k!r}]")
+    entries = dict(like or {})
+    first = next(iter(entries.values()), None)
+    more = None if set(keys) <= set(entries) else _another(first)  # before any of them is filled
+    return {k: _value(v, entries[k] if k in entries else _another(more), arrays, f"{name}[{k!r}]")
             for k, (_, v) in zip(keys, content, strict=True)}
 
 
@@ -218,9 +218,9 @@ def _sequence(
     if kind == "set":
         made = frozenset(_value(v, None, arrays, name) for v in content)
         return set(made) if isinstance(like, set) else made
-    known = list(like) if isinstance(like, list | tuple) else []
-    more = _another(known[0]) if known and len(content) > len(known) else None
-    values = [_value(v, known[i] if i < len(known) else _another(more), arrays, f"{name}[{i}]")
+    entries = list(like) if isinstance(like, list | tuple) else []
+    more = _another(entries[0]) if entries and len(content) > len(entries) else None
+    values = [_value(v, entries[i] if i < len(entries) else _another(more), arrays, f"{name}[{i}]")
               for i, v in enumerate(content)]
     return values if kind == "list" else tuple(values)
 
@@ -244,12 +244,12 @@ def _object(
     if isinstance(like, SetsState):
         like.__setstate__(_value(content, own, arrays, name))
         return like
-    known = _attributes(own, like, name)
-    if known.keys() != content.keys():
-        odd = ", ".join(sorted(known.keys() ^ content.keys()))
+    fields = _attributes(own, like, name)
+    if fields.keys() != content.keys():
+        odd = ", ".join(sorted(fields.keys() ^ content.keys()))
         raise SavedError(f"{name} has other fields than in this program: {odd}")
     for field_name, node in content.items():
-        value = _value(node, known[field_name], arrays, f"{name}.{field_name}")
+        value = _value(node, fields[field_name], arrays, f"{name}.{field_name}")
         object.__setattr__(like, field_name, value)
     return like
 

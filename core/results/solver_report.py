@@ -23,11 +23,11 @@ def solvers_summary(
 
 
 def solvers_in_words(entries: Sequence[Mapping[str, Any]]) -> list[str]:
-    """`disk.elastic: amg, 5.2 iterations a step, 0.12 GB`, of the steps of this run."""
+    """`disk.elastic: amg, 5.2 iterations/step, 0.12 GB`, of the steps of this run."""
     lines = []
     for e in entries:
         if e["for"] == "steps":
             count = e.get("iterations_a_step")
-            told = "" if count is None else f", {count:.3g} iterations a step"
-            lines.append(f"{e['block']}: {e['solver']}{told}, {e['memory_gb']:.2g} GB")
+            iterations = "" if count is None else f", {count:.3g} iterations/step"
+            lines.append(f"{e['block']}: {e['solver']}{iterations}, {e['memory_gb']:.2g} GB")
     return lines

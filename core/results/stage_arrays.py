@@ -22,9 +22,7 @@ def stage_attributes(stage: Stage | None) -> dict[str, Any] | None:
             "contacts": {name: list(h) for name, h in stage.contacts.items()}}
 
 
-def stage_arrays(
-    stage: Stage,
-) -> Iterator[tuple[str, tuple[str, ...], dict[str, Any], FloatArray]]:
+def stage_arrays(stage: Stage) -> Iterator[tuple[str, tuple[str, ...], dict[str, Any], FloatArray]]:
     """(name, dimensions, attributes, values) of each array."""
     yield TIME, (TIME,), {"units": "s"}, stage.times
     for name, h in stage.frames.items():
@@ -50,5 +48,5 @@ def read_stage(names: Mapping[str, Any], data: StoredArrays) -> Stage:
               for n in names["frames"]}
     return Stage(times, frames, frozenset(names["moves"]),
                  {n: read(f"{n}.reaction") for n in names["reactions"]},
-                 {n: {what: read(f"{n}.{what}") for what in known}
-                  for n, known in names["contacts"].items()})
+                 {n: {what: read(f"{n}.{what}") for what in histories}
+                  for n, histories in names["contacts"].items()})

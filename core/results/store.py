@@ -44,7 +44,7 @@ class ChunkOfSteps:
     times (j,) s; x (j, n) in the solver's layout; iterations (j,); step_seconds (j,) s;
     supports: block -> (j, k) active atoms (a dictionary's block left out has all in use);
     probes: name -> (j, components); contacts: `contact.history` -> (j,); given: body -> (j,
-    functions) its given temperatures, K.
+    functions) its prescribed temperatures, K.
     """
 
     times: FloatArray
@@ -143,7 +143,7 @@ class ResultWriter:
             zf.write_group(self.path, self._document)
         self._last_time = float(steps.times[-1])
 
-    def checkpoint(self, arrays: Mapping[str, NDArray[Any]], memory: Any = None) -> None:
+    def checkpoint(self, arrays: Mapping[str, NDArray[Any]], memory: object = None) -> None:
         """Remember how to go on from the last appended step; `memory`: state that saved_state.py
         can write. Raises TypeError where it cannot."""
         run = self._document["attributes"]["run"]

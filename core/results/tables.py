@@ -3,7 +3,6 @@
 import csv
 import io
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
 
 MARK = "!"
 """Behind a number above a limit."""
@@ -27,7 +26,7 @@ def text_table(rows: Sequence[Sequence[str]]) -> str:
     return "\n".join([line(rows[0]), rule, *(line(row) for row in rows[1:])])
 
 
-def csv_table(rows: Iterable[Sequence[Any]]) -> str:
+def csv_table(rows: Iterable[Sequence[object]]) -> str:
     """Rows as CSV: numbers in full, None as an empty cell."""
     text = io.StringIO()
     plain = csv.writer(text, lineterminator="\n")
@@ -39,17 +38,20 @@ def csv_table(rows: Iterable[Sequence[Any]]) -> str:
     return text.getvalue()
 
 
-def with_head(rows: Sequence[Mapping[str, Any]]) -> list[list[Any]]:
+def with_head(rows: Sequence[Mapping[str, object]]) -> list[list[object]]:
     """The names of all columns in the order in which rows bring them, then the rows."""
     names = list(dict.fromkeys(name for row in rows for name in row))
-    return [names, *([row.get(name) for name in names] for row in rows)]
+    return [[*names], *([row.get(name) for name in names] for row in rows)]
+
+
+def number(value: float | None, form: str, missing: str = "-") -> str:
+    """A number in a table; `missing` for None."""
+    return missing if value is None else format(value, form)
 
 
 def marked(value: float | None, form: str, limit: float) -> str:
-    """A number in a table, with the mark where it is above the limit; "-" for None."""
-    if value is None:
-        return "-"
-    return format(value, form) + (MARK if value > limit else "")
+    """The same, with the mark where it is above the limit."""
+    return number(value, form) + (MARK if value is not None and value > limit else "")
 
 
 def _spaced(rows: Sequence[Sequence[str]]) -> list[list[str]]:

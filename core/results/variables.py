@@ -52,14 +52,12 @@ def time_arrays(header: RunHeader) -> dict[str, dict[str, Any]]:
             add(b.name, "float64", ((f"{b.name}.unknown", b.size),), units=b.kind.unit)
     for p in header.probes:
         inner = ((f"probe.{p.name}.component", len(p.components)),)
-        add(
-            f"probe.{p.name}", "float64", inner, units=", ".join(p.units), body=p.body,
-            components=list(p.components), position=[float(v) for v in p.position],
-        )
+        add(f"probe.{p.name}", "float64", inner, units=", ".join(p.units), body=p.body,
+            components=list(p.components), position=[float(v) for v in p.position])
     for body, shape in header.bodies.items():
         if shape.given:
             add(f"{body}.given", "float64", ((f"{body}.function", len(shape.given)),), units="K",
-                long_name="given temperatures")
+                long_name="prescribed temperatures")
     for name, kept in header.contacts.items():
         for what in kept:
             add(f"contact.{name}.{what}", "float64", (), units=CONTACT_UNITS.get(what, ""))
@@ -113,8 +111,8 @@ def _body_arrays(
         yield (f"{body}.eliminated_temperature", (node,), {"units": "K"},
                shape.eliminated_temperature)
     if shape.given:
-        yield (f"{body}.given_of", (node,), {"long_name": "given temperature of the node, or -1"},
-               shape.given_of)
+        yield (f"{body}.given_of", (node,),
+               {"long_name": "prescribed temperature of the node, or -1"}, shape.given_of)
     if shape.pose is not None:
         yield (f"{body}.pose", (f"{body}.coordinate",),
                {"units": POSE_UNITS, "long_name": "frame at the start"}, shape.pose)

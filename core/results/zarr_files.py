@@ -31,10 +31,7 @@ _CHECKED = {"name": "crc32c"}
 
 
 def array_metadata(
-    shape: Sequence[int],
-    chunk: Sequence[int],
-    dtype: str,
-    dimensions: Sequence[str],
+    shape: Sequence[int], chunk: Sequence[int], dtype: str, dimensions: Sequence[str],
     attributes: Mapping[str, Any],
 ) -> dict[str, Any]:
     """The metadata document of one array; `dtype` is float64, int64 or bool."""
@@ -216,7 +213,7 @@ def write_group(root: Path, document: Mapping[str, Any]) -> None:
     replace_file(root / GROUP_FILE, to_json({**document, "attributes": attributes}))
 
 
-def to_json(document: Any) -> bytes:
+def to_json(document: object) -> bytes:
     """UTF-8 text; numpy scalars and arrays become numbers and lists, nan is refused."""
     text = json.dumps(document, allow_nan=False, default=_plain, indent=1)
     return text.encode("utf-8")

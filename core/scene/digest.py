@@ -12,7 +12,7 @@ from scipy.sparse import issparse
 from sparsemor.core.scene.run_identity import origin
 
 
-def digest(*parts: Any) -> str:
+def digest(*parts: object) -> str:
     """A key for what a product depends on: plain data, arrays, sparse matrices, plugins.
 
     A plugin of another distribution counts with its version and its sources.

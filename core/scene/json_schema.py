@@ -84,10 +84,10 @@ class _Definitions:
         if isinstance(schema.get(Slot.MARK), str):
             kind = schema[Slot.MARK]
             self._wanted.append(kind)
-            beside = {k: v for k, v in schema.items() if k != Slot.MARK}
+            others = {k: v for k, v in schema.items() if k != Slot.MARK}
             opened = {"$ref": _HERE + _slot(kind)}
-            rigid_copy = self._options_alone(kind, schema.get("default"))
-            return {**beside, **({"anyOf": [opened, *rigid_copy]} if rigid_copy else opened)}
+            default = self._options_alone(kind, schema.get("default"))
+            return {**others, **({"anyOf": [opened, *default]} if default else opened)}
         linked = {k: self._linked(v, prefix) for k, v in schema.items()}
         if isinstance(linked.get("$ref"), str) and linked["$ref"].startswith(_HERE):
             linked["$ref"] = f"{_HERE}{prefix}.{linked['$ref'].removeprefix(_HERE)}"

@@ -27,11 +27,11 @@ def name_faults(data: Mapping[str, Any]) -> list[InitErrorDetails]:
             complaint = _complaint(group, name, owners)
             if complaint:
                 lines.append(custom("name", complaint, (group, str(name)), name))
-    known = sorted(map(str, groups.get("bodies", {})))
+    bodies = sorted(map(str, groups.get("bodies", {})))
     for name, probe in groups.get("probes", {}).items():
         body = probe.get("body") if isinstance(probe, Mapping) else None
-        if isinstance(body, str) and body not in known:
-            message = f"no body is called {body!r}: {suggestions(body, known, 'bodies')}"
+        if isinstance(body, str) and body not in bodies:
+            message = f"no body is called {body!r}: {suggestions(body, bodies, 'bodies')}"
             lines.append(custom("name", message, ("probes", str(name), "body"), body))
     return lines
 

@@ -1,4 +1,4 @@
-"""The smaller parts of a scene."""
+"""Options of a scene: time, training, rigid stage, output, probes."""
 
 from typing import Annotated, Any
 
@@ -14,14 +14,15 @@ _NOT_SIZES = frozenset({"tolerance", "max_halvings", "fields"})
 
 
 class Control(Plugin):
-    """Steps whose error is estimated: each step of the clock is halved until it is small enough."""
+    """Adaptive time stepping by step doubling: each output step is subdivided until the local error
+    estimate meets the tolerance."""
 
     tolerance: float = Field(gt=0, lt=1)
     """Error of the unknowns that the steps may add up to over the run: each step of the clock may
     contribute the share that it has in the run. Relative to how far a block has moved from its
     start, in the mean over its unknowns, or to the sizes below where those are larger."""
     max_halvings: int = Field(default=8, ge=1, le=24)
-    """How often a step may be halved before the run is given up."""
+    """Number of halvings of a step after which the run fails."""
     rigid: float = Field(default=1.0, gt=0)
     """A motion of rigid coordinates that counts as large, m and rad."""
     elastic: float = Field(default=1e-3, gt=0)
@@ -32,8 +33,7 @@ class Control(Plugin):
     """A change of any other field that counts as large, by the field's name."""
 
     def size_of(self, kind: FieldKind) -> float:
-        """The change of a field that counts as large; of one that nothing is said of, the scale of
-        its kind."""
+        """The change of a field that counts as large; the scale of its kind by default."""
         own = {name: size for name, size in self if name not in _NOT_SIZES}
         return float({**own, **self.fields}.get(kind.name, kind.scale))
 
@@ -57,10 +57,10 @@ class Time(Plugin):
 
 
 class Training(Plugin):
-    """The full-order run whose snapshots a reduced run learns from."""
+    """Full-order training run, whose snapshots define the reduced model."""
 
     end: float | None = Field(default=None, gt=0)
-    """When the training run ends, s; time.end when not given."""
+    """End of the training run, s; time.end by default."""
     every: int = Field(default=1, ge=1)
     """Every how many steps a snapshot is taken."""
     overrides: dict[str, Any] = {}
@@ -76,7 +76,8 @@ class Training(Plugin):
 
 
 class RigidStage(Plugin):
-    """A first run of the same scene with rigid bodies, whose histories the flexible run follows."""
+    """Rigid-body pre-simulation of the same scene; its histories are prescribed in the flexible
+    run."""
 
     overrides: dict[str, Any] = {}
     """Changes to the scene for the rigid stage alone: dotted key -> value."""

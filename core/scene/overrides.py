@@ -1,4 +1,4 @@
-"""Changes to a scene: they act on the tree as it was written, before anything is validated."""
+"""Overrides of a scene, applied to its tree as written, before validation."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -56,7 +56,7 @@ def apply(tree: Mapping[str, Any], overrides: Mapping[str, Any]) -> tuple[dict[s
                                                                           dict[KeyPath, str]]:
     """The changed tree, and for each changed path the override's key.
 
-    The order is the same however they are given: outer keys first, and `use` before the options
+    Their order does not matter: outer keys are applied first, and `use` before the options
     next to it.
     """
     changed = copied(tree)

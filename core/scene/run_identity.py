@@ -86,7 +86,7 @@ def _changed(label: str, then: Mapping[str, Any], now: Mapping[str, Any]) -> lis
             for n in sorted({*then, *now}) if then.get(n) != now.get(n)]
 
 
-def environment() -> list[Any]:
+def environment() -> list[object]:
     """The part of an identity that does not depend on the scene, for keys of products."""
     return [code_digest(), library_versions(), threads()]
 
@@ -117,7 +117,7 @@ def origin(cls: type) -> list[list[str]]:
     return [[root, *_origin(root)] for root in sorted(roots)]
 
 
-def _plugins(value: Any) -> Iterator[Any]:
+def _plugins(value: object) -> Iterator[object]:
     """Every plugin in a scene or in one of its values, itself included."""
     if isinstance(value, Mapping):
         for inner in value.values():
@@ -187,6 +187,6 @@ def _hashed(file: Path, *_version: int) -> str:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
-def _files(parts: Sequence[Any], base: Path) -> dict[str, str]:
+def _files(parts: Sequence[object], base: Path) -> dict[str, str]:
     named = [f for part in parts if isinstance(part, ReadsFiles) for f in part.files(base)]
     return {Path(os.path.relpath(f, base)).as_posix(): _file_digest(f) for f in named}

@@ -62,35 +62,35 @@ class Scene(Plugin):
     bodies: dict[str, Annotated[BodyPlugin, Slot("body")]] = Field(min_length=1)
     """The bodies by name."""
     joints: dict[str, Annotated[JointPlugin, Slot("joint")]] = {}
-    """What holds them together, by name."""
+    """Joints between bodies, or between a body and the fixed world, by name."""
     contacts: dict[str, Annotated[ContactPlugin, Slot("contact")]] = {}
     """Surfaces that may touch, by name."""
     loads: dict[str, Annotated[LoadPlugin, Slot("load")]] = {}
-    """What acts on them, by name."""
+    """Forces and heat that act on bodies, by name."""
     rigid_stage: RigidStage | None = None
-    """When given: bodies are rigid in a first run, and then follow its motion, joint forces and
-    contact loads."""
+    """Rigid-body pre-simulation: a first run with rigid bodies, whose motion, joint forces and
+    contact loads are prescribed in the flexible run."""
     time: Time
     """The clock."""
     integrator: Annotated[Integrator, Slot("integrator")] = slot_default("bdf1")
-    """How rates follow from unknowns."""
+    """Time integrator."""
     linear_solver: Annotated[LinearSolver, Slot("linear_solver")] = slot_default("auto")
-    """Who solves with the large constant matrices of elastic and thermal blocks: of full order, of
+    """Linear solver of the large constant matrices of elastic and thermal blocks: of full order, of
     training, and of bases that need no training."""
     linear_solvers: dict[str, Annotated[LinearSolver, Slot("linear_solver")]] = {}
     """Other linear solvers by block pattern, such as `*.thermal`."""
     training: Training = Training()
-    """The run that a reducer learns from."""
+    """Full-order training run of a reduced model."""
     reducer: Annotated[Reducer, Slot("reducer")] = slot_default(FULL_ORDER)
-    """How one step is solved."""
+    """Model order reduction: the solver of one time step."""
     check_stability: Literal["warn", "refuse", "off"] = "warn"
-    """What to do with a reduced model whose time-step map, linearised at the start (under rules of
-    first order at five states of the run to come), would blow up over the run: say so and go on,
-    refuse to run, or do not look."""
+    """Stability check of a reduced model before the run: growth of its time-step map, linearised at
+    the start (with integrators of first order at five states of the run). `warn`: report predicted
+    instability and continue; `refuse`: raise an error; `off`: skip."""
     output: Output = Output()
-    """What is stored."""
+    """Output options."""
     probes: dict[str, Probe] = {}
-    """Points that are recorded, by name."""
+    """Material points whose motion and temperature are recorded, by name."""
 
     _source: Source | None = PrivateAttr(default=None)
     _notes: tuple[Note, ...] = PrivateAttr(default=())
@@ -158,9 +158,9 @@ class Scene(Plugin):
     def using(self, overrides: Mapping[str, Any], *, label: str = "--set") -> "Scene":
         """The same scene with changes, validated again: `{"reducer.sampler.use": "random"}`.
 
-        A change acts on the tree as written: a whole subtree is replaced by what is given for it,
-        and a new `use` drops the options of the plugin that was there. `label` is what messages
-        say of a changed key. Raises `InputError`.
+        A change acts on the tree as written: a subtree is replaced as a whole, and a new
+        `use` drops the options of the plugin that was there. label: of changed keys in messages.
+        Raises `InputError`.
         """
         return build(self.source.changed(overrides, label))
 
@@ -203,9 +203,7 @@ class Scene(Plugin):
 
 
 def load(
-    scene: str | Path,
-    overrides: Mapping[str, Any] | None = None,
-    *,
+    scene: str | Path, overrides: Mapping[str, Any] | None = None, *,
     registry: Registry | None = None,
 ) -> Scene:
     """A packaged scene by its name, or a scene file by its path, with changes as in `using`.

@@ -29,7 +29,7 @@ class Source:
     """A scene before validation.
 
     `folder` is where the file is, None when there is no file. `origins`: changed path ->
-    (label, the key that was given).
+    (label, the key that was set).
     """
 
     document: Document
@@ -79,7 +79,7 @@ class Source:
         try:
             tree, origins = apply(self.tree, overrides)
         except InputError as error:
-            lines = [_said(label, f.key, f.key, f.message) for f in error.faults]
+            lines = [_changed(label, f.key, f.key, f.message) for f in error.faults]
             raise LocatedError(error.faults, lines) from None
         named = {path: (label, key) for path, key in origins.items()}
         kept = {p: o for p, o in self.origins.items() if not _inside(p, named)}
@@ -99,13 +99,13 @@ class Source:
         return list(self.locate(error.faults).lines)
 
     def origin(self, key: str) -> tuple[str, str] | None:
-        """(label, given key) of the change that a dotted key comes from; None: it was written."""
+        """(label, option) of the change that set a dotted key; None where the file has it."""
         return self._origin(find(self.tree, key))
 
     def _origin(self, path: KeyPath) -> tuple[str, str] | None:
         inside = (path[:n] for n in range(len(path), 0, -1))
         about = [*inside, (*path, "use")]  # an unknown name is a fault of the slot around it
-        if path not in self.document.places:
+        if path not in self.document.positions:
             about += [p for p in self.origins if p[:len(path)] == path]
         return next((self.origins[p] for p in about if p in self.origins), None)
 
@@ -117,10 +117,10 @@ class Source:
         path = find(self.tree, fault.key)
         origin = self._origin(path)
         if origin is not None:
-            label, given = origin
-            written: KeyPath = (*label.split("."), given)
-            if written not in self.document.places:
-                return _said(label, given, fault.key, fault.message)
+            label, option = origin
+            written: KeyPath = (*label.split("."), option)
+            if written not in self.document.positions:
+                return _changed(label, option, fault.key, fault.message)
             place = self.document.place(written)
             return located(self.document.name, place, dotted(written), fault.message)
         if not self.document.name:
@@ -128,9 +128,9 @@ class Source:
         return located(self.document.name, self.document.place(path), fault.key, fault.message)
 
 
-def _said(label: str, given: str, key: str, message: str) -> str:
-    inner = f"{key}: " if key != given and key else ""
-    return f"{label} {given}: {inner}{message}" if given else message
+def _changed(label: str, option: str, key: str, message: str) -> str:
+    inner = f"{key}: " if key != option and key else ""
+    return f"{label} {option}: {inner}{message}" if option else message
 
 
 def _inside(path: KeyPath, changed: Iterable[KeyPath]) -> bool:
@@ -138,22 +138,25 @@ def _inside(path: KeyPath, changed: Iterable[KeyPath]) -> bool:
 
 
 def _path(scene: str | Path, registry: Registry, kind: str) -> Path:
-    looks_like_a_file = isinstance(scene, Path) or any(c in scene for c in "/\\.")
-    if looks_like_a_file:
-        path = Path(scene)
-        if path.is_file():
-            return path
+    if isinstance(scene, str) and registry.has(kind, scene):
+        try:
+            return Path(registry.load(kind, scene))
+        except InputError as error:  # two packages offer it
+            raise LocatedError(error.faults, [str(error)]) from None
+    path = Path(scene)
+    if path.is_file():
+        return path
+    if isinstance(scene, Path) or any(c in scene for c in "/\\.") or path.is_dir():
         what = f"is a directory, not a {kind} file" if path.is_dir() else "there is no such file"
         raise _unreadable(path, what)
-    packaged = {s for p in registry.names(kind) for s in (registry.spelling(p), p.qualified)}
-    if scene not in packaged:
-        if Path(scene).is_file():
-            return Path(scene)
-        raise LocatedError(
-            [Fault("", message := f"no packaged {kind}, and no file, is called {scene!r}: "
-                   + suggestions(str(scene), sorted(map(registry.spelling, registry.names(kind))),
-                          "packaged"))], [message])
-    return Path(registry.load(kind, str(scene)))
+    message = (f"no packaged {kind}, and no file, is called {scene!r}: "
+               + suggestions(scene, packaged(registry, kind), "packaged"))
+    raise LocatedError([Fault("", message)], [message])
+
+
+def packaged(registry: Registry, kind: str) -> list[str]:
+    """Names of the packaged scenes or studies, as they select them."""
+    return sorted(map(registry.spelling, registry.names(kind)))
 
 
 def _unreadable(path: Path, what: str) -> LocatedError:

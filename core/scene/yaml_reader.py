@@ -1,4 +1,4 @@
-"""Reads YAML 1.2 into plain values and remembers where each of them was written."""
+"""YAML 1.2 as plain values, each with its line and column."""
 
 import math
 import sys
@@ -27,7 +27,7 @@ _MOST_LETTERS = 60
 
 
 class LocatedError(InputError):
-    """Faults that already know their place: `lines` is what to show to the user."""
+    """Bad input with its place in a file or option: `lines` are shown to the user."""
 
     def __init__(self, faults: Sequence[Fault], lines: Sequence[str]) -> None:
         super().__init__(faults)
@@ -42,17 +42,17 @@ class LocatedError(InputError):
 
 @dataclass(frozen=True, slots=True)
 class Document:
-    """A YAML mapping as plain dicts, lists and scalars, with the place of every key and item."""
+    """A YAML mapping as plain dicts, lists and scalars, with the position of every key and item."""
 
     name: str
     tree: dict[str, Any]
-    places: Mapping[KeyPath, Place] = field(default_factory=dict)
+    positions: Mapping[KeyPath, Place] = field(default_factory=dict)
 
     def place(self, path: KeyPath) -> Place:
         """Line and column of `path`, or else of its nearest parent in the file."""
-        while path and path not in self.places:
+        while path and path not in self.positions:
             path = path[:-1]
-        return self.places.get(path, (1, 1))
+        return self.positions.get(path, (1, 1))
 
 
 def parse(text: str, name: str, kind: str = "scene") -> Document:
@@ -76,7 +76,7 @@ def parse(text: str, name: str, kind: str = "scene") -> Document:
         builder.faults.append((_place(root), "", f"a {kind} is a mapping of `key: value`"))
     if builder.faults:
         raise _at(name, builder.faults)
-    return Document(name, cast(dict[str, Any], tree), builder.places)
+    return Document(name, cast(dict[str, Any], tree), builder.positions)
 
 
 def parse_value(text: str, key: str) -> Any:
@@ -154,16 +154,16 @@ def _reader() -> YAML:
 
 
 class _Builder:
-    """Nodes to plain values, collecting places and faults on the way."""
+    """Nodes to plain values, with their positions and faults."""
 
     def __init__(self, reader: YAML) -> None:
         self._construct = reader.constructor.construct_object
         self._count = 0
-        self.places: dict[KeyPath, Place] = {}
+        self.positions: dict[KeyPath, Place] = {}
         self.faults: list[_Finding] = []
 
     def build(self, node: Node, path: KeyPath) -> Any:
-        self.places.setdefault(path, _place(node))
+        self.positions.setdefault(path, _place(node))
         self._count += 1
         if len(path) > _DEEPEST or self._count > _LARGEST:
             if self._count < 2 * _LARGEST:  # say it once
@@ -176,7 +176,7 @@ class _Builder:
             return [self.build(item, (*path, i)) for i, item in enumerate(node.value)]
         if isinstance(node, ScalarNode):
             return self._scalar(node, path)
-        self._fault(node, path, f"the tag {node.tag} is not known here: remove it")
+        self._fault(node, path, f"the tag {node.tag} is not supported: remove it")
         return None
 
     def _mapping(self, node: MappingNode, path: KeyPath) -> dict[str, Any]:
@@ -188,11 +188,11 @@ class _Builder:
                 continue
             here = (*path, key)
             if key in built:
-                line, column = self.places[here]
+                line, column = self.positions[here]
                 self._fault(key_node, here, f"written twice, first at {line}:{column}: two "
                             "entries of one name; rename or remove one")
                 continue
-            self.places[here] = _place(key_node)
+            self.positions[here] = _place(key_node)
             built[key] = self.build(value_node, here)
         return built
 
@@ -201,7 +201,7 @@ class _Builder:
         if kind == "timestamp":  # nothing in a scene is a date
             return node.value
         if kind not in _SCALARS:
-            self._fault(node, path, f"the tag {node.tag} is not known here: remove it")
+            self._fault(node, path, f"the tag {node.tag} is not supported: remove it")
             return None
         try:
             value = self._construct(node, deep=True)
@@ -232,17 +232,15 @@ def _syntax(error: YAMLError, name: str) -> LocatedError:
 
 def _reason(error: YAMLError) -> str:
     if isinstance(error, MarkedYAMLError):
-        said = (error.context, error.problem)
-        return ", ".join(str(part) for part in said if part)
+        parts = (error.context, error.problem)
+        return ", ".join(str(part) for part in parts if part)
     return str(error).splitlines()[0]
 
 
 def _at(name: str, findings: Sequence[_Finding]) -> LocatedError:
     ordered = sorted(findings)
-    return LocatedError(
-        [Fault(key, message) for _, key, message in ordered],
-        [located(name, place, key, message) for place, key, message in ordered],
-    )
+    return LocatedError([Fault(key, message) for _, key, message in ordered],
+        [located(name, place, key, message) for place, key, message in ordered])
 
 
 def located(name: str, place: Place, key: str, message: str) -> str:

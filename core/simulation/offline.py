@@ -162,7 +162,7 @@ def full_run(
             manager.hook.on_failure(
                 status=outcome.status, t=state.t + h, block=outcome.block, detail=where)
             manager.hook.on_finish(summary={"phase": name, "steps": n - 1})
-            raise SolveFailed(outcome.status, state.t + h, outcome.block, where)
+            raise SolveFailed(outcome.status, state.t + h, outcome.block, where, phase=phase)
         yield state
         if manager.has_observers:
             manager.hook.on_step(step=n, t=state.t, x=state.x, outcome=outcome)

@@ -10,6 +10,7 @@ from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.model.equations import system_jacobian, system_residual
 from sparsemor.core.model.model import Model
+from sparsemor.core.protocols import ContactPlugin, JointPlugin, LoadPlugin, Part
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.status import SolveFailed
 from sparsemor.core.testing.in_memory_run import March, march
@@ -55,7 +56,7 @@ def runs(scene: Scene) -> March:
     return done
 
 
-def refuses_absent_bodies(plugin: Any) -> None:
+def refuses_absent_bodies(plugin: JointPlugin | ContactPlugin | LoadPlugin) -> None:
     """A part on bodies that the scene does not have is refused with an InputError."""
     try:
         plugin.build("part", {})
@@ -66,5 +67,5 @@ def refuses_absent_bodies(plugin: Any) -> None:
                              f"got {error!r}") from error
 
 
-def without_unknowns(part: Any) -> None:
+def without_unknowns(part: Part) -> None:
     law(not any(b.size for b in part.blocks()), "a load or contact has no unknowns of its own")

@@ -21,7 +21,7 @@ from sparsemor.core.testing.random_inputs import (
 
 
 def check_basis(basis: Basis, seed: int = 0, trials: int = 20) -> None:
-    """Well-formed dictionaries, the same for the same data, that hold what they report to hold.
+    """Well-formed dictionaries, the same for the same data, that hold the energy that they report.
 
     Displacements with temperatures behind them, temperatures (insulated ones too) and a block of
     neither kind are tried in turn. A basis that needs snapshots refuses none, zero and non-finite
@@ -35,14 +35,12 @@ def check_basis(basis: Basis, seed: int = 0, trials: int = 20) -> None:
         before = copied(block)
         dictionary = basis.build(block)
         where = f"({kind.name}, seed {seed}, trial {trial})"
-        law(unchanged(block, before), f"the basis wrote to the data it was given {where}")
+        law(unchanged(block, before), f"the basis wrote to its argument {where}")
         _well_formed(dictionary, block.size, where)
         again = basis.build(block)
-        law(
-            np.array_equal(again.atoms, dictionary.atoms)
+        law(np.array_equal(again.atoms, dictionary.atoms)
             and np.array_equal(again.offset, dictionary.offset),
-            f"two builds from equal data differ {where}",
-        )
+            f"two builds from equal data differ {where}")
         if basis.needs_snapshots:
             _holds_its_energy(dictionary, block.snapshots, where)
     if basis.needs_snapshots:
@@ -51,33 +49,21 @@ def check_basis(basis: Basis, seed: int = 0, trials: int = 20) -> None:
 
 def _well_formed(dictionary: Dictionary, n: int, where: str) -> None:
     atoms, offset = dictionary.atoms, dictionary.offset
-    law(
-        atoms.ndim == 2 and atoms.shape[0] == n and atoms.shape[1] > 0,
-        f"atoms have shape {atoms.shape}, not ({n}, k) with k > 0 {where}",
-    )
+    law(atoms.ndim == 2 and atoms.shape[0] == n and atoms.shape[1] > 0,
+        f"atoms have shape {atoms.shape}, not ({n}, k) with k > 0 {where}")
     law(offset.shape == (n,), f"offset has shape {offset.shape}, not ({n},) {where}")
-    law(
-        atoms.dtype == np.float64 and offset.dtype == np.float64,
-        f"atoms and offset must be float64, not {atoms.dtype} and {offset.dtype} {where}",
-    )
-    law(
-        np.isfinite(atoms).all() and np.isfinite(offset).all(),
-        f"atoms or offset hold values that are not finite {where}",
-    )
+    law(atoms.dtype == np.float64 and offset.dtype == np.float64,
+        f"atoms and offset must be float64, not {atoms.dtype} and {offset.dtype} {where}")
+    law(np.isfinite(atoms).all() and np.isfinite(offset).all(),
+        f"atoms or offset hold values that are not finite {where}")
     off = float(np.abs(np.linalg.norm(atoms, axis=0) - 1.0).max())
     law(off < 1e-10, f"atoms must be unit columns: one is off by {off:.1e} {where}")
-    law(
-        len(dictionary.provenance) == atoms.shape[1],
-        f"{len(dictionary.provenance)} provenances for {atoms.shape[1]} atoms {where}",
-    )
-    law(
-        len(set(dictionary.provenance)) == len(dictionary.provenance),
-        f"two atoms have the same provenance {where}",
-    )
-    law(
-        all(isinstance(v, int | float | str) for v in dictionary.info.values()),
-        f"info may hold numbers and strings only {where}",
-    )
+    law(len(dictionary.provenance) == atoms.shape[1],
+        f"{len(dictionary.provenance)} provenances for {atoms.shape[1]} atoms {where}")
+    law(len(set(dictionary.provenance)) == len(dictionary.provenance),
+        f"two atoms have the same provenance {where}")
+    law(all(isinstance(v, int | float | str) for v in dictionary.info.values()),
+        f"info may hold numbers and strings only {where}")
 
 
 def _holds_its_energy(dictionary: Dictionary, snapshots: FloatArray, where: str) -> None:
@@ -88,11 +74,9 @@ def _holds_its_energy(dictionary: Dictionary, snapshots: FloatArray, where: str)
     c = np.linalg.lstsq(dictionary.atoms, deviation, rcond=None)[0]
     lost = float(np.linalg.norm(deviation - dictionary.atoms @ c))
     allowed = float(np.sqrt(max(0.0, 1.0 - energy)) + 1e-7) * float(np.linalg.norm(deviation))
-    law(
-        lost <= allowed,
+    law(lost <= allowed,
         f"decoding the encoded snapshots loses {lost:.2e} of their norm, but the reported energy "
-        f"{energy!r} allows {allowed:.2e} {where}",
-    )
+        f"{energy!r} allows {allowed:.2e} {where}")
 
 
 def _refuses_bad_snapshots(basis: Basis, block: BlockData) -> None:

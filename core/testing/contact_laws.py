@@ -11,7 +11,7 @@ STEP = 1e-6
 
 def check_normal_law(normal: NormalLaw, seed: int = 0, trials: int = 20) -> None:
     """No pressure where the surfaces just meet, at any rate; derivatives that are those of the
-    pressure between the breaks; the same again when asked again. Depths around the breaks."""
+    pressure between the breaks; equal values from equal arguments. Depths around the breaks."""
     rng, breaks = np.random.default_rng(seed), _breaks(normal.breaks)
     law(all(b > 0 for b in breaks), "breaks are penetrations above 0")
     unit = max(breaks, default=1e-6)
@@ -20,7 +20,7 @@ def check_normal_law(normal: NormalLaw, seed: int = 0, trials: int = 20) -> None
         rate = rng.standard_normal((3, 4)) * 10.0 ** rng.uniform(-4, 0)
         p, by_depth, by_rate = normal.pressure(depth, rate)
         law(p.shape == by_depth.shape == by_rate.shape == depth.shape, "shapes differ")
-        law(np.array_equal(p, normal.pressure(depth, rate)[0]), "two answers to one question")
+        law(np.array_equal(p, normal.pressure(depth, rate)[0]), "two values from equal arguments")
         start = normal.pressure(0.0 * depth, rate)[0]
         law(not start.any(), "pressure where surfaces just meet: it would jump there")
         h, away = STEP * depth, _away(depth, breaks)
@@ -33,7 +33,7 @@ def check_normal_law(normal: NormalLaw, seed: int = 0, trials: int = 20) -> None
 
 def check_friction_law(friction: FrictionLaw, seed: int = 0, trials: int = 20) -> None:
     """Friction opposes slip and vanishes with it; its derivative is that of the ratio between the
-    breaks; the same again when asked again. Speeds around the breaks."""
+    breaks; equal values from equal arguments. Speeds around the breaks."""
     rng, breaks = np.random.default_rng(seed), _breaks(friction.breaks)
     unit = max(map(abs, breaks), default=1.0)
     law(not friction.ratio(np.zeros(1))[0].any(), "friction without slip")
@@ -41,15 +41,15 @@ def check_friction_law(friction: FrictionLaw, seed: int = 0, trials: int = 20) -
         slip = rng.choice([-1.0, 1.0], (3, 4)) * unit * 10.0 ** rng.uniform(-2, 2, (3, 4))
         ratio, slope = friction.ratio(slip)
         law(ratio.shape == slope.shape == slip.shape, "shapes differ")
-        law(np.array_equal(ratio, friction.ratio(slip)[0]), "two answers to one question")
+        law(np.array_equal(ratio, friction.ratio(slip)[0]), "two values from equal arguments")
         law(bool((ratio * slip >= 0).all()), "friction that drives the slip")
         h = STEP * np.abs(slip)
         one, two = (friction.ratio(slip + s)[0] for s in (h, -h))
         _same(slope, (one - two) / (2 * h), ratio / h, _away(np.abs(slip), breaks), "slip")
 
 
-def _breaks(given: tuple[float, ...]) -> FloatArray:
-    breaks = np.array(given, dtype=np.float64)
+def _breaks(values: tuple[float, ...]) -> FloatArray:
+    breaks = np.array(values, dtype=np.float64)
     law(bool(np.isfinite(breaks).all() and (np.diff(breaks) > 0).all()), "breaks must increase")
     return breaks
 

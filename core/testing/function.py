@@ -30,7 +30,7 @@ def _slope(
     for t in times:
         value, rate = of(t), slope(t)
         law(np.isfinite(value) and np.isfinite(rate), f"not finite at t = {t:g} s")
-        law(value == of(t) and rate == slope(t), f"two answers at t = {t:g} s")
+        law(value == of(t) and rate == slope(t), f"two values at t = {t:g} s")
         ahead, behind = of(t + STEP), of(t - STEP)
         found = (ahead - behind) / (2 * STEP)
         noise = 1e-9 * max(abs(ahead), abs(behind), abs(value)) / STEP

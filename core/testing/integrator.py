@@ -1,4 +1,4 @@
-"""Laws of an integrator, on equations whose solutions are known."""
+"""Laws of an integrator, on equations with closed-form solutions."""
 
 from dataclasses import dataclass
 
@@ -38,10 +38,8 @@ def check_integrator(integrator: Integrator, seed: int = 0) -> None:
     observed = np.log2(coarse / fine)
     names = ("x of second order", "v of second order", "x of first order")
     for name, order in zip(names, observed, strict=True):
-        law(
-            order > integrator.order - 0.2,
-            f"order {integrator.order} is stated, {order:.2f} observed for {name}",
-        )
+        law(order > integrator.order - 0.2,
+            f"order {integrator.order} is stated, {order:.2f} observed for {name}")
 
 
 def integrate(integrator: Integrator, steps: int, end: float = 2.0) -> Run:
@@ -102,12 +100,12 @@ def _formula_and_advance_agree(integrator: Integrator, seed: int) -> None:
 
 def _random_state(integrator: Integrator, rng: np.random.Generator) -> State:
     x, v, a = rng.standard_normal((3, 5))
-    given = State(0.7, x, v, a, np.zeros((5, 0)))
-    before = copied(given)
-    state = integrator.start(LAYOUT, given)
-    law(unchanged(given, before), "start wrote to the state it was given")
-    same = all(np.array_equal(getattr(state, n), getattr(given, n)) for n in ("x", "v", "a"))
-    law(same and state.t == given.t, "start may set the memory only")
+    first = State(0.7, x, v, a, np.zeros((5, 0)))
+    before = copied(first)
+    state = integrator.start(LAYOUT, first)
+    law(unchanged(first, before), "start wrote to its first state")
+    same = all(np.array_equal(getattr(state, n), getattr(first, n)) for n in ("x", "v", "a"))
+    law(same and state.t == first.t, "start may set the memory only")
     law(state.memory.ndim == 2 and state.memory.shape[0] == 5, "memory must have shape (n, j)")
     return state
 

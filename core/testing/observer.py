@@ -1,7 +1,6 @@
 """Laws of an observer."""
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
@@ -12,7 +11,7 @@ from sparsemor.core.status import Status
 from sparsemor.core.testing.random_inputs import TEMPERATURES, law
 
 
-def check_observer(make: Callable[[], Any], seed: int = 0) -> None:
+def check_observer(make: Callable[[], object], seed: int = 0) -> None:
     """It listens to known events, takes every order in which a run can send them (twice, so that
     one observer serves a training run and the run), a failure included, and writes to nothing.
 

@@ -1,4 +1,4 @@
-"""Sparse problems with known answers."""
+"""Sparse problems with exact solutions."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -11,7 +11,7 @@ from sparsemor.core.protocols import Group, SparseStart
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LeastSquares:
-    """residual(c) = A c - b + bend * (B c)^2: linear for bend = 0. `answer` is known to solve it.
+    """residual(c) = A c - b + bend * (B c)^2: linear for bend = 0. `answer` solves it.
 
     A, B (m, k); answer (k,), sparse in every budgeted group.
     """
@@ -26,13 +26,13 @@ class LeastSquares:
     def needs(self) -> frozenset[str]:
         """Counted from the shapes; names of `core.protocols.sparse_solver`."""
         m, k = self.A.shape
-        asked = {
+        features = {
             "nonlinear": self.bend != 0.0,
             "unpenalised": any(g.budget is None for g in self.groups),
             "overdetermined": m > k,
             "underdetermined": m < k,
         }
-        return frozenset(name for name, needed in asked.items() if needed)
+        return frozenset(name for name, needed in features.items() if needed)
 
     def residual(self, c: FloatArray) -> FloatArray:
         return np.asarray(self._left(c) - self._left(self.answer))

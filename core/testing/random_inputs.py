@@ -53,16 +53,10 @@ def random_block(rng: np.random.Generator, kind: FieldKind = ANY) -> BlockData:
     n, M, rank = nodes * d, int(rng.integers(12, 80)), int(rng.integers(4, 9))
     size = 10.0 ** -np.linspace(0.0, 6.0, rank)
     snapshots = (rng.standard_normal((n, rank)) * size) @ rng.standard_normal((rank, M))
-    block = BlockData(
-        name=f"body.{kind.name}",
-        order=1 if kind.order == 1 else 2,
-        snapshots=snapshots,
-        mass=_definite(n, 0.1, rng),
-        stiffness=_definite(n, 1.0, rng),
+    block = BlockData(name=f"body.{kind.name}", order=1 if kind.order == 1 else 2,
+        snapshots=snapshots, mass=_definite(n, 0.1, rng), stiffness=_definite(n, 1.0, rng),
         coordinates=np.repeat(rng.random((nodes, d)), d, axis=0),
-        component=np.tile(np.arange(d), nodes).astype(np.int64),
-        loads=rng.standard_normal((n, 2)),
-    )
+        component=np.tile(np.arange(d), nodes).astype(np.int64), loads=rng.standard_normal((n, 2)))
     return _loaded(block, kind, rng.spawn(1)[0])  # what callers draw next stays the same
 
 

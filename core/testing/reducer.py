@@ -42,9 +42,9 @@ EVERY = 3
 
 
 def check_reducer(scene: Scene, seed: int = 0, steps: int = 6) -> None:
-    """The scene's reducer: unknowns that its dictionaries explain, steps that write to nothing
-    they were given, memory that can be copied, stored and continued from, equal numbers for equal
-    seeds and in two threads.
+    """The scene's reducer: unknowns that its dictionaries explain, steps that change none of their
+    arguments, memory that can be copied, stored and continued from, equal numbers for equal seeds
+    and in two threads.
 
     The scene is trained by its own full-order run, so keep it short.
     """
@@ -146,9 +146,7 @@ def _prepared(
 
 
 @np.errstate(all="ignore")  # each thread has its own; overflow is a status of the step
-def _march(
-    scene: Scene, model: Model, solver: StepSolver, steps: int, how: str = "",
-) -> FloatArray:
+def _march(scene: Scene, model: Model, solver: StepSolver, steps: int, how: str = "") -> FloatArray:
     """(steps, n) states. how: from what memory the second half goes on: "stored" as plain data and
     read again, "copied" before a step is tried with the original, "" itself."""
     h, kept = scene.time.step, list[FloatArray]()
@@ -178,10 +176,10 @@ class _Checked(AroundSteps[StepSolver]):
         return reduced, memory
 
     def solve(self, step: StepFormula, memory: StepMemory) -> tuple[StepOutcome, StepMemory]:
-        given = step.r1.copy(), step.r2.copy()
+        before = step.r1.copy(), step.r2.copy()
         outcome, memory = self.base.solve(step, memory)
-        law(all(np.array_equal(a, b) for a, b in zip(given, (step.r1, step.r2), strict=True)),
-            "solve wrote to the step that it was given")
+        law(all(np.array_equal(a, b) for a, b in zip(before, (step.r1, step.r2), strict=True)),
+            "solve wrote to its argument `step`")
         law(outcome.x.shape == (self.layout.size,), f"x has shape {outcome.x.shape}")
         law(not outcome.status.ok or bool(np.isfinite(outcome.x).all()),
             "status done with values that are not finite")
@@ -196,11 +194,12 @@ class _Checked(AroundSteps[StepSolver]):
         return self.base.counters(memory)
 
 
-def _restored(solver: StepSolver, model: Model, memory: Any) -> Any:
+def _restored(solver: StepSolver, model: Model, memory: StepMemory) -> StepMemory:
     """The memory as `--resume` gets it: written as plain data, read into one of the start."""
     try:
         stored = Saved.of(memory).dump()
-        return Saved.load(stored).into(solver.start(consistent_state(model))[1])
+        restored: StepMemory = Saved.load(stored).into(solver.start(consistent_state(model))[1])
+        return restored
     except (TypeError, SavedError) as error:
         raise AssertionError(f"the memory cannot be stored and read again: {error}") from None
 
@@ -225,10 +224,10 @@ def _solver(solver: StepSolver, model: Model) -> None:
         "facts may hold numbers and strings only")
 
 
-def _memory(solver: StepSolver, memory: Any) -> None:
+def _memory(solver: StepSolver, memory: StepMemory) -> None:
     for name, support in solver.supports(memory).items():
         at = solver.layout[name]
         law(support.shape == (at.stop - at.start,) and support.dtype == np.bool_,
             f"{name}: support must be bool of the block's size")
     law(all(isinstance(n, int) and n >= 0 for n in solver.counters(memory).values()),
-        "counters must be whole numbers")
+        "counters must be integers")

@@ -55,37 +55,25 @@ def check_sampler(sampler: Sampler, seed: int = 0, trials: int = 30) -> None:
 
 
 def _repeatable(
-    sampler: Sampler,
-    block: BlockData,
-    m: int,
-    dictionary: Dictionary,
-    required: IntArray,
-    seed: list[int],
-    where: str,
+    sampler: Sampler, block: BlockData, m: int, dictionary: Dictionary, required: IntArray,
+    seed: list[int], where: str,
 ) -> IntArray:
     before = copied(block) + copied(dictionary) + [required.copy()]
     first, again = (
         sampler.sample(block, m, dictionary, np.random.default_rng(seed), required)
         for _ in range(2)
     )
-    law(
-        unchanged(block, before[: len(copied(block))])
+    law(unchanged(block, before[: len(copied(block))])
         and unchanged(dictionary, before[len(copied(block)) : -1])
-        and np.array_equal(required, before[-1]),
-        f"the sampler wrote to its inputs {where}",
-    )
-    law(
-        np.array_equal(first, again),
-        f"two generators of the same seed give different rows {where}: draw from `rng` only",
-    )
+        and np.array_equal(required, before[-1]), f"the sampler wrote to its inputs {where}")
+    law(np.array_equal(first, again),
+        f"two generators of the same seed give different rows {where}: draw from `rng` only")
     return first
 
 
 def _well_formed(rows: IntArray, n: int, where: str) -> None:
-    law(
-        isinstance(rows, np.ndarray) and rows.ndim == 1 and rows.dtype == np.int64,
-        f"rows must be a 1-D int64 array {where}",
-    )
+    law(isinstance(rows, np.ndarray) and rows.ndim == 1 and rows.dtype == np.int64,
+        f"rows must be a 1-D int64 array {where}")
     law((np.diff(rows) > 0).all(), f"rows must be sorted and distinct {where}")
     law(rows.size == 0 or (rows[0] >= 0 and rows[-1] < n), f"rows outside 0..{n - 1} {where}")
 

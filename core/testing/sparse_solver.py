@@ -91,10 +91,8 @@ def _finds(solver: SparseSolver, problem: LeastSquares, start: SparseStart, wher
     before = copied(start)
     outcome, again = solver.solve(problem, start), solver.solve(problem, start)
     law(unchanged(start, before), f"the solver wrote to its start: {where}")
-    law(
-        np.array_equal(outcome.c, again.c) and np.array_equal(outcome.support, again.support),
-        f"two solves from the same start differ: {where}",
-    )
+    law(np.array_equal(outcome.c, again.c) and np.array_equal(outcome.support, again.support),
+        f"two solves from the same start differ: {where}")
     _well_formed(problem, outcome, where)
     law(outcome.status is Status.DONE, f"ended with {outcome.status.value}: {where}")
     error = np.linalg.norm(outcome.c - problem.answer) / np.linalg.norm(problem.answer)
@@ -106,10 +104,8 @@ def _finds(solver: SparseSolver, problem: LeastSquares, start: SparseStart, wher
 def _well_formed(problem: SparseProblem, outcome: SparseOutcome, where: str) -> None:
     k = max(g.stop for g in problem.groups)
     law(outcome.c.shape == (k,), f"c has shape {outcome.c.shape}, not ({k},): {where}")
-    law(
-        outcome.support.shape == (k,) and outcome.support.dtype == np.bool_,
-        f"support must be bool of shape ({k},): {where}",
-    )
+    law(outcome.support.shape == (k,) and outcome.support.dtype == np.bool_,
+        f"support must be bool of shape ({k},): {where}")
     law(np.isfinite(outcome.c).all(), f"c holds values that are not finite: {where}")
     for g in problem.groups:
         part = slice(g.start, g.stop)
@@ -117,17 +113,13 @@ def _well_formed(problem: SparseProblem, outcome: SparseOutcome, where: str) -> 
             continue
         used = int(outcome.support[part].sum())
         law(used <= g.budget, f"{used} active atoms in {g.name}, budget {g.budget}: {where}")
-        law(
-            not outcome.c[part][~outcome.support[part]].any(),
-            f"c is not zero outside the support in {g.name}: {where}",
-        )
+        law(not outcome.c[part][~outcome.support[part]].any(),
+            f"c is not zero outside the support in {g.name}: {where}")
     if outcome.status is Status.DONE:
         norm = float(np.linalg.norm(problem.residual(outcome.c)))
         scale = float(np.linalg.norm(problem.residual(np.zeros(k))))
-        law(
-            abs(norm - outcome.residual_norm) <= 1e-9 * max(norm, scale),
-            f"residual_norm is {outcome.residual_norm:.3e}, that of c is {norm:.3e}: {where}",
-        )
+        law(abs(norm - outcome.residual_norm) <= 1e-9 * max(norm, scale),
+            f"residual_norm is {outcome.residual_norm:.3e}, that of c is {norm:.3e}: {where}")
 
 
 def _with_noise(problem: LeastSquares, rng: np.random.Generator) -> Elsewhere:

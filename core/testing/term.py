@@ -38,13 +38,8 @@ class _Point:
 
 
 def check_term(
-    term: Term,
-    rng: np.random.Generator,
-    base: FloatArray | None = None,
-    scale: float = 1.0,
-    trials: int = 5,
-    rtol: float = 1e-6,
-    same_rates: bool = False,
+    term: Term, rng: np.random.Generator, base: FloatArray | None = None, scale: float = 1.0,
+    trials: int = 5, rtol: float = 1e-6, same_rates: bool = False,
 ) -> None:
     """The laws of `restrict` and `compress`, and the Jacobian against central differences.
 
@@ -102,10 +97,8 @@ def _differences(
     size = np.abs(want).max(initial=0.0)
     noise = 50.0 * np.finfo(np.float64).eps * np.abs(ahead).max(initial=0.0) / step
     error = np.abs(got - want).max(initial=0.0)
-    law(
-        error <= rtol * size + noise,
-        f"Jacobian and central difference differ by {error:.2e} of {size:.2e}",
-    )
+    law(error <= rtol * size + noise,
+        f"Jacobian and central difference differ by {error:.2e} of {size:.2e}")
 
 
 def _restricted(term: Term, p: _Point, keep: IntArray) -> None:

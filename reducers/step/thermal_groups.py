@@ -87,7 +87,7 @@ def _merged(model: AssembledModel, members: Sequence[HeatBody]) -> HeatBody:
         np.concatenate([b.constant for b in members]),
         block_diag([csr_array(b.loads) for b in members]).toarray(),
         tuple(f for b in members for f in b.amplitudes), (),
-        tuple(n for b in members for n in b.load_names), None,
+        tuple(c for b in members for c in b.columns), None,
         tuple(_widened(t, here, size) for b, here in zip(members, spans, strict=True)
               for t in b.tables))
 

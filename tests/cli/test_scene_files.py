@@ -105,7 +105,7 @@ probes:
     ("time: {end: .inf}", "scene.yaml:1:13: time.end: must be a finite number (got .inf)"),
     ("a: .nan", "scene.yaml:1:4: a: must be a finite number (got .nan)"),
     ("a: !!python/tuple [1]", "scene.yaml:1:4: a: the tag tag:yaml.org,2002:python/tuple"),
-    ("a: !mine 3", "scene.yaml:1:4: a: the tag !mine is not known here"),
+    ("a: !mine 3", "scene.yaml:1:4: a: the tag !mine is not supported"),
     ("? [1, 2]\n: 3", "scene.yaml:1:3: a key must be plain text"),
     ("a: &x {b: *x}", "nested too deep or too large"),
 ])

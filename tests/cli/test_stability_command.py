@@ -52,15 +52,15 @@ def test_the_command_prints_a_table_and_writes_tables_and_a_map(tmp_path: Path) 
 
 @pytest.mark.parametrize("arguments, told", [
     (("--rows", "30"), "--rows: give elastic/thermal, 2 numbers (got 30)"),
-    (("--atoms", "15/x"), "--atoms: cannot read '15/x'"),
-    (("--step", "0"), "--step: cannot read '0'"),
-    (("--required", "perhaps"), "--required: true, false or both"),
-    (("--samplers", "nearest"), "no sampler plugin is called 'nearest'"),
+    (("--atoms", "15/x"), "--atoms: must be a number for each field, such as 60/40 (got"),
+    (("--step", "0"), "--step: must be step sizes in s, above 0"),
+    (("--required", "perhaps"), "--required: must be true, false or both (got perhaps)"),
+    (("--samplers", "nearest"), "--samplers: no sampler plugin is called 'nearest'"),
     (("--integrators", "{use: bdf1"), "--integrators: "),
-    (("--integrators", "leapfrog"), "no integrator plugin is called 'leapfrog'"),
+    (("--integrators", "leapfrog"), "--integrators integrator: no integrator plugin is called"),
     (("--at", "7"), "--at: 7 s is no time of the run"),
-    (("--rows", "9999/20"), "9999 rows were requested of link1.elastic"),
-    (("--set", "reducer=full", "--rows", "30/20"), "reducer full has no budgets"),
+    (("--rows", "9999/20"), "--rows reducer: reducer.budgets.*.elastic.rows: 9999 rows"),
+    (("--set", "reducer=full", "--rows", "30/20"), "--rows: reducer full has no budgets"),
     (("--set", "reducer=full"), "full order is what reduced models are judged by"),
     (("--set", "check_stability=perhaps"), "check_stability"),
 ])

@@ -8,10 +8,13 @@ import numpy as np
 import pytest
 
 from sparsemor.bodies.terms.field_kinds import RIGID, THERMAL
-from sparsemor.core.analysis.charts.angles import angles_figure
-from sparsemor.core.analysis.charts.contact_forces import contact_forces_figure
-from sparsemor.core.analysis.charts.positions import moving_bodies, positions_figure
 from sparsemor.core.analysis.charts.style import save
+from sparsemor.core.analysis.charts.time_histories import (
+    angles_figure,
+    contact_forces_figure,
+    moving_bodies,
+    positions_figure,
+)
 from sparsemor.core.analysis.charts.units import unit
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.protocols.layout import Block, Layout

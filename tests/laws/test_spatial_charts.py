@@ -9,16 +9,19 @@ from scipy.spatial.transform import Rotation
 
 from sparsemor import load, simulate
 from sparsemor.core.analysis.charts import surface_pyvista, write_run_charts
-from sparsemor.core.analysis.charts.angles import angles_figure, rate_of, turning
-from sparsemor.core.analysis.charts.positions import moving_bodies, positions_figure
-from sparsemor.core.analysis.charts.probes import (
-    probe_displacement_figure,
-    probe_temperature_figure,
-)
 from sparsemor.core.analysis.charts.style import new_figure
 from sparsemor.core.analysis.charts.surface_fields import solid_bodies, surface_figures
 from sparsemor.core.analysis.charts.surface_matplotlib import paint
 from sparsemor.core.analysis.charts.surface_pyvista import rendered
+from sparsemor.core.analysis.charts.time_histories import (
+    angles_figure,
+    moving_bodies,
+    positions_figure,
+    probe_displacement_figure,
+    probe_temperature_figure,
+    rate_of,
+    turning,
+)
 from sparsemor.core.analysis.charts.view import DARKEST, LIGHT, VIEWS, Surface, skin
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.model.facets import outer_facets
@@ -83,7 +86,7 @@ def test_three_sides_of_a_box_face_the_eye(view: Any) -> None:
     np.testing.assert_allclose(view.axes @ view.axes.T, np.eye(3), atol=1e-15)
     assert np.linalg.det(view.axes) == pytest.approx(1.0)
     points, triangles = block((1.0, 2.0, 3.0))
-    shown = triangles[skin(view.seen(points), triangles)]
+    shown = triangles[skin(view.rotated(points), triangles)]
     normals = {tuple(np.sign(np.round(np.cross(b - a, c - a), 9)))
                for a, b, c in points[shown]}
     assert len(shown) == 6

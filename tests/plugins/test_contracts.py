@@ -38,7 +38,7 @@ CASES = {
         "missing a required argument: 'more'"),
     "another order": (
         "sampler", "def sample(self, block, dictionary, m, rng, required): ...",
-        "has m and dictionary at other places than sample(block, m, dictionary, rng, required)"),
+        "has m and dictionary at other positions than sample(block, m, dictionary, rng, required)"),
     "a value for a method": ("preconditioner", "check: str = ''; build: int = 3",
                              "build must be a method build(A)"),
     "a method for a property": (

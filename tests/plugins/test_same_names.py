@@ -128,3 +128,38 @@ def test_parts_and_scenes_of_ours_stay_ours(distribute, here):
     assert pendulum.title and pendulum.name == "double_pendulum"
     with pytest.raises(RuntimeError, match="it was not meant"):
         checked_model(load(TINY, {"joints.pin": {"use": "sparsemor-bad:revolute"}}))
+
+
+def test_packages_that_share_scenes_and_samplers_are_told_apart_by_every_command(
+    distribute, here
+):
+    for name in ("pkg-a", "pkg-b"):
+        module = f"same_{name[-1]}"
+        distribute(name, {"scene": {"small": f"{module}:scene"}, "study": {"few": f"{module}:few"},
+                          "sampler": {"own": f"{module}:Other"}},
+                   **{module: OTHER + f"""
+from pathlib import Path
+scene, few = (Path(__file__).with_name(f"{module}_{{n}}.yaml") for n in ("scene", "few"))
+"""})
+        registry = Registry()
+        registry.load("scene", f"{name}:small").write_text(TINY.read_text())
+        registry.load("study", f"{name}:few").write_text(
+            f"scene: {name}:small\nset: {{time.end: 0.002}}\ngrid: {{reducer: [full]}}\n")
+
+    def lines(*command: str) -> tuple[int, str]:
+        done = CliRunner().invoke(app, list(command))
+        return done.exit_code, done.output
+
+    for command, kind, plain in (("validate", "scene", "small"), ("run", "scene", "small"),
+                                 ("compare", "scene", "small"), ("study", "study", "few")):
+        code, text = lines(command, plain)
+        assert code == 2 and text.startswith(f"{kind} plugin {plain!r} is offered by pkg-a")
+        assert f"write pkg-a:{plain} or pkg-b:{plain}" in text and text.count("\n") == 1
+    assert lines("validate", "pkg-a:small")[0] == 0
+    code, text = lines("study", "pkg-b:few", "--out", "few")
+    assert code == 0 and "1 done" in text
+    sampled = ["pkg-a:small", "--set", 'reducer={use: sparse, budgets: {"*": {rows: 9, atoms: 2}}}']
+    code, text = lines("stability", *sampled, "--samplers", "own")
+    assert code == 2 and text.startswith("--samplers: sampler plugin 'own' is offered by pkg-a")
+    code, text = lines("compare", "pkg-a:small", "--reducers", "full,nope")
+    assert code == 2 and text.startswith("--reducers: no reducer plugin is called 'nope'")

@@ -6,17 +6,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
 from sparsemor.core.analysis.charts.active_atoms import active_atoms_figure
-from sparsemor.core.analysis.charts.angles import angles_figure
-from sparsemor.core.analysis.charts.contact_forces import contact_forces_figure
 from sparsemor.core.analysis.charts.error_over_time import error_over_time_figure
 from sparsemor.core.analysis.charts.planar_fields import deformation_figure
-from sparsemor.core.analysis.charts.positions import moving_bodies, positions_figure
-from sparsemor.core.analysis.charts.probes import (
+from sparsemor.core.analysis.charts.style import save
+from sparsemor.core.analysis.charts.surface_fields import surface_figures
+from sparsemor.core.analysis.charts.time_histories import (
+    angles_figure,
+    contact_forces_figure,
+    moving_bodies,
+    positions_figure,
     probe_displacement_figure,
     probe_temperature_figure,
 )
-from sparsemor.core.analysis.charts.style import save
-from sparsemor.core.analysis.charts.surface_fields import surface_figures
 from sparsemor.core.analysis.charts.work_precision import WorkPoint, work_precision_figure
 from sparsemor.core.protocols.layout import Quantity
 
@@ -46,9 +47,7 @@ class Compared(Protocol):
 
 
 def write_charts(
-    comparison: Compared,
-    folder: Path,
-    times: Sequence[float] | None = None,
+    comparison: Compared, folder: Path, times: Sequence[float] | None = None,
     formats: Sequence[str] = FORMATS,
 ) -> list[Path]:
     """The pictures that make sense for these runs; returns their paths.
@@ -69,9 +68,7 @@ def write_charts(
 
 
 def write_run_charts(
-    run: "RunResult",
-    folder: Path,
-    times: Sequence[float] | None = None,
+    run: "RunResult", folder: Path, times: Sequence[float] | None = None,
     formats: Sequence[str] = FORMATS,
 ) -> list[Path]:
     """The same for one run alone: all but errors and costs."""

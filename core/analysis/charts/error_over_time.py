@@ -6,16 +6,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sparsemor.core.analysis.charts.style import (
-    COLUMN,
     LIMIT_COLOUR,
     SMALL,
+    draw_line,
     label_of,
     legend_above,
-    new_figure,
-    style_of,
-    tidy,
+    time_panels,
 )
-from sparsemor.core.analysis.charts.units import unit
 from sparsemor.core.protocols.layout import FieldKind
 from sparsemor.core.results.error_norms import LIMIT, Errors
 from sparsemor.core.status import Status
@@ -41,19 +38,17 @@ def error_over_time_figure(
     end = max((errors.until for errors in measured.values()), default=0.0)
     if not names or end <= 0.0:
         return None
-    clock = unit(end, "s")
-    figure = new_figure(COLUMN, 0.55 + 1.4 * len(names))
-    panels = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
+    figure, panels, clock = time_panels(
+        [("relative error", titles[m]) for m in names], end, 1.4)
     for measure, axes in zip(names, panels, strict=True):
         top, bottom = 0.0, np.inf
         for number, (run, errors) in enumerate(measured.items()):
-            style = style_of(number)
             if measure in errors.series:
                 every = max(1, len(errors.times) // _MOST_POINTS)
                 line = errors.series[measure][::every]
                 shown = np.where(line > 0.0, line, np.nan)  # a log axis has no place for 0
-                axes.plot(clock.factor * errors.times[::every], shown, color=style.colour,
-                          linestyle=style.dash, linewidth=1.1, label=label_of(run, statuses[run]))
+                draw_line(axes, clock.factor * errors.times[::every], shown, number,
+                          label_of(run, statuses[run]))
                 if (line > 0.0).any():
                     top = max(top, float(line.max()))
                     bottom = min(bottom, float(np.quantile(line[line > 0.0], 0.02)))
@@ -66,8 +61,6 @@ def error_over_time_figure(
         upper = 3.0 * min(top, _HIGHEST)
         axes.set_ylim(min(max(bottom / 3.0, _LOWEST), 0.1 * upper), upper)
         axes.set_xlim(0.0, clock.factor * end)
-        last = axes is panels[-1]
-        tidy(axes, f"time ({clock.name})" if last else "", "relative error", titles[measure])
     legend_above(figure, panels[0].get_legend_handles_labels()[0], columns=2)
     return figure
 

@@ -10,7 +10,7 @@ from sparsemor.core.protocols.layout import Quantity
 from sparsemor.core.results.run_result import RunResult
 
 MAPS = {Quantity.DISPLACEMENT: "viridis", Quantity.TEMPERATURE: "YlOrRd"}
-"""The cold inside of a heated body stays light, so that a thin hot layer is seen."""
+"""The cold inside of a heated body stays light, so that a thin hot layer is visible."""
 
 
 def drawn_steps(run: RunResult, times: Sequence[float] | None) -> IntArray:

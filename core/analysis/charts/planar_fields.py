@@ -58,8 +58,8 @@ def deformation_figure(
     factor = magnification(run, bodies, steps)
     scale, label = scale_of(run, bodies, steps, quantity)
     colours = [[values_of(run, b, s, quantity) for b in bodies] for s in steps]
-    seen = np.concatenate([v * scale for row in colours for v in row if v is not None])
-    low, high = shades(seen, quantity)
+    drawn_values = np.concatenate([v * scale for row in colours for v in row if v is not None])
+    low, high = shades(drawn_values, quantity)
     box, clock = _bounds(run, bodies, steps, factor), unit(float(run.times[-1]), "s")
     metre = _length_unit(box)
     figure, panels = _panels(len(steps), (box[3] - box[2]) / (box[1] - box[0]))

@@ -1,13 +1,16 @@
 """The look of every picture: colours, dashes, sizes. Nothing global is changed."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from sparsemor.core.analysis.charts.units import Unit, unit
+from sparsemor.core.arrays import FloatArray
 from sparsemor.core.status import Status
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -40,11 +43,8 @@ class LineStyle:
 def style_of(number: int) -> LineStyle:
     """The style of run `number`; colours and dashes go round at different lengths."""
     turn = number // len(_COLOURS)
-    return LineStyle(
-        _COLOURS[number % len(_COLOURS)],
-        _DASHES[(number + turn) % len(_DASHES)],
-        _MARKERS[(number + turn) % len(_MARKERS)],
-    )
+    return LineStyle(_COLOURS[number % len(_COLOURS)], _DASHES[(number + turn) % len(_DASHES)],
+        _MARKERS[(number + turn) % len(_MARKERS)])
 
 
 def plain(text: str) -> str:
@@ -83,7 +83,36 @@ def tidy(axes: "Axes", xlabel: str = "", ylabel: str = "", title: str = "") -> N
         spine.set_linewidth(0.6)
 
 
-def legend_above(figure: "Figure", handles: list[Any], columns: int = 3) -> None:
+def time_panels(
+    labels: Sequence[tuple[str, str]], end: float, height: float, above: float = 0.55
+) -> "tuple[Figure, list[Axes], Unit]":
+    """Panels above each other with one time axis, which ends at `end` (s): the figure, its panels,
+    and the unit of time. labels: of the vertical axis, and title, of each; height: of a panel,
+    above: of what is above them, inches."""
+    clock, count = unit(end, "s"), len(labels)
+    figure = new_figure(COLUMN, above + height * count)
+    panels = list(figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0])
+    for axes, (label, title) in zip(panels, labels, strict=True):
+        tidy(axes, f"time ({clock.name})" if axes is panels[-1] else "", label, title)
+        axes.ticklabel_format(axis="y", useOffset=False)  # full numbers, no differences from one
+    return figure, panels, clock
+
+
+def draw_line(
+    axes: "Axes", x: FloatArray, y: FloatArray, number: int, label: str = ""
+) -> None:
+    """A thin line in the style of run `number`."""
+    style = style_of(number)
+    axes.plot(x, y, color=style.colour, linestyle=style.dash, linewidth=1.1, label=label)
+
+
+def handles_of(panels: "Iterable[Axes]", labels: Iterable[str]) -> "list[Artist]":
+    """Handles of the lines with these labels, in this order, each once."""
+    found = {h.get_label(): h for axes in panels for h in axes.get_legend_handles_labels()[0]}
+    return [found[label] for label in labels if label in found]
+
+
+def legend_above(figure: "Figure", handles: "Sequence[Artist]", columns: int = 3) -> None:
     """One legend for all panels, outside them, so that it never covers data."""
     figure.legend(
         handles=handles, loc="outside upper left", ncols=min(columns, len(handles)),

@@ -81,13 +81,13 @@ def _skin_of(run: RunResult, body: str, quantity: Quantity, steps: list[int]) ->
     fields = [values_of(run, body, step, quantity) for step in steps]
     values = [scale * field[triangles] for field in fields if field is not None]
     low, high = shades(np.concatenate(values), quantity)
-    places = [run.positions(body, step, factor) for step in steps]
+    positions = [run.positions(body, step, factor) for step in steps]
     rows = []
     for view in VIEWS:
-        seen = [view.seen(place) for place in places]
-        half = half_of(seen)
+        rotated = [view.rotated(p) for p in positions]
+        half = half_of(rotated)
         rows.append([Surface((s - middle(s))[triangles], v, low, high, MAPS[quantity], half)
-                     for s, v in zip(seen, values, strict=True)])
+                     for s, v in zip(rotated, values, strict=True)])
     return _Skin(run, body, steps, factor, label, rows)
 
 

@@ -45,5 +45,5 @@ def _render(file: Path) -> None:
 
 
 if __name__ == "__main__":
-    for given in sorted(Path(sys.argv[1]).glob("*.npz")):
-        _render(given)
+    for file in sorted(Path(sys.argv[1]).glob("*.npz")):
+        _render(file)

@@ -22,7 +22,7 @@ class View:
         towards = np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
         return cls(name, np.stack([right, np.cross(towards, right), towards]))
 
-    def seen(self, points: FloatArray) -> FloatArray:
+    def rotated(self, points: FloatArray) -> FloatArray:
         """(N, 3): to the right, up, and towards the eye, m."""
         return np.asarray(points @ self.axes.T)
 
@@ -39,7 +39,7 @@ DARKEST = 0.7
 class Surface:
     """Contents of one panel: the visible surface of a body, in colours.
 
-    corners (b, 3, 3): triangles as `View.seen` gives them, about the middle of the panel, m;
+    corners (b, 3, 3): triangles as `View.rotated` returns them, about the middle of the panel, m;
     values (b, 3) in the colour bar's units; low, high: its ends; colours: its name.
     half (2,): half of the panel's width and height, m.
     """
@@ -52,20 +52,20 @@ class Surface:
     half: FloatArray
 
 
-def middle(seen: FloatArray) -> FloatArray:
+def middle(points: FloatArray) -> FloatArray:
     """(3,) middle of the box around points (N, 3)."""
-    return np.asarray(0.5 * (seen.min(axis=0) + seen.max(axis=0)))
+    return np.asarray(0.5 * (points.min(axis=0) + points.max(axis=0)))
 
 
 def half_of(boxes: list[FloatArray]) -> FloatArray:
     """(2,) half of the width and height that hold each of these clouds of points, with a margin."""
-    spans = np.array([0.5 * np.ptp(seen[:, :2], axis=0) for seen in boxes])
+    spans = np.array([0.5 * np.ptp(points[:, :2], axis=0) for points in boxes])
     return np.asarray(spans.max(axis=0) + 0.06 * spans.max())
 
 
-def skin(seen: FloatArray, triangles: IntArray) -> IntArray:
+def skin(points: FloatArray, triangles: IntArray) -> IntArray:
     """Numbers of the triangles that face the eye, the farthest first."""
-    a, b, c = (seen[triangles[:, k]] for k in range(3))
+    a, b, c = (points[triangles[:, k]] for k in range(3))
     facing = np.cross(b - a, c - a)[:, 2] > 0.0
     depth = (a + b + c)[:, 2]
     front = np.flatnonzero(facing)

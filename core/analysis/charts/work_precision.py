@@ -39,7 +39,7 @@ class WorkPoint:
     """One run. method: what is compared; budget: how much of it ("30/20 atoms"), or "".
 
     ms_per_step: computing time, None when no step was taken; speed_up over the reference, None
-    when not known; errors: measure (`angle_rad`, a field, `combined`) -> largest
+    without a reference; errors: measure (`angle_rad`, a field, `combined`) -> largest
     error over time; offline_seconds: before the first step.
     """
 
@@ -90,7 +90,7 @@ def work_precision_figure(
     if not measures:
         return None
     methods = list(dict.fromkeys(p.method for p in points))
-    alone = len({p.method for p in timed}) == len(timed)  # then names stand beside the points
+    alone = len({p.method for p in timed}) == len(timed)  # then names stand next to the points
     stopped = [p for p in points if not p.status.ok]
     columns = 2 if len(measures) > 1 else 1
     rows = -(-len(measures) // columns)
@@ -159,8 +159,8 @@ def _lines(
             if p.status.ok and p.errors.get(measure, 0.0) > limit:
                 axes.plot([p.ms_per_step], [y], linestyle="none", marker="x", markersize=9,
                           color=LIMIT_COLOUR, clip_on=False, zorder=4)
-            told = not p.status.ok or p is ended[0] or p is ended[-1]
-            label = method if alone else p.budget if told else ""
+            labelled = not p.status.ok or p is ended[0] or p is ended[-1]
+            label = method if alone else p.budget if labelled else ""
             texts.append((float(p.ms_per_step or 0.0), y, label, style.colour))
     return texts, lines
 
@@ -172,9 +172,9 @@ def _marker(axes: Any, x: float | None, y: float, style: LineStyle, ok: bool) ->
 
 def _limits(measure: str, points: Sequence[WorkPoint]) -> _Range:
     errors = [p.errors.get(measure, 0.0) for p in points if p.status.ok]
-    known = [e for e in errors if e > 0.0] or [1e-3]
-    bottom = 10.0 ** np.floor(np.log10(min(known) / 2.0))
-    top = max(10.0 ** np.ceil(np.log10(max(known) * 2.0)), 10.0 * bottom)
+    positive = [e for e in errors if e > 0.0] or [1e-3]
+    bottom = 10.0 ** np.floor(np.log10(min(positive) / 2.0))
+    top = max(10.0 ** np.ceil(np.log10(max(positive) * 2.0)), 10.0 * bottom)
     if any(not p.status.ok for p in points):
         top *= 100.0
     return _Range(float(bottom), float(top), float(top))
@@ -188,7 +188,7 @@ def _budget_order(p: WorkPoint) -> tuple[list[float], float]:
 def _time_axis(
     axes: Any, points: Sequence[WorkPoint], reference: WorkPoint | None, spare: float
 ) -> None:
-    """ms/step below; where the reference's time is known, speed-up above and a line there.
+    """ms/step below; where the reference has a time, speed-up above and a line there.
 
     spare: room next to the points, as a share of their span.
     """

@@ -22,12 +22,13 @@ from sparsemor.core.simulation.linearization.spectrum import ComplexArray, radiu
 LOWEST = 3
 """Eigenvalues of each block that are compared."""
 ZERO = 1e-4
-"""A lowest eigenvalue below this share of the next one is that of a body nothing holds or cools."""
+"""A lowest eigenvalue below this share of the next one is the zero of an unconstrained or insulated
+body."""
 
 
 @dataclass(frozen=True, slots=True)
 class EigenvalueErrors:
-    """Largest over the blocks, relative; None where it is not known.
+    """Largest over the blocks, relative; None where it cannot be computed.
 
     projected: of the LOWEST eigenvalues from those of the Galerkin model of the same atoms: what
     the test map did. fields: by name, of the lowest eigenvalue that is not zero from full order:
@@ -66,16 +67,16 @@ def departure(
 ) -> EigenvalueErrors:
     """exact: block -> its lowest eigenvalues in full order, as `exact_values` gives them."""
     own = {name: _lowest(v) for name, v in own_values(step).items()}
-    theirs = {} if reference is None else {
+    projected_values = {} if reference is None else {
         name: _lowest(v) for name, v in own_values(reference).items()}
     projected = [float((np.abs(own[n] - v)[: len(v)] / np.abs(v)).max())
-                 for n, v in theirs.items() if n in own and 0 < len(v) == len(own[n])]
+                 for n, v in projected_values.items() if n in own and 0 < len(v) == len(own[n])]
     full: dict[str, list[float]] = {k.name: [] for k in step.layout.kinds if k.reducible}
     for name, values in own.items():
-        known = _lowest(exact[name])
-        if len(known) and len(values):
+        lowest = _lowest(exact[name])
+        if len(lowest) and len(values):
             full[step.layout.block(name).field].append(
-                float(abs(values[0] - known[0]) / known[0].real))
+                float(abs(values[0] - lowest[0]) / lowest[0].real))
     skew = [float((np.abs(v.imag) / np.abs(v)).max(initial=0.0)) for v in own_values(step).values()]
     return EigenvalueErrors(
         max(projected, default=None),

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import isfinite
+from statistics import median
 from typing import Any
 
 import numpy as np
@@ -21,8 +22,9 @@ from sparsemor.core.model.model import Model
 from sparsemor.core.protocols import ChecksModel, ReducedProblem, State, StepSolver
 from sparsemor.core.protocols.reducer import is_full_order
 from sparsemor.core.registry.hooks import new_manager
-from sparsemor.core.results.tables import text_table
+from sparsemor.core.results.tables import number, text_table
 from sparsemor.core.scene.scene import Scene
+from sparsemor.core.scene.yaml_reader import LocatedError
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.linearization.check import (
     LIMIT,
@@ -63,12 +65,12 @@ class Finding:
     fields: tuple[str, ...]
 
     def as_dict(self) -> dict[str, Any]:
-        """Plain numbers; None for what is infinite or not known."""
+        """Plain numbers; None for what is infinite or was not computed."""
         j, d = self.judgement, self.departure
         numbers = {"radius": j.radius, "reference": j.reference, "growth": j.growth,
                    "gate": j.gate}
-        known = {k: v if v is not None and isfinite(v) else None for k, v in numbers.items()}
-        return {"seed": self.seed, "stable": j.stable, **known, "block": j.block, "t": j.t,
+        finite = {k: v if v is not None and isfinite(v) else None for k, v in numbers.items()}
+        return {"seed": self.seed, "stable": j.stable, **finite, "block": j.block, "t": j.t,
                 "status": j.status.value, "missed": self.missed, "departure": d.projected,
                 **{f"departure_{field}": d.fields.get(field) for field in self.fields},
                 "imaginary": d.imaginary, "own": dict(self.own)}
@@ -92,8 +94,8 @@ class Entry:
     def as_dict(self) -> dict[str, Any]:
         """Settings and sums over the seeds."""
         gates = [f.judgement.gate for f in self.findings]
-        numbers = {"median_radius": _median(self.radii), "worst_radius": max(self.radii),
-                   "median_gate": _median(gates), "worst_gate": max(gates)}
+        numbers = {"median_radius": median(self.radii), "worst_radius": max(self.radii),
+                   "median_gate": median(gates), "worst_gate": max(gates)}
         return {
             **self.settings, "stable": self.stable, "seeds": len(self.findings),
             **{k: v if isfinite(v) else None for k, v in numbers.items()},
@@ -111,8 +113,8 @@ class Survey:
     entries: Sequence[Entry]
 
     def least_rows(self) -> list[dict[str, str]]:
-        """For each combination of the other settings: the fewest rows from which on every asked
-        number of rows is stable for all seeds ("none" if not even the most)."""
+        """For each combination of the other settings: the fewest rows from which on every
+        requested number of rows is stable for all seeds ("none" if not even the most)."""
         groups: dict[tuple[str, ...], list[Entry]] = {}
         for e in self.entries:
             groups.setdefault(tuple(v for k, v in e.settings.items() if k != "rows"), []).append(e)
@@ -133,9 +135,11 @@ class Survey:
         for e in self.entries:
             d = e.as_dict()
             table.append([*e.settings.values(), f"{d['stable']}/{d['seeds']}",
-                          _text(d["median_radius"], ".6f"), _text(d["worst_radius"], ".6f"),
-                          _text(d["worst_gate"], ".3g"), _text(d["departure"], ".2g", "-"),
-                          _text(d["imaginary"], ".2g", "-"), str(d["missed"])])
+                          *(number(d[name], form, "no step") for name, form in (
+                              ("median_radius", ".6f"), ("worst_radius", ".6f"),
+                              ("worst_gate", ".3g"))),
+                          *(number(d[name], ".2g") for name in ("departure", "imaginary")),
+                          str(d["missed"])])
         lines = [text_table(table), ""]
         for least in self.least_rows():
             rows = least.pop("rows")
@@ -152,9 +156,9 @@ class Survey:
 @fixed_threads()
 def survey(
     scene: Scene, plan: Plan, *, cache: Cache | None = None, observers: Sequence[object] = (),
-    told: Callable[[Entry], None] = lambda entry: None,
+    done: Callable[[Entry], None] = lambda entry: None,
 ) -> Survey:
-    """Linearise every seed of every variant. `told` hears each line as it is done.
+    """Linearise every seed of every variant. done: called with each entry.
 
     Training runs and bases come from the cache, one for each integrator and step. Raises
     InputError before anything is computed, SolveFailed where a training run fails.
@@ -173,7 +177,7 @@ def survey(
                 cases[key] = _Case.of(v.scene, *prepared(v.scene, cache or Cache(), manager), plan)
             entry = Entry(v.settings, [
                 _finding(v.scene, cases[key], seed) for seed in range(1, plan.seeds + 1)])
-            told(entry)
+            done(entry)
             entries.append(entry)
     return Survey(entries)
 
@@ -182,15 +186,12 @@ def _refuse(v: Variant, model: Model, plan: Plan) -> None:
     faults = time_faults(v.scene)
     if isinstance(v.scene.reducer, ChecksModel):
         faults += InputError(list(v.scene.reducer.check(model))).under("reducer").faults
-    if faults:
-        raise InputError(faults)
+    if faults:  # at the options that make the variant
+        raise LocatedError(faults, v.scene.locate(InputError(faults)))
     if is_full_order(v.scene.reducer):
         raise InputError("full order is what reduced models are judged by: name another one",
                          "reducer")
-    try:
-        times_checked(plan.at or (), v.scene.time.step, v.scene.time.end)
-    except InputError as error:
-        raise InputError(f"--at: {error.faults[0].message}") from None
+    times_checked(plan.at or (), v.scene.time.step, v.scene.time.end)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -219,12 +220,12 @@ def _states(
         return [start] * len(times)
     solver = scene.reducer.prepare(ReducedProblem(
         model, integrator, h, offline, np.random.default_rng(scene.seed)))
-    known = scene.source.registry
+    registry = scene.source.registry
     if times is None:
         due = linearization_times(h, step_count(scene))
-        return states_along(model, integrator, h, solver, start, due, known)
-    twin = projected(model, integrator, h, solver, {}, known)
-    return along(twin, integrator, h, start, times)
+        return states_along(model, integrator, h, solver, start, due, registry)
+    reference = projected(model, integrator, h, solver, {}, registry)
+    return along(reference, integrator, h, start, times)
 
 
 def _finding(scene: Scene, case: _Case, seed: int) -> Finding:
@@ -260,17 +261,7 @@ def _numbers(rows: str) -> tuple[int, ...]:
     return tuple(int(n) if n.isdigit() else 0 for n in rows.split("/"))
 
 
-def _median(values: Sequence[float]) -> float:
-    ordered = sorted(values)
-    middle = len(ordered) // 2
-    return ordered[middle] if len(ordered) % 2 else 0.5 * (ordered[middle - 1] + ordered[middle])
-
-
 def _worst(values: Any) -> float | None:
     return max((v for v in values if v is not None), default=None)
-
-
-def _text(value: float | None, form: str, missing: str = "no step") -> str:
-    return missing if value is None else format(value, form)
 
 

@@ -26,8 +26,8 @@ class Plan:
     field.
 
     required: whether the rows of joints and loads are kept; steps: s; integrators: a name or
-    `{use: name, ..}`; seeds: how many, 1, 2, ..; at: times of the linearisations, s (as `run` does
-    when not given: from the start to the end).
+    `{use: name, ..}`; seeds: how many, 1, 2, ..; at: times of the linearisations, s (as in `run` by
+    default: from the start to the end).
     """
 
     samplers: Sequence[str] | None = None
@@ -53,12 +53,11 @@ def variants(scene: Scene, plan: Plan) -> Iterator[Variant]:
     fields = reduced_fields(scene)
     axes = (plan.integrators, plan.steps, plan.samplers, plan.required, plan.atoms, plan.rows)
     for integrator, step, sampler, required, atoms, rows in product(*(a or [None] for a in axes)):
-        changes: dict[str, Any] = {}
+        changed = scene
         if integrator is not None:
-            changes["integrator"] = integrator
+            changed = changed.using({"integrator": integrator}, label="--integrators")
         if step is not None:
-            changes["time.step"] = step
-        changed = scene.using(changes, label="variant") if changes else scene
+            changed = changed.using({"time.step": step}, label="--step")
         reducer: Any = scene.reducer
         if sampler is not None or required is not None:
             assert isinstance(reducer, Plugin)
@@ -66,7 +65,10 @@ def variants(scene: Scene, plan: Plan) -> Iterator[Variant]:
         if atoms is not None or rows is not None:
             reducer = _with_budgets(scene.reducer_name, reducer, fields, rows, atoms)
         if reducer is not scene.reducer:
-            changed = changed.with_reducer(reducer, label="variant")
+            options = {"--samplers": sampler, "--required": required, "--rows": rows,
+                       "--atoms": atoms}
+            label = ", ".join(name for name, value in options.items() if value is not None)
+            changed = changed.with_reducer(reducer, label=label)
         yield Variant(changed, settings(changed))
 
 
@@ -79,7 +81,7 @@ def settings(scene: Scene) -> dict[str, str]:
     """Settings that distinguish a variant; "-" where its reducer has no such option."""
     reducer, options = scene.reducer, dict(scene.dump()["integrator"])
     name = options.pop("use")
-    told = ", ".join(f"{k} {v:g}" if isinstance(v, float) else f"{k} {v}"
+    words = ", ".join(f"{k} {v:g}" if isinstance(v, float) else f"{k} {v}"
                      for k, v in options.items())
     sampler = reducer.sampler if isinstance(reducer, SamplesRows) else None
     required = sampler.required if isinstance(sampler, DrawsRequired) else None
@@ -90,29 +92,32 @@ def settings(scene: Scene) -> dict[str, str]:
         limited = any(b is not None for b in budgets)
         return "/".join("-" if n is None else str(n) for n in counts) if limited else "-"
 
-    known = [b or BlockBudget() for b in budgets]
+    limits = [b or BlockBudget() for b in budgets]
     return {
         "sampler": "-" if sampler is None else _name(scene, sampler),
         "required": "-" if required is None else "kept" if required else "drawn",
-        "rows": joined([b.rows for b in known]), "atoms": joined([b.atoms for b in known]),
-        "integrator": f"{name} ({told})" if told else name, "step": f"{scene.time.step:g}"}
+        "rows": joined([b.rows for b in limits]), "atoms": joined([b.atoms for b in limits]),
+        "integrator": f"{name} ({words})" if words else name, "step": f"{scene.time.step:g}"}
 
 
 def _sampler(scene: Scene, name: str | None, required: bool | None) -> Sampler:
     """The sampler of a variant: the scene's own with its options, another with its defaults."""
     if not isinstance(scene.reducer, SamplesRows):
-        raise InputError(f"--samplers: reducer {scene.reducer_name} takes no rows")
+        raise InputError(f"reducer {scene.reducer_name} takes no rows", "samplers")
     own, registry = scene.reducer.sampler, scene.source.registry
     use = _name(scene, own) if name is None else name
-    chosen: Any = own if use == _name(scene, own) else registry.get("sampler", use).model_validate(
-        {}, context={"registry": registry})
+    try:
+        chosen: Any = own if use == _name(scene, own) else registry.get(
+            "sampler", use).model_validate({}, context={"registry": registry})
+    except InputError as error:
+        raise error.under("samplers") from None
     may_draw = isinstance(chosen, DrawsRequired)
     if may_draw:
         inherited = own.required if isinstance(own, DrawsRequired) else True
         kept = inherited if required is None else required
         chosen = chosen.model_copy(update={"required": kept})
     elif required is False:
-        raise InputError(f"--required: sampler {use} keeps the required rows in any case")
+        raise InputError(f"sampler {use} keeps the required rows in any case", "required")
     varied: Sampler = chosen
     return varied
 
@@ -125,7 +130,7 @@ def _with_budgets(
     name: str, reducer: Any, fields: Sequence[str], rows: Counts | None, atoms: Counts | None
 ) -> Any:
     if not isinstance(reducer, BudgetsFields):
-        raise InputError(f"--rows, --atoms: reducer {name} has no budgets")
+        raise InputError(f"reducer {name} has no budgets", "atoms" if rows is None else "rows")
     if rows is not None:
         reducer = reducer.with_rows(_by_field("rows", fields, rows))
     return reducer if atoms is None else reducer.with_atoms(_by_field("atoms", fields, atoms))
@@ -133,6 +138,6 @@ def _with_budgets(
 
 def _by_field(option: str, fields: Sequence[str], counts: Counts) -> dict[str, int]:
     if len(counts) != len(fields):
-        raise InputError(f"--{option}: give {'/'.join(fields)}, {len(fields)} numbers "
-                         f"(got {'/'.join(map(str, counts))})")
+        raise InputError(f"give {'/'.join(fields)}, {len(fields)} numbers "
+                         f"(got {'/'.join(map(str, counts))})", option)
     return dict(zip(fields, counts, strict=True))

@@ -1,8 +1,8 @@
-"""From axes to points: what each run of a study changes."""
+"""Axes of a study, and the changes of each of its runs."""
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import product
 from math import prod
 from typing import Any
@@ -11,6 +11,8 @@ import numpy as np
 
 from sparsemor.core.analysis.study.columns import RESERVED
 from sparsemor.core.analysis.study.file import Finding, RandomSubset, Study, StudyFile
+from sparsemor.core.registry.registry import suggestions
+from sparsemor.core.registry.validation_errors import dotted
 from sparsemor.core.scene.overrides import split
 from sparsemor.core.scene.yaml_reader import KeyPath
 
@@ -19,13 +21,17 @@ LABEL, SEED = "label", "seed"
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """One value of an axis. columns: what the table says of it; changes: key -> value; owners:
-    key -> where it is written; place: where the choice itself is."""
+    """One value of an axis.
+
+    columns: its columns of the table; changes: key -> value; owners: key -> path in the file;
+    place: path of the choice itself; details: columns of the changes of a named alternative.
+    """
 
     columns: Mapping[str, Any]
     changes: Mapping[str, Any]
     owners: Mapping[str, KeyPath]
     place: KeyPath
+    details: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +42,7 @@ class Point:
 
     @property
     def settings(self) -> dict[str, Any]:
-        return {k: v for c in self.choices for k, v in c.columns.items()}
+        return {k: v for c in self.choices for k, v in {**c.columns, **c.details}.items()}
 
     @property
     def changes(self) -> dict[str, Any]:
@@ -63,7 +69,7 @@ def points_of(study: Study) -> list[Point]:
         findings += _repeated(file.seeds, where)
         findings += [Finding((*where, i), f"a seed is at least 0 (got {s})")
                      for i, s in enumerate(file.seeds) if s < 0]
-        findings += [Finding(where, f"the seed is also changed at {_words(owner)}")
+        findings += [Finding(where, f"the seed is also changed at {dotted(owner)}")
                      for axis in axes for choice in axis
                      for key, owner in choice.owners.items() if key == SEED][:1]
     count = prod(len(axis) for axis in axes)
@@ -80,17 +86,27 @@ def points_of(study: Study) -> list[Point]:
 
 
 def setting_columns(points: Sequence[Point]) -> list[str]:
-    """Columns that tell what was changed, the seed last; a run need not have them all."""
-    names = dict.fromkeys(name for p in points for name in p.settings)
-    return sorted(names, key=lambda n: (n == SEED, n.startswith("set.")))
+    """Columns of changes: axes, then details of named alternatives, the seed last; a run need not
+    have them all."""
+    names, details = dict.fromkeys(name for p in points for name in p.settings), _details(points)
+    return sorted(names, key=lambda n: (n == SEED, n in details))
+
+
+def axis_columns(points: Sequence[Point]) -> list[str]:
+    """The same without details."""
+    details = _details(points)
+    return [n for n in setting_columns(points) if n not in details]
+
+
+def _details(points: Sequence[Point]) -> set[str]:
+    return {name for p in points for c in p.choices for name in c.details}
 
 
 def chart_columns(file: StudyFile, points: Sequence[Point]) -> list[str]:
     """Columns that name a line of the work-precision chart."""
     if file.method:
         return [file.method] if isinstance(file.method, str) else list(file.method)
-    names = [n for n in setting_columns(points)
-             if n not in (SEED, file.budget) and not n.startswith("set.")]
+    names = [n for n in axis_columns(points) if n not in (SEED, file.budget)]
     if LABEL in names and file.budget != LABEL:
         return [LABEL]
     several = [n for n in names if len({json.dumps(p.settings.get(n)) for p in points}) > 1]
@@ -100,12 +116,11 @@ def chart_columns(file: StudyFile, points: Sequence[Point]) -> list[str]:
 def _axes(file: StudyFile) -> tuple[list[Axis], list[Finding]]:
     if file.listed is not None:
         return _list_axis(file.listed)
-    where: KeyPath = ("grid",) if file.grid is not None else ("random", "axes")
-    given = file.grid if file.grid is not None else file.random.axes if file.random else {}
+    where, written = _written(file)
     axes: list[Axis] = []
     findings: list[Finding] = []
     owned: dict[tuple[str | int, ...], str] = {}
-    for name, values in given.items():
+    for name, values in written.items():
         faults = _axis_faults(name, values, (*where, name))
         findings += faults
         if faults:
@@ -121,6 +136,13 @@ def _axes(file: StudyFile) -> tuple[list[Axis], list[Finding]]:
     return axes, findings
 
 
+def _written(file: StudyFile) -> tuple[KeyPath, Mapping[str, Any]]:
+    """Path and content of the axes in the file."""
+    if file.grid is not None:
+        return ("grid",), file.grid
+    return ("random", "axes"), file.random.axes if file.random else {}
+
+
 def _list_axis(items: Sequence[Mapping[str, Any]]) -> tuple[list[Axis], list[Finding]]:
     axis, findings = [], []
     for i, item in enumerate(items):
@@ -129,7 +151,7 @@ def _list_axis(items: Sequence[Mapping[str, Any]]) -> tuple[list[Axis], list[Fin
         axis.append(Choice(dict(item), changes, owners, ("list", i)))
         if isinstance(item.get(LABEL, ""), dict | list):
             findings.append(Finding(("list", i, LABEL), "a label is a text or a number"))
-    findings += _repeated([item for item in items], ("list",))
+    findings += _repeated(items, ("list",))
     return [axis], findings
 
 
@@ -145,8 +167,8 @@ def _plain(name: str, value: Any, place: KeyPath) -> Choice:
 
 
 def _named(name: str, label: str, changes: dict[str, Any], place: KeyPath) -> Choice:
-    columns = {name: _number(label)} | {f"set.{k}": v for k, v in changes.items()}
-    return Choice(columns, changes, {k: (*place, k) for k in changes}, place)
+    return Choice({name: _number(label)}, changes, {k: (*place, k) for k in changes}, place,
+                  {f"set.{k}": v for k, v in changes.items()})
 
 
 def _number(label: str) -> Any:
@@ -174,9 +196,8 @@ def _axis_faults(name: str, values: Any, where: KeyPath) -> list[Finding]:
 
 def taken_names(file: StudyFile, columns: Iterable[str]) -> list[Finding]:
     """Axes of named alternatives that are called as one of these columns of the results."""
-    where: KeyPath = ("grid",) if file.grid is not None else ("random", "axes")
-    axes = file.grid if file.grid is not None else file.random.axes if file.random else {}
-    return [_taken(name, (*where, name)) for name, values in axes.items()
+    where, written = _written(file)
+    return [_taken(name, (*where, name)) for name, values in written.items()
             if isinstance(values, dict) and name in set(columns)]
 
 
@@ -185,10 +206,10 @@ def _taken(name: str, where: KeyPath) -> Finding:
 
 
 def _repeated(values: Sequence[Any], where: KeyPath) -> list[Finding]:
-    seen: dict[str, int] = {}
+    first_of: dict[str, int] = {}
     findings = []
     for i, value in enumerate(values):
-        first = seen.setdefault(json.dumps(value, sort_keys=True), i)
+        first = first_of.setdefault(json.dumps(value, sort_keys=True), i)
         if first != i:
             findings.append(Finding((*where, i), f"the same as item {first}: remove one"))
     return findings
@@ -205,18 +226,12 @@ def _combinations(axes: Sequence[Axis], some: RandomSubset | None) -> list[tuple
 
 
 def _of_chart(file: StudyFile, points: Sequence[Point]) -> list[Finding]:
-    from sparsemor.core.registry.registry import suggestions
-
     names = setting_columns(points)
     lines = [file.method] if isinstance(file.method, str) else file.method
-    places: list[tuple[KeyPath, str]] = [
+    named: list[tuple[KeyPath, str]] = [
         (("method",) if isinstance(file.method, str) else ("method", i), name)
         for i, name in enumerate(lines)]
     if file.budget:
-        places.append((("budget",), file.budget))
+        named.append((("budget",), file.budget))
     return [Finding(path, f"nothing of that name varies: {suggestions(name, names, 'there are')}")
-            for path, name in places if name not in names]
-
-
-def _words(path: KeyPath) -> str:
-    return ".".join(map(str, path))
+            for path, name in named if name not in names]

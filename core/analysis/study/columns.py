@@ -9,7 +9,7 @@ from sparsemor.core.results.error_norms import measure_names
 
 OUTCOME = ("reducer", "status", "message", "reference_status", "above_limit")
 ERROR = "error_"
-"""Begin of the names of errors over the whole run."""
+"""Prefix of the columns of errors over the run."""
 SERIES = "error_over_time"
 """Largest errors of the time span by spans of growing length."""
 COUNTS = ("steps", "t_end", "iterations", "atoms_all", "atoms_active", "rows_sampled",
@@ -35,13 +35,13 @@ def columns_of(
     settings: Sequence[str], fields: Iterable[FieldKind], late: bool, over_time: bool = False
 ) -> list[str]:
     """Names in the order of the table."""
-    given = ["run", *settings]
+    first = ["run", *settings]
     own = [*OUTCOME, "seed", *error_columns(fields, late),
            *((SERIES,) if over_time else ()), *COUNTS, *TIMES]
-    return [*given, *(name for name in own if name not in given)]
+    return [*first, *(name for name in own if name not in first)]
 
 
-def cell(value: Any) -> str:
+def cell(value: object) -> str:
     """A value in CSV: nothing for None, JSON for what is not a number or text."""
     if value is None:
         return ""
@@ -65,5 +65,5 @@ def with_facts(row: Mapping[str, Any], names: Sequence[str]) -> dict[str, Any]:
     return {**row, **added}
 
 
-def _is_number(value: Any) -> bool:
+def _is_number(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)

@@ -2,6 +2,7 @@
 
 import queue
 from typing import Any, cast
+from urllib.parse import urlsplit
 
 from sparsemor.core.analysis.study.jobs import execute
 from sparsemor.core.analysis.study.pools import Ended, Payload
@@ -63,6 +64,9 @@ def _connected(address: str) -> Any:
         raise InputError("a cluster needs the extra `dask`: pip install 'sparsemor[dask]'",
                          "scheduler") from None
     try:
+        # looked at first: a client that cannot read its address prints a traceback when it goes
+        if urlsplit(address if "://" in address else f"tcp://{address}").port is None:
+            raise ValueError("an address is tcp://host:port")
         client = cast(Any, Client)  # which has no types
         return client(address, timeout=SECONDS, set_as_default=False)
     except (OSError, ValueError) as error:  # TimeoutError is an OSError

@@ -70,11 +70,11 @@ class StudyFile(Plugin):
             file = validate(data)
         except ValidationError as error:
             lines = with_advice(cls, error)
-        given = [form for form in FORMS if isinstance(data, dict) and data.get(form) is not None]
-        if len(given) != 1:
-            what = f"(got {' and '.join(given) or 'none'})"
+        forms = [form for form in FORMS if isinstance(data, dict) and data.get(form) is not None]
+        if len(forms) != 1:
+            what = f"(got {' and '.join(forms) or 'none'})"
             message = f"a study has exactly one of {', '.join(FORMS)} {what}"
-            lines.append(custom("form", message, (given[1],) if given else (), None))
+            lines.append(custom("form", message, (forms[1],) if forms else (), None))
         if lines:
             raise ValidationError.from_exception_data("Study", lines)
         return file
@@ -89,8 +89,8 @@ class StudyFile(Plugin):
         """Changes that turn a run into its reference; the reducer is `full` unless set."""
         if isinstance(self.reference, str):
             return FULL
-        given = self.reference.get("fixed", self.reference)
-        return FULL | (given or {})
+        changes = self.reference.get("fixed", self.reference)
+        return FULL | (changes or {})
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,6 +142,6 @@ class Study:
 def _of_fixed(reference: dict[str, Any]) -> list[Finding]:
     if not isinstance(reference["fixed"], dict | None):
         return [Finding(("reference", "fixed"), "give changes to the scene, {key: value}")]
-    beside = [key for key in reference if key != "fixed"]
+    others = [key for key in reference if key != "fixed"]
     return [Finding(("reference", key), "move it under `fixed`, the only key allowed here")
-            for key in beside]
+            for key in others]

@@ -98,7 +98,7 @@ def _products(
         except InputError:
             pass
         except SolveFailed as error:
-            if error.status is Status.INTERRUPTED or error.detail.startswith(TRAINING):
+            if error.status is Status.INTERRUPTED or error.phase == TRAINING:
                 raise
     return {"status": Status.DONE.value}
 

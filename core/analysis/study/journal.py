@@ -1,4 +1,4 @@
-"""The folder of a study: rows as they come, each whole, and the table at the end."""
+"""Folder of a study: rows as they are computed, and the table at the end."""
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
@@ -18,7 +18,8 @@ ABOUT, LINES, CSV = "study.json", "runs.jsonl", "runs.csv"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Journal:
-    """`runs.jsonl` counts; `runs.csv` is the same for other programs, mended when continued."""
+    """`runs.jsonl` counts; `runs.csv` is the same for other programs, written again when the study
+    is continued."""
 
     folder: Path
     columns: tuple[str, ...]
@@ -40,7 +41,7 @@ class Journal:
             if OutputDirectory(folder).occupied():
                 raise InputError(f"{folder} is not empty and contains no study: choose another "
                                  "--out", "out")
-            _make(folder)
+            OutputDirectory(folder).make()
             _replace(about, json.dumps(
                 {"format": 1, "study": plan.study.name, "digest": plan.digest,
                  "runs": len(plan.runs), "columns": plan.columns, "settings": plan.settings},
@@ -93,13 +94,6 @@ def _whole_lines(path: Path) -> Iterator[dict[str, Any]]:
         except ValueError:
             return  # a disk that lost power may hold anything behind the last whole row
         yield row
-
-
-def _make(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{folder} cannot be made: {error.strerror}", "out") from None
 
 
 def _line(row: Mapping[str, Any]) -> str:

@@ -34,27 +34,27 @@ class LocalPool:
         self.workers = self.slots = workers
         self._log: IO[str] = log.open("a", encoding="utf-8")
         self._alive: list[_Worker] = []
-        self._said: queue.Queue[tuple[_Worker, str]] = queue.Queue()
+        self._lines: queue.Queue[tuple[_Worker, str]] = queue.Queue()
 
     def submit(self, name: str, job: Payload) -> None:
-        immobile = next((w for w in self._alive if not w.job), None) or self._start()
-        immobile.job = name
-        assert immobile.process.stdin is not None
+        idle = next((w for w in self._alive if not w.job), None) or self._start()
+        idle.job = name
+        assert idle.process.stdin is not None
         try:
-            immobile.process.stdin.write(json.dumps({"name": name, "job": job}) + "\n")
-            immobile.process.stdin.flush()
+            idle.process.stdin.write(json.dumps({"name": name, "job": job}) + "\n")
+            idle.process.stdin.flush()
         except BrokenPipeError:
-            pass  # it is dead: the end of its output tells so
+            pass  # it is dead, which the end of its output shows
 
     def next(self, timeout: float) -> Ended | None:
         try:
-            worker, line = self._said.get(timeout=timeout)
+            worker, line = self._lines.get(timeout=timeout)
         except queue.Empty:
             return None
         if line.endswith("\n"):
             worker.job = ""
-            told = json.loads(line)
-            return Ended(told["name"], told["answer"])
+            message = json.loads(line)
+            return Ended(message["name"], message["answer"])
         self._alive.remove(worker)
         code = worker.process.wait()
         return Ended(worker.job, None, _cause(code)) if worker.job else None
@@ -84,8 +84,8 @@ class LocalPool:
         assert worker.process.stdout is not None
         for line in worker.process.stdout:
             if line.endswith("\n"):  # else it died in the middle of its answer
-                self._said.put((worker, line))
-        self._said.put((worker, ""))
+                self._lines.put((worker, line))
+        self._lines.put((worker, ""))
 
 
 def _close(stream: "IO[str]") -> None:

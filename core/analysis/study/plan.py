@@ -8,6 +8,7 @@ from typing import Any
 
 from sparsemor.core.analysis.study.axes import (
     Point,
+    axis_columns,
     chart_columns,
     points_of,
     setting_columns,
@@ -25,7 +26,7 @@ from sparsemor.core.scene.independent_of_physics import NOT_PHYSICS, training_ph
 from sparsemor.core.scene.overrides import split
 from sparsemor.core.scene.run_identity import Identity, environment
 from sparsemor.core.scene.scene import Scene, build
-from sparsemor.core.scene.source import Source
+from sparsemor.core.scene.source import Source, packaged
 from sparsemor.core.scene.yaml_reader import KeyPath, LocatedError
 
 
@@ -65,14 +66,19 @@ class Run:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Plan:
-    """All runs and the references they are measured against, by key. fields: kinds that the bodies
-    may have."""
+    """All runs and the references they are measured against, by key.
+
+    columns: of the table; settings: those of changes; axes: those without the details of named
+    alternatives; lines: those that name a line of the chart; fields: kinds that the bodies may
+    have.
+    """
 
     study: Study
     runs: tuple[Run, ...]
     references: Mapping[str, SceneData]
     columns: tuple[str, ...]
     settings: tuple[str, ...]
+    axes: tuple[str, ...]
     lines: tuple[str, ...]
     digest: str
     fields: tuple[FieldKind, ...] = ()
@@ -84,10 +90,10 @@ class Plan:
         A choice that no run can take is a fault of the file; one that only some combinations
         refuse leaves those runs refused.
         """
-        known = registry or Registry()
-        read = Study.read(study, known)
+        plugins = registry or Registry()
+        read = Study.read(study, plugins)
         points = points_of(read)
-        maker = _Maker(read, _scene_of(read, known))
+        maker = _Maker(read, _scene_of(read, plugins))
         runs = [maker.run(number, point) for number, point in enumerate(points, 1)]
         read.check(maker.never_valid(points))
         maker.check_scene(len(points))
@@ -100,7 +106,8 @@ class Plan:
             [[r.refused, dict(r.scene.tree) if r.scene else None] for r in runs],
             {key: dict(s.tree) for key, s in maker.references.items()})
         return cls(read, tuple(runs), maker.references, tuple(columns), tuple(settings),
-                   tuple(chart_columns(read.file, points)), about, fields)
+                   tuple(axis_columns(points)), tuple(chart_columns(read.file, points)), about,
+                   fields)
 
 
 @dataclass(slots=True)
@@ -168,7 +175,7 @@ class _Maker:
         return key, scene.dump()
 
     def _reference_place(self, key: str) -> KeyPath:
-        written = self.study.source.document.places
+        written = self.study.source.document.positions
         inner: KeyPath = ("reference", "fixed", key)
         return inner if inner in written else ("reference", key)
 
@@ -177,7 +184,7 @@ class _Maker:
         if key in self._known:
             return self._known[key]
         made = make()
-        if isinstance(made, tuple) or kind != "reference":  # each run is told of a failure
+        if isinstance(made, tuple) or kind != "reference":  # each run reports its own failure
             self._known[key] = made
         return made
 
@@ -187,20 +194,20 @@ class _Maker:
         """Keeps who is to blame for the faults of a run; returns them in words."""
         words = []
         for fault in error.faults:
-            label, given = source.origin(fault.key) or ("", "")
+            label, option = source.origin(fault.key) or ("", "")
             if not label and fault.key in owners:  # it could not even be applied
-                label, given = "run", fault.key
+                label, option = "run", fault.key
             inner = f"{fault.key}: " if fault.key else ""
             words.append(inner + fault.message)
             if label == "set":
-                path: KeyPath = ("set", given)
+                path: KeyPath = ("set", option)
             elif label:
-                path = owners[given]
+                path = owners[option]
             else:
                 self.scene_lines.setdefault(number, []).extend(source.lines(InputError([fault])))
                 continue
-            said = "" if path[-1] == fault.key else inner
-            self.blamed.setdefault(number, []).append(Finding(path, said + fault.message))
+            prefix = "" if path[-1] == fault.key else inner
+            self.blamed.setdefault(number, []).append(Finding(path, prefix + fault.message))
         return "; ".join(words)
 
     def never_valid(self, points: list[Point]) -> list[Finding]:
@@ -243,16 +250,17 @@ def _compared(dump: Mapping[str, Any]) -> dict[str, Any]:
 def _scene_of(study: Study, registry: Registry) -> Source:
     """The scene with `set` applied; faults at the study's keys."""
     named = study.file.scene
-    folder = Path(study.source.document.name).parent
-    packaged = [p.name for p in registry.names("scene")]
-    if named in packaged:
-        source = Source.read(named, registry)
-    elif (folder / named).is_file():
-        source = Source.read(folder / named, registry)
-    else:
+    neighbour = Path(study.source.document.name).parent / named
+    if registry.has("scene", named):
+        try:
+            registry.load("scene", named)
+        except InputError as error:  # two packages offer it
+            raise study.locate([Finding(("scene",), str(error))]) from None
+    elif not neighbour.is_file():
         raise study.locate([Finding(
             ("scene",), f"there is no such file next to the study, and no packaged scene is "
-            f"called {named!r}: {suggestions(named, packaged, 'packaged')}")])
+            f"called {named!r}: {suggestions(named, packaged(registry, 'scene'), 'packaged')}")])
+    source = Source.read(named if registry.has("scene", named) else neighbour, registry)
     try:
         return source.changed(study.file.changes, "set")
     except InputError as error:

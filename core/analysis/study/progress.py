@@ -42,8 +42,7 @@ def duration(seconds: float) -> str:
 def _line(plan: Plan, state: State, row: Row | None) -> None:
     if row is None:
         return
-    settings = " ".join(f"{n}={cell(row[n])}" for n in plan.settings
-                        if row.get(n) is not None and not n.startswith("set."))
+    settings = " ".join(f"{n}={cell(row[n])}" for n in plan.axes if row.get(n) is not None)
     print(f"run {row['run']}: {row['status']} ({settings}); {in_words(state)}", file=sys.stderr,
           flush=True)
 

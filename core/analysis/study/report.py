@@ -27,12 +27,11 @@ _DECIMAL = {"ms_per_step": ".3g", "speed_up": ".3g"}
 
 def in_words(plan: Plan, rows: Sequence[Mapping[str, Any]]) -> str:
     """The table with the columns that people look at first, and how the runs ended."""
-    settings = [n for n in plan.settings if not n.startswith("set.")]
-    names = ["run", *settings, "status", "ms_per_step", "speed_up",
-             *(n for n in _errors(plan)[1:] if any(row.get(n) is not None for row in rows))]
-    head = [n.removeprefix(ERROR).replace("_", " ") for n in names]
     errors = _errors(plan)
-    shown = [[_text(n, row, n in errors) for n in names] for row in rows[:SHOWN]]
+    names = ["run", *plan.axes, "status", "ms_per_step", "speed_up",
+             *(n for n in [*errors][1:] if any(row.get(n) is not None for row in rows))]
+    head = [errors.get(n, n).replace("_", " ") for n in names]
+    shown = [[_text(n, row, errors.get(n)) for n in names] for row in rows[:SHOWN]]
     more = [f"and {len(rows) - SHOWN} more"] if len(rows) > SHOWN else []
     return "\n".join([*([text_table([head, *shown])] if shown else []), *more, "",
                       counted(plan, rows), *_reasons(rows)])
@@ -56,10 +55,10 @@ def work_points(plan: Plan, rows: Sequence[Mapping[str, Any]]) -> "list[WorkPoin
     Runs that differ in the seed only are one point: median times, largest errors. Those of them
     that stopped are another, with the status of the first.
     """
-    known = {s.value for s in Status}
+    statuses = {s.value for s in Status}
     groups: dict[tuple[str, str, bool], list[Mapping[str, Any]]] = {}
     for row in rows:
-        if row["ms_per_step"] is not None and row["status"] in known:
+        if row["ms_per_step"] is not None and row["status"] in statuses:
             method = ", ".join(cell(row[n]) for n in plan.lines if row.get(n) is not None)
             budget = cell(row.get(plan.study.file.budget))
             key = method or plan.study.name, budget, Status(row["status"]).ok
@@ -69,13 +68,13 @@ def work_points(plan: Plan, rows: Sequence[Mapping[str, Any]]) -> "list[WorkPoin
             for (method, budget, _), group in groups.items()]
 
 
-def _errors(plan: Plan) -> tuple[str, ...]:
-    """Columns of errors over whole runs."""
-    return tuple(f"{ERROR}{m}" for m in measure_names(plan.fields))
+def _errors(plan: Plan) -> dict[str, str]:
+    """Columns of errors over whole runs -> the measure."""
+    return {f"{ERROR}{m}": m for m in measure_names(plan.fields)}
 
 
 def _point(
-    method: str, budget: str, rows: Sequence[Mapping[str, Any]], names: Sequence[str]
+    method: str, budget: str, rows: Sequence[Mapping[str, Any]], measures: Mapping[str, str]
 ) -> "WorkPoint":
     from sparsemor.core.analysis.charts.work_precision import WorkPoint
 
@@ -83,8 +82,8 @@ def _point(
         values = [row[name] for row in rows if row[name] is not None]
         return median(values) if values else None
 
-    errors = {n.removeprefix(ERROR): max(row[n] for row in rows if row[n] is not None)
-              for n in names if any(row[n] is not None for row in rows)}
+    errors = {m: max(row[n] for row in rows if row[n] is not None)
+              for n, m in measures.items() if any(row[n] is not None for row in rows)}
     return WorkPoint(method, budget, middle("ms_per_step"), middle("speed_up"), errors,
                      Status(rows[0]["status"]), middle("offline_total_s"))
 
@@ -124,7 +123,7 @@ def over_time(
     for name, row in chosen.items():
         series = {m: np.array(v) for m, v in row[SERIES].items()}
         times = series.pop("time")
-        made[name] = Errors(times, series, {}, {}, 0.0, float(times[-1]), {}, 0.0)
+        made[name] = Errors(times, series)
     return made, {name: Status(row["status"]) for name, row in chosen.items()}
 
 
@@ -155,12 +154,12 @@ def _reasons(rows: Sequence[Mapping[str, Any]]) -> list[str]:
     return lines[:8] + ([f"and {len(lines) - 8} other messages"] if len(lines) > 8 else [])
 
 
-def _text(name: str, row: Mapping[str, Any], is_error: bool) -> str:
+def _text(name: str, row: Mapping[str, Any], measure: str | None) -> str:
+    """A cell of the table; measure: of the error in this column."""
     value = row.get(name)
     if value is None:
         return "-"
-    if is_error:
-        measure = name.removeprefix(ERROR)
+    if measure is not None:
         still = measure in str(row.get("constant") or "").split() and value <= 1e-9
         return CONSTANT if still else marked(value, ".2e", LIMIT)
     form = _DECIMAL.get(name)

@@ -1,4 +1,4 @@
-"""A study from its file to its table, through whoever does the runs."""
+"""Execution of a study, from its plan to its table."""
 
 import shutil
 from collections.abc import Callable, Iterator
@@ -41,7 +41,7 @@ def study(
 ) -> list[Row]:
     """Conduct a study and return its table: one mapping a run, in order.
 
-    file: a packaged study's name or a path. out: the folder, `runs/NAME` when not given; the
+    file: a packaged study's name or a path. out: the folder, `runs/NAME` by default; the
     same call again goes on with what is left. workers: processes on this machine, 0 for none;
     scheduler: address of a dask.distributed cluster. times: whether the table has the columns
     that depend on the machine. Raises InputError, before anything is written.
@@ -70,7 +70,7 @@ def run_plan(
     cluster = _cluster(scheduler) if scheduler else None  # refused before anything is written
     try:
         with OutputDirectory(folder).claimed(
-                resume=not force, force=force, known=lambda: is_study(folder),
+                resume=not force, force=force, replaceable=lambda: is_study(folder),
                 kind="studies only, and this is no study"):
             journal = Journal.open(folder, plan)
             rows = journal.rows(drop=(DIED,))

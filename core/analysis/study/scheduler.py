@@ -5,9 +5,10 @@ A run waits for what it shares with others, so that nothing shared is made twice
 
 import heapq
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from graphlib import TopologicalSorter
+from typing import Any, Literal
 
 from sparsemor.core.analysis.study.jobs import BROKEN, DIED, REFUSED
 from sparsemor.core.analysis.study.plan import Plan, Run
@@ -29,11 +30,21 @@ class State:
     seconds_left: float | None
 
 
+Kind = Literal["reference", "products", "run"]
+
+
 @dataclass(frozen=True, slots=True)
 class _Job:
-    name: str
+    """A job of a kind for the key of what it computes; run: one that needs it."""
+
+    kind: Kind
+    key: str
     after: tuple[str, ...]
     run: Run
+
+    @property
+    def name(self) -> str:
+        return f"{self.kind}:{self.key}"
 
 
 class Schedule:
@@ -47,13 +58,10 @@ class Schedule:
         self._plan, self._pool, self._scratch = plan, pool, scratch
         self._jobs = {job.name: job for job in _jobs_of(left)}
         self._order = {name: i for i, name in enumerate(self._jobs)}
-        self._unmet = {name: len(job.after) for name, job in self._jobs.items()}
-        self._waiters: dict[str, list[str]] = {}
-        for job in self._jobs.values():
-            for name in job.after:
-                self._waiters.setdefault(name, []).append(job.name)
-        self._ready = [(self._order[n], n) for n, count in self._unmet.items() if not count]
-        heapq.heapify(self._ready)
+        self._graph = TopologicalSorter({name: job.after for name, job in self._jobs.items()})
+        self._graph.prepare()
+        self._ready: list[tuple[int, str]] = []
+        self._push(self._graph.get_ready())
         self._answers: dict[str, Answer] = {}
         self._deaths: dict[str, int] = {}
         self._flying: set[str] = set()
@@ -70,78 +78,73 @@ class Schedule:
     def go(self, commit: Callable[[Row], None], watch: Callable[[State, Row | None], None]) -> None:
         """Until every run has its row. `commit` gets each row; `watch` is called after it, and
         from time to time."""
+        self._commit, self._watch = commit, watch
         while self._ready or self._flying:
             while self._ready and len(self._flying) < self._pool.slots:
-                name = heapq.heappop(self._ready)[1]
-                self._start(name, commit, watch)
+                self._start(heapq.heappop(self._ready)[1])
             if not self._flying:
                 continue
             watch(self.state, None)
             ended = self._pool.next(1.0)
             if ended is not None:
-                self._end(ended, commit, watch)
+                self._end(ended)
 
-    def _start(
-        self, name: str, commit: Callable[[Row], None], watch: Callable[[State, Row | None], None]
-    ) -> None:
+    def _push(self, names: Iterable[str]) -> None:
+        for name in names:
+            heapq.heappush(self._ready, (self._order[name], name))
+
+    def _start(self, name: str) -> None:
         job = self._jobs[name]
         spoiled = next((a for n in job.after if (a := self._spoils(n)) is not None), None)
-        if job.run.refused and name.startswith("run:"):
+        if job.run.refused and job.kind == "run":
             spoiled = {"status": REFUSED, "message": job.run.refused}
         if spoiled is not None:
-            self._settle(name, spoiled, commit, watch)
+            self._settle(name, spoiled)
             return
         self._flying.add(name)
         self._pool.submit(name, self._payload(job))
 
     def _payload(self, job: _Job) -> dict[str, Any]:
-        kind, run = job.name.partition(":")[0], job.run
+        run = job.run
         reference = self._plan.references[run.reference].plain()
-        if kind == "reference":
-            return {"kind": kind, "scene": reference}
+        if job.kind == "reference":
+            return {"kind": job.kind, "scene": reference}
         assert run.scene is not None
-        if kind == "products":
-            return {"kind": kind, "scene": run.scene.plain()}
+        if job.kind == "products":
+            return {"kind": job.kind, "scene": run.scene.plain()}
         return {
-            "kind": kind, "scene": run.scene.plain(), "reference": reference,
+            "kind": job.kind, "scene": run.scene.plain(), "reference": reference,
             "reference_key": self._answers[f"reference:{run.reference}"]["key"],
             "is_reference": run.is_reference,
             "errors_from": self._plan.study.file.errors_from,
             "scratch": f"{self._scratch}/run-{run.number}" if self._scratch else None,
         }
 
-    def _end(
-        self, ended: Ended, commit: Callable[[Row], None],
-        watch: Callable[[State, Row | None], None],
-    ) -> None:
+    def _end(self, ended: Ended) -> None:
         self._flying.discard(ended.name)
         answer = ended.answer
         if answer is None:
             deaths = self._deaths[ended.name] = self._deaths.get(ended.name, 0) + 1
             if deaths <= self._pool.repeats:
-                heapq.heappush(self._ready, (self._order[ended.name], ended.name))
+                self._push([ended.name])
                 return
             times = f"{deaths} times, " if deaths > 1 else ""
             answer = {"status": DIED, "message": f"its worker died ({times}last: {ended.death})"}
-        self._settle(ended.name, answer, commit, watch)
+        self._settle(ended.name, answer)
 
-    def _settle(
-        self, name: str, answer: Answer, commit: Callable[[Row], None],
-        watch: Callable[[State, Row | None], None],
-    ) -> None:
+    def _settle(self, name: str, answer: Answer) -> None:
         self._answers[name] = answer
-        for waiter in self._waiters.get(name, ()):
-            self._unmet[waiter] -= 1
-            if not self._unmet[waiter]:
-                heapq.heappush(self._ready, (self._order[waiter], waiter))
-        if not name.startswith("run:"):
+        self._graph.done(name)
+        self._push(self._graph.get_ready())
+        job = self._jobs[name]
+        if job.kind != "run":
             return
-        row = self._row(self._jobs[name], answer)
-        commit(row)
+        row = self._row(job, answer)
+        self._commit(row)
         self._done, self._ended = self._done + 1, self._ended + 1
         self._runs_left -= 1
         self._failed += row["status"] != Status.DONE.value
-        watch(self.state, row)
+        self._watch(self.state, row)
 
     def _row(self, job: _Job, answer: Answer) -> Row:
         run = job.run
@@ -153,7 +156,7 @@ class Schedule:
     def _spoils(self, name: str) -> Answer | None:
         """Jobs that cannot run because `name`, which they depend on, failed."""
         answer = self._answers[name]
-        kind, status = name.partition(":")[0], answer["status"]
+        kind, status = self._jobs[name].kind, answer["status"]
         if kind == "reference" and "key" not in answer:
             return {"status": status, "message": f"reference: {answer['message']}"}
         # a refusal may be of the one run that was prepared: the others say their own
@@ -165,7 +168,7 @@ class Schedule:
 def _jobs_of(runs: Sequence[Run]) -> list[_Job]:
     """References, then offline products that several runs share, then the runs."""
     possible = [run for run in runs if not run.refused]
-    references = {f"reference:{run.reference}": run for run in reversed(possible)}
+    references = {run.reference: run for run in reversed(possible)}
     trained: dict[str, list[Run]] = {}
     for run in possible:
         if run.training:
@@ -182,13 +185,13 @@ def _jobs_of(runs: Sequence[Run]) -> list[_Job]:
             if name != first and len(sharing) == 1:
                 waits_for[token] = first  # it makes its own basis from the shared training run
                 continue
-            products.append(_Job(name, () if name == first else (first,), sharing[0]))
+            products.append(_Job("products", token, () if name == first else (first,), sharing[0]))
             waits_for[token] = name
-    jobs = [_Job(name, (), run) for name, run in reversed(references.items())] + products
+    jobs = [_Job("reference", key, (), run) for key, run in reversed(references.items())] + products
     for run in runs:
         after: tuple[str, ...] = ()
         if not run.refused:
             shared = waits_for.get(run.products)
             after = (f"reference:{run.reference}", *((shared,) if shared else ()))
-        jobs.append(_Job(f"run:{run.number}", after, run))
+        jobs.append(_Job("run", str(run.number), after, run))
     return jobs

@@ -1,4 +1,4 @@
-"""A run for other programs: one time series a body, as files that ParaView opens."""
+"""Export of a run for ParaView: one time series per body."""
 
 import shutil
 from collections.abc import Callable, Mapping, Sequence
@@ -17,7 +17,7 @@ from sparsemor.core.results.run_result import RunResult
 
 
 class Series(Protocol):
-    """The files of one body, written time by time; `close` makes them whole."""
+    """The files of one body, written time by time and completed by `close`."""
 
     file: Path
 
@@ -33,7 +33,7 @@ _WRITERS: Mapping[str, Callable[[Path, str, IntArray], Series]] = {
 class Exported:
     """Written export: body -> the file to open, body -> fields in it, and at which times, s.
 
-    notes: fields that were asked for and that a body does not have.
+    notes: requested fields that a body does not have.
     """
 
     folder: Path
@@ -44,14 +44,8 @@ class Exported:
 
 
 def export(
-    run: RunResult,
-    folder: str | Path,
-    format: str = "vtu",
-    *,
-    bodies: Sequence[str] | None = None,
-    fields: Sequence[str] | None = None,
-    at: Sequence[float] | None = None,
-    every: int = 1,
+    run: RunResult, folder: str | Path, format: str = "vtu", *, bodies: Sequence[str] | None = None,
+    fields: Sequence[str] | None = None, at: Sequence[float] | None = None, every: int = 1,
     force: bool = False,
 ) -> Exported:
     """Write the bodies where they are, with displacement (m, space axes) and temperature (K).
@@ -70,7 +64,7 @@ def export(
     fresh = target.with_name(f".{target.name}.new")
     shutil.rmtree(fresh, ignore_errors=True)
     try:
-        fresh.mkdir(parents=True)
+        OutputDirectory(fresh).make()
         with writing(target):
             names = {body: _write(run, plan, body, fresh) for body in plan.fields}
         shutil.rmtree(target, ignore_errors=True)

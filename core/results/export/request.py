@@ -34,7 +34,7 @@ def plan_export(
     if len(run.times) == 0:
         raise InputError("the run has no stored step yet")
     gather = Gather()
-    gather("format", _known, format, FORMATS, "format", "formats")
+    gather("format", _check_name, format, FORMATS, "format", "formats")
     chosen = gather("body", _bodies, run, bodies)
     wanted = gather("fields", _fields, fields)
     steps = gather("at", run.steps_at, at)
@@ -47,18 +47,18 @@ def plan_export(
     return ExportPlan(format, steps[::every], *found)
 
 
-def _known(name: str, names: Sequence[str], one: str, many: str) -> None:
+def _check_name(name: str, names: Sequence[str], one: str, many: str) -> None:
     if name not in names:
         raise InputError(f"no {one} is called {name!r}: {suggestions(name, names, many)}")
 
 
-def _each(names: Sequence[str], known: Sequence[str], one: str, many: str) -> None:
+def _each(names: Sequence[str], allowed: Sequence[str], one: str, many: str) -> None:
     gather = Gather()
     for name in names:
-        gather("", _known, name, known, one, many)
+        gather("", _check_name, name, allowed, one, many)
     gather.check()
     if not names:
-        raise InputError(f"name at least one: {', '.join(known)}")
+        raise InputError(f"name at least one: {', '.join(allowed)}")
 
 
 def _bodies(run: RunResult, bodies: Sequence[str] | None) -> list[str]:
@@ -75,16 +75,17 @@ def _fields(fields: Sequence[str] | None) -> tuple[str, ...]:
 
 
 def _by_body(
-    run: RunResult, bodies: Sequence[str], wanted: Sequence[str], asked: bool
+    run: RunResult, bodies: Sequence[str], wanted: Sequence[str], required: bool
 ) -> tuple[dict[str, tuple[str, ...]], tuple[str, ...]]:
-    """Fields of each body, and what to say of those that were asked for and are not there."""
+    """Fields of each body, and a note for each requested one that is absent. required: whether one
+    at least must be there."""
     found = {body: tuple(f for f in wanted if run.layout.of(body, FIELDS[f]) is not None)
              for body in bodies}
     missing = tuple(f"{body} has no {field}: the run did not solve for it"
                     for body in bodies for field in wanted if field not in found[body])
-    if asked and not any(found.values()):
+    if required and not any(found.values()):
         raise InputError("; ".join(missing))
-    return found, missing if asked else ()
+    return found, missing if required else ()
 
 
 def _thinning(every: int, at: Sequence[float] | None) -> None:

@@ -47,9 +47,9 @@ class XdmfSeries:
     def _item(self, name: str, values: NDArray[np.generic]) -> str:
         """Writes the numbers; returns the element that points at them."""
         place = f"{self._body}/{name}.bin"
-        whole = values.dtype.kind == "i"
-        stored = values.astype("<i4" if whole else "<f8")
+        integers = values.dtype.kind == "i"
+        stored = values.astype("<i4" if integers else "<f8")
         stored.tofile(self.file.parent / place)
-        return (f'<DataItem DataType="{"Int" if whole else "Float"}" Format="Binary" '
+        return (f'<DataItem DataType="{"Int" if integers else "Float"}" Format="Binary" '
                 f'Precision="{stored.dtype.itemsize}" Endian="Little" '
                 f'Dimensions="{" ".join(map(str, stored.shape))}">{place}</DataItem>')

@@ -17,8 +17,6 @@ it is a warning and not information, as a share of the lowest admissible tempera
 FIRST, STEPS = 16, 48
 """Stored steps that are looked at: the first ones, where heat that enters fast is resolved least,
 and others, evenly spread to the end."""
-GIVEN = "given temperature"
-"""How the names of columns end that prescribed temperatures make."""
 
 
 def undershoot(model: Model, result: RunResult) -> tuple[Note, ...]:
@@ -80,11 +78,10 @@ def _cooled(parts: Mapping[str, Part], b: HeatBody, times: FloatArray) -> bool:
            for t in b.tables):
         return True
     amounts = amplitudes_along(b.amplitudes, times)
-    names = b.load_names or ("",) * amounts.shape[1]
-    for i, name in enumerate(names):
-        part = parts.get(name)
+    for i, column in enumerate(b.columns):
+        part = parts.get(column.name)
         tied = isinstance(part, HasSurroundings) and part.surroundings is not None
-        if not (tied or name.endswith(GIVEN)) and np.outer(
+        if not (tied or column.prescribed) and np.outer(
                 (b.loads[:, i].min(), b.loads[:, i].max()), amounts[:, i]).min() < 0.0:
             return True
     return False

@@ -19,6 +19,7 @@ from sparsemor.core import (
     HeatBody,
     HeatIntegrals,
     Integrals,
+    LoadColumn,
     MovingBody,
     Note,
     OfflineProducts,
@@ -198,7 +199,7 @@ def _weigh_heat(
         conductivity=_weighed(body.conductivity, g.conductivity, w),
         constant=body.constant + fixed, loads=np.concatenate([body.loads, rest], axis=1),
         amplitudes=(*body.amplitudes, *g.amplitudes), local=tuple(local),
-        load_names=(*body.load_names, *("left-out elements" for _ in g.amplitudes)))
+        columns=(*body.columns, *(LoadColumn("left-out elements") for _ in g.amplitudes)))
 
 
 def _left_out(g: Integrals, w: FloatArray) -> tuple[FloatArray, FloatArray]:

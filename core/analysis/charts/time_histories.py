@@ -1,0 +1,235 @@
+"""Charts over time: angles and positions of bodies, contact forces, and probes."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sparsemor.core.analysis.charts.style import (
+    REFERENCE_COLOUR,
+    draw_line,
+    handles_of,
+    label_of,
+    legend_above,
+    plain,
+    style_of,
+    time_panels,
+)
+from sparsemor.core.analysis.charts.units import unit
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.protocols.layout import Quantity
+from sparsemor.core.protocols.poses import FREE_POSE, KNOWN, PLANAR_POSE, SPINNING_POSE, turned_by
+from sparsemor.core.results.run_result import RunResult
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Curves = dict[tuple[str, str], "Curve"]
+"""By body and label of the axis."""
+Poses = Mapping[str, tuple[FloatArray, FloatArray]]
+"""Body -> times (j,), s, and pose (j, 3), (j, 4) or (j, 7), m and rad."""
+FORCES = {"normal": "normal force", "friction": "friction"}
+_AXES = ("x moved", "y moved", "z moved", "turned")
+_STILL = 1e-12
+"""m or rad: a panel in which nothing moves farther is left out."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Curve:
+    """values (j,) at times (j,), s."""
+
+    times: FloatArray
+    values: FloatArray
+
+
+def angles_figure(
+    reference: RunResult, runs: Mapping[str, RunResult], name: str
+) -> "Figure | None":
+    """Angles of all runs (as Figs. 4 and 17 of the paper): one panel per body that turns by an
+    angle, and one for its angular speed if it only spins; None when nothing turns.
+
+    name: label of the reference, if there are other runs. A cross marks where a run stopped early.
+    """
+    shown = turning(reference)
+    if not shown:
+        return None
+    others = {run: turning(result) for run, result in runs.items()}
+    end = max(float(curve.times[-1]) for curve in shown.values())
+    figure, panels, clock = time_panels([(label, body) for body, label in shown], end, 1.45)
+    name = plain(name)
+    for (key, curve), axes in zip(shown.items(), panels, strict=True):
+        times = clock.factor * curve.times
+        if runs:
+            axes.plot(times, curve.values, color=REFERENCE_COLOUR, linewidth=3.2,
+                      label=f"{name} (reference)")
+        else:
+            draw_line(axes, times, curve.values, 0, name)
+        low, high = axes.get_ylim()
+        for number, (run, result) in enumerate(runs.items()):
+            own = others[run].get(key)
+            if own is None:
+                continue
+            draw_line(axes, clock.factor * own.times, own.values, number,
+                      label_of(run, result.status))
+            if not result.status.ok:
+                axes.plot(clock.factor * own.times[-1], np.clip(own.values[-1], low, high),
+                          marker="x", color=style_of(number).colour, markersize=5, clip_on=False)
+        reach = 0.15 * (high - low)  # a run that left the reference must not squash the others
+        axes.set_ylim(max(axes.get_ylim()[0], low - reach), min(axes.get_ylim()[1], high + reach))
+        axes.set_xlim(times[0], clock.factor * end)
+    legend_above(figure, panels[0].get_legend_handles_labels()[0])
+    return figure
+
+
+def turning(run: RunResult) -> Curves:
+    """Degrees of bodies in the plane; radians and rad/s of frames that spin about one axis, solved
+    for or prescribed by the rigid stage.
+
+    A result holds no rates of unknowns: their speed is the derivative of the parabola through three
+    stored angles. A rigid stage has its own.
+    """
+    found: Curves = {}
+    if len(run.times) < 2:
+        return found
+    for b in run.layout:
+        if b.kind.quantity is Quantity.POSE and b.size in (PLANAR_POSE, SPINNING_POSE):
+            angle = run.block(b.name)[:, -1]
+            if b.size == PLANAR_POSE:
+                found[b.owner, "angle (°)"] = Curve(run.times, np.degrees(angle))
+            else:
+                found |= _spin(b.owner, run.times, angle, rate_of(run.times, angle))
+    stage = run.stage()
+    for body in sorted(stage.moves) if stage is not None else ():
+        assert stage is not None
+        frame = stage.frames[body]
+        if frame.pose.shape[1] == SPINNING_POSE and len(stage.times) > 1:
+            found |= _spin(body, stage.times, frame.pose[:, -1], frame.rate[:, -1])
+    return found
+
+
+def _spin(body: str, times: FloatArray, angle: FloatArray, rate: FloatArray) -> Curves:
+    return {(body, "angle (rad)"): Curve(times, angle),
+            (body, "angular speed (rad/s)"): Curve(times, rate)}
+
+
+def rate_of(times: FloatArray, angle: FloatArray) -> FloatArray:
+    """(j,) derivative of angles (j,), exact for parabolas."""
+    return np.asarray(np.gradient(angle, times, edge_order=2 if len(times) > 2 else 1))
+
+
+def moving_bodies(run: RunResult) -> Poses:
+    """Frames that a rigid stage moved; without one those that the run solved for: in space, and in
+    a scene with contact."""
+    stage = run.stage()
+    if stage is not None:
+        return {body: (stage.times, stage.frames[body].pose) for body in sorted(stage.moves)}
+    least = PLANAR_POSE if run.scene.get("contacts") else PLANAR_POSE + 1
+    return {b.owner: (run.times, run.block(b.name)) for b in run.layout
+            if b.kind.quantity is Quantity.POSE and b.size in KNOWN and b.size >= least}
+
+
+def positions_figure(moving: Poses) -> "Figure | None":
+    """Displacement of each frame's origin along the axes, and its turn (as Fig. 11 of the paper), a
+    panel each, as a slider goes millimetres along and micrometres down; None when nothing moves."""
+    end = max((float(times[-1]) for times, _ in moving.values() if len(times) > 1), default=0.0)
+    rows = {what: shown for what in _AXES if (shown := _moved(moving, what))}
+    if end <= 0.0 or not rows:
+        return None
+    scales = {what: unit(_largest(moved.values()), "rad" if what == "turned" else "m")
+              for what, moved in rows.items()}
+    figure, panels, clock = time_panels(
+        [(f"{what} ({scale.name})", "") for what, scale in scales.items()], end, 1.3)
+    for axes, (what, moved) in zip(panels, rows.items(), strict=True):
+        for number, body in enumerate(moving):
+            if body in moved:
+                draw_line(axes, moving[body][0] * clock.factor, moved[body] * scales[what].factor,
+                          number, body)
+        axes.set_xlim(0.0, end * clock.factor)
+    legend_above(figure, handles_of(panels, moving))
+    return figure
+
+
+def _moved(moving: Poses, what: str) -> dict[str, FloatArray]:
+    """Body -> (j,) since the start, m or rad; empty where nothing moves."""
+    found = {}
+    for body, (_, pose) in moving.items():
+        if what == "turned":
+            found[body] = (
+                turned_by(pose) if pose.shape[1] == FREE_POSE else pose[:, -1] - pose[0, -1])
+        elif what != "z moved" or pose.shape[1] != PLANAR_POSE:
+            column = pose[:, _AXES.index(what)]
+            found[body] = column - column[0]
+    moves = any(np.abs(values).max(initial=0.0) > _STILL for values in found.values())
+    return found if moves else {}
+
+
+def contact_forces_figure(contacts: Mapping[str, Mapping[str, FloatArray]]) -> "Figure | None":
+    """Normal force and friction (as Fig. 10 of the paper), one panel per contact; None when there
+    is no contact or no step. contacts: as `RunResult.contacts` returns them.
+
+    The start, at which nothing may press yet, is not drawn.
+    """
+    end = max((float(h["time"][-1]) for h in contacts.values() if len(h["time"]) > 1), default=0.0)
+    if end <= 0.0:
+        return None
+    forces = {name: unit(_largest(h[what][1:] for what in FORCES if what in h), "N")
+              for name, h in contacts.items()}
+    figure, panels, clock = time_panels(
+        [(f"force ({force.name})", name) for name, force in forces.items()], end, 1.75)
+    for (name, history), axes in zip(contacts.items(), panels, strict=True):
+        for number, (what, label) in enumerate(FORCES.items()):
+            if what in history:
+                draw_line(axes, history["time"][1:] * clock.factor,
+                          history[what][1:] * forces[name].factor, number, label)
+        low, high = axes.get_ylim()
+        axes.set_ylim(min(0.0, low), max(1.08 * high, 0.0) or 1.0)
+        axes.set_xlim(0.0, end * clock.factor)
+    legend_above(figure, panels[0].get_legend_handles_labels()[0])
+    return figure
+
+
+def probe_temperature_figure(run: RunResult) -> "Figure | None":
+    """Temperatures of the probes (as Fig. 18 of the paper), one panel per body; None where no probe
+    has one."""
+    columns = {name: run.probe_header(name).temperature for name in run.probes}
+    return _probes(run, {name: run.probe(name)[:, column] for name, column in columns.items()
+                         if column is not None}, "temperature", "K")
+
+
+def probe_displacement_figure(run: RunResult) -> "Figure | None":
+    """|u| of the probes of elastic bodies, in body axes (as Fig. 20 of the paper), one panel per
+    body; None where there is none."""
+    columns = {name: run.probe_header(name).displacement for name in run.probes}
+    return _probes(run, {
+        name: np.asarray(np.linalg.norm(run.probe(name)[:, column], axis=1))
+        for name, column in columns.items() if column is not None}, "displacement |u|", "m")
+
+
+def _probes(
+    run: RunResult, shown: Mapping[str, FloatArray], what: str, si: str
+) -> "Figure | None":
+    """One panel per body, each with its own scale: a pad gets hotter than its disk."""
+    if not shown or len(run.times) < 2:
+        return None
+    bodies: dict[str, list[str]] = {}
+    for name in shown:
+        bodies.setdefault(run.probe_header(name).body, []).append(name)
+    # kelvin stay kelvin: nobody reads kilokelvin
+    scales = {body: unit(_largest(shown[n] for n in names) if si == "m" else 0.0, si)
+              for body, names in bodies.items()}
+    figure, panels, clock = time_panels(
+        [(f"{what} ({scale.name})", body if len(bodies) > 1 else "")
+         for body, scale in scales.items()],
+        float(run.times[-1]), 1.75, 0.4 + 0.17 * -(-len(shown) // 3))
+    order, times = list(shown), clock.factor * run.times
+    for (body, names), axes in zip(bodies.items(), panels, strict=True):
+        for name in names:
+            draw_line(axes, times, scales[body].factor * shown[name], order.index(name), name)
+        axes.set_xlim(times[0], times[-1])
+    legend_above(figure, handles_of(panels, shown))
+    return figure
+
+
+def _largest(values: Iterable[FloatArray]) -> float:
+    return max((float(np.abs(v).max()) for v in values), default=0.0)
