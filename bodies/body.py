@@ -22,6 +22,9 @@ from sparsemor.bodies.terms.field_kinds import ELASTIC, MULTIPLIER, RIGID, THERM
 from sparsemor.bodies.terms.inertia import directions, generator
 from sparsemor.bodies.terms.surface_loads import write_surface_loads
 from sparsemor.core import (
+    FREE_POSE,
+    PLANAR_POSE,
+    Amplitude,
     Block,
     BodyFrame,
     BodyShape,
@@ -29,6 +32,7 @@ from sparsemor.core import (
     Equations,
     FloatArray,
     FrameHistory,
+    FrameItem,
     InputError,
     IntArray,
     Layout,
@@ -37,10 +41,10 @@ from sparsemor.core import (
     ProbePlace,
     SurfaceLoads,
     TimeFunction,
-    near,
+    points_in_space,
+    suggestions,
+    vectors_in_space,
 )
-from sparsemor.core.protocols.poses import FREE, PLANAR, placed, turned
-from sparsemor.core.protocols.separable import Amplitude, FrameItem
 
 NO_NUMBERS = np.zeros(0, np.int64)
 KINDS = {2: "plane: give two", 3: "spatial: give three"}
@@ -78,7 +82,7 @@ class Body:
     kernel: type[PlanarFrame] | type[SpatialFrame] = field(init=False)
 
     def __post_init__(self) -> None:
-        plane = len(self.pose) == PLANAR
+        plane = len(self.pose) == PLANAR_POSE
         object.__setattr__(self, "kernel", PlanarFrame if plane else SpatialFrame)
 
     @property
@@ -89,7 +93,7 @@ class Body:
     @property
     def turns_freely(self) -> bool:
         """True if its attitude is a quaternion, not an angle."""
-        return len(self.pose) == FREE
+        return len(self.pose) == FREE_POSE
 
     @property
     def immobile(self) -> bool:
@@ -245,17 +249,17 @@ class Body:
 
     def start_rotation(self) -> FloatArray:
         """(d, d): body axes to space axes at the start."""
-        return np.stack([turned(self.pose[None], e)[0] for e in np.eye(self.d)], axis=1)
+        return np.stack([vectors_in_space(self.pose[None], e)[0] for e in np.eye(self.d)], axis=1)
 
     def start_position(self, weights: FloatArray) -> FloatArray:
         """(d,) position of the weighted mean point at the start, m (space axes)."""
-        return np.asarray(placed(self.pose[None], (weights @ self.X)[None])[0])
+        return np.asarray(points_in_space(self.pose[None], (weights @ self.X)[None])[0])
 
     def named(self, which: str, key: str) -> IntArray:
         """Points of a named set; InputError under `key` that names the sets there are."""
         if which not in self.points:
             raise InputError(f"body {self.name!r} has no set {which!r}: "
-                             f"{near(which, sorted(self.points), 'sets')}", key)
+                             f"{suggestions(which, sorted(self.points), 'sets')}", key)
         return self.points[which]
 
     def probe(self, name: str, at: str | Sequence[float]) -> ProbePlace:

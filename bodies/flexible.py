@@ -39,9 +39,9 @@ from sparsemor.core import (
     MeshSize,
     Plugin,
     Slot,
+    checked_return,
     slot_default,
 )
-from sparsemor.core.registry.returned_values import returned
 
 
 class Damping(Plugin):
@@ -130,7 +130,7 @@ class Flexible(Plugin):
 
     def _mesh(self, base: Path) -> Mesh:
         try:
-            mesh = returned(self.mesh.build(base), Mesh, self.mesh, "build")
+            mesh = checked_return(self.mesh.build(base), Mesh, self.mesh, "build")
         except InputError as error:
             raise error.under("mesh") from None
         check_mesh(mesh)  # its faults have the key "mesh"

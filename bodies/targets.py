@@ -7,7 +7,7 @@ import numpy as np
 
 from sparsemor.bodies.body import Body
 from sparsemor.bodies.fem.surface import boundary_facets
-from sparsemor.core import FloatArray, Gather, InputError, IntArray, Mesh, Part, near
+from sparsemor.core import FloatArray, Gather, InputError, IntArray, Mesh, Part, suggestions
 
 GROUND = "ground"
 
@@ -46,7 +46,8 @@ def find_body(parts: Mapping[str, Part], name: str, key: str) -> Body:
     """InputError names the bodies that there are."""
     bodies = {b.name: b for b in all_bodies(parts)}
     if name not in bodies:
-        raise InputError(f"no body is called {name!r}: {near(name, list(bodies), 'bodies')}", key)
+        raise InputError(
+            f"no body is called {name!r}: {suggestions(name, list(bodies), 'bodies')}", key)
     return bodies[name]
 
 

@@ -6,8 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from pydantic import Field
 
-from sparsemor.core import FloatArray, Layout, Note, Plugin, State, StepFormula
-from sparsemor.core.simulation.diagnostics.alternating_joint_forces import joints_of
+from sparsemor.core import FloatArray, Layout, Note, Plugin, State, StepFormula, joints_with_forces
 
 UNDAMPED = 0.95
 """Largest rho_inf at which errors of joint forces die out within some hundred steps."""
@@ -50,7 +49,7 @@ class GeneralizedAlpha(Plugin):
 
     def notes(self, layout: Layout) -> tuple[Note, ...]:
         """A warning where joint forces are unknown and nothing damps their errors."""
-        joints = joints_of(layout)
+        joints = joints_with_forces(layout)
         if self.rho_inf <= UNDAMPED or not joints:
             return ()
         return (Note(

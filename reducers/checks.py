@@ -14,10 +14,10 @@ from sparsemor.core import (
     Preconditioner,
     Sampler,
     SparseSolver,
-    chosen,
+    matched_option,
+    solver_refusal,
+    unmatched_patterns,
 )
-from sparsemor.core.model.block_patterns import unmatched
-from sparsemor.core.protocols.sparse_solver import refusal
 from sparsemor.reducers.full.monolithic import coupling
 
 
@@ -30,7 +30,7 @@ class RowsAndAtoms(Protocol):
 
 def pattern_faults(model: AssembledModel, key: str, patterns: Iterable[str]) -> list[Fault]:
     """Patterns that fit no block of any body (core/model/block_patterns.py)."""
-    return unmatched(model.layout, key, patterns)
+    return unmatched_patterns(model.layout, key, patterns)
 
 
 def budget_faults(
@@ -62,8 +62,8 @@ def preconditioner_faults(
     preconditioned: patterns of the blocks that have one.
     """
     faults, wanted = [], dict.fromkeys(preconditioned, True)
-    for name in (n for n in model.reducible() if chosen(n, wanted, False)):
-        atoms = most_atoms(chosen(name, bases, basis), block_size(model, name))
+    for name in (n for n in model.reducible() if matched_option(n, wanted, False)):
+        atoms = most_atoms(matched_option(name, bases, basis), block_size(model, name))
         pattern = pattern_of(name, budgets)
         asked = None if pattern is None else budgets[pattern].rows
         rows = default_rows(model, name, sampler, atoms) if asked is None else asked
@@ -89,7 +89,7 @@ def capability_faults(
         budget = None if pattern is None else budgets[pattern]
         if budget is None or budget.atoms is None:
             continue
-        most = most_atoms(chosen(name, bases, basis), block_size(model, name))
+        most = most_atoms(matched_option(name, bases, basis), block_size(model, name))
         if model.layout.block(name).kind.order == 2:
             choosing.append(name)
             joint = joint or budget.atoms < most
@@ -97,11 +97,11 @@ def capability_faults(
         own = default_rows(model, name, sampler, most) if budget.rows is None else budget.rows
         rows = own + required_rows(model, name, sampler)
         needs = frozenset({"overdetermined"} if rows > most > budget.atoms else ())
-        why = refusal(name, solver, needs)
+        why = solver_refusal(name, solver, needs)
         if why:
             faults.append(Fault("solver", why))
     if joint:
-        why = refusal(", ".join(choosing), solver, frozenset({"nonlinear", "unpenalised"}))
+        why = solver_refusal(", ".join(choosing), solver, frozenset({"nonlinear", "unpenalised"}))
         if why:
             faults.append(Fault("solver", why))
     return faults
@@ -137,7 +137,7 @@ def coupled_faults(
     for name in (n for n in model.reducible() if n in unselectable_blocks(model)):
         pattern = pattern_of(name, budgets)
         atoms = None if pattern is None else budgets[pattern].atoms
-        most = bound_of_atoms(chosen(name, bases, basis), block_size(model, name))
+        most = bound_of_atoms(matched_option(name, bases, basis), block_size(model, name))
         if atoms is not None and most is not None and atoms < most:
             faults.append(Fault(f"budgets.{pattern}.atoms", unselectable(model, name, atoms, most)))
     return faults
@@ -179,7 +179,7 @@ def local_blocks(model: AssembledModel) -> dict[str, str]:
 
 def pattern_of(name: str, table: Mapping[str, object]) -> str | None:
     """The pattern that decides for a block."""
-    return chosen(name, {pattern: pattern for pattern in table}, None)
+    return matched_option(name, {pattern: pattern for pattern in table}, None)
 
 
 def block_size(model: AssembledModel, name: str) -> int:

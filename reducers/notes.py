@@ -12,8 +12,8 @@ from sparsemor.core import (
     Plugin,
     Registry,
     Slot,
-    chosen,
     information,
+    matched_option,
 )
 
 NO_EFFECT = "no_effect"
@@ -64,7 +64,8 @@ def shadowed_basis(
     reducer: Plugin, model: AssembledModel, bases: Mapping[str, object]
 ) -> tuple[Note, ...]:
     """A basis that no block takes, because each has its own."""
-    if any(chosen(name, dict.fromkeys(bases, True), False) is False for name in model.reducible()):
+    own = dict.fromkeys(bases, True)
+    if not all(matched_option(name, own, False) for name in model.reducible()):
         return ()
     return no_effect(changed(reducer, ["basis"]), (
         f"reducer.bases ({', '.join(bases)}) names the basis of every block; change it there"))
@@ -86,7 +87,7 @@ def unweighted(
 ) -> tuple[Note, ...]:
     """A preconditioner without blocks, or blocks without a preconditioner."""
     named = dict.fromkeys(patterns, True)
-    if not any(chosen(name, named, False) for name in model.reducible()):
+    if not any(matched_option(name, named, False) for name in model.reducible()):
         return no_effect(changed(reducer, ["preconditioner"]), (
             f"reducer.preconditioned ({', '.join(patterns) or 'empty'}) names no block of this "
             "scene"))

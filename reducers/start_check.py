@@ -12,8 +12,8 @@ from sparsemor.core import (
     Status,
     StepFormula,
     StepOutcome,
+    consistent_state,
 )
-from sparsemor.core.model.initial_state import consistent_state
 from sparsemor.reducers.step.rejection import checked, rejected_step
 
 

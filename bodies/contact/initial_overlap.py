@@ -5,8 +5,7 @@ import numpy as np
 from sparsemor.bodies.body import Body
 from sparsemor.bodies.contact.projection import nearest
 from sparsemor.bodies.contact.surface import Surface
-from sparsemor.bodies.mesh.simplices import boundary
-from sparsemor.core import BoolArray, FloatArray, InputError
+from sparsemor.core import BoolArray, FloatArray, InputError, outer_facets
 
 OVERLAP = 0.1
 """Largest penetration at the start, as a share of the smallest facet of both surfaces."""
@@ -62,7 +61,7 @@ def within(body: Body, z: FloatArray) -> BoolArray:
     """(n,) points z (n, d) in space that are inside the undeformed body at the start: its surface
     fills their field of view."""
     assert body.mesh is not None
-    corners = placed(body, body.X)[boundary(body.mesh)]
+    corners = placed(body, body.X)[outer_facets(body.mesh)]
     share = np.zeros(len(z))
     for part in np.array_split(np.arange(len(z)), 1 + len(z) * len(corners) // AT_ONCE):
         share[part] = _view(corners[None] - z[part, None, None]).sum(axis=1)

@@ -7,8 +7,7 @@ from typing import Self
 import numpy as np
 
 from sparsemor.bodies.body import Body
-from sparsemor.core import FloatArray, IntArray, Layout
-from sparsemor.core.protocols.separable import Amplitude
+from sparsemor.core import Amplitude, FloatArray, IntArray, Layout
 
 
 def elastic_numbers(body: Body, layout: Layout, nodes: IntArray) -> IntArray:

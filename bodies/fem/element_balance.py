@@ -7,8 +7,15 @@ from collections.abc import Sequence
 import numpy as np
 
 from sparsemor.bodies.fem.fields import HasFields, Heat
-from sparsemor.core import ElasticIntegrals, FloatArray, HeatIntegrals, IntArray, Integrals, Mesh
-from sparsemor.core.protocols.separable import Amplitude
+from sparsemor.core import (
+    Amplitude,
+    ElasticIntegrals,
+    FloatArray,
+    HeatIntegrals,
+    IntArray,
+    Integrals,
+    Mesh,
+)
 
 
 def elastic_integrals(body: HasFields) -> ElasticIntegrals:

@@ -5,8 +5,7 @@ A facet is a row of d point numbers, ordered so that its normal points out of th
 
 import numpy as np
 
-from sparsemor.bodies.mesh.simplices import boundary
-from sparsemor.core import Csr, FloatArray, InputError, IntArray, Mesh
+from sparsemor.core import Csr, FloatArray, InputError, IntArray, Mesh, outer_facets
 
 
 def boundary_facets(mesh: Mesh, nodes: IntArray) -> IntArray:
@@ -14,7 +13,7 @@ def boundary_facets(mesh: Mesh, nodes: IntArray) -> IntArray:
 
     InputError when there are none: the set is inside the body, or a single point.
     """
-    facets = boundary(mesh)
+    facets = outer_facets(mesh)
     facets = facets[np.isin(facets, nodes).all(axis=1)]
     if not len(facets):
         kind = "edge" if mesh.dimension == 2 else "face"

@@ -10,8 +10,7 @@ from typing import TypeAlias
 import numpy as np
 
 from sparsemor.bodies.frames import rotation as rot
-from sparsemor.core import FloatArray
-from sparsemor.core.protocols.poses import turned
+from sparsemor.core import FloatArray, vectors_in_space
 
 Rates: TypeAlias = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 """w, alpha (3,) in body axes, 1/s and 1/s^2; their derivatives (3, n) by the coordinates."""
@@ -105,7 +104,7 @@ def attitude(q: FloatArray) -> Attitude:
 def velocity_at(pose: FloatArray, velocity: FloatArray, z: FloatArray) -> FloatArray:
     """(d,) velocity, m/s, of a body point z (d,), m, by rigid coordinates and their rates."""
     if len(z) == 2:
-        arm = turned(pose[None], z)
+        arm = vectors_in_space(pose[None], z)
         return np.asarray(velocity[:2] + velocity[2] * rot.GENERATORS[2][0] @ arm[0])
     a = attitude(pose[3:])
     w, _ = a.turning(velocity[3:], velocity[3:])

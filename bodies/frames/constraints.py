@@ -16,10 +16,13 @@ from sparsemor.bodies.frames import rotation as rot
 from sparsemor.bodies.frames.attitude import Attitude, attitude
 from sparsemor.bodies.frames.items import AXES, Wrench
 from sparsemor.bodies.frames.motion import Motion, Sums
-from sparsemor.core import FloatArray
-from sparsemor.core.protocols.poses import placed, turned
-from sparsemor.core.protocols.prescribed_quantities import derivatives
-from sparsemor.core.protocols.separable import Amplitude
+from sparsemor.core import (
+    Amplitude,
+    FloatArray,
+    points_in_space,
+    time_derivatives,
+    vectors_in_space,
+)
 
 GROUND = {2: np.zeros(3), 3: np.array([0.0, 0, 0, 1, 0, 0, 0])}
 """Dimension -> rigid coordinates of the ground."""
@@ -73,7 +76,7 @@ class Facing:
         """With e' = alpha' n x e and e'' = alpha'' n x e + alpha'^2 n x (n x e), n the axis."""
         if self.turn is None or self.axis is None:
             return None
-        rate, curvature = derivatives(self.turn, t, h)
+        rate, curvature = time_derivatives(self.turn, t, h)
         n = rot.skew(self.axis / np.linalg.norm(self.axis))
         D = rate * n if order == 1 else curvature * n + rate**2 * n.dot(n)
         return replace(self, other=self.faces(t).dot(D.T), turn=None)
@@ -85,8 +88,8 @@ class Facing:
         faces = np.stack([self.faces(t) for t in times.tolist()])  # (T, l, 3)
         moment = none
         for k, d in enumerate(self.own):
-            f = turned(np.broadcast_to(far, (len(times), far.shape[1])), faces[:, k])
-            moment = moment + forces[:, k : k + 1] * np.cross(turned(pose, d), f)
+            f = vectors_in_space(np.broadcast_to(far, (len(times), far.shape[1])), faces[:, k])
+            moment = moment + forces[:, k : k + 1] * np.cross(vectors_in_space(pose, d), f)
         return Wrench(none, moment, none)
 
     def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
@@ -186,10 +189,10 @@ class Slide:
         self, times: FloatArray, forces: FloatArray, pose: FloatArray, other: FloatArray | None
     ) -> Wrench:
         far, d = self.place[None] if other is None else other, len(self.point)
-        lines = [turned(far, e) for e in self.lines]
+        lines = [vectors_in_space(far, e) for e in self.lines]
         force = sum((forces[:, k : k + 1] * f for k, f in enumerate(lines)),
                     np.zeros((len(times), d)))
-        reach = placed(pose, np.broadcast_to(self.point, (len(pose), d)))
+        reach = points_in_space(pose, np.broadcast_to(self.point, (len(pose), d)))
         return Wrench(force, np.zeros((len(times), 2 * d - 3)), reach)
 
     def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:

@@ -18,8 +18,7 @@ import numpy as np
 from sparsemor.bodies.frames import plane_items as plane
 from sparsemor.bodies.frames.many_times import Moved, Pushed
 from sparsemor.bodies.frames.motion import Motion, Sums
-from sparsemor.core import FloatArray, Table
-from sparsemor.core.protocols.separable import Amplitude
+from sparsemor.core import Amplitude, FloatArray, Table
 
 AXES = ("x", "y", "z")
 EYE = np.eye(3)

@@ -12,8 +12,7 @@ from typing import Self
 import numpy as np
 
 from sparsemor.bodies.frames.rotation import GENERATORS, LEVI_CIVITA
-from sparsemor.core import Csr, FloatArray
-from sparsemor.core.protocols.poses import FREE, PLANAR, SPINNING
+from sparsemor.core import FREE_POSE, PLANAR_POSE, SPINNING_POSE, Csr, FloatArray
 
 Rates = Callable[[FloatArray, FloatArray], FloatArray]
 
@@ -143,7 +142,7 @@ def _plane() -> Moments:
         ("outward", "around"))
 
 
-_MOMENTS = {PLANAR: _plane(), SPINNING: _spin(), FREE: _free()}
+_MOMENTS = {PLANAR_POSE: _plane(), SPINNING_POSE: _spin(), FREE_POSE: _free()}
 
 
 def moments_of(size: int) -> Moments:

@@ -7,8 +7,7 @@ at fixed histories: v = c1 x + r1, a = c2 x + r2.
 import numpy as np
 
 from sparsemor.bodies.frames.attitude import attitude
-from sparsemor.core import FloatArray, FrameWork, Table
-from sparsemor.core.protocols.separable import Amplitude
+from sparsemor.core import Amplitude, FloatArray, FrameWork, Table
 
 
 class Motion:

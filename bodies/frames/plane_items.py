@@ -11,8 +11,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from sparsemor.bodies.frames.plane_motion import Motion, Views
-from sparsemor.core import Table
-from sparsemor.core.protocols.separable import Amplitude
+from sparsemor.core import Amplitude, Table
 
 
 class PlaneItem(Protocol):

@@ -35,8 +35,7 @@ from sparsemor.bodies.joints.side import (
     size_of,
 )
 from sparsemor.bodies.targets import Target
-from sparsemor.core import FloatArray, Held, InputError, Part
-from sparsemor.core.protocols.separable import Amplitude, FrameItem
+from sparsemor.core import Amplitude, FloatArray, FrameItem, Held, InputError, Part
 
 
 def constant(value: float) -> Amplitude:

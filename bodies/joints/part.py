@@ -11,8 +11,7 @@ from sparsemor.bodies.frames.items import Attachment, Holding, Reaction
 from sparsemor.bodies.joints.side import Condition, Side
 from sparsemor.bodies.joints.wrench import holding, size, wrenches
 from sparsemor.bodies.terms.field_kinds import MULTIPLIER
-from sparsemor.core import Block, Equations, FloatArray, Table
-from sparsemor.core.protocols.separable import Amplitude
+from sparsemor.core import Amplitude, Block, Equations, FloatArray, Table
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -10,8 +10,7 @@ from sparsemor.bodies.body import Body
 from sparsemor.bodies.frames import nodal
 from sparsemor.bodies.frames.constraints import GROUND as AT_ORIGIN
 from sparsemor.bodies.targets import GROUND, Target, find_target
-from sparsemor.core import FloatArray, Gather, InputError, Part
-from sparsemor.core.protocols.separable import FrameItem
+from sparsemor.core import FloatArray, FrameItem, Gather, InputError, Part
 
 NEAR = 1e-8
 """Relative gap that sides which must meet may have at the start."""

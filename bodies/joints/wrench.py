@@ -14,9 +14,7 @@ import numpy as np
 from sparsemor.bodies.frames.items import Holding
 from sparsemor.bodies.frames.rotation import torque
 from sparsemor.bodies.joints.side import Condition, Side
-from sparsemor.core import FloatArray, InputError
-from sparsemor.core.protocols.poses import placed
-from sparsemor.core.protocols.separable import FrameItem
+from sparsemor.core import FloatArray, FrameItem, InputError, points_in_space
 
 
 def size(side: Side) -> int:
@@ -67,4 +65,4 @@ def _mean_point(side: Side, pose: FloatArray) -> FloatArray:
     """(T or 1, d) in space axes."""
     assert side.body is not None
     mean = side.mean() @ side.body.X
-    return placed(pose, np.broadcast_to(mean, (len(pose), side.d)))
+    return points_in_space(pose, np.broadcast_to(mean, (len(pose), side.d)))

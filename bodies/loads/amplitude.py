@@ -4,8 +4,7 @@ from typing import Annotated, Any
 
 from pydantic import BeforeValidator
 
-from sparsemor.core import Slot, TimeFunction
-from sparsemor.core.protocols.separable import Amplitude
+from sparsemor.core import Amplitude, Slot, TimeFunction
 
 
 def _number_as_function(value: Any) -> Any:

@@ -3,8 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from sparsemor.core import Block, Equations, Note, Part
-from sparsemor.core.protocols.separable import Amplitude
+from sparsemor.core import Amplitude, Block, Equations, Note, Part
 
 
 @dataclass(frozen=True, slots=True, eq=False)

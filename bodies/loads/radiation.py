@@ -15,6 +15,7 @@ from sparsemor.bodies.loads.part import LoadPart
 from sparsemor.bodies.mesh.plausibility import celsius_notes
 from sparsemor.bodies.targets import find_surfaces
 from sparsemor.core import (
+    Amplitude,
     CompressedLocal,
     Csr,
     Effect,
@@ -25,7 +26,6 @@ from sparsemor.core import (
     Plugin,
     Trial,
 )
-from sparsemor.core.protocols.separable import Amplitude
 
 STEFAN_BOLTZMANN = 5.670374419e-8
 """W/(m^2 K^4), CODATA 2018 (exact since the SI of 2019)."""

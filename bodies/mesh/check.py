@@ -4,13 +4,16 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from sparsemor.bodies.mesh.simplices import (
-    distinct_rows,
+from sparsemor.bodies.mesh.simplices import longest_edges, signed_measures
+from sparsemor.core import (
+    Fault,
+    FloatArray,
+    InputError,
+    IntArray,
+    Mesh,
     facet_numbers,
-    longest_edges,
-    signed_measures,
+    group_equal_rows,
 )
-from sparsemor.core import Fault, FloatArray, InputError, IntArray, Mesh
 
 SHOWN = 5
 FLAT = 1e-12
@@ -62,7 +65,7 @@ def _broken(mesh: Mesh) -> list[str]:
 def _cells(mesh: Mesh) -> list[str]:
     measure = signed_measures(mesh.points, mesh.cells)
     flat = np.abs(measure) <= FLAT * longest_edges(mesh.points, mesh.cells) ** mesh.dimension
-    kind, first, _ = distinct_rows(np.sort(mesh.cells, axis=1))
+    kind, first, _ = group_equal_rows(np.sort(mesh.cells, axis=1))
     again = first[kind] != np.arange(len(mesh.cells))
     faults = []
     for bad, what in (

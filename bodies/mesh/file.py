@@ -14,8 +14,7 @@ from pydantic import Field
 from sparsemor.bodies.mesh.check import check_mesh, some
 from sparsemor.bodies.mesh.groups import SIMPLEX, dimension_of, named_points
 from sparsemor.bodies.mesh.simplices import signed_measures
-from sparsemor.core import FloatArray, InputError, IntArray, Mesh, Plugin
-from sparsemor.core.simulation.memory.limits import bounded
+from sparsemor.core import FloatArray, InputError, IntArray, Mesh, Plugin, bounded_address_space
 
 FORMATS = {
     ".msh": "gmsh", ".inp": "abaqus", ".vtk": "vtk", ".vtu": "vtu", ".bdf": "nastran",
@@ -85,7 +84,7 @@ def _read(full: Path, written: str) -> _Content:
     readers = {"gmsh": meshio.gmsh, "abaqus": meshio.abaqus, "vtk": meshio.vtk, "vtu": meshio.vtu,
                "nastran": meshio.nastran, "medit": meshio.medit, "med": meshio.med}
     try:
-        with (_silent(), bounded(BASE + PER_BYTE * full.stat().st_size)):
+        with (_silent(), bounded_address_space(BASE + PER_BYTE * full.stat().st_size)):
             return _arrays(readers[kind].read(str(full)))
     # each of meshio's readers fails in its own way; whatever it is, the file is the cause
     except (Exception, SystemExit) as error:

@@ -6,8 +6,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from sparsemor.bodies.mesh.sets import PointSet
-from sparsemor.core import FloatArray, Mesh, Note
-from sparsemor.core.simulation.diagnostics.plausibility import outside
+from sparsemor.core import FloatArray, Mesh, Note, outside_box_notes
 
 COINCIDENT = 1e-9
 """Distance of two nodes, relative to the mesh's diagonal, below which they are at one place."""
@@ -21,7 +20,7 @@ CELSIUS = 273.15
 def mesh_notes(name: str, mesh: Mesh, sets: Mapping[str, PointSet]) -> tuple[Note, ...]:
     """Nodes that coincide without being shared, and sets far from the mesh."""
     found = [note for key, one in sets.items() if one.nearest is not None
-             for note in outside(f"bodies.{name}.sets.{key}", one.nearest, mesh.points)]
+             for note in outside_box_notes(f"bodies.{name}.sets.{key}", one.nearest, mesh.points)]
     count = coincident_nodes(mesh.points)
     if count:
         found.append(Note(

@@ -7,7 +7,7 @@ import numpy as np
 from pydantic import model_validator
 
 from sparsemor.bodies.mesh.expression import ConditionText, evaluate_condition
-from sparsemor.core import Fault, InputError, IntArray, Mesh, Plugin, near
+from sparsemor.core import Fault, InputError, IntArray, Mesh, Plugin, suggestions
 
 
 class PointSet(Plugin):
@@ -83,7 +83,7 @@ def find_set(mesh: Mesh, name: str, key: str) -> IntArray:
         return mesh.point_sets[name]
     advice = "" if mesh.point_sets else "; declare it under `sets`"
     raise InputError(f"the mesh has no set {name!r}: "
-                     f"{near(name, sorted(mesh.point_sets), 'sets')}{advice}", key)
+                     f"{suggestions(name, sorted(mesh.point_sets), 'sets')}{advice}", key)
 
 
 def _same_dimension(count: int, mesh: Mesh, key: str) -> None:

@@ -5,7 +5,6 @@ from math import factorial
 import numpy as np
 
 from sparsemor.core import FloatArray, IntArray, Mesh
-from sparsemor.core.model.facets import all_facets, boundary, distinct_rows, facet_numbers
 
 
 def edge_vectors(points: FloatArray, cells: IntArray) -> FloatArray:
@@ -29,8 +28,3 @@ def gradients(mesh: Mesh) -> FloatArray:
     """(E, d + 1, d), 1/m: gradient of each corner's linear shape function, constant in a cell."""
     inner = np.linalg.inv(edge_vectors(mesh.points, mesh.cells)).transpose(0, 2, 1)
     return np.concatenate([-inner.sum(axis=1, keepdims=True), inner], axis=1)
-
-__all__ = [
-    "all_facets", "boundary", "distinct_rows", "edge_vectors", "facet_numbers", "gradients",
-    "longest_edges", "signed_measures",
-]

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from sparsemor.bodies.fem.fields import Elasticity, HasFields, Heat
-from sparsemor.core import Csr, Equations, FloatArray
-from sparsemor.core.protocols.separable import Amplitude
+from sparsemor.core import Amplitude, Csr, Equations, FloatArray
 
 
 def write_elasticity(body: HasFields, equations: Equations, e: Elasticity) -> None:

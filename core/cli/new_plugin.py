@@ -11,7 +11,7 @@ import typer
 
 from sparsemor.core.cli.options import exit_codes, located_in
 from sparsemor.core.errors import InputError
-from sparsemor.core.registry.registry import Registry, near
+from sparsemor.core.registry.registry import Registry, suggestions
 from sparsemor.core.results.output_directory import OutputDirectory
 
 TEMPLATES = Path(__file__).with_name("plugin_templates")
@@ -54,7 +54,7 @@ def package_files(name: str, kind: str) -> dict[str, str]:
         raise InputError("NAME: lower-case letters, digits and _, beginning with a letter, and no "
                          f"keyword of Python (got {name})")
     if kind not in KINDS:
-        raise InputError(f"--kind {kind}: there is no template: {near(kind, KINDS)}")
+        raise InputError(f"--kind {kind}: there is no template: {suggestions(kind, KINDS)}")
     values = {
         "name": name, "kind": kind, "module": f"sparsemor_{name}",
         "distribution": f"sparsemor-{name.replace('_', '-')}",

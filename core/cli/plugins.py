@@ -20,7 +20,7 @@ from sparsemor.core.cli.options import (
 from sparsemor.core.errors import InputError
 from sparsemor.core.registry.contracts import abilities_of, required_members, shapes
 from sparsemor.core.registry.option_types import type_in_words
-from sparsemor.core.registry.registry import PluginName, Registry, near
+from sparsemor.core.registry.registry import PluginName, Registry, suggestions
 from sparsemor.core.scene.source import Source
 
 FILES = ("scene", "study")
@@ -79,7 +79,7 @@ def _chosen(registry: Registry, which: str | None) -> list[PluginName]:
             raise InputError(f"no plugin and no kind is called {which!r}: did you mean the kind "
                              f"{' or '.join(alike)}?")
         names = sorted({p.name for p in every} | set(kinds))
-        raise InputError(f"no plugin and no kind is called {which!r}: {near(which, names)}")
+        raise InputError(f"no plugin and no kind is called {which!r}: {suggestions(which, names)}")
     return chosen
 
 

@@ -11,7 +11,7 @@ def unit_columns(A: FloatArray) -> FloatArray:
     return np.asarray(A / np.where(norms > 0.0, norms, 1.0))
 
 
-def oriented(A: FloatArray) -> FloatArray:
+def oriented_unit_columns(A: FloatArray) -> FloatArray:
     """A (n, k) with columns of length 1 whose entry of largest size is positive.
 
     Of entries equal to 1e-8 the first decides, so that round-off does not turn a symmetric one.

@@ -127,7 +127,7 @@ def relative_residuals(A: Csr, x: FloatArray, b: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.norm(b - A @ x, axis=0) / np.where(size > 0.0, size, 1.0))
 
 
-def is_vector(places: DofLocations) -> bool:
+def is_vector_field(places: DofLocations) -> bool:
     """True if the unknowns are displacements, not temperatures."""
     return bool(places.component.any())
 
@@ -139,7 +139,7 @@ def rigid_motions(places: DofLocations) -> FloatArray:
     Temperatures: the constant, r = 1.
     """
     n, d = places.coordinates.shape
-    if not is_vector(places):
+    if not is_vector_field(places):
         return np.ones((n, 1))
     X = places.coordinates - places.coordinates.mean(axis=0)
     X /= max(float(np.abs(X).max(initial=0.0)), np.finfo(np.float64).tiny)

@@ -19,7 +19,7 @@ def orthonormal(A: FloatArray) -> bool:
     return bool(np.linalg.norm(off) < ORTHONORMAL * k * np.sqrt(z.shape[1]))
 
 
-def coefficients(A: FloatArray, states: FloatArray) -> FloatArray:
+def least_squares_coefficients(A: FloatArray, states: FloatArray) -> FloatArray:
     """c (k, j) with least |A c - states|, and least |c| among these; A (n, k), states (n, j).
 
     A full basis of 7000 atoms takes a tenth of a second; least squares would take minutes.

@@ -38,7 +38,7 @@ def dissect(A: Csr, places: DofLocations) -> Dissection:
     return Dissection(np.argsort(position[node], kind="stable"), int(entries))
 
 
-def expected_entries(A: Csr, places: DofLocations | None) -> int:
+def factor_entries(A: Csr, places: DofLocations | None) -> int:
     """Entries of the Cholesky factor; without positions a cautious guess for a compact body."""
     if places is not None:
         return dissect(A, places).entries

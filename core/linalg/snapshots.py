@@ -15,7 +15,7 @@ STRETCH = 2**25
 """Bytes of the columns that are read at once where the whole is larger."""
 
 
-def large(A: FloatArray) -> bool:
+def needs_chunks(A: FloatArray) -> bool:
     """True if snapshots are more than is held and decomposed as a whole."""
     return A.nbytes > HELD
 
@@ -63,14 +63,14 @@ def column_chunks(A: FloatArray) -> Iterator[tuple[slice, FloatArray]]:
     Snapshots in a file are read, not mapped: what was read is given back.
     """
     n, M = A.shape
-    step = max(1, M) if not large(A) else max(1, STRETCH // (8 * n))
+    step = max(1, M) if not needs_chunks(A) else max(1, STRETCH // (8 * n))
     for first in range(0, M, step):
         columns = slice(first, min(first + step, M))
         yield columns, _read(A, columns)
 
 
 def _read(A: FloatArray, columns: slice) -> FloatArray:
-    place = _place(A) if large(A) else None
+    place = _place(A) if needs_chunks(A) else None
     if place is None:
         return A[:, columns]
     n, count = A.shape[0], columns.stop - columns.start

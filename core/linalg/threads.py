@@ -37,7 +37,7 @@ def fixed_threads() -> Iterator[None]:
         yield
 
 
-def limit_loaded() -> None:
+def limit_loaded_libraries() -> None:
     """The same for libraries that were loaded since, until the surrounding `fixed_threads` ends."""
     from threadpoolctl import threadpool_limits
 

@@ -17,8 +17,8 @@ import numpy as np
 from sparsemor.core.arrays import Csr, FloatArray
 from sparsemor.core.protocols import Term, TimeDependent
 from sparsemor.core.protocols.layout import Layout, Quantity
-from sparsemor.core.protocols.poses import PLANAR
-from sparsemor.core.protocols.prescribed_quantities import from_right
+from sparsemor.core.protocols.poses import PLANAR_POSE
+from sparsemor.core.protocols.prescribed_quantities import derivative_from_right
 
 ROTATION = 1e-2
 """rad"""
@@ -32,12 +32,12 @@ def motion_step(layout: Layout, v: FloatArray, h: float) -> float:
     turning = 0.0
     for b in layout:
         if b.kind.quantity is Quantity.POSE:
-            rates = v[layout[b.name]][2 if b.size == PLANAR else 3 :]
+            rates = v[layout[b.name]][2 if b.size == PLANAR_POSE else 3 :]
             turning = max(turning, float(np.abs(rates).max(initial=0.0)))
     return min(h, ROTATION / turning) if turning > 0.0 else h
 
 
-def along(function: Callable[[float], FloatArray], s: float) -> FloatArray:
+def derivative_along_motion(function: Callable[[float], FloatArray], s: float) -> FloatArray:
     """Derivative of `function` at 0 by central differences of sixth order in steps of s."""
     one, two, three = (function(k * s) - function(-k * s) for k in (1, 2, 3))
     return np.asarray((45.0 * one - 9.0 * two + three) / (60.0 * s))
@@ -73,7 +73,8 @@ class Constraints:
     def curvature(self, x: FloatArray, v: FloatArray, t: float) -> FloatArray:
         """(l,) g'' with zero accelerations."""
         v = self._second(v)
-        found = along(lambda s: self._moving(x + s * v, v, t), motion_step(self.layout, v, self.h))
+        found = derivative_along_motion(
+            lambda s: self._moving(x + s * v, v, t), motion_step(self.layout, v, self.h))
         for term in self.terms:
             mixed = self._mixed(term, x, v[term.columns], t)
             self._add(found, term, 2.0 * mixed + self._of_time(term, x, t, 2))
@@ -83,7 +84,8 @@ class Constraints:
         """(m,) partial derivative of a term by time."""
         zero, xj = np.zeros(len(term.columns)), x[term.columns]
         if not isinstance(term, TimeDependent):
-            return from_right(lambda s: term.residual(xj, zero, zero, s), order, t, self.h)
+            return derivative_from_right(
+                lambda s: term.residual(xj, zero, zero, s), order, t, self.h)
         of_time = term.time_derivative(order, t, self.h)
         return np.zeros(len(term.rows)) if of_time is None else (
             of_time.residual(xj, zero, zero, t))
@@ -91,7 +93,8 @@ class Constraints:
     def _mixed(self, term: Term, x: FloatArray, v: FloatArray, t: float) -> FloatArray:
         """(m,) (dG/dt) v of a term, v at its columns."""
         if not isinstance(term, TimeDependent):
-            return from_right(lambda s: np.asarray(self._jacobian(term, x, s) @ v), 1, t, self.h)
+            return derivative_from_right(
+                lambda s: np.asarray(self._jacobian(term, x, s) @ v), 1, t, self.h)
         of_time = term.time_derivative(1, t, self.h)
         return np.zeros(len(term.rows)) if of_time is None else (
             np.asarray(self._jacobian(of_time, x, t) @ v))

@@ -10,7 +10,7 @@ from sparsemor.core.protocols import Term
 from sparsemor.core.protocols.layout import Layout
 
 
-def residual(
+def system_residual(
     layout: Layout, terms: Sequence[Term], x: FloatArray, v: FloatArray, a: FloatArray, t: float
 ) -> FloatArray:
     """(n,) residual of the whole system."""
@@ -21,7 +21,7 @@ def residual(
     return r
 
 
-def jacobian(
+def system_jacobian(
     layout: Layout, terms: Sequence[Term], x: FloatArray, v: FloatArray, a: FloatArray, t: float,
     c1: FloatArray, c2: FloatArray,
 ) -> Csr:

@@ -12,7 +12,7 @@ FACETS = {
 """Local corner numbers of a positive simplex's facets, ordered so that their normal is outward."""
 
 
-def all_facets(cells: IntArray) -> IntArray:
+def cell_facets(cells: IntArray) -> IntArray:
     """(E * (d + 1), d) point numbers of every cell's facets, cell by cell, outward ordered."""
     d = cells.shape[1] - 1
     facets: IntArray = cells[:, np.array(FACETS[d])].reshape(-1, d)
@@ -21,11 +21,11 @@ def all_facets(cells: IntArray) -> IntArray:
 
 def facet_numbers(cells: IntArray) -> tuple[IntArray, IntArray]:
     """For each row of `all_facets` the number of the geometric facet, and each facet's count."""
-    number, _, count = distinct_rows(np.sort(all_facets(cells), axis=1))
+    number, _, count = group_equal_rows(np.sort(cell_facets(cells), axis=1))
     return number, count
 
 
-def distinct_rows(rows: IntArray) -> tuple[IntArray, IntArray, IntArray]:
+def group_equal_rows(rows: IntArray) -> tuple[IntArray, IntArray, IntArray]:
     """Groups of equal rows (R, 2 to 4) of numbers >= 0: for each row the number of its kind, for
     each kind its first row and its count; kinds in lexicographic order.
 
@@ -44,7 +44,7 @@ def distinct_rows(rows: IntArray) -> tuple[IntArray, IntArray, IntArray]:
     return number, order[starts], np.diff(starts, append=len(rows))
 
 
-def boundary(mesh: Mesh) -> IntArray:
+def outer_facets(mesh: Mesh) -> IntArray:
     """(F, d) point numbers of the facets that one cell alone has, ordered for outward normals."""
     number, count = facet_numbers(mesh.cells)
-    return np.asarray(all_facets(mesh.cells)[count[number] == 1])
+    return np.asarray(cell_facets(mesh.cells)[count[number] == 1])

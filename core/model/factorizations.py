@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 from sparsemor.core.arrays import Csr, FloatArray
-from sparsemor.core.model.block_patterns import chosen
+from sparsemor.core.model.block_patterns import matched_option
 from sparsemor.core.protocols import DofLocations, Factorized, LinearSolver
 from sparsemor.core.status import SolveFailed
 
@@ -35,7 +35,7 @@ class BlockSolvers:
     log: list[Factored] = field(default_factory=list)
 
     def of(self, block: str) -> LinearSolver:
-        return chosen(block, self.others, self.default)
+        return matched_option(block, self.others, self.default)
 
     def factorize(
         self, block: str, A: Csr, places: DofLocations | None, purpose: str = "steps"
@@ -67,7 +67,7 @@ def factorizations_in(phase: str, log: Iterable[Factored]) -> list[Factored]:
     return [replace(f, purpose=f"{phase}, {f.purpose}") for f in log]
 
 
-def solved(
+def solve_or_fail(
     factor: Factorized, b: FloatArray, block: str, start: FloatArray | None = None
 ) -> FloatArray:
     """x of b (n,) or (n, j), before the first step. Raises SolveFailed where an iteration stops
@@ -76,11 +76,12 @@ def solved(
         return factor.solve(b)
     found = factor.outcome(b, start)
     if not found.status.ok:
-        raise SolveFailed(found.status, 0.0, block, short(factor, found.residual, found.iterations))
+        raise SolveFailed(found.status, 0.0, block, unconverged_note(
+            factor, found.residual, found.iterations))
     return found.x
 
 
-def short(factor: Factorized, residual: float, iterations: int) -> str:
+def unconverged_note(factor: Factorized, residual: float, iterations: int) -> str:
     """Note on an iteration that stopped before convergence."""
     return (f"linear solver {factor.solver} left {residual:.1e} of its right-hand side after "
             f"{iterations} iterations")

@@ -6,7 +6,7 @@ from scipy.sparse import block_array, csr_array
 
 from sparsemor.core.arrays import Csr, FloatArray
 from sparsemor.core.model.constraint_rates import Constraints
-from sparsemor.core.model.equations import jacobian, residual
+from sparsemor.core.model.equations import system_jacobian, system_residual
 from sparsemor.core.model.schur_complement import solve_by_blocks
 from sparsemor.core.notes import Note
 from sparsemor.core.protocols import AssembledModel, State
@@ -37,7 +37,7 @@ def _solved(model: AssembledModel, t: float) -> State:
     layout, n = model.layout, model.layout.size
     x, v, a = model.x0.copy(), model.v0.copy(), np.zeros(n)
     algebraic, first, second = layout.algebraic, layout.first, layout.second
-    K = jacobian(layout, model.terms, x, v, a, t, np.zeros(n), np.zeros(n))
+    K = system_jacobian(layout, model.terms, x, v, a, t, np.zeros(n), np.zeros(n))
     M, C = (_derivative(model, K, State(t, x, v, a, x), rate)[part][:, part]
             for rate, part in ((2, second), (1, first)))
     held, across = K[:, algebraic], K[algebraic][:, second]
@@ -45,7 +45,7 @@ def _solved(model: AssembledModel, t: float) -> State:
     A = block_array([
         [M, None, held[second]], [None, C, held[first]], [across, None, held[algebraic]]],
         format="csr")
-    r = residual(layout, model.terms, x, v, a, t)
+    r = system_residual(layout, model.terms, x, v, a, t)
     r[algebraic] = _constraints(model).curvature(x, v, t)
     _check_finite(layout, r, t, "forces or heat at the start")
     if not np.isfinite(A.data).all():
@@ -79,7 +79,7 @@ def _derivative(model: AssembledModel, K: Csr, s: State, rate: int) -> Csr:
     stiff = _largest(K, part)
     for _ in range(8):
         factors[rate] = c
-        D = jacobian(layout, model.terms, s.x, s.v, s.a, s.t, factors[1], factors[2]) - K
+        D = system_jacobian(layout, model.terms, s.x, s.v, s.a, s.t, factors[1], factors[2]) - K
         mass = _largest(D, part)
         some = mass > 0
         lost = float((stiff[some] / mass[some]).max(initial=0.0))

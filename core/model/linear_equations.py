@@ -21,7 +21,11 @@ from sparsemor.core.protocols.contributions import (
 )
 from sparsemor.core.protocols.layout import Layout
 from sparsemor.core.protocols.load_tables import LoadTable, Table
-from sparsemor.core.protocols.prescribed_quantities import Held, derivatives, from_right
+from sparsemor.core.protocols.prescribed_quantities import (
+    Held,
+    derivative_from_right,
+    time_derivatives,
+)
 from sparsemor.core.protocols.separable import Amplitude, evaluate_amplitudes
 
 
@@ -64,7 +68,7 @@ class LinearEquations:
     def time_derivative(self, order: int, t: float, h: float) -> LinearEquations | None:
         if not self.amplitudes:
             return None
-        held = tuple(Held(derivatives(f, t, h)[order - 1]) for f in self.amplitudes)
+        held = tuple(Held(time_derivatives(f, t, h)[order - 1]) for f in self.amplitudes)
         return LinearEquations(
             0.0 * self.A, 0.0 * self.B, 0.0 * self.constant, self.loads, held,
             None if self.M is None else 0.0 * self.M)
@@ -115,7 +119,7 @@ class TabledEquations:
         return np.zeros((self.load.columns.shape[0], 0))
 
     def time_derivative(self, order: int, t: float, h: float) -> LinearEquations:
-        f = from_right(self.load.at, order, t, h)
+        f = derivative_from_right(self.load.at, order, t, h)
         return LinearEquations.of_time(f, np.zeros((len(f), 0)), ())
 
     def restricted(self, keep: IntArray) -> TabledEquations:

@@ -166,10 +166,10 @@ def _loads(
         matrices.append(matrix[:, some])
         kept += [columns[i] for i in some]
     joints = np.flatnonzero([c.joint for c in kept]).astype(np.int64)
-    return np.concatenate(matrices, axis=1), distinct([c.name for c in kept]), joints
+    return np.concatenate(matrices, axis=1), distinct_names([c.name for c in kept]), joints
 
 
-def distinct(names: list[str]) -> tuple[str, ...]:
+def distinct_names(names: list[str]) -> tuple[str, ...]:
     """The same names, those that come again with a number: "push", "push (2)"."""
     seen: dict[str, int] = {}
     found = []

@@ -5,7 +5,7 @@ from scipy.sparse import csc_array
 from scipy.sparse.linalg import splu
 
 from sparsemor.core.arrays import Csr, FloatArray, IntArray
-from sparsemor.core.model.factorizations import solved
+from sparsemor.core.model.factorizations import solve_or_fail
 from sparsemor.core.protocols import AssembledModel
 
 FEW = 3000
@@ -44,7 +44,7 @@ def solve_by_blocks(model: AssembledModel, A: Csr, r: FloatArray) -> FloatArray:
     S, b, answers = A[rest][:, rest].tolil(), r[rest].copy(), []
     for name, own, coupled, right, below, coupled_rows in parts:
         factor = model.factorize(name, A[own][:, own].tocsr(), "start")
-        x = solved(factor, np.column_stack([r[own], right]), name)
+        x = solve_or_fail(factor, np.column_stack([r[own], right]), name)
         answers.append(x)
         changed = below @ x
         b[position[coupled_rows]] -= changed[:, 0]

@@ -130,6 +130,7 @@ from sparsemor.core.protocols.sampler import (
     SamplesNodes,
 )
 from sparsemor.core.protocols.separable import (
+    Amplitude,
     BodyFrame,
     ElasticLocal,
     ElasticOperators,
@@ -186,7 +187,7 @@ from sparsemor.core.protocols.term import (
 )
 
 __all__ = [
-    "AroundSteps", "AssembledModel", "Basis", "Block", "BlockBudget", "BlockData",
+    "Amplitude", "AroundSteps", "AssembledModel", "Basis", "Block", "BlockBudget", "BlockData",
     "BlockLinearSolvers", "Body", "BodyDefaults", "BodyFrame", "BodyPlugin", "BodyRecord",
     "BodyShape", "BodySize", "BoundsAtoms", "BudgetsFields", "CAPABILITIES",
     "CarriesSurfaceLoads", "CentresSnapshots", "ChangesBodies", "ChecksBlock", "ChecksLayout",

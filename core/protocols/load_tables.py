@@ -110,7 +110,7 @@ def projected_tables(
     return tuple(found)
 
 
-def total(tables: Sequence[Tabled], t: float) -> FloatArray:
+def total_load(tables: Sequence[Tabled], t: float) -> FloatArray:
     """Sum of one or more loads of equal length at t, s."""
     value = tables[0].at(t)
     for table in tables[1:]:
@@ -118,7 +118,7 @@ def total(tables: Sequence[Tabled], t: float) -> FloatArray:
     return value
 
 
-def total_along(tables: Sequence[TabledAlong], times: FloatArray) -> FloatArray:
+def total_load_along(tables: Sequence[TabledAlong], times: FloatArray) -> FloatArray:
     """The same at times (T,), s: (T, n), not to be written to."""
     value = tables[0].along(times)
     for table in tables[1:]:

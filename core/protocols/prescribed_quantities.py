@@ -54,7 +54,7 @@ class Prescribed:
         return f.rate(t), _scalar(f.rate, 1, t, h)
 
 
-def derivatives(function: Callable[[float], float], t: float, h: float) -> tuple[float, float]:
+def time_derivatives(function: Callable[[float], float], t: float, h: float) -> tuple[float, float]:
     """First and second derivative from the right at t, s; exact for a `Differentiable` function."""
     if isinstance(function, Differentiable):
         return function.derivatives(t, h)
@@ -62,10 +62,10 @@ def derivatives(function: Callable[[float], float], t: float, h: float) -> tuple
 
 
 def _scalar(function: Callable[[float], float], order: int, t: float, h: float) -> float:
-    return float(from_right(lambda s: np.array(function(s)), order, t, h))
+    return float(derivative_from_right(lambda s: np.array(function(s)), order, t, h))
 
 
-def from_right(
+def derivative_from_right(
     function: Callable[[float], FloatArray], order: int, t: float, h: float
 ) -> FloatArray:
     """Derivative of order 1 or 2 by one-sided differences of fourth order in steps of SHARE h:

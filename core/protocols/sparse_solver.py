@@ -85,7 +85,7 @@ def missing(solver: SparseSolver, needs: frozenset[str]) -> tuple[str, ...]:
     return tuple(sorted(needs - solver.capabilities)) if isinstance(solver, LimitsProblems) else ()
 
 
-def refusal(name: str, solver: SparseSolver, needs: frozenset[str]) -> str:
+def solver_refusal(name: str, solver: SparseSolver, needs: frozenset[str]) -> str:
     """Why `solver` cannot take a problem called `name`; "" when it can."""
     lacking = missing(solver, needs)
     if not lacking:

@@ -162,8 +162,8 @@ class Registry:
     def _unknown(self, kind: str, name: str) -> str:
         names = sorted({self.spelling(p) for p in self.names(kind)})
         if not names:
-            return f"there is no kind of plugin called {kind!r}: {near(kind, self.kinds())}"
-        return f"no {kind} plugin is called {name!r}: {near(name, names, 'installed')}"
+            return f"there is no kind of plugin called {kind!r}: {suggestions(kind, self.kinds())}"
+        return f"no {kind} plugin is called {name!r}: {suggestions(name, names, 'installed')}"
 
 
 class _Driver(DriverManager[Any]):
@@ -204,7 +204,7 @@ def _reraise(_manager: Any, _entry_point: metadata.EntryPoint, error: BaseExcept
     raise error
 
 
-def near(name: str, allowed: Iterable[str], label: str = "allowed") -> str:
+def suggestions(name: str, allowed: Iterable[str], label: str = "allowed") -> str:
     """Advice after an unknown name: the nearest ones, then all of them."""
     names = list(allowed)
     close = difflib.get_close_matches(name, names, n=3, cutoff=0.6)

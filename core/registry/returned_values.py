@@ -16,7 +16,7 @@ from sparsemor.core.registry.contracts import absent_members, origin, part_breac
 T = TypeVar("T")
 
 
-def returned(
+def checked_return(
     value: object, expected: type[T], plugin: object, call: str, key: str = ""
 ) -> T:
     """The value, if it is of the class that a plugin's method has to return."""
@@ -60,7 +60,7 @@ def sampled_rows(
 
 def built_dictionary(basis: Basis, data: BlockData) -> Dictionary:
     """The dictionary of a block that a basis builds, atoms (n, k) and offset (n,)."""
-    made = returned(basis.build(data), Dictionary, basis, "build")
+    made = checked_return(basis.build(data), Dictionary, basis, "build")
     shapes = np.shape(made.atoms), np.shape(made.offset)
     if len(shapes[0]) != 2 or shapes[0][0] != data.size or shapes[1] != (data.size,):
         raise _wrong(basis, "build", f"atoms {shapes[0]} and offset {shapes[1]}",

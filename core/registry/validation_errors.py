@@ -8,7 +8,7 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails, InitErrorDetails, PydanticCustomError
 
 from sparsemor.core.errors import Fault, InputError
-from sparsemor.core.registry.registry import near
+from sparsemor.core.registry.registry import suggestions
 
 Path = tuple[str | int, ...]
 UNKNOWN = "unknown_option"
@@ -49,7 +49,7 @@ def _advised(cls: type[BaseModel], e: ErrorDetails) -> InitErrorDetails:
     if e["type"] == "extra_forbidden":
         options = _options_at(cls, e["loc"][:-1])
         if options is not None:
-            advice = f"no such option: {near(str(e['loc'][-1]), options)}"
+            advice = f"no such option: {suggestions(str(e['loc'][-1]), options)}"
             return custom(UNKNOWN, advice, e["loc"], e["input"])
     if e["type"] == "custom":
         return custom(e["ctx"]["kind"], e["ctx"]["text"], e["loc"], e["input"])

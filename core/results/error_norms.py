@@ -20,7 +20,7 @@ from sparsemor.core.results.run_result import RunResult
 TIME_MATCH = 1e-9
 START_UP = 0.02
 """Share of the reference's time span, and so of its steps, that counts as start-up."""
-CONSTANT = 1e-9
+CONSTANT_CHANGE = 1e-9
 """A block that changes by at most this share of its own size is constant: its change is round-off,
 and an error relative to that would say nothing."""
 LIMIT = 0.1
@@ -93,7 +93,7 @@ class Errors:
 
     def still(self, name: str) -> bool:
         """True if a block or field is constant in the reference, and in the run as well."""
-        return name in self.constant and self.worst.get(name, 0.0) <= CONSTANT
+        return name in self.constant and self.worst.get(name, 0.0) <= CONSTANT_CHANGE
 
     def above(self, limit: float = LIMIT) -> dict[str, float]:
         """name -> largest error, of those above `limit` (relative; rad for `angle_rad`), the
@@ -128,7 +128,7 @@ def measure_errors(reference: RunResult, run: RunResult, late_from: float = 0.0)
             scale[b.name] = max(scale[b.name], float(_norms(x_ref - start).max()))
             if _turns(b):
                 angle[part] = np.maximum(angle[part], np.abs(difference[:, -1]))
-    constant = {name for name in scale if scale[name] <= CONSTANT * float(size[name].max())}
+    constant = {name for name in scale if scale[name] <= CONSTANT_CHANGE * float(size[name].max())}
     for name in constant:
         scale[name] = float(size[name].max()) or 1.0
     fields = {b.field for b in blocks}

@@ -9,7 +9,7 @@ import numpy as np
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.protocols import Dictionary, ProbePlace
 from sparsemor.core.protocols.layout import Layout, Quantity
-from sparsemor.core.protocols.poses import placed
+from sparsemor.core.protocols.poses import points_in_space
 from sparsemor.core.results.metadata import Probe
 
 
@@ -77,7 +77,7 @@ class ProbeReader:
         """(j, components) at times t (j,) for states x (j, n)."""
         d = len(self.place.point)
         u = np.zeros((len(t), d)) if self.displacement is None else self.displacement(x)
-        columns = [*placed(self._pose(t, x), self.place.point + u).T]
+        columns = [*points_in_space(self._pose(t, x), self.place.point + u).T]
         if self.displacement is not None:
             columns += [*u.T]
         if self.temperature is not None:

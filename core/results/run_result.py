@@ -11,7 +11,13 @@ from numpy.typing import NDArray
 from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.protocols.layout import Layout, Quantity
-from sparsemor.core.protocols.poses import KNOWN, PLANAR, SPINNING, placed, turned
+from sparsemor.core.protocols.poses import (
+    KNOWN,
+    PLANAR_POSE,
+    SPINNING_POSE,
+    points_in_space,
+    vectors_in_space,
+)
 from sparsemor.core.protocols.prescribed_motion import Stage
 from sparsemor.core.results.metadata import Probe, load_layout
 from sparsemor.core.results.output_directory import OutputDirectory
@@ -208,11 +214,11 @@ class RunResult:
 
     def in_space(self, body: str, step: int, z: FloatArray) -> FloatArray:
         """(j, d) global positions R + A z, m, of points z (j, d) in body axes."""
-        return placed(self._poses(body, step, len(z)), z)
+        return points_in_space(self._poses(body, step, len(z)), z)
 
     def turned(self, body: str, step: int, vectors: FloatArray) -> FloatArray:
         """(j, d) A w of vectors w (j, d) in body axes, such as displacements."""
-        return turned(self._poses(body, step, len(vectors)), vectors)
+        return vectors_in_space(self._poses(body, step, len(vectors)), vectors)
 
     def pose(self, body: str, step: int) -> FloatArray:
         """(3,) position of a body's frame (m) and angle (rad), in space (4,) position and angle or
@@ -226,7 +232,7 @@ class RunResult:
             return stage.frames[body].at(float(self.times[self._only(step)][0]))[0]
         if f"{body}.pose" in self._data:
             return self._array(f"{body}.pose")
-        return np.zeros(SPINNING if self._in_space(body) else PLANAR)
+        return np.zeros(SPINNING_POSE if self._in_space(body) else PLANAR_POSE)
 
     def _poses(self, body: str, step: int, count: int) -> FloatArray:
         pose = self.pose(body, step)

@@ -6,7 +6,7 @@ from typing import Any
 
 from pydantic_core import InitErrorDetails
 
-from sparsemor.core.registry.registry import near
+from sparsemor.core.registry.registry import suggestions
 from sparsemor.core.registry.validation_errors import custom
 
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
@@ -31,7 +31,7 @@ def name_faults(data: Mapping[str, Any]) -> list[InitErrorDetails]:
     for name, probe in groups.get("probes", {}).items():
         body = probe.get("body") if isinstance(probe, Mapping) else None
         if isinstance(body, str) and body not in bodies:
-            message = f"no body is called {body!r}: {near(body, bodies, 'bodies')}"
+            message = f"no body is called {body!r}: {suggestions(body, bodies, 'bodies')}"
             lines.append(custom("name", message, ("probes", str(name), "body"), body))
     return lines
 

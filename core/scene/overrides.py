@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from sparsemor.core.errors import Fault, InputError
-from sparsemor.core.registry.registry import near
+from sparsemor.core.registry.registry import suggestions
 from sparsemor.core.registry.validation_errors import shown
 from sparsemor.core.scene.yaml_reader import KeyPath, not_finite, parse_value
 
@@ -109,7 +109,7 @@ def _set(tree: dict[str, Any], path: KeyPath, value: Any) -> KeyPath:
     if value is None and len(path) == 2 and path[0] in REMOVABLE:
         if str(last) not in node:
             raise InputError("there is nothing of this name to remove: "
-                             + near(str(last), list(node), path[0]))
+                             + suggestions(str(last), list(node), path[0]))
         del node[str(last)]
         return path
     node[last] = value

@@ -8,7 +8,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from sparsemor.core.errors import Fault, InputError
-from sparsemor.core.registry.registry import Registry, near
+from sparsemor.core.registry.registry import Registry, suggestions
 from sparsemor.core.registry.validation_errors import dotted, faults_of
 from sparsemor.core.scene.overrides import apply, find
 from sparsemor.core.scene.yaml_reader import (
@@ -150,7 +150,7 @@ def _path(scene: str | Path, registry: Registry, kind: str) -> Path:
         what = f"is a directory, not a {kind} file" if path.is_dir() else "there is no such file"
         raise _unreadable(path, what)
     message = (f"no packaged {kind}, and no file, is called {scene!r}: "
-               + near(scene, packaged(registry, kind), "packaged"))
+               + suggestions(scene, packaged(registry, kind), "packaged"))
     raise LocatedError([Fault("", message)], [message])
 
 

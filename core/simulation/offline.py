@@ -7,7 +7,7 @@ from dataclasses import fields, replace
 import numpy as np
 
 from sparsemor.core.arrays import Arrays, FloatArray
-from sparsemor.core.linalg.least_squares import coefficients
+from sparsemor.core.linalg.least_squares import least_squares_coefficients
 from sparsemor.core.linalg.snapshots import column_chunks
 from sparsemor.core.model.initial_state import consistent_state
 from sparsemor.core.model.model import Model
@@ -133,7 +133,7 @@ def largest_coefficient(d: Dictionary, snapshots: FloatArray) -> float:
     """
     if not snapshots.size or not d.atoms.shape[1]:
         return 0.0
-    return max(float(np.abs(coefficients(d.atoms, values - d.offset[:, None])).max())
+    return max(float(np.abs(least_squares_coefficients(d.atoms, values - d.offset[:, None])).max())
                for _, values in column_chunks(snapshots))
 
 

@@ -12,7 +12,7 @@ from sparsemor.core.arrays import BoolArray, FloatArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.linalg.threads import described, elsewhere
 from sparsemor.core.model.initial_state import start_notes
-from sparsemor.core.model.model import Model, distinct
+from sparsemor.core.model.model import Model, distinct_names
 from sparsemor.core.notes import Level, Note, information, kinds, sentences
 from sparsemor.core.protocols import (
     BodyShape,
@@ -251,7 +251,7 @@ def multiplier_components(model: Model) -> dict[str, tuple[tuple[str, str], ...]
         block = model.layout.multipliers(name)
         if block is not None and isinstance(part, NamesMultipliers):
             names, units = zip(*part.components, strict=True)
-            found[block.name] = tuple(zip(distinct(list(names)), units, strict=True))
+            found[block.name] = tuple(zip(distinct_names(list(names)), units, strict=True))
     return found
 
 

@@ -6,13 +6,13 @@ import numpy as np
 
 from sparsemor.core.errors import Fault, Gather, InputError
 from sparsemor.core.model.assembly import assemble
-from sparsemor.core.model.block_patterns import unmatched
+from sparsemor.core.model.block_patterns import unmatched_patterns
 from sparsemor.core.model.body_cache import BodyCache
 from sparsemor.core.model.features import CONTROLLED_STEPS
 from sparsemor.core.model.model import Model
 from sparsemor.core.model.prescribed_motion import NOTHING, AtStart
 from sparsemor.core.protocols import ChecksBlock, ChecksModel, RestartsSteps
-from sparsemor.core.registry.registry import near
+from sparsemor.core.registry.registry import suggestions
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.memory.estimate import chosen_bases, grid_refusal
 from sparsemor.core.simulation.memory.precheck import check_memory
@@ -45,7 +45,7 @@ def checked_model(scene: Scene, body_cache: BodyCache | None = None) -> Model:
         if model is not None and faults == []:
             gather("", check_rigid, scene, body_cache)
     if model is not None:
-        gather.faults += unmatched(model.layout, "linear_solvers", scene.linear_solvers)
+        gather.faults += unmatched_patterns(model.layout, "linear_solvers", scene.linear_solvers)
         gather.faults += unknown_fields(scene, model)
         gather.faults += training_faults(scene, model, body_cache)
     gather.faults += control_faults(scene)
@@ -63,7 +63,7 @@ def unknown_fields(scene: Scene, model: Model) -> list[Fault]:
     named = [] if scene.time.control is None else list(scene.time.control.fields)
     known = [k.name for k in model.layout.kinds if k.order > 0]
     return [Fault(f"time.control.fields.{name}", f"no body has such a field: "
-                  f"{near(name, known, 'fields')}") for name in named if name not in known]
+                  f"{suggestions(name, known, 'fields')}") for name in named if name not in known]
 
 
 def control_faults(scene: Scene) -> list[Fault]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
-from sparsemor.core.model.equations import jacobian, residual
+from sparsemor.core.model.equations import system_jacobian, system_residual
 from sparsemor.core.model.model import Model
 from sparsemor.core.protocols import ContactPlugin, JointPlugin, LoadPlugin, Part
 from sparsemor.core.scene.scene import Scene
@@ -31,7 +31,7 @@ def derivative(model: Model, rate: int) -> FloatArray:
     """(n, n) derivative of the residual at the start by x (rate 0), v (1) or a (2)."""
     n, large = model.layout.size, 1e10
     at = (model.x0, model.v0, np.zeros(n), 0.0)
-    of = partial(jacobian, model.layout, model.terms, *at)
+    of = partial(system_jacobian, model.layout, model.terms, *at)
     c = np.zeros((3, n))
     K = np.asarray(of(c[1], c[2]).toarray())
     if rate == 0:
@@ -43,7 +43,7 @@ def derivative(model: Model, rate: int) -> FloatArray:
 def start_residual(model: Model) -> FloatArray:
     """(n,) residual at the start, without accelerations."""
     zero = np.zeros(model.layout.size)
-    return residual(model.layout, model.terms, model.x0, model.v0, zero, 0.0)
+    return system_residual(model.layout, model.terms, model.x0, model.v0, zero, 0.0)
 
 
 def runs(scene: Scene) -> March:

@@ -6,7 +6,7 @@ from sparsemor.core.arrays import FloatArray
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.model import Model
 from sparsemor.core.protocols import ContactPlugin, Quantity
-from sparsemor.core.protocols.poses import PLANAR
+from sparsemor.core.protocols.poses import PLANAR_POSE
 from sparsemor.core.testing.assembled import (
     Entries,
     refuses_absent_bodies,
@@ -60,7 +60,7 @@ def _resultant(model: Model, x: FloatArray, f: FloatArray) -> tuple[FloatArray, 
             continue
         at = model.layout[b.name]
         F, R = f[at], x[at]
-        if b.size == PLANAR:
+        if b.size == PLANAR_POSE:
             found.append(np.array([F[0], F[1], F[2] + R[0] * F[1] - R[1] * F[0]]))
         else:
             found.append(F[:3])

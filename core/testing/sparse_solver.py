@@ -12,7 +12,7 @@ from sparsemor.core.protocols import (
     SparseSolver,
     SparseStart,
 )
-from sparsemor.core.protocols.sparse_solver import PROBLEM_FEATURES, missing, refusal
+from sparsemor.core.protocols.sparse_solver import PROBLEM_FEATURES, missing, solver_refusal
 from sparsemor.core.status import Status
 from sparsemor.core.testing.problems import (
     Elsewhere,
@@ -50,14 +50,14 @@ def _solves(
     near = linear.answer * (1.0 + 0.01 * rng.standard_normal(linear.answer.size))
     full = SparseStart(rng.standard_normal(near.size), np.ones(near.size, dtype=np.bool_))
     empty = empty_start(near.size)
-    if refusal("it", solver, linear.needs):
+    if solver_refusal("it", solver, linear.needs):
         _refused(solver, linear, empty, where)
         return
     _finds(solver, linear, empty, f"linear, empty start {where}")
     _well_formed(linear, solver.solve(linear, full), f"start beyond the budget {where}")
     noisy = _with_noise(linear, rng)
     _well_formed(noisy, solver.solve(noisy, empty), f"noisy {where}")
-    if refusal("it", solver, bent.needs):
+    if solver_refusal("it", solver, bent.needs):
         _refused(solver, bent, empty, where)
     else:
         _finds(solver, bent, SparseStart(near, bent.support), f"nonlinear, near start {where}")
@@ -69,7 +69,7 @@ def _declares(solver: SparseSolver) -> None:
     unknown = sorted(set(has) - set(PROBLEM_FEATURES))
     law(not unknown, f"unknown capabilities {unknown}; there are {sorted(PROBLEM_FEATURES)}")
     for name in PROBLEM_FEATURES:
-        words = refusal("the problem", solver, frozenset({name}))
+        words = solver_refusal("the problem", solver, frozenset({name}))
         law((name in words) != (name in has), f"capability {name}: refusal says {words!r}")
 
 
@@ -129,7 +129,7 @@ def _with_noise(problem: LeastSquares, rng: np.random.Generator) -> Elsewhere:
 
 def _owns_up(solver: SparseSolver, problem: LeastSquares) -> None:
     """Failures must be reported by the status."""
-    if refusal("it", solver, problem.needs):
+    if solver_refusal("it", solver, problem.needs):
         return
     start = empty_start(problem.answer.size)
     nan = Elsewhere(problem, lambda r: np.full_like(r, np.nan))

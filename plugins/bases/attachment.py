@@ -5,9 +5,18 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field, model_validator
 
-from sparsemor.core import Basis, BlockData, Dictionary, FloatArray, InputError, Plugin, Slot
-from sparsemor.core.linalg.coherence import oriented, unit_columns
-from sparsemor.core.model.model import distinct
+from sparsemor.core import (
+    Basis,
+    BlockData,
+    Dictionary,
+    FloatArray,
+    InputError,
+    Plugin,
+    Slot,
+    distinct_names,
+    oriented_unit_columns,
+    unit_columns,
+)
 from sparsemor.plugins.bases.load_patterns import (
     known_step,
     moving_loads,
@@ -110,11 +119,12 @@ class Attachment(Plugin):
             raise InputError(f"attachment: the responses of {data.name} are not finite: its "
                              "stiffness is nearly singular")
         seen = np.flatnonzero(np.linalg.norm(found, axis=0) > 0.0)
-        atoms = oriented(found[:, seen])
+        atoms = oriented_unit_columns(found[:, seen])
         kept, added = independent(atoms, self.rank_rtol)
         return Dictionary(
-            oriented(added if self.orthonormal else atoms[:, kept]), np.zeros(data.size),
-            tuple(distinct([said[seen[i]] for i in kept])),
+            oriented_unit_columns(added if self.orthonormal else atoms[:, kept]),
+            np.zeros(data.size),
+            tuple(distinct_names([said[seen[i]] for i in kept])),
             {"responses": len(kept), "dependent": found.shape[1] - len(kept)})
 
     def _forces(self, data: BlockData) -> list[tuple[FloatArray, list[str]]]:

@@ -4,9 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sparsemor.core import FloatArray
-from sparsemor.core.linalg.snapshots import column_chunks, large
-from sparsemor.core.linalg.svd import svd
+from sparsemor.core import FloatArray, column_chunks, needs_chunks, svd
 from sparsemor.plugins.bases.randomized_svd import round_off_level
 
 FIRST, EXTRA, PASSES = 64, 16, 12
@@ -62,7 +60,7 @@ class Snapshots:
 
 def mean(A: FloatArray) -> FloatArray:
     """(n,) of A (n, M)."""
-    if not large(A):
+    if not needs_chunks(A):
         return np.asarray(A.mean(axis=1))
     total: FloatArray = np.zeros(A.shape[0])
     for _, part in column_chunks(A):

@@ -3,8 +3,7 @@
 import numpy as np
 from pydantic import Field
 
-from sparsemor.core import BlockData, Dictionary, Plugin
-from sparsemor.core.linalg.coherence import oriented
+from sparsemor.core import BlockData, Dictionary, Plugin, oriented_unit_columns
 from sparsemor.plugins.bases.eigenmodes import lowest_modes
 from sparsemor.plugins.bases.modal import joint_columns, load_names, mode_info, no_interface
 from sparsemor.plugins.bases.orthogonalise import independent
@@ -36,9 +35,9 @@ class CraigBampton(Plugin):
         """Atoms (n, k). Raises InputError for a block on which no joint acts."""
         modes = lowest_modes(data, self.count, joint_columns(data, "craig_bampton"))
         names = [f"fixed mode {i}" for i in range(len(modes.values))]
-        pulled = oriented(StaticSolver.of(data)(data.loads[:, data.joints]))
+        pulled = oriented_unit_columns(StaticSolver.of(data)(data.loads[:, data.joints]))
         own, _ = independent(pulled, 1e-10)
         names += [f"constraint {load_names(data)[data.joints[i]]}" for i in own]
         atoms = np.concatenate([modes.shapes, pulled[:, own]], axis=1)
-        return Dictionary(oriented(atoms), np.zeros(data.size), tuple(names), {
+        return Dictionary(oriented_unit_columns(atoms), np.zeros(data.size), tuple(names), {
             "modes": len(modes.values), "constraint_modes": len(own), **mode_info(data, modes)})

@@ -5,9 +5,14 @@ from collections.abc import Iterator
 import numpy as np
 from pydantic import Field, field_validator, model_validator
 
-from sparsemor.core import BlockData, Dictionary, FloatArray, Plugin
-from sparsemor.core.linalg.coherence import oriented
-from sparsemor.core.model.model import distinct
+from sparsemor.core import (
+    BlockData,
+    Dictionary,
+    FloatArray,
+    Plugin,
+    distinct_names,
+    oriented_unit_columns,
+)
 from sparsemor.plugins.bases.load_patterns import (
     known_step,
     moving_loads,
@@ -80,13 +85,14 @@ class Impulse(Plugin):
         responses = list(_responses(data, forces, delays, self.substeps))
         if self.count is None:
             said = [f"impulse {name}, delay {p}" for p in delays for name in names]
-            found = oriented(np.concatenate([first, *responses], axis=1))
+            found = oriented_unit_columns(np.concatenate([first, *responses], axis=1))
             kept, _ = independent(found, self.rank_rtol)
             atoms, provenance = found[:, kept], [[*first_names, *said][i] for i in kept]
         else:
             atoms, provenance = self._pooled(first, responses, delays)
             provenance = [*first_names[: atoms.shape[1] - len(provenance)], *provenance]
-        return Dictionary(oriented(atoms), np.zeros(data.size), tuple(distinct(provenance)), {
+        names_of_atoms = tuple(distinct_names(provenance))
+        return Dictionary(oriented_unit_columns(atoms), np.zeros(data.size), names_of_atoms, {
             "positions": len(names), "delays": ", ".join(map(str, delays)),
             "responses": len(names) * len(delays), "kept": atoms.shape[1]})
 

@@ -3,9 +3,15 @@
 import numpy as np
 from scipy.sparse import csr_array
 
-from sparsemor.core import BlockData, Csr, FloatArray, InputError, IntArray
-from sparsemor.core.model.model import distinct
-from sparsemor.core.model.moving_loads import loaded_columns
+from sparsemor.core import (
+    BlockData,
+    Csr,
+    FloatArray,
+    InputError,
+    IntArray,
+    distinct_names,
+    loaded_columns,
+)
 
 AXES = "xyz"
 
@@ -25,7 +31,7 @@ def unit_loads(data: BlockData, patches: int | None) -> tuple[FloatArray, list[s
             found, said = _patched(data, found, load.source, patches)
         columns.append(np.asarray(found.toarray()))
         names += said
-    return np.concatenate(columns, axis=1), list(distinct(names))
+    return np.concatenate(columns, axis=1), list(distinct_names(names))
 
 
 def tabled_loads(data: BlockData, count: int) -> tuple[FloatArray, list[str]]:
@@ -47,7 +53,7 @@ def tabled_loads(data: BlockData, count: int) -> tuple[FloatArray, list[str]]:
             shapes = vectors[:, kept] * np.sqrt(values[kept])
         columns.append(np.asarray(load.columns @ shapes) / np.sqrt(len(V)))
         names += [f"{load.source}, tabled {i}" for i in range(len(kept))]
-    return np.concatenate(columns, axis=1), list(distinct(names))
+    return np.concatenate(columns, axis=1), list(distinct_names(names))
 
 
 def moving_loads(

@@ -5,8 +5,14 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
-from sparsemor.core import BlockData, Dictionary, FloatArray, InputError, Plugin
-from sparsemor.core.linalg.coherence import oriented
+from sparsemor.core import (
+    BlockData,
+    Dictionary,
+    FloatArray,
+    InputError,
+    Plugin,
+    oriented_unit_columns,
+)
 from sparsemor.plugins.bases.eigenmodes import Modes, lowest_modes
 from sparsemor.plugins.bases.orthogonalise import independent
 from sparsemor.plugins.bases.static_response import StaticSolver, is_thermal
@@ -64,7 +70,8 @@ class Modal(Plugin):
             names += [extra_names[i] for i in kept]
             info["corrections"] = len(kept)
         return Dictionary(
-            oriented(np.concatenate(atoms, axis=1)), np.zeros(data.size), tuple(names), info)
+            oriented_unit_columns(np.concatenate(atoms, axis=1)), np.zeros(data.size), tuple(names),
+            info)
 
     def _extra(self, data: BlockData) -> tuple[FloatArray, list[str]]:
         columns, names = [np.zeros((data.size, 0))], []

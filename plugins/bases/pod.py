@@ -7,8 +7,15 @@ from typing import Literal, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from sparsemor.core import BlockData, Dictionary, FloatArray, InputError, Plugin
-from sparsemor.core.linalg.snapshots import column_chunks, large
+from sparsemor.core import (
+    BlockData,
+    Dictionary,
+    FloatArray,
+    InputError,
+    Plugin,
+    column_chunks,
+    needs_chunks,
+)
 from sparsemor.plugins.bases.blocked_svd import Snapshots, leading, mean
 from sparsemor.plugins.bases.orthogonalise import independent, merge
 from sparsemor.plugins.bases.randomized_svd import held, left_singular, round_off_level, weighted
@@ -86,7 +93,7 @@ class Pod(Plugin):
 
     def _decomposed(self, data: BlockData, A: FloatArray, offset: FloatArray) -> Dictionary:
         """The POD of A (n, M) about `offset`."""
-        if large(A):
+        if needs_chunks(A):
             return self._by_chunks(data.name, A, offset)
         n, M = A.shape
         A, about = _squarable(A, offset)
@@ -265,7 +272,7 @@ def pooled(
 
 def share(A: FloatArray, offset: FloatArray, Q: FloatArray) -> float:
     """Of the squares of A (n, M) less `offset`, what orthonormal Q (n, k) hold."""
-    if not large(A):
+    if not needs_chunks(A):
         return held(A - offset[:, None], Q)
     snapshots = Snapshots.of(A, offset, False)
     return 1.0 - snapshots.missed(Q, snapshots.coefficients(Q).T) ** 2 / snapshots.total

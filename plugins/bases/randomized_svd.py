@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from sparsemor.core import FloatArray
-from sparsemor.core.linalg.svd import svd
+from sparsemor.core import FloatArray, svd
 
 _FIRST_SKETCH = 64
 _CHUNK = 1 << 22

@@ -5,8 +5,16 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from sparsemor.core import Basis, BlockData, Dictionary, FloatArray, InputError, Plugin, Slot
-from sparsemor.core.linalg.coherence import oriented
+from sparsemor.core import (
+    Basis,
+    BlockData,
+    Dictionary,
+    FloatArray,
+    InputError,
+    Plugin,
+    Slot,
+    oriented_unit_columns,
+)
 from sparsemor.plugins.bases.modal import load_names
 from sparsemor.plugins.bases.orthogonalise import independent
 from sparsemor.plugins.bases.static_response import StaticSolver, factorize, is_thermal
@@ -58,11 +66,12 @@ class Static(Plugin):
             raise InputError(
                 f"no load, joint or temperature acts on {data.name}, so there is no static "
                 "response: give this block another basis under reducer.bases, such as modal")
-        atoms = oriented(found[:, seen])
+        atoms = oriented_unit_columns(found[:, seen])
         kept, added = independent(atoms, self.rank_rtol)
         left_out = [names[seen[i]] for i in np.setdiff1d(np.arange(len(seen)), kept)]
         return Dictionary(
-            oriented(added if self.orthonormal else atoms[:, kept]), np.zeros(data.size),
+            oriented_unit_columns(added if self.orthonormal else atoms[:, kept]),
+            np.zeros(data.size),
             tuple(names[seen[i]] for i in kept),
             {"responses": len(kept), "dependent": ", ".join(left_out) or "none"})
 

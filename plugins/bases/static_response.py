@@ -5,8 +5,17 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import csr_array
 
-from sparsemor.core import BlockData, Csr, Factorized, FloatArray, InputError, SolveFailed, Status
-from sparsemor.core.model.factorizations import BlockSolvers, solved
+from sparsemor.core import (
+    BlockData,
+    BlockSolvers,
+    Csr,
+    Factorized,
+    FloatArray,
+    InputError,
+    SolveFailed,
+    Status,
+    solve_or_fail,
+)
 from sparsemor.plugins.linear_solvers.auto import Auto
 
 NULL_RTOL = 1e-10
@@ -22,7 +31,7 @@ class Answers:
 
     def solve(self, b: FloatArray) -> FloatArray:
         """(n,) or (n, j), as b. Raises SolveFailed where an iteration stops short."""
-        return solved(self.factor, b, self.block)
+        return solve_or_fail(self.factor, b, self.block)
 
 
 def factorize(matrix: Csr, data: BlockData) -> Answers:

@@ -6,9 +6,18 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from sparsemor.core import Basis, BlockData, ChecksBlock, Dictionary, FloatArray, Plugin, Slot
-from sparsemor.core.linalg.coherence import coherence, oriented
-from sparsemor.core.model.model import distinct
+from sparsemor.core import (
+    Basis,
+    BlockData,
+    ChecksBlock,
+    Dictionary,
+    FloatArray,
+    Plugin,
+    Slot,
+    coherence,
+    distinct_names,
+    oriented_unit_columns,
+)
 from sparsemor.plugins.bases.orthogonalise import independent, merge
 
 
@@ -46,8 +55,8 @@ class Overcomplete(Plugin):
         parts = [b.build(data) for b in self.bases]
         offset, extra, extra_names = _offsets(parts, data.size)
         names = [p for part in parts for p in part.provenance] + extra_names
-        atoms = oriented(np.concatenate([*(p.atoms for p in parts), extra], axis=1))
-        atoms, said, merged = merge(atoms, distinct(names), self.tolerance)
+        atoms = oriented_unit_columns(np.concatenate([*(p.atoms for p in parts), extra], axis=1))
+        atoms, said, merged = merge(atoms, distinct_names(names), self.tolerance)
         info: dict[str, float | int | str] = {}
         for i, part in enumerate(parts):  # what each basis reports, under its place in the list
             info |= {f"{i}.{key}": value for key, value in part.info.items()}
@@ -57,7 +66,7 @@ class Overcomplete(Plugin):
         if self.orthonormal:
             kept, added = independent(atoms, self.rank_rtol)
             left_out = atoms.shape[1] - len(kept)
-            atoms, said = oriented(added), tuple(said[i] for i in kept)
+            atoms, said = oriented_unit_columns(added), tuple(said[i] for i in kept)
         return Dictionary(atoms, offset, said, info | {
             "atoms": atoms.shape[1], "merged": merged, "dependent": left_out,
             "numerical_rank": rank, "coherence": mutual})

@@ -7,10 +7,17 @@ from typing import Any
 import numpy as np
 from pydantic import Field
 
-from sparsemor.core import Csr, DofLocations, Plugin, Solved, unsuitable_matrix
-from sparsemor.core.linalg.factorized import is_vector
-from sparsemor.core.linalg.nested_dissection import expected_entries
-from sparsemor.core.simulation.memory.limits import GIGA, machine
+from sparsemor.core import (
+    GIGABYTE,
+    Csr,
+    DofLocations,
+    Plugin,
+    Solved,
+    factor_entries,
+    is_vector_field,
+    machine_memory,
+    unsuitable_matrix,
+)
 from sparsemor.plugins.linear_solvers.cholmod import Cholmod
 from sparsemor.plugins.linear_solvers.conjugate_gradients import ConjugateGradients
 from sparsemor.plugins.linear_solvers.pardiso import Pardiso
@@ -52,8 +59,8 @@ class Auto(Plugin):
         n = A.shape[0]
         if n <= SMALL:
             return Splu(), f"splu: {n} unknowns are few"
-        entries = expected_entries(A, places)
-        size, limit = 2 * ENTRY * entries / GIGA, self._limit()
+        entries = factor_entries(A, places)
+        size, limit = 2 * ENTRY * entries / GIGABYTE, self._limit()
         if size > limit:
             return self._iterative(A, places, f"factors of {size:.2g} GB exceed {limit:.2g} GB")
         # one solve visits both factors once, one iteration the matrix and six vectors; these are
@@ -72,7 +79,7 @@ class Auto(Plugin):
         return int(self.choose(A, places)[0].expected(A, places))
 
     def _iterative(self, A: Csr, places: DofLocations | None, why: str) -> tuple[Any, str]:
-        heat = places is None or not is_vector(places)
+        heat = places is None or not is_vector_field(places)
         took = self._tried(A, PATIENCE) if heat else None
         if took is None and find_spec("pyamg"):
             return SmoothedAggregation(rtol=self.rtol), f"amg: {why}"
@@ -90,7 +97,7 @@ class Auto(Plugin):
 
     def _limit(self) -> float:
         """GB."""
-        return 0.5 * machine() / GIGA if self.memory is None else self.memory
+        return 0.5 * machine_memory() / GIGABYTE if self.memory is None else self.memory
 
 
 def _direct() -> tuple[str, Cholmod | Pardiso | Splu]:

@@ -10,12 +10,12 @@ from sparsemor.core import (
     Plugin,
     Solved,
     Status,
+    factor_entries,
     not_solved,
     require,
     solved_directly,
     unsuitable_matrix,
 )
-from sparsemor.core.linalg.nested_dissection import expected_entries
 
 
 class Cholmod(Plugin):
@@ -49,4 +49,4 @@ class Cholmod(Plugin):
 
     def expected(self, A: Csr, places: DofLocations | None = None) -> int:
         """Bytes while it works: the factor, and as much again of fronts and copies."""
-        return 2 * 12 * expected_entries(A, places)
+        return 2 * 12 * factor_entries(A, places)

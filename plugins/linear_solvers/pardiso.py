@@ -14,13 +14,13 @@ from sparsemor.core import (
     Plugin,
     Solved,
     Status,
+    factor_entries,
+    limit_loaded_libraries,
     not_solved,
     require,
     solved_directly,
     unsuitable_matrix,
 )
-from sparsemor.core.linalg.nested_dissection import expected_entries
-from sparsemor.core.linalg.threads import limit_loaded
 
 POSITIVE_DEFINITE = 2
 """PARDISO's number for real, symmetric positive definite matrices."""
@@ -59,14 +59,14 @@ class Pardiso(Plugin):
 
     def expected(self, A: Csr, places: DofLocations | None = None) -> int:
         """Bytes while it works: the factor, and as much again of fronts and copies."""
-        return 2 * 12 * expected_entries(A, places)
+        return 2 * 12 * factor_entries(A, places)
 
 
 def _engine() -> Any:
     """A fresh one; the package's constructor would search the disk for the library every time."""
     from pypardiso import ps
 
-    limit_loaded()  # MKL has come with it
+    limit_loaded_libraries()  # MKL has come with it
     engine = copy(ps)
     engine.pt, engine.iparm = np.zeros_like(ps.pt), np.zeros_like(ps.iparm)
     engine.perm = ps.perm.copy()

@@ -13,10 +13,11 @@ from sparsemor.core import (
     IntArray,
     Plugin,
     Solved,
+    is_vector_field,
     require,
+    rigid_motions,
     unsuitable_matrix,
 )
-from sparsemor.core.linalg.factorized import is_vector, rigid_motions
 from sparsemor.plugins.linear_solvers.conjugate_gradients import iterate
 
 WORKING = 10
@@ -101,7 +102,7 @@ def _whole_nodes(A: Csr, places: DofLocations | None) -> tuple[Any, IntArray, Fl
     if places is None:
         return _short(A), np.arange(n), np.ones((n, 1))
     motions = rigid_motions(places)
-    if not is_vector(places):
+    if not is_vector_field(places):
         return _short(A), np.arange(n), motions
     X, component, d = places.coordinates, places.component, places.coordinates.shape[1]
     new = np.ones(n, dtype=np.bool_)

@@ -16,11 +16,12 @@ from sparsemor.core import (
     Plugin,
     Solved,
     Status,
+    dissect,
+    factor_entries,
     not_solved,
     solved_directly,
     unsuitable_matrix,
 )
-from sparsemor.core.linalg.nested_dissection import dissect, expected_entries
 
 ENTRY = 12
 """Bytes of one entry of the factors: a number and its row."""
@@ -72,7 +73,7 @@ class Splu(Plugin):
 
     def expected(self, A: Csr, places: DofLocations | None = None) -> int:
         """Bytes while it works: SuperLU makes room for more than it fills."""
-        return int(WORKING * 2 * ENTRY * expected_entries(A, places))
+        return int(WORKING * 2 * ENTRY * factor_entries(A, places))
 
     def _ordering(self, A: Csr, places: DofLocations | None) -> str:
         if self.ordering != "best":

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from sparsemor.core import FloatArray, InputError, Plugin
-from sparsemor.core.linalg.svd import svd
+from sparsemor.core import FloatArray, InputError, Plugin, svd
 
 
 class Parseval(Plugin):

@@ -4,8 +4,7 @@ import numpy as np
 from pydantic import Field
 from scipy import linalg
 
-from sparsemor.core import FloatArray, InputError, Plugin
-from sparsemor.core.linalg.coherence import condition_number, unit_columns
+from sparsemor.core import FloatArray, InputError, Plugin, condition_number, unit_columns
 
 
 class UnitNormTightFrame(Plugin):

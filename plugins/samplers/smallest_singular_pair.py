@@ -3,8 +3,7 @@ each row."""
 
 import numpy as np
 
-from sparsemor.core import FloatArray
-from sparsemor.core.linalg.svd import svd
+from sparsemor.core import FloatArray, svd
 
 EPS = float(np.finfo(np.float64).eps)
 LOST = 1e4

@@ -19,8 +19,8 @@ from sparsemor.core import (
     SparseProblem,
     SparseStart,
     Status,
+    solver_refusal,
 )
-from sparsemor.core.protocols.sparse_solver import refusal
 from sparsemor.plugins.sparse_solvers.iterates import (
     Visits,
     always_active,
@@ -151,7 +151,7 @@ class LinearRecovery(SupportNewton):
 
     def solve(self, problem: SparseProblem, start: SparseStart) -> SparseOutcome:
         """As in `SupportNewton`. InputError when the problem needs what this solver has not."""
-        refused = refusal("this problem", self, problem.needs)
+        refused = solver_refusal("this problem", self, problem.needs)
         if refused:
             raise InputError(refused)
         return super().solve(problem, start)

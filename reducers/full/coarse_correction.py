@@ -17,8 +17,14 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import linalg
 
-from sparsemor.core import ElasticOperators, Factorized, FloatArray, SolveFailed, Status
-from sparsemor.core.model.factorizations import solved
+from sparsemor.core import (
+    ElasticOperators,
+    Factorized,
+    FloatArray,
+    SolveFailed,
+    Status,
+    solve_or_fail,
+)
 
 MODES, SPARE, POWER, MARGIN = 32, 8, 4, 2.0
 """Modes that are kept, others that are iterated with them, steps of the subspace iteration, and the
@@ -47,7 +53,7 @@ class CoarseCorrection:
         X = np.random.default_rng(0).standard_normal((n, kept + SPARE if kept else 1))
         for _ in range(POWER if kept else 2 * POWER):
             MX = np.asarray(ops.mass @ X)
-            Y = np.asarray(solved(factor, MX, block))
+            Y = np.asarray(solve_or_fail(factor, MX, block))
             # of span Y: Y^T D Y = Y^T M X, and M in it
             small = Y.T @ MX
             try:

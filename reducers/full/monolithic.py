@@ -24,8 +24,9 @@ from sparsemor.core import (
     NamesSource,
     ReducedTerm,
     Term,
+    system_jacobian,
+    system_residual,
 )
-from sparsemor.core.model.equations import jacobian, residual
 from sparsemor.reducers.full.superlu import factorize
 from sparsemor.reducers.step.newton.memory import Factor, NewtonMemory
 from sparsemor.reducers.step.rejection import Checked, checked
@@ -55,7 +56,7 @@ class Summed:
         def slope(c1: FloatArray, c2: FloatArray) -> Csr:
             if not linear:
                 return csc_array((n, n)).tocsr()
-            return jacobian(layout, linear, zero, zero, zero, 0.0, c1, c2).tocsr()
+            return system_jacobian(layout, linear, zero, zero, zero, 0.0, c1, c2).tocsr()
 
         K = slope(zero, zero)
         return cls(layout, K, slope(one, zero) - K, slope(zero, one) - K, linear,
@@ -75,12 +76,12 @@ class Summed:
 
     def prescribed(self, t: float) -> FloatArray:
         zero = np.zeros(self.layout.size)
-        return residual(self.layout, self.linear, zero, zero, zero, t)
+        return system_residual(self.layout, self.linear, zero, zero, zero, t)
 
     def residual(
         self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, prescribed: FloatArray
     ) -> FloatArray:
-        r = residual(self.layout, self.others, x, v, a, t)
+        r = system_residual(self.layout, self.others, x, v, a, t)
         r += self.K @ x + self.C @ v + prescribed
         if self.M.nnz:
             r += self.M @ a
@@ -91,7 +92,7 @@ class Summed:
     ) -> Csr:
         J = self.K + self.C * c1[None, :] + self.M * c2[None, :]
         if self.others:
-            J = J + jacobian(self.layout, self.others, x, v, a, t, c1, c2).tocsr()
+            J = J + system_jacobian(self.layout, self.others, x, v, a, t, c1, c2).tocsr()
         return csc_array(J)
 
     def factorize(self, J: Csr) -> Factor:

@@ -30,7 +30,7 @@ from sparsemor.core import (
     ReducedProblem,
     Slot,
     StepFactors,
-    chosen,
+    matched_option,
     slot_default,
 )
 from sparsemor.reducers.checks import pattern_faults
@@ -165,7 +165,7 @@ class ProjectionReducer(Plugin, ABC):
         offline, rng = problem.offline, problem.rng
         c1, c2, c1_first = constants(model.layout, integrator, h)
         dictionaries, limits = trial_bases(
-            offline, {n: chosen(n, self.bases, self.basis) for n in model.reducible()},
+            offline, {n: matched_option(n, self.bases, self.basis) for n in model.reducible()},
             StepFactors(h, c1, c2, c1_first))
         modes = self.in_modes(model, dictionaries)
         dictionaries |= {n: d for n, (d, _) in modes.items()}

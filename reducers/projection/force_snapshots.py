@@ -22,10 +22,11 @@ from sparsemor.core import (
     Recording,
     Sampler,
     State,
+    built_dictionary,
+    consistent_state,
+    sampled_rows,
+    svd,
 )
-from sparsemor.core.linalg.svd import svd
-from sparsemor.core.model.initial_state import consistent_state
-from sparsemor.core.registry.returned_values import built_dictionary, sampled_rows
 from sparsemor.reducers.projection.base import Reducible
 from sparsemor.reducers.step.left_inverse import deficient
 

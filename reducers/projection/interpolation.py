@@ -15,7 +15,7 @@ from sparsemor.core import (
     Note,
     Sampler,
     Slot,
-    chosen,
+    matched_option,
     slot_default,
 )
 from sparsemor.reducers.checks import block_size, bound_of_atoms, pattern_faults
@@ -51,10 +51,10 @@ class Interpolating(ProjectionReducer):
         faults = [*super().check(model), *pattern_faults(model, "points", self.points),
                   *pattern_faults(model, "force_bases", self.force_bases)]
         for name in model.reducible():
-            basis = chosen(name, self.force_bases, self.force_basis)
+            basis = matched_option(name, self.force_bases, self.force_basis)
             if isinstance(basis, CentresSnapshots) and basis.centred:
                 faults.append(Fault("force_basis", f"forces of {name}: {FROM_ZERO}"))
-            points, size = chosen(name, self.points, 0), block_size(model, name)
+            points, size = matched_option(name, self.points, 0), block_size(model, name)
             modes = self._modes_asked(name, size)
             held = len(model.required[name]) if self.required else 0
             if points > size - held:
@@ -68,15 +68,15 @@ class Interpolating(ProjectionReducer):
     def _modes_asked(self, name: str, size: int) -> int:
         """Number of modes that the options set for a block of `size` unknowns; 0 where they do
         not."""
-        return bound_of_atoms(chosen(name, self.force_bases, self.force_basis), size) or 0
+        return bound_of_atoms(matched_option(name, self.force_bases, self.force_basis), size) or 0
 
     def basis_of_force(self, block: Reducible) -> Basis:
         """The basis of this block's forces."""
-        return chosen(block.name, self.force_bases, self.force_basis)
+        return matched_option(block.name, self.force_bases, self.force_basis)
 
     def wanted(self, block: Reducible, modes: int) -> int:
         """Number of points, the required ones not counted."""
-        return chosen(block.name, self.points, int(np.ceil(self.oversampling * modes)))
+        return matched_option(block.name, self.points, int(np.ceil(self.oversampling * modes)))
 
     def notes(self, block: Reducible, points: IntArray) -> tuple[Note, ...]:
         """A sentence for each load or joint that acts on no point."""

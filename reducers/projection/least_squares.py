@@ -9,9 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from sparsemor.core import Dictionary, FloatArray, InputError
-from sparsemor.core.linalg.svd import svd
-from sparsemor.core.model.factorizations import solved
+from sparsemor.core import Dictionary, FloatArray, InputError, solve_or_fail, svd
 from sparsemor.reducers.projection.base import Maps, ProjectionReducer, Reducible
 from sparsemor.reducers.projection.force_snapshots import choose_points, force_modes, interpolation
 from sparsemor.reducers.projection.interpolation import Interpolating
@@ -86,7 +84,7 @@ def residual_modes(B: FloatArray, F: FloatArray) -> FloatArray:
 def energy_factor(block: Reducible, U: FloatArray) -> FloatArray:
     """W (q, q) with |W z|^2 = (U z)^T D^-1 (U z)."""
     factor = block.model.factorize(block.name, block.linear.operator, "norm")
-    flexible = U.T @ solved(factor, np.ascontiguousarray(U), block.name)
+    flexible = U.T @ solve_or_fail(factor, np.ascontiguousarray(U), block.name)
     try:
         return np.asarray(np.linalg.cholesky(flexible).T)
     except np.linalg.LinAlgError:

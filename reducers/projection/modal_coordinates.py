@@ -12,9 +12,7 @@ from dataclasses import replace
 import numpy as np
 from scipy import linalg
 
-from sparsemor.core import Csr, Dictionary, FloatArray
-from sparsemor.core.linalg.coherence import oriented
-from sparsemor.core.model.model import distinct
+from sparsemor.core import Csr, Dictionary, FloatArray, distinct_names, oriented_unit_columns
 
 ORTHONORMAL = 1e-8
 """How far the Gram matrix of atoms may be from 1. Others keep their own coordinates: eigenvectors
@@ -57,8 +55,8 @@ def modal_coordinates(d: Dictionary, K: Csr, M: Csr, unit: str) -> tuple[Diction
     rates = np.maximum(1.0 / np.maximum(values, 1e-300) - shift, 0.0)
     at = np.sqrt(rates) / (2.0 * np.pi) if unit == "Hz" else rates
     return replace(
-        d, atoms=oriented(turned),
-        provenance=distinct([f"mode at {value:.4g} {unit}" for value in at]),
+        d, atoms=oriented_unit_columns(turned),
+        provenance=distinct_names([f"mode at {value:.4g} {unit}" for value in at]),
         info={**d.info, "coordinates": "natural modes of the span"},
     ), float(np.abs(back).sum(axis=1).max())
 

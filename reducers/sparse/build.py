@@ -14,9 +14,9 @@ from sparsemor.core import (
     OfflineProducts,
     StepFactors,
     StepSolver,
-    chosen,
+    matched_option,
+    solver_refusal,
 )
-from sparsemor.core.protocols.sparse_solver import refusal
 from sparsemor.reducers.checks import unselectable, unselectable_blocks
 from sparsemor.reducers.notes import unsampled_loads
 from sparsemor.reducers.sparse.joint_problem import mechanics_needs, shape_needs
@@ -162,7 +162,7 @@ class Build:
         P, inverted = None, self.options.preconditions(name)
         if inverted:  # D^-1 D atoms, without the rounding of either
             B = self.dictionaries[name].atoms[rows]
-        if chosen(name, dict.fromkeys(self.options.preconditioned, True), False):
+        if matched_option(name, dict.fromkeys(self.options.preconditioned, True), False):
             P = weigh(self.offline, self.options.preconditioner, name, B)
         block = Sampled(name, self.dictionaries[name], rows, self.atoms[name] or B.shape[1],
                         B if P is None else P @ B, P)
@@ -222,6 +222,6 @@ class Build:
             problems[", ".join(choosing)] = mechanics_needs(
                 list(choosing.values()), base.mechanics.size)
         refused = [Fault("reducer.solver", why) for n, needs in problems.items()
-                   if (why := refusal(n, self.options.solver, needs))]
+                   if (why := solver_refusal(n, self.options.solver, needs))]
         if refused:
             raise InputError(refused)

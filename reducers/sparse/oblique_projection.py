@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sparsemor.core import (
+    CONSTANT_CHANGE,
     AssembledModel,
     BlockData,
     Csr,
@@ -15,10 +16,9 @@ from sparsemor.core import (
     OfflineProducts,
     SolveFailed,
     StepFactors,
+    expected_states,
+    least_squares_coefficients,
 )
-from sparsemor.core.linalg.least_squares import coefficients
-from sparsemor.core.results.error_norms import CONSTANT
-from sparsemor.core.simulation.diagnostics.expected_states import expected_states
 from sparsemor.reducers.sparse.sampled_block import Sampled
 from sparsemor.reducers.step.operators import TestMap
 
@@ -65,10 +65,10 @@ def row_error(
     """
     A, o = block.dictionary.atoms, block.dictionary.offset
     change = float(np.linalg.norm(states - states[:, :1], axis=0).max())
-    if change <= CONSTANT * float(np.linalg.norm(states, axis=0).max()):
+    if change <= CONSTANT_CHANGE * float(np.linalg.norm(states, axis=0).max()):
         return None
     x = states - o[:, None]
-    c = coefficients(A, x)
+    c = least_squares_coefficients(A, x)
     best = float(np.linalg.norm(x - A @ c, axis=0).max())
     worst = 0.0
     groups: list[tuple[IntArray | None, FloatArray, FloatArray]] = [(None, x, c)]

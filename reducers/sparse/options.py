@@ -11,7 +11,7 @@ from sparsemor.core import (
     Sampler,
     Slot,
     SparseSolver,
-    chosen,
+    matched_option,
     slot_default,
 )
 from sparsemor.reducers.step.acceptance import Tolerances
@@ -83,7 +83,7 @@ class SparseOptions(Plugin):
     def preconditions(self, name: str) -> bool:
         """True if the rows of a block are those of D^-1 r."""
         table = {"*": self.residual} if isinstance(self.residual, str) else self.residual
-        return chosen(name, table, "plain") == "preconditioned"
+        return matched_option(name, table, "plain") == "preconditioned"
 
     @property
     def tolerances(self) -> Tolerances:

@@ -17,7 +17,7 @@ from sparsemor.core import (
     ReducedProblem,
     StepFactors,
     StepSolver,
-    chosen,
+    matched_option,
 )
 from sparsemor.reducers.checks import (
     block_size,
@@ -80,10 +80,11 @@ class Sparse(SparseOptions):
         faults = self.check(model)
         if faults:
             raise InputError(faults).under("reducer")
-        budgets = {n: chosen(n, self.budgets, Budget()) for n in model.reducible()}
+        budgets = {n: matched_option(n, self.budgets, Budget()) for n in model.reducible()}
         step = StepFactors(h, *constants(model.layout, problem.integrator, h))
         dictionaries, limits = trial_bases(
-            offline, {n: chosen(n, self.bases, self.basis) for n in model.reducible()}, step)
+            offline, {n: matched_option(n, self.bases, self.basis) for n in model.reducible()},
+            step)
         streams = dict(zip(budgets, problem.rng.spawn(len(budgets)), strict=True))
         build = Build(model, offline, self, dictionaries, limits,
                       {n: b.atoms for n, b in budgets.items()}, step)
@@ -115,7 +116,8 @@ class Sparse(SparseOptions):
     ) -> tuple[Note, ...]:
         """Notes on options that change nothing in this run."""
         atoms = {n: d.atoms.shape[1] for n, d in dictionaries.items()}
-        active = {n: (chosen(n, self.budgets, Budget()).atoms or k, k) for n, k in atoms.items()}
+        active = {n: (matched_option(n, self.budgets, Budget()).atoms or k, k)
+                  for n, k in atoms.items()}
         return (
             *unselected(self, active), *shadowed_basis(self, model, self.bases),
             *unread_sampler(self, {n: (len(r), block_size(model, n)) for n, r in rows.items()}),

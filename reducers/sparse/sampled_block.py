@@ -19,10 +19,13 @@ from sparsemor.core import (
     Preconditioner,
     Sampler,
     StepFactors,
+    built_weights,
+    coherence,
+    condition_number,
+    sampled_rows,
+    solve_or_fail,
+    unit_columns,
 )
-from sparsemor.core.linalg.coherence import coherence, condition_number, unit_columns
-from sparsemor.core.model.factorizations import solved
-from sparsemor.core.registry.returned_values import built_weights, sampled_rows
 from sparsemor.reducers.sparse.row_compression import compact_elastic, compact_heat
 from sparsemor.reducers.step.elastic_block import CompressedElastic
 from sparsemor.reducers.step.left_inverse import left_inverse
@@ -220,7 +223,7 @@ def inverse_rows(
             part = rows[first : first + _CHUNK]
             units = np.zeros((n, len(part)))
             units[part, np.arange(len(part))] = 1.0
-            left[first : first + _CHUNK] = solved(factor, units, name).T
+            left[first : first + _CHUNK] = solve_or_fail(factor, units, name).T
         return {"left": left}
 
     made = make() if offline is None else offline.remember(

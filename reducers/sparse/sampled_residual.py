@@ -2,9 +2,7 @@
 
 import numpy as np
 
-from sparsemor.core import FloatArray, StepFormula
-from sparsemor.core.protocols.load_tables import total
-from sparsemor.core.protocols.separable import evaluate_amplitudes
+from sparsemor.core import FloatArray, StepFormula, evaluate_amplitudes, total_load
 from sparsemor.reducers.sparse.sampled_block import SampledElastic
 from sparsemor.reducers.step.condensed_newton import Mechanics
 from sparsemor.reducers.step.iteration_state import Workspace
@@ -67,13 +65,13 @@ class SampledBody:
         u[self.c] = pair[0]
         near: FloatArray = self.near.dot(u)
         if self.tables:
-            near = near - total(self.tables, step.t)[: self.first]
+            near = near - total_load(self.tables, step.t)[: self.first]
         return near
 
     def rest(self, t: float) -> FloatArray:
         """The other rows, after `residual` in a step to t, s."""
         far: FloatArray = self.far.dot(self.past)
-        return far - total(self.tables, t)[self.first :] if self.tables else far
+        return far - total_load(self.tables, t)[self.first :] if self.tables else far
 
     def turning(self, work: Workspace) -> tuple[FloatArray, FloatArray]:
         """(first, k) and the other rows of what turns with the frame and is left out of B."""

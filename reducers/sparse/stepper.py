@@ -19,8 +19,8 @@ from sparsemor.core import (
     Status,
     StepFormula,
     StepOutcome,
+    checked_return,
 )
-from sparsemor.core.registry.returned_values import returned
 from sparsemor.reducers.sparse.elastic_screen import Screens
 from sparsemor.reducers.sparse.joint_problem import HeatProblem, MechanicsProblem
 from sparsemor.reducers.sparse.memory import SparseMemory, Supports, kept_or_made
@@ -161,8 +161,8 @@ class SparseStepper(AroundSteps[Stepper]):
         at = self.layout[name]
         problem = HeatProblem.at(self.heat[name], step.r1[at], step.t)
         start = SparseStart(np.where(first, x[at], 0.0), first)
-        return returned(self.solver.solve(problem, start), SparseOutcome, self.solver, "solve",
-                        "reducer.solver")
+        return checked_return(self.solver.solve(problem, start), SparseOutcome, self.solver,
+                              "solve", "reducer.solver")
 
     def _named(self, outcome: StepOutcome) -> StepOutcome:
         """Temperatures out of bounds are reported before the displacements that they cause."""
@@ -231,7 +231,7 @@ class SparseStepper(AroundSteps[Stepper]):
         support = np.ones(len(c), dtype=bool)
         for g in problem.groups[:-1]:
             support[g.start : g.stop] = self._first(memory.supports[g.name])
-        out = returned(self.solver.solve(problem, SparseStart(c, support)), SparseOutcome,
+        out = checked_return(self.solver.solve(problem, SparseStart(c, support)), SparseOutcome,
                        self.solver, "solve", "reducer.solver")
         if not out.status.ok:
             detail = f"selection of atoms, residual {out.residual_norm:.1e}"

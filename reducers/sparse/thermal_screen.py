@@ -15,9 +15,9 @@ from sparsemor.core import (
     Screen,
     ScreensSupport,
     StepFormula,
+    evaluate_amplitudes,
+    total_load,
 )
-from sparsemor.core.protocols.load_tables import total
-from sparsemor.core.protocols.separable import evaluate_amplitudes
 from sparsemor.reducers.sparse.sampled_block import SampledHeat
 from sparsemor.reducers.sparse.screen_rows import Together, diagonal, joined
 from sparsemor.reducers.step.left_inverse import squares
@@ -54,14 +54,14 @@ class HeatRows:
         known = evaluate_amplitudes(self.amplitudes, t)
         r = self.rows.dot(np.concatenate((c, r1, known, ONE)))
         if self.tables:
-            r = r - total(self.tables, t)
+            r = r - total_load(self.tables, t)
         slope = self.J.T.dot(r[: self.first])
         return Quadratic(self.gram, slope, self.lengths * c, self.one, EXACT, None,
                          lambda: (float(r.dot(r)), 0.0))
 
     def tabled(self, t: float) -> FloatArray:
         """(first,) heat that moves, in the rows that columns reach."""
-        return total(self.tables, t)[: self.first] if self.tables else np.zeros(self.first)
+        return total_load(self.tables, t)[: self.first] if self.tables else np.zeros(self.first)
 
 
 class Standing:

@@ -14,8 +14,7 @@ from math import inf, sqrt
 import numpy as np
 from scipy.linalg.lapack import dgesv
 
-from sparsemor.core import FloatArray, Status, StepFormula
-from sparsemor.core.protocols.separable import Amplitude
+from sparsemor.core import Amplitude, FloatArray, Status, StepFormula
 from sparsemor.reducers.step.acceptance import (
     EPS,
     STALLED,

@@ -22,12 +22,14 @@ from sparsemor.core import (
     StepFormula,
     Term,
     Trial,
+    derivative_along_motion,
+    derivative_from_right,
     information,
+    motion_step,
+    rate_factors,
+    time_derivatives,
+    unavailable_resultants,
 )
-from sparsemor.core.model.constraint_rates import along, motion_step
-from sparsemor.core.model.equations import rate_factors
-from sparsemor.core.protocols.prescribed_quantities import derivatives, from_right
-from sparsemor.core.protocols.step_solver import unavailable_resultants
 from sparsemor.reducers.full.monolithic import coupling, elements
 from sparsemor.reducers.step.acceptance import Tolerances
 from sparsemor.reducers.step.frame_step import BodyStep
@@ -261,13 +263,13 @@ def _curvature(equations: Dense, x: FloatArray, v: FloatArray, t: float) -> Floa
     def value(e: Dense, time: float) -> FloatArray:
         return e.residual(x, zero, zero, time, zero)[rows]
 
-    found = along(lambda s: rate(equations, s, t), motion_step(layout, moving, h))
+    found = derivative_along_motion(lambda s: rate(equations, s, t), motion_step(layout, moving, h))
     once, twice = (equations.time_derivative(n, t) for n in (1, 2))
     found = found + 2.0 * rate(once, 0.0, t) + value(twice, t)
     for i, f in equations.targets:
-        found[equations.border[i] - rows.start] -= derivatives(f, t, h)[1]
+        found[equations.border[i] - rows.start] -= time_derivatives(f, t, h)[1]
     if equations.coupled:
         other = replace(equations, heat=(), bodies=(), targets=(), work=())
-        found = found + from_right(lambda s: value(other, s), 2, t, h)
-        found = found + 2.0 * from_right(lambda s: rate(other, 0.0, s), 1, t, h)
+        found = found + derivative_from_right(lambda s: value(other, s), 2, t, h)
+        found = found + 2.0 * derivative_from_right(lambda s: rate(other, 0.0, s), 1, t, h)
     return found

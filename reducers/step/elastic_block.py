@@ -15,10 +15,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sparsemor.core import Csr, ElasticOperators, Factorized, FloatArray, IntArray, Status
-from sparsemor.core.model.factorizations import short, solved
-from sparsemor.core.protocols.load_tables import total
-from sparsemor.core.protocols.separable import Amplitude, evaluate_amplitudes
+from sparsemor.core import (
+    Amplitude,
+    Csr,
+    ElasticOperators,
+    Factorized,
+    FloatArray,
+    IntArray,
+    Status,
+    evaluate_amplitudes,
+    solve_or_fail,
+    total_load,
+    unconverged_note,
+)
 from sparsemor.reducers.step.acceptance import EPS, rounding
 from sparsemor.reducers.step.elastic_local import (
     FullLocal,
@@ -128,7 +137,7 @@ class FullElastic(ElasticBlock):
     def of(cls, ops: ElasticOperators, factor: Factorized, block: str) -> "FullElastic":
         """Raises SolveFailed, naming the block, where an iteration stops short."""
         P = ops.directions
-        E = solved(factor, P, block) if P.size else P
+        E = solve_or_fail(factor, P, block) if P.size else P
         return cls(ops, factor, E, ops.directions.T @ E,
                    local=FullLocal(ops.local) if ops.local else None)
 
@@ -172,7 +181,8 @@ class FullElastic(ElasticBlock):
             history.iterations + found.iterations, found.residual)
         if found.status.ok:
             return found.x
-        history.failure = found.status, short(self.factor, found.residual, found.iterations)
+        history.failure = found.status, unconverged_note(
+            self.factor, found.residual, found.iterations)
         return np.full(len(right), np.nan)
 
     def update(self, z: FloatArray, sigma: FloatArray) -> FloatArray:
@@ -248,7 +258,7 @@ class CompressedElastic(ElasticBlock):
         out = self.H.dot(h.parts)
         out += self.base
         if self.tables:
-            out[g * w : (g + 1) * w] -= total(self.tables, t)
+            out[g * w : (g + 1) * w] -= total_load(self.tables, t)
         # rows kappa_g | mu_g | 1 of the combination; the first g are filled at each iterate
         h.stack = np.empty((2 * g + 1, w))
         h.stack[g:] = out[: (g + 1) * w].reshape(g + 1, w)

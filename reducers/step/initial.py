@@ -12,9 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sparsemor.core import FloatArray, FrameWork, State
-from sparsemor.core.model.constraint_rates import along
-from sparsemor.core.protocols.prescribed_quantities import derivatives
+from sparsemor.core import FloatArray, FrameWork, State, derivative_along_motion, time_derivatives
 from sparsemor.reducers.step.condensed_newton import Mechanics
 from sparsemor.reducers.step.frame_step import NONE, BodyStep, buffers
 from sparsemor.reducers.step.operators import TestedElastic
@@ -158,7 +156,7 @@ def _curvature(
     scales: StartTimes,
 ) -> FloatArray:
     """Second derivative of the attachments' rows along the velocities, accelerations zero."""
-    found = along(lambda s: _moving(body, t, y + s * v, v, replace(
+    found = derivative_along_motion(lambda s: _moving(body, t, y + s * v, v, replace(
         state, x=state.x + s * state.v)), scales.motion)
     first, second = (body.frame.time_derivative(n, state.t, scales.h) for n in (1, 2))
     if first is not None:
@@ -182,5 +180,5 @@ def _target_accelerations(mechanics: Mechanics, t: float, h: float) -> FloatArra
     """Second derivative of what the constraints follow."""
     found = np.zeros(mechanics.size)
     for i, f in mechanics.targets:
-        found[i] = derivatives(f, t, h)[1]
+        found[i] = time_derivatives(f, t, h)[1]
     return found

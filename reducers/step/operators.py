@@ -13,6 +13,7 @@ import numpy as np
 from scipy.sparse import csr_array, issparse
 
 from sparsemor.core import (
+    Amplitude,
     Dictionary,
     ElasticLocal,
     ElasticOperators,
@@ -23,9 +24,8 @@ from sparsemor.core import (
     ReducedTerm,
     Table,
     Trial,
+    projected_tables,
 )
-from sparsemor.core.protocols.load_tables import projected_tables
-from sparsemor.core.protocols.separable import Amplitude
 from sparsemor.reducers.projection.modal_coordinates import diagonal
 
 PROPORTIONAL = 1e-8

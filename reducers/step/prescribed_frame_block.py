@@ -15,9 +15,14 @@ from typing import ClassVar
 
 import numpy as np
 
-from sparsemor.core import ElasticOperators, Factorized, FloatArray, IntArray
-from sparsemor.core.model.factorizations import short
-from sparsemor.core.protocols.separable import Amplitude
+from sparsemor.core import (
+    Amplitude,
+    ElasticOperators,
+    Factorized,
+    FloatArray,
+    IntArray,
+    unconverged_note,
+)
 from sparsemor.reducers.full.coarse_correction import CoarseCorrection
 from sparsemor.reducers.projection.modal_coordinates import carried, dense, times
 from sparsemor.reducers.step.acceptance import EPS, LEAST
@@ -142,7 +147,7 @@ class FullPrescribed(PrescribedBlock):
         past.iterations, past.residual = past.iterations + found.iterations, found.residual
         if found.status.ok:
             return -found.x
-        past.failure = found.status, short(self.factor, found.residual, found.iterations)
+        past.failure = found.status, unconverged_note(self.factor, found.residual, found.iterations)
         return np.full(len(right), np.nan)
 
     def contraction(self, past: Past) -> float:

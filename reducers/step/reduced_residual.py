@@ -14,8 +14,7 @@ import numpy as np
 from scipy.linalg import lapack
 from scipy.sparse import issparse
 
-from sparsemor.core import FloatArray, FrameWork, IntArray, Layout, ReducedTerm
-from sparsemor.core.protocols.separable import Amplitude
+from sparsemor.core import Amplitude, FloatArray, FrameWork, IntArray, Layout, ReducedTerm
 from sparsemor.reducers.step.frame_step import BodyStep, buffers
 from sparsemor.reducers.step.newton.memory import NewtonMemory
 from sparsemor.reducers.step.operators import TestedElastic, TestedHeat

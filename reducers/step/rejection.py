@@ -3,8 +3,15 @@
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
-from sparsemor.core import ChecksStep, IntArray, Layout, Status, StepFormula, StepOutcome
-from sparsemor.core.model.equations import rate_factors
+from sparsemor.core import (
+    ChecksStep,
+    IntArray,
+    Layout,
+    Status,
+    StepFormula,
+    StepOutcome,
+    rate_factors,
+)
 
 Checked = tuple[ChecksStep, IntArray]
 """A term that checks steps, with its columns."""

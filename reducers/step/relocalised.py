@@ -11,10 +11,11 @@ from sparsemor.core import (
     ChecksStep,
     FloatArray,
     IntArray,
+    LocalCopy,
     ReducedTerm,
     RelocatesNear,
+    WrapsTerm,
 )
-from sparsemor.core.protocols import LocalCopy, WrapsTerm
 from sparsemor.reducers.step.newton.memory import NewtonMemory
 
 

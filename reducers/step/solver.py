@@ -19,9 +19,9 @@ from sparsemor.core import (
     Status,
     StepFormula,
     StepOutcome,
+    least_squares_coefficients,
+    motion_step,
 )
-from sparsemor.core.linalg.least_squares import coefficients
-from sparsemor.core.model.constraint_rates import motion_step
 from sparsemor.reducers.step.acceptance import Tolerances
 from sparsemor.reducers.step.condensed_newton import Mechanics
 from sparsemor.reducers.step.elastic_block import ElasticBlock
@@ -279,5 +279,5 @@ def reduce_state(
             continue
         d = dictionaries[b.name]
         columns = np.stack([state.x[there] - d.offset, state.v[there], state.a[there]], axis=1)
-        x[here], v[here], a[here] = coefficients(d.atoms, columns).T
+        x[here], v[here], a[here] = least_squares_coefficients(d.atoms, columns).T
     return State(state.t, x, v, a, state.memory)

@@ -12,8 +12,16 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from scipy.sparse import coo_array, csr_array
 
-from sparsemor.core import Factorized, FloatArray, HeatBody, IntArray, ReducedTerm, Status, Term
-from sparsemor.core.model.factorizations import short
+from sparsemor.core import (
+    Factorized,
+    FloatArray,
+    HeatBody,
+    IntArray,
+    ReducedTerm,
+    Status,
+    Term,
+    unconverged_note,
+)
 from sparsemor.reducers.full.superlu import factorize
 from sparsemor.reducers.projection.modal_coordinates import carried, times
 from sparsemor.reducers.step.operators import TestedHeat
@@ -108,7 +116,8 @@ class FullHeat:
         if not self.factor.iterative:
             return HeatOutcome(self.factor.solve(b), Status.DONE, 1)
         found = self.factor.outcome(b, guess)
-        detail = "" if found.status.ok else short(self.factor, found.residual, found.iterations)
+        detail = "" if found.status.ok else unconverged_note(
+            self.factor, found.residual, found.iterations)
         return HeatOutcome(found.x, found.status, 1, found.iterations, detail)
 
     def _local(self, T: FloatArray, r1: FloatArray, t: float) -> FloatArray:

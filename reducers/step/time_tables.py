@@ -7,9 +7,16 @@ from typing import Protocol
 
 import numpy as np
 
-from sparsemor.core import FloatArray, Table
-from sparsemor.core.protocols.load_tables import Tabled, total, total_along
-from sparsemor.core.protocols.separable import Amplitude, amplitudes_along, evaluate_amplitudes
+from sparsemor.core import (
+    Amplitude,
+    FloatArray,
+    Table,
+    Tabled,
+    amplitudes_along,
+    evaluate_amplitudes,
+    total_load,
+    total_load_along,
+)
 
 NEAR = 1e-9
 """Share of the interval before it by which a time may miss a tabled one: it was summed up
@@ -66,7 +73,7 @@ def plus_loads(r: FloatArray, rows: Loaded, t: float, sign: float = 1.0) -> Floa
     """r (n,) plus sign times the loads at t, s."""
     if rows.amplitudes:
         r = r + sign * (rows.loads @ evaluate_amplitudes(rows.amplitudes, t))
-    return np.asarray(r + sign * total(rows.tables, t) if rows.tables else r)
+    return np.asarray(r + sign * total_load(rows.tables, t) if rows.tables else r)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -105,5 +112,5 @@ def along(
     if amplitudes:
         rows += amplitudes_along(amplitudes, times).dot(loads.T)
     if tables:
-        rows += total_along(tables, times)
+        rows += total_load_along(tables, times)
     return rows

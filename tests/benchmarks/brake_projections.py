@@ -14,7 +14,7 @@ import numpy as np
 import report
 
 from sparsemor.core.arrays import Csr, FloatArray
-from sparsemor.core.model.block_patterns import chosen
+from sparsemor.core.model.block_patterns import matched_option
 from sparsemor.core.model.model import StepFactors
 from sparsemor.core.protocols import Dictionary
 from sparsemor.core.registry.hooks import new_manager
@@ -43,7 +43,7 @@ def fill(
         states = {b: truth.block(b, slice(None)) for b in (*POD, "pad.thermal")}
         for block, atoms, basis, counts in wanted(packaged, beside):
             made = scene.using({"reducer": basis}).reducer
-            d, _ = offline.dictionary(block, chosen(block, made.bases, made.basis), step)
+            d, _ = offline.dictionary(block, matched_option(block, made.bases, made.basis), step)
             for count in counts or (d.atoms.shape[1],):
                 if count > d.atoms.shape[1]:
                     continue

@@ -10,7 +10,7 @@ from typing import Any
 import report
 from brake_projections import leading, missed
 
-from sparsemor.core.model.block_patterns import chosen
+from sparsemor.core.model.block_patterns import matched_option
 from sparsemor.core.model.model import Model, StepFactors
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.offline import Offline
@@ -29,7 +29,7 @@ def projections(
     for block in model.reducible():
         if block != "disk.thermal":
             d, _ = offline.dictionary(
-                block, chosen(block, scene.reducer.bases, scene.reducer.basis), step)
+                block, matched_option(block, scene.reducer.bases, scene.reducer.basis), step)
             states = offline.snapshots(block).T
             found[block] = missed(d, states)
             if block.endswith("elastic"):

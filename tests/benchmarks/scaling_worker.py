@@ -22,7 +22,7 @@ from sparsemor.core.protocols import StepSolver
 from sparsemor.core.registry.hooks import new_manager
 from sparsemor.core.scene.scene import Scene, load
 from sparsemor.core.simulation.cache import Cache
-from sparsemor.core.simulation.memory.limits import GIGA, peak, resident
+from sparsemor.core.simulation.memory.limits import GIGABYTE, peak, resident
 from sparsemor.core.simulation.memory.precheck import precheck_memory
 from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.simulation.prepare import prepared
@@ -75,7 +75,7 @@ def train(task: dict[str, Any]) -> dict[str, Any]:
     return {"unknowns": {b.name: b.size for b in model.layout}, "spent": spent,
             "tetrahedra": sum(len(mesh.cells) for p in model.parts.values()
                               if (mesh := getattr(p, "mesh", None)) is not None),
-            "peak": int(made["peak"]) / GIGA,
+            "peak": int(made["peak"]) / GIGABYTE,
             "counts": {n: row.tolist() for n, row in zip(names, counts, strict=True)}}
 
 
@@ -120,14 +120,14 @@ class Way:
         if self.full:
             self.window(WARM)
             self.facts["solvers"] = {
-                f.block: f"{f.solver} {f.memory / GIGA:.2g} GB" for f in model.solvers.log
+                f.block: f"{f.solver} {f.memory / GIGABYTE:.2g} GB" for f in model.solvers.log
                 if f.purpose == "steps"}
         elif task["errors"]:
             self.facts["errors"] = self.errors(offline)
         told = offline.expected
         assert told is not None and early is not None
-        self.facts |= {"peak": peak() / GIGA, "base": BASE / GIGA, "told": told / GIGA,
-                       "foretold": early.total / GIGA}
+        self.facts |= {"peak": peak() / GIGABYTE, "base": BASE / GIGABYTE, "told": told / GIGABYTE,
+                       "foretold": early.total / GIGABYTE}
 
     def window(self, steps: int) -> dict[str, Any]:
         """CPU ms of each step, mean iterations; full order goes on, reduced models begin anew."""
@@ -186,7 +186,7 @@ def serve(task: dict[str, Any]) -> None:
     """Facts first; then a line of ms for each number of steps that is asked for."""
     way = Way(task)
     gc.collect()
-    way.facts["resident"] = resident() / GIGA
+    way.facts["resident"] = resident() / GIGABYTE
     tell(way.facts)
     for line in sys.stdin:
         tell(way.window(int(line)))

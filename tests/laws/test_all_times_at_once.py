@@ -13,7 +13,7 @@ from sparsemor.bodies.frames.items import (
     UnitLength,
 )
 from sparsemor.bodies.frames.moments import moments_of
-from sparsemor.core.protocols.load_tables import Table, total, total_along
+from sparsemor.core.protocols.load_tables import Table, total_load, total_load_along
 from sparsemor.core.protocols.prescribed_motion import FrameHistory
 from sparsemor.core.protocols.separable import FrameWork, amplitudes_along, evaluate_amplitudes
 from sparsemor.core.testing.in_memory_run import March, march
@@ -71,9 +71,9 @@ def test_tables_and_motions_at_many_times() -> None:
     assert table.along(TIMES.copy()) is table.values
     assert history.along(TIMES.copy())[0] is pose
     for times in (TIMES, BETWEEN):
-        many, motion = total_along(parts, times), history.along(times)
+        many, motion = total_load_along(parts, times), history.along(times)
         for i, t in enumerate(times.tolist()):
-            assert np.allclose(many[i], total(parts, t), rtol=1e-14, atol=1e-14)
+            assert np.allclose(many[i], total_load(parts, t), rtol=1e-14, atol=1e-14)
             for one, there in zip(motion, history.at(t), strict=True):
                 assert np.array_equal(one[i], there)
 

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sparsemor.core.linalg.least_squares import coefficients, orthonormal
+from sparsemor.core.linalg.least_squares import least_squares_coefficients, orthonormal
 
 
 def test_orthonormal_atoms_take_a_product_however_many_they_are(
@@ -22,7 +22,7 @@ def test_orthonormal_atoms_take_a_product_however_many_they_are(
         expected = np.linalg.lstsq(Q, b, rcond=None)[0]
         with monkeypatch.context() as m:
             m.setattr(np.linalg, "lstsq", dear)
-            found = coefficients(Q, b)
+            found = least_squares_coefficients(Q, b)
         assert np.abs(found - expected).max() <= 1e-13
 
 
@@ -33,9 +33,9 @@ def test_other_atoms_take_least_squares_of_least_norm(seed: int) -> None:
     alike = Q.copy()
     alike[:, 1] = alike[:, 0] + 1e-8 * Q[:, 1]  # unit columns, and one direction all but lost
     b = Q[:, [2]] + 1e-4 * Q[:, [1]]
-    assert coefficients(alike, b)[1, 0] == pytest.approx(1e4, rel=1e-6)
+    assert least_squares_coefficients(alike, b)[1, 0] == pytest.approx(1e4, rel=1e-6)
     wide = rng.standard_normal((10, 30))
-    c = coefficients(wide, wide @ rng.standard_normal((30, 2)))
+    c = least_squares_coefficients(wide, wide @ rng.standard_normal((30, 2)))
     assert np.abs(c - np.linalg.pinv(wide) @ (wide @ c)).max() <= 1e-12
 
 

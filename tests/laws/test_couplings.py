@@ -11,7 +11,7 @@ from sparsemor.bodies.terms.field_kinds import MULTIPLIER, THERMAL
 from sparsemor.core import InputError
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.contributions import close, general_terms
-from sparsemor.core.model.equations import jacobian, residual
+from sparsemor.core.model.equations import system_jacobian, system_residual
 from sparsemor.core.model.model import Model
 from sparsemor.core.protocols.contributions import Equations, Origin, Records
 from sparsemor.core.protocols.layout import Block, Layout
@@ -133,8 +133,8 @@ def test_both_forms_of_all_kinds_of_records_are_the_same_equations() -> None:
     for c in s.couplings:
         want[layout[c.rows]] += c.A @ x[layout[c.columns]] + c.B @ v[layout[c.columns]]
     want[s.other[0].rows] += s.other[0].residual(x[:4], v[:4], zero[:4], t)
-    np.testing.assert_allclose(residual(layout, terms, x, v, zero, t), want, rtol=1e-13)
-    K = jacobian(layout, terms, x, v, zero, t, zero, zero).toarray()
+    np.testing.assert_allclose(system_residual(layout, terms, x, v, zero, t), want, rtol=1e-13)
+    K = system_jacobian(layout, terms, x, v, zero, t, zero, zero).toarray()
     np.testing.assert_allclose(K[:4, 4:7], s.couplings[0].A.toarray(), rtol=1e-13)
 
 

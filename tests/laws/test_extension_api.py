@@ -1,7 +1,9 @@
 """The extension API, `from sparsemor.core import ...`: every name of it, and that it stays lazy."""
 
+import ast
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -9,16 +11,40 @@ from sparsemor import bodies, core, reducers
 from sparsemor.core import protocols
 
 NAMES = {
-    "BoolArray", "CompressedLocal", "Csr", "Fault", "FloatArray", "Gather", "InputError",
-    "IntArray", "Note", "Plugin", "Registry", "RunStart", "Slot", "SolveFailed", "Solved", "Status",
-    "chosen", "hookimpl", "information", "near", "not_solved", "require", "slot_default",
-    "solved_directly", "unsuitable_matrix",
+    "BlockSolvers", "BoolArray", "CONSTANT_CHANGE", "CompressedLocal", "Csr", "FREE_POSE",
+    "Fault", "FloatArray", "GIGABYTE", "Gather", "InputError", "IntArray", "Note",
+    "PLANAR_POSE", "Plugin", "Registry", "RunStart", "SPINNING_POSE", "Slot", "SolveFailed",
+    "Solved", "Status", "amplitudes_along", "bounded_address_space", "built_dictionary",
+    "built_weights", "cell_facets", "checked_return", "coherence", "column_chunks",
+    "condition_number", "consistent_state", "derivative_along_motion", "derivative_from_right",
+    "dissect", "distinct_names", "evaluate_amplitudes", "expected_states", "facet_numbers",
+    "factor_entries", "group_equal_rows", "hookimpl", "information", "is_vector_field",
+    "joints_with_forces", "least_squares_coefficients", "limit_loaded_libraries",
+    "loaded_columns", "machine_memory", "matched_option", "motion_step", "needs_chunks",
+    "not_solved", "oriented_unit_columns", "outer_facets", "outside_box_notes",
+    "points_in_space", "projected_tables", "rate_factors", "require", "resultant_sources",
+    "rigid_motions", "sampled_rows", "slot_default", "solve_or_fail", "solved_directly",
+    "solver_refusal", "suggestions", "svd", "system_jacobian", "system_residual",
+    "time_derivatives", "total_load", "total_load_along", "unavailable_resultants",
+    "unconverged_note", "unit_columns", "unmatched_patterns", "unsuitable_matrix",
+    "vectors_in_space",
 }
 """Besides all contracts of `sparsemor.core.protocols`."""
 
 
 def test_the_api_is_this_list() -> None:
     assert set(dir(core)) == NAMES | set(protocols.__all__)
+
+
+def test_type_checkers_see_the_same_names() -> None:
+    """The imports for type checkers and the table of homes, which is read at run time, agree."""
+    block = next(n for n in ast.parse(Path(core.__file__).read_text(encoding="utf-8")).body
+                 if isinstance(n, ast.If))
+    imports = {(str(n.module), a.name) for n in block.body if isinstance(n, ast.ImportFrom)
+               for a in n.names}
+    assert imports == {("sparsemor.core.protocols", "*"), *(
+        (f"sparsemor.core.{module}", name) for module, names in core._HOMES.items()
+        for name in names)}
 
 
 @pytest.mark.parametrize("name", sorted(NAMES | set(protocols.__all__)))

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from sparsemor.core.protocols import HasCurvature, TimeFunction
-from sparsemor.core.protocols.prescribed_quantities import Held, Prescribed, derivatives
+from sparsemor.core.protocols.prescribed_quantities import Held, Prescribed, time_derivatives
 from sparsemor.plugins.functions import Constant, Pulse, Ramp, Sine, Table, parse
 
 ALL: list[HasCurvature] = [
@@ -62,13 +62,13 @@ def test_derivatives_from_the_right_with_the_step_as_scale(w: float) -> None:
     """Exact where the function knows them, else to what a hundredth of the step resolves."""
     t, h = 0.3 / w, 0.1 / w
     want = w * np.cos(0.3), -(w**2) * np.sin(0.3)
-    assert derivatives(Prescribed(RateOnly(w), 5.0), t, h) == pytest.approx(want, rel=1e-9)
-    assert derivatives(RateOnly(w).value, t, h) == pytest.approx(want, rel=1e-7)
+    assert time_derivatives(Prescribed(RateOnly(w), 5.0), t, h) == pytest.approx(want, rel=1e-9)
+    assert time_derivatives(RateOnly(w).value, t, h) == pytest.approx(want, rel=1e-7)
     known = Prescribed(Sine(amplitude=1.0, frequency=w / (2 * np.pi)), 5.0)
-    assert derivatives(known, t, h) == pytest.approx(want, rel=1e-14)
-    assert derivatives(Held(1e7), t, h) == derivatives(lambda s: 1e7, t, h) == (0.0, 0.0)
+    assert time_derivatives(known, t, h) == pytest.approx(want, rel=1e-14)
+    assert time_derivatives(Held(1e7), t, h) == time_derivatives(lambda s: 1e7, t, h) == (0.0, 0.0)
     corner = Table(times=(0.0, t, 2 * t), values=(0.0, 0.0, 1.0))
-    assert derivatives(corner.value, t, h) == pytest.approx((1 / t, 0.0), abs=1e-6 / t**2)
+    assert time_derivatives(corner.value, t, h) == pytest.approx((1 / t, 0.0), abs=1e-6 / t**2)
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from reduced_runs import decoded
 from small_scenes import everything
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
-from sparsemor.core.model.equations import residual
+from sparsemor.core.model.equations import system_residual
 from sparsemor.core.protocols import BlockData, Dictionary
 from sparsemor.core.registry.plugin import Plugin
 from sparsemor.core.scene.scene import Scene, load
@@ -165,7 +165,7 @@ def rows_at(run: March, step: int) -> FloatArray:
         for i, series in enumerate((run.x, run.v, run.a)):
             c = series[step, here]
             full[i, there] = c if d is None else d.atoms @ c + (d.offset if i == 0 else 0.0)
-    return residual(model.layout, model.terms, *full, float(run.t[step]))
+    return system_residual(model.layout, model.terms, *full, float(run.t[step]))
 
 
 def test_lspg_leaves_a_residual_at_right_angles_to_its_images() -> None:

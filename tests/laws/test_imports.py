@@ -44,6 +44,13 @@ def breaches(folder: str, tree: ast.AST) -> set[str]:
     return {n for n in ours if "." not in n or n.split(".")[1] not in allowed}
 
 
+def private(tree: ast.AST) -> set[str]:
+    """Imports of core that a third party may not do: all but the extension API and the law kit."""
+    return {n.module or "" for n in ast.walk(tree)
+            if isinstance(n, ast.ImportFrom) and f"{n.module}.".startswith("sparsemor.core.")
+            and n.module not in ("sparsemor.core", "sparsemor.core.testing")}
+
+
 def upward(layer: str, tree: ast.AST) -> set[str]:
     """Imports of a module of core that break the order of its folders, type-only ones included."""
     names = {n for n in imported(tree) if n.startswith("sparsemor.core.")}
@@ -109,6 +116,18 @@ def test_imports_follow_the_table(folder: str) -> None:
         layer = parts[1].removesuffix(".py") if len(parts) > 1 else ""
         if folder == "core" and layer in LAYERS:
             assert not upward(layer, tree), path
+
+
+@pytest.mark.parametrize("folder", FOLDERS[1:])
+def test_plugins_import_what_third_parties_may(folder: str) -> None:
+    found = {path: names for path in FILES if path.relative_to(ROOT).parts[0] == folder
+             if (names := private(ast.parse(path.read_text(encoding="utf-8"))))}
+    assert not found
+
+
+def test_the_check_sees_a_private_import() -> None:
+    assert private(ast.parse("def f():\n    from sparsemor.core.protocols.term import Term"))
+    assert not private(ast.parse("from sparsemor.core import Term"))
 
 
 @pytest.mark.parametrize("folder, text", [

@@ -16,7 +16,7 @@ from sparsemor.bodies.frames.plane import PlanarFrame
 from sparsemor.bodies.joints.conditions import conditions_between, conditions_on
 from sparsemor.core import FieldKind, FloatArray, Part, Plugin
 from sparsemor.core.model.assembly import assemble
-from sparsemor.core.model.equations import jacobian, residual
+from sparsemor.core.model.equations import system_jacobian, system_residual
 from sparsemor.core.model.model import Model
 from sparsemor.core.testing.in_memory_run import scene_of
 
@@ -139,12 +139,12 @@ def test_with_an_angle_about_z_forces_and_jacobian_are_equal(seed: int) -> None:
     wide = [np.zeros(space.layout.size) for _ in given]
     for w, x in zip(wide, given, strict=True):
         w[at] = x
-    want = residual(flat.layout, flat.terms, *given, 0.0)
-    got = residual(space.layout, space.terms, *wide, 0.0)
+    want = system_residual(flat.layout, flat.terms, *given, 0.0)
+    got = system_residual(space.layout, space.terms, *wide, 0.0)
     np.testing.assert_allclose(got[at], want, rtol=0, atol=1e-12 * np.abs(want).max())
     out = np.setdiff1d(np.arange(space.layout.size), at)
     assert len(out) == 2 and np.abs(got[out]).max() == 0.0  # no force along z
-    J, K = (jacobian(m.layout, m.terms, *s, 0.0, *(c * differentiated(m) for c in (c1, c2)))
+    J, K = (system_jacobian(m.layout, m.terms, *s, 0.0, *(c * differentiated(m) for c in (c1, c2)))
             for m, s in ((flat, given), (space, wide)))
     J, K = J.toarray(), K.toarray()[np.ix_(at, at)]
     sizes = np.sqrt(np.outer(np.abs(J).max(axis=1), np.abs(J).max(axis=0)))
@@ -178,6 +178,6 @@ def test_with_a_quaternion_forces_are_equal(seed: int) -> None:
         rows[here, there] = np.zeros((3, 7))
         rows[here, there][:2, :2] = np.eye(2)
         rows[here, there][2, 3:] = dp / 2
-    want = residual(flat.layout, flat.terms, x, v, a, 0.0)
-    got = rows @ residual(space.layout, space.terms, *wide, 0.0)
+    want = system_residual(flat.layout, flat.terms, x, v, a, 0.0)
+    got = rows @ system_residual(space.layout, space.terms, *wide, 0.0)
     np.testing.assert_allclose(got, want, rtol=0, atol=1e-12 * np.abs(want).max())

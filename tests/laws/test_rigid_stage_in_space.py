@@ -12,7 +12,7 @@ from sparsemor.bodies.mesh.generators.block import Block
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.prescribed_motion import Followed
 from sparsemor.core.protocols import PassesReactionsOn
-from sparsemor.core.protocols.poses import placed, turned
+from sparsemor.core.protocols.poses import points_in_space, vectors_in_space
 from sparsemor.core.protocols.prescribed_motion import FrameHistory, Stage
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.cache import Cache
@@ -129,16 +129,17 @@ def test_what_is_handed_on_balances_every_body():
         w, al = (2.0 * np.einsum("tij,tj->ti", G, q[:, 3:]) for q in (v, a))
         Jw = w @ J
         lever = np.cross(al, com) + np.cross(w, np.cross(w, com))
-        force = 0.4 * (a[:, :3] + turned(pose, lever) - np.array([1.0, 2.0, -9.0]))
-        torque = turned(pose, al @ J + np.cross(w, Jw))
-        center = placed(pose, np.tile(com, (len(pose), 1)))
+        force = 0.4 * (a[:, :3] + vectors_in_space(pose, lever) - np.array([1.0, 2.0, -9.0]))
+        torque = vectors_in_space(pose, al @ J + np.cross(w, Jw))
+        center = points_in_space(pose, np.tile(com, (len(pose), 1)))
         size = np.abs(force[late]).max(), 0.1 * np.abs(force[late]).max()
         for joint, known in stage.reactions_passed_on.items():
             part: Any = joints[joint]
             for i, side in enumerate(part.sides):
                 if side.body.name == name:
                     f, m = known[:, 6 * i : 6 * i + 3], known[:, 6 * i + 3 : 6 * i + 6]
-                    arm = placed(pose, np.tile(side.mean() @ side.body.X, (len(pose), 1))) - center
+                    mean = np.tile(side.mean() @ side.body.X, (len(pose), 1))
+                    arm = points_in_space(pose, mean) - center
                     force, torque = force + f, torque + m + np.cross(arm, f)
         assert np.abs(force[late]).max() < 1e-8 * size[0], name
         assert np.abs(torque[late]).max() < 1e-8 * size[1], name

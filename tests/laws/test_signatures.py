@@ -21,14 +21,8 @@ ALLOWED = {
     "registry.slot.slot_default": "the default of an option: pydantic makes a plugin of the name",
     "registry.slot.name_default_slots": "the options of a plugin as they are written",
     "results.json_data.finite": "any JSON value",
-    "results.zarr_files.to_json": "any JSON value",
-    "results.metadata.dump_layout": "rows of a JSON table",
-    "results.tables.csv_table": "cells of any type, written as text",
-    "results.tables.with_head": "cells of any type, written as text",
     "results.saved_state.Saved.tree": "plain data of an unknown memory",
-    "results.saved_state.Saved.of": "a memory of an unknown class becomes plain data",
     "results.saved_state.Saved.into": "plain data becomes a memory of the class of another one",
-    "results.store.ResultWriter.checkpoint": "a memory of an unknown class becomes plain data",
 }
 
 

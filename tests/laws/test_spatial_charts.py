@@ -24,7 +24,7 @@ from sparsemor.core.analysis.charts.time_histories import (
 )
 from sparsemor.core.analysis.charts.view import DARKEST, LIGHT, VIEWS, Surface, skin
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.model.facets import boundary
+from sparsemor.core.model.facets import outer_facets
 from sparsemor.core.protocols.mesh import Mesh
 from sparsemor.core.protocols.poses import turned_by
 from sparsemor.core.results.run_result import RunResult
@@ -78,7 +78,7 @@ def block(size: tuple[float, float, float]) -> tuple[FloatArray, Any]:
     from sparsemor.bodies.mesh.generators.block import Block
 
     mesh = Block(size=size, divisions=(1, 1, 1)).build(Path())
-    return mesh.points - 0.5 * np.array(size), boundary(Mesh(mesh.points, mesh.cells))
+    return mesh.points - 0.5 * np.array(size), outer_facets(Mesh(mesh.points, mesh.cells))
 
 
 @pytest.mark.parametrize("view", VIEWS, ids=lambda v: v.name)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from sparsemor.core.model.assembly import assemble
-from sparsemor.core.model.equations import residual
+from sparsemor.core.model.equations import system_residual
 from sparsemor.core.model.initial_state import consistent_state
 from sparsemor.core.scene.scene import load
 
@@ -14,8 +14,8 @@ def test_accelerations_and_joint_forces_balance_the_weight() -> None:
         "bodies.link1.mesh.elements": 320, "bodies.link2.mesh.elements": 320})
     model = assemble(scene)
     start, zero = consistent_state(model), np.zeros(model.layout.size)
-    left = residual(model.layout, model.terms, start.x, start.v, start.a, 0.0)
-    pulled = residual(model.layout, model.terms, model.x0, model.v0, zero, 0.0)
+    left = system_residual(model.layout, model.terms, start.x, start.v, start.a, 0.0)
+    pulled = system_residual(model.layout, model.terms, model.x0, model.v0, zero, 0.0)
     for body in ("link1", "link2"):
         for field in ("rigid", "elastic"):
             at = model.layout[f"{body}.{field}"]

@@ -13,7 +13,7 @@ from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.linear_equations import TabledEquations
 from sparsemor.core.model.model import Model
 from sparsemor.core.model.prescribed_motion import AtStart
-from sparsemor.core.protocols.load_tables import LoadTable, Table, projected_tables, total
+from sparsemor.core.protocols.load_tables import LoadTable, Table, projected_tables, total_load
 from sparsemor.core.testing import check_term
 
 SLIDER = Path(__file__).parents[1] / "scenes" / "small_slider.yaml"
@@ -53,7 +53,7 @@ def test_what_a_map_sees_is_the_map_of_the_load():
         assert len(seen) == 2  # one table for loads of the same times
         for t in (0.0, 3.3, 7.0):
             want = dense @ sum(one.at(t) for one in loads)
-            np.testing.assert_allclose(total(seen, t), want, rtol=1e-13, atol=1e-13)
+            np.testing.assert_allclose(total_load(seen, t), want, rtol=1e-13, atol=1e-13)
     np.testing.assert_allclose(loads[0].seen(left).at(2.2), left @ loads[0].at(2.2), atol=1e-13)
 
 

@@ -7,7 +7,7 @@ from small_scenes import everything, everything_assembled
 from sparsemor.bodies.frames.plane import PlanarFrame
 from sparsemor.bodies.loads.radiation import RadiationTerm
 from sparsemor.core.model.assembled_term import AssembledTerm
-from sparsemor.core.model.equations import jacobian, residual
+from sparsemor.core.model.equations import system_jacobian, system_residual
 from sparsemor.core.model.frame_equations import FrameEquations
 from sparsemor.core.model.linear_equations import LinearEquations
 from sparsemor.core.model.model import Model
@@ -63,12 +63,12 @@ def test_the_whole_jacobian_is_the_derivative_of_the_whole_residual(model: Model
     x, v, a = model.x0.copy(), rng.standard_normal(n), rng.standard_normal(n)
     x[layout.second] += 1e-3 * rng.standard_normal(layout.second.stop)
     x[layout.algebraic] = 100.0 * rng.standard_normal(n - layout.algebraic.start)
-    J = jacobian(layout, model.terms, x, v, a, 0.013, c1, c2)
+    J = system_jacobian(layout, model.terms, x, v, a, 0.013, c1, c2)
     for b in layout:
         d = np.zeros(n)
         d[layout[b.name]] = rng.standard_normal(b.size)
         e = {"rigid": 1e-6, "elastic": 1e-7, "thermal": 1e-2, "multiplier": 1.0}[b.field]
-        r = [residual(layout, model.terms, x + s * d, v + s * c1 * d, a + s * c2 * d, 0.013)
+        r = [system_residual(layout, model.terms, x + s * d, v + s * c1 * d, a + s * c2 * d, 0.013)
              for s in (e, -e)]
         want = (r[0] - r[1]) / (2 * e)
         noise = 1e-12 * np.abs(r[0]).max() / e

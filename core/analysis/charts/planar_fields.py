@@ -24,10 +24,10 @@ from sparsemor.core.analysis.charts.style import (
 )
 from sparsemor.core.analysis.charts.units import Unit, unit
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.model.facets import boundary
+from sparsemor.core.model.facets import outer_facets
 from sparsemor.core.protocols.layout import Quantity
 from sparsemor.core.protocols.mesh import Mesh
-from sparsemor.core.protocols.poses import PLANAR
+from sparsemor.core.protocols.poses import PLANAR_POSE
 from sparsemor.core.results.run_result import RunResult
 
 if TYPE_CHECKING:
@@ -38,7 +38,8 @@ def drawable_bodies(run: RunResult) -> list[str]:
     """Planar bodies with a mesh of triangles."""
     return [body for body in run.bodies
             if run.points(body).shape[1] == 2 and run.cells(body).shape[1:] == (3,)
-            and ((frame := run.layout.of(body, Quantity.POSE)) is None or frame.size == PLANAR)]
+            and ((frame := run.layout.of(body, Quantity.POSE)) is None
+                 or frame.size == PLANAR_POSE)]
 
 
 def deformation_figure(
@@ -75,7 +76,7 @@ def deformation_figure(
             if values is not None:
                 drawn = axes.tripcolor(x, y, cells, values * scale, shading="gouraud",
                                        rasterized=True, vmin=low, vmax=high, cmap=MAPS[quantity])
-            edges = boundary(Mesh(run.points(body), cells))
+            edges = outer_facets(Mesh(run.points(body), cells))
             axes.plot(x[edges].T, y[edges].T, color="#606060", linewidth=0.3)
         axes.set_aspect("equal")
         axes.set(xlim=[metre.factor * x for x in box[:2]],

@@ -19,7 +19,7 @@ from sparsemor.core.analysis.charts.style import (
 from sparsemor.core.analysis.charts.units import unit
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.protocols.layout import Quantity
-from sparsemor.core.protocols.poses import FREE, KNOWN, PLANAR, SPINNING, turned_by
+from sparsemor.core.protocols.poses import FREE_POSE, KNOWN, PLANAR_POSE, SPINNING_POSE, turned_by
 from sparsemor.core.results.run_result import RunResult
 
 if TYPE_CHECKING:
@@ -93,9 +93,9 @@ def turning(run: RunResult) -> Curves:
     if len(run.times) < 2:
         return found
     for b in run.layout:
-        if b.kind.quantity is Quantity.POSE and b.size in (PLANAR, SPINNING):
+        if b.kind.quantity is Quantity.POSE and b.size in (PLANAR_POSE, SPINNING_POSE):
             angle = run.block(b.name)[:, -1]
-            if b.size == PLANAR:
+            if b.size == PLANAR_POSE:
                 found[b.owner, "angle (°)"] = Curve(run.times, np.degrees(angle))
             else:
                 found |= _spin(b.owner, run.times, angle, rate_of(run.times, angle))
@@ -103,7 +103,7 @@ def turning(run: RunResult) -> Curves:
     for body in sorted(stage.moves) if stage is not None else ():
         assert stage is not None
         frame = stage.frames[body]
-        if frame.pose.shape[1] == SPINNING and len(stage.times) > 1:
+        if frame.pose.shape[1] == SPINNING_POSE and len(stage.times) > 1:
             found |= _spin(body, stage.times, frame.pose[:, -1], frame.rate[:, -1])
     return found
 
@@ -124,7 +124,7 @@ def moving_bodies(run: RunResult) -> Poses:
     stage = run.stage()
     if stage is not None:
         return {body: (stage.times, stage.frames[body].pose) for body in sorted(stage.moves)}
-    least = PLANAR if run.scene.get("contacts") else PLANAR + 1
+    least = PLANAR_POSE if run.scene.get("contacts") else PLANAR_POSE + 1
     return {b.owner: (run.times, run.block(b.name)) for b in run.layout
             if b.kind.quantity is Quantity.POSE and b.size in KNOWN and b.size >= least}
 
@@ -155,8 +155,9 @@ def _moved(moving: Poses, what: str) -> dict[str, FloatArray]:
     found = {}
     for body, (_, pose) in moving.items():
         if what == "turned":
-            found[body] = turned_by(pose) if pose.shape[1] == FREE else pose[:, -1] - pose[0, -1]
-        elif what != "z moved" or pose.shape[1] != PLANAR:
+            found[body] = (
+                turned_by(pose) if pose.shape[1] == FREE_POSE else pose[:, -1] - pose[0, -1])
+        elif what != "z moved" or pose.shape[1] != PLANAR_POSE:
             column = pose[:, _AXES.index(what)]
             found[body] = column - column[0]
     moves = any(np.abs(values).max(initial=0.0) > _STILL for values in found.values())

@@ -11,7 +11,7 @@ import numpy as np
 
 from sparsemor.core.analysis.study.columns import RESERVED
 from sparsemor.core.analysis.study.file import Finding, RandomSubset, Study, StudyFile
-from sparsemor.core.registry.registry import near
+from sparsemor.core.registry.registry import suggestions
 from sparsemor.core.registry.validation_errors import dotted
 from sparsemor.core.scene.overrides import split
 from sparsemor.core.scene.yaml_reader import KeyPath
@@ -233,5 +233,5 @@ def _of_chart(file: StudyFile, points: Sequence[Point]) -> list[Finding]:
         for i, name in enumerate(lines)]
     if file.budget:
         named.append((("budget",), file.budget))
-    return [Finding(path, f"nothing of that name varies: {near(name, names, 'there are')}")
+    return [Finding(path, f"nothing of that name varies: {suggestions(name, names, 'there are')}")
             for path, name in named if name not in names]

@@ -20,7 +20,7 @@ from sparsemor.core.errors import Fault, InputError
 from sparsemor.core.protocols import FieldKind, UsesBases
 from sparsemor.core.protocols.layout import ordered
 from sparsemor.core.protocols.reducer import is_full_order
-from sparsemor.core.registry.registry import Registry, near
+from sparsemor.core.registry.registry import Registry, suggestions
 from sparsemor.core.scene.digest import digest
 from sparsemor.core.scene.independent_of_physics import NOT_PHYSICS, training_physics
 from sparsemor.core.scene.overrides import split
@@ -259,7 +259,7 @@ def _scene_of(study: Study, registry: Registry) -> Source:
     elif not neighbour.is_file():
         raise study.locate([Finding(
             ("scene",), f"there is no such file next to the study, and no packaged scene is "
-            f"called {named!r}: {near(named, packaged(registry, 'scene'), 'packaged')}")])
+            f"called {named!r}: {suggestions(named, packaged(registry, 'scene'), 'packaged')}")])
     source = Source.read(named if registry.has("scene", named) else neighbour, registry)
     try:
         return source.changed(study.file.changes, "set")

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from sparsemor.core.arrays import IntArray
 from sparsemor.core.errors import Gather, InputError
 from sparsemor.core.protocols.layout import Quantity
-from sparsemor.core.registry.registry import near
+from sparsemor.core.registry.registry import suggestions
 from sparsemor.core.results.run_result import RunResult
 
 FORMATS = ("vtu", "xdmf")
@@ -49,7 +49,7 @@ def plan_export(
 
 def _check_name(name: str, names: Sequence[str], one: str, many: str) -> None:
     if name not in names:
-        raise InputError(f"no {one} is called {name!r}: {near(name, names, many)}")
+        raise InputError(f"no {one} is called {name!r}: {suggestions(name, names, many)}")
 
 
 def _each(names: Sequence[str], allowed: Sequence[str], one: str, many: str) -> None:

@@ -15,7 +15,7 @@ SMALL = 1e-6
 """Joint forces below this share of the largest in the scene are round-off."""
 
 
-def joints_of(layout: Layout) -> tuple[str, ...]:
+def joints_with_forces(layout: Layout) -> tuple[str, ...]:
     """Names of the joints whose forces are unknowns. The multiplier of a quaternion's length is
     not a joint's."""
     return tuple(b.owner for b in layout
@@ -29,7 +29,7 @@ def alternating_forces(result: RunResult) -> tuple[Note, ...]:
     if result.scene["output"]["every"] != 1 or len(result.times) < LAST + 3:
         return ()
     last = slice(len(result.times) - LAST - 2, len(result.times))
-    blocks = {name: result.layout.multipliers(name) for name in joints_of(result.layout)}
+    blocks = {name: result.layout.multipliers(name) for name in joints_with_forces(result.layout)}
     forces = {name: result.block(b.name, last) for name, b in blocks.items() if b is not None}
     most = max((float(np.abs(f).max()) for f in forces.values()), default=0.0)
     found = {name: alternation(f) for name, f in forces.items()

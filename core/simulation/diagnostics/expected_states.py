@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.model.factorizations import BlockSolvers, solved
+from sparsemor.core.model.factorizations import BlockSolvers, solve_or_fail
 from sparsemor.core.protocols import AssembledModel, StepFactors
 from sparsemor.core.protocols.load_tables import LoadTable
 from sparsemor.core.protocols.separable import Amplitude, ElasticOperators, HeatBody
@@ -58,7 +58,7 @@ def _temperatures(model: AssembledModel, heat: HeatBody, times: FloatArray) -> F
     for before, after in zip(times[:-1], times[1:], strict=True):
         q = heat.constant + heat.loads @ _mean(heat.amplitudes, before, after)
         q = q + _moving(heat.tables, before, after, len(q))
-        states.append(solved(factor, np.asarray(carried @ states[-1] + q), heat.thermal))
+        states.append(solve_or_fail(factor, np.asarray(carried @ states[-1] + q), heat.thermal))
     return np.stack(states, axis=1)
 
 
@@ -79,7 +79,7 @@ def _displacements(
     factor = BlockSolvers(model.solvers.of(name)).factorize(
         name, ops.stiffness, data.places, "expected states")
     b = np.column_stack([*forces, ops.directions[:, named]])
-    x = solved(factor, np.ascontiguousarray(b), name)
+    x = solve_or_fail(factor, np.ascontiguousarray(b), name)
     start = model.x0[model.layout[name]]
     return ExpectedStates(
         np.column_stack([start, x[:, : len(forces)]]), x[:, len(forces):],

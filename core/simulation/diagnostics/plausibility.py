@@ -90,10 +90,10 @@ def distant_probes(scene: Scene, model: Model) -> Iterator[Note]:
     for name, shape in shapes(model).items():
         for key, probe in scene.probes.items():
             if probe.body == name and not isinstance(probe.at, str):
-                yield from outside(f"probes.{key}", probe.at, shape.points)
+                yield from outside_box_notes(f"probes.{key}", probe.at, shape.points)
 
 
-def outside(key: str, point: Sequence[float], points: FloatArray) -> Iterator[Note]:
+def outside_box_notes(key: str, point: Sequence[float], points: FloatArray) -> Iterator[Note]:
     """A warning when a point (d,) is outside the box around points (N, d), m."""
     at, low, high = np.asarray(point, dtype=np.float64), points.min(axis=0), points.max(axis=0)
     away = float(np.linalg.norm(at - np.clip(at, low, high)))

@@ -18,7 +18,7 @@ from sparsemor.core.linalg.snapshots import column_chunks
 from sparsemor.core.model.model import Model
 from sparsemor.core.notes import Note
 from sparsemor.core.protocols import Dictionary, StepFactors
-from sparsemor.core.results.error_norms import CONSTANT
+from sparsemor.core.results.error_norms import CONSTANT_CHANGE
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.simulation.diagnostics.expected_states import expected_states
 from sparsemor.core.simulation.offline import Offline
@@ -176,7 +176,7 @@ def _projected(
         size = max(size, float(np.linalg.norm(part, axis=0).max()))
         if len(gram):
             gram += y @ y.T
-    if change <= CONSTANT * size:
+    if change <= CONSTANT_CHANGE * size:
         return (error / size if size else 0.0), 0.0, gram
     return error / change, change, gram
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from sparsemor.core.arrays import Csr
 from sparsemor.core.errors import InputError
 from sparsemor.core.linalg.snapshots import HELD
-from sparsemor.core.model.block_patterns import chosen
+from sparsemor.core.model.block_patterns import matched_option
 from sparsemor.core.model.model import Model
 from sparsemor.core.protocols import (
     Basis,
@@ -26,7 +26,7 @@ from sparsemor.core.protocols import (
 )
 from sparsemor.core.protocols.reducer import is_full_order
 from sparsemor.core.scene.scene import Scene
-from sparsemor.core.simulation.memory.limits import GIGA, LIMIT, ceiling, resident
+from sparsemor.core.simulation.memory.limits import GIGABYTE, LIMIT, ceiling, resident
 from sparsemor.core.simulation.offline import Offline, step_count
 
 ENTRY = 12
@@ -122,7 +122,7 @@ def chosen_bases(scene: Scene, blocks: Iterable[str]) -> dict[str, Basis]:
     reducer = scene.reducer
     if not isinstance(reducer, UsesBases):
         return {}
-    return {name: chosen(name, reducer.bases, reducer.basis) for name in blocks}
+    return {name: matched_option(name, reducer.bases, reducer.basis) for name in blocks}
 
 
 def _operators(model: Model) -> Iterator[tuple[str, Csr]]:
@@ -292,4 +292,4 @@ def refusal(expected: Estimate, limit: int) -> str:
 
 
 def _gb(size: float) -> str:
-    return f"{size / GIGA:.0f} GB" if size >= 10 * GIGA else f"{size / GIGA:.2g} GB"
+    return f"{size / GIGABYTE:.0f} GB" if size >= 10 * GIGABYTE else f"{size / GIGABYTE:.2g} GB"

@@ -10,7 +10,7 @@ from sparsemor.core.errors import InputError
 
 LIMIT = "SPARSEMOR_MEMORY"
 """Environment variable: the most that one process of a run may hold, GB."""
-GIGA = 1e9
+GIGABYTE = 1e9
 
 
 def peak() -> int:
@@ -40,7 +40,7 @@ def resident() -> int:
 
 
 @contextmanager
-def bounded(extra: int) -> Iterator[None]:
+def bounded_address_space(extra: int) -> Iterator[None]:
     """Limit of the address space of this process to what it has and `extra` bytes, while entered:
     what asks for more meets a MemoryError. Without effect where the system knows no such limit."""
     try:
@@ -69,10 +69,10 @@ def ceiling() -> int:
     own = [] if (given := _given()) is None else [given]
     if known:
         own.append(resident() + max(min(known), 0))
-    return min(own, default=machine())
+    return min(own, default=machine_memory())
 
 
-def machine() -> int:
+def machine_memory() -> int:
     """Total memory of the machine or of the control group, at most
     SPARSEMOR_MEMORY. Unlike `ceiling` it does not change from one moment to the next."""
     found = [limit for limit, _ in _groups()]
@@ -98,7 +98,7 @@ def _given() -> int | None:
         value = 0.0
     if not 0.0 < value < 1e9:
         raise InputError(f"{LIMIT} must be a number of GB above 0 (got {text!r})")
-    return int(value * GIGA)
+    return int(value * GIGABYTE)
 
 
 def _groups() -> list[tuple[int, int]]:

@@ -8,7 +8,7 @@ run is in the cache) is left to `estimate.py`, once the scene is assembled.
 from math import log2
 
 from sparsemor.core.errors import Gather, InputError
-from sparsemor.core.model.block_patterns import chosen
+from sparsemor.core.model.block_patterns import matched_option
 from sparsemor.core.protocols import EstimatesSize, StatesFillIn
 from sparsemor.core.protocols.mesh import BodySize
 from sparsemor.core.protocols.reducer import is_full_order
@@ -84,7 +84,7 @@ def _factors(scene: Scene, name: str, size: BodySize) -> list[Item]:
     found = []
     for field, n in size.unknowns.items():
         block = f"{name}.{field}"
-        solver = chosen(block, scene.linear_solvers, scene.linear_solver)
+        solver = matched_option(block, scene.linear_solvers, scene.linear_solver)
         if not (isinstance(solver, StatesFillIn) and solver.direct):
             continue
         fill = n * log2(n + 1) if size.mesh.dimension == 2 else n ** (4 / 3)

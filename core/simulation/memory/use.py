@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from sparsemor.core.simulation.memory.limits import GIGA, ceiling, peak
+from sparsemor.core.simulation.memory.limits import GIGABYTE, ceiling, peak
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,6 +16,6 @@ class MemoryUse:
         """GB. peak_gb: the most that the process has held since it began; peak_offline_gb: until
         the first step; expected_gb: as estimated in advance, at most; available_gb: what it could
         hold when the run ended."""
-        expected = {} if self.expected is None else {"expected_gb": self.expected / GIGA}
-        return {"peak_gb": peak() / GIGA, "peak_offline_gb": self.offline / GIGA, **expected,
-                "available_gb": ceiling() / GIGA}
+        expected = {} if self.expected is None else {"expected_gb": self.expected / GIGABYTE}
+        return {"peak_gb": peak() / GIGABYTE, "peak_offline_gb": self.offline / GIGABYTE,
+                **expected, "available_gb": ceiling() / GIGABYTE}

@@ -26,8 +26,8 @@ from sparsemor.core import (
     IntArray,
     Integrals,
     WeighsElements,
+    column_chunks,
 )
-from sparsemor.core.linalg.snapshots import column_chunks
 from sparsemor.reducers.projection.ecsw.nnls import Weights, nonnegative
 from sparsemor.reducers.projection.ecsw.training_matrix import Equations, Part, Rows
 

@@ -6,8 +6,7 @@ from typing import Protocol, Self, TypeAlias
 
 import numpy as np
 
-from sparsemor.core import Csr, FloatArray, FrameWork
-from sparsemor.core.protocols import LocalCopy
+from sparsemor.core import Csr, FloatArray, FrameWork, LocalCopy
 from sparsemor.reducers.step.memory import RunMemory
 from sparsemor.reducers.step.predictor import Ring
 

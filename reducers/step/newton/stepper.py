@@ -16,8 +16,8 @@ from sparsemor.core import (
     Status,
     StepFormula,
     StepOutcome,
+    resultant_sources,
 )
-from sparsemor.core.protocols.step_solver import resultant_sources
 from sparsemor.reducers.step.acceptance import Tolerances
 from sparsemor.reducers.step.newton.equations import Equations
 from sparsemor.reducers.step.newton.iteration import solve
