@@ -15,7 +15,7 @@ from sparsemor.bodies.contact.planes import Planes, area_slopes, area_vector
 from sparsemor.bodies.contact.projection import closest_points, nearest
 from sparsemor.bodies.contact.quadrature import rule
 from sparsemor.bodies.mesh.generators.block import Block
-from sparsemor.bodies.mesh.simplices import boundary
+from sparsemor.core.model.facets import outer_facets
 from sparsemor.core.testing import check_friction_law, check_normal_law
 
 
@@ -36,7 +36,7 @@ def test_cells_of_a_box_tile_its_inside(divisions: tuple[int, int, int]) -> None
     """Down to half the smallest facet each point is in the cell of one facet, edges and corners
     included: the nearest one."""
     mesh = Block(size=(0.3, 0.2, 0.2), divisions=divisions).build(Path())
-    facets = boundary(mesh)
+    facets = outer_facets(mesh)
     planes = Planes.of(mesh.points[facets])
     cells = cells_of(mesh.points, facets, planes)
     z = np.random.default_rng(0).random((4000, 3)) * [0.3, 0.2, 0.2]

@@ -31,12 +31,12 @@ def asked(tmp_path: Path, **changes: Any) -> Any:
 def test_what_the_system_says_hangs_together() -> None:
     assert 0 < memory.resident() <= memory.peak() * 1.1
     assert memory.resident() < memory.ceiling()
-    assert memory.ceiling() <= memory.resident() + memory.machine()
+    assert memory.ceiling() <= memory.resident() + memory.machine_memory()
 
 
 def test_a_given_limit_is_the_ceiling(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(memory.LIMIT, "0.25")
-    assert memory.ceiling() == memory.machine() == 250_000_000
+    assert memory.ceiling() == memory.machine_memory() == 250_000_000
     for wrong in ("much", "-1", "0", "nan"):
         monkeypatch.setenv(memory.LIMIT, wrong)
         with pytest.raises(InputError, match="number of GB above 0"):

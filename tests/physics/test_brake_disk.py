@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from sparsemor import load, simulate
-from sparsemor.bodies.mesh.simplices import boundary
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.model.assembly import assemble
+from sparsemor.core.model.facets import outer_facets
 from sparsemor.core.model.prescribed_motion import AtStart
 from sparsemor.core.protocols.prescribed_motion import Stage
 from sparsemor.core.results.run_result import RunResult
@@ -150,7 +150,7 @@ def test_one_override_makes_the_mesh_finer(refine: float) -> None:
 
     mesh = body.mesh.build(Path())
     assert len(mesh.cells) == pytest.approx(10344 * refine**3, rel=0.1)
-    assert len(boundary(mesh)) > 0
+    assert len(outer_facets(mesh)) > 0
 
 
 def probes(run: RunResult, k: int = -1) -> tuple[FloatArray, FloatArray]:

@@ -14,9 +14,10 @@ from sparsemor.bodies.fem import Model
 from sparsemor.bodies.material import Isotropic
 from sparsemor.bodies.mesh.check import check_mesh
 from sparsemor.bodies.mesh.generators.rectangle import Rectangle
-from sparsemor.bodies.mesh.simplices import boundary, signed_measures
+from sparsemor.bodies.mesh.simplices import signed_measures
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
+from sparsemor.core.model.facets import outer_facets
 from sparsemor.core.protocols.mesh import Mesh
 
 ALLOY = Isotropic(E=7e10, nu=0.3, rho=1000, alpha=2e-5)
@@ -73,7 +74,7 @@ def test_conduction_of_a_linear_temperature(d: int) -> None:
     mesh = skewed(d)
     slope = np.arange(1.0, d + 1)
     heat = fe.conductivity(mesh, 44.5, 0.03) @ (mesh.points @ slope)
-    flux = fe.surface_normal_load(mesh, boundary(mesh), 0.03) @ (44.5 * slope)
+    flux = fe.surface_normal_load(mesh, outer_facets(mesh), 0.03) @ (44.5 * slope)
     np.testing.assert_allclose(heat, flux, atol=1e-12)
 
 
@@ -98,7 +99,7 @@ def test_constant_strain_is_held_by_boundary_tractions(d: int, model: Model) -> 
     np.testing.assert_allclose(sigma, sigma[:1].repeat(len(sigma), 0), atol=1e-3)
     stiffness = fe.elastic_stiffness(mesh, ALLOY, 0.03, model)
     coupling = fe.thermoelastic_coupling(mesh, ALLOY, 0.03, model)
-    traction = fe.surface_normal_load(mesh, boundary(mesh), 0.03) @ sigma[0, :d, :d]
+    traction = fe.surface_normal_load(mesh, outer_facets(mesh), 0.03) @ sigma[0, :d, :d]
     np.testing.assert_allclose(stiffness @ u - coupling @ dT, traction.ravel(), atol=1e-5)
 
 
@@ -141,7 +142,7 @@ def test_closed_surface(d: int) -> None:
 def test_surface_integrals_agree_with_closed_forms(d: int) -> None:
     """Over a simplex of dimension s: integral phi_i phi_j = measure s! (1 + delta_ij) / (s + 2)!"""
     mesh = skewed(d)
-    facets = boundary(mesh)[::2]
+    facets = outer_facets(mesh)[::2]
     n, size = len(mesh.points), fe.facet_measures(mesh, facets)
     load, matrix, forces = np.zeros(n), np.zeros((n, n)), np.zeros((n, d))
     local = (np.ones((d, d)) + np.eye(d)) * (factorial(d - 1) / factorial(d + 1))
@@ -157,7 +158,7 @@ def test_surface_integrals_agree_with_closed_forms(d: int) -> None:
 @pytest.mark.parametrize("d", [2, 3])
 def test_facets_add_up(d: int) -> None:
     mesh = skewed(d)
-    facets = boundary(mesh)
+    facets = outer_facets(mesh)
     one_by_one = sum(fe.surface_mass(mesh, facet[None], 7.0).toarray() for facet in facets)
     np.testing.assert_allclose(fe.surface_mass(mesh, facets, 7.0).toarray(), one_by_one, atol=1e-13)
     assert fe.surface_load(mesh, facets).sum() == pytest.approx(

@@ -15,9 +15,10 @@ from sparsemor.bodies.material import Isotropic
 from sparsemor.bodies.mesh.generators.block import Block
 from sparsemor.bodies.mesh.generators.disk import Disk
 from sparsemor.bodies.mesh.generators.pad import Pad
-from sparsemor.bodies.mesh.simplices import boundary, gradients, signed_measures
+from sparsemor.bodies.mesh.simplices import gradients, signed_measures
 from sparsemor.core.arrays import Csr, FloatArray, IntArray
 from sparsemor.core.linalg.factorized import rigid_motions
+from sparsemor.core.model.facets import outer_facets
 from sparsemor.core.protocols import DofLocations
 from sparsemor.core.protocols.mesh import Mesh
 from sparsemor.plugins.linear_solvers.superlu import Splu
@@ -68,7 +69,7 @@ def statically_determinate(mesh: Mesh) -> IntArray:
 def test_a_linear_field_given_at_the_surface_goes_on_inside(mesh: Disk | Pad | Block) -> None:
     m = mesh.build(Path())
     rng = np.random.default_rng(0)
-    surface = np.unique(boundary(m))
+    surface = np.unique(outer_facets(m))
     assert len(surface) < len(m.points)
     u = (m.points @ rng.normal(size=(3, 3)) + rng.normal(size=3)).ravel()
     K, none = fe.elastic_stiffness(m, STEEL, 1.0, "solid"), np.zeros(3 * len(m.points))

@@ -8,8 +8,9 @@ import pytest
 from sparsemor.bodies.mesh.check import check_mesh
 from sparsemor.bodies.mesh.generators.link import Link
 from sparsemor.bodies.mesh.generators.rectangle import Rectangle
-from sparsemor.bodies.mesh.simplices import boundary, signed_measures
+from sparsemor.bodies.mesh.simplices import signed_measures
 from sparsemor.core.arrays import FloatArray
+from sparsemor.core.model.facets import outer_facets
 from sparsemor.core.protocols.mesh import Mesh
 
 
@@ -80,7 +81,7 @@ def test_link_places() -> None:
     np.testing.assert_allclose(mesh.points.max(axis=0), [1.085, 0.085], atol=1e-15)
     outline = np.concatenate([sets[n] for n in ("top", "bottom", "left", "right", "bore_a",
                                                 "bore_b")])
-    np.testing.assert_array_equal(np.unique(outline), np.unique(boundary(mesh)))
+    np.testing.assert_array_equal(np.unique(outline), np.unique(outer_facets(mesh)))
 
 
 def test_link_of_other_proportions() -> None:

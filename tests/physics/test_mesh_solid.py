@@ -16,14 +16,10 @@ from sparsemor.bodies.mesh.generators.outline import (
     polygon_area,
 )
 from sparsemor.bodies.mesh.generators.pad import Pad, pad_outline
-from sparsemor.bodies.mesh.simplices import (
-    all_facets,
-    boundary,
-    distinct_rows,
-    signed_measures,
-)
+from sparsemor.bodies.mesh.simplices import signed_measures
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.errors import InputError
+from sparsemor.core.model.facets import cell_facets, group_equal_rows, outer_facets
 from sparsemor.core.protocols.mesh import Mesh
 
 
@@ -39,7 +35,7 @@ def quality(points: FloatArray, cells: IntArray) -> FloatArray:
 
 def plan(mesh: Mesh) -> tuple[FloatArray, IntArray]:
     """Points and triangles of the bottom face, seen from above."""
-    faces = boundary(mesh)
+    faces = outer_facets(mesh)
     low = faces[np.isin(faces, mesh.point_sets["bottom"]).all(axis=1)]
     return mesh.points[mesh.point_sets["bottom"], :2], low[:, [0, 2, 1]]
 
@@ -154,7 +150,7 @@ def test_pad_has_the_counts_of_the_published_scene() -> None:
     assert signed_measures(mesh.points, mesh.cells).sum() == pytest.approx(
         3.5444e-3 * 0.0065, rel=1e-2)
     outer = np.concatenate([mesh.point_sets[n] for n in ("bottom", "top", "side")])
-    np.testing.assert_array_equal(np.unique(outer), np.unique(boundary(mesh)))
+    np.testing.assert_array_equal(np.unique(outer), np.unique(outer_facets(mesh)))
 
 
 @pytest.mark.parametrize("refine", [0.6, 1.5, 3.0])
@@ -217,7 +213,7 @@ def test_extruded_layers_agree_at_their_sides() -> None:
     mesh = Mesh(solid, cells)
     check_mesh(mesh)
     assert len(cells) == 3 * 40 * 3
-    assert len(boundary(mesh)) == 2 * 40 + 2 * 12 * 3
+    assert len(outer_facets(mesh)) == 2 * 40 + 2 * 12 * 3
     assert signed_measures(solid, cells).sum() == pytest.approx(0.5 * 3.0, rel=1e-12)
 
 
@@ -276,10 +272,10 @@ def test_points_inside_a_polygon() -> None:
 @pytest.mark.parametrize("width", [2, 3, 4])
 def test_distinct_rows_are_those_of_numpy(width: int) -> None:
     rows = np.random.default_rng(width).integers(0, 5, (300, width))
-    number, first, count = distinct_rows(rows)
+    number, first, count = group_equal_rows(rows)
     _, first_, number_, count_ = np.unique(
         rows, axis=0, return_index=True, return_inverse=True, return_counts=True)
     np.testing.assert_array_equal(number, number_.reshape(-1))
     np.testing.assert_array_equal(first, first_)
     np.testing.assert_array_equal(count, count_)
-    assert len(all_facets(np.array([[0, 1, 2, 3]]))) == 4
+    assert len(cell_facets(np.array([[0, 1, 2, 3]]))) == 4

@@ -9,8 +9,9 @@ from pydantic import ValidationError
 
 from sparsemor.bodies.mesh.check import check_mesh
 from sparsemor.bodies.mesh.generators.unstructured import Unstructured, quality
-from sparsemor.bodies.mesh.simplices import boundary, signed_measures
+from sparsemor.bodies.mesh.simplices import signed_measures
 from sparsemor.core.errors import InputError
+from sparsemor.core.model.facets import outer_facets
 from sparsemor.core.protocols.mesh import Mesh
 from sparsemor.core.testing.mesh import check_mesh_plugin
 
@@ -49,7 +50,7 @@ def test_the_outline_is_as_asked() -> None:
     x = np.sort(sets["top"][:, 0])
     np.testing.assert_allclose(np.diff(x), 5.0e-3 / 72, rtol=1e-9)
     sides = np.concatenate([mesh.point_sets[n] for n in ("left", "right", "bottom", "top")])
-    facets = boundary(mesh)
+    facets = outer_facets(mesh)
     np.testing.assert_array_equal(np.unique(facets), np.unique(sides))
     assert len(facets) == 180
 
