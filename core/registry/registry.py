@@ -141,7 +141,9 @@ class Registry:
         package, colon, plain = name.partition(":")
         if not colon:
             offers = [e for e in self._of(kind) if e.name == name]
-            return sorted(offers, key=lambda e: _named(e).distribution)
+            # the order of several; names of distributions are read from their metadata
+            return offers if len(offers) < 2 else sorted(
+                offers, key=lambda e: _named(e).distribution)
         return [e for e in self._of(kind) if e.name == plain and e.dist is not None
                 and canonical(e.dist.name) == canonical(package)]
 

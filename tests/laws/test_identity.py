@@ -241,6 +241,7 @@ def test_a_run_that_is_continued_on_another_processor_says_so(
     assert any(f"continued elsewhere: machine was {here} and is another" in n for n in found)
 
 
+@pytest.mark.full
 def test_a_comparison_keeps_no_run_of_another_program(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

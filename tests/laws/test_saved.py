@@ -172,7 +172,8 @@ def test_what_refers_to_itself_is_no_state() -> None:
 
 
 @pytest.mark.parametrize("reducer", [
-    {"use": "full", "method": "newton"}, {"use": "lspg", "basis": {"use": "pod", "count": 4}}])
+    pytest.param({"use": "full", "method": "newton"}, marks=pytest.mark.full),
+    {"use": "lspg", "basis": {"use": "pod", "count": 4}}])
 def test_the_kit_stores_a_memory_and_reads_it_again(reducer: dict[str, Any]) -> None:
     scene = load_scene(TINY, {"reducer": reducer, "time.end": 0.01})
     check_reducer(scene, steps=4)

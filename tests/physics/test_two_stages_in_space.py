@@ -53,6 +53,7 @@ def test_each_reducer_repeats_the_full_run(full, cache, reducer, allowed):
     assert max(found.values()) < allowed, found
 
 
+@pytest.mark.full
 def test_nothing_is_left_to_the_general_path(cache):
     model, _ = prepared(load(BRAKE), cache, new_manager())
     assert model.separated.other == () and model.separated.border_size == 0
