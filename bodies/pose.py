@@ -18,7 +18,7 @@ class Pose(Plugin):
     axis: tuple[float, float, float] | None = None
     """In space: axis of the rotation (space axes), of any length; z when not given."""
     quaternion: tuple[float, float, float, float] | None = None
-    """In space, in place of angle and axis: scalar part first, of any length."""
+    """In space, instead of angle and axis: scalar part first, of any length."""
     velocity: Vector = (0.0, 0.0)
     """Velocity of the frame origin, m/s (space axes)."""
     spin: float | tuple[float, float, float] = 0.0
@@ -44,7 +44,7 @@ class Pose(Plugin):
     def in_space(self) -> tuple[FloatArray, FloatArray]:
         """Position and unit quaternion (7,), and their rates; InputError when it is a planar one.
 
-        A default of two numbers stands for three zeros.
+        A default of two numbers means three zeros.
         """
         faults = [Fault(key, f"this body is in space: give {what}") for key, what, wrong in (
             ("position", "three coordinates", not _full(self.position)),

@@ -116,7 +116,7 @@ class Pulse(PiecewiseLinear):
     duration: float = Field(gt=0.0)
     """Length, s."""
     level: float
-    """The value meanwhile."""
+    """Value during the pulse."""
 
     def value(self, t: float) -> float:
         return self.level if self.start <= t < self.start + self.duration else 0.0
@@ -128,9 +128,9 @@ class Sine(Plugin):
     amplitude: float
     """Largest distance from the offset."""
     frequency: float = Field(ge=0.0)
-    """Hz."""
+    """Frequency, Hz."""
     phase: float = 0.0
-    """rad."""
+    """Phase, rad."""
     offset: float = 0.0
     """Mean value."""
 

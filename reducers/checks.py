@@ -80,7 +80,7 @@ def capability_faults(
 ) -> list[Fault]:
     """A solver that lacks what the problems of this scene are known to need before any training.
 
-    Fewer rows than atoms cannot be foreseen here unless the dictionary's size is known: the
+    Fewer rows than atoms cannot be predicted here unless the dictionary's size is known: the
     rest is refused when the solver is prepared.
     """
     faults, joint, choosing = [], False, []

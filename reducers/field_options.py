@@ -1,4 +1,4 @@
-"""Options of reducers by field: the entry that stands for a field, bases with counted atoms."""
+"""Options of reducers by field: the entry that applies to a field, bases with counted atoms."""
 
 from collections.abc import Mapping
 from typing import Protocol, TypeVar, runtime_checkable

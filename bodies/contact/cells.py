@@ -56,7 +56,7 @@ def reached(
 
 
 def _slopes(planes: Planes, cells: Cells) -> FloatArray:
-    """(F, d), 1/m: by how much the own borders change at most."""
+    """(F, d), 1/m: gradient norms of the d border functions of the facet's own edges."""
     sizes = np.linalg.norm(planes.g, axis=2)
     return np.asarray(np.hypot(sizes, cells.leans[:, : sizes.shape[1]]))
 

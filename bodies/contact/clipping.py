@@ -51,7 +51,7 @@ class Parts:
 
     @property
     def used(self) -> BoolArray:
-        """(P, V)"""
+        """(P, V) mask of the corners in use: polygons have different numbers of corners."""
         return np.asarray(np.arange(self.edges.shape[1]) < self.count[:, None])
 
     def values(self, at_corners: FloatArray) -> FloatArray:

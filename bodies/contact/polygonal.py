@@ -58,8 +58,8 @@ class Polygonal(Plugin):
     """Where the surfaces are: `rigid`, carried by the frames alone, or `deformed`, moved by the
     displacements too."""
     tolerance: float = Field(default=1e-6, gt=0, lt=0.1)
-    """Part of the resultants that quadrature may leave open, Gauss points being added until twice
-    as many change less."""
+    """Relative quadrature error of the resultants; Gauss points are added until doubling them
+    changes less."""
 
     def build(self, name: str, parts: Mapping[str, Part]) -> ContactPart:
         bodies = self._bodies(parts)

@@ -19,7 +19,9 @@ class Projection:
 
 
 def nearest(points: FloatArray, corners: FloatArray) -> Projection:
-    """points (n, d), corners (F, d, d) of facets ordered for outward normals; d = 2 or 3.
+    """Closest point on a surface for each of points (n, d), d = 2 or 3.
+
+    corners (F, d, d): corners of the facets, ordered for outward normals.
 
     Broad phase: a search tree over the facets' middles. A facet whose middle is farther than the
     distance to some facet plus the largest facet radius cannot be the nearest.

@@ -262,7 +262,8 @@ class ContactTerm:
 
     @property
     def movers(self) -> tuple[Mover, Mover]:
-        """Both surfaces, their unknowns among the columns."""
+        """Both surfaces as bounded by the Verlet list: reference points, facets, and the columns of
+        their frame and nodal unknowns."""
         n = Sizes.of(*self.sides)
         ends = np.cumsum([0, n.f1, n.f2, n.u1, n.u2])
         columns = [self.reads[i:j] for i, j in pairwise(ends)]

@@ -95,7 +95,7 @@ class Loads:
 
 
 def weights_of(o: Overlaps, pieces: Pieces, face: Interface) -> FloatArray:
-    """(M, q), m2: area of the second surface that each point stands for."""
+    """(M, q), m2: integration weight of each point on the second surface: its share of the area."""
     area = pieces.size * o.measure[pieces.overlap] * face.width
     return np.asarray(area[:, None] * face.weights)
 

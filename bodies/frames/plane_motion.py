@@ -3,7 +3,7 @@
 The plane is the complex plane: a position is x + i y, the frame rotation e = exp(i theta), and
 each pair of directions (f, J f) is one complex vector with one complex factor. Real and imaginary
 parts are interleaved in the real arrays, so `array.view(complex)` costs nothing. Python's own
-complex numbers are several times quicker than NumPy's scalars, and a step has only dozens of them.
+complex numbers are several times faster than NumPy's scalars, and a step has only dozens of them.
 """
 
 import cmath

@@ -98,7 +98,8 @@ class JointPart:
     def _reaction(
         self, equations: Equations, side: Side, number: int, reactions: Table
     ) -> None:
-        """Prescribed reactions on the displacements of a side; none where these are fixed."""
+        """Adds the prescribed reaction force and moment to the elastic rows of side `number`;
+        nothing for a side without displacements."""
         if not side.flexible or side.body is None:
             return
         mine = reactions.columns(size(side) * number + np.arange(size(side)))

@@ -17,7 +17,7 @@ class Gravity(Plugin):
     """Acceleration, m/s^2 (space axes): two numbers in the plane, [0, -9.81] when not given; three
     in space, [0, 0, -9.81] when not given."""
     factor: NumberOrFunction | None = None
-    """Function of time that multiplies g; constant 1 when not given."""
+    """Function of time that multiplies g; 1 by default."""
     bodies: list[str] | None = None
     """Which bodies have weight; all when not given."""
 

@@ -22,7 +22,7 @@ class PointForce(Plugin):
     axes: Literal["body", "space"] = "space"
     """Axes of the force: `body` turns with the frame, `space` does not."""
     factor: NumberOrFunction | None = None
-    """Function of time that multiplies it; constant 1 when not given."""
+    """Function of time that multiplies the load; 1 by default."""
 
     def build(self, name: str, parts: Mapping[str, Part]) -> LoadPart:
         target = find_target(parts, self.on, "on")

@@ -23,8 +23,8 @@ class Pressure(Plugin):
     pressure: NumberOrFunction | None = None
     """Pressure, Pa, a number or a function of time."""
     force: NumberOrFunction | None = None
-    """In place of it: pressure times the area of all sets, N, a number or a function of time. A
-    polygon is smaller than the curve that it follows: so all meshes carry the same."""
+    """Total force, N, instead of a pressure: pressure times the area of all sets, a number or a
+    function of time; independent of how well the mesh approximates a curved outline."""
 
     @model_validator(mode="after")
     def _one(self) -> "Pressure":

@@ -24,7 +24,7 @@ class Traction(Plugin):
     axes: Literal["body", "space"] = "body"
     """Axes of the traction: `body` turns with the frame, `space` does not."""
     factor: NumberOrFunction | None = None
-    """Function of time that multiplies it; constant 1 when not given."""
+    """Function of time that multiplies the load; 1 by default."""
 
     def build(self, name: str, parts: Mapping[str, Part]) -> LoadPart:
         f = amplitude(self.factor)

@@ -116,10 +116,10 @@ def _refuse_early(scenes: dict[str, Scene], body_cache: BodyCache) -> None:
 def _run_all(
     scenes: dict[str, Scene], directory: Path, resume: bool, quiet: bool, body_cache: BodyCache
 ) -> "tuple[dict[str, RunResult], dict[str, SolveFailed]]":
-    """Results by name, also of runs that stopped early, and what stopped them. A run that is the
-    training run of the others leaves its snapshots to them.
+    """Results by name, also of runs that stopped early, and the errors that stopped them.
 
-    Bad input that a later run finds removes those that were made here.
+    Snapshots of a full-order run that is the training run of the others are kept for them. Where a
+    later run finds bad input, the results that were written here are removed.
     """
     from sparsemor.core.results.run_result import RunResult
     from sparsemor.core.simulation.training import is_training_run

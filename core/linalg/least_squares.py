@@ -22,7 +22,7 @@ def orthonormal(A: FloatArray) -> bool:
 def least_squares_coefficients(A: FloatArray, states: FloatArray) -> FloatArray:
     """c (k, j) with least |A c - states|, and least |c| among these; A (n, k), states (n, j).
 
-    A full basis of 7000 atoms takes a tenth of a second; least squares would take minutes.
+    For orthonormal A, c = A^T states: 0.1 s with 7000 columns, where a factorization takes minutes.
     """
     if orthonormal(A):
         return np.asarray(A.T @ states)

@@ -47,7 +47,8 @@ def factor_entries(A: Csr, places: DofLocations | None) -> int:
 
 
 def node_numbers(places: DofLocations) -> IntArray:
-    """(n,) number of each unknown's node: a new one where components start again."""
+    """(n,) node of each unknown, numbered from 0: unknowns of one node follow each other with
+    increasing component."""
     new = np.ones(len(places.component), dtype=np.bool_)
     new[1:] = (np.diff(places.component) <= 0) | np.any(
         np.diff(places.coordinates, axis=0) != 0.0, axis=1)
@@ -83,10 +84,11 @@ class _Cuts:
         return place, entries
 
     def _cut(self, part: IntArray, parts: int) -> tuple[BoolArray, BoolArray]:
-        """(N,) which half of its part a node is in, and (N,) whether it separates the two.
+        """(N,) True in the upper half of its subdomain, and (N,) True for nodes of the separator.
 
-        Parts are cut across the axis, and on that side of the cut, where fewest unknowns separate
-        the halves; parts that are small enough become separators as a whole.
+        Each subdomain is bisected along the axis, and with the separator on the side, that gives
+        the fewest separating unknowns; subdomains of at most `LEAF` nodes become separators as a
+        whole.
         """
         inside = part >= 0
         least = np.full(parts, np.inf)

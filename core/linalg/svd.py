@@ -12,7 +12,7 @@ def svd(A: FloatArray, full_matrices: bool = False) -> tuple[FloatArray, FloatAr
 
     Divide and conquer (LAPACK's gesdd) gives up on some matrices that are harmless: it did so on
     the force modes of the brake disk's heat at their points, a matrix of condition 4 of which 606
-    of 607 singular values are 1. QR iteration (gesvd) is slower, and is asked then.
+    of 607 singular values are 1. QR iteration (gesvd) is slower, and is used then.
     InputError where that fails too, or where A is not finite.
     """
     try:

@@ -50,8 +50,8 @@ def elsewhere(kept: Mapping[str, Any]) -> tuple[Note, ...]:
     names = [n for n in ("machine", "system", "blas") if kept.get(n, here[n]) != here[n]]
     changed = [f"{n} was {_words(kept[n])} and is {_words(here[n])}" for n in names]
     return (information(
-        f"continued elsewhere: {'; '.join(changed)}, so the last digits may differ from those of a "
-        "run that was left alone", "elsewhere"),) if changed else ()
+        f"continued elsewhere: {'; '.join(changed)}, so the last digits may differ from those of "
+        "an uninterrupted run", "elsewhere"),) if changed else ()
 
 
 def _words(value: Any) -> str:

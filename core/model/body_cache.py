@@ -25,8 +25,8 @@ class BodyCache:
     """Bodies as their plugins build them, found again by name, options and folder.
 
     Meshing and element integrals are most of what assembly costs, and do not depend on the motion
-    that a stage gives. A body that is asked for without its fields, as a rigid stage does, is made
-    of one that has them by its method `rigid_copy()`, where it has one.
+    that a stage gives. A body that is requested without its fields, as by a rigid stage, is made
+    from one that has them by its method `rigid_copy()`, where it has one.
     """
 
     _bodies: list[_Built] = field(default_factory=list)

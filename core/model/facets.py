@@ -29,7 +29,7 @@ def group_equal_rows(rows: IntArray) -> tuple[IntArray, IntArray, IntArray]:
     """Groups of equal rows (R, 2 to 4) of numbers >= 0: for each row the number of its kind, for
     each kind its first row and its count; kinds in lexicographic order.
 
-    As `np.unique(axis=0)`, but much quicker: two columns fit in one integer to sort by.
+    As `np.unique(axis=0)`, but much faster: two columns fit in one integer to sort by.
     """
     size = int(rows.max(initial=0)) + 1
     head = rows[:, 0] * size + rows[:, 1]

@@ -105,8 +105,8 @@ class Body(Part, Protocol):
     """A built body: what the assembly of a model reads from it.
 
     initial: block name -> (x, v) at the start; geometry: reducible block name -> node coordinates
-    (n, d), m, and component (n,) of its unknowns. `BodyDefaults` gives a body that only has
-    `blocks` and `contribute` the rest.
+    (n, d), m, and component (n,) of its unknowns. `BodyDefaults` has both for a body that
+    starts at rest at zero and has no reducible blocks.
     """
 
     def initial(self) -> Mapping[str, tuple[FloatArray, FloatArray]]: ...

@@ -112,6 +112,7 @@ class FrictionLaw(Protocol):
     @property
     def breaks(self) -> tuple[float, ...]: ...
     def ratio(self, slip: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Of the sign of the slip velocity (m/s), which it opposes; and its derivative, s/m. In
-        space it is asked with the slip's speed, at least 0, and acts along the slip."""
+        """Friction coefficient with the sign of the slip velocity (m/s), which the traction
+        opposes, and its derivative, s/m. In space the argument is the slip speed, at least 0, and
+        the traction acts along the slip."""
         ...

@@ -58,7 +58,8 @@ class Factorized(Protocol):
 
 
 class LinearSolver(Protocol):
-    """A (n, n) csr, symmetric positive definite; places: what its unknowns are, where known.
+    """Linear solver of A x = b; A (n, n) csr, symmetric positive definite; places: node coordinates
+    and components of its unknowns, where known.
 
     InputError when A is not square or not symmetric, or when it does not fit in memory.
     """
@@ -71,7 +72,7 @@ class EstimatesMemory(Protocol):
     """A linear solver whose memory is known in advance; runs are refused on its account."""
 
     def expected(self, A: Csr, places: DofLocations | None = None) -> int:
-        """Bytes that `factorize` holds at its largest, for a matrix with the pattern of A."""
+        """Peak memory of `factorize`, bytes, for a matrix with the pattern of A."""
         ...
 
 

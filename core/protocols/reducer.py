@@ -209,7 +209,7 @@ class HoldsSnapshots(Protocol):
 @runtime_checkable
 class RestartsSteps(Protocol):
     """A reducer whose step solvers can begin a step at a state that they did not compute, as
-    error-controlled steps need: their memory is `Restarts`."""
+    error-controlled steps need; the memory of such a solver satisfies `Restarts`."""
 
     def restart_refusal(self) -> str:
         """Why they cannot with the options of this reducer, "" where they can."""

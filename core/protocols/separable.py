@@ -1,8 +1,8 @@
-"""Separable equations of a body: constant operators and a small frame kernel.
+"""Separable equations of a body: constant matrices times scalar functions of the rigid motion.
 
-Everything that is mesh-sized is a constant matrix; everything that changes with the motion is a
-handful of scalars. A reducer multiplies the matrices by its trial and test maps once (offline)
-and then only meets the scalars (equations.md, section 1: the separable structure).
+Arrays of the mesh's size are constant matrices; what changes with the motion is a handful of
+scalars. A reducer multiplies the matrices by its trial and test bases once (offline); a step
+evaluates the scalars only (docs/equations.md, section 1).
 """
 
 from collections.abc import Callable, Sequence

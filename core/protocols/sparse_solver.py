@@ -153,8 +153,8 @@ class Screen(Protocol):
 
     def settle(self, at: Quadratic, support: BoolArray) -> BoolArray | None:
         """The support (k,) on which the solver would end, started from c on `support`, which is
-        returned itself if it stays. None when a decision on the way is closer than the error:
-        run the solver."""
+        returned itself if it stays. None when an intermediate decision is closer than the
+        error: run the solver."""
         ...
 
     def reason(self, at: Quadratic, support: BoolArray) -> Reason | None:

@@ -78,8 +78,8 @@ class ChecksStep(Protocol):
 class ReportsResultants(Protocol):
     """A term or reduced term with resultants, such as a contact: forces, power, areas.
 
-    source: name of the scene entry; histories: names of the resultants, () where a reduced term
-    does not evaluate enough of itself to know them.
+    source: name of the scene entry; histories: names of the resultants; empty for a reduced
+    term that does not evaluate all that they need.
     """
 
     @property

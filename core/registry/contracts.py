@@ -45,7 +45,7 @@ _ABSENT = object()
 CLOSE = 0.8
 """Likeness (difflib ratio) of a name that is suggested for a missing member."""
 TYPING_ERROR = 0.85
-"""Likeness from which a name that nobody looks for is refused as the misspelling of an ability:
+"""Likeness from which a name that no protocol has is refused as a misspelt optional member:
 `localised` and `localized` have 0.89; `nodes` and `notes`, two words, 0.80."""
 
 CONTRACTS: Mapping[str, type] = {
@@ -189,8 +189,8 @@ def _unfit_abilities(cls: type, abilities: Sequence[type]) -> list[str]:
 def _misspelled(
     cls: type, public: Sequence[str], looked_for: set[str], optional: set[str]
 ) -> list[str]:
-    """Public names that nobody looks for and that are nearly the name of an ability's member; and
-    values of plugins that are neither an option nor looked for."""
+    """Public names that no protocol has and that are nearly the name of an optional member; and
+    values of plugins that are neither an option nor in a protocol."""
     found = []
     untyped = _untyped_values(cls)
     for name in public:

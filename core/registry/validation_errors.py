@@ -113,7 +113,8 @@ def _own_keys(loc: Path, tree: object, kind: str) -> tuple[Path, bool]:
 
 
 def _may_be_default(node: object, part: str | int) -> bool:
-    """A fault inside a default value has a key that nobody wrote; a branch's name is no such."""
+    """True if the fault may be inside a default value, whose key is not in the file; names of union
+    branches are no keys."""
     is_word = isinstance(part, str) and part.isidentifier()
     return isinstance(node, Mapping) and is_word and part not in _BRANCHES
 
@@ -125,7 +126,7 @@ _PLAIN = {
     **dict.fromkeys(("dict_type", "model_type", "model_attributes_type", "mapping_type"),
                     "Input should be keys with values, such as {key: value}"),
     **dict.fromkeys(("list_type", "tuple_type"), "Input should be a list, such as [a, b]")}
-"""In place of pydantic's words, which name Python's types and our classes."""
+"""Instead of pydantic's words, which name Python's types and our classes."""
 
 
 def _messages(e: ErrorDetails) -> list[tuple[str, str]]:

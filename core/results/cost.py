@@ -73,8 +73,8 @@ def run_facts(run: RunResult) -> RunFacts:
 def pays_after(full: RunFacts, own: RunFacts) -> int | None:
     """offline / (online of full order - own online), rounded up; None when it never pays.
 
-    Online runs of the same time span after which the offline stage is made good. Offline as if
-    nothing had been in the cache: else the second run would seem to be free.
+    Online runs of the same time span after which the offline time is recovered. Offline time as if
+    the cache had been empty: else the second run would seem to be free.
     """
     offline, online, base = own.offline_whole_seconds, own.online_seconds, full.online_seconds
     if offline is None or online is None or base is None or online >= base:

@@ -39,10 +39,10 @@ from sparsemor.core.status import Status
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ChunkOfSteps:
-    """j stored steps in a row.
+    """j consecutive stored steps.
 
     times (j,) s; x (j, n) in the solver's layout; iterations (j,); step_seconds (j,) s;
-    supports: block -> (j, k) active atoms (a dictionary's block left out has all in use);
+    supports: block -> (j, k) active basis vectors (all of them in a reduced block that is absent);
     probes: name -> (j, components); contacts: `contact.history` -> (j,); given: body -> (j,
     functions) its prescribed temperatures, K.
     """

@@ -18,11 +18,12 @@ class Control(Plugin):
     estimate meets the tolerance."""
 
     tolerance: float = Field(gt=0, lt=1)
-    """Error of the unknowns that the steps may add up to over the run: each step of the clock may
-    contribute the share that it has in the run. Relative to how far a block has moved from its
-    start, in the mean over its unknowns, or to the sizes below where those are larger."""
+    """Error tolerance of the whole run; a step of length h may contribute the share h / end.
+    Relative to the root mean square change of a block since its start, or to the sizes below where
+    these are larger."""
     max_halvings: int = Field(default=8, ge=1, le=24)
-    """Number of halvings of a step after which the run fails."""
+    """Largest number of halvings of a step; where more are needed the run ends as
+    `step_too_long`."""
     rigid: float = Field(default=1.0, gt=0)
     """A motion of rigid coordinates that counts as large, m and rad."""
     elastic: float = Field(default=1e-3, gt=0)
@@ -39,14 +40,14 @@ class Control(Plugin):
 
 
 class Time(Plugin):
-    """The clock of a run, which starts at 0 s."""
+    """Time span and step of a run, which starts at 0 s."""
 
     end: float = Field(gt=0)
-    """When the run ends, s."""
+    """End time of the run, s."""
     step: float = Field(gt=0)
     """Length of a time step, s."""
     control: Control | None = None
-    """Error-controlled substeps; `step` stays the grid of what is stored. Fixed steps without."""
+    """Error-controlled substeps; `step` remains the grid of stored states. Fixed steps without."""
 
     @model_validator(mode="after")
     def _one_step_fits(self) -> "Time":
@@ -60,9 +61,9 @@ class Training(Plugin):
     """Full-order training run, whose snapshots define the reduced model."""
 
     end: float | None = Field(default=None, gt=0)
-    """End of the training run, s; time.end by default."""
+    """End time of the training run, s; `time.end` by default."""
     every: int = Field(default=1, ge=1)
-    """Every how many steps a snapshot is taken."""
+    """Number of steps between snapshots."""
     overrides: dict[str, Any] = {}
     """Changes to the scene for the training run: dotted key -> value."""
 
@@ -87,7 +88,7 @@ class Output(Plugin):
     """Output options of a run."""
 
     every: int = Field(default=1, ge=1)
-    """Every how many steps the state is stored."""
+    """Number of steps between stored states."""
 
 
 class Probe(Plugin):

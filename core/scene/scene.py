@@ -56,22 +56,22 @@ class Scene(Plugin):
     format: Annotated[Literal[1], BeforeValidator(_an_integer)]
     """Version of the scene format."""
     title: str = ""
-    """For people."""
+    """Title of the scene, for tables and pictures."""
     seed: int = Field(default=0, ge=0)
-    """Seed of everything random."""
+    """Seed of all random numbers."""
     bodies: dict[str, Annotated[BodyPlugin, Slot("body")]] = Field(min_length=1)
-    """The bodies by name."""
+    """Bodies by name."""
     joints: dict[str, Annotated[JointPlugin, Slot("joint")]] = {}
     """Joints between bodies, or between a body and the fixed world, by name."""
     contacts: dict[str, Annotated[ContactPlugin, Slot("contact")]] = {}
-    """Surfaces that may touch, by name."""
+    """Contacts by name: pairs of surfaces that may touch."""
     loads: dict[str, Annotated[LoadPlugin, Slot("load")]] = {}
     """Forces and heat that act on bodies, by name."""
     rigid_stage: RigidStage | None = None
     """Rigid-body pre-simulation: a first run with rigid bodies, whose motion, joint forces and
     contact loads are prescribed in the flexible run."""
     time: Time
-    """The clock."""
+    """Time span and step of the run."""
     integrator: Annotated[Integrator, Slot("integrator")] = slot_default("bdf1")
     """Time integrator."""
     linear_solver: Annotated[LinearSolver, Slot("linear_solver")] = slot_default("auto")

@@ -27,7 +27,7 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, slots=True)
 class CacheEntry:
-    """One product on disk; size in bytes."""
+    """A stored result of the offline stage, such as snapshots or a basis; size in bytes."""
 
     kind: str
     key: str
@@ -116,7 +116,7 @@ def _save(place: Path, arrays: Arrays) -> None:
 
 
 def scratch_folder(root: Path | None) -> Path:
-    """A folder next to the cache's entries, or for temporary files, that nobody else writes to.
+    """A folder next to the cache's entries, or for temporary files, used by this process only.
 
     A process that was killed leaves its own behind: those of processes that are gone are removed.
     """

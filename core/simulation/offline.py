@@ -128,8 +128,8 @@ def _content(data: BlockData) -> list[object]:
 def largest_coefficient(d: Dictionary, snapshots: FloatArray) -> float:
     """Largest |coefficient| that snapshots (n, M) have in a dictionary; 0 without snapshots.
 
-    Of orthonormal atoms the projection, of others the least-squares solution of least norm:
-    correlations with coherent atoms would be off by any factor.
+    Coefficients are projections on orthonormal atoms, else least-squares solutions of minimum norm:
+    inner products with nearly parallel atoms are no coefficients.
     """
     if not snapshots.size or not d.atoms.shape[1]:
         return 0.0

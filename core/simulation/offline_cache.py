@@ -20,7 +20,8 @@ _FILE = "spent.json"
 
 @dataclass(slots=True)
 class Product:
-    """One product while it is asked for. name: kind and key; place: its cache entry, if any."""
+    """A result of the offline stage while it is computed or read. name: kind and key; place:
+    its cache entry, if any."""
 
     name: str
     place: Path | None

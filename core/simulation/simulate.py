@@ -64,7 +64,7 @@ def simulate(
     Raises InputError before anything is written, also when another run is writing to `out`;
     SolveFailed (with `.result`, readable up to there) when the run stops before its end; OSError
     when the result cannot be written, or `out` was moved or removed. `resume` goes on from the
-    last checkpoint. body_cache: what other runs of the same bodies have built. keep_training: a
+    last checkpoint. body_cache: bodies that other runs have built, for reuse. keep_training: a
     full-order run that is the training run of its scene leaves its snapshots in the cache, for
     reduced runs that follow.
     """

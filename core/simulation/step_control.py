@@ -140,7 +140,7 @@ class ControlledSteps(AroundSteps[StepSolver]):
     def solve(
         self, step: StepFormula, memory: ControlMemory
     ) -> tuple[StepOutcome, ControlMemory]:
-        """One step as it is asked for, of H and without an estimate."""
+        """One step of the given length, without an error estimate."""
         outcome, memory.levels[0] = self.base.solve(step, memory.levels[0])
         return outcome, memory
 

@@ -23,8 +23,8 @@ from sparsemor.core.simulation.rigid_stage import check_rigid, rigid_scene, stag
 @np.errstate(all="ignore")  # overflow ends in a refusal or in a status, not in a warning
 def checked_model(scene: Scene, body_cache: BodyCache | None = None) -> Model:
     """The assembled scene, before the rigid stage if it has one (everything as it is at the start).
-    Raises InputError with every fault that is known without a step. body_cache: for the run that
-    follows.
+    Raises InputError with every fault that is known without a step. body_cache: keeps the
+    bodies for the run that follows.
 
     A reducer that checks models (`ChecksModel`) adds its own.
     """

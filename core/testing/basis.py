@@ -57,7 +57,7 @@ def _well_formed(dictionary: Dictionary, n: int, where: str) -> None:
     law(np.isfinite(atoms).all() and np.isfinite(offset).all(),
         f"atoms or offset hold values that are not finite {where}")
     off = float(np.abs(np.linalg.norm(atoms, axis=0) - 1.0).max())
-    law(off < 1e-10, f"atoms must be unit columns: one is off by {off:.1e} {where}")
+    law(off < 1e-10, f"atoms must be unit columns: a norm has an error of {off:.1e} {where}")
     law(len(dictionary.provenance) == atoms.shape[1],
         f"{len(dictionary.provenance)} provenances for {atoms.shape[1]} atoms {where}")
     law(len(set(dictionary.provenance)) == len(dictionary.provenance),

@@ -7,7 +7,7 @@ from sparsemor.core.registry.registry import Registry
 
 def installed(kind: str) -> dict[str, type[Plugin]]:
     """name -> class; those that cannot be imported, or break the protocol of their kind, are left
-    out, as they harm nobody else."""
+    out."""
     registry, found = Registry(), {}
     for plugin in registry.names(kind):
         try:

@@ -63,7 +63,7 @@ def _constraint(model: Model, rows: slice) -> None:
     law(least > 1e-9, "its constraint rows depend on each other")
     away = float(np.abs(start_residual(model)[rows]).max())
     law(away <= 1e-8 * max(1.0, _extent(model)),
-        f"its constraint is off by {away:.3g} at the start")
+        f"its constraint has an error of {away:.3g} at the start")
 
 
 def _extent(model: Model) -> float:

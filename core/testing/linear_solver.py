@@ -13,11 +13,12 @@ from sparsemor.core.testing.random_inputs import law, refused
 
 
 def check_linear_solver(solver: LinearSolver, seed: int = 0, trials: int = 5) -> None:
-    """Right answers on heat-like and spring-like matrices of 1 to 200 unknowns, honest outcomes.
+    """Laws of a linear solver: solutions and statuses on random matrices of 1 to 200 unknowns.
 
-    Matrices of any scale, one column or several, with and without `places`; the same answer twice;
-    arguments left alone; a start that helps or does no harm. What is singular, indefinite or not
-    finite must not look solved, and what is not square or not symmetric is an InputError.
+    Matrices of conduction and of spring lattices, of any scale, with one right-hand side or
+    several, with and without `places`: the same bits twice, arguments unchanged, and an initial
+    guess that helps or does no harm. A singular, indefinite or not finite matrix must not be
+    reported as solved; one that is not square or not symmetric is an InputError.
     """
     for trial in range(trials):
         rng = np.random.default_rng([seed, trial])
@@ -90,7 +91,7 @@ def _solves(
         law(outcome.status is Status.DONE, f"ended with {outcome.status.value}: {what}")
         true = np.linalg.solve(A.toarray(), b)
         error = np.linalg.norm(outcome.x - true) / max(float(np.linalg.norm(true)), 1e-300)
-        law(error < 1e-5, f"x is off by {error:.1e} of its norm: {what}")
+        law(error < 1e-5, f"x has a relative error of {error:.1e}: {what}")
         law(np.array_equal(done.solve(b), again.solve(b)), f"two solves differ: {what}")
         law(np.array_equal(done.solve(b), outcome.x), f"solve and outcome differ: {what}")
         _starts(done, A, b, true, rng, what)

@@ -39,25 +39,27 @@ class Attachment(Plugin):
     """
 
     patches: int | None = Field(default=None, ge=1)
-    """Unit loads of each moving load and direction, evenly over its path; left out: one a node."""
+    """Number of unit loads per direction along the path of each moving load (hat functions where
+    the body is planar); left out: one per node."""
     tabled: int | None = Field(default=None, ge=1)
-    """In place of unit loads: this many of the shapes that each load has by its table, the largest
-    singular vectors over all its times. For what covers many nodes at once."""
+    """Number of load shapes instead of unit loads: the largest singular vectors of each load table
+    over all its times. For loads that cover many nodes at once."""
     thermal: Annotated[Basis, Slot("basis")] | None = None
     """Add the displacements of each atom of this basis of the body's temperatures; give the one of
     the thermal block. Left out: none are added."""
     dynamic: bool = False
     """Add the responses D^-1 of the same loads with the operator D of a step (K + c1 D_m + c2 M, or
-    K_T + c1 C), which hold the inertia of the first steps after a change."""
+    K_T + c1 C), which contain the inertia of the first steps after a change of load."""
     count: int | None = Field(default=None, ge=1)
     """Pool the responses to this many orthonormal atoms, in addition to the uniform temperature and
     the start: the largest singular vectors, mechanical and thermal responses alike in size, and
     each thermal state as large as unit heat along the path makes it. Left out: the responses
     themselves, whose coefficients are the loads."""
     rank_rtol: float = Field(default=1e-10, gt=0.0, lt=1.0)
-    """A response is left out when earlier ones hold all but this part of it (2-norm)."""
+    """A response is left out when its part outside the span of earlier ones is below this (2-norm,
+    relative)."""
     orthonormal: bool = False
-    """Take from each response what the earlier ones hold of it: the same span, well conditioned,
+    """Orthogonalise each response against the earlier ones: the same span, well conditioned,
     for reducers that choose no atoms."""
 
     @model_validator(mode="after")
@@ -80,7 +82,7 @@ class Attachment(Plugin):
 
     def build(self, data: BlockData) -> Dictionary:
         """Atoms (n, k). Raises InputError where no load moves and no temperature acts, or where
-        `dynamic` is asked for and the step is not known."""
+        `dynamic` is set and the step is not known."""
         families = [f for f in self._forces(data) if f[1]]
         if not families:
             raise refuse_nowhere(data, "attachment")

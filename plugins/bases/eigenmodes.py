@@ -12,7 +12,7 @@ from sparsemor.core import BlockData, Csr, FloatArray, InputError
 from sparsemor.plugins.bases.static_response import factorize
 
 _DENSE = 150
-"""Unknowns up to which the dense solver is quicker than Lanczos."""
+"""Unknowns up to which the dense solver is faster than Lanczos."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

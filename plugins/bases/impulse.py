@@ -32,13 +32,14 @@ class Impulse(Plugin):
     """
 
     positions: int | None = Field(default=None, ge=1)
-    """Positions of each moving load, evenly over its path; left out: one a node."""
+    """Number of unit loads along the path of each moving load (hat functions where the body is
+    planar); left out: one per node."""
     tabled: int | None = Field(default=None, ge=1)
-    """In place of unit heat at positions: this many of the shapes that each load has by its table,
-    the largest singular vectors over all its times. For what covers many nodes at once."""
+    """Number of load shapes instead of unit loads: the largest singular vectors of each load table
+    over all its times. For loads that cover many nodes at once."""
     delays: tuple[int, ...] | None = Field(default=None, min_length=1)
     """Numbers of steps p, increasing. Left out: 0, 1, 2, 4, ... and the length of the load's table,
-    since what a body remembers lasts as long as the run."""
+    because a body stores heat for the whole run."""
     substeps: int | None = Field(default=None, ge=1)
     """Longer steps, this many from one delay to the next where they are more apart: nearly the
     same temperatures at a fraction of the cost. Left out: the steps of the run."""
@@ -47,7 +48,8 @@ class Impulse(Plugin):
     the start: the largest singular vectors, each response standing for the delays around its own.
     Left out: the responses themselves."""
     rank_rtol: float = Field(default=1e-10, gt=0.0, lt=1.0)
-    """A response is left out when earlier ones hold all but this part of it (2-norm); pooled, a
+    """A response is left out when its part outside the span of earlier ones is below this (2-norm,
+    relative); pooled, a
     direction whose singular value is below this share of the largest."""
 
     @field_validator("delays")

@@ -32,14 +32,14 @@ class Modal(Plugin):
     count: int = Field(default=20, ge=1)
     """Number of modes, the lowest ones; all when the block has fewer."""
     interface: Literal["free", "fixed"] = "free"
-    """True if the points that joints hold (the mean of a rim, where a joint acts on one) move
-    freely in the modes, or stay at rest."""
+    """Points that joints constrain (the mean of a rim, where a joint acts on one): `free` to move
+    in the modes, or `fixed`."""
     correction: bool = False
-    """Add the static response to every load, less what the modes hold of it (residual attachment
+    """Add the static response to every load, less its projection on the modes (residual attachment
     modes): then constant loads are answered exactly. An insulated body gets the shape that
     constant heat tends to."""
     start: bool = True
-    """Add the values at the start, where the modes do not hold them."""
+    """Add the initial values where the modes do not represent them."""
 
     @property
     def needs_snapshots(self) -> bool:

@@ -52,8 +52,8 @@ class Pod(Plugin):
     """`inverse_sqrt_norm` divides each snapshot (less the mean) by the square root of its length,
     so that small ones count more: the start of a run that grows from nothing."""
     windows: int = Field(default=1, ge=1)
-    """Number of equal stretches of time, each with a POD of its own; their atoms are pooled. What
-    moves is simple in a short time and has hardly any structure over a long one."""
+    """Number of equal time windows, each with a separate POD; their atoms are pooled. A moving load
+    has few shapes within a short time."""
     tolerance: float = Field(default=1e-6, ge=0.0, lt=1.0)
     """Atoms of different windows are merged when the sine of the angle between them is at most
     this. The first stays and its provenance names those it absorbed."""

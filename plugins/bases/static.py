@@ -35,9 +35,10 @@ class Static(Plugin):
     """Rates s of the responses (K_T + s C)^-1 f to heat, 1/s: 0 the steady shape, 1/h what
     the first step of implicit Euler gives. Displacements are answered at 0 only."""
     rank_rtol: float = Field(default=1e-10, gt=0.0, lt=1.0)
-    """A response is left out when earlier ones hold all but this part of it (2-norm)."""
+    """A response is left out when its part outside the span of earlier ones is below this (2-norm,
+    relative)."""
     orthonormal: bool = False
-    """Take from each response what the earlier ones hold of it: the same span, well conditioned.
+    """Orthogonalise each response against the earlier ones: the same span, well conditioned.
     For `galerkin` with many rates; as they are, the coefficients are the loads themselves."""
 
     @property

@@ -35,9 +35,8 @@ class Overcomplete(Plugin):
     """Two atoms are merged when the sine of the angle between them is at most this (1e-6: their
     coherence is 1 to 5e-13). The first stays and its provenance names those it absorbed."""
     orthonormal: bool = False
-    """Take from each atom what the earlier ones hold of it, and leave it out where no more than
-    `rank_rtol` stays: the same span without redundancy, for reducers that choose no atoms, such
-    as `galerkin`."""
+    """Orthogonalise each atom against the earlier ones and drop it below `rank_rtol`: the same span
+    without redundancy, for reducers that choose no atoms, such as `galerkin`."""
     rank_rtol: float = Field(default=1e-10, gt=0.0, lt=1.0)
     """Part of an atom (2-norm) that is round-off; used with `orthonormal` only."""
 

@@ -42,7 +42,7 @@ class Splu(Plugin):
 
     ordering: Literal["best", "dissection", "minimum_degree", "columns"] = "best"
     """Order of elimination: nested dissection of the nodes' positions; minimum degree on the
-    symmetric pattern; SciPy's own default for columns, which does not know of the symmetry; best:
+    symmetric pattern; SciPy's own default for columns, which ignores the symmetry; best:
     dissection in space from 5000 unknowns on, where positions are known, else minimum degree."""
     symmetric: bool = True
     """No pivoting off the diagonal: half the time and fill, and safe for positive definite ones."""

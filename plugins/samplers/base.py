@@ -12,9 +12,10 @@ class RowSampler(Plugin):
     """Keeps rows by option; a subclass fills `rows_beside`."""
 
     required: Required = True
-    """Keep the rows that carry joints and localized loads (`ring`: and those of all elements along
-    the path of loads that move), and choose the others given that they are there. False, with `lhs`
-    the published variant, treats them like any other: if one is missed, the run may be unstable."""
+    """Keep the rows that joints and localized loads act on (`ring`: also those of all elements
+    along the path of moving loads), and choose the others to complement them. False, with `lhs` the
+    published variant: they are treated like any other, and a run without one of them may be
+    unstable."""
     unit: Unit = "dof"
     """`dof` takes single rows; `node` takes the rows of a node together."""
 

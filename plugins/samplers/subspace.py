@@ -18,8 +18,8 @@ class SpanSampler(RowSampler):
     """Options and frame of all samplers that look at the atoms; a subclass fills `choose`."""
 
     of: Of = "operator"
-    """Vectors whose rows are compared: `operator` is what the sampled equations see, D atoms with
-    the operator D of a step; `atoms` takes the atoms themselves."""
+    """Vectors whose rows are compared: `operator`: D times the atoms, with the operator D of a
+    step; `atoms`: the atoms themselves."""
     step: float | None = Field(default=None, gt=0.0)
     """Step size h in that operator, s: stiffness + mass / h^2 for displacements, conductivity +
     capacity / h for temperatures. Left out: the operator of the scene's own step and integrator.

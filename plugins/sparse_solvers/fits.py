@@ -15,8 +15,8 @@ WORTH = 1e-3
 
 
 class Fits:
-    """Of the Gram matrix that is asked about; `gain`: fraction by which an exchange has to lower
-    the norm."""
+    """Least-squares fits by factors of a Gram matrix; `gain`: fraction by which an exchange has to
+    lower the norm."""
 
     def __init__(self, factors: Factors) -> None:
         self.factors = factors

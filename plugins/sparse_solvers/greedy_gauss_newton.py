@@ -35,16 +35,15 @@ class GreedyGaussNewton(SupportNewton):
     growth: int | None = Field(default=None, ge=1)
     """Most atoms that may enter a group in one iteration; left out: as many as its budget."""
     candidates: Literal["correlated", "all"] = "all"
-    """Which atoms may enter: all of them while there are rows for all, or those that correlate most
-    with what is left, as published (Eq. 25). Where active columns are so alike that together they
-    imitate a missing one, nothing is left that correlates with it, and only `all` finds it."""
+    """Candidate atoms: `all` while there are rows for all of them, or `correlated`: those that
+    correlate most with the residual, as published (Eq. 25). Where active columns are nearly
+    parallel to a missing one the residual does not correlate with it, and only `all` finds it."""
     gain: float = Field(default=1e-8, ge=0.0, lt=1.0)
-    """Fraction by which an exchange must lower the linearised residual norm: keeps atoms that
-    fit round-off from alternating for ever."""
+    """Fraction by which an exchange must lower the linearised residual norm: prevents
+    endless exchanges of atoms that fit round-off."""
     hysteresis: float = Field(default=0.3, ge=0.0, lt=1.0)
-    """The same for an exchange that leaves the support which the solve was given, when that is not
-    empty. A carried support that is about as good as another is kept: each exchange is a jump in
-    velocities that takes steps to die out. 0: `gain` alone."""
+    """Fraction by which an exchange must lower the norm to replace a nonempty warm-started support.
+    Each exchange is a jump in velocities that takes some steps to decay. 0: `gain` alone."""
 
     def screen(self, groups: Sequence[Group], seen: BoolArray, rows: int) -> ExchangeScreen:
         """Steps 2 to 5 where the residual is linear (`core.protocols.sparse_solver`)."""

@@ -170,8 +170,8 @@ class ExchangeScreen:
     ) -> BoolArray | None:
         """The support after one exchange, the same object if none is taken, None if unsure.
 
-        Where a choice on the way is closer than the tolerance, both ways are gone; they have to
-        end on the same support.
+        Where an intermediate choice is closer than the tolerance, both branches are followed; they
+        have to end on the same support.
         """
         unions, ends = self._unions(at, support), list[BoolArray]()
         for union in unions or ():

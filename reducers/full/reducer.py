@@ -39,8 +39,8 @@ class Full(Plugin):
     """Newton iterations before a step is given up."""
     method: Literal["bordered", "newton"] = "bordered"
     """`bordered`: constant blocks factorized once, or, where a term such as a contact couples them,
-    one Jacobian of the whole that is kept while it serves. `newton`: the whole Jacobian factorized
-    again in each iteration, the textbook method, kept as a check."""
+    one Jacobian of all unknowns, reused while convergence is fast. `newton`: the whole Jacobian
+    factorized again in each iteration, the textbook method, kept as a check."""
 
     def restart_refusal(self) -> str:
         return ""

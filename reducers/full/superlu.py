@@ -1,5 +1,5 @@
-"""Sparse LU of Jacobians that no linear solver of the scene is asked for: a local term may make
-them unsymmetric, and they change in each iteration."""
+"""Sparse LU of Jacobians, without the linear solvers of the scene: a local term may make them
+unsymmetric, and they change in each iteration."""
 
 from typing import Any
 

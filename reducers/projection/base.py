@@ -141,8 +141,8 @@ class ProjectionReducer(Plugin, ABC):
         self, model: AssembledModel, dictionaries: Mapping[str, Dictionary],
         offline: OfflineProducts, h: float
     ) -> tuple[AssembledModel, Mapping[str, Mapping[str, float | int | str]]]:
-        """The model whose equations are projected, and facts of its blocks: a subclass may put
-        cheaper operators in place of a body's own."""
+        """The model whose equations are projected, and facts of its blocks: a subclass may replace
+        a body's operators by cheaper ones."""
         return model, {}
 
     def in_modes(

@@ -14,7 +14,7 @@ class Galerkin(ProjectionReducer):
     The online cost is independent of the mesh, except for local terms: all are evaluated.
 
     Blocks that are solved by themselves (heat; displacements in given frames) on orthonormal atoms
-    have the natural modes of their span for coordinates.
+    are solved in modal coordinates of their span.
     """
 
     def maps(self, block: Reducible) -> Maps:

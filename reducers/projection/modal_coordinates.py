@@ -1,10 +1,10 @@
-"""The span of a dictionary in its own natural modes.
+"""Modal coordinates: the span of a dictionary in the eigenvectors of its projected operators.
 
 A block that is projected on orthonormal atoms and solved by itself has two small symmetric
 operators, K and M (heat: conductivity and capacity). In the eigenvectors of this pencil both are
-diagonal, whatever the step: what a block does to itself then costs k numbers a step in place of
-k^2, and softer modes come first, so that what turns with a frame fades towards the last of them.
-The span is the same, and so is all that is computed in it.
+diagonal, whatever the step: the product of a block with its own unknowns then takes k
+multiplications per step instead of k^2. Softer modes come first, so that coupling to the rotation
+of a frame decays towards the last of them. The span, and so the solution in it, is the same.
 """
 
 from dataclasses import replace
@@ -57,7 +57,7 @@ def modal_coordinates(d: Dictionary, K: Csr, M: Csr, unit: str) -> tuple[Diction
     return replace(
         d, atoms=oriented_unit_columns(turned),
         provenance=distinct_names([f"mode at {value:.4g} {unit}" for value in at]),
-        info={**d.info, "coordinates": "natural modes of the span"},
+        info={**d.info, "coordinates": "eigenmodes of the span"},
     ), float(np.abs(back).sum(axis=1).max())
 
 
@@ -68,7 +68,7 @@ def projected(K: Csr, A: FloatArray) -> FloatArray:
 
 
 def diagonal(A: FloatArray) -> FloatArray:
-    """A (k, k) without what is off its diagonal: under natural modes that is round-off."""
+    """A (k, k) without what is off its diagonal: in modal coordinates that is round-off."""
     return np.diag(np.diagonal(A))
 
 

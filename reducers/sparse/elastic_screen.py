@@ -133,7 +133,8 @@ class RowsAtSolution:
         self.c = x[screen.columns] * screen.still.lengths
 
     def around(self, e: Eliminated, error: GramError) -> Quadratic:
-        """With the border eliminated by e, which may be older than the step."""
+        """Quadratic model of the squared residual in c, with rigid coordinates and multipliers
+        condensed by e, which may be from an earlier step."""
 
         def left() -> tuple[float, float]:
             square = float(self.r.dot(self.r))

@@ -49,12 +49,12 @@ class SparseOptions(Plugin):
     residual: Residual | dict[str, Residual] = "plain"
     """Which rows are sampled, in all blocks or by block pattern: `plain` those of the residual r as
     published; `preconditioned` those of D^-1 r, the error that r causes, with the operator D of a
-    step. Least squares of these come near to Galerkin; a step costs the same."""
+    step. Their least-squares solution is close to Galerkin's; a step costs the same."""
     resample: int | None = Field(default=None, ge=1)
     """Steps after which other rows are drawn (the paper: 1); left out: one draw for the run."""
     row_sets: int | None = Field(default=None, ge=2)
-    """How many sets of rows are drawn and prepared in advance, to come back in turn; left out:
-    every draw is new, and prepared when it is drawn."""
+    """Number of row sets that are drawn and prepared in advance and used in turn; left out: every
+    draw is new."""
     solver: Annotated[SparseSolver, Slot("sparse_solver")] = slot_default("greedy_gauss_newton")
     """Selects atoms where a budget is smaller than the dictionary."""
     every: int = Field(default=1, ge=1)

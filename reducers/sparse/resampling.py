@@ -1,4 +1,5 @@
-"""Rows that change in the course of a run: one step solver for each set of rows."""
+"""Resampling: the rows of the residual that are evaluated change during the run; one step solver
+for each set of rows."""
 
 from collections.abc import Callable, Mapping
 from copy import deepcopy

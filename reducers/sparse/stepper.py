@@ -42,8 +42,8 @@ class SparseStepper(AroundSteps[Stepper]):
 
     every: steps between selections; carried: whether one starts from the last support; polish:
     whether the step is solved again on the selected support, with exact border rows; screen:
-    whether the solver is asked first if an exchange could pay (screening); row_set: number of
-    its rows among others of the run.
+    whether it is checked first if an exchange of atoms can lower the residual (screening);
+    row_set: number of its rows among others of the run.
     """
 
     heat: Mapping[str, SampledHeat]

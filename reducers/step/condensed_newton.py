@@ -56,7 +56,7 @@ class Mechanics:
 
     @property
     def elastic(self) -> slice:
-        """Range of all elastic blocks, which are contiguous."""
+        """Range of the elastic unknowns of all bodies in the vector of the step; contiguous."""
         at = [b.elastic for b in self.bodies if b.block is not None] or [slice(0, 0)]
         return slice(at[0].start, at[-1].stop)
 

@@ -29,7 +29,7 @@ from sparsemor.core import (
 from sparsemor.reducers.projection.modal_coordinates import diagonal
 
 PROPORTIONAL = 1e-8
-"""Share of damping that couples natural modes and is taken for round-off."""
+"""Share of damping that couples eigenmodes and is taken for round-off."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -170,7 +170,7 @@ class TestedElastic:
         )
 
     def in_modes(self) -> "TestedElastic":
-        """The same under the natural modes of its span, where mass and stiffness are diagonal, and
+        """The same in modal coordinates of its span, where mass and stiffness are diagonal, and
         damping in proportion to them."""
         d = diagonal(self.damping)
         size = np.sqrt(np.abs(np.diagonal(d)))
@@ -223,7 +223,7 @@ class TestedHeat:
             heat.amplitudes, projected_tables(heat.tables, push))
 
     def in_modes(self) -> "TestedHeat":
-        """The same under the natural modes of its span, where both operators are diagonal."""
+        """The same in modal coordinates of its span, where both operators are diagonal."""
         return replace(
             self, capacity=diagonal(self.capacity), conductivity=diagonal(self.conductivity))
 

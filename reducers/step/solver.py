@@ -88,7 +88,7 @@ class Stepper:
     def with_blocks(
         self, heat: Mapping[str, HeatBlock], elastic: Mapping[str, ElasticBlock | PrescribedBlock]
     ) -> "Stepper":
-        """The same step with these blocks in place of its own, by name."""
+        """The same step with some of its blocks replaced by these, by name."""
         made = replace(self, heat={**self.heat, **heat}, elastic={**self.elastic, **elastic})
         if self.mechanics is None or isinstance(self.mechanics, PrescribedFrames):
             return replace(made, mechanics=made.with_mechanics())

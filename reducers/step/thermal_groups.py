@@ -201,8 +201,8 @@ def heat_groups(
     model: AssembledModel, blocks: Mapping[str, CompressedHeat],
     dictionaries: Mapping[str, Dictionary], wide: Mapping[str, FloatArray], c1: float,
 ) -> dict[str, CompressedHeat]:
-    """Reduced thermal blocks, those that couplings connect as one, by the keys of their groups.
-    Blocks that no coupling reads may be missing: they are prepared when their atoms are known."""
+    """Group name -> reduced thermal block; blocks that are coupled by conduction form one group,
+    solved together. A block without coupling may be absent from `blocks`, and is then left out."""
     return {
         group_name(g): blocks[g[0].thermal] if len(g) == 1 else compressed_group(
             model, g, [blocks[b.thermal] for b in g], dictionaries, wide, c1)

@@ -27,8 +27,8 @@ Source = Callable[[FloatArray], FloatArray]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TimeTable:
-    """rows (T, m): the source's values at the increasing `times`. At any other time it is asked.
-    What it gives must not be written to."""
+    """Function of time with tabulated values: rows (T, m) at the increasing `times`; at any other
+    time the source is evaluated. Values must not be written to."""
 
     source: Source
     times: tuple[float, ...] = ()

@@ -283,7 +283,7 @@ class Broken:
 
 @pytest.mark.parametrize("fault,words", [
     ("accepts all", "gives numbers for a failure"),
-    ("wrong", "solved with a residual|off by"),
+    ("wrong", "solved with a residual|has a relative error"),
     ("hides", "gives numbers for a failure"),
     ("writes", "wrote to b"),
     ("not repeatable", "two solves differ"),

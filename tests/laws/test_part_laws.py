@@ -157,7 +157,7 @@ BROKEN: dict[str, tuple[Callable[[], None], str]] = {
     "a row of nothing": (lambda: check_joint(rows(
         [TOGETHER[0], [0] * 6]), PAIR), "does not depend on any motion"),
     "a start that breaks it": (
-        lambda: check_joint(rows(TOGETHER, off=0.01), PAIR), "is off by 0.01 at the start"),
+        lambda: check_joint(rows(TOGETHER, off=0.01), PAIR), "has an error of 0.01 at the start"),
     "a joint of nothing": (lambda: check_joint(NOTHING, PAIR), "and changes no body"),
     "a careless joint": (lambda: check_joint(CARELESS, PAIR), "expected an InputError"),
     "a load of nothing": (lambda: check_load(NOTHING, PAIR), "acts on none of the bodies"),

@@ -265,7 +265,7 @@ class Broken(GreedyGaussNewton):
         ("false norm", "residual_norm"),
         ("hides failure", "residual of nan"),
         ("writes", "wrote to its start"),
-        ("gives up", "residual_norm|off by"),
+        ("gives up", "residual_norm|has a relative error"),
     ],
 )
 def test_a_broken_sparse_solver_fails_its_law(fault: str, words: str) -> None:

@@ -16,10 +16,10 @@ ANGLES = (0, 90, 180, 270)
 
 
 class Disk(Plugin):
-    """Disk: a cylinder about the z axis from z = 0 up, a plan of triangles extruded in layers.
+    """Disk: a cylinder about the z axis from z = 0 up, a plane triangulation extruded in layers.
 
-    With the options left alone: 10 344 tetrahedra and 2715 points. `refine` makes every edge that
-    much shorter, in the plan and across it. Sets: top, bottom, rim (the outer surface), hub (all
+    With the default options: 10 344 tetrahedra and 2715 points. `refine` makes every edge that
+    much shorter, in the plane and along z. Sets: top, bottom, rim (the outer surface), hub (all
     points within its radius), axis, and single points of the top face: centre, and on each circle
     of probes probe_1, probe_2, ... at 0 degrees and probe_1_90, probe_1_180, probe_1_270.
     """
@@ -27,15 +27,15 @@ class Disk(Plugin):
     radius: float = Field(default=0.14, gt=0)
     """Outer radius, m."""
     thickness: float = Field(default=0.013, gt=0)
-    """Height of the cylinder, m."""
+    """Thickness, m."""
     hub: float = Field(default=0.03, ge=0)
     """Radius within which points belong to the set `hub`, m."""
     probes: tuple[Positive, ...] = (0.0867, 0.1060, 0.1188, 0.1336)
     """Radii of circles on which points of the mesh are kept at 0, 90, 180 and 270 degrees, m."""
     triangles: int = Field(default=1724, ge=1)
-    """Triangles of the plan; even."""
+    """Triangles of the plane triangulation that is extruded; even."""
     rim: int = Field(default=84, ge=8, multiple_of=4)
-    """Points on the rim of the plan; a multiple of 4."""
+    """Points on the rim of the plane triangulation that is extruded; a multiple of 4."""
     layers: int = Field(default=2, ge=1)
     """Layers of prisms, each of three tetrahedra."""
     refine: float = Field(default=1.0, gt=0, le=20)

@@ -18,19 +18,19 @@ OUTER_WEIGHTS, INNER_WEIGHTS = np.array([1.0, 1.0, 2.5, 1.0]), np.ones(4)
 class Pad(Plugin):
     """Brake pad: an outline of two rational cubic Bezier curves and their mirror images in x.
 
-    With the options left alone: 900 tetrahedra and 279 points. Sets: bottom (the friction face),
+    With the default options: 900 tetrahedra and 279 points. Sets: bottom (the friction face),
     top, side, and single points of the top face: top_outer, top_inner (on x = 0), top_left,
     top_right (where the curves meet).
     """
 
     bottom: float = 0.013
-    """z of the friction face, m."""
+    """z coordinate of the friction face, m."""
     thickness: float = Field(default=0.0065, gt=0)
-    """Height above it, m."""
+    """Thickness, m."""
     triangles: int = Field(default=150, ge=1)
-    """Triangles of the plan; even."""
+    """Triangles of the plane triangulation that is extruded; even."""
     outline: int = Field(default=34, ge=12, multiple_of=2)
-    """Points on the outline of the plan; even."""
+    """Points on the outline of the plane triangulation that is extruded; even."""
     layers: int = Field(default=2, ge=1)
     """Layers of prisms, each of three tetrahedra."""
     refine: float = Field(default=1.0, gt=0, le=20)

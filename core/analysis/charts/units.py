@@ -13,7 +13,7 @@ class Unit(NamedTuple):
 _SMALL = ((1e9, "n"), (1e6, "µ"), (1e3, "m"), (1.0, ""))
 _LARGE = ((1e-3, "k"), (1e-6, "M"), (1e-9, "G"))
 _ONLY_SMALL = ("s", "m", "rad")
-"""Nobody reads kiloseconds, or megametres."""
+"""Units without prefixes for large values, such as kiloseconds or megametres."""
 
 
 def unit(largest: float, si: str) -> Unit:

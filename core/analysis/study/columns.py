@@ -20,7 +20,7 @@ TIMES = ("ms_per_step", "reference_ms_per_step", "speed_up", "offline_s", "offli
 
 RESERVED = frozenset({"run", *OUTCOME[1:], SERIES, *COUNTS, *TIMES})
 """No axis may have such a name, nor that of an error. `reducer` and `seed` may be one: it then
-stands for the column."""
+replaces the column."""
 
 
 def error_columns(fields: Iterable[FieldKind], late: bool = True) -> tuple[str, ...]:

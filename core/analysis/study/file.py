@@ -36,7 +36,7 @@ class StudyFile(Plugin):
     format: Literal[1] = 1
     """Version of the study format."""
     title: str = ""
-    """For people."""
+    """Title of the study, for its report."""
     scene: str = Field(min_length=1)
     """A packaged scene's name, or a scene file, relative to the study file."""
     changes: dict[str, Any] = Field(default={}, alias="set")

@@ -78,8 +78,8 @@ def thinned(errors: Errors, measures: Iterable[str]) -> dict[str, list[float]]:
 
 
 def _cost(run: RunResult, facts: RunFacts, base: RunFacts) -> dict[str, Any]:
-    """Times. offline_s: of this run; offline_total_s: had nothing been in the
-    cache; pays_after: online runs after which that is made good."""
+    """Times. offline_s: of this run; offline_total_s: with an empty cache; pays_after: online runs
+    after which that is recovered."""
     ms, base_ms, used = facts.ms_per_step, base.ms_per_step, run.summary.get("cache", {})
     return {
         "ms_per_step": ms,

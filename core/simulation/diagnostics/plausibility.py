@@ -35,7 +35,7 @@ TURNS = 0.55
 SAMPLES = 12
 """Samples of a function of time between two steps."""
 WINDOW, WINDOWS = 50, 10
-"""Steps in a row that a function of time is sampled over, and how many such stretches."""
+"""Consecutive steps over which a function of time is sampled, and the number of such windows."""
 STEPS = 10**6
 """Steps up to which a function of time is evaluated at each."""
 STORED, LARGE = 8, 20_000

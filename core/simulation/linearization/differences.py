@@ -4,7 +4,7 @@ A step takes z = (x, v, a, integrator memory) to the next z in three stages: `fo
 w = (r1, r2), `solve` gives the new x, `advance` gives the new z. Formula and advance are affine in
 z and in x, so unit differences of them are exact: dw = R dz, dz' = P dz + Q dx'. Only the solver's
 response dx' = S dw is nonlinear; it is differenced, column by column, in the solver's own small
-layout. The map is P + Q S R. Nothing is asked of the solver but `solve`, so the map exists for
+layout. The map is P + Q S R. The solver needs `solve` only, so the map exists for
 every reducer and integrator, third-party ones included. A solver may know its response: one with
 a contact must, because penetrations of 1e-7 m leave differences no room. Multipliers carry no
 state.

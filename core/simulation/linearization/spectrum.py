@@ -26,7 +26,8 @@ def eigenvalues(matrix: FloatArray) -> ComplexArray:
 
 
 def parts_of(matrix: FloatArray) -> Iterator[IntArray]:
-    """Positions of each strongly connected part."""
+    """Row numbers of each strongly connected component of the matrix's graph: the diagonal blocks
+    of its block-triangular form."""
     count, label = connected_components(csr_array(matrix != 0.0), connection="strong")
     order = np.argsort(label, kind="stable")
     edges = np.searchsorted(label[order], np.arange(count + 1))

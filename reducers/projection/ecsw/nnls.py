@@ -89,7 +89,7 @@ def _appended(Q: FloatArray, R: FloatArray, a: FloatArray) -> tuple[FloatArray, 
 def _feasible(
     Q: FloatArray, R: FloatArray, active: list[int], b: FloatArray, x: FloatArray
 ) -> tuple[FloatArray, FloatArray, list[int], FloatArray]:
-    """Least squares on the active columns, those dropped on the way there that turn negative."""
+    """Least squares on the active columns; columns whose weights become negative are dropped."""
     w = x[active]
     while active:
         z = solve_triangular(R, Q.T @ b)

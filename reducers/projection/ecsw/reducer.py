@@ -84,7 +84,8 @@ class Ecsw(ProjectionReducer):
         self, model: AssembledModel, dictionaries: Mapping[str, Dictionary],
         offline: OfflineProducts, h: float
     ) -> tuple[AssembledModel, Mapping[str, Fact]]:
-        """The model with weighted elements, and what was kept of each block."""
+        """The model with element integrals summed by the ECSW weights, and facts of each block's
+        weights."""
         training = Training(model, offline, h, self.tau, self.states, dictionaries)
         moving = tuple(training.elastic(m) for m in model.separated.moving)
         heat = tuple(training.heat(b) for b in model.separated.heat)

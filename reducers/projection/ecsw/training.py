@@ -36,8 +36,8 @@ LEFT_OUT = (1e-2, 1e-3, 1e-4)
 MET = 1.05
 """Where tau counts as met, as a multiple of it."""
 CANDIDATES = 20_000
-"""Elements of a larger mesh among which weights are sought, by lot: what training holds and takes
-is bounded by it. The forces that they are to repeat are those of all elements."""
+"""Elements of a larger mesh among which weights are sought, drawn at random: it bounds the
+memory and time of training. The forces to be reproduced are those of all elements."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -16,7 +16,7 @@ from scipy.sparse import csr_array
 from sparsemor.core import FloatArray, IntArray
 
 BLOCK = 4_000_000
-"""Numbers of G that are made at a time: 32 MB, and some more on the way to them."""
+"""Entries of G that are computed at a time: 32 MB, and some more for intermediate arrays."""
 ROUND_OFF = 1e-11
 """Forces this much smaller than the sums that they are made of are what is left of rounding."""
 MOST = 4000

@@ -150,7 +150,7 @@ class _Search:
             self.cycles, self.stall = True, PATIENCE + 1
 
     def _shorter(self, at: _At) -> _At | None:
-        """An iterate on the way along the change whose residual is less, with its own change."""
+        """Line search: an iterate along the change whose residual is less, with its own change."""
         if not at.fresh:
             self.turn(at, renew=True)
         if not len(self.scale):  # one for the whole step: under two, each way may seem to descend
