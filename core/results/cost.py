@@ -17,9 +17,9 @@ class RunFacts:
 
     ms_per_step: online time, writing included, divided by the number of steps; ms_per_step_solver:
     median time of the step solver alone; iterations: mean per step; offline_seconds: offline time
-    of this run; offline_whole_seconds: offline time with an empty cache; online_seconds: time of
-    all steps; atoms: number of trial basis vectors; active_atoms: mean number with nonzero
-    coefficients; rows: number of sampled rows; end: last stored time, s; linear_solvers: linear
+    of this run; offline_whole_seconds: offline time with an empty cache; online_seconds: online
+    time of the run; atoms: number of trial basis vectors (atoms); active_atoms: mean number of
+    active ones; rows: number of sampled rows; end: last stored time, s; linear_solvers: linear
     solvers of the steps, by block, as text; peak_gb: peak memory of the process.
     """
 
