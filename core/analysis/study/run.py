@@ -18,8 +18,8 @@ from sparsemor.core.results.output_directory import OutputDirectory
 from sparsemor.core.status import Status
 
 Watch = Callable[[State, Row | None], None]
-"""Callback for progress: called after each run with its row, and with None once per second at
-most."""
+"""Callback for progress: called after each run with its row, and repeatedly with None while jobs
+run."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

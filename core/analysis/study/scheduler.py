@@ -83,7 +83,7 @@ class Schedule:
 
     def go(self, commit: Callable[[Row], None], watch: Callable[[State, Row | None], None]) -> None:
         """Executes jobs until every run has its row. `commit`: called with each row; `watch`:
-        called after it and once per second at most, with the progress."""
+        called with the progress after each row, and repeatedly while jobs run."""
         self._commit, self._watch = commit, watch
         while self._ready or self._flying:
             while self._ready and len(self._flying) < self._pool.slots:
