@@ -1,4 +1,5 @@
-"""Full order: constant blocks factorized once, rigid coordinates and multipliers as a border."""
+"""Full-order reducer: constant matrices factorized once, Schur complement for rigid coordinates and
+multipliers."""
 
 from dataclasses import replace
 from typing import Literal
@@ -21,7 +22,7 @@ from sparsemor.reducers.step.thermal_groups import full_group, group_name
 
 
 def _alone(model: AssembledModel, b: HeatBody, c1: float) -> FullHeat:
-    """A thermal block that no other is coupled to."""
+    """Full-order thermal block that is not coupled to other thermal blocks, factorized."""
     at = model.layout[b.thermal]
     local = tuple(LocalAt(t, t.rows - at.start, t.columns - at.start) for t in b.local)
     factor = model.factorize(b.thermal, c1 * b.capacity + b.conductivity)
@@ -46,7 +47,8 @@ class Full(Plugin):
         return ""
 
     def prepare(self, problem: ReducedProblem) -> StepSolver:
-        """Raises InputError where contact at the start does not suit the integrator."""
+        """Step solver of the full-order model. Raises InputError where contact at the start is
+        incompatible with the integrator."""
         model, integrator, h = problem.model, problem.integrator, problem.step
         tol = Tolerances(self.remaining, self.max_iterations)
         if model.separated.other:
@@ -83,7 +85,8 @@ class Full(Plugin):
         return replace(made, newton=FullNewton(lambda: Summed.of(model, price=0), tol))
 
     def _whole(self, model: AssembledModel, price: int, why: str) -> NewtonStepper:
-        """All unknowns together; price: see `Equations`; why: the reason, for notes."""
+        """Newton solver for all unknowns together; price: see `Equations`; why: the reason, for
+        notes."""
         return NewtonStepper(
             Summed.of(model, price), elements(model, model.terms, [t.rows for t in model.terms]),
             Tolerances(self.remaining, self.max_iterations), self.predictor,
