@@ -77,9 +77,9 @@ class SparseOptions(Plugin):
     predictor: int = Field(default=6, ge=1, le=8)
     """Number of past states that the first guess of a step extrapolates."""
     remaining: float = Field(default=1e-13, gt=0, lt=1e-3)
-    """Relative error of the unknowns that may remain in a step."""
+    """Tolerance of a step's iteration: estimated relative error of the unknowns."""
     max_iterations: int = Field(default=30, ge=1)
-    """Newton iterations before a step is given up."""
+    """Largest number of Newton iterations in a step; the step fails beyond."""
 
     @field_validator("preconditioned")
     @classmethod

@@ -51,7 +51,7 @@ class TestMap:
         return chosen if self.left is None else self.left @ chosen
 
     def of_tables(self, tables: Sequence[Table]) -> tuple[Table, ...]:
-        """The map applied to the n columns of tabulated loads (T, n), T times."""
+        """The map applied to tabulated loads (T, n) at each of their T times."""
         chosen = tables if self.rows is None else [t.columns(self.rows) for t in tables]
         return tuple(chosen if self.left is None else [t.through(self.left) for t in chosen])
 
