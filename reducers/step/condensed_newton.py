@@ -62,7 +62,7 @@ class Mechanics:
         return slice(at[0].start, at[-1].stop)
 
     def with_blocks(self, blocks: Mapping[str, ElasticBlock]) -> "Mechanics":
-        """The same equations with some elastic blocks replaced, by name."""
+        """These equations with some elastic blocks replaced, by name."""
         other = copy(self)
         other.bodies = tuple(
             replace(b, block=blocks.get(b.elastic_name, b.block)) for b in self.bodies)

@@ -48,5 +48,5 @@ def deficient(name: str, detail: str, sampled: bool = False) -> SolveFailed:
 
 
 def squares(A: FloatArray) -> FloatArray:
-    """(k,) squared lengths of the columns of A (m, k)."""
+    """Squared lengths (k,) of the columns of A (m, k)."""
     return np.asarray(np.einsum("ij,ij->j", A, A))

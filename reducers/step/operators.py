@@ -176,8 +176,8 @@ class TestedElastic:
         )
 
     def in_modes(self) -> "TestedElastic":
-        """The same in modal coordinates of its span, where mass and stiffness, and damping
-        proportional to them, are diagonal."""
+        """Operators for atoms that are modal coordinates of their span: off-diagonal round-off is
+        removed from mass and stiffness, and from damping proportional to them."""
         d = diagonal(self.damping)
         size = np.sqrt(np.abs(np.diagonal(d)))
         alone = (np.abs(self.damping - d) <= PROPORTIONAL * np.outer(size, size)).all()
@@ -185,7 +185,7 @@ class TestedElastic:
                        damping=d if alone else self.damping)
 
     def under(self, test: TestMap) -> "TestedElastic":
-        """The same operators with a further test map of their m rows."""
+        """These operators with a further test map of their m rows."""
         if test.identity:
             return self
         m, k = self.mass.shape
@@ -230,12 +230,13 @@ class TestedHeat:
             heat.amplitudes, projected_tables(heat.tables, push))
 
     def in_modes(self) -> "TestedHeat":
-        """The same in modal coordinates of its span, where both operators are diagonal."""
+        """Operators for atoms that are modal coordinates of their span: off-diagonal round-off is
+        removed."""
         return replace(
             self, capacity=diagonal(self.capacity), conductivity=diagonal(self.conductivity))
 
     def under(self, test: TestMap) -> "TestedHeat":
-        """The same operators with a further test map of their rows."""
+        """These operators with a further test map of their rows."""
         if test.identity:
             return self
         return replace(

@@ -144,7 +144,7 @@ class Dense:
         return replace(self, coupled=coupled, work=memory.work)
 
     def with_work(self) -> "Dense":
-        """The same equations with new working arrays."""
+        """These equations with new working arrays."""
         return replace(self, work=self.buffers())
 
     def buffers(self) -> list[FrameWork]:

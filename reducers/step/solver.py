@@ -89,7 +89,7 @@ class Stepper:
     def with_blocks(
         self, heat: Mapping[str, HeatBlock], elastic: Mapping[str, ElasticBlock | PrescribedBlock]
     ) -> "Stepper":
-        """The same step solver with some blocks replaced, by name."""
+        """This step solver with some blocks replaced, by name."""
         made = replace(self, heat={**self.heat, **heat}, elastic={**self.elastic, **elastic})
         if self.mechanics is None or isinstance(self.mechanics, PrescribedFrames):
             return replace(made, mechanics=made.with_mechanics())

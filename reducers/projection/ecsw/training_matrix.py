@@ -74,7 +74,7 @@ class Equations:
             yield part, self.columns(elements[part])
 
     def applied(self, w: FloatArray) -> FloatArray:
-        """(m,): G w; elements of weight 0 are not visited."""
+        """Product G w (m,); elements of weight 0 are not visited."""
         used = np.flatnonzero(w)
         sums: FloatArray = np.zeros(self.rows)
         for part, G in self._chunks(used):
@@ -82,7 +82,7 @@ class Equations:
         return sums
 
     def total(self) -> FloatArray:
-        """(m,): G 1."""
+        """Sum G 1 (m,) of the columns of all elements."""
         return self.applied(np.ones(self.count))
 
     def scaled(self) -> "Equations":

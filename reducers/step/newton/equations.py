@@ -39,11 +39,11 @@ class Equations(Protocol):
         ...
 
     def of_run(self, memory: NewtonMemory) -> Self:
-        """The same equations with the working arrays and local copies of terms of one run."""
+        """These equations with the working arrays and local copies of terms of one run."""
         ...
 
     def prescribed(self, t: float) -> FloatArray:
-        """(n,) the part of the residual that depends on the time (s) alone."""
+        """The part (n,) of the residual that depends on the time (s) alone."""
         ...
 
     def residual(
