@@ -36,9 +36,9 @@ class MeshSize:
 
     @property
     def pairs(self) -> int:
-        """Lower bound of the number of nonzeros of a scalar finite-element matrix: diagonal
-        entries and two per edge. It follows from Euler's formula without the boundary's share of
-        the edges."""
+        """Lower bound of the number of nonzeros of a finite-element matrix with one unknown per
+        node: diagonal entries and two per edge. It follows from Euler's formula without the
+        boundary's share of the edges."""
         return 3 * self.points + 2 * self.cells
 
 
@@ -46,9 +46,9 @@ class MeshSize:
 class BodySize:
     """Size of a flexible body before meshing.
 
-    unknowns: number per field, including fixed and prescribed ones. vector_entries: nonzeros of the
-    matrices that act on displacements; scalar_entries: nonzeros of mass, capacity and conductivity
-    as scalar matrices; each matrix counted once.
+    unknowns: number per field, including fixed and prescribed ones. vector_entries: nonzeros of
+    stiffness and thermal coupling, which act on displacements; scalar_entries: nonzeros of mass,
+    capacity and conductivity.
     """
 
     mesh: MeshSize

@@ -198,7 +198,8 @@ class UsesBases(Protocol):
 
 @runtime_checkable
 class UsesForceBasis(Protocol):
-    """A reducer with a basis of nonlinear forces in addition to the trial basis of the unknowns."""
+    """A reducer with a basis of forces, which it interpolates as in DEIM, in addition to the trial
+    basis of the unknowns."""
 
     @property
     def force_basis(self) -> Basis: ...
