@@ -80,8 +80,8 @@ def _assembled(name: str, size: BodySize) -> list[Item]:
 
 def _factors(scene: Scene, name: str, size: BodySize) -> list[Item]:
     """Least memory of the factors of blocks with a direct solver: n log2 n entries in the plane,
-    n^(4/3) in space (Lipton, Rose and Tarjan 1979, doi 10.1137/0716027). Factors of long and thin
-    bodies have more entries than this with a constant of 1, too."""
+    n^(4/3) in space (Lipton, Rose and Tarjan 1979, doi 10.1137/0716027), with a constant of 1,
+    small enough for long and thin bodies, which have less fill."""
     found = []
     for field, n in size.unknowns.items():
         block = f"{name}.{field}"
