@@ -32,8 +32,7 @@ from sparsemor.core.simulation.offline import Offline, step_count
 ENTRY = 12
 """Bytes per entry of a sparse matrix or factor: a value and its index."""
 START = 5
-"""Copies of each entry of all operators that exist in addition while the consistent initial state
-is computed."""
+"""Additional copies of each operator entry while the consistent initial state is computed."""
 VECTORS = 40
 """Number of vectors of all unknowns in a full-order run: states, predictor, right-hand sides."""
 UNKNOWN_ATOMS = 200
@@ -45,8 +44,7 @@ STEP_RECORD = 50
 STEP_SECONDS = 2.5e-5
 """Smallest wall time of a step, s: that of a single rigid body."""
 MOST_STEPS = 1e10
-"""Number of steps above which a run is refused whatever the memory: it would take three days at
-least."""
+"""Number of steps above which every run is refused: it would take three days at least."""
 ROUGH = 0.5
 """Share of the memory limit up to which a rough estimate is accepted without an exact count."""
 
@@ -177,8 +175,8 @@ def reduced(scene: Scene, blocks: Mapping[str, int]) -> list[Item]:
 
 
 def bases(scene: Scene, blocks: Mapping[str, int]) -> list[Item]:
-    """Memory of the computation of bases, for the largest block, because blocks follow one after
-    the other: its snapshots and the arrays of an orthonormalisation."""
+    """Memory of the computation of bases, block by block: snapshots and atoms of the largest
+    block."""
     largest: list[Item] = []
     M = _count(scene)
     reducer = scene.reducer
