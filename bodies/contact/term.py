@@ -1,4 +1,5 @@
-"""Contact of two surfaces as a local term of the equations, in the plane and in space."""
+"""Contact of two surfaces as a term of the equations of motion and heat, in the plane and in space.
+"""
 
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -26,8 +27,11 @@ from sparsemor.core import BoolArray, CompressedLocal, Csr, FloatArray, IntArray
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Evaluation:
-    """Overlaps with their nodes (P, 2 d), numbered through both surfaces, the first one's before,
-    and temperatures T (P, 2 d) at these, K."""
+    """Contact at one state: overlaps with nodal loads.
+
+    nodes (P, 2 d): corners of both facets of each overlap, the second surface's nodes numbered
+    after the first's; T (P, 2 d): temperatures there, K, for conduction.
+    """
 
     kinematics: Kinematics
     nodes: IntArray
@@ -39,12 +43,14 @@ class _Evaluation:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ContactTerm:
-    """Rows: minus the generalized forces, and minus the heat, of what acts between two surfaces.
+    """Contact contribution to the residual: minus the generalized forces and heats that act between
+    two surfaces.
 
-    deforms: points move with the displacements, so that facets are searched where they are; reach:
-    deepest penetration (m) that is trusted; active: facets (F,) of each surface that are evaluated
-    (against all of the other). reads, writes (local + n1 + n2,): columns and rows of the local
-    unknowns (side.py) and then of the temperatures, -1: none.
+    rows, columns: global numbers of the equations and unknowns; near: search for close facets;
+    deforms: nodes move with the displacements, so facets are searched in the deformed state; reach:
+    largest admissible penetration, m; active: boolean masks (F,) of the facets of each surface that
+    are evaluated (against all of the other surface). reads, writes (local + n1 + n2,): positions in
+    `columns` and `rows` of the local unknowns (side.py) and then of the temperatures; -1: none.
     """
 
     rows: IntArray
@@ -64,7 +70,7 @@ class ContactTerm:
         cls, sides: tuple[Side, Side], face: Interface, near: BroadPhase, deforms: bool,
         reach: float,
     ) -> Self:
-        """Of all unknowns that the sides have."""
+        """Term with all unknowns of both sides."""
         one, two = sides
         numbers = np.concatenate([one.frame, two.frame, one.u, two.u, one.T, two.T])
         columns = np.unique(numbers[numbers >= 0])
@@ -74,7 +80,8 @@ class ContactTerm:
 
     @property
     def elements(self) -> int:
-        """Facets of the first surface that are evaluated, each against those near it."""
+        """Number of facets of the first surface that are evaluated, each against close facets of
+        the second one."""
         first, second = (int(a.sum()) for a in self.active)
         return min(len(self.active[0]), first + second)
 
@@ -86,7 +93,8 @@ class ContactTerm:
     # ------------------------------------------------------------------ evaluation
 
     def _kinematics(self, x: FloatArray, v: FloatArray, t: float) -> Kinematics | None:
-        """None for a state that overflowed: no tree can be searched there."""
+        """Kinematics of both surfaces; None if the state is not finite, where facets cannot be
+        searched."""
         if not (np.isfinite(x).all() and np.isfinite(v).all()):
             return None
         local = self.reads[: Sizes.of(*self.sides).whole]
@@ -111,7 +119,7 @@ class ContactTerm:
         return _Evaluation(here, nodes, o, pieces, nodal(o, pieces, self.face, T), T)
 
     def _pairs(self, here: Kinematics, planes: Planes) -> tuple[IntArray, IntArray]:
-        """Facets of both surfaces that are evaluated with each other."""
+        """Numbers of the facets of the first and of the second surface in each evaluated pair."""
         first, second = (s.surface for s in self.sides)
         corners = here.a[first.facets]
         middles = corners.mean(axis=1)
@@ -144,13 +152,13 @@ class ContactTerm:
             np.float64)
 
     def _forces(self, now: _Evaluation) -> FloatArray:
-        """(n1 + n2, d) at all points, N, in the second body's axes."""
+        """(n1 + n2, d) contact forces at all nodes, N, in the second body's axes."""
         n = now.kinematics.sizes
         at, f = now.nodes[now.pieces.overlap].ravel(), now.loads.force.reshape(-1, n.d)
         return np.array([np.bincount(at, c, n.n1 + n.n2) for c in f.T], dtype=np.float64).T
 
     def _heats(self, now: _Evaluation) -> FloatArray:
-        """(n1 + n2,) at all points, W."""
+        """(n1 + n2,) heats at all nodes, W."""
         n, at = now.kinematics.sizes, now.nodes[now.pieces.overlap].ravel()
         return np.bincount(at, now.loads.heat.ravel(), n.n1 + n.n2).astype(np.float64)
 
@@ -197,7 +205,8 @@ class ContactTerm:
         return made
 
     def check_step(self, x: FloatArray, v: FloatArray, t: float, h: float) -> str:
-        """Why the state at the end of a step of about h (s) is not to be trusted; "" if it is."""
+        """Error message if the state at the end of a step of about h (s) has passed through the
+        other surface; "" otherwise."""
         first, second = (s.surface for s in self.sides)
         here = self._kinematics(x, v, t)
         depth = 0.0 if here is None else too_deep(first, second, here, h, self.reach, self.near)
@@ -210,11 +219,12 @@ class ContactTerm:
 
     @property
     def histories(self) -> tuple[str, ...]:
-        """Names of the resultants of the contact: none where facets are left out."""
+        """Names of the recorded resultants of the contact; empty where facets are left out."""
         return names_of(self.sides[0].surface.d) if self._whole else ()
 
     def resultants(self, x: FloatArray, v: FloatArray, t: float) -> dict[str, float]:
-        """The contact at one moment, by the names in `histories`. x, v: of an accepted step."""
+        """Resultants of the contact, by the names in `histories`, for the state x, v of an accepted
+        step at time t, s."""
         now = self._evaluate(x, v, t)
         assert now is not None
         found = resultants(1, np.zeros(len(now.nodes), np.int64), now.overlaps, now.pieces,
@@ -228,7 +238,8 @@ class ContactTerm:
         return FollowedContact.of(local) if self.deforms and local.elements else local
 
     def restrict(self, keep: IntArray) -> Self:
-        """Only facets that touch the kept rows, and what those and their partners read."""
+        """Term with the rows `keep` only: facets that contribute to these rows, and the columns on
+        which they depend."""
         writes = renumbered(self.writes, keep, len(self.rows))
         n = Sizes.of(*self.sides)
         active = self.active
@@ -242,7 +253,8 @@ class ContactTerm:
                        reads=renumbered(self.reads, used, len(self.columns)), active=active)
 
     def _read(self, active: tuple[BoolArray, BoolArray]) -> BoolArray:
-        """(local + n1 + n2,): unknowns and temperatures of active facets and their partners."""
+        """(local + n1 + n2,) True for unknowns and temperatures on which the active facets depend,
+        including those of facets that they may touch."""
         n = Sizes.of(*self.sides)
         if not (active[0].any() or active[1].any()):
             return np.zeros(len(self.reads), bool)
@@ -262,8 +274,8 @@ class ContactTerm:
 
     @property
     def movers(self) -> tuple[Mover, Mover]:
-        """Both surfaces as bounded by the Verlet list: reference points, facets, and the columns of
-        their frame and nodal unknowns."""
+        """Both surfaces as required by the Verlet list: reference positions, facets, and the
+        columns of their rigid coordinates and nodal displacements."""
         n = Sizes.of(*self.sides)
         ends = np.cumsum([0, n.f1, n.f2, n.u1, n.u2])
         columns = [self.reads[i:j] for i, j in pairwise(ends)]
@@ -274,13 +286,14 @@ class ContactTerm:
         return first, second
 
     def points(self, x: FloatArray, t: float) -> tuple[FloatArray, FloatArray] | None:
-        """(n1, d), (n2, d), m, in the second body's axes; None for a state that overflowed."""
+        """Node positions (n1, d) and (n2, d), m, in the second body's axes; None if the state is
+        not finite."""
         here = self._kinematics(x, 0.0 * x, t)
         return None if here is None else (here.a, here.b)
 
     def among(self, first: IntArray, second: IntArray) -> tuple[Self, IntArray, IntArray]:
-        """The contact of some facets of either surface with each other alone, and which of the
-        columns and of the rows are theirs."""
+        """The contact between the facets `first` and `second` of the two surfaces alone, with the
+        positions of its columns and rows in this term."""
         n = Sizes.of(*self.sides)
         (one, used1), (two, used2) = (s.some(chosen) for s, chosen in zip(
             self.sides, (first, second), strict=True))
