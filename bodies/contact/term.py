@@ -27,10 +27,8 @@ from sparsemor.core import BoolArray, CompressedLocal, Csr, FloatArray, IntArray
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Evaluation:
-    """Contact at one state: overlaps with nodal loads.
-
-    nodes (P, 2 d): corners of both facets of each overlap, the second surface's nodes numbered
-    after the first's; T (P, 2 d): temperatures there, K, for conduction.
+    """Contact at one state. nodes (P, 2 d): corners of both facets of each overlap, the second
+    surface's nodes numbered after the first's; T (P, 2 d): temperatures there, K, for conduction.
     """
 
     kinematics: Kinematics
@@ -80,8 +78,8 @@ class ContactTerm:
 
     @property
     def elements(self) -> int:
-        """Number of facets of the first surface that are evaluated, each against close facets of
-        the second one."""
+        """Number of evaluated facets of the first surface, each against close facets of the second.
+        """
         first, second = (int(a.sum()) for a in self.active)
         return min(len(self.active[0]), first + second)
 
@@ -93,8 +91,7 @@ class ContactTerm:
     # ------------------------------------------------------------------ evaluation
 
     def _kinematics(self, x: FloatArray, v: FloatArray, t: float) -> Kinematics | None:
-        """Kinematics of both surfaces; None if the state is not finite, where facets cannot be
-        searched."""
+        """Kinematics of both surfaces; None if the state is not finite."""
         if not (np.isfinite(x).all() and np.isfinite(v).all()):
             return None
         local = self.reads[: Sizes.of(*self.sides).whole]
@@ -219,7 +216,7 @@ class ContactTerm:
 
     @property
     def histories(self) -> tuple[str, ...]:
-        """Names of the recorded resultants of the contact; empty where facets are left out."""
+        """Names of the recorded resultants; empty where facets are left out."""
         return names_of(self.sides[0].surface.d) if self._whole else ()
 
     def resultants(self, x: FloatArray, v: FloatArray, t: float) -> dict[str, float]:
@@ -238,8 +235,8 @@ class ContactTerm:
         return FollowedContact.of(local) if self.deforms and local.elements else local
 
     def restrict(self, keep: IntArray) -> Self:
-        """Term with the rows `keep` only: facets that contribute to these rows, and the columns on
-        which they depend."""
+        """Term with the rows `keep` only, the facets that contribute to them and the columns they
+        need."""
         writes = renumbered(self.writes, keep, len(self.rows))
         n = Sizes.of(*self.sides)
         active = self.active
@@ -253,8 +250,8 @@ class ContactTerm:
                        reads=renumbered(self.reads, used, len(self.columns)), active=active)
 
     def _read(self, active: tuple[BoolArray, BoolArray]) -> BoolArray:
-        """(local + n1 + n2,) True for unknowns and temperatures on which the active facets depend,
-        including those of facets that they may touch."""
+        """(local + n1 + n2,) True for unknowns and temperatures on which the active facets depend.
+        """
         n = Sizes.of(*self.sides)
         if not (active[0].any() or active[1].any()):
             return np.zeros(len(self.reads), bool)
