@@ -42,14 +42,12 @@ class _Evaluation:
 @dataclass(frozen=True, slots=True, eq=False)
 class ContactTerm:
     """Contact contribution to the residual: minus the generalized forces and heats that act between
-    two surfaces.
-
-    rows, columns: global numbers of the equations and unknowns; near: search for close facets;
-    deforms: nodes move with the displacements, so facets are searched in the deformed state; reach:
-    largest admissible penetration, m; active: boolean masks (F,) of the facets of each surface that
-    are evaluated (against all of the other surface). reads, writes (local + n1 + n2,): positions in
-    `columns` and `rows` of the local unknowns (side.py) and then of the temperatures; -1: none.
-    """
+    two surfaces. rows, columns: global numbers of the equations and unknowns; near: search for
+    close facets; deforms: nodes move with the displacements, so facets are searched in the deformed
+    state; reach: largest admissible penetration, m; active: masks (F,) of the facets of each
+    surface that are evaluated (against all of the other surface). reads, writes (local + n1 + n2,):
+    positions in `columns` and `rows` of the local unknowns (side.py) and then of the temperatures;
+    -1: none."""
 
     rows: IntArray
     columns: IntArray
@@ -220,8 +218,8 @@ class ContactTerm:
         return names_of(self.sides[0].surface.d) if self._whole else ()
 
     def resultants(self, x: FloatArray, v: FloatArray, t: float) -> dict[str, float]:
-        """Resultants of the contact, by the names in `histories`, for the state x, v of an accepted
-        step at time t, s."""
+        """Resultants at the state x, v of an accepted step at time t, s, by the names in
+        `histories`."""
         now = self._evaluate(x, v, t)
         assert now is not None
         found = resultants(1, np.zeros(len(now.nodes), np.int64), now.overlaps, now.pieces,
@@ -289,7 +287,7 @@ class ContactTerm:
         return None if here is None else (here.a, here.b)
 
     def among(self, first: IntArray, second: IntArray) -> tuple[Self, IntArray, IntArray]:
-        """The contact between the facets `first` and `second` of the two surfaces alone, with the
+        """The contact between the facets `first` and `second` of the two surfaces alone, and the
         positions of its columns and rows in this term."""
         n = Sizes.of(*self.sides)
         (one, used1), (two, used2) = (s.some(chosen) for s, chosen in zip(

@@ -29,8 +29,8 @@ class Wrench:
     """Joint reaction on the own side in space axes: force (T, d), N, at the own point, and moment
     (T, r), N m.
 
-    reach (T, d), m: point at which the force acts on the other body; None if that is its own
-    attachment point.
+    reach (T, d), m: point at which the force acts on the other body; None if the item does not act
+    on the other body.
     """
 
     force: FloatArray
