@@ -269,8 +269,8 @@ class ContactTerm:
 
     @property
     def movers(self) -> tuple[Mover, Mover]:
-        """Both surfaces as required by the Verlet list: reference positions, facets, and the
-        columns of their rigid coordinates and nodal displacements."""
+        """Both surfaces for the Verlet list, with the columns of their rigid coordinates and
+        displacements."""
         n = Sizes.of(*self.sides)
         ends = np.cumsum([0, n.f1, n.f2, n.u1, n.u2])
         columns = [self.reads[i:j] for i, j in pairwise(ends)]

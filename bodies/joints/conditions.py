@@ -298,8 +298,8 @@ def _frame_at(name: str, side: Side) -> Side:
 def _about_z(
     own: Sequence[FloatArray], other: Sequence[FloatArray], C: FloatArray
 ) -> tuple[list[FloatArray], list[FloatArray], FloatArray]:
-    """Pairs of directions, and columns of C (l, n), without those that two sides rotating about z
-    alone satisfy identically.
+    """Pairs of directions without those that two sides rotating about z alone satisfy identically,
+    and C (l, n) without their columns and without rows that are then zero.
 
     InputError for a pair that is neither satisfied identically nor in the x-y plane.
     """
