@@ -4,7 +4,7 @@ derivatives.
 With frame origins R1, R2 and rotation matrices A, B of the two bodies and y = X + u in the first
 body's axes,
 
-  a = B^T (R1 - R2 + A y),    C = B^T A,    da = B^T (dR1 - dR2) + C (dphi1 x y + du) - dphi2 x a
+    a = B^T (R1 - R2 + A y),    C = B^T A,    da = B^T (dR1 - dR2) + C (dphi1 x y + du) - dphi2 x a
 
 with small rotations dphi in body axes; in the plane phi has one component.
 """

@@ -6,7 +6,7 @@ barycentric coordinates eta, and it lies the penetration delta below that facet.
 of the two facets, the normal n of the second one and the gradients g of eta, the velocity of the
 first body's point relative to the second body's is
 
-  w = sum s a' - sum eta b' - delta sum g (n . b'),
+    w = sum s a' - sum eta b' - delta sum g (n . b'),
 
 where the last term is due to the rotation of the second facet: the second body's point is on a
 rigid arm of length delta. The penetration rate is -n . w, the slip is the tangential part of w. All

@@ -4,7 +4,7 @@ Notation of pieces.py. Let y = sum s da - sum eta db - delta sum g (n . db) be t
 displacement of the first body's point relative to the second body's. With L = sum b' g^T and h =
 L^T n = sum g (n . b'),
 
-  d delta = -n . y,   d eta = g . y,   dn = -sum g (n . db),   dw = -L y + (n . y) h - delta dh
+    d delta = -n . y,   d eta = g . y,   dn = -sum g (n . db),   dw = -L y + (n . y) h - delta dh
 
 where dw is for constant nodal velocities. A force F = p (n - phi slip) depends on w, y and dn; its
 nodal forces follow with the transpose of y. Where only the first surface moves, y = sum s da and

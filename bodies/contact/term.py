@@ -200,8 +200,8 @@ class ContactTerm:
         return made
 
     def check_step(self, x: FloatArray, v: FloatArray, t: float, h: float) -> str:
-        """Error message if the state at the end of a step of about h (s) has passed through the
-        other surface; "" otherwise."""
+        """Error if a step of about h (s) has moved a point through the other surface; "" otherwise.
+        """
         first, second = (s.surface for s in self.sides)
         here = self._kinematics(x, v, t)
         depth = 0.0 if here is None else too_deep(first, second, here, h, self.reach, self.near)
@@ -218,8 +218,7 @@ class ContactTerm:
         return names_of(self.sides[0].surface.d) if self._whole else ()
 
     def resultants(self, x: FloatArray, v: FloatArray, t: float) -> dict[str, float]:
-        """Resultants at the state x, v of an accepted step at time t, s, by the names in
-        `histories`."""
+        """Resultants at an accepted state x, v and time t (s), by the names in `histories`."""
         now = self._evaluate(x, v, t)
         assert now is not None
         found = resultants(1, np.zeros(len(now.nodes), np.int64), now.overlaps, now.pieces,
@@ -269,8 +268,7 @@ class ContactTerm:
 
     @property
     def movers(self) -> tuple[Mover, Mover]:
-        """Both surfaces for the Verlet list, with the columns of their rigid coordinates and
-        displacements."""
+        """Both surfaces for the Verlet list: reference positions and columns of their unknowns."""
         n = Sizes.of(*self.sides)
         ends = np.cumsum([0, n.f1, n.f2, n.u1, n.u2])
         columns = [self.reads[i:j] for i, j in pairwise(ends)]
@@ -281,8 +279,7 @@ class ContactTerm:
         return first, second
 
     def points(self, x: FloatArray, t: float) -> tuple[FloatArray, FloatArray] | None:
-        """Node positions (n1, d) and (n2, d), m, in the second body's axes; None if the state is
-        not finite."""
+        """Node positions (n1, d), (n2, d), m, in the second body's axes; None if not finite."""
         here = self._kinematics(x, 0.0 * x, t)
         return None if here is None else (here.a, here.b)
 

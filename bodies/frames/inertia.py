@@ -3,7 +3,7 @@
 With z = X + u and the second moments of moments.py, the torque of the inertia forces about the
 frame origin is
 
-  sum z x M acc = (sum m z) x A^T R'' + J alpha + w x J w + K1 w + 2nd moments of (z, u''),
+    sum z x M acc = (sum m z) x A^T R'' + J alpha + w x J w + K1 w + 2nd moments of (z, u''),
 
 where J follows from the moments (z, z) and K1 from (z, u'). For a rigid body the moments are
 constant.

@@ -12,8 +12,8 @@ from sparsemor.core import FloatArray, Mesh, MeshSize, Plugin
 OUTER = np.array([[0.0, 0.135], [0.02, 0.135], [0.05, 0.13], [0.04, 0.105]])
 INNER = np.array([[0.04, 0.105], [0.03, 0.08], [0.035, 0.09], [0.0, 0.09]])
 OUTER_WEIGHTS, INNER_WEIGHTS = np.array([1.0, 1.0, 2.5, 1.0]), np.ones(4)
-"""Weights of the Bezier curves that form the right half of the outline: the pad of COMSOL's "Heat
-Generation in a Disc Brake"."""
+"""Control points (m) and weights of the Bezier curves that form the right half of the outline: the
+pad of COMSOL's "Heat Generation in a Disc Brake"."""
 
 
 class Pad(Plugin):
