@@ -233,7 +233,8 @@ class Body:
         write_surface_loads(self, equations, loads, times)
 
     def geometry(self) -> Mapping[str, tuple[FloatArray, IntArray]]:
-        """Reducible block name -> node coordinates (n, d) and component (n,) of its unknowns."""
+        """Elastic and thermal block name -> node coordinates (n, d), m, and component (n,) of each
+        unknown."""
         points, found, d = self.X, {}, self.d
         if self.elasticity is not None:
             free = self.elasticity.free
@@ -269,7 +270,8 @@ class Body:
         return self.points[which]
 
     def probe(self, name: str, at: str | Sequence[float]) -> ProbePlace:
-        """A material point: the mean of a named set, or the node nearest to body coordinates."""
+        """Probe at a material point: the mean of a named set, or the node nearest to body
+        coordinates (d,), m."""
         weights, point = self._probed(at)
         displacement: FloatArray | None = None
         temperature: FloatArray | None = None

@@ -35,8 +35,8 @@ class MotionBound:
 
     shift (d, k), turn (m, k): rows of the reduced basis for the frame's position and attitude;
     upright (m,): attitude coordinates at zero unknowns; own (k,): True for unknowns that deform the
-    surface; gain: largest nodal displacement per unit norm of these, m; arm: largest distance of an
-    undeformed node from the frame origin, m.
+    surface; gain: bound on a nodal displacement per unit norm of these, m; arm: largest distance of
+    an undeformed node from the frame origin, m.
     """
 
     shift: FloatArray

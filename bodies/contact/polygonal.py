@@ -138,7 +138,8 @@ class Polygonal(Plugin):
 
 
 def _dimension(first: Body, second: Body) -> int:
-    """2 or 3; InputError where one body is in the plane and the other in space."""
+    """Common dimension of two bodies, 2 or 3; InputError where one is in the plane and the other in
+    space."""
     d = [b.d for b in (first, second)]
     if d[0] != d[1]:
         flat, solid = (b.name for _, b in sorted(zip(d, (first, second), strict=True),

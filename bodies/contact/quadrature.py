@@ -63,7 +63,8 @@ def enough_points(
 
 
 TURNING = np.array([[1.0, 0.0], [1.0, 0.25], [1.25, 0.0]])
-"""Slip at the corners of a triangle, in units of a speed: it turns and changes by a quarter."""
+"""Test slip at the corners of a triangle, in units of a speed: direction and magnitude vary by a
+quarter."""
 
 
 def _trials(

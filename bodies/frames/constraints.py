@@ -142,7 +142,8 @@ class Facing:
         self, m: Motion, at: slice, o: int, k: int, lam: float, lever: FloatArray, f: FloatArray,
         D_o: FloatArray, out: Sums,
     ) -> None:
-        """Contribution of the mean rotation of a flexible set: d g = (d0 x A^T f) . d turned."""
+        """Contribution of the mean rotation `turned` of a flexible set: dg = (d0 x A^T f) .
+        d(turned)."""
         pull = lever.dot(m.A.T.dot(f))
         out.sigma[at] += lam * pull
         out.sigma_y[k, at] = pull

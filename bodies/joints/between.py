@@ -21,7 +21,7 @@ class Between(Plugin):
     relative: ClassVar[tuple[int, ...]] = ()
 
     between: tuple[str, str]
-    """Two of `body:set` and `ground`."""
+    """The two sides of the joint: each a set `body:set`, or `ground`."""
 
     def build(self, name: str, parts: Mapping[str, Part]) -> JointPart:
         conditions = conditions_between(name, self.between, parts, dimensions=self.dimensions,

@@ -10,9 +10,9 @@ from sparsemor.core import Amplitude, Block, Equations, Note, Part
 class LoadPart:
     """Load of a scene; `write(equations)` adds it to the equations.
 
-    localized: hyper-reduction keeps its rows; surroundings: temperature (K) with which it exchanges
-    heat, if any; notes: warnings on its options; adjusted: bodies that it replaces by modified
-    ones.
+    localized: hyper-reduction keeps its rows; surroundings: temperature (K) of a heat exchange, or
+    prescribed temperature, if any; notes: warnings on its options; adjusted: bodies that it
+    replaces by modified ones.
     """
 
     name: str

@@ -32,7 +32,7 @@ def mesh_notes(name: str, mesh: Mesh, sets: Mapping[str, PointSet]) -> tuple[Not
 
 
 def coincident_nodes(points: FloatArray) -> int:
-    """Number of nodes (N, d) that coincide with a node of smaller number."""
+    """Number of nodes, at points (N, d), that coincide with a node of smaller number."""
     radius = COINCIDENT * float(np.linalg.norm(np.ptp(points, axis=0)))
     pairs = cKDTree(points).query_pairs(radius, output_type="ndarray")
     return len(np.unique(pairs[:, 1]))

@@ -10,11 +10,11 @@ of the time-step map, which therefore is differentiated by central differences."
 ELASTIC = FieldKind(
     "elastic", order=2, unit="m", quantity=Quantity.DISPLACEMENT, reducible=True,
     title="elastic displacement", scale=1e-3, smallest=1e-6, change=1e-2)
-"""Free nodal displacements in the body frame."""
+"""Displacement field: free nodal displacements in the body frame."""
 THERMAL = FieldKind(
     "thermal", order=1, unit="K", quantity=Quantity.TEMPERATURE, reducible=True,
     title="temperature", scale=100.0, smallest=1e-3, change=1e-4)
-"""Free nodal temperatures."""
+"""Temperature field: free nodal temperatures."""
 MULTIPLIER = FieldKind("multiplier", order=0, unit="N, N m")
 """Lagrange multipliers of a joint's constraints: its forces and moments."""
 
