@@ -48,7 +48,7 @@ _HOMES = {
     "terms.dense": ("DenseTerm",),
     "terms.field_kinds": ("BODY_KINDS", "ELASTIC", "MULTIPLIER", "RIGID", "THERMAL"),
 }
-"""Module -> its public names, imported when they are asked for."""
+"""Module -> its public names, imported on first access."""
 
 
 def __getattr__(name: str) -> Any:

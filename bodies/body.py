@@ -1,5 +1,5 @@
-"""A built body, in the plane or in space: its unknowns and fields, its equations, and what joints,
-loads and contacts read from it."""
+"""Body of a scene, in the plane or in space: unknowns, fields, equations, and the interface for
+joints, loads and contacts."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -54,13 +54,14 @@ KINDS = {2: "plane: give two", 3: "spatial: give three"}
 class Body:
     """One body in d dimensions.
 
-    X (N, d): reference points, m (body frame). pose: rigid coordinates at the start, and velocity
-    their rates: position and angle (3) in the plane; in space position and unit quaternion (7), or
-    position and angle (4) for a frame that turns about the z axis alone. inertia: mass and moments
-    about the frame origin, None for a frame without mass; mass_matrix (N, N) scalar, kg, or None
-    for a rigid body given by numbers. moves: False when the frame stays where the pose puts it, or
-    follows `guide`: a motion that is prescribed. T0, T_ref (N,) K; thickness (m) makes volumes of
-    areas. notes: warnings on its mesh and sets. kernel: what evaluates its frame.
+    X (N, d): reference points, m (body frame). pose: initial rigid coordinates, and velocity their
+    rates: position and angle (3) in the plane; in space position and unit quaternion (7), or
+    position and angle (4) for a frame that rotates about the z axis alone. inertia: mass and
+    moments about the frame origin, None for a massless frame; mass_matrix (N, N): scalar, kg, None
+    for a rigid body without mesh. moves: True if the rigid coordinates are unknowns; otherwise the
+    frame is fixed, or follows the prescribed motion `guide`. T0, T_ref (N,): initial and
+    stress-free temperature, K; thickness, m, of a planar body. notes: warnings about its mesh and
+    sets. kernel: class that evaluates its frame equations.
     """
 
     name: str
@@ -97,15 +98,15 @@ class Body:
 
     @property
     def immobile(self) -> bool:
-        """True if a force on it can do nothing: it neither moves nor deforms."""
+        """True if a force on the body has no effect: it neither moves nor deforms."""
         return not self.moves and self.elasticity is None and self.guide is None
 
     def with_motion(self, motion: FrameHistory) -> Self:
-        """The same body with a frame that follows a prescribed motion and costs no unknowns."""
+        """Copy whose frame follows a prescribed motion and has no unknowns."""
         return replace(self, moves=False, guide=motion)
 
     def rigid_copy(self) -> Self:
-        """The same body without fields: rigid, with the mass and shape that it has."""
+        """Copy without fields: a rigid body with the same mass and shape."""
         return replace(self, elasticity=None, heat=None)
 
     # ------------------------------------------------------------------ unknowns
@@ -120,7 +121,7 @@ class Body:
         return [Block(self.name, kind, n) for kind, n in sizes.items()]
 
     def initial(self) -> Mapping[str, tuple[FloatArray, FloatArray]]:
-        """Block name -> (x, v) at the start: undeformed, at the given pose and temperature."""
+        """Block name -> initial values (x, v): undeformed, at the given pose and temperature."""
         values = {f"{self.name}.rigid": (self.pose, self.velocity)}
         if self.elasticity is not None:
             zero = np.zeros(len(self.elasticity.free))
@@ -131,7 +132,8 @@ class Body:
         return values
 
     def position(self, layout: Layout, field: str) -> IntArray:
-        """Global numbers of one of its blocks (empty when the body does not have it)."""
+        """Global numbers of the unknowns of one of its blocks (empty if the body does not have it).
+        """
         name = f"{self.name}.{field}"
         return np.arange(layout.size)[layout[name]] if name in layout else NO_NUMBERS
 
@@ -154,7 +156,7 @@ class Body:
             write_conduction(self, equations, self.heat)
 
     def _write_inertia(self, equations: Equations) -> None:
-        """Inertia of the rigid and elastic unknowns; none of a frame without mass."""
+        """Adds the inertia of the rigid and elastic unknowns; nothing for a massless frame."""
         if self.inertia is None:
             return
         moments = moments_of(len(self.pose))
@@ -167,7 +169,7 @@ class Body:
             generator(m, B)[F][:, F] for B in moments.B])
 
     def frame_of(self, items: Sequence[Any]) -> BodyFrame:
-        """The frame kernel of some items."""
+        """Frame equations as the sum of the given items."""
         return self.kernel(tuple(items), self.elasticity is not None, len(self.pose))
 
     def frame_item(
@@ -175,10 +177,12 @@ class Body:
         multipliers: str = "", C: FloatArray | None = None, reads: str = "",
         generators: Sequence[Csr] = (),
     ) -> None:
-        """Contributes one item with its nodal directions (d N, directions).
+        """Adds one item of the frame equations with its functionals of the displacements `vectors`
+        (d N, directions).
 
-        multipliers, C (l, forces): constraint rows of that block are C @ the item's rows; reads:
-        rigid block of the other body that the item reads.
+        multipliers, C (l, forces): the constraint rows of that block are C @ the item's rows;
+        reads: rigid block of the other body whose coordinates the item uses; generators: matrices
+        of the elastic inertia.
         """
         e = self.elasticity
         equations.frame(
@@ -190,12 +194,12 @@ class Body:
     def space_force(
         self, equations: Equations, weights: FloatArray, force: FloatArray, amplitude: Amplitude
     ) -> None:
-        """Nodal weights (N,) times one force (d,) (N per unit weight) in space axes."""
+        """Adds nodal weights (N,) times one force (d,) (N per unit weight) in space axes."""
         item = SpaceForce(float(weights.sum()), weights @ self.X, force, amplitude)
         self.frame_item(equations, item, nodal.along(weights, self.d))
 
     def gravity(self, equations: Equations, g: FloatArray, amplitude: Amplitude) -> None:
-        """Weight of the deformed body: nodal masses times g (d,), m/s^2."""
+        """Adds the weight of the deformed body: nodal masses times g (d,), m/s^2."""
         if self.inertia is None:
             return
         item = SpaceForce(self.inertia.mass, self.inertia.moment, g, amplitude)
@@ -204,30 +208,33 @@ class Body:
             np.asarray(m.sum(axis=1)).ravel(), self.d))
 
     def body_force(self, equations: Equations, forces: FloatArray, amplitude: Amplitude) -> None:
-        """Nodal forces (N, d) that turn with the body frame, N."""
+        """Adds nodal forces (N, d), N, that rotate with the body frame."""
         item = BodyForce(forces.sum(axis=0), torque(self.X, forces).sum(axis=0), amplitude)
         self.frame_item(equations, item, nodal.with_torques(forces))
 
     def attachment(self, weights: FloatArray) -> tuple[Attachment, FloatArray]:
-        """The mean point of the weighted nodes, with its nodal directions (d N, d)."""
+        """Attachment at the mean point of the weighted nodes, with its functionals (d N, d)."""
         return Attachment(weights @ self.X), nodal.along(weights, self.d)
 
     def heat_load(
         self, equations: Equations, vector: FloatArray, amplitude: Amplitude,
         film: Csr | None = None,
     ) -> None:
-        """Nodal heat vector (N,) W times an amplitude, and a film matrix (N, N) W/K."""
+        """Adds a nodal heat vector (N,), W, times an amplitude, and a convection matrix `film` (N,
+        N), W/K."""
         assert self.heat is not None
         write_film(self.name, equations, self.heat, vector, amplitude, film)
 
     def surface_loads(
         self, equations: Equations, loads: SurfaceLoads, times: FloatArray
     ) -> None:
-        """Loads that move over its surface, at times (T,), s, as tables on each of its fields."""
+        """Adds loads that move over its surface, at times (T,), s, as tables on each of its fields.
+        """
         write_surface_loads(self, equations, loads, times)
 
     def geometry(self) -> Mapping[str, tuple[FloatArray, IntArray]]:
-        """Reducible block name -> node coordinates (n, d) and component (n,) of its unknowns."""
+        """Elastic and thermal block name -> node coordinates (n, d), m, and component (n,) of each
+        unknown."""
         points, found, d = self.X, {}, self.d
         if self.elasticity is not None:
             free = self.elasticity.free
@@ -237,7 +244,7 @@ class Body:
         return found
 
     def shape(self) -> BodyShape | None:
-        """Stored geometry of the body, None for a body without a mesh."""
+        """Geometry of the body for storage with the results; None for a body without a mesh."""
         if self.mesh is None:
             return None
         e, h = self.elasticity, self.heat
@@ -248,22 +255,23 @@ class Body:
     # ------------------------------------------------------------------ positions, sets and probes
 
     def start_rotation(self) -> FloatArray:
-        """(d, d): body axes to space axes at the start."""
+        """(d, d) initial rotation matrix from body axes to space axes."""
         return np.stack([vectors_in_space(self.pose[None], e)[0] for e in np.eye(self.d)], axis=1)
 
     def start_position(self, weights: FloatArray) -> FloatArray:
-        """(d,) position of the weighted mean point at the start, m (space axes)."""
+        """(d,) initial position of the weighted mean point, m (space axes)."""
         return np.asarray(points_in_space(self.pose[None], (weights @ self.X)[None])[0])
 
     def named(self, which: str, key: str) -> IntArray:
-        """Points of a named set; InputError under `key` that names the sets there are."""
+        """Points of a named set; InputError under `key` with the names of the existing sets."""
         if which not in self.points:
             raise InputError(f"body {self.name!r} has no set {which!r}: "
                              f"{suggestions(which, sorted(self.points), 'sets')}", key)
         return self.points[which]
 
     def probe(self, name: str, at: str | Sequence[float]) -> ProbePlace:
-        """A material point: the mean of a named set, or the node nearest to body coordinates."""
+        """Probe at a material point: the mean of a named set, or the node nearest to body
+        coordinates (d,), m."""
         weights, point = self._probed(at)
         displacement: FloatArray | None = None
         temperature: FloatArray | None = None
@@ -278,7 +286,7 @@ class Body:
                           self.pose, self.guide)
 
     def _probed(self, at: str | Sequence[float]) -> tuple[FloatArray, FloatArray]:
-        """(N,) weights and (d,) the point, m (body frame)."""
+        """Weights (N,) and reference position (d,), m (body frame), of a probe."""
         points, weights = self.X, np.zeros(len(self.X))
         if isinstance(at, str):
             nodes = self.named(at, "at")

@@ -1,6 +1,7 @@
-"""A flexible body in a floating frame: linear triangles or tetrahedra, elastic and thermal fields.
+"""Flexible body in a floating frame of reference: linear triangles or tetrahedra, elastic and
+thermal fields.
 
-The mesh says where it lives: triangles make a planar body, tetrahedra one in space.
+The mesh determines the dimension: triangles make a planar body, tetrahedra a body in space.
 """
 
 from pathlib import Path
@@ -45,8 +46,10 @@ from sparsemor.core import (
 
 
 class Damping(Plugin):
-    """Rayleigh damping, mass * M + stiffness * K, of the displacements' rates in the body frame:
-    rigid motion is not damped, so a split body damps a little differently from a whole one."""
+    """Rayleigh damping, mass * M + stiffness * K, of the displacement rates in the body frame.
+
+    Rigid motion is not damped, so a body that is split into two has slightly different damping.
+    """
 
     mass: float = Field(default=0.0, ge=0)
     """Factor of the mass matrix, 1/s."""
@@ -55,8 +58,8 @@ class Damping(Plugin):
 
 
 def body_size(mesh: MeshSize, elastic: bool, thermal: bool) -> BodySize:
-    """Unknowns and entries of the matrices of a body with these fields: stiffness and thermal
-    forces; mass, capacity and conduction."""
+    """Numbers of unknowns and of matrix entries of a body with the given fields: stiffness and
+    thermal forces; mass, capacity and conduction."""
     d = mesh.dimension
     unknowns = ({ELASTIC.name: d * mesh.points} if elastic else {}) | (
         {THERMAL.name: mesh.points} if thermal else {})
@@ -72,34 +75,36 @@ class Flexible(Plugin):
     mesh: Annotated[MeshPlugin, Slot("mesh")]
     """Mesh plugin."""
     sets: dict[str, PointSet] = {}
-    """More named point sets."""
+    """Additional named point sets."""
     thickness: float | None = Field(default=None, gt=0)
     """Thickness of a planar body, m."""
     material: Annotated[Material, Slot("material")] = slot_default("isotropic")
-    """Material, by its constants or by a plugin that has them."""
+    """Material, by its constants or by a plugin that provides them."""
     model: Literal["plane_stress", "plane_strain", "solid"] | None = None
-    """Elasticity: plane stress in the plane when not given, `solid` in space."""
+    """Elastic model: plane stress in the plane when not given, `solid` in space."""
     fields: list[Literal["elastic", "thermal"]]
-    """Which fields the body has; `[]`: none, a rigid body with the mass and shape of its mesh."""
+    """Fields of the body; `[]`: none, a rigid body with the mass and shape of its mesh."""
     reference: Reference | None = None
     """Reference conditions of the elastic field."""
     damping: Damping = Damping()
     """Rayleigh damping of the elastic field."""
     frame: Literal["floating", "fixed", "spinning"] = "floating"
-    """`fixed`: the frame stays at its pose and costs no unknowns. `spinning`: a body in space whose
-    frame turns about the z axis alone, by an angle."""
+    """Motion of the body frame. `fixed`: it stays at its pose and has no unknowns. `spinning`: in
+    space, it rotates about the z axis alone, by an angle."""
     pose: Pose = Pose()
-    """Frame origin, rotation and their rates at the start."""
+    """Initial position and rotation of the frame, and their rates."""
     capacity: Literal["consistent", "lumped"] = "consistent"
-    """Heat capacity of the elements. `lumped`: row sums on the diagonal; heat that enters fast then
-    takes no temperature below those around it, as long as no angle of the mesh is obtuse."""
+    """Heat capacity matrix. `lumped`: row sums on the diagonal, which avoids temperature
+    undershoots under fast heating if no angle of the mesh is obtuse."""
     reference_temperature: float = 293.15
     """Stress-free temperature, K."""
     initial_temperature: float | FormulaText | None = None
-    """K, a number or a formula in x, y (and z); the reference temperature when not given."""
+    """Initial temperature, K, a number or a formula in x, y (and z); the reference temperature when
+    not given."""
 
     def expected(self) -> BodySize | None:
-        """Counts of the body before it is meshed; None where the mesh does not know its own."""
+        """Estimated size of the body before it is meshed; None where the mesh plugin cannot
+        estimate it."""
         if not isinstance(self.mesh, EstimatesMeshSize):
             return None
         return body_size(
@@ -166,14 +171,15 @@ class Flexible(Plugin):
         gather("", self.pose.start, mesh.dimension, self.frame == "spinning")
 
     def _thickness(self, mesh: Mesh) -> float:
-        """1 for a mesh that has volume."""
+        """Thickness, m, of a planar body; 1 in space."""
         return 1.0 if self.thickness is None else self.thickness
 
     def _model(self, mesh: Mesh) -> Model:
         return self.model or ("plane_stress" if mesh.dimension == 2 else "solid")
 
     def _held(self, mesh: Mesh) -> IntArray | None:
-        """Numbers of the displacements that are zero, None without an elastic field."""
+        """Numbers of the displacements that the reference condition fixes at zero; None without an
+        elastic field."""
         if "elastic" not in self.fields or self.reference is None:
             return None
         held = self.reference.held(mesh)

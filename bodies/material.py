@@ -1,4 +1,4 @@
-"""Materials of flexible bodies: linear thermoelastic, constant in temperature."""
+"""Materials of flexible bodies: linear thermoelastic, with constants independent of temperature."""
 
 from collections.abc import Sequence
 
@@ -34,7 +34,7 @@ _MEANING = {
 
 
 def require(material: Material, names: Sequence[str], field: str) -> tuple[float, ...]:
-    """The constants `names`, in that order; InputError naming every one that the material lacks."""
+    """Values of the constants `names`; InputError that names all missing ones."""
     values = {name: getattr(material, name) for name in names}
     missing = [name for name, value in values.items() if value is None]
     if missing:

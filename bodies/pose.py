@@ -9,28 +9,33 @@ Vector = tuple[float, float] | tuple[float, float, float]
 
 
 class Pose(Plugin):
-    """Frame origin and rotation at the start, with their rates."""
+    """Initial position and rotation of a body frame, and their rates."""
 
     position: Vector = (0.0, 0.0)
     """Position of the frame origin, m (space axes): two numbers in the plane, three in space."""
     angle: float = 0.0
-    """Rotation of the frame, rad, about `axis` in space."""
+    """Rotation of the frame, rad; in space about `axis`."""
     axis: tuple[float, float, float] | None = None
     """In space: axis of the rotation (space axes), of any length; z when not given."""
     quaternion: tuple[float, float, float, float] | None = None
-    """In space, instead of angle and axis: scalar part first, of any length."""
+    """In space, instead of angle and axis: quaternion of the rotation, scalar part first, of any
+    length."""
     velocity: Vector = (0.0, 0.0)
     """Velocity of the frame origin, m/s (space axes)."""
     spin: float | tuple[float, float, float] = 0.0
     """Angular velocity, rad/s; in space a vector in space axes."""
 
     def start(self, d: int, spins: bool = False) -> tuple[FloatArray, FloatArray]:
-        """Rigid coordinates of a frame in d dimensions and their rates; spins: it turns about the
-        z axis of space alone. InputError when the pose is one of another kind of frame."""
+        """Initial rigid coordinates of a frame in d dimensions, and their rates.
+
+        spins: the frame rotates about the z axis of space alone. InputError when the pose does not
+        suit the kind of frame.
+        """
         return self.in_plane() if d == 2 else self.spinning() if spins else self.in_space()
 
     def in_plane(self) -> tuple[FloatArray, FloatArray]:
-        """(R_x, R_y, theta) and their rates; InputError when the pose is one in space."""
+        """Rigid coordinates (R_x, R_y, theta) and their rates; InputError when the pose is one in
+        space."""
         faults = [Fault(key, f"this body is plane: give {what}") for key, what, wrong in (
             ("position", "two coordinates", len(self.position) != 2),
             ("velocity", "two components", len(self.velocity) != 2),
@@ -42,9 +47,10 @@ class Pose(Plugin):
         return np.array([*self.position, self.angle]), np.array([*self.velocity, self.spin])
 
     def in_space(self) -> tuple[FloatArray, FloatArray]:
-        """Position and unit quaternion (7,), and their rates; InputError when it is a planar one.
+        """Position and unit quaternion (7,), and their rates; InputError when the pose is a planar
+        one.
 
-        A default of two numbers means three zeros.
+        The default of two zeros means three zeros.
         """
         faults = [Fault(key, f"this body is in space: give {what}") for key, what, wrong in (
             ("position", "three coordinates", not _full(self.position)),

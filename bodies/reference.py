@@ -1,4 +1,5 @@
-"""Reference conditions: they remove rigid motion from the displacements of a body."""
+"""Reference conditions: fixed displacements that remove the rigid-body modes from a body's
+deformation."""
 
 from collections.abc import Mapping, Sequence
 from typing import Literal
@@ -11,16 +12,17 @@ from sparsemor.core import FloatArray, InputError, IntArray, Mesh, Plugin
 
 
 class Reference(Plugin):
-    """Reference condition: removes rigid motion from the displacements in the body frame."""
+    """Reference condition: fixes displacements in the body frame so that they contain no rigid
+    motion."""
 
     chord: tuple[str, str] | tuple[str, str, str] | None = None
-    """One-point sets, two in the plane, three in space: u = 0 at the first, no motion across their
-    line at the second, none out of their plane at the third."""
+    """One-point sets, two in the plane, three in space: u = 0 at the first, no displacement normal
+    to their line at the second, none normal to their plane at the third."""
     clamp: str | None = None
-    """A set whose points do not move in the body frame."""
+    """Set whose points do not move in the body frame."""
     hold: dict[str, Literal["x", "y", "z", "xy", "xz", "yz", "xyz"]] | None = None
-    """Sets and the components of u that are zero there (body axes), such as {hub: xy, back: z}:
-    for a body that rests on what moves with its frame."""
+    """Sets and the components of u that are zero there (body axes), such as {hub: xy, back: z}: for
+    a body that is supported by parts that move with its frame."""
 
     @model_validator(mode="after")
     def _one(self) -> "Reference":
@@ -30,7 +32,7 @@ class Reference(Plugin):
         return self
 
     def held(self, mesh: Mesh) -> IntArray:
-        """Sorted numbers d node + component of the displacements that are zero."""
+        """Sorted numbers d node + component of the fixed displacements."""
         if self.clamp is not None:
             return self._clamped(mesh, self.clamp)
         if self.hold is not None:
@@ -88,7 +90,7 @@ class Reference(Plugin):
 
 
 def free_motions(X: FloatArray, held: IntArray) -> int:
-    """Number of rigid motions of points X (N, d) that leave the displacements `held` at zero."""
+    """Number of rigid-body modes of points X (N, d) with zero displacements `held`."""
     d = X.shape[1]
     arm = (X - X.mean(axis=0)) / max(float(np.ptp(X, axis=0).max()), 1e-300)
     turns = [(0, 1)] if d == 2 else [(1, 2), (2, 0), (0, 1)]
@@ -101,10 +103,11 @@ def free_motions(X: FloatArray, held: IntArray) -> int:
 
 
 def chord_holds(X: FloatArray, points: list[int]) -> IntArray:
-    """Sorted numbers d node + component that a chord of d points X (d, d) holds.
+    """Sorted numbers d node + component of the displacements that a chord of d points X (d, d)
+    fixes.
 
-    At each further point the components that hold it best: all but the one along the line at the
-    second, the one most out of the plane at the third.
+    At the second point all components except the one closest to the line, at the third the one
+    closest to the normal of the plane.
     """
     d = X.shape[1]
     along = int(np.argmax(np.abs(X[1] - X[0])))
@@ -117,6 +120,6 @@ def chord_holds(X: FloatArray, points: list[int]) -> IntArray:
 
 
 def on_a_line(X: FloatArray) -> bool:
-    """True if points (n, 3) span no plane, to 1e-8 of their extent."""
+    """True if points (n, 3) are collinear, to 1e-8 of their extent."""
     size = np.linalg.svd(X - X.mean(axis=0), compute_uv=False)
     return bool(len(size) < 2 or size[1] <= 1e-8 * size[0])

@@ -1,4 +1,4 @@
-"""A rigid body, whatever its shape: three coordinates in the plane, seven in space."""
+"""Rigid body given by mass and inertia: three coordinates in the plane, seven or four in space."""
 
 from pathlib import Path
 from typing import ClassVar, Literal
@@ -18,7 +18,7 @@ Row = tuple[float, float, float]
 class Rigid(Plugin):
     """Rigid body: Newton-Euler equations about the frame origin (equations.md, 1, without u).
 
-    Its inertia says where it lives: one number makes a planar body, a tensor one in space.
+    Its inertia determines the dimension: one number makes a planar body, a tensor one in space.
     """
 
     field_kinds: ClassVar[tuple[FieldKind, ...]] = BODY_KINDS
@@ -26,16 +26,17 @@ class Rigid(Plugin):
     mass: float = Field(gt=0)
     """Mass, kg."""
     inertia: float | Row | tuple[Row, Row, Row]
-    """About the centre of mass, kg m^2: the moment of inertia in the plane; in space the three
-    principal moments about the frame's axes, or the whole tensor (3 x 3)."""
+    """Inertia about the centre of mass, kg m^2: the moment of inertia in the plane; in space the
+    three principal moments about the frame's axes, or the whole tensor (3 x 3)."""
     center: Vector = (0.0, 0.0)
     """Centre of mass in the body frame, m."""
     points: dict[str, Vector] = {}
     """Named points for joints, loads and probes: body-frame coordinates, m."""
     frame: Literal["floating", "spinning"] = "floating"
-    """`spinning`: a body in space that turns about the z axis alone, by an angle."""
+    """Motion of the body frame. `spinning`: a body in space that rotates about the z axis alone, by
+    an angle."""
     pose: Pose = Pose()
-    """Frame origin, rotation and their rates at the start."""
+    """Initial position and rotation of the frame, and their rates."""
 
     def build(self, name: str, base: Path) -> Body:
         J = np.array(self.inertia, dtype=np.float64)
@@ -54,7 +55,7 @@ class Rigid(Plugin):
             moves=True, points={p: np.array([i]) for i, p in enumerate(self.points)})
 
     def _check_vectors(self, d: int) -> None:
-        """InputError for a centre or points of the other dimension; zeros fit both."""
+        """InputError for a centre or points of the other dimension; a zero centre fits both."""
         kind = "one number, so the body is plane" if d == 2 else "a tensor, so the body is in space"
         faults = [Fault(key, f"the inertia is {kind}: give {d} coordinates (got {list(v)})")
                   for key, v in (("center", self.center), *(
@@ -65,8 +66,11 @@ class Rigid(Plugin):
 
 
 def _check_inertia(J: FloatArray) -> None:
-    """In the plane J >= 0; in space the tensor of a real body is symmetric, and no principal moment
-    exceeds the sum of the other two."""
+    """InputError for an inertia that no body has.
+
+    In the plane J >= 0; in space the tensor is symmetric, and no principal moment exceeds the sum
+    of the other two.
+    """
     if J.ndim == 0:
         if J < 0:
             raise InputError(f"a moment of inertia is not negative (got {J:g})", "inertia")

@@ -1,4 +1,4 @@
-"""`body:set` in a scene: which body, which of its points."""
+"""Resolution of `body:set` in a scene: the body and the points of the set."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -14,20 +14,20 @@ GROUND = "ground"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Target:
-    """A named set of one body's points."""
+    """A named set of points of one body."""
 
     body: Body
     nodes: IntArray
     text: str
 
     def mean(self) -> FloatArray:
-        """(N,) weights of the mean of the points."""
+        """(N,) weights of the mean of the set's points."""
         weights = np.zeros(len(self.body.X))
         weights[self.nodes] = 1.0 / len(self.nodes)
         return weights
 
     def facets(self, key: str) -> IntArray:
-        """(F, 2) boundary facets of the set; InputError for a body without a mesh."""
+        """(F, d) boundary facets of the set; InputError for a body without a mesh."""
         if self.body.mesh is None:
             raise InputError(f"{self.text!r}: body {self.body.name!r} is rigid and has no surface "
                              "to integrate over; use point_force", key)
@@ -38,12 +38,12 @@ class Target:
 
 
 def all_bodies(parts: Mapping[str, Part]) -> list[Body]:
-    """Those of this package: bodies of other classes take part through their own loads."""
+    """Bodies of class `Body`; bodies of other classes have loads of their own."""
     return [p for p in parts.values() if isinstance(p, Body)]
 
 
 def find_body(parts: Mapping[str, Part], name: str, key: str) -> Body:
-    """InputError names the bodies that there are."""
+    """The body called `name`; InputError with the names of the existing bodies."""
     bodies = {b.name: b for b in all_bodies(parts)}
     if name not in bodies:
         raise InputError(
@@ -52,7 +52,7 @@ def find_body(parts: Mapping[str, Part], name: str, key: str) -> Body:
 
 
 def find_target(parts: Mapping[str, Part], text: str, key: str) -> Target:
-    """The target `body:set`; InputError names the bodies or the sets there are."""
+    """The set given as `body:set`; InputError with the names of the existing bodies or sets."""
     name, colon, which = text.partition(":")
     if not colon or not which:
         raise InputError(f"give it as body:set, such as link1:top (got {text!r})", key)
@@ -63,7 +63,8 @@ def find_target(parts: Mapping[str, Part], text: str, key: str) -> Target:
 def find_surfaces(
     parts: Mapping[str, Part], texts: Sequence[str], field: str
 ) -> list[tuple[Body, Mesh, IntArray]]:
-    """Body, mesh and boundary facets (F, 2) of each of a load's `on`, which acts on `field`.
+    """Body, mesh and boundary facets (F, d) of each surface in a load's option `on`; field: the one
+    on which the load acts.
 
     InputError with every fault, under `on.0`, `on.1`, ...
     """
@@ -81,7 +82,7 @@ def find_surfaces(
 
 
 def need_field(target: Target, field: str, key: str) -> None:
-    """InputError when the body does not carry the field that a load acts on."""
+    """InputError when the body does not have the field on which a load acts."""
     body = target.body
     if field == "thermal" and body.mesh is None:
         raise InputError(f"body {body.name!r} is rigid and has no temperature: make it flexible "

@@ -1,7 +1,9 @@
-"""Contact of two surfaces, in the plane and in space.
+"""Contact of two surfaces made of facets, in the plane and in space.
 
-`polygonal` is the plugin; it builds a `part`, whose `term` acts inside the step and whose
-`along_motion` gives loads of rigid surfaces on a prescribed motion. Both go from `kinematics` over
-`broad_phase`, `pieces` (with `planes`, `cells`, `clipping`) and `tractions` to forces and heat at
-nodes; `tangent` and `edges` are their derivatives.
+`polygonal` is the plugin (scene options). It builds `part`, the contact of a scene; `term` is its
+contribution to the equations of a time step, `along_motion` the loads of rigid surfaces under a
+prescribed motion. Both proceed from the positions of the surfaces (`kinematics`) over the search
+for close facets (`broad_phase`) and their overlaps (`pieces`, with `planes`, `cells`, `clipping`)
+to the tractions (`tractions`), integrated to nodal forces and heat; `tangent` and `edges` are the
+derivatives.
 """

@@ -1,4 +1,4 @@
-"""Contact of rigid surfaces along a prescribed motion, many times at once."""
+"""Contact of undeformed surfaces along a prescribed motion, evaluated at many times at once."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -15,9 +15,9 @@ from sparsemor.bodies.contact.tractions import Interface
 from sparsemor.core import FloatArray, FrameHistory, IntArray
 
 Motion: TypeAlias = Mapping[str, FrameHistory]
-"""Body -> its motion; a body that is not named stands still."""
+"""Body name -> its prescribed motion; a body without an entry is at rest."""
 AT_ONCE = 60_000
-"""Pairs of facets, about, that are evaluated together: memory for some tens of MB."""
+"""Approximate number of facet pairs evaluated together: memory of some tens of MB."""
 
 
 def steps(motion: Motion) -> int:
@@ -26,8 +26,10 @@ def steps(motion: Motion) -> int:
 
 
 class Path:
-    """Frame of one body at all times: origin R and its velocity (T, d), A (T, d, d), angular
-    velocity w (T, 1 or 3) in body axes, rad/s. One row for all times where the body stands still.
+    """Motion of one body frame at T times.
+
+    R, R1 (T, d): origin, m, and its velocity, m/s; A (T, d, d): rotation matrix; w (T, 1 or 3):
+    angular velocity in body axes, rad/s. A body at rest has one row for all times.
     """
 
     def __init__(self, surface: Surface, motion: Motion) -> None:
@@ -42,7 +44,7 @@ class Path:
         self.w = np.stack([a.w for a in attitudes])
 
     def at(self, now: slice) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """R, R1, A, w of some of the times."""
+        """R, R1, A, w at the times `now`."""
         now = now if len(self.R) > 1 else slice(0, 1)
         return self.R[now], self.R1[now], self.A[now], self.w[now]
 
@@ -50,8 +52,8 @@ class Path:
 def relative_motion(
     first: Path, second: Path, X: FloatArray, now: slice
 ) -> tuple[FloatArray, FloatArray]:
-    """Positions and velocities (T, n, d) of the first body's points X (n, d), in the second's axes
-    and against them; T is 1 where neither body moves."""
+    """Positions and relative velocities (T, n, d) of the first body's points X (n, d), in the
+    second body's axes; T = 1 if neither body moves."""
     R, R1, A, w = first.at(now)
     S, S1, B, v = second.at(now)
     C = B.transpose(0, 2, 1) @ A
@@ -63,8 +65,11 @@ def relative_motion(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Window:
-    """Times begin to stop; time (P,) of each overlap, counted from begin, and its nodes (P, 2 d), d
-    of either surface."""
+    """Contact at the consecutive times from number `begin` up to (not including) `stop`.
+
+    time (P,): time of each overlap, counted from `begin`; nodes (P, 2 d): its corners, d node
+    positions in each surface.
+    """
 
     begin: int
     stop: int
@@ -75,13 +80,15 @@ class Window:
 
     @property
     def times(self) -> int:
+        """Number of times."""
         return self.stop - self.begin
 
 
 def windows(
     first: Surface, second: Surface, near: BroadPhase, face: Interface, motion: Motion
 ) -> Iterator[Window]:
-    """Pieces in contact at all times, in order."""
+    """Overlaps and pieces in contact at all times of the motion, in consecutive windows of times.
+    """
     one, other, all_times = Path(first, motion), Path(second, motion), steps(motion)
     i, j, planes, cells = first.facets, second.facets, second.planes, second.cells
     begin, together = 0, 1

@@ -1,4 +1,4 @@
-"""Broad phase of contact: pairs of facets of two surfaces that are near each other."""
+"""Broad phase of contact: search for pairs of close facets of two surfaces."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -11,9 +11,11 @@ from sparsemor.core import FloatArray, IntArray
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BroadPhase:
-    """Pairs of facets whose circles or balls, widened by `reach` (m), touch.
+    """Search for facet pairs whose bounding circles or spheres, enlarged by a length `reach` (m),
+    intersect.
 
-    radius: search radius, m; most: facets of the second surface that one ball can hold.
+    radius: search radius between centroids, m; most: largest number of facets of the second surface
+    within the radius of any point.
     """
 
     radius: float
@@ -27,7 +29,8 @@ class BroadPhase:
         return cls(radius, int(held.max()))
 
     def pairs(self, middles: FloatArray, tree: Any) -> tuple[IntArray, IntArray]:
-        """Positions in `middles` (m, d) and numbers of the tree's facets, one a pair, sorted."""
+        """Pairs of close facets, sorted: positions in `middles` (m, d), the centroids of first
+        facets, m, and facet numbers in `tree`, the search tree of the second surface."""
         _, found = tree.query(middles, k=np.arange(1, self.most + 1),
                               distance_upper_bound=self.radius)
         here, rank = np.nonzero(found < tree.n)

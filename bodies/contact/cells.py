@@ -1,10 +1,10 @@
-"""Cells of facets: the parts of a surface's neighbourhood whose nearest facet is the same.
+"""Cells of facets: the regions around a surface in which one facet is the nearest.
 
-A cell is the prism over its facet. Where the surface turns by alpha at an edge (in the plane: at an
-end of a segment), the border leans into the plane that halves the angle, which two neighbours
-share; a triangle that only touches such an edge with a corner, in one plane with the edge's owner,
-has that border too. Cells of polylines tile the neighbourhood; below the corners of curved surfaces
-in space they overlap or leave gaps by the square of depth times turn, no more.
+A cell is the prism over its facet. Where the surface turns by an angle alpha at an edge (in the
+plane: at an end of a segment), the side of the prism inclines into the bisecting plane, which both
+neighbours share. A coplanar neighbour triangle that touches such an edge with one corner only has
+that side too. Cells of polylines tile the neighbourhood; below the corners of curved surfaces in
+space they overlap or leave gaps of the order of depth times angle squared.
 """
 
 from dataclasses import dataclass
@@ -17,15 +17,18 @@ from sparsemor.bodies.contact.planes import Planes
 from sparsemor.core import BoolArray, FloatArray, IntArray
 
 FLAT = 1e-9
-"""tan(alpha / 2) between neighbours below which they count as one plane: rounding of a mesh file.
-"""
+"""tan(alpha / 2) between neighbours below which they count as coplanar: rounding of a mesh file."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Cells:
-    """A point with barycentric numbers eta, d below a facet's plane, is in the cell where all of
-    borders (F, B, d) . eta - leans (F, B) d are at least 0. jumps (F, B): borders at which the
-    traction may jump, because the surface turns or ends there or cells need not tile."""
+    """Cells of F facets, each bounded by B planes.
+
+    A point with barycentric coordinates eta (d,) at distance `depth` (m) below the plane of facet f
+    is in the cell if borders[f] @ eta - leans[f] depth >= 0 for all B. borders (F, B, d); leans (F,
+    B): inclination of the sides; jumps (F, B): True where the traction may be discontinuous,
+    because the surface turns or ends there or cells need not tile.
+    """
 
     borders: FloatArray
     leans: FloatArray
@@ -35,7 +38,8 @@ class Cells:
         return Cells(self.borders[chosen], self.leans[chosen], self.jumps[chosen])
 
     def values(self, eta: FloatArray, depth: FloatArray) -> FloatArray:
-        """(P, k, B) of the borders at eta (P, k, d) and depth (P, k) of as many cells."""
+        """(P, k, B) values of the border functions of P cells at k points each: eta (P, k, d),
+        depth (P, k), m."""
         return np.asarray(eta @ self.borders.transpose(0, 2, 1)
                           - depth[:, :, None] * self.leans[:, None])
 
@@ -43,8 +47,11 @@ class Cells:
 def reached(
     middles: FloatArray, radius: FloatArray, planes: Planes, cells: Cells, facet: IntArray
 ) -> IntArray:
-    """Balls, with middles (P, d) and radius (P,), that may touch the cell of their facet (P,): no
-    higher above its plane than they are wide."""
+    """Numbers of the balls that may intersect the cell of their facet.
+
+    middles (P, d), radius (P,): balls, m; facet (P,): number of the facet of each. A ball farther
+    above the facet's plane than its radius is excluded.
+    """
     rel = middles - planes.corner[facet]
     depth = -np.einsum("pk,pk->p", rel, planes.n[facet])
     ok = depth > -radius
@@ -56,13 +63,13 @@ def reached(
 
 
 def _slopes(planes: Planes, cells: Cells) -> FloatArray:
-    """(F, d), 1/m: gradient norms of the d border functions of the facet's own edges."""
+    """(F, d), 1/m: gradient norms of the border functions of each facet's own edges."""
     sizes = np.linalg.norm(planes.g, axis=2)
     return np.asarray(np.hypot(sizes, cells.leans[:, : sizes.shape[1]]))
 
 
 def cells_of(X: FloatArray, facets: IntArray, planes: Planes) -> Cells:
-    """Of facets (F, d) of points X (n, d)."""
+    """Cells of facets (F, d), node numbers of points X (n, d), m."""
     other, (F, d) = neighbours(facets), facets.shape
     turns = _turns(X, facets, planes, other)
     own = np.broadcast_to(np.eye(d), (F, d, d)), turns * np.linalg.norm(planes.g, axis=2)
@@ -84,7 +91,8 @@ def cells_of(X: FloatArray, facets: IntArray, planes: Planes) -> Cells:
 
 
 def neighbours(facets: IntArray) -> IntArray:
-    """(F, d) number of the facet across the edge (the end) opposite each corner, -1: none."""
+    """(F, d) number of the facet that shares the edge (in the plane: the end) opposite each corner;
+    -1 if there is none."""
     n = int(facets.max()) + 1
     if facets.shape[1] == 2:
         starts, stops = np.full((2, n), -1)
@@ -99,7 +107,7 @@ def neighbours(facets: IntArray) -> IntArray:
 
 
 def _turns(X: FloatArray, facets: IntArray, planes: Planes, other: IntArray) -> FloatArray:
-    """(F, d): tan(alpha / 2) at the edge opposite each corner, positive where it is convex."""
+    """(F, d) tan(alpha / 2) at the edge opposite each corner, positive for convex edges."""
     facet, edge = np.nonzero(other >= 0)
     far = other[facet, edge]
     n, m = planes.n[facet], planes.n[far]
@@ -114,8 +122,11 @@ def _turns(X: FloatArray, facets: IntArray, planes: Planes, other: IntArray) -> 
 def _shared(
     X: FloatArray, facets: IntArray, planes: Planes, other: IntArray, turns: FloatArray
 ) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Borders of turned edges for facets that touch these with a corner alone, in one plane with
-    the owner and on the inner side of the edge: facet (s,), sorted, border (s, 3), lean (s,)."""
+    """Additional borders for triangles that touch a turned edge with one corner only, are coplanar
+    with the triangle of that edge and lie on its inner side.
+
+    Returns facet (s,), sorted, border (s, 3), m, and inclination (s,), as in `Cells`.
+    """
     F = len(facets)
     facet, edge = np.nonzero((other >= 0) & (turns == 0))
     flat = csr_array((np.ones(len(facet)), (facet, other[facet, edge])), shape=(F, F))

@@ -1,18 +1,19 @@
-"""A normal force that goes back and forth to the end of a run."""
+"""Detection of a normal force that oscillates from step to step (chatter)."""
 
 import numpy as np
 
 from sparsemor.core import FloatArray
 
 RESTLESS = 0.02
-"""Mean change of the normal force from step to step, over its mean, that is reported."""
+"""Mean change of the normal force per step, relative to its mean, above which a warning is issued.
+"""
 
 
 def chatter_ratio(normal: FloatArray) -> float:
-    """Mean change of the normal force (T,) from step to step over its mean, in the second half of a
-    run in which it goes up and down within four steps; else 0.
+    """Mean change per step of the normal force (T,) relative to its mean, in the second half of a
+    run, if it reverses its direction in more than half of the steps; else 0.
 
-    A motion that the steps resolve turns less often: what does not is the step's own.
+    A motion that the time step resolves reverses less often: faster oscillation is numerical.
     """
     late = normal[len(normal) // 2:]
     change = np.diff(late)
@@ -24,8 +25,8 @@ def chatter_ratio(normal: FloatArray) -> float:
 
 
 def chatter_warning(name: str, normal: FloatArray) -> str:
-    """Warning about the normal force (T,), N, of a contact at the steps of a run; ""
-    if nothing."""
+    """Warning if the normal force (T,), N, of the contact `name` oscillates from step to step; ""
+    otherwise."""
     size = chatter_ratio(normal)
     return "" if size == 0.0 else (
         f"contact {name}: to the end its normal force changes by {100 * size:.2g} % from "

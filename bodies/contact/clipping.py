@@ -1,7 +1,8 @@
-"""Convex parts of facets: intervals of segments, polygons in triangles, all cut at once.
+"""Clipping of facets to convex parts: intervals of segments and polygons in triangles, all facets
+at once.
 
-A place on a facet is its d barycentric numbers, so what is linear on the facet is cut exactly: the
-place where it vanishes between two corners is the root of a linear function.
+Points of a facet are described by their d barycentric coordinates, so linear functions on the facet
+are clipped exactly: their zero on an edge is the root of a linear function.
 """
 
 from collections.abc import Sequence
@@ -13,15 +14,17 @@ import numpy as np
 from sparsemor.core import BoolArray, FloatArray, IntArray
 
 NONE = -1
-"""Tag of an edge that bounds nothing: the facet's own, or one between two parts."""
+"""Tag of an edge that is no border of the contact: the facet's own edge, or one between two parts.
+"""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Parts:
-    """corners (P, V, d) barycentric, the first `count` (P,) of each used, 0: the part is empty.
+    """Convex parts of P facets: intervals or polygons with up to V corners.
 
-    edges (P, V): tag of the edge from each corner to the next; in the plane, where V = 2, of the
-    end that the corner is.
+    corners (P, V, d): barycentric coordinates; count (P,): number of corners in use, 0 for an empty
+    part; edges (P, V): tag of the edge from each corner to the next (which border cut it), in the
+    plane, where V = 2, tag of the end point.
     """
 
     corners: FloatArray
@@ -30,14 +33,17 @@ class Parts:
 
     @classmethod
     def whole(cls, number: int, d: int) -> Self:
-        """The facets themselves."""
+        """Parts equal to `number` complete facets."""
         corners = np.broadcast_to(np.eye(d), (number, d, d)).copy()
         return cls(corners, np.full(number, d), np.full((number, d), NONE))
 
     @classmethod
     def within(cls, bounds: FloatArray, tags: IntArray) -> "Parts":
-        """Of P facets, where all that is linear and bounds (P, d, B) at the corners is at least 0;
-        tags (B,) of the edges cut."""
+        """Parts of P facets on which B linear functions are nonnegative.
+
+        bounds (P, d, B): values of the functions at the facets' corners; tags (B,): tags of the
+        edges that they cut.
+        """
         number, d, _ = bounds.shape
         if d == 2:
             return _interval(bounds, tags)
@@ -51,21 +57,25 @@ class Parts:
 
     @property
     def used(self) -> BoolArray:
-        """(P, V) mask of the corners in use: polygons have different numbers of corners."""
+        """(P, V) boolean mask of the corners in use: polygons have different numbers of corners."""
         return np.asarray(np.arange(self.edges.shape[1]) < self.count[:, None])
 
     def values(self, at_corners: FloatArray) -> FloatArray:
-        """(P, V) of what is linear and at_corners (P, d) at the facet's corners."""
+        """(P, V) values at the parts' corners of a linear function with values at_corners (P, d) at
+        the facet's corners."""
         return np.asarray((self.corners @ at_corners[:, :, None])[:, :, 0])
 
     def following(self) -> IntArray:
-        """(P, V) number of the corner after each."""
+        """(P, V) number of the next corner of the polygon for each corner."""
         after = np.arange(1, self.edges.shape[1] + 1)[None]
         return np.where(after >= self.count[:, None], 0, after)
 
     def cut(self, values: FloatArray, tag: int, share: FloatArray | None = None) -> "Parts":
-        """Part of a cell where values (P, V) at the corners are at least 0. share (P, V): where
-        along each edge the value vanishes; left out: where a linear one does."""
+        """Clips each part to nonnegative function values.
+
+        values (P, V): function at the corners; tag: of the new edges; share (P, V): position of the
+        zero on each edge, from 0 to 1; by default that of a linear function.
+        """
         some_in, some_out = self._signs(values)
         if not some_out.any():
             return self
@@ -82,8 +92,11 @@ class Parts:
         return replace(self, corners=corners, edges=edges, count=left)
 
     def split(self, cuts: Sequence[tuple[FloatArray, float]]) -> tuple[IntArray, "Parts"]:
-        """Parts that pass no level of what is linear, given as values (P, d) at the facets' corners
-        and level; and which each is of."""
+        """Splits the parts along level lines of linear functions; returns the number of the
+        original part of each new part, and the new parts.
+
+        cuts: pairs of function values (P, d) at the facets' corners, and the level.
+        """
         of = np.arange(len(self.count))
         if not cuts:
             return of, self
@@ -99,9 +112,8 @@ class Parts:
         return now
 
     def simplices(self) -> tuple[IntArray, FloatArray, FloatArray]:
-        """Segments or triangles that make up the parts: of which (N,), corners (N, d, d)
-        barycentric, and size (N,): (d - 1)! times the measure in the first d - 1 numbers, the facet
-        itself having 1."""
+        """Triangulation of the parts into segments or triangles: number of the part (N,),
+        barycentric corners (N, d, d), and size (N,) relative to the facet."""
         if self.corners.shape[2] == 2:
             of = np.flatnonzero(self.count > 0)
             corners = self.corners[of]
@@ -114,7 +126,8 @@ class Parts:
         return of, corners, np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
 
     def _signs(self, values: FloatArray) -> tuple[BoolArray, BoolArray]:
-        """(P,) which have a corner where the value is at least 0, and one where it is below."""
+        """(P,) True for parts with a corner where the value is at least 0, and (P,) True for parts
+        with a corner where it is negative."""
         some_in, some_out = np.zeros((2, len(values)), bool)
         for corner, column in enumerate(values.T):  # quicker than along rows of a few numbers
             there, inside = corner < self.count, column >= 0
@@ -124,13 +137,13 @@ class Parts:
 
 
 def left(parts: tuple[IntArray, Parts]) -> tuple[IntArray, Parts]:
-    """Those that are not empty, with their numbers."""
+    """The nonempty parts, and their numbers."""
     some = np.flatnonzero(parts[1].count > 0)
     return parts[0][some], parts[1].some(some)
 
 
 def joined(found: Sequence[tuple[IntArray, Parts]]) -> tuple[IntArray, Parts]:
-    """All of them, sorted by their numbers."""
+    """All parts of several lists in one list, sorted by their numbers."""
     width = max(p.edges.shape[1] for _, p in found)
     wide = [_widened(p, width) for _, p in found]
     of = np.concatenate([f for f, _ in found])
@@ -141,6 +154,7 @@ def joined(found: Sequence[tuple[IntArray, Parts]]) -> tuple[IntArray, Parts]:
 
 
 def _widened(p: Parts, width: int) -> Parts:
+    """Parts with arrays padded to `width` corners."""
     more = width - p.edges.shape[1]
     if not more:
         return p
@@ -152,7 +166,8 @@ def _widened(p: Parts, width: int) -> Parts:
 
 
 def _cut_polygon(at: Parts, c: FloatArray, tag: int, share: FloatArray | None) -> Parts:
-    """Of polygons that all have a corner below 0: corners kept and edges crossed, in order."""
+    """Clips R polygons, each with corners of both signs of the function c (R, V), to c >= 0:
+    retained corners and edge intersections, in order."""
     after, used = at.following(), at.used
     c2 = np.take_along_axis(c, after, axis=1)
     p2 = np.take_along_axis(at.corners, after[:, :, None], axis=1)
@@ -179,7 +194,8 @@ def _cut_polygon(at: Parts, c: FloatArray, tag: int, share: FloatArray | None) -
 
 
 def _at(s: FloatArray) -> FloatArray:
-    """(..., 2) barycentric numbers of the second corner's number s (...)."""
+    """(..., 2) barycentric coordinates (1 - s, s) of points at coordinate s (...) from 0 to 1 on a
+    segment."""
     made = np.empty((*s.shape, 2))
     np.subtract(1.0, s, out=made[..., 0])
     made[..., 1] = s
@@ -187,14 +203,14 @@ def _at(s: FloatArray) -> FloatArray:
 
 
 def _two(first: Any, second: Any) -> Any:
-    """(P, 2) of two arrays (P,); a quarter of the time of np.stack, which is called often."""
+    """(P, 2) array of two columns (P,); four times as fast as np.stack, and called often."""
     made = np.empty((len(first), 2), first.dtype)
     made[:, 0], made[:, 1] = first, second
     return made
 
 
 def _interval(bounds: FloatArray, tags: IntArray) -> Parts:
-    """See `Parts.within`."""
+    """`Parts.within` for segments."""
     f0, f1 = bounds[:, 0], bounds[:, 1]
     drop = f0 - f1
     root = f0 / np.where(drop == 0, 1.0, drop)
@@ -207,7 +223,7 @@ def _interval(bounds: FloatArray, tags: IntArray) -> Parts:
 
 
 def _cut_interval(at: Parts, c: FloatArray, tag: int, share: FloatArray | None) -> Parts:
-    """Of intervals with one end below 0."""
+    """Clips intervals with function values c (R, 2) of both signs at their ends to c >= 0."""
     rows, out = np.arange(len(c)), np.where(c[:, 0] < 0, 0, 1)
     t = c[:, 0] / (c[:, 0] - c[:, 1]) if share is None else share[:, 0]
     corners, edges = at.corners.copy(), at.edges.copy()
@@ -219,7 +235,7 @@ def _cut_interval(at: Parts, c: FloatArray, tag: int, share: FloatArray | None) 
 def _split_intervals(
     p: Parts, cuts: Sequence[tuple[FloatArray, float]]
 ) -> tuple[IntArray, Parts]:
-    """See `Parts.split`."""
+    """`Parts.split` for segments."""
     low, high = p.corners[:, 0, 1], p.corners[:, 1, 1]
     inner = [np.clip(_crossing(values, level), low, high) for values, level in cuts]
     ends = np.sort(np.stack([low, *inner, high], axis=1), axis=1)
@@ -231,7 +247,7 @@ def _split_intervals(
 
 
 def _crossing(values: FloatArray, level: float) -> FloatArray:
-    """(P,) second corner's number where values (P, 2) pass the level; -1 where they are constant.
-    """
+    """(P,) coordinate from 0 to 1 at which a linear function with end values (P, 2) attains the
+    level; -1 where the function is constant."""
     rise = values[:, 1] - values[:, 0]
     return np.where(rise == 0, -1.0, (level - values[:, 0]) / np.where(rise == 0, 1.0, rise))

@@ -1,4 +1,5 @@
-"""Derivatives from moving edges of overlaps, where the tractions do not vanish (Leibniz)."""
+"""Boundary terms of the contact derivatives (Leibniz rule): edges of overlaps that move where the
+tractions do not vanish."""
 
 from collections.abc import Iterator
 
@@ -14,9 +15,13 @@ from sparsemor.core import FloatArray, IntArray
 def moving_edges(
     o: Overlaps, pieces: Pieces, face: Interface, T: FloatArray | None, deforms: bool
 ) -> Iterator[tuple[IntArray, FloatArray]]:
-    """Overlaps (E,) and derivatives (E, rows, columns) of `Tangent.z`: the integrand times the
-    velocity of the edge (Leibniz), along borders of cells where they may jump (all, where surfaces
-    deform) and, for conduction, along the line of lift-off."""
+    """Boundary contributions to `Tangent.z`: the integrand times the normal velocity of the edge
+    (Leibniz rule).
+
+    Yields overlap numbers (E,) and derivatives (E, rows, columns). Edges: borders of cells where
+    the traction may jump (all borders if `deforms`) and, with conduction, the line of lift-off. T
+    (P, 2 d): temperatures at the corners, K.
+    """
     conducts = T is not None and face.conductance > 0
     tags = np.where(pieces.parts.used, pieces.parts.edges, -1)
     piece, k = np.nonzero(tags >= 0)
@@ -38,8 +43,8 @@ def moving_edges(
 def _rule(
     parts: Parts, piece: IntArray, k: IntArray, n: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Places (E, q, d) and weights (E, q) on edges k of parts `piece` (E,): n points along each, in
-    the plane the end itself."""
+    """Quadrature points (E, q, d), barycentric, and weights (E, q) on edges k (E,) of parts `piece`
+    (E,): n Gauss points on each edge, in the plane the end point itself."""
     start = parts.corners[piece, k]
     if start.shape[1] == 2:
         return start[:, None], np.ones((len(k), 1))
@@ -53,8 +58,8 @@ def _rule(
 def _integrand(
     o: Overlaps, q: Samples, face: Interface, T: FloatArray | None, both: bool
 ) -> FloatArray:
-    """(E, q, D + 2 d) forces on the corners (of both facets, else of the first) and heats, per
-    area."""
+    """(E, q, D + 2 d) nodal forces per area on the corners of the first facet (of both facets if
+    `both`), and heats per area."""
     n, g = o.pairs.planes.n[q.of], o.pairs.planes.g[q.of]
     F = q.p[..., None] * n[:, None] + q.drag()
     shape = (*q.p.shape, o.d**2)
@@ -72,7 +77,8 @@ def _integrand(
 
 
 def _velocity(o: Overlaps, q: Samples, tag: IntArray, both: bool) -> FloatArray:
-    """(E, q, D): how far the edge moves outwards, in barycentric numbers, by the corners."""
+    """(E, q, D) outward normal velocity of the edge in barycentric coordinates, per velocity of
+    each corner coordinate."""
     n, g, cells = o.pairs.planes.n[q.of], o.pairs.planes.g[q.of], o.pairs.cells
     lifts = (tag == EDGE)[:, None]
     at = q.of, np.where(lifts[:, 0], 0, tag)

@@ -1,4 +1,4 @@
-"""Initial overlap of two bodies: whether they can start as they are placed."""
+"""Check of the initial configuration: overlap of two bodies."""
 
 import numpy as np
 
@@ -8,14 +8,14 @@ from sparsemor.bodies.contact.surface import Surface
 from sparsemor.core import BoolArray, FloatArray, InputError, outer_facets
 
 OVERLAP = 0.1
-"""Largest penetration at the start, as a share of the smallest facet of both surfaces."""
+"""Largest admissible initial penetration, as a fraction of the smallest facet of both surfaces."""
 AT_ONCE = 2_000_000
-"""Points times facets that are evaluated together."""
+"""Number of point-facet combinations evaluated together."""
 
 
 def check_start(first: Surface, second: Surface) -> None:
-    """InputError (key `between`) when a point of either surface is inside the other body by more
-    than `OVERLAP` of the smallest facet."""
+    """Raises InputError (key `between`) if a node of either surface is inside the other body by
+    more than `OVERLAP` times the smallest facet."""
     size = float(min(first.sizes.min(), second.sizes.min()))
     for one, other in ((first, second), (second, first)):
         found = _deepest(one, other, OVERLAP * size)
@@ -30,8 +30,8 @@ def check_start(first: Surface, second: Surface) -> None:
 
 
 def _deepest(one: Surface, other: Surface, allowed: float) -> tuple[FloatArray, float] | None:
-    """The point (d,) of `one` that is deepest inside the other body, and its depth, m; None where
-    none is deeper than allowed."""
+    """The node (d,) of `one` that is deepest inside the other body, m, and its depth, m; None if no
+    depth exceeds `allowed`."""
     z = placed(one.body, one.X)
     z = z[_in_box(other.body, z)]
     if not len(z):
@@ -46,20 +46,21 @@ def _deepest(one: Surface, other: Surface, allowed: float) -> tuple[FloatArray, 
 
 
 def placed(body: Body, X: FloatArray) -> FloatArray:
-    """(n, d) positions at the start of reference points X (n, d), m."""
+    """(n, d) initial positions in space of reference points X (n, d), m."""
     return np.asarray(body.pose[: X.shape[1]] + X @ body.start_rotation().T)
 
 
 def _in_box(body: Body, z: FloatArray) -> BoolArray:
-    """(n,) points in space that are inside the box about the body in its own axes."""
+    """(n,) True for points z (n, d) in space that are inside the body's bounding box, aligned with
+    the body axes."""
     X = body.X
     own = (z - body.pose[: z.shape[1]]) @ body.start_rotation()
     return np.asarray(((own > X.min(axis=0)) & (own < X.max(axis=0))).all(axis=1))
 
 
 def within(body: Body, z: FloatArray) -> BoolArray:
-    """(n,) points z (n, d) in space that are inside the undeformed body at the start: its surface
-    fills their field of view."""
+    """(n,) True for points z (n, d) in space inside the undeformed body in its initial pose: its
+    boundary subtends the full (solid) angle there."""
     assert body.mesh is not None
     corners = placed(body, body.X)[outer_facets(body.mesh)]
     share = np.zeros(len(z))
@@ -69,9 +70,12 @@ def within(body: Body, z: FloatArray) -> BoolArray:
 
 
 def _view(rays: FloatArray) -> FloatArray:
-    """(n, F) share of the field of view that facets fill, from rays (n, F, d, d) to their corners:
-    angle over 2 pi in the plane, solid angle over 4 pi in space (Van Oosterom and Strackee,
-    10.1109/TBME.1983.325207)."""
+    """(n, F) signed fraction of the full angle that each facet subtends, from the vectors `rays`
+    (n, F, d, d) to its corners.
+
+    Angle over 2 pi in the plane, solid angle over 4 pi in space (Van Oosterom and Strackee,
+    10.1109/TBME.1983.325207).
+    """
     if rays.shape[3] == 2:
         a, b = rays[:, :, 0], rays[:, :, 1]
         across = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]

@@ -1,6 +1,8 @@
-"""Points of both surfaces in the second body's axes, and their derivatives by the unknowns.
+"""Positions and velocities of two contact surfaces in the second body's axes, and their
+derivatives.
 
-With frames R, A of the two bodies (B: the second's) and y = X + u in the first one's axes,
+With frame origins R1, R2 and rotation matrices A, B of the two bodies and y = X + u in the first
+body's axes,
 
     a = B^T (R1 - R2 + A y),    C = B^T A,    da = B^T (dR1 - dR2) + C (dphi1 x y + du) - dphi2 x a
 
@@ -24,7 +26,11 @@ ONE, ZERO = np.ones((1, 1)), np.zeros((1, 1))
 
 
 class Angle:
-    """Attitude in the plane, with the members of `UnitQuaternion`: A (2, 2), w (1,), by (1, 1)."""
+    """Attitude of a body in the plane, with the interface of `UnitQuaternion`.
+
+    A (2, 2): rotation matrix; w (1,): angular velocity, rad/s; by (1, 1): derivative of the
+    rotation by the angle.
+    """
 
     __slots__ = ("A", "w")
     by, w_by = ONE, ZERO
@@ -44,24 +50,26 @@ Attitude: TypeAlias = UnitQuaternion | Angle
 
 
 def attitude_of(pose: FloatArray, rate: FloatArray) -> Attitude:
-    """Of rigid coordinates, position first: (x, y, angle), or those of a body in space."""
+    """Attitude of a body with rigid coordinates `pose`, position first: (x, y, angle), or in space
+    position and quaternion or angle."""
     return Angle(float(pose[2]), rate[2:]) if len(pose) == 3 else UnitQuaternion.of(pose, rate)
 
 
 def arms(r: FloatArray) -> FloatArray:
-    """(n, d, 1 or 3) of r (n, d): arms(r)[i] @ w = w x r[i], and its transpose gives r[i] x f."""
+    """(n, d, 1 or 3) cross-product matrices of r (n, d): arms(r)[i] @ w = w x r[i]; the transpose
+    gives r[i] x f."""
     if r.shape[1] == 2:
         return np.stack([-r[:, 1], r[:, 0]], axis=1)[:, :, None]
     return np.asarray(np.einsum("abc,nc->nab", LEVI_CIVITA, r))
 
 
 def turning(w: FloatArray) -> FloatArray:
-    """(d, d) of w (1,) or (3,): turning(w) @ r = w x r."""
+    """(d, d) cross-product matrix of w (1,) or (3,): turning(w) @ r = w x r."""
     return np.asarray(w[0] * QUARTER if len(w) == 1 else -LEVI_CIVITA @ w)
 
 
 def crossed(w: FloatArray, r: FloatArray) -> FloatArray:
-    """(..., d) w x r of angular velocities (..., 1 or 3) and vectors r (..., d)."""
+    """(..., d) cross products w x r of angular velocities (..., 1 or 3) and vectors r (..., d)."""
     if r.shape[-1] != 2:
         return np.cross(w, r)
     made = np.empty(np.broadcast_shapes(w[..., 0].shape, r.shape[:-1]) + (2,))
@@ -71,15 +79,18 @@ def crossed(w: FloatArray, r: FloatArray) -> FloatArray:
 
 
 def moment(r: FloatArray, f: FloatArray) -> FloatArray:
-    """(1 or 3,) sum of r x f over points (n, d)."""
+    """(1 or 3,) resultant moment, the sum of r x f over points (n, d)."""
     if r.shape[1] == 2:
         return np.array([r[:, 0] @ f[:, 1] - r[:, 1] @ f[:, 0]])
     return np.asarray(np.cross(r, f).sum(axis=0))
 
 
 class Kinematics:
-    """At local unknowns x and their rates v: a, va (n1, d) and b, vb (n2, d), positions and
-    velocities in the second body's axes."""
+    """Positions a (n1, d), b (n2, d) and velocities va, vb of the surfaces' nodes in the second
+    body's axes.
+
+    x, v: local unknowns (side.py) and their rates; t: time, s.
+    """
 
     def __init__(self, sides: tuple[Side, Side], x: FloatArray, v: FloatArray, t: float) -> None:
         self.sizes = n = Sizes.of(*sides)
@@ -99,6 +110,7 @@ class Kinematics:
 
     @property
     def finite(self) -> bool:
+        """True if all positions and velocities are finite."""
         return bool(np.isfinite(self.a).all() and np.isfinite(self.va).all()
                     and np.isfinite(self.b).all() and np.isfinite(self.vb).all())
 
@@ -106,7 +118,8 @@ class Kinematics:
 
     @cached_property
     def by_frames(self) -> FloatArray:
-        """(n1, d, frames): the first points' positions by the unknowns of both frames."""
+        """(n1, d, frames) derivative of the first surface's positions by the rigid coordinates of
+        both bodies."""
         n = self.sizes
         made = np.zeros((n.n1, n.d, n.frames))
         if n.f1:
@@ -118,7 +131,8 @@ class Kinematics:
         return made
 
     def _rates_by_frames(self, c: FloatArray) -> FloatArray:
-        """(n1, d, frames): their velocities, c (frames,) as in `by_rates`."""
+        """(n1, d, frames) derivative of the first surface's velocities by the rigid coordinates; c
+        (frames,): derivative of their rates by the coordinates, as in `by_rates`."""
         n, d = self.sizes, self.sizes.d
         one, two = self.one, self.two
         made = -turning(two.w) @ self.by_frames
@@ -133,9 +147,12 @@ class Kinematics:
         return made
 
     def by_unknowns(self, z: FloatArray, i: IntArray) -> FloatArray:
-        """(P, k, m) derivatives by the unknowns of each pair: both frames, then displacements of
-        the corners; z (P, k, D): by the positions of the first facet's corners i (P, d), and of the
-        second's."""
+        """(P, k, m) derivatives of k quantities by the unknowns of each of P pairs: rigid
+        coordinates of both bodies, then displacements of the corners.
+
+        z (P, k, D): derivatives by the positions of the corners of the first facet, i (P, d), and
+        then of the second facet.
+        """
         n, D = self.sizes, i.shape[1] ** 2
         first = z[:, :, :D]
         parts = []
@@ -148,8 +165,13 @@ class Kinematics:
         return np.concatenate(parts, axis=2) if parts else np.zeros((*z.shape[:2], 0))
 
     def by_rates(self, z: FloatArray, i: IntArray, j: IntArray, c1: FloatArray) -> FloatArray:
-        """The same for velocities, where the rates of the unknowns change by c1 (local,) times what
-        these do; z (P, k, D): by the velocities of corners i and j (P, d)."""
+        """(P, k, m) derivatives of k quantities, through the velocities, by the unknowns of each of
+        P pairs.
+
+        z (P, k, D): derivatives by the velocities of the corners i (P, d) of the first and j (P, d)
+        of the second facet; c1 (local,): derivative of the rate of each unknown by the unknown
+        (time integration formula).
+        """
         n, D = self.sizes, i.shape[1] ** 2
         first = z[:, :, :D]
         _, _, c_u, c_b = n.split(c1)
@@ -169,7 +191,8 @@ class Kinematics:
     # ------------------------------------------------------------------ forces
 
     def rows(self, f: FloatArray) -> FloatArray:
-        """(local,) generalized forces of f (n1 + n2, d), N, in the second body's axes."""
+        """(local,) generalized forces of nodal forces f (n1 + n2, d), N, given in the second body's
+        axes."""
         n, first = self.sizes, f[: self.sizes.n1]
         whole, own = self.B @ first.sum(axis=0), first @ self.C
         parts = [np.zeros(0)]
@@ -184,9 +207,12 @@ class Kinematics:
         return np.concatenate(parts)
 
     def rows_by(self, f: FloatArray, i: IntArray) -> tuple[FloatArray, FloatArray]:
-        """Derivatives of `rows` by the frames, the forces f (P, d, d) at corners i (P, d) held: of
-        the frames' rows (frames, frames) in sum, of the corners' displacements (P, d^2, frames).
-        The derivative of the frames' rows by the displacements is the transpose of the latter.
+        """Derivatives of `rows` by the rigid coordinates for constant nodal forces f (P, d, d) at
+        the corners i (P, d) of the first facets.
+
+        Returns those of the rigid coordinates' rows (frames, frames), summed, and of the corner
+        displacements' rows (P, d^2, frames). The derivative of the rigid coordinates' rows by the
+        displacements is the transpose of the latter.
         """
         n, d = self.sizes, self.sizes.d
         one, two, at = self.one, self.two, i.ravel()
@@ -213,5 +239,5 @@ class Kinematics:
 
 
 def _total(a: FloatArray, b: FloatArray) -> FloatArray:
-    """(k, l) sum of a[i]^T b[i] over a (n, d, k) and b (n, d, l)."""
+    """(k, l) sum over i of a[i]^T b[i], for a (n, d, k) and b (n, d, l)."""
     return np.asarray(a.reshape(-1, a.shape[2]).T @ b.reshape(-1, b.shape[2]))

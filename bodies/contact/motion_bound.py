@@ -1,4 +1,4 @@
-"""Bound on the motion of a surface's points, from the change of few reduced unknowns."""
+"""Upper bound of the displacement of a surface's nodes from the change of few reduced unknowns."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -10,10 +10,11 @@ from sparsemor.core import BoolArray, FloatArray, IntArray
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Mover:
-    """A surface in d dimensions as its points move: X (n, d) at reference, m; facets (F, d).
+    """A surface in d dimensions whose nodes move with unknowns.
 
-    frame (f,), u (n, d): where the frame's unknowns, position first, and the displacements are in a
-    list, -1: nowhere. A frame turns by an angle (f = d + 1) or a quaternion (f = 7), or has no
+    X (n, d): reference positions, m; facets (F, d). frame (f,), u (n, d): positions of the rigid
+    coordinates (position first) and of the displacements in a list of unknowns, -1 for prescribed
+    ones. The attitude is an angle (f = d + 1) or a quaternion (f = 7); a fixed frame has no
     unknowns (all -1, or f = 0).
     """
 
@@ -24,17 +25,18 @@ class Mover:
 
     @property
     def extent(self) -> float:
-        """Of the box about it, m."""
+        """Largest edge of the surface's axis-aligned bounding box, m."""
         return float(np.ptp(self.X, axis=0).max())
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MotionBound:
-    """Bound on the motion of one surface's points with k reduced unknowns.
+    """Upper bound of the motion of one surface's nodes with k reduced unknowns.
 
-    shift (d, k), turn (m, k) and upright (m,): the frame's share and its turning coordinates where
-    the unknowns are 0; own (k,): the unknowns that displace points; gain: m a unit of their norm;
-    arm: largest distance of an undisplaced point from the frame origin, m.
+    shift (d, k), turn (m, k): rows of the reduced basis for the frame's position and attitude;
+    upright (m,): attitude coordinates at zero unknowns; own (k,): True for unknowns that deform the
+    surface; gain: bound on a nodal displacement per unit norm of these, m; arm: largest distance of
+    an undeformed node from the frame origin, m.
     """
 
     shift: FloatArray
@@ -46,7 +48,8 @@ class MotionBound:
 
     @classmethod
     def of(cls, mover: Mover, atoms: FloatArray, offset: FloatArray) -> Self:
-        """Of unknowns x (k,) that stand for offset + atoms @ x, atoms (N, k)."""
+        """Bound for a surface whose full unknowns are offset + atoms @ x: atoms (N, k) trial
+        vectors, x (k,) reduced unknowns."""
         d, at = mover.X.shape[1], mover.frame
         frame, rest = _rows(atoms, at), _rows(offset[:, None], at)[:, 0]
         u, u0 = _rows(atoms, mover.u), _rows(offset[:, None], mover.u)[..., 0]
@@ -55,15 +58,20 @@ class MotionBound:
         return cls(frame[:d], frame[d:], rest[d:], np.any(u != 0.0, axis=(0, 1)), gain, arm)
 
     def bound(self, change: FloatArray, x: FloatArray, beyond: float = 0.0) -> float:
-        """m, of any point, from x (k,) to x + change; of rates, m/s. beyond: m by which points that
-        are carried along may be farther out than the points."""
+        """Upper bound, m, of the motion of any node from x (k,) to x + change; for rates as
+        `change`, of its speed, m/s.
+
+        beyond: additional distance from the frame origin, m, of points that move with the surface.
+        """
         arm = self.arm + beyond + self.gain * float(np.linalg.norm(x[self.own]))
         return float(np.linalg.norm(self.shift @ change) + self._turned(change, x) * arm
                      + self.gain * np.linalg.norm(change[self.own]))
 
     def _turned(self, change: FloatArray, x: FloatArray) -> float:
-        """Chord of the unit circle. A quaternion q, brought to unit length, turns by twice the
-        angle between q and q + dq; that chord is 2 sin(angle) <= 2 |dq| / |q|, as are the rates.
+        """Chord on the unit circle of the rotation by `change`.
+
+        A quaternion q, normalised, rotates by twice the angle between q and q + dq; the chord is at
+        most 2 sin(angle) <= 2 |dq| / |q|, and so are the rates.
         """
         by = float(np.linalg.norm(self.turn @ change))
         if len(self.turn) < 4 or by == 0.0:
@@ -73,7 +81,7 @@ class MotionBound:
 
 
 def _rows(matrix: FloatArray, at: IntArray) -> FloatArray:
-    """(..., k) rows of a matrix (N, k) at positions (...), 0 where one is -1."""
+    """(..., k) rows of a matrix (N, k) at positions (...); 0 where the position is -1."""
     if not len(matrix):
         return np.zeros((*at.shape, matrix.shape[1]))
     return np.where((at >= 0)[..., None], matrix[at], 0.0)

@@ -1,5 +1,5 @@
-"""A built contact: its term inside the step, and its loads and histories along a prescribed motion.
-"""
+"""Contact of a scene: its term in the equations of a time step, and its loads and resultants along
+a prescribed motion."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -28,17 +28,17 @@ from sparsemor.bodies.contact.tractions import Interface, Loads, nodal
 from sparsemor.core import Block, Equations, FloatArray, IntArray, SurfaceLoads
 
 FLAT = 1e-3
-"""Share of a surface's extent below which it has none in a direction."""
+"""Fraction of a surface's extent below which it counts as flat in a direction."""
 PASSAGE = 5.0
-"""Least number of steps that a point should lie under the shorter surface."""
+"""Smallest admissible number of steps during which a point lies under the shorter surface."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ContactPart:
     """Contact of two surfaces, in the plane or in space.
 
-    reach: deepest penetration (m) that is trusted; deforms: surfaces move with the displacements;
-    heats: friction heat and conduction enter the bodies that have temperatures.
+    reach: largest admissible penetration, m; deforms: surfaces move with the displacements; heats:
+    friction heat and conduction enter the bodies that have temperatures.
     """
 
     name: str
@@ -58,14 +58,15 @@ class ContactPart:
     # ------------------------------------------------------------------ inside the step
 
     def contribute(self, equations: Equations) -> None:
-        """The contact inside the step."""
+        """Adds the contact term to the equations."""
         first, second = (
             Side.of(s, equations.layout, moves=True, deforms=self.deforms, conducts=self.heats)
             for s in (self.first, self.second))
         self._write(equations, (first, second), self.face, self.deforms)
 
     def conduction(self, equations: Equations, motion: Motion) -> None:
-        """Conduction between surfaces whose frames have a prescribed motion, without friction."""
+        """Adds conduction between surfaces whose frames have a prescribed motion, without friction.
+        """
         if self.face.conductance == 0:
             return
         first, second = (
@@ -76,7 +77,8 @@ class ContactPart:
     def _write(
         self, equations: Equations, sides: tuple[Side, Side], face: Interface, deforms: bool
     ) -> None:
-        """The term, in the blocks that it reads and acts on; none where it acts on none."""
+        """Adds the term to the blocks of unknowns on which it depends and acts; nothing if it acts
+        on no unknown."""
         term = ContactTerm.of(sides, face, self.near, deforms, self.reach)
         if len(term.rows):
             blocks = equations.layout.containing(np.concatenate([term.rows, term.columns]))
@@ -85,9 +87,12 @@ class ContactPart:
     # ------------------------------------------------------------------ along a prescribed motion
 
     def imported(self, motion: Motion) -> Mapping[str, SurfaceLoads]:
-        """Body -> nodal forces in its own axes (N) and nodal friction heat (W) at each time; in
-        space, where surfaces have many points, on those that are touched at any time (all, where
-        none is)."""
+        """Body name -> nodal contact forces in its own axes (N) and nodal friction heat (W) at each
+        time of the motion.
+
+        In space, where surfaces have many nodes, only nodes that are in contact at some time are
+        included (all nodes, if none is).
+        """
         face, d = self._prescribed_face(), self.first.d
         made = _Sums(self.first), _Sums(self.second)
         for w, loads in self._loads(motion, face):
@@ -109,12 +114,12 @@ class ContactPart:
         return replace(self.face, conductance=0.0, points=points, weights=weights)
 
     def _in_first(self, force: FloatArray, motion: Motion) -> FloatArray:
-        """(T, j, d) in the first body's axes of forces in the second's."""
+        """(T, j, d) forces in the first body's axes, from forces in the second body's axes."""
         A, B = (Path(s, motion).A for s in (self.first, self.second))
         return np.asarray(force @ (B.transpose(0, 2, 1) @ A))
 
     def history(self, motion: Motion) -> Mapping[str, FloatArray]:
-        """Resultants at the times (T,) of the motion, by `names_of`."""
+        """Resultants (T,) of the contact at the times of the motion, by the names of `names_of`."""
         found = {name: np.zeros(steps(motion)) for name in names_of(self.first.d)}
         for w, loads in self._loads(motion, self.face):
             now = resultants(w.times, w.time, w.overlaps, w.pieces, loads, self.face)
@@ -129,7 +134,7 @@ class ContactPart:
     # ------------------------------------------------------------------ warnings after a run
 
     def missed(self, motion: Motion) -> str:
-        """Warning when the surfaces never touched; "" when they did."""
+        """Warning if the surfaces never touched; "" otherwise."""
         gap = 0.0 if self._pressed(motion) else self._closest(motion)
         if gap <= (self.reach if self.deforms else 0.0):
             return ""
@@ -139,14 +144,15 @@ class ContactPart:
                 "face each other")
 
     def chatter_warning(self, history: Mapping[str, FloatArray]) -> str:
-        """Warning about the contact's history at the steps of a run; "" if there is none."""
+        """Warning if the normal force in the contact's history oscillates from step to step; ""
+        otherwise."""
         return chatter_warning(self.name, history["normal"])
 
     def passage(self, motion: Motion) -> str:
-        """A warning where a point lies under the shorter surface for few steps; "" otherwise.
+        """Warning if a point lies under the shorter surface for too few steps; "" otherwise.
 
-        Steps of a passage: extent of that surface along the relative motion of one step, divided
-        by that motion; the smallest of 50 of the times.
+        Number of steps of a passage: extent of that surface along the relative motion of one step,
+        divided by that motion; the minimum over 50 of the times.
         """
         count, at = steps(motion), self._points(motion)
         fewest = np.inf
@@ -166,12 +172,14 @@ class ContactPart:
                                                 motion))
 
     def _points(self, motion: Motion) -> Callable[[slice], tuple[FloatArray, FloatArray]]:
-        """Of one of the times: points (n1, d) and (n2, d), m, in the second body's axes."""
+        """Function of one time index (a slice): node positions (n1, d) and (n2, d), m, in the
+        second body's axes."""
         one, other = Path(self.first, motion), Path(self.second, motion)
         return lambda now: (relative_motion(one, other, self.first.X, now)[0][0], self.second.X)
 
     def _closest(self, motion: Motion) -> float:
-        """Smallest distance of a point of either surface from the other, at 100 of the times."""
+        """Smallest distance of a node of either surface from the other surface, m, over 100 of the
+        times."""
         found, at = np.inf, self._points(motion)
         for k in np.unique(np.linspace(0, steps(motion) - 1, 100).astype(int)):
             a, b = at(slice(k, k + 1))
@@ -183,8 +191,11 @@ class ContactPart:
 def _passage(
     before: tuple[FloatArray, FloatArray], after: tuple[FloatArray, FloatArray]
 ) -> float:
-    """Extent of the shorter of two surfaces along their relative motion in its own plane, over that
-    motion; infinite where they only move towards each other."""
+    """Number of steps of a passage: extent of the shorter surface along the tangential relative
+    motion of one step, divided by that motion; infinite without tangential motion.
+
+    before, after: node positions of both surfaces, m, at the start and end of the step.
+    """
     short, other = sorted((0, 1), key=lambda i: float(np.ptp(before[i], axis=0).max()))
     near = cKDTree(before[other]).query(before[short])[1]
     moved = np.median((after[short] - before[short]) - (after[other] - before[other])[near], axis=0)
@@ -197,8 +208,8 @@ def _passage(
 
 
 class _Sums:
-    """Loads on the points of a surface, collected from some of the times after the other: of the
-    points touched at those times only."""
+    """Loads on the nodes of a surface, collected over successive windows of times; each window has
+    only the nodes in contact in it."""
 
     def __init__(self, surface: Surface) -> None:
         self.n, self.d = len(surface.nodes), surface.d
@@ -208,7 +219,8 @@ class _Sums:
     def add(
         self, times: int, time: IntArray, nodes: IntArray, force: FloatArray, heat: FloatArray
     ) -> None:
-        """time (M,), nodes (M, d), force (M, d, d), heat (M, d) of the next `times`."""
+        """Adds the loads of the next `times` times: time (M,), nodes (M, d), force (M, d, d), N,
+        heat (M, d), W."""
         touched, at = np.unique(nodes, return_inverse=True)
         at = (time[:, None] * len(touched) + at.reshape(nodes.shape)).ravel()
         columns = [*force.reshape(-1, self.d).T, heat.ravel()]
@@ -218,7 +230,7 @@ class _Sums:
         self.values.append(np.asarray(whole).reshape(times, len(touched), self.d + 1))
 
     def loads(self) -> tuple[IntArray, FloatArray, FloatArray]:
-        """Points (j,), force (T, j, d), heat (T, j)."""
+        """Nodes (j,), forces (T, j, d), N, and heats (T, j), W, over all times."""
         ever = np.unique(np.concatenate(self.touched))
         if self.d == 2 or not len(ever):
             ever = np.arange(self.n)

@@ -1,15 +1,17 @@
 """Overlaps of facets of two surfaces, cut into pieces on which the tractions are smooth.
 
-Everything is in the second body's axes, for segments (d = 2) and triangles (d = 3) alike. A place
-on the first facet is s (d,) barycentric. Projected on the second one it has barycentric numbers
-eta, and it lies the penetration delta below it. With corners a, b of the two, n the second one's
-normal and g the gradients of eta, the velocity of the first body's point against the second's is
+All vectors are in the second body's axes; facets are segments (d = 2) or triangles (d = 3). A point
+of the first facet has barycentric coordinates s (d,); its projection on the second facet has
+barycentric coordinates eta, and it lies the penetration delta below that facet. With corners a, b
+of the two facets, the normal n of the second one and the gradients g of eta, the velocity of the
+first body's point relative to the second body's is
 
     w = sum s a' - sum eta b' - delta sum g (n . b'),
 
-where the last part is the turn of the second facet: the second body's point is on a rigid arm of
-the length delta. The penetration's rate is -n . w, the slip is the rest of w. All of delta, eta and
-w are linear in s: resultants are smooth functions of the motion although the edge of contact moves.
+where the last term is due to the rotation of the second facet: the second body's point is on a
+rigid arm of length delta. The penetration rate is -n . w, the slip is the tangential part of w. All
+of delta, eta and w are linear in s: resultants are smooth functions of the motion although the edge
+of contact moves.
 """
 
 from dataclasses import dataclass
@@ -23,15 +25,19 @@ from sparsemor.bodies.contact.planes import Planes, area_vector
 from sparsemor.core import BoolArray, FloatArray, FrictionLaw, IntArray, NormalLaw
 
 EDGE = 1_000_000
-"""Tag of an edge where the surfaces lift off; lower ones: the number of the cell's border."""
+"""Tag of an edge where the surfaces lift off; smaller tags are the number of the cell's border."""
 DEPTH, SINK = 0, 1
-"""Columns of `Overlaps.at`, before those of the slip and of eta."""
+"""Columns of penetration and penetration rate in `Overlaps.at`, followed by those of slip and eta.
+"""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pairs:
-    """Of pairs of facets in the second body's axes: corners a and their velocities va (P, d, d) of
-    the first; planes, cells and velocities vb (P, d, d; None: at rest) of the second."""
+    """P pairs of facets in the second body's axes.
+
+    a, va (P, d, d): corners of the first facet, m, and their velocities, m/s; planes, cells: of the
+    second facet; vb (P, d, d): velocities of its corners, None if at rest.
+    """
 
     a: FloatArray
     va: FloatArray
@@ -45,21 +51,27 @@ class Pairs:
                      self.cells.some(chosen), vb)
 
     def projected(self) -> tuple[FloatArray, FloatArray]:
-        """Penetration (P, d) and eta (P, d, d: corner of the first, number) at the corners."""
+        """Penetration (P, d), m, at the corners of the first facet, and their barycentric
+        coordinates eta (P, d, d) (second index: corner) in the second facet."""
         rel = self.a - self.planes.corner[:, None]
         eta = rel @ self.planes.g.transpose(0, 2, 1)
         eta[:, :, 0] += 1.0
         return np.asarray(-(rel @ self.planes.n[:, :, None])[:, :, 0]), eta
 
     def measure(self) -> FloatArray:
-        """(P,): (d - 1)! times that of the first facet in projection on the second one, m or m2."""
+        """(P,) (d - 1)! times the length (m) or area (m2) of the first facet projected on the
+        second one."""
         return np.asarray(-(area_vector(self.a) * self.planes.n).sum(axis=1))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Overlaps:
-    """Parts of first facets in contact. at (P, d, 2 + 2 d): penetration (m), its rate, slip (m/s,
-    d) and eta (d) at the corners; measure (P,), m or m2, see `Pairs.measure`."""
+    """Parts of first facets in contact with a second facet.
+
+    parts: the overlaps in barycentric coordinates of the first facet; at (P, d, 2 + 2 d):
+    penetration (m), its rate (m/s), slip (m/s, d) and eta (d) at the first facet's corners; measure
+    (P,), m or m2: see `Pairs.measure`.
+    """
 
     pairs: Pairs
     parts: Parts
@@ -68,7 +80,7 @@ class Overlaps:
 
     @classmethod
     def of(cls, pairs: Pairs) -> tuple[Self, IntArray]:
-        """The overlaps that are not empty, and which of the pairs they are of."""
+        """The nonempty overlaps of facet pairs, and the numbers of their pairs."""
         depth, eta = pairs.projected()
         borders, measure = pairs.cells.values(eta, depth), pairs.measure()
         # surfaces that look the same way are the far sides of the bodies
@@ -93,13 +105,15 @@ class Overlaps:
 
     @property
     def speed(self) -> FloatArray:
-        """(P, 2) in the plane: slip along the second facet at the corners, m/s."""
+        """(P, 2) slip speed along the second facet at the corners, m/s, for contact in the plane.
+        """
         n = self.pairs.planes.n
         return np.asarray(self.at[:, :, 3] * n[:, :1] - self.at[:, :, 2] * n[:, 1:])
 
 
 def _reaching(depth: FloatArray, borders: FloatArray, measure: FloatArray) -> IntArray:
-    """Pairs that face each other of which no border of the overlap has all corners outside."""
+    """Numbers of the pairs that face each other and have, for each border of the overlap, a corner
+    of the first facet inside it."""
     deepest, reach = depth[:, 0], borders[:, 0]
     for corner in range(1, depth.shape[1]):  # quicker than along rows of a few numbers
         deepest = np.maximum(deepest, depth[:, corner])
@@ -111,7 +125,10 @@ def _reaching(depth: FloatArray, borders: FloatArray, measure: FloatArray) -> In
 
 
 def relative(pairs: Pairs, depth: FloatArray, eta: FloatArray) -> FloatArray:
-    """(P, d, d) velocity w at the corners of the first facet."""
+    """(P, d, d) relative velocity w (module docstring), m/s, at the corners of the first facet.
+
+    depth (P, d): penetration; eta (P, d, d): projections.
+    """
     if pairs.vb is None:
         return pairs.va
     swing = pairs.planes.g.transpose(0, 2, 1) @ (pairs.vb @ pairs.planes.n[:, :, None])
@@ -120,8 +137,11 @@ def relative(pairs: Pairs, depth: FloatArray, eta: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pieces:
-    """Parts of overlaps `of` (N,) on which the tractions are smooth, sorted, and the simplices that
-    they are made of: piece (M,), corners (M, d, d) barycentric, size (M,): see `Parts.simplices`.
+    """Parts of overlaps on which the tractions are smooth, and their triangulation.
+
+    of (N,): number of the overlap of each part, sorted; piece (M,), corners (M, d, d), size (M,):
+    part number, barycentric corners and relative size of each segment or triangle
+    (`Parts.simplices`).
     """
 
     of: IntArray
@@ -132,8 +152,9 @@ class Pieces:
 
     @classmethod
     def cut(cls, o: Overlaps, normal: NormalLaw, friction: FrictionLaw | None) -> Self:
-        """Split where the normal law has a break and where the pressure would change its sign; in
-        the plane, where the slip's speed is linear, also where the friction law has a break."""
+        """Splits overlaps where the normal law is not smooth (its `breaks`) and where the pressure
+        would change its sign; in the plane, where the slip speed is linear, also at the breaks of
+        the friction law."""
         cuts = [(o.at[:, :, DEPTH], level) for level in normal.breaks]
         if friction is not None and o.d == 2:
             cuts += [(o.speed, level) for level in friction.breaks]
@@ -142,16 +163,18 @@ class Pieces:
 
     @property
     def overlap(self) -> IntArray:
-        """(M,) of each simplex, sorted."""
+        """(M,) number of the overlap of each simplex, sorted."""
         return self.of[self.piece]
 
     def samples(self, points: FloatArray) -> FloatArray:
-        """(M, q, d) places of points (q, d) of each simplex."""
+        """(M, q, d) barycentric coordinates in the first facet of the points (q, d) of a quadrature
+        rule in each simplex."""
         return np.asarray(points @ self.corners)
 
 
 def pressure(o: Overlaps, of: IntArray, s: FloatArray, normal: NormalLaw) -> FloatArray:
-    """(N, q) by the law, negative where it would pull."""
+    """(N, q) pressure of the normal law at points s (N, q, d) of the overlaps `of` (N,), Pa;
+    negative where the law gives tension."""
     at = s @ o.at[of, :, :2]
     return normal.pressure(np.maximum(at[:, :, DEPTH], 0.0), at[:, :, SINK])[0]
 
@@ -159,8 +182,11 @@ def pressure(o: Overlaps, of: IntArray, s: FloatArray, normal: NormalLaw) -> Flo
 def _signed(
     o: Overlaps, of: IntArray, parts: Parts, normal: NormalLaw
 ) -> tuple[IntArray, Parts]:
-    """Pieces of one sign of the pressure. Between its roots on two edges the border is a straight
-    line, and in the layer where the damping sets in nearly so."""
+    """Splits parts where the pressure changes its sign.
+
+    The zero line between its roots on two edges is straight, or nearly so in the layer over which
+    the damping increases.
+    """
     p = pressure(o, of, parts.corners, normal)
     used = parts.used
     mixed = (used & (p > 0)).any(axis=1) & (used & (p < 0)).any(axis=1)
@@ -177,7 +203,8 @@ def _signed(
 def _roots(
     o: Overlaps, of: IntArray, parts: Parts, p: FloatArray, normal: NormalLaw
 ) -> FloatArray:
-    """(N, V) where along each edge the pressure vanishes, by bisection to round-off."""
+    """(N, V) position of the zero of the pressure on each edge, from 0 to 1, by bisection to
+    round-off."""
     ends = np.take_along_axis(parts.corners, parts.following()[:, :, None], axis=1)
     low, high = np.zeros(p.shape), np.ones(p.shape)
     start: BoolArray = p >= 0

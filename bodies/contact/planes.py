@@ -1,4 +1,4 @@
-"""Planes of facets (segments, triangles), and the linear functions of their corners."""
+"""Planes of facets (segments, triangles), and gradients of barycentric coordinates."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -9,8 +9,12 @@ from sparsemor.core import FloatArray, IntArray
 
 
 def area_vector(a: FloatArray) -> FloatArray:
-    """(F, d) outward normals of facets a (F, d, d), of (d - 1)! times their measure: in the plane
-    the body is on the left of a segment, in space corners run counter-clockwise."""
+    """(F, d) outward normals of facets with corners a (F, d, d), of length (d - 1)! times the
+    facet's measure.
+
+    In the plane the body is on the left of a segment, in space corners run counter-clockwise seen
+    from outside.
+    """
     side = a[:, 1:] - a[:, :1]
     if a.shape[2] == 2:
         return np.stack([side[:, 0, 1], -side[:, 0, 0]], axis=1)
@@ -18,7 +22,8 @@ def area_vector(a: FloatArray) -> FloatArray:
 
 
 def area_slopes(a: FloatArray, n: FloatArray) -> FloatArray:
-    """(F, d, d): derivative of area_vector(a) . n by each corner, n (F, d) held."""
+    """(F, d, d) derivative of area_vector(a) . n by each corner of facets a (F, d, d), with
+    constant n (F, d)."""
     if a.shape[2] == 2:
         r = np.stack([-n[:, 1], n[:, 0]], axis=1)
         return np.stack([-r, r], axis=1)
@@ -28,8 +33,8 @@ def area_slopes(a: FloatArray, n: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Planes:
-    """Of facets b (F, d, d): a corner (F, d), the outward unit normal n (F, d), and the gradients
-    of the corners' linear functions g (F, d, d), 1/m, which lie in the facet's plane."""
+    """Planes of F facets: a corner (F, d), m; outward unit normal n (F, d); gradients g (F, d, d),
+    1/m, of the barycentric coordinates, tangential to the facet."""
 
     corner: FloatArray
     n: FloatArray
@@ -37,6 +42,7 @@ class Planes:
 
     @classmethod
     def of(cls, b: FloatArray) -> Self:
+        """Planes of facets with corners b (F, d, d), m."""
         N = area_vector(b)
         size = (N * N).sum(axis=1, keepdims=True)
         side = b[:, 1:] - b[:, :1]

@@ -29,21 +29,21 @@ from sparsemor.core import (
 
 
 class SurfaceHeat(Plugin):
-    """Heat between the surfaces. What enters the bodies is the friction power, no more, no less."""
+    """Heat exchange between the surfaces: all friction power enters the two bodies as heat."""
 
     share: Annotated[float, Field(ge=0, le=1)] | Literal["effusivity"] = "effusivity"
-    """Part of the friction heat that enters the first body: a number, or by the effusivities
-    sqrt(k rho c) of the two materials."""
+    """Fraction of the friction heat that enters the first body: a number, or `effusivity`: in
+    proportion to the effusivities sqrt(k rho c) of the two materials."""
     conductance: float = Field(default=0.0, ge=0)
-    """Conductance between the surfaces where they touch, W/(m2 K)."""
+    """Thermal contact conductance where the surfaces touch, W/(m2 K)."""
 
 
 class Polygonal(Plugin):
     """Polygonal contact: pressure, friction and frictional heat per area of overlapping facets.
 
-    The first surface is integrated over. Penetration and slip are those along the nearest facet of
-    the second. Both bodies need a mesh, both in the plane or both in space: a rigid one is a
-    flexible body with `fields: []`.
+    Integration is over the first surface. Penetration and slip are relative to the nearest facet of
+    the second surface. Both bodies need a mesh, both in the plane or both in space: a rigid one is
+    a flexible body with `fields: []`.
     """
 
     between: tuple[str, str]
@@ -55,8 +55,8 @@ class Polygonal(Plugin):
     heat: SurfaceHeat | None = None
     """Heat of friction and conduction, for bodies with a thermal field; none when not given."""
     surfaces: Literal["rigid", "deformed"] = "rigid"
-    """Where the surfaces are: `rigid`, carried by the frames alone, or `deformed`, moved by the
-    displacements too."""
+    """Configuration in which contact is evaluated: `rigid`: undeformed surfaces that move with the
+    body frames; `deformed`: with the elastic displacements of the nodes."""
     tolerance: float = Field(default=1e-6, gt=0, lt=0.1)
     """Relative quadrature error of the resultants; Gauss points are added until doubling them
     changes less."""
@@ -89,7 +89,7 @@ class Polygonal(Plugin):
     def _bodies(
         self, parts: Mapping[str, Part]
     ) -> tuple[tuple[Body, IntArray], tuple[Body, IntArray]]:
-        """Both bodies with the facets of their surfaces."""
+        """Both bodies, each with the facets of its contact surface."""
         def find(text: str, key: str) -> tuple[Body, IntArray]:
             target = find_target(parts, text, key)
             body = target.body
@@ -138,7 +138,8 @@ class Polygonal(Plugin):
 
 
 def _dimension(first: Body, second: Body) -> int:
-    """2 or 3; InputError where one body is in the plane and the other in space."""
+    """Common dimension of two bodies, 2 or 3; InputError where one is in the plane and the other in
+    space."""
     d = [b.d for b in (first, second)]
     if d[0] != d[1]:
         flat, solid = (b.name for _, b in sorted(zip(d, (first, second), strict=True),
@@ -149,7 +150,7 @@ def _dimension(first: Body, second: Body) -> int:
 
 
 def effusivity(body: Body) -> float:
-    """sqrt(k rho c), W s^(1/2) / (m2 K)."""
+    """Thermal effusivity sqrt(k rho c), W s^(1/2) / (m2 K)."""
     assert body.heat is not None and body.heat.constants is not None
     stored, conducted = body.heat.constants
     return float(np.sqrt(stored * conducted)) / body.thickness

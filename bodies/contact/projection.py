@@ -1,4 +1,4 @@
-"""Nearest facet of a surface and nearest point on it: segments in 2-D, triangles in 3-D."""
+"""Closest-point projection onto a surface of segments (2-D) or triangles (3-D)."""
 
 from dataclasses import dataclass
 
@@ -10,8 +10,8 @@ from sparsemor.core import FloatArray, IntArray
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Projection:
-    """Of n points: facet (n,); weights (n, d) of its corners at the nearest point; distance (n,)
-    m."""
+    """Closest points of n points on a surface: facet (n,); weights (n, d), barycentric coordinates
+    in the facet; distance (n,), m."""
 
     facet: IntArray
     weights: FloatArray
@@ -23,8 +23,8 @@ def nearest(points: FloatArray, corners: FloatArray) -> Projection:
 
     corners (F, d, d): corners of the facets, ordered for outward normals.
 
-    Broad phase: a search tree over the facets' middles. A facet whose middle is farther than the
-    distance to some facet plus the largest facet radius cannot be the nearest.
+    Broad phase: a search tree over the facets' centroids. A facet whose centroid is farther than
+    the distance to some facet plus the largest facet radius cannot be the nearest.
     """
     middles = corners.mean(axis=1)
     radius = float(np.linalg.norm(corners - middles[:, None], axis=2).max())
@@ -42,8 +42,8 @@ def nearest(points: FloatArray, corners: FloatArray) -> Projection:
 
 
 def closest_points(points: FloatArray, corners: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Weights (n, d) of the nearest point on facet corners[i] (n, d, d) to points[i], and the
-    distance (n,), m."""
+    """Closest point of facet i (corners[i] of (n, d, d)) to points[i] of (n, d): its barycentric
+    coordinates (n, d) and its distance (n,), m."""
     d = points.shape[1]
     if d == 2:
         w = _on_segment(points, corners[:, 0], corners[:, 1])
@@ -55,14 +55,15 @@ def closest_points(points: FloatArray, corners: FloatArray) -> tuple[FloatArray,
 
 
 def _on_segment(points: FloatArray, a: FloatArray, b: FloatArray) -> FloatArray:
-    """(n,) share of b in the nearest point of each segment."""
+    """(n,) coordinate in [0, 1], from a to b, of the closest point on each segment."""
     along = b - a
     share = ((points - a) * along).sum(axis=1) / (along * along).sum(axis=1)
     return np.asarray(np.clip(share, 0.0, 1.0))
 
 
 def _on_triangle(points: FloatArray, corners: FloatArray) -> FloatArray:
-    """(n, 3): the foot of the normal where it is inside, else the nearest of the three edges."""
+    """(n, 3) barycentric coordinates of the closest point of each triangle: the foot of the normal
+    where it is inside, else the closest point of the three edges."""
     a, b, c = corners.transpose(1, 0, 2)
     p, q, r = b - a, c - a, points - a
     pp, qq, pq = (p * p).sum(axis=1), (q * q).sum(axis=1), (p * q).sum(axis=1)

@@ -1,8 +1,8 @@
-"""Gauss rules on segments and triangles, and how many points the laws of a contact need on each.
+"""Gauss rules on segments and triangles, and the number of points that the laws of a contact need.
 
-On a piece the penetration, its rate and the slip are linear, whatever the bodies do, so the laws
-alone decide which rule integrates them, once. A number that depended on the state could change
-within an iteration, and a resultant that jumps by the tolerance has no derivative.
+On a piece of an overlap the penetration, its rate and the slip are linear, so the required rule
+depends on the contact laws alone and is chosen once. A number of points that depended on the state
+could change within an iteration, and the jump of a resultant by the tolerance has no derivative.
 """
 
 import math
@@ -14,14 +14,14 @@ from scipy.special import roots_jacobi
 from sparsemor.core import FloatArray, FrictionLaw, InputError, NormalLaw
 
 FEWEST, MOST = {2: 3, 3: 2}, {2: 24, 3: 12}
-"""Numbers of points along a side that are tried, by dimension."""
+"""Smallest and largest number of points along a side, by dimension."""
 PRESCRIBED = 8
-"""Least number of points a piece in the plane for loads along a prescribed motion."""
+"""Smallest number of points per piece in the plane for loads along a prescribed motion."""
 
 
 def rule(d: int, n: int) -> tuple[FloatArray, FloatArray]:
-    """Barycentric points (n^(d - 1), d) and weights of a facet, whose sum is 1 / (d - 1)!; exact to
-    degree 2 n - 1.
+    """Gauss rule on a facet: barycentric points (n^(d - 1), d) and weights with sum 1 / (d - 1)!;
+    exact to degree 2 n - 1.
 
     On triangles Gauss-Legendre along lines through a corner, Gauss-Jacobi across them (Stroud's
     product rule).
@@ -38,16 +38,19 @@ def rule(d: int, n: int) -> tuple[FloatArray, FloatArray]:
 
 
 def points_along(d: int, points: FloatArray) -> int:
-    """n of the points (n^(d - 1), d) of a rule."""
+    """Number n of points along a side of a rule with points (n^(d - 1), d)."""
     return int(round(math.pow(len(points), 1.0 / (d - 1))))
 
 
 def enough_points(
     d: int, normal: NormalLaw, friction: FrictionLaw | None, tolerance: float
 ) -> int:
-    """Least n for which twice as many points along each side change no resultant by more than
-    `tolerance`, tried on facets that lie between the breaks of the laws and far beyond. InputError
-    when MOST[d] do not do."""
+    """Smallest number of points along a side for which doubling it changes no resultant by more
+    than the relative `tolerance`.
+
+    Tested on facets whose penetration and slip lie between the breaks of the laws and far beyond
+    them. InputError if MOST[d] points are not enough.
+    """
     depth, rate, slip = _trials(d, normal, friction)
     for n in range(FEWEST[d], MOST[d] + 1):
         coarse, fine = (_resultants(depth, rate, slip, normal, friction, k) for k in (n, 2 * n))
@@ -60,13 +63,18 @@ def enough_points(
 
 
 TURNING = np.array([[1.0, 0.0], [1.0, 0.25], [1.25, 0.0]])
-"""Slip at the corners of a triangle, in units of a speed: it turns and changes by a quarter."""
+"""Test slip at the corners of a triangle, in units of a speed: direction and magnitude vary by a
+quarter."""
 
 
 def _trials(
     d: int, normal: NormalLaw, friction: FrictionLaw | None
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Penetration (n, d) and slip (n, d, d - 1) at the corners, rate of the penetration (n, 1)."""
+    """Test states of `enough_points`: penetration (n, d), m, at the corners, penetration rate (n,
+    1), m/s, and slip (n, d, d - 1), m/s, at the corners.
+
+    Order of the return values: penetration, rate, slip.
+    """
     depths = [0.0, *normal.breaks]
     last, unit = depths[-1], depths[-1] or 1e-9
     layers = [*pairwise(depths), *((last, last + unit * 10.0**k) for k in range(6))]
@@ -80,13 +88,15 @@ def _trials(
 
 
 def _slips_in_plane(breaks: tuple[float, ...]) -> list[FloatArray]:
-    """(2, 1) each: between breaks, where pieces are cut."""
+    """Slips (2, 1) at the ends of a segment, m/s: linear between consecutive breaks of the friction
+    law, where pieces are cut."""
     far = 10.0 * max(map(abs, breaks), default=1.0)
     return [np.array([[a], [b]]) for a, b in pairwise([-far, *sorted(breaks), far])]
 
 
 def _slips_in_space(breaks: tuple[float, ...]) -> list[FloatArray]:
-    """(3, 2) each: below the least speed of a break, across zero, and from each break up."""
+    """Slips (3, 2) at the corners of a triangle, m/s: below the smallest break speed of the
+    friction law, through zero, and upwards from each break."""
     speeds = sorted({abs(b) for b in breaks} - {0.0})
     slow = 0.75 * speeds[0] if speeds else 1.0
     across = np.array([[-1.0, 0.0], [1.0, 0.5], [0.5, -1.0]])
@@ -97,7 +107,8 @@ def _resultants(
     depth: FloatArray, rate: FloatArray, slip: FloatArray, normal: NormalLaw,
     friction: FrictionLaw | None, n: int,
 ) -> FloatArray:
-    """(trials, k): normal force, its moment, friction force (in space), its moment and power."""
+    """(k, trials) normal force, its moment, friction force (in space), its moment and power of each
+    test state, by the rule with n points along a side."""
     d = depth.shape[1]
     points, weights = rule(d, n)
     delta, v = depth @ points.T, np.einsum("qi,tik->tqk", points, slip)

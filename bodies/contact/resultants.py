@@ -1,4 +1,4 @@
-"""Force resultants of a contact at some times: the recorded quantities of a run."""
+"""Force resultants of a contact: the quantities that a run records."""
 
 from collections.abc import Mapping
 
@@ -10,15 +10,20 @@ from sparsemor.core import FloatArray, IntArray
 
 
 def names_of(d: int) -> tuple[str, ...]:
-    """"normal" and "friction" N, the sizes of the resultants of pressure and of friction; "power"
-    W; "length" (m) in the plane or "area" (m2) in contact; "pressure" Pa, the largest."""
+    """Names of the recorded resultants in dimension d.
+
+    "normal" and "friction": magnitudes of the resultants of pressure and of friction, N; "power":
+    friction power, W; "length" (m) in the plane or "area" (m2) in contact; "pressure": its maximum,
+    Pa.
+    """
     return "normal", "friction", "power", "length" if d == 2 else "area", "pressure"
 
 
 def resultants(
     times: int, time: IntArray, o: Overlaps, pieces: Pieces, loads: Loads, face: Interface
 ) -> Mapping[str, FloatArray]:
-    """(times,) each, by `names_of`; time (P,): number of the time of each overlap."""
+    """Resultants (times,) by the names of `names_of`; time (P,): number of the time of each
+    overlap."""
     at = time[pieces.overlap]
     normal, friction = (
         np.linalg.norm([np.bincount(at, x, times) for x in vectors.T], axis=0)

@@ -1,8 +1,8 @@
-"""Unknowns of the two surfaces of a contact, and the order in which its term counts them.
+"""Unknowns of the two surfaces of a contact, and their local numbering.
 
-The local unknowns are, in this order: the first frame's, the second's, the displacements of the
-first surface's points and of the second's; those that a side does not have are left out.
-Temperatures of the first surface's points and of the second's come after them.
+Local order: rigid coordinates of the first body, of the second body, displacements of the first
+surface's nodes, of the second surface's nodes; kinds that a surface lacks are left out.
+Temperatures of the first and of the second surface's nodes follow.
 """
 
 from dataclasses import dataclass, replace
@@ -21,8 +21,12 @@ from sparsemor.core import BoolArray, FloatArray, FrameHistory, IntArray, Layout
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Side:
-    """frame (3; 7 or 4 in space; or 0), u (d n or 0), T (n): global numbers of the unknowns of a
-    surface of n points, -1 where one is held. motion: of the frame, when it is prescribed."""
+    """One surface of a contact with the global numbers of its unknowns.
+
+    frame (3 in the plane, 7 or 4 in space, or 0), u (d n or 0) and T (n): global numbers of the
+    rigid coordinates, nodal displacements and nodal temperatures of n nodes; -1 for prescribed
+    values. motion: prescribed motion of the body frame, if any. held: prescribed temperatures.
+    """
 
     surface: Surface
     frame: IntArray
@@ -36,7 +40,8 @@ class Side:
         cls, surface: Surface, layout: Layout, *, moves: bool, deforms: bool, conducts: bool,
         motion: FrameHistory | None = None,
     ) -> Self:
-        """moves: the frame's unknowns take part; deforms, conducts: those of the fields do."""
+        """Side of a surface; `moves`, `deforms`, `conducts`: include the rigid coordinates, the
+        displacements, the temperatures as unknowns."""
         body, nodes = surface.body, surface.nodes
         none = np.zeros(0, np.int64)
         frame = body.position(layout, "rigid") if moves else none
@@ -48,7 +53,8 @@ class Side:
         return cls(surface, frame, u, T, motion, held)
 
     def some(self, chosen: IntArray) -> tuple[Self, IntArray]:
-        """The same with some of the facets, and which points are theirs."""
+        """Copy with the facets `chosen` only, and the positions of their nodes in the surface's
+        `nodes`."""
         surface, used = self.surface.some(chosen)
         u = self.u.reshape(-1, surface.d)[used].ravel() if len(self.u) else self.u
         return replace(self, surface=surface, u=u, T=self.T[used], held=self.held.some(used)), used
@@ -56,7 +62,8 @@ class Side:
     def pose(
         self, frame: FloatArray, rate: FloatArray, t: float
     ) -> tuple[FloatArray, FloatArray]:
-        """Rigid coordinates and their rates; frame, rate: the unknown ones, if there are any."""
+        """Rigid coordinates of the body at time t (s), and their rates: from the prescribed motion,
+        from the unknowns `frame` and `rate`, or at rest in the initial pose."""
         if self.motion is not None:
             pose, velocity, _ = self.motion.at(t)
             return pose, velocity
@@ -68,8 +75,8 @@ class Side:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sizes:
-    """Numbers of local unknowns by kind: frames f1, f2, displacements u1, u2; and of points n1, n2
-    of the surfaces in d dimensions."""
+    """Numbers of local unknowns of a contact in d dimensions: f1, f2 rigid coordinates, u1, u2
+    displacements, n1, n2 nodes of the two surfaces."""
 
     d: int
     f1: int
@@ -86,14 +93,17 @@ class Sizes:
 
     @property
     def whole(self) -> int:
+        """Number of rigid coordinates and displacements of both sides."""
         return self.f1 + self.f2 + self.u1 + self.u2
 
     @property
     def frames(self) -> int:
+        """Number of rigid coordinates of both bodies."""
         return self.f1 + self.f2
 
     def split(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """x (whole,) by kind, displacements as (n, d), zero where there are none."""
+        """Splits x (whole,) into the rigid coordinates and the nodal displacements (n, d) of both
+        sides; displacements are zero for a side without them."""
         a, b = self.f1, self.frames
         c = b + self.u1
         u1 = x[b:c].reshape(-1, self.d) if self.u1 else np.zeros((self.n1, self.d))
@@ -101,7 +111,8 @@ class Sizes:
         return x[:a], x[a:b], u1, u2
 
     def of_points(self, first: IntArray, second: IntArray) -> IntArray:
-        """Numbers of the local unknowns, and of the temperatures after them, of some points."""
+        """Local numbers of the rigid coordinates, and of the displacements and temperatures of the
+        nodes `first` and `second` (positions in each surface's `nodes`)."""
         one, two = self.frames, self.frames + self.u1
         parts = [np.arange(self.frames)]
         if self.u1:
@@ -111,8 +122,12 @@ class Sizes:
         return np.concatenate([*parts, self.whole + first, self.whole + self.n1 + second])
 
     def of_pairs(self, nodes: IntArray) -> IntArray:
-        """(P, m) local numbers of the unknowns of pairs with corners nodes (P, 2 d), numbered
-        through both surfaces: frames, displacements, temperatures."""
+        """(P, m) local numbers of the unknowns of P facet pairs: rigid coordinates, displacements,
+        temperatures.
+
+        nodes (P, 2 d): corners of both facets, the second surface's nodes numbered after the
+        first's.
+        """
         at = [np.broadcast_to(np.arange(self.frames), (len(nodes), self.frames))]
         if self.u1:
             at.append(self.frames + dofs(nodes[:, : self.d], self.d))
@@ -121,7 +136,8 @@ class Sizes:
         return np.concatenate([*at, self.whole + nodes], axis=1)
 
     def touched(self, numbers: IntArray) -> tuple[BoolArray, BoolArray]:
-        """(n1,), (n2,): points of which an unknown has a place in numbers (local + n1 + n2,)."""
+        """(n1,), (n2,) True for nodes with at least one retained unknown; numbers (local + n1 +
+        n2,): -1 for those that are not retained."""
         some = numbers >= 0
         _, _, u1, u2 = self.split(some[: self.whole].astype(np.float64))
         T = some[self.whole :]
@@ -129,5 +145,5 @@ class Sizes:
 
 
 def dofs(nodes: IntArray, d: int) -> IntArray:
-    """(P, d k) numbers of the coordinates of nodes (P, k) or, k = 1, (P,)."""
+    """(P, d k) numbers of the vector components of nodes (P, k); also (P, d) for nodes (P,)."""
     return np.asarray((d * nodes[..., None] + np.arange(d)).reshape(len(nodes), -1))

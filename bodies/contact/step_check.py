@@ -1,5 +1,5 @@
-"""Check for tunnelling: a step that took a surface through the other one, which the forces at its
-end do not show."""
+"""Check for tunnelling: a time step that moved a surface through the other one, which the forces at
+its end do not reveal."""
 
 import numpy as np
 
@@ -13,10 +13,11 @@ from sparsemor.core import FloatArray, IntArray
 def too_deep(
     first: Surface, second: Surface, now: Kinematics, h: float, reach: float, near: BroadPhase
 ) -> float:
-    """Depth (m) of a point of the first surface below the second, where that is more than
-    `reach` and was not so a step of h (s) before; else 0.
+    """Largest depth (m) of a node of the first surface below the second, if it exceeds `reach` (m)
+    and did not one step of h (s) before; else 0.
 
-    A point that crosses a facet within the step was no farther from it before than both moved.
+    Before a step in which it crosses a facet, a node is no farther from the facet than the distance
+    that both move in the step.
     """
     before, facing = now.a - h * now.va, now.b - h * now.vb
     deforms = now.sizes.u2 > 0
@@ -39,8 +40,11 @@ def too_deep(
 def _depth(
     z: FloatArray, points: FloatArray | None, surface: Surface, facet: IntArray
 ) -> FloatArray:
-    """(m,) depth of points z (m, d) below their facets, m; -inf outside the facet's cell. points:
-    of the surface, where it deforms."""
+    """(m,) depth, m, of points z (m, d) below the facets `facet` (m,); -inf outside the facet's
+    cell.
+
+    points: current node positions of the surface, None if it does not deform.
+    """
     if points is None:
         planes, cells = surface.planes.some(facet), surface.cells.some(facet)
     else:

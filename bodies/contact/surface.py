@@ -1,4 +1,5 @@
-"""A surface of a body, ready for contact: facets, their planes, and the cells about them."""
+"""Contact surface of a body: its facets, their planes, and the regions of space nearest to each
+facet."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,9 +16,13 @@ from sparsemor.core import FloatArray, IntArray
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """nodes (n,): sorted point numbers of the body; facets (F, d): positions in `nodes`, ordered
-    for outward normals (fem/surface.py); cells of the undeformed facets; radius: largest distance
-    of a facet's point from its middle, m, of the whole surface where these are a part of one."""
+    """Contact surface: facets of the boundary of a body.
+
+    nodes (n,): sorted node numbers of the body; facets (F, d): corners as positions in `nodes`,
+    ordered for outward normals; cells: regions nearest to each undeformed facet; radius: largest
+    distance of a corner from the centroid of its facet, m, over the whole surface also in a copy
+    with a part of the facets.
+    """
 
     body: Body
     nodes: IntArray
@@ -27,22 +32,27 @@ class Surface:
 
     @classmethod
     def of(cls, body: Body, facets: IntArray) -> Self:
-        """facets (F, d): point numbers of the body, ordered for outward normals."""
+        """Surface of facets (F, d), node numbers of the body, ordered for outward normals."""
         nodes = np.unique(facets)
         at = np.searchsorted(nodes, facets)
         X = body.X[nodes]
         return cls(body, nodes, at, cells_of(X, at, Planes.of(X[at])), float(radii_of(X[at]).max()))
 
     def some(self, chosen: IntArray) -> tuple[Self, IntArray]:
-        """Some of the facets with the cells that they have among all, and which nodes are theirs.
+        """Copy with the facets `chosen` only, and the positions (m,) of their nodes in `nodes`.
+
+        The cells are those of the whole surface.
         """
         used = np.unique(self.facets[chosen])
         return type(self)(self.body, self.nodes[used], np.searchsorted(used, self.facets[chosen]),
                           self.cells.some(chosen), self.radius), used
 
     def cells_at(self, chosen: IntArray, planes: Planes) -> Cells:
-        """Of some facets whose planes these are: in the plane borders keep their angle where a
-        facet is stretched, in space their slope against barycentric numbers."""
+        """Cells of the facets `chosen` in a deformed state, where `planes` are the facets' planes.
+
+        In the plane the borders between cells keep their angle when a segment is stretched; in
+        space they keep their slope in barycentric coordinates.
+        """
         cells = self.cells.some(chosen)
         if self.d == 3:
             return cells
@@ -52,7 +62,7 @@ class Surface:
 
     @property
     def d(self) -> int:
-        """2 in the plane, 3 in space."""
+        """Space dimension: 2 in the plane, 3 in space."""
         return int(self.facets.shape[1])
 
     @cached_property
@@ -62,33 +72,33 @@ class Surface:
 
     @cached_property
     def sizes(self) -> FloatArray:
-        """(F,) shortest edge of each facet, m."""
+        """(F,) length of the shortest edge of each facet, m."""
         corners = self.X[self.facets]
         edges = corners - np.roll(corners, -1, axis=1)
         return np.asarray(np.linalg.norm(edges, axis=2).min(axis=1))
 
     @cached_property
     def radii(self) -> FloatArray:
-        """(F,) largest distance of each facet's points from its middle, m."""
+        """(F,) largest distance of each facet's corners from its centroid, m."""
         return radii_of(self.X[self.facets])
 
     @cached_property
     def tree(self) -> Any:
-        """Search tree over the middles of the facets in the body frame."""
+        """Search tree over the centroids of the undeformed facets, in the body frame."""
         return tree_of(self.X, self.facets)
 
     @cached_property
     def planes(self) -> Planes:
-        """Of the undeformed facets, in the body frame."""
+        """Planes of the undeformed facets, in the body frame."""
         return Planes.of(self.X[self.facets])
 
 
 def radii_of(corners: FloatArray) -> FloatArray:
-    """(F,) of facets (F, d, d)."""
+    """(F,) largest distance of a corner from the centroid, m, of facets with corners (F, d, d)."""
     away = corners - corners.mean(axis=1, keepdims=True)
     return np.asarray(np.linalg.norm(away, axis=2).max(axis=1))
 
 
 def tree_of(z: FloatArray, facets: IntArray) -> Any:
-    """Search tree over the middles of facets of points z (n, d)."""
+    """Search tree over the centroids of facets (F, d), whose nodes are at z (n, d), m."""
     return cKDTree(z[facets].mean(axis=1))

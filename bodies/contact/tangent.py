@@ -1,13 +1,14 @@
 """Derivatives of the nodal forces and heats of a contact, in the second body's axes.
 
-With y = sum s da - sum eta db - delta sum g (n . db), the virtual displacement of the first body's
-point against the second body's, everything follows from a few rules (w, h, L: see below):
+Notation of pieces.py. Let y = sum s da - sum eta db - delta sum g (n . db) be the virtual
+displacement of the first body's point relative to the second body's. With L = sum b' g^T and h =
+L^T n = sum g (n . b'),
 
-    d delta = -n . y,   d eta = g . y,   dn = -sum g (n . db),
-    dw = -L y + (n . y) h - delta dh   with w at rest, L = sum b' g^T, h = L^T n = sum g (n . b').
+    d delta = -n . y,   d eta = g . y,   dn = -sum g (n . db),   dw = -L y + (n . y) h - delta dh
 
-A force F = p (n - phi slip) acts on w, on y and on dn; it is brought to the corners by the
-transpose of y. Where only the first surface moves, y = sum s da and the rest is zero.
+where dw is for constant nodal velocities. A force F = p (n - phi slip) depends on w, y and dn; its
+nodal forces follow with the transpose of y. Where only the first surface moves, y = sum s da and
+the other terms are zero.
 """
 
 from dataclasses import dataclass
@@ -23,9 +24,12 @@ from sparsemor.core import FloatArray, IntArray
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Tangent:
-    """Of each overlap, rows being forces on the corners (D = d^2 where only the first surface
-    moves, else 2 d^2), then heats (2 d): by position z and by velocity rate (P, D + 2 d, D), by
-    temperature T (P, 2 d, 2 d) of the heats."""
+    """Derivatives of the nodal forces and heats of each of P overlaps.
+
+    z, rate (P, D + 2 d, D): derivatives by the positions and by the velocities of the corners;
+    rows: forces on the corners (D = d^2 where only the first surface moves, else 2 d^2), then heats
+    (2 d). T (P, 2 d, 2 d): derivative of the heats by the corner temperatures.
+    """
 
     z: FloatArray
     rate: FloatArray
@@ -36,8 +40,12 @@ class Tangent:
         cls, o: Overlaps, pieces: Pieces, face: Interface, loads: Loads, T: FloatArray | None,
         deforms: bool, warms: bool,
     ) -> "Tangent":
-        """deforms: the traction may jump at every border of a cell; warms: rows of heats are asked
-        for, which are else zero."""
+        """Derivatives for given overlaps, pieces and nodal loads; T (P, 2 d): corner temperatures,
+        K.
+
+        deforms: the traction may jump at every border of a cell; warms: compute the rows of the
+        heats, which are zero otherwise.
+        """
         q = Samples.at(o, pieces.overlap, pieces.samples(face.points), face)
         W = weights_of(o, pieces, face)
         responses = Responses.of(o, q, face, T)
@@ -56,7 +64,7 @@ class Tangent:
 
 
 def summed(values: FloatArray, of: IntArray, number: int) -> FloatArray:
-    """(number, ...): sums of values (M, ...) with the same `of` (M,), sorted."""
+    """(number, ...) sums of values (M, ...) over equal entries of `of` (M,), which is sorted."""
     made = np.zeros((number, *values.shape[1:]))
     if len(of):
         starts = np.flatnonzero(np.diff(of, prepend=-1))
@@ -66,8 +74,12 @@ def summed(values: FloatArray, of: IntArray, number: int) -> FloatArray:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Responses:
-    """Per area, at points (M, q): force on the first body by y, by w and by dn (d, d); friction
-    heat and conducted heat by them (d); the force, the friction heat, the heat that flows."""
+    """Tractions and heat fluxes at quadrature points (M, q), and their derivatives.
+
+    force_y, force_w, force_n (M, q, d, d): derivatives of the traction on the first body by y, w
+    and n; heat_y, heat_w, heat_n (M, q, d): of the friction heat; flow_y: of the conducted heat;
+    force (M, q, d), Pa; heat, flow (M, q), W/m2.
+    """
 
     force_y: FloatArray
     force_w: FloatArray
@@ -118,14 +130,15 @@ class Responses:
 
 
 def _turning(vb: FloatArray, g: FloatArray, n: FloatArray) -> FloatArray:
-    """(P, d, d): dw = (-L + h n^T) y."""
+    """(P, d, d) matrix -L + h n^T, with dw = (-L + h n^T) y (module docstring)."""
     L = vb.transpose(0, 2, 1) @ g
     h = L.transpose(0, 2, 1) @ n[:, :, None]
     return np.asarray(h * n[:, None] - L)
 
 
 def _measure(o: Overlaps) -> FloatArray:
-    """(P, 2 d^2): derivative of the measure by the corners of both facets."""
+    """(P, 2 d^2) derivative of the projected measure (`Pairs.measure`) by the corners of both
+    facets."""
     a, n, g = o.pairs.a, o.pairs.planes.n, o.pairs.planes.g
     first = -area_slopes(a, n)
     second = (g @ area_vector(a)[:, :, None]) * n[:, None]
@@ -135,7 +148,8 @@ def _measure(o: Overlaps) -> FloatArray:
 def _first_moves(
     o: Overlaps, q: Samples, W: FloatArray, of: Responses
 ) -> tuple[FloatArray, FloatArray]:
-    """Forces (M, d^2, d^2) by position and by velocity of the first facet's corners."""
+    """Derivatives (M, d^2, d^2) of the nodal forces by positions and by velocities of the first
+    facet's corners."""
     (M, k), d, D = W.shape, o.d, o.d**2
     pairs = (q.s[..., :, None] * q.s[..., None, :]).reshape(M, k, D) * W[..., None]
     made = [pairs.transpose(0, 2, 1) @ force.reshape(M, k, D)
@@ -148,7 +162,8 @@ def _first_moves(
 def _warm_first(
     o: Overlaps, q: Samples, W: FloatArray, of: Responses, face: Interface
 ) -> tuple[FloatArray, FloatArray]:
-    """Heats (M, 2 d, d^2) by position and by velocity of the first facet's corners."""
+    """Derivatives (M, 2 d, d^2) of the nodal heats by positions and by velocities of the first
+    facet's corners."""
     (M, k), d = W.shape, o.d
 
     def columns(by: FloatArray) -> FloatArray:
@@ -161,25 +176,31 @@ def _warm_first(
 
 
 def _heats(q: Samples, columns: FloatArray, share: float) -> FloatArray:
-    """(M, 2 d, D): friction heat's derivative columns (M, q, D) at the corners."""
+    """(M, 2 d, D) derivative of the nodal friction heats, from the derivative of the friction heat
+    at quadrature points, columns (M, q, D), weighted.
+
+    share: fraction that enters the first body.
+    """
     return np.concatenate([share * (q.s.transpose(0, 2, 1) @ columns),
                            (1.0 - share) * (q.eta.transpose(0, 2, 1) @ columns)], axis=1)
 
 
 def _conducted(q: Samples, columns: FloatArray) -> FloatArray:
-    """(M, 2 d, D): heat that flows leaves the first and enters the second."""
+    """(M, 2 d, D) derivative of the nodal conducted heats, which leave the first facet and enter
+    the second, from that at quadrature points, columns (M, q, D), weighted."""
     return np.concatenate([-(q.s.transpose(0, 2, 1) @ columns),
                            q.eta.transpose(0, 2, 1) @ columns], axis=1)
 
 
 def _carried(o: Overlaps, q: Samples, of: Responses, share: float) -> FloatArray:
-    """(M, q, d, d): share of d eta = g . y in the heat at the second facet's corners, by y."""
+    """(M, q, d, d) derivative by y of the heat at the second facet's corners through its shape
+    functions eta: d eta = g . y."""
     into = (1.0 - share) * of.heat + of.flow
     return np.asarray(into[..., None, None] * o.pairs.planes.g[q.of][:, None])
 
 
 def _displacement(o: Overlaps, q: Samples) -> FloatArray:
-    """(M, q, d, 2 d^2): y by the corners of both facets."""
+    """(M, q, d, 2 d^2) derivative of y by the corners of both facets."""
     n, g = o.pairs.planes.n[q.of], o.pairs.planes.g[q.of]
     eye = np.eye(o.d)
     first = q.s[..., None, :, None] * eye[:, None]
@@ -192,7 +213,8 @@ def _displacement(o: Overlaps, q: Samples) -> FloatArray:
 def _both_move(
     o: Overlaps, q: Samples, W: FloatArray, of: Responses
 ) -> tuple[FloatArray, FloatArray]:
-    """Forces (M, 2 d^2, 2 d^2) by position and by velocity of both facets' corners."""
+    """Derivatives (M, 2 d^2, 2 d^2) of the nodal forces by positions and by velocities of both
+    facets' corners."""
     B, tilt, swing = _moves(o, q)
     (M, k), d, D = W.shape, o.d, B.shape[3]
     by_z = of.force_y @ B + of.force_n @ tilt - of.force_w @ swing
@@ -204,7 +226,8 @@ def _both_move(
 def _warm_both(
     o: Overlaps, q: Samples, W: FloatArray, of: Responses, face: Interface
 ) -> tuple[FloatArray, FloatArray]:
-    """Heats (M, 2 d, 2 d^2) by position and by velocity of both facets' corners."""
+    """Derivatives (M, 2 d, 2 d^2) of the nodal heats by positions and by velocities of both facets'
+    corners."""
     B, tilt, swing = _moves(o, q)
 
     def columns(by: FloatArray, of_what: FloatArray) -> FloatArray:
@@ -217,13 +240,14 @@ def _warm_both(
 
 
 def _moves(o: Overlaps, q: Samples) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """(M, q, d, D), (M, 1, d, D), (M, q, d, D): y, dn and delta dh by both facets' corners."""
+    """Derivatives of y (M, q, d, D), of n (M, 1, d, D) and delta times that of h (M, q, d, D), by
+    both facets' corners."""
     tilt, swing = (x[q.of][:, None] for x in _tilts(o))
     return _displacement(o, q), tilt, q.depth[..., None, None] * swing
 
 
 def _tilts(o: Overlaps) -> tuple[FloatArray, FloatArray]:
-    """(P, d, D) each: the normal, and h, by the corners of both facets."""
+    """Derivatives (P, d, D) of the normal n and of h by the corners of both facets."""
     n, g, vb = o.pairs.planes.n, o.pairs.planes.g, o.pairs.vb
     assert vb is not None
     P, d, D = len(n), o.d, o.d**2
@@ -239,7 +263,8 @@ def _tilts(o: Overlaps) -> tuple[FloatArray, FloatArray]:
 def _bent(
     o: Overlaps, q: Samples, W: FloatArray, of: Responses, B: FloatArray, tilt: FloatArray
 ) -> FloatArray:
-    """(M, D, D) of a constant force whose weights at the second facet's corners move."""
+    """(M, D, D) derivative of the nodal forces for a constant traction: its weights at the second
+    facet's corners depend on the positions."""
     n, g = o.pairs.planes.n[q.of], o.pairs.planes.g[q.of]
     F = W[..., None] * of.force
     M, d, D = len(W), o.d, o.d**2
@@ -265,7 +290,7 @@ def _bent(
 
 
 def _conduction(o: Overlaps, q: Samples, W: FloatArray, face: Interface) -> FloatArray:
-    """(P, 2 d, 2 d)"""
+    """(P, 2 d, 2 d) derivative of the nodal conducted heats by the corner temperatures, W/K."""
     if face.conductance == 0.0:
         return np.zeros((len(o.at), 2 * o.d, 2 * o.d))
     g = np.concatenate([q.s, -q.eta], axis=2)

@@ -1,4 +1,5 @@
-"""Contact of two surfaces as a local term of the equations, in the plane and in space."""
+"""Contact of two surfaces as a term of the equations of motion and heat, in the plane and in space.
+"""
 
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -26,8 +27,9 @@ from sparsemor.core import BoolArray, CompressedLocal, Csr, FloatArray, IntArray
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Evaluation:
-    """Overlaps with their nodes (P, 2 d), numbered through both surfaces, the first one's before,
-    and temperatures T (P, 2 d) at these, K."""
+    """Contact at one state. nodes (P, 2 d): corners of both facets of each overlap, the second
+    surface's nodes numbered after the first's; T (P, 2 d): temperatures there, K, for conduction.
+    """
 
     kinematics: Kinematics
     nodes: IntArray
@@ -39,13 +41,13 @@ class _Evaluation:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ContactTerm:
-    """Rows: minus the generalized forces, and minus the heat, of what acts between two surfaces.
-
-    deforms: points move with the displacements, so that facets are searched where they are; reach:
-    deepest penetration (m) that is trusted; active: facets (F,) of each surface that are evaluated
-    (against all of the other). reads, writes (local + n1 + n2,): columns and rows of the local
-    unknowns (side.py) and then of the temperatures, -1: none.
-    """
+    """Contact contribution to the residual: minus the generalized forces and heats that act between
+    two surfaces. rows, columns: global numbers of the equations and unknowns; near: search for
+    close facets; deforms: nodes move with the displacements, so facets are searched in the deformed
+    state; reach: largest admissible penetration, m; active: masks (F,) of the facets of each
+    surface that are evaluated (against all of the other surface). reads, writes (local + n1 + n2,):
+    positions in `columns` and `rows` of the local unknowns (side.py) and then of the temperatures;
+    -1: none."""
 
     rows: IntArray
     columns: IntArray
@@ -64,7 +66,7 @@ class ContactTerm:
         cls, sides: tuple[Side, Side], face: Interface, near: BroadPhase, deforms: bool,
         reach: float,
     ) -> Self:
-        """Of all unknowns that the sides have."""
+        """Term with all unknowns of both sides."""
         one, two = sides
         numbers = np.concatenate([one.frame, two.frame, one.u, two.u, one.T, two.T])
         columns = np.unique(numbers[numbers >= 0])
@@ -74,7 +76,8 @@ class ContactTerm:
 
     @property
     def elements(self) -> int:
-        """Facets of the first surface that are evaluated, each against those near it."""
+        """Number of evaluated facets of the first surface, each against close facets of the second.
+        """
         first, second = (int(a.sum()) for a in self.active)
         return min(len(self.active[0]), first + second)
 
@@ -86,7 +89,7 @@ class ContactTerm:
     # ------------------------------------------------------------------ evaluation
 
     def _kinematics(self, x: FloatArray, v: FloatArray, t: float) -> Kinematics | None:
-        """None for a state that overflowed: no tree can be searched there."""
+        """Kinematics of both surfaces; None if the state is not finite."""
         if not (np.isfinite(x).all() and np.isfinite(v).all()):
             return None
         local = self.reads[: Sizes.of(*self.sides).whole]
@@ -111,7 +114,7 @@ class ContactTerm:
         return _Evaluation(here, nodes, o, pieces, nodal(o, pieces, self.face, T), T)
 
     def _pairs(self, here: Kinematics, planes: Planes) -> tuple[IntArray, IntArray]:
-        """Facets of both surfaces that are evaluated with each other."""
+        """Numbers of the facets of the first and of the second surface in each evaluated pair."""
         first, second = (s.surface for s in self.sides)
         corners = here.a[first.facets]
         middles = corners.mean(axis=1)
@@ -144,13 +147,13 @@ class ContactTerm:
             np.float64)
 
     def _forces(self, now: _Evaluation) -> FloatArray:
-        """(n1 + n2, d) at all points, N, in the second body's axes."""
+        """(n1 + n2, d) contact forces at all nodes, N, in the second body's axes."""
         n = now.kinematics.sizes
         at, f = now.nodes[now.pieces.overlap].ravel(), now.loads.force.reshape(-1, n.d)
         return np.array([np.bincount(at, c, n.n1 + n.n2) for c in f.T], dtype=np.float64).T
 
     def _heats(self, now: _Evaluation) -> FloatArray:
-        """(n1 + n2,) at all points, W."""
+        """(n1 + n2,) heats at all nodes, W."""
         n, at = now.kinematics.sizes, now.nodes[now.pieces.overlap].ravel()
         return np.bincount(at, now.loads.heat.ravel(), n.n1 + n.n2).astype(np.float64)
 
@@ -197,7 +200,8 @@ class ContactTerm:
         return made
 
     def check_step(self, x: FloatArray, v: FloatArray, t: float, h: float) -> str:
-        """Why the state at the end of a step of about h (s) is not to be trusted; "" if it is."""
+        """Error if a step of about h (s) has moved a point through the other surface; "" otherwise.
+        """
         first, second = (s.surface for s in self.sides)
         here = self._kinematics(x, v, t)
         depth = 0.0 if here is None else too_deep(first, second, here, h, self.reach, self.near)
@@ -210,11 +214,11 @@ class ContactTerm:
 
     @property
     def histories(self) -> tuple[str, ...]:
-        """Names of the resultants of the contact: none where facets are left out."""
+        """Names of the recorded resultants; empty where facets are left out."""
         return names_of(self.sides[0].surface.d) if self._whole else ()
 
     def resultants(self, x: FloatArray, v: FloatArray, t: float) -> dict[str, float]:
-        """The contact at one moment, by the names in `histories`. x, v: of an accepted step."""
+        """Resultants at an accepted state x, v and time t (s), by the names in `histories`."""
         now = self._evaluate(x, v, t)
         assert now is not None
         found = resultants(1, np.zeros(len(now.nodes), np.int64), now.overlaps, now.pieces,
@@ -228,7 +232,8 @@ class ContactTerm:
         return FollowedContact.of(local) if self.deforms and local.elements else local
 
     def restrict(self, keep: IntArray) -> Self:
-        """Only facets that touch the kept rows, and what those and their partners read."""
+        """Term with the rows `keep` only, the facets that contribute to them and the columns they
+        need."""
         writes = renumbered(self.writes, keep, len(self.rows))
         n = Sizes.of(*self.sides)
         active = self.active
@@ -242,7 +247,8 @@ class ContactTerm:
                        reads=renumbered(self.reads, used, len(self.columns)), active=active)
 
     def _read(self, active: tuple[BoolArray, BoolArray]) -> BoolArray:
-        """(local + n1 + n2,): unknowns and temperatures of active facets and their partners."""
+        """(local + n1 + n2,) True for unknowns and temperatures on which the active facets depend.
+        """
         n = Sizes.of(*self.sides)
         if not (active[0].any() or active[1].any()):
             return np.zeros(len(self.reads), bool)
@@ -262,8 +268,7 @@ class ContactTerm:
 
     @property
     def movers(self) -> tuple[Mover, Mover]:
-        """Both surfaces as bounded by the Verlet list: reference points, facets, and the columns of
-        their frame and nodal unknowns."""
+        """Both surfaces for the Verlet list: reference positions and columns of their unknowns."""
         n = Sizes.of(*self.sides)
         ends = np.cumsum([0, n.f1, n.f2, n.u1, n.u2])
         columns = [self.reads[i:j] for i, j in pairwise(ends)]
@@ -274,13 +279,13 @@ class ContactTerm:
         return first, second
 
     def points(self, x: FloatArray, t: float) -> tuple[FloatArray, FloatArray] | None:
-        """(n1, d), (n2, d), m, in the second body's axes; None for a state that overflowed."""
+        """Node positions (n1, d), (n2, d), m, in the second body's axes; None if not finite."""
         here = self._kinematics(x, 0.0 * x, t)
         return None if here is None else (here.a, here.b)
 
     def among(self, first: IntArray, second: IntArray) -> tuple[Self, IntArray, IntArray]:
-        """The contact of some facets of either surface with each other alone, and which of the
-        columns and of the rows are theirs."""
+        """The contact between the facets `first` and `second` of the two surfaces alone, and the
+        positions of its columns and rows in this term."""
         n = Sizes.of(*self.sides)
         (one, used1), (two, used2) = (s.some(chosen) for s, chosen in zip(
             self.sides, (first, second), strict=True))

@@ -1,11 +1,11 @@
 """Tractions and heat between two facets, as forces and heat at their corners.
 
-The force on the first body is p n - tau per area, tau along the slip. It acts on both bodies at one
-place: on the first facet's corners with weights s, on the second's as on a rigid arm from its
-projection. With the second body's virtual displacement there, sum eta db + delta sum g (n . db)
-(pieces.py), a force F is eta F + delta (g . F) n at its corners. So forces *and* torques are equal
-and opposite however deep the penetration is, and their power is that of the penetration's rate and
-the slip.
+The force on the first body is p n - tau per area, with tau along the slip (notation: pieces.py). It
+acts on both bodies at the same point: it is distributed to the first facet's corners with weights
+s, and acts on the second facet through a rigid arm from the projection of the point. With the
+second body's virtual displacement there, sum eta db + delta sum g (n . db), a force F gives eta F +
+delta (g . F) n at the second facet's corners. So forces and torques are equal and opposite for any
+penetration, and their power is that of the penetration rate and the slip.
 """
 
 from dataclasses import dataclass
@@ -18,9 +18,12 @@ from sparsemor.core import FloatArray, FrictionLaw, IntArray, NormalLaw
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Interface:
-    """Laws between two surfaces. width: thickness (m) in the plane, 1 in space; share: part of the
-    friction heat that enters the first body; conductance W/(m2 K); points (q, d), weights (q,):
-    Gauss rule in barycentric numbers (quadrature.py)."""
+    """Constitutive laws and quadrature rule of the contact between two surfaces.
+
+    width: thickness (m) in the plane, 1 in space; share: fraction of the friction heat that enters
+    the first body; conductance, W/(m2 K); points (q, d), weights (q,): Gauss rule in barycentric
+    coordinates (quadrature.py).
+    """
 
     normal: NormalLaw
     friction: FrictionLaw | None
@@ -33,10 +36,14 @@ class Interface:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Samples:
-    """Contact variables at places s (N, q, d) of overlaps `of` (N,): penetration (m), its rate and
-    the slip (m/s, d), eta (d); pressure (Pa) with its derivatives; speed of the slip, in the plane
-    with its sign along the second facet; ratio of friction to pressure with its derivative by the
-    speed; phi = ratio / speed, s/m."""
+    """Contact variables at q points of each of N simplices.
+
+    of (N,): number of the overlap; s (N, q, d): points, barycentric in the first facet; depth:
+    penetration, m; sink: its rate, m/s; slip (d components), m/s; eta: barycentric coordinates in
+    the second facet; p, p_depth, p_sink: pressure, Pa, and its derivatives; speed: of the slip, in
+    the plane with its sign along the second facet; ratio, ratio_slip: friction over pressure and
+    its derivative by the speed; phi = ratio / speed, s/m.
+    """
 
     of: IntArray
     s: FloatArray
@@ -72,19 +79,22 @@ class Samples:
         return cls(of, s, depth, sink, slip, eta, p, p_depth, p_sink, speed, ratio, slope, phi)
 
     def drag(self) -> FloatArray:
-        """(N, q, d) friction on the first body, per area of the second surface, Pa."""
+        """(N, q, d) friction traction on the first body, per area of the second surface, Pa."""
         return np.asarray(-(self.p * self.phi)[:, :, None] * self.slip)
 
     def power(self) -> FloatArray:
-        """(N, q) friction heat, W/m2."""
+        """(N, q) friction power per area, W/m2."""
         return self.p * self.ratio * self.speed
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Loads:
-    """Of each simplex of the pieces: force (M, 2 d, d), N, and heat (M, 2 d), W, on the corners of
-    both facets, d of the first and d of the second; push and drag (M, d), N, on the first body;
-    power (M,), W; area (M,) in contact, m2."""
+    """Nodal forces and heats of M simplices, and their resultants.
+
+    force (M, 2 d, d), N, and heat (M, 2 d), W: on the corners of the first and then of the second
+    facet; push, drag (M, d), N: pressure and friction force on the first body; power (M,): friction
+    power, W; area (M,): contact area, m2.
+    """
 
     force: FloatArray
     heat: FloatArray
@@ -95,13 +105,18 @@ class Loads:
 
 
 def weights_of(o: Overlaps, pieces: Pieces, face: Interface) -> FloatArray:
-    """(M, q), m2: integration weight of each point on the second surface: its share of the area."""
+    """(M, q) integration weight of each quadrature point: its share of the area projected on the
+    second surface, m2."""
     area = pieces.size * o.measure[pieces.overlap] * face.width
     return np.asarray(area[:, None] * face.weights)
 
 
 def nodal(o: Overlaps, pieces: Pieces, face: Interface, T: FloatArray | None) -> Loads:
-    """T (P, 2 d): temperatures at the corners of the overlaps' facets, K, for conduction."""
+    """Nodal forces and heats of all pieces.
+
+    T (P, 2 d): temperatures at the corners of the overlaps' facets, K, for conduction; None
+    without.
+    """
     q = Samples.at(o, pieces.overlap, pieces.samples(face.points), face)
     W = weights_of(o, pieces, face)
     n, g = o.pairs.planes.n[q.of], o.pairs.planes.g[q.of]
@@ -122,12 +137,13 @@ def nodal(o: Overlaps, pieces: Pieces, face: Interface, T: FloatArray | None) ->
 
 
 def drop(q: Samples, T: FloatArray) -> FloatArray:
-    """(N, q) temperature of the first surface above the second's, K."""
+    """(N, q) temperature of the first surface minus that of the second one, K; T (P, 2 d): corner
+    temperatures."""
     at, d = T[q.of], q.s.shape[2]
     one, two = q.s @ at[:, :d, None], q.eta @ at[:, d:, None]
     return np.asarray((one - two)[:, :, 0])
 
 
 def _summed(values: FloatArray, weights: FloatArray) -> FloatArray:
-    """(N, d) of values (N, q) times weights (N, q, d)."""
+    """(N, d) sums over q of values (N, q) times weights (N, q, d)."""
     return np.asarray((values[:, None] @ weights)[:, 0])

@@ -1,4 +1,5 @@
-"""Unknowns of a surface's points, and prescribed temperatures there."""
+"""Global numbers of the displacements and temperatures of a surface's nodes, and prescribed
+temperatures there."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -11,7 +12,7 @@ from sparsemor.core import Amplitude, FloatArray, IntArray, Layout
 
 
 def elastic_numbers(body: Body, layout: Layout, nodes: IntArray) -> IntArray:
-    """(n, d) global numbers of the displacements of points nodes (n,), -1 where there are none."""
+    """(n, d) global numbers of the displacements of `nodes` (n,); -1 for fixed ones."""
     d = body.d
     numbers = np.full(d * len(body.X), -1)
     if body.elasticity is not None:
@@ -20,7 +21,7 @@ def elastic_numbers(body: Body, layout: Layout, nodes: IntArray) -> IntArray:
 
 
 def thermal_numbers(body: Body, layout: Layout, nodes: IntArray) -> IntArray:
-    """(n,) global numbers of the temperatures of points nodes (n,), -1 where there are none."""
+    """(n,) global numbers of the temperatures of `nodes` (n,); -1 for prescribed ones."""
     numbers = np.full(len(body.X), -1)
     if body.heat is not None:
         numbers[body.heat.free] = body.position(layout, "thermal")
@@ -28,7 +29,8 @@ def thermal_numbers(body: Body, layout: Layout, nodes: IntArray) -> IntArray:
 
 
 def found_in(numbers: IntArray, among: IntArray) -> IntArray:
-    """Positions of numbers in a sorted list; -1 where the list lacks them, or they are -1."""
+    """Positions of `numbers` in the sorted list `among`; -1 for numbers that are -1 or not in the
+    list."""
     if not len(among):
         return np.full(numbers.shape, -1)
     at = np.minimum(np.searchsorted(among, numbers), len(among) - 1)
@@ -36,7 +38,8 @@ def found_in(numbers: IntArray, among: IntArray) -> IntArray:
 
 
 def renumbered(positions: IntArray, kept: IntArray, size: int) -> IntArray:
-    """Positions in a list of `size` as positions in the list of those `kept`, -1 where left out."""
+    """Positions in a list of length `size`, converted to positions in the sublist `kept`; -1 for
+    entries that the sublist omits."""
     new = np.full(size + 1, -1)  # the last one for positions that are -1
     new[kept] = np.arange(len(kept))
     new[-1] = -1
@@ -44,31 +47,32 @@ def renumbered(positions: IntArray, kept: IntArray, size: int) -> IntArray:
 
 
 def picked(x: FloatArray, at: IntArray) -> FloatArray:
-    """x at positions `at`, 0 where one is -1."""
+    """Entries of x (N,) at positions `at`; 0 where the position is -1."""
     return np.where(at >= 0, x[at], 0.0) if len(x) else np.zeros(at.shape)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PrescribedTemperatures:
-    """Temperatures that are no unknowns: pairs of points of a surface and T(t), K."""
+    """Prescribed temperatures of a surface: pairs of node positions and a function T(t), K."""
 
     prescribed: Sequence[tuple[IntArray, Amplitude]] = ()
 
     @classmethod
     def of(cls, body: Body, nodes: IntArray) -> Self:
-        """Those that the body prescribes at points nodes (n,), sorted."""
+        """Temperatures that the body prescribes at its `nodes` (n,), sorted."""
         if body.heat is None:
             return cls()
         return cls([(np.flatnonzero(np.isin(nodes, at)), f.value)
                     for at, f in body.heat.prescribed])
 
     def some(self, used: IntArray) -> "PrescribedTemperatures":
-        """Of some of the points alone."""
+        """Prescribed temperatures at the subset `used` (m,) of the nodes, renumbered."""
         return replace(self, prescribed=[(np.flatnonzero(np.isin(used, at)), f)
                                          for at, f in self.prescribed])
 
     def filled(self, T: FloatArray, t: float) -> FloatArray:
-        """T (n,), K, with those prescribed at time t."""
+        """Copy of the temperatures T (n,), K, with the prescribed ones set to their values at time
+        t, s."""
         T = T.copy()
         for at, function in self.prescribed:
             T[at] = function(t)

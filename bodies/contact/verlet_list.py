@@ -1,11 +1,12 @@
-"""A contact on deformed surfaces in a reduced model: only facets near each other are looked at.
+"""Verlet list of a reduced contact on deformed surfaces: only facets close to the other surface are
+evaluated.
 
-Facets of either surface that have one of the other within the search radius and a margin are kept
-in a list with the state that they were found at. While no point can have moved farther than the
-margin since then, no other pair can meet, and the list gives what all facets would (Verlet 1967,
-doi 10.1103/PhysRev.159.98). How far points can have moved is bounded by the change of the few
-reduced unknowns. So a step costs what is near the contact, and only a new list, once a margin, what
-the surfaces have.
+The list contains the facets of each surface that have a facet of the other one within the search
+radius plus a margin, and the state at which it was built. While no node can have moved farther than
+the margin since then, no other pair of facets can touch, and the result equals that of all facets
+(Verlet 1967, doi 10.1103/PhysRev.159.98). The displacement of the nodes is bounded through the
+change of the few reduced unknowns. So a step costs what the facets near the contact cost; only
+building a new list costs as much as the number of all facets.
 """
 
 from dataclasses import dataclass
@@ -19,11 +20,12 @@ from sparsemor.bodies.contact.motion_bound import MotionBound, Mover
 from sparsemor.core import CompressedLocal, FloatArray, IntArray
 
 MARGIN = 0.1
-"""Of the smaller surface's extent: a length that does not shrink with the facets."""
+"""Margin of the list as a fraction of the smaller surface's extent, a length that does not shrink
+with the facets."""
 
 
 class Followable(Protocol):
-    """A contact term of two surfaces that move with its unknowns."""
+    """A contact term of two surfaces that move with its unknowns, for use with a Verlet list."""
 
     @property
     def near(self) -> BroadPhase: ...
@@ -31,18 +33,20 @@ class Followable(Protocol):
     def movers(self) -> tuple[Mover, Mover]: ...
 
     def points(self, x: FloatArray, t: float) -> tuple[FloatArray, FloatArray] | None:
-        """(n1, d), (n2, d), m, in any axes that both share; None for a state that overflowed."""
+        """Node positions of both surfaces, (n1, d) and (n2, d), m, in common axes; None if the
+        state is not finite."""
         ...
 
     def among(self, first: IntArray, second: IntArray) -> tuple[Any, IntArray, IntArray]:
-        """The contact of some facets of either surface with each other alone, and which of the
-        columns and of the rows are theirs."""
+        """The contact between the facets `first` and `second` of the two surfaces alone, with the
+        positions of its columns and rows among those of the whole term."""
         ...
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FollowedContact:
-    """A `ReducedTerm`: the whole contact, which makes lighter copies of itself (`near`)."""
+    """Projected contact term of all facets, which builds copies with the facets of a Verlet list
+    (`near`)."""
 
     whole: CompressedLocal
     facets: tuple[IntArray, IntArray]
@@ -89,12 +93,16 @@ class FollowedContact:
         return self.whole.check_step(x, v, t, h)
 
     def moved(self, change: FloatArray, x: FloatArray, beyond: float = 0.0) -> float:
-        """m, how far points of both surfaces together move at most from x (k,) to x + change."""
+        """Upper bound, m, of the distance that nodes of the two surfaces together move from the
+        reduced state x (k,) to x + change.
+
+        beyond: additional distance of the points from the surface, m.
+        """
         first, second = self.bounds
         return first.bound(change, x, beyond) + second.bound(change, x, beyond)
 
     def near(self, x: FloatArray) -> "LocalContact":
-        """The same at all states within the margin of x (k,)."""
+        """Contact of the facets in a new Verlet list, built at the reduced state x (k,)."""
         w = self.whole
         term: Followable = self.term
         points = term.points(w.offset + w.atoms @ x, 0.0)
@@ -111,14 +119,18 @@ class FollowedContact:
 
 
 def _beside(middles: FloatArray, others: FloatArray, radius: float) -> IntArray:
-    """Numbers of the facets that have another surface's facet within a radius."""
+    """Numbers of the facets, given by centroids `middles`, that have a centroid of `others` within
+    the radius, m."""
     distance = cKDTree(others).query(middles, distance_upper_bound=radius)[0]
     return np.flatnonzero(np.isfinite(distance))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LocalContact:
-    """A `ReducedTerm` for states that `holds`: facets near each other at one of them; None: none.
+    """Projected contact term of the facets in a Verlet list, valid for states that `holds` accepts.
+
+    of: the contact of all facets; at (k,): reduced state at which the list was built; some: the
+    term of the listed facets, None if there are none.
     """
 
     of: FollowedContact
@@ -130,6 +142,7 @@ class LocalContact:
         return 0 if self.some is None else self.some.elements
 
     def holds(self, x: FloatArray) -> bool:
+        """True while the list is valid: no node has moved farther than the margin."""
         return self.of.moved(x - self.at, self.at) <= self.of.margin
 
     def residual(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> FloatArray:
@@ -150,8 +163,12 @@ class LocalContact:
         return self.some.resultants(x, v, t)
 
     def check_step(self, x: FloatArray, v: FloatArray, t: float, h: float) -> str:
-        """Asked where the points were a step of h (s) before, too: the list must hold there. In
-        turning axes a point has the speed of what turns with them there, off the surface."""
+        """Tunnelling check of the contact term; empty if passed.
+
+        It also uses the nodes' positions one step of h (s) earlier, so the list must be valid
+        there; otherwise all facets are checked. In rotating axes a node's velocity includes that of
+        the axes at a distance from the surface.
+        """
         whole = self.of
         beyond = whole.margin + whole.term.near.radius
         reached = whole.moved(x - self.at, self.at) + 2.0 * h * whole.moved(v, x, beyond)

@@ -1,6 +1,6 @@
-"""Isotropic thermoelasticity of linear simplices: one law for plane stress, plane strain, solids.
+"""Isotropic thermoelasticity of linear simplices, in plane stress, plane strain and 3-D.
 
-sigma = lam tr(eps) I + 2 mu eps - beta dT I, with constants that depend on the model only.
+sigma = lam tr(eps) I + 2 mu eps - beta dT I, with constants that depend on the model.
 """
 
 from dataclasses import dataclass
@@ -17,9 +17,11 @@ Model: TypeAlias = Literal["plane_stress", "plane_strain", "solid"]
 
 @dataclass(frozen=True, slots=True)
 class Law:
-    """lam, mu in Pa, beta in Pa/K, for the components in the model's own d dimensions.
+    """Constants of the thermoelastic law: lam, mu in Pa, beta in Pa/K, for the components in d
+    dimensions.
 
-    The stress across the plane is lam_out tr(eps) - beta_out dT; both are 0 in plane stress.
+    The stress normal to the plane is lam_out tr(eps) - beta_out dT; both constants are 0 in plane
+    stress.
     """
 
     lam: float
@@ -30,7 +32,7 @@ class Law:
 
 
 def law(material: Material, model: Model) -> Law:
-    """The constants of `material`; InputError when E or nu is missing."""
+    """Constants of the thermoelastic law of a material; InputError when E or nu is missing."""
     E, nu, alpha = require(material, ("E", "nu", "alpha"), "elastic")
     mu = E / (2 * (1 + nu))
     if model == "plane_stress":
@@ -44,9 +46,10 @@ def law(material: Material, model: Model) -> Law:
 def elastic_stiffness(
     mesh: Mesh, material: Material, thickness: float = 1.0, model: Model = "plane_stress"
 ) -> Csr:
-    """(d N, d N), N/m; unknown number is d * node + component. thickness in m, 1 in 3-D.
+    """Stiffness matrix (d N, d N), N/m; unknown number is d * node + component. thickness in m, 1
+    in 3-D.
 
-    Singular: rigid motion is not removed.
+    Singular: contains the rigid-body modes.
     """
     from sparsemor.bodies.fem import forms
 
@@ -59,7 +62,8 @@ def elastic_stiffness(
 def thermoelastic_coupling(
     mesh: Mesh, material: Material, thickness: float = 1.0, model: Model = "plane_stress"
 ) -> Csr:
-    """K_fT (d N, N), N/K: nodal thermal forces are K_fT (T - T_ref), T linear in each cell."""
+    """Coupling matrix K_fT (d N, N), N/K: nodal thermal forces are K_fT (T - T_ref), T linear in
+    each cell."""
     from sparsemor.bodies.fem import forms
 
     _check_model(mesh, model)
@@ -70,7 +74,7 @@ def thermoelastic_coupling(
 def stress(
     mesh: Mesh, material: Material, model: Model, u: FloatArray, dT: FloatArray
 ) -> FloatArray:
-    """(E, 3, 3), Pa: Cauchy stress at each cell's centroid, out-of-plane part included.
+    """(E, 3, 3) Cauchy stress at each cell's centroid, Pa, including the out-of-plane components.
 
     u (d N,): displacements, m. dT (N,): temperatures above the stress-free one, K.
     """

@@ -1,4 +1,4 @@
-"""Internal force and heat balance of a body, element by element (`core.protocols`)."""
+"""Internal force and heat balance of a body per element, for hyper-reduction by element weights."""
 
 from __future__ import annotations
 
@@ -19,7 +19,8 @@ from sparsemor.core import (
 
 
 def elastic_integrals(body: HasFields) -> ElasticIntegrals:
-    """Internal forces of the free displacements: as `body_terms.write_elasticity`."""
+    """Element integrals of the internal forces on the free displacements; their sum is that of
+    `body_terms.write_elasticity`."""
     from sparsemor.bodies.fem import forms
 
     e, mesh, t = body.elasticity, body.mesh, body.thickness
@@ -46,7 +47,8 @@ def elastic_integrals(body: HasFields) -> ElasticIntegrals:
 
 
 def heat_integrals(body: HasFields) -> HeatIntegrals:
-    """Heat balance of the free temperatures: as `body_terms.write_conduction`."""
+    """Element integrals of the heat balance of the free temperatures; their sum is that of
+    `body_terms.write_conduction`."""
     from sparsemor.bodies.fem import forms
 
     h, mesh = body.heat, body.mesh
@@ -67,7 +69,8 @@ def heat_integrals(body: HasFields) -> HeatIntegrals:
 def _prescribed(
     h: Heat, mesh: Mesh, C: FloatArray, K: FloatArray
 ) -> tuple[list[FloatArray], tuple[Amplitude, ...]]:
-    """Contribution of prescribed temperatures and their rates to the remaining rows."""
+    """Element vectors and amplitudes of the contribution of prescribed temperatures and their rates
+    to the remaining rows."""
     columns, amplitudes = [np.zeros(mesh.cells.shape)], []
     for held, function in h.prescribed:
         there = _indicator(mesh, held)
@@ -77,7 +80,7 @@ def _prescribed(
 
 
 def _positions(free: IntArray, size: int) -> IntArray:
-    """(size,) position of each unknown among the free ones, -1 where it is none."""
+    """(size,) position of each unknown among the free ones; -1 for prescribed ones."""
     positions = np.full(size, -1, dtype=np.int64)
     positions[free] = np.arange(len(free))
     return positions
@@ -90,11 +93,11 @@ def _indicator(mesh: Mesh, nodes: IntArray) -> FloatArray:
 
 
 def _applied(matrices: FloatArray, mesh: Mesh, nodal: FloatArray) -> FloatArray:
-    """(E, p): element matrices (E, p, d + 1) times nodal values (N,)."""
+    """(E, p) products of element matrices (E, p, d + 1) with nodal values (N,)."""
     return np.asarray(np.einsum("epc,ec->ep", matrices, nodal[mesh.cells]))
 
 
 def _columns(rows: IntArray, n: int, vectors: Sequence[FloatArray]) -> Integrals:
-    """Vectors (E, p), one for each column."""
+    """Element integrals with the vectors (E, p) as columns."""
     columns = np.broadcast_to(np.arange(len(vectors)), (len(rows), len(vectors)))
     return Integrals(rows, columns, np.stack(vectors, axis=2), (n, len(vectors)))

@@ -9,10 +9,11 @@ from sparsemor.core import Csr, FloatArray, IntArray, Mesh, TimeFunction
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Elasticity:
-    """Constant matrices over all 2N displacements; `free` (n,) are the unknown ones.
+    """Constant matrices of an elastic body over all d N displacements; `free` (n,): numbers of the
+    unknown ones.
 
-    coupling (2N, N) K_fT; damping is Rayleigh's: a mass + b stiffness. law: what the element
-    matrices are made from once more, for reducers that weigh elements.
+    coupling (d N, N): thermal forces K_fT; damping: Rayleigh, a mass + b stiffness. law: constants
+    of the element matrices, for reducers that weight elements.
     """
 
     free: IntArray
@@ -24,11 +25,12 @@ class Elasticity:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Heat:
-    """Capacity and conductivity over all N temperatures; `free` (m,) are the unknown ones.
+    """Capacity and conductivity matrices over all N temperatures; `free` (m,): numbers of the
+    unknown ones.
 
-    prescribed: (nodes, function) pairs of temperatures that the scene gives. constants: rho c
-    thickness, J/(m2 K), and k thickness, W/K, for element matrices. lumped: whether the capacity is
-    diagonal, its row sums.
+    prescribed: pairs (nodes, function) of prescribed temperatures. constants: rho c thickness,
+    J/(m2 K), and k thickness, W/K, for element matrices. lumped: True for a diagonal capacity
+    matrix (row sums).
     """
 
     free: IntArray
@@ -40,7 +42,8 @@ class Heat:
 
 
 class HasFields(Protocol):
-    """A body's mesh and fields, as `bodies.body.Body` has them: T0, T_ref (N,) K, thickness m."""
+    """Interface of a body with a mesh and fields: T0, T_ref (N,): initial and stress-free
+    temperature, K; thickness, m."""
 
     @property
     def name(self) -> str: ...

@@ -1,12 +1,12 @@
-"""Weak forms of a thermoelastic body: the form is the code, in any dimension.
+"""Weak forms of a thermoelastic body in scikit-fem notation, for any dimension.
 
     mass        w u v                   stiffness  lam div u div v + 2 mu eps(u) : eps(v)
     conduction  w grad u . grad v       expansion  w T div v
     flux        w v on facets           normal     w v . n on facets
 
 u, v: trial and test functions, scalar (temperature, one displacement component) or vector with the
-unknown number d * node + component. Imported only where something is assembled: scikit-fem takes
-longer to import than a scene takes to be read.
+unknown number d * node + component. Import this module only for assembly: the import of scikit-fem
+takes longer than reading a scene.
 """
 
 from collections.abc import Iterator
@@ -20,9 +20,10 @@ from skfem.helpers import ddot, div, dot, grad, sym_grad
 from sparsemor.core import BoolArray, Csr, FloatArray, IntArray, Mesh
 
 CHUNK = 1 << 15
-"""Cells assembled at a time: what is held next to the matrix stays below about 100 MB."""
+"""Number of cells assembled at a time, which limits additional memory to about 100 MB."""
 ROUND_OFF = 1e-14
-"""Entries no larger, relative to the largest of their row and column, are sums that cancel."""
+"""Entries no larger than this, relative to the largest of their row and column, are cancelled sums.
+"""
 _MESHES = {2: skfem.MeshTri, 3: skfem.MeshTet}
 _ELEMENTS = {2: skfem.ElementTriP1, 3: skfem.ElementTetP1}
 
@@ -57,8 +58,8 @@ def matrix(
 ) -> Csr:
     """Matrix of a bilinear form on all cells; integrands of degree `order` are exact.
 
-    rows, columns: whether the test and the trial function are vectors: d N unknowns for N.
-    Entries that cancel to round-off are left out, so that a symmetric form has a symmetric pattern.
+    rows, columns: the test or trial function is a vector: d N unknowns instead of N. Entries that
+    cancel to round-off are dropped, so that a symmetric form has a symmetric pattern.
     """
     d, n = mesh.dimension, len(mesh.points)
     shape = (d * n if rows else n, d * n if columns else n)
@@ -76,7 +77,8 @@ def elements(
     form: Any, mesh: Mesh, order: int, *, rows: bool = False, columns: bool = False,
     **weights: float,
 ) -> FloatArray:
-    """(E, p, q): matrix of a bilinear form on each cell, corner by corner, components inside."""
+    """(E, p, q) element matrices of a bilinear form; unknown number is d * corner + component for
+    vectors."""
     d, corners = mesh.dimension, mesh.cells.shape[1]
     p, q = (corners * d if vector else corners for vector in (rows, columns))
     return np.concatenate([  # scikit-fem keeps its entries by trial, test function and cell
@@ -85,9 +87,9 @@ def elements(
 
 
 def facet_matrix(form: Any, mesh: Mesh, facets: IntArray, **weights: float) -> Csr:
-    """(N, N): matrix of a bilinear form of scalars on boundary facets (F, d) of point numbers.
+    """(N, N) matrix of a scalar bilinear form on boundary facets (F, d) of point numbers.
 
-    Shape functions of other points vanish there but for round-off, which is left out.
+    Entries of other points are round-off and are dropped.
     """
     basis = _facet_basis(mesh, facets, vector=False)
     whole = csr_array(skfem.BilinearForm(form).assemble(basis, **weights))
@@ -102,7 +104,7 @@ def facet_matrix(form: Any, mesh: Mesh, facets: IntArray, **weights: float) -> C
 def facet_vector(
     form: Any, mesh: Mesh, facets: IntArray, *, vector: bool = False, **weights: float
 ) -> FloatArray:
-    """(N,) or, of vectors, (N, d): linear form on boundary facets (F, d) of point numbers; zero at
+    """(N,) or, for vectors, (N, d) linear form on boundary facets (F, d) of point numbers; zero at
     all other points."""
     basis = _facet_basis(mesh, facets, vector)
     values = skfem.LinearForm(form).assemble(basis, **weights)
@@ -124,7 +126,7 @@ def _without_round_off(A: Csr) -> Csr:
 
 
 def _on(mesh: Mesh, facets: IntArray) -> BoolArray:
-    """(N,): points of the facets."""
+    """(N,) True for points of the facets."""
     found: BoolArray = np.zeros(len(mesh.points), dtype=np.bool_)
     found[facets] = True
     return found
@@ -149,7 +151,7 @@ def _mesh(mesh: Mesh) -> Any:
 
 
 def _facet_basis(mesh: Mesh, facets: IntArray, vector: bool) -> Any:
-    """Basis on some boundary facets, found among scikit-fem's own by their sorted points."""
+    """scikit-fem basis on given boundary facets, identified by their sorted points."""
     whole, wanted = _mesh(mesh), np.sort(facets, axis=1)
     own = whole.facets.T
     keys, sought = (np.ravel_multi_index(a.T, (len(mesh.points),) * mesh.dimension)

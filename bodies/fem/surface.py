@@ -1,6 +1,6 @@
-"""Boundary facets of linear simplices, and integrals over some of them.
+"""Boundary facets of linear simplices, and integrals over them.
 
-A facet is a row of d point numbers, ordered so that its normal points out of the body.
+A facet is a row of d point numbers, ordered for an outward normal.
 """
 
 import numpy as np
@@ -9,7 +9,7 @@ from sparsemor.core import Csr, FloatArray, InputError, IntArray, Mesh, outer_fa
 
 
 def boundary_facets(mesh: Mesh, nodes: IntArray) -> IntArray:
-    """(F, d): the boundary facets whose points all belong to `nodes`, outward ordered.
+    """(F, d) boundary facets with all points in `nodes`, ordered for outward normals.
 
     InputError when there are none: the set is inside the body, or a single point.
     """
@@ -25,7 +25,7 @@ def boundary_facets(mesh: Mesh, nodes: IntArray) -> IntArray:
 
 
 def facet_normals(mesh: Mesh, facets: IntArray) -> FloatArray:
-    """(F, d), m (2-D) or m2 (3-D): outward normals whose length is the facet's measure."""
+    """(F, d) outward normals whose length is the facet's measure, m (2-D) or m2 (3-D)."""
     sides = mesh.points[facets[:, 1:]] - mesh.points[facets[:, :1]]
     if mesh.dimension == 2:
         return np.stack([sides[:, 0, 1], -sides[:, 0, 0]], axis=1)
@@ -38,21 +38,22 @@ def facet_measures(mesh: Mesh, facets: IntArray) -> FloatArray:
 
 
 def surface_load(mesh: Mesh, facets: IntArray, thickness: float = 1.0) -> FloatArray:
-    """(N,), m2: integral of phi_i over the facets. Times a flux (W/m2) it is nodal heat (W)."""
+    """(N,) integral of phi_i over the facets, m2. Times a flux (W/m2) it is nodal heat (W)."""
     from sparsemor.bodies.fem import forms
 
     return forms.facet_vector(forms.flux, mesh, facets, weight=thickness)
 
 
 def surface_normal_load(mesh: Mesh, facets: IntArray, thickness: float = 1.0) -> FloatArray:
-    """(N, d), m2: integral of phi_i n, n outward. Times minus a pressure (Pa): nodal forces (N)."""
+    """(N, d) integral of phi_i n, m2, n outward. Times minus a pressure (Pa) it is nodal forces
+    (N)."""
     from sparsemor.bodies.fem import forms
 
     return forms.facet_vector(forms.normal, mesh, facets, vector=True, weight=thickness)
 
 
 def surface_mass(mesh: Mesh, facets: IntArray, weight: float) -> Csr:
-    """(N, N): integral of weight phi_i phi_j over the facets.
+    """(N, N) integral of weight phi_i phi_j over the facets.
 
     weight: film coefficient (W/(m2 K)) * thickness (m, 1 in 3-D) gives a convection matrix, W/K.
     """

@@ -7,7 +7,7 @@ from sparsemor.core import Csr, Mesh
 
 
 def scalar_mass(mesh: Mesh, weight: float) -> Csr:
-    """(N, N): integral of weight * phi_i * phi_j, consistent (not lumped).
+    """Scalar mass matrix (N, N): integral of weight * phi_i * phi_j, consistent (not lumped).
 
     weight: rho * thickness (kg/m2) in 2-D, rho (kg/m3) in 3-D, for the mass of one displacement
     component; times the specific heat (J/(kg K)) for the heat capacity (J/K).
@@ -18,18 +18,20 @@ def scalar_mass(mesh: Mesh, weight: float) -> Csr:
 
 
 def capacity(mesh: Mesh, rho: float, c: float, thickness: float = 1.0) -> Csr:
-    """(N, N), J/K: integral of rho c phi_i phi_j. thickness in m, 1 in 3-D."""
+    """Heat capacity matrix (N, N), J/K: integral of rho c phi_i phi_j. thickness in m, 1 in 3-D."""
     return scalar_mass(mesh, rho * c * thickness)
 
 
 def lumped(matrix: Csr) -> Csr:
-    """(N, N): the row sums of a mass or capacity on its diagonal. Its integral is the same."""
+    """Lumped matrix (N, N): row sums of a mass or capacity matrix on the diagonal; the total is the
+    same."""
     sums = np.asarray(matrix.sum(axis=1)).ravel()
     return csr_array(diags_array(sums))
 
 
 def conductivity(mesh: Mesh, k: float, thickness: float = 1.0) -> Csr:
-    """(N, N), W/K: integral of k grad phi_i . grad phi_j. thickness in m, 1 in 3-D."""
+    """Conductivity matrix (N, N), W/K: integral of k grad phi_i . grad phi_j. thickness in m, 1 in
+    3-D."""
     from sparsemor.bodies.fem import forms
 
     return forms.matrix(forms.conduction, mesh, 0, weight=k * thickness)

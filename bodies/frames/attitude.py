@@ -1,8 +1,9 @@
-"""Attitude of a frame: free (unit quaternion), or about the z axis of space (angle).
+"""Attitude of a body frame: free (unit quaternion), or about the z axis of space (angle).
 
-What the equations need of either is A and its derivatives by the turning coordinates, so one kernel
-serves both. The angle is for what spins about a fixed axis: it needs no multiplier, and BDF1 keeps
-a constant rate of it, where it takes (w h / 2)^2 of the rate from a quaternion in each step.
+The equations need the rotation matrix A and its derivatives by the attitude coordinates only, so
+both parametrisations share one implementation. The angle suits bodies that rotate about a fixed
+axis: it needs no multiplier, and BDF1 keeps a constant rate exactly, whereas each step reduces the
+rate of a quaternion by the fraction (w h / 2)^2.
 """
 
 from typing import TypeAlias
@@ -13,11 +14,13 @@ from sparsemor.bodies.frames import rotation as rot
 from sparsemor.core import FloatArray, vectors_in_space
 
 Rates: TypeAlias = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
-"""w, alpha (3,) in body axes, 1/s and 1/s^2; their derivatives (3, n) by the coordinates."""
+"""Angular velocity w and acceleration alpha (3,) in body axes, 1/s and 1/s^2, and their derivatives
+(3, n) by the attitude coordinates."""
 
 
 class Free:
-    """Quaternion p (4,). A (3, 3): body axes to space axes."""
+    """Attitude by a unit quaternion p (4,), with rotation matrix A (3, 3) from body to space axes.
+    """
 
     __slots__ = ("A", "E", "G", "p")
     size = 4
@@ -27,33 +30,38 @@ class Free:
         self.A = self.E.dot(self.G.T)
 
     def of_body(self, b: FloatArray) -> FloatArray:
-        """(3, n): derivative of A b."""
+        """(3, n) derivative of A b by the attitude coordinates."""
         return rot.of_body_vector(self.E, b)
 
     def of_space(self, f: FloatArray) -> FloatArray:
-        """(3, n): derivative of A^T f."""
+        """(3, n) derivative of A^T f by the attitude coordinates."""
         return rot.of_space_vector(self.G, f)
 
     def bend(self, f: FloatArray, b: FloatArray) -> FloatArray:
-        """(n, n): second derivative of f . A b."""
+        """(n, n) second derivative of f . A b by the attitude coordinates."""
         return rot.bend(f, b)
 
     def turning(self, q1: FloatArray, q2: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """w and alpha alone."""
+        """Angular velocity and acceleration (3,) in body axes, without derivatives; q1, q2: rates
+        of the coordinates."""
         return 2.0 * self.G.dot(q1), 2.0 * self.G.dot(q2)
 
     def rates(self, q1: FloatArray, q2: FloatArray, c1: float, c2: float) -> Rates:
-        """G is linear in p and G(p) q = -G(q) p."""
+        """Angular velocity, acceleration and their derivatives by the coordinates, where q1, q2
+        change by c1, c2 times the coordinates.
+
+        Uses that G is linear in p and G(p) q = -G(q) p.
+        """
         G = self.G
         return (*self.turning(q1, q2), (2.0 * c1) * G - 2.0 * rot.to_body(q1),
                 (2.0 * c2) * G - 2.0 * rot.to_body(q2))
 
     def lever(self) -> FloatArray:
-        """(n, 3): force on the coordinates of a torque in body axes."""
+        """(n, 3) generalized force on the attitude coordinates per torque in body axes."""
         return 2.0 * self.G.T
 
     def of_lever(self, torque: FloatArray) -> FloatArray:
-        """(n, n): derivative of lever @ torque."""
+        """(n, n) derivative of lever @ torque by the attitude coordinates."""
         return rot.of_moment(torque)
 
 
@@ -61,7 +69,7 @@ Z = np.array([[0.0], [0.0], [1.0]])
 
 
 class Spin:
-    """Angle (1,), rad, about the z axis of space and body."""
+    """Attitude by an angle (1,), rad, about the common z axis of space and body."""
 
     __slots__ = ("A",)
     size = 1
@@ -97,12 +105,13 @@ Attitude: TypeAlias = Free | Spin
 
 
 def attitude(q: FloatArray) -> Attitude:
-    """Of turning coordinates (4,) or (1,)."""
+    """Attitude with coordinates q: quaternion (4,) or angle (1,)."""
     return Free(q) if len(q) == Free.size else Spin(q)
 
 
 def velocity_at(pose: FloatArray, velocity: FloatArray, z: FloatArray) -> FloatArray:
-    """(d,) velocity, m/s, of a body point z (d,), m, by rigid coordinates and their rates."""
+    """(d,) velocity, m/s, of a material point z (d,), m, of a body, from its rigid coordinates and
+    their rates."""
     if len(z) == 2:
         arm = vectors_in_space(pose[None], z)
         return np.asarray(velocity[:2] + velocity[2] * rot.GENERATORS[2][0] @ arm[0])

@@ -1,10 +1,10 @@
-"""Conditions between two frames: points that slide and, in space, directions that stay
+"""Constraints between two frames: points that slide and, in space, directions that stay
 perpendicular.
 
-Both are products of coordinates of both bodies, so they are in the kernel of one of them (the own
-one, which may be flexible) and read the other's rigid coordinates as border unknowns; the ground
-is another body that stands at the origin. All derivatives follow from the potential
-sum lambda_k g_k, so the border stays symmetric.
+Both are products of coordinates of both bodies. They are evaluated with the equations of one of
+them (the own body, which may be flexible) and read the rigid coordinates of the other; the ground
+is another body at rest at the origin. All derivatives follow from the potential sum lambda_k g_k,
+so the matrix of rigid coordinates and multipliers stays symmetric.
 """
 
 from dataclasses import dataclass, field, replace
@@ -30,12 +30,13 @@ GROUND = {2: np.zeros(3), 3: np.array([0.0, 0, 0, 1, 0, 0, 0])}
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Facing:
-    """g_k = (A d_k) . (A_o e_k) with d (l, 3) in own axes, e (l, 3) in the other's.
+    """Perpendicularity constraints g_k = (A d_k) . (A_o e_k): d (l, 3) in own axes, e (l, 3) in the
+    other body's.
 
-    others: number of the other body's coordinates that are border unknowns, 0 when it stands at
-    `place` (7 or 4,). turns: d turns with the mean rotation of a flexible set, (3,) rad, in own
-    axes; `turned` is that rotation in the shape that displacements count from. turn: angle (rad) by
-    which e is turned about `axis` (3,) of the other body, a function of time.
+    others: number of the other body's rigid coordinates that are unknowns, 0 if it is at rest at
+    `place` (7 or 4,). turns: d rotates with the mean rotation of a flexible set of nodes, (3,) rad,
+    in own axes; turned: that rotation in the shape from which displacements are measured. turn:
+    angle (rad) by which e is rotated about `axis` (3,) of the other body, a function of time.
     """
 
     own: FloatArray
@@ -66,14 +67,15 @@ class Facing:
         return replace(self, turned=self.turned + s) if self.turns else self
 
     def faces(self, t: float) -> FloatArray:
-        """(l, 3) e at t, s."""
+        """(l, 3) directions e at time t, s."""
         if self.turn is None or self.axis is None:
             return self.other
         A = rot.rotation(rot.about(self.axis.tolist(), self.turn(t)))
         return np.asarray(self.other.dot(A.T))
 
     def time_derivative(self, order: int, t: float, h: float) -> "Facing | None":
-        """With e' = alpha' n x e and e'' = alpha'' n x e + alpha'^2 n x (n x e), n the axis."""
+        """The constraint's partial time derivative: e' = alpha' n x e or e'' = alpha'' n x e +
+        alpha'^2 n x (n x e), n the axis."""
         if self.turn is None or self.axis is None:
             return None
         rate, curvature = time_derivatives(self.turn, t, h)
@@ -116,7 +118,7 @@ class Facing:
     def _own_rows(
         m: Motion, k: int, lam: float, d: FloatArray, f: FloatArray, D: FloatArray, out: Sums
     ) -> None:
-        """Derivatives by the own turning coordinates; D = d (A d) / dq."""
+        """Rows and derivatives of the own attitude coordinates; D = d (A d) / dq."""
         mine, at = f.dot(D), m.at
         out.rows[at] += lam * mine
         out.H[k, at] = out.H[at, k] = mine
@@ -127,7 +129,8 @@ class Facing:
         m: Motion, far: Attitude, o: int, k: int, lam: float, Ad: FloatArray, e: FloatArray,
         D: FloatArray, D_o: FloatArray, out: Sums,
     ) -> None:
-        """Derivatives by the other's turning coordinates, from o on, and by both."""
+        """Rows and derivatives of the other body's attitude coordinates, numbered from o, and mixed
+        derivatives."""
         H, theirs, both, there = out.H, Ad.dot(D_o), lam * D.T.dot(D_o), slice(o, o + far.size)
         out.rows[there] += lam * theirs
         H[k, there] = H[there, k] = theirs
@@ -139,7 +142,8 @@ class Facing:
         self, m: Motion, at: slice, o: int, k: int, lam: float, lever: FloatArray, f: FloatArray,
         D_o: FloatArray, out: Sums,
     ) -> None:
-        """Contribution of the mean rotation of a flexible set: d g = (d0 x A^T f) . d turned."""
+        """Contribution of the mean rotation `turned` of a flexible set: dg = (d0 x A^T f) .
+        d(turned)."""
         pull = lever.dot(m.A.T.dot(f))
         out.sigma[at] += lam * pull
         out.sigma_y[k, at] = pull
@@ -150,10 +154,12 @@ class Facing:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Slide:
-    """g_k = (R + A z - R_o - A_o z_o) . (A_o e_k): the own point stays on lines of the other body.
+    """Point-on-line constraints g_k = (R + A z - R_o - A_o z_o) . (A_o e_k): the own point stays on
+    lines of the other body.
 
-    point (d,) = z in own axes, m; lines (l, d) = e and base (d,) = z_o in the other's; others: as
-    in `Facing`, the other body standing at `place` where it is 0.
+    point (d,) = z in own axes, m; lines (l, d) = e, normals, and base (d,) = z_o, m, in the other
+    body's axes; others: number of the other body's rigid coordinates that are unknowns, 0 if it is
+    at rest at `place`.
     """
 
     point: FloatArray
@@ -228,7 +234,7 @@ class Slide:
         self, m: Motion, far: Attitude, o: int, k: int, lam: FloatArray, gap: FloatArray,
         n: FloatArray, D: FloatArray, out: Sums,
     ) -> None:
-        """Derivatives by the other's coordinates, from o on."""
+        """Rows and derivatives of the other body's rigid coordinates, numbered from o."""
         H, line = out.H, lam.dot(self.lines)
         place, there = slice(o, o + 3), slice(o + 3, o + self.others)
         turn = far.of_body(line)  # of the force, by the other's turning coordinates

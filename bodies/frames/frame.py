@@ -1,4 +1,5 @@
-"""Frame kernels: each sums its items' equations of one body (equations.md, section 1)."""
+"""Equations of a body frame as sums over items: inertia, forces, joints (equations.md, section 1).
+"""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -19,9 +20,12 @@ AnyItem = TypeVar("AnyItem", bound=Item)
 
 @dataclass(frozen=True, eq=False)
 class ItemFrame(Generic[AnyItem]):
-    """Border unknowns: own rigid coordinates (`size`: in the plane position and angle 3; in space
-    position and quaternion 7, or angle 4), those of the other bodies that items read, then the
-    items' forces. `elastic` False when the body has no elastic block."""
+    """Equations of a body frame as a sum over items.
+
+    Unknowns: own rigid coordinates (`size`: in the plane position and angle 3; in space position
+    and quaternion 7, or angle 4), those of the other bodies that items read, then the items'
+    multipliers. `elastic`: True if the body has displacement unknowns.
+    """
 
     items: tuple[AnyItem, ...]
     elastic: bool
@@ -29,26 +33,32 @@ class ItemFrame(Generic[AnyItem]):
 
     @cached_property
     def rigid_size(self) -> int:
+        """Number of rigid coordinates: own ones and those of other bodies that items read."""
         return self.size + sum(i.others for i in self.items)
 
     @cached_property
     def border(self) -> int:
+        """Number of rigid coordinates and multipliers (the bordered unknowns of the linear system).
+        """
         return self.rigid_size + sum(i.forces for i in self.items)
 
     @cached_property
     def p(self) -> int:
+        """Number of functionals of the displacements that the items use."""
         return sum(i.directions for i in self.items) if self.elastic else 0
 
     @cached_property
     def generators(self) -> int:
-        """None at rest, where no inertia but M u'' acts."""
+        """Number of inertia matrices M_g; zero for a frame at rest, where M u'' is the only inertia
+        force."""
         inert = any(isinstance(i, Inertia) or (isinstance(i, Nothing) and i.inert)
                     for i in self.items)
         return moments_of(self.size).count if self.elastic and inert else 0
 
     @cached_property
     def starts(self) -> tuple[tuple[int, int, int], ...]:
-        """Of each item: its first direction, coordinate of another body and force."""
+        """For each item, the numbers of its first functional, first coordinate of another body and
+        first multiplier."""
         made, j, o, k = [], 0, self.size, self.rigid_size
         for item in self.items:
             made.append((j, o, k))
@@ -57,13 +67,13 @@ class ItemFrame(Generic[AnyItem]):
 
     @cached_property
     def inertias(self) -> tuple[tuple[int, Inertia], ...]:
-        """Inertia and its first direction, if the body is flexible and has one."""
+        """Inertia items of a flexible body, with the number of their first functional."""
         return tuple((j, i) for i, (j, _, _) in zip(self.items, self.starts, strict=True)
                      if self.elastic and isinstance(i, Inertia))
 
     @property
     def shape_columns(self) -> tuple[tuple[int, int], ...]:
-        """The second-moment directions of the inertia are M_g X."""
+        """Pairs (number of the functional, g) of the inertia's second-moment functionals M_g X."""
         return tuple((j + len(i.moment) + g, g) for j, i in self.inertias
                      for g in range(i.moments.count))
 
@@ -77,8 +87,11 @@ class ItemFrame(Generic[AnyItem]):
 
 @dataclass(frozen=True, eq=False)
 class SpatialFrame(ItemFrame[SpatialItem]):
-    """Frame of a body in space. Where its motion is prescribed, items act on displacements by
-    `push`; `without_push` finds those that could not."""
+    """Equations of a body frame in space.
+
+    Where the motion is prescribed, items act on the displacements by `push`; `without_push` lists
+    items that lack it.
+    """
 
     def evaluate(
         self, y: FloatArray, v: FloatArray, a: FloatArray, c1: float, c2: float,
@@ -113,7 +126,8 @@ class SpatialFrame(ItemFrame[SpatialItem]):
         self, y: FloatArray, v: FloatArray, a: FloatArray, c1: float, c2: float,
         times: FloatArray,
     ) -> FloatArray:
-        """(T, 2 g + p): what `drive` gives, at all times (T,) at once."""
+        """(T, 2 g + p) loads on the displacements under prescribed motion at all times (T,), s, at
+        once: as `drive` at each."""
         m = MotionAtTimes(self.size, y, v, a, c1, times)
         out = Pushes(len(times), self.p, self.generators)
         for item, j in self._pushing():
@@ -121,7 +135,7 @@ class SpatialFrame(ItemFrame[SpatialItem]):
         return np.hstack([out.coefficients, out.sigma])
 
     def _pushing(self) -> Iterator[tuple[Pushing, int]]:
-        """Items that push, with their first direction."""
+        """Items with `push`, and the number of their first functional."""
         for item, (j, _, _) in zip(self.items, self.starts, strict=True):
             if isinstance(item, Pushing):
                 yield item, j
@@ -136,12 +150,13 @@ class SpatialFrame(ItemFrame[SpatialItem]):
 
     @property
     def without_push(self) -> tuple[SpatialItem, ...]:
-        """Items that act on displacements by more than unknown forces, but have no `push`."""
+        """Items that act on displacements other than by multipliers, but have no `push`."""
         return tuple(i for i in self.items
                      if i.directions and not i.forces and not isinstance(i, Pushing))
 
     def time_derivative(self, order: int, t: float, h: float) -> "SpatialFrame | None":
-        """The frame of the partial derivative by time of its items' constraint rows, at t, s."""
+        """Frame with the partial time derivatives (order 1 or 2) of its items' constraints at time
+        t, s; None if all are zero."""
         made: list[SpatialItem] = []
         for i in self.items:
             of_time = i.time_derivative(order, t, h) if isinstance(i, Timed) else None

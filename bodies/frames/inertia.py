@@ -5,7 +5,8 @@ frame origin is
 
     sum z x M acc = (sum m z) x A^T R'' + J alpha + w x J w + K1 w + 2nd moments of (z, u''),
 
-J of the moments (z, z), K1 of (z, u'). A rigid body is the case of constant moments.
+where J follows from the moments (z, z) and K1 from (z, u'). For a rigid body the moments are
+constant.
 """
 
 from dataclasses import dataclass, field, replace
@@ -22,14 +23,14 @@ from sparsemor.bodies.frames.motion import Motion, Sums
 from sparsemor.core import FloatArray
 
 FIRST = 3
-"""Directions of the first moment in space, before those of the second moments."""
+"""Number of first-moment functionals in space; those of the second moments follow them."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Inertia:
-    """mass (kg), moment (d,) = sum m X (kg m), second (g,) = X.M_g X (kg m^2).
+    """Inertia of a body: mass (kg), moment (d,) = sum m X (kg m), second (g,) = X.M_g X (kg m^2).
 
-    Directions: m e_i (d), then M_g X (g).
+    Functionals of the displacements: m e_i (d), then M_g X (g).
     """
 
     mass: float
@@ -88,8 +89,8 @@ class Inertia:
         self, m: Motion, j: int, spin: FloatArray, wx: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray, tuple[FloatArray, FloatArray] | None,
                FloatArray | float]:
-        """sum m z; J; sum m acc without R'', body axes; sum m u' and K1 when the body deforms; and
-        the torque that they make: K1 w and that of u''."""
+        """Inertia data of the current shape, in body axes: sum m z; J; sum m acc without R''; sum m
+        u' and K1 (None for a rigid body); and the torque K1 w plus that of u''."""
         if not m.elastic:
             return self.moment, self.tensor, spin.dot(self.moment), None, 0.0
         first = slice(j, j + FIRST)
@@ -102,7 +103,7 @@ class Inertia:
         return z, tensor.dot(N), swing, (z1, on_w), on_w.dot(m.w) + axial.dot(N2)
 
     def _moments(self, m: Motion, j: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """(g,) each: z.M_g z, z.M_g u', z.M_g u''."""
+        """(g,) each: second moments z.M_g z, z.M_g u', z.M_g u''."""
         g, signs = self.moments.count, self.moments.signs
         at = slice(j + FIRST, j + FIRST + g)
         s, s1, s2, c1, c2 = m.s[at], m.s1[at], m.s2[at], m.c1, m.c2
@@ -111,7 +112,7 @@ class Inertia:
                 signs * (c2 * s + s2) + c2 * m.form + m.forms[g:])
 
     def push(self, m: Moved, j: int, out: Pushed) -> None:
-        """Loads on the displacements, without derivatives."""
+        """Inertia loads on the displacements, without derivatives."""
         k, at = self.moments, j + FIRST
         factors = k.factors(m.w, m.al)
         out.sigma[..., j:at] = m.in_body(m.acc)
@@ -137,12 +138,12 @@ class Inertia:
     def _levers(
         self, w: FloatArray, al: FloatArray, wx: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """(3, g) each: torque of a unit of z.M_g z and of z.M_g u'."""
+        """(3, g) each: torque per unit of z.M_g z and of z.M_g u'."""
         Jw = self.moments.levers.dot(w)
         return self.moments.levers.dot(al) + wx.dot(Jw), 2.0 * Jw
 
     def exact(self, m: Motion, out: Sums) -> None:
-        """Derivatives that are quadratic in u, which only the exact Jacobian needs."""
+        """Derivatives that are quadratic in u, which only the exact Jacobian contains."""
         wx, lever, k = rot.skew(m.w), m.turn.lever(), self.moments
         out.kappa_y[m.at] = (k.slopes(m.w).dot(m.dw) + k.turn.dot(m.dal)).T
         out.mu_y[m.at] = 2.0 * k.turn.dot(m.dw).T

@@ -1,13 +1,13 @@
-"""Parts of the equations of a body's frame: forces, attachments, reactions (notation: motion.py).
+"""Parts (items) of the equations of a body frame: forces, attachments, reactions (notation:
+motion.py).
 
-An item has the same data in the plane and in space. In space it adds its share of the rigid rows
-and writes its own columns (`evaluate`): directions from j on, the coordinates of another body from
-o on, its own border unknowns (forces) from k on. In the plane its counterpart in complex numbers
-does (`in_plane`, plane_items.py). `names` says what each direction is a load of, "" where it only
-serves the rows of the frame.
-
-Forces that have a potential use its exact derivatives by p; they differ from 2 G^T torque by a
-multiple of p, which the multiplier of |p| = 1 takes up.
+An item has the same data in the plane and in space. In space `evaluate` adds its contribution to
+the rigid equations and writes its own columns: functionals of the displacements (directions) from
+number j on, coordinates of another body from o on, its own multipliers (forces) from k on. In the
+plane its complex counterpart does so (`in_plane`, plane_items.py). `names` describes the load of
+each functional, "" for those that only enter the frame's equations. Forces with a potential use its
+exact derivatives by the quaternion p; these differ from 2 G^T torque by a multiple of p, which the
+multiplier of |p| = 1 absorbs.
 """
 
 from dataclasses import dataclass, replace
@@ -26,8 +26,12 @@ EYE = np.eye(3)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Wrench:
-    """force (T, d), N, at the own point and moment (T, r), N m, on the own side, in space axes;
-    reach (T, d), m: where that force meets the other body, None where it has no part in it."""
+    """Joint reaction on the own side in space axes: force (T, d), N, at the own point, and moment
+    (T, r), N m.
+
+    reach (T, d), m: point at which the force acts on the other body; None if the item does not act
+    on the other body.
+    """
 
     force: FloatArray
     moment: FloatArray
@@ -35,8 +39,11 @@ class Wrench:
 
 
 class Item(Protocol):
-    """One part of a frame's equations. directions, others, forces: how many functionals of the
-    displacements, coordinates of another body and border unknowns it has."""
+    """One part of a frame's equations.
+
+    directions, others, forces: its numbers of functionals of the displacements, coordinates of
+    another body, and multipliers.
+    """
 
     @property
     def directions(self) -> int: ...
@@ -46,60 +53,63 @@ class Item(Protocol):
     def forces(self) -> int: ...
     def names(self, source: str) -> tuple[str, ...]: ...
     def shifted(self, s: FloatArray, quadratic: FloatArray) -> Self:
-        """The same item about a deformed shape: s (directions,) its functionals of that shape,
-        quadratic (g,) = u.M_g u."""
+        """The same item with displacements measured from a deformed shape: s (directions,) its
+        functionals of that shape, quadratic (g,) = u.M_g u."""
         ...
 
 
 class SpatialItem(Item, Protocol):
-    """An item as the frame of a body in space evaluates it."""
+    """Part of the equations of a frame in space."""
 
     def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None: ...
 
 
 class PlanarItem(Item, Protocol):
-    """An item as the frame of a body in the plane evaluates it; directions come in pairs there."""
+    """Part of the equations of a frame in the plane, where functionals come in pairs."""
 
     def in_plane(self) -> plane.PlaneItem: ...
 
 
 @runtime_checkable
 class Timed(Protocol):
-    """An item whose constraint rows depend on time alone, and which knows how."""
+    """An item whose constraints depend explicitly on time, with their partial derivatives."""
 
     def time_derivative(self, order: int, t: float, h: float) -> SpatialItem | None:
-        """The item of the partial derivative of order 1 or 2 at t, s; None where that is zero."""
+        """Item with the partial time derivative of order 1 or 2 at t, s; None where it is zero."""
         ...
 
 
 @runtime_checkable
 class Pushing(Protocol):
-    """An item that acts on displacements where the frame's motion is prescribed: `push` writes all
-    of it to `out`, at one time or many."""
+    """An item that acts on displacements under prescribed frame motion: `push` writes its loads to
+    `out`, at one time or many."""
 
     def push(self, m: Moved, j: int, out: Pushed) -> None: ...
 
 
 @runtime_checkable
 class Holding(Protocol):
-    """An item of a joint: what its multipliers do to the body."""
+    """An item of a joint, with the reaction of its multipliers on the body."""
 
     @property
     def reactions(self) -> tuple[tuple[str, str], ...]:
-        """Name and unit of each of its forces, such as ("force x", "N")."""
+        """Name and unit of each of its multipliers, such as ("force x", "N")."""
         ...
 
     def wrench(
         self, times: FloatArray, forces: FloatArray, pose: FloatArray, other: FloatArray | None
     ) -> Wrench:
-        """Of multipliers `forces` (T, forces), N or N m, at times (T,), s, under poses (T, n) or
-        (1, n) of the own body and of the other one, None where that does not move."""
+        """Reaction of multipliers `forces` (T, forces), N or N m, at times (T,), s.
+
+        pose, other (T, n) or (1, n): rigid coordinates of the own and of the other body, None for
+        one at rest.
+        """
         ...
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class UnitLength:
-    """(p.p - 1)/2 = 0; its border unknown is the multiplier, N m."""
+    """Constraint (p.p - 1)/2 = 0 of a unit quaternion p, with a multiplier, N m."""
 
     directions = 0
     others = 0
@@ -121,7 +131,7 @@ class UnitLength:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SpaceForce:
-    """Nodal weights times one force in space axes (gravity: weights are nodal masses).
+    """Nodal weights times one force in space axes (for gravity the weights are nodal masses).
 
     total = sum w, arm (d,) = sum w X, force (d,) per unit weight, N.
     """
@@ -164,9 +174,9 @@ class SpaceForce:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BodyForce:
-    """A nodal load that turns with the body. total (d,) = sum f, N; arm (r,) = sum X x f, N m.
+    """Nodal load that rotates with the body: total (d,) = sum f, N; arm (r,) = sum X x f, N m.
 
-    Directions: the load itself, and the r functionals sum u x f.
+    Functionals: the load itself, and the r components of sum u x f.
     """
 
     total: FloatArray
@@ -203,10 +213,8 @@ class BodyForce:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Attachment:
-    """Mean position of a weighted set of points; its border unknowns are the force on it (d, N).
-
-    point (d,) = sum w X with sum w = 1, m.
-    """
+    """Mean position of a weighted set of points, point (d,) = sum w X with sum w = 1, m; its
+    multipliers are the force on it (d, N)."""
 
     point: FloatArray
     others = 0
@@ -257,9 +265,11 @@ class Attachment:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Rotation:
-    """Rotation of a body in the plane or, if it `turns`, mean rotation of a set of its points, rad;
-    its border unknown is the moment, N m. angle: mean rotation in the shape that displacements
-    count from."""
+    """Rotation of a body in the plane or, with `turns`, mean rotation of a set of its points, rad;
+    its multiplier is the moment, N m.
+
+    angle: mean rotation in the shape from which displacements are measured, rad.
+    """
 
     turns: bool
     angle: float = 0.0
@@ -288,9 +298,11 @@ class Rotation:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Reaction:
-    """Prescribed force (N) of a joint on the mean point of a set and, where it `turns`, moment
-    (N m) on its mean rotation, space axes, (T, d + r), on a frame with prescribed motion, whose own
-    equations are not solved: it acts on displacements alone.
+    """Prescribed joint force (N) on the mean point of a set and, with `turns`, moment (N m) on its
+    mean rotation: table (T, d + r), space axes.
+
+    For a frame with prescribed motion, whose rigid equations are not solved: it acts on
+    displacements alone.
     """
 
     forces_at: Table
@@ -327,8 +339,8 @@ class Reaction:
 
 @dataclass(frozen=True, slots=True)
 class Nothing:
-    """An item that adds nothing, in the place of another one of the same shape; inert: of the
-    inertia."""
+    """Item with zero contribution in place of another one with the same numbers of functionals,
+    coordinates and multipliers; inert: in place of the inertia."""
 
     directions: int
     others: int

@@ -1,7 +1,7 @@
-"""Moments of a body's mass, and the constant tensors that make its inertia of them.
+"""Moments of a body's mass distribution, and the constant tensors that turn them into inertia.
 
 The inertia of z = X + u needs T = sum m z y^T for y = z, u', u''. A set of d x d matrices B_g that
-spans what is needed of T gives the generators M_g = m (x) B_g of the elastic inertia
+spans the required part of T gives the matrices M_g = m (x) B_g of the elastic inertia
 (equations.md, section 1) and the numbers N_g = z.M_g y = B_g : T.
 """
 
@@ -19,8 +19,8 @@ Rates = Callable[[FloatArray, FloatArray], FloatArray]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MassProperties:
-    """mass, kg; moment (d,) = sum m X, kg m; second (d, d) = sum m X X^T, kg m^2, about the frame
-    origin."""
+    """Mass distribution about the frame origin: mass, kg; moment (d,) = sum m X, kg m; second (d,
+    d) = sum m X X^T, kg m^2."""
 
     mass: float
     moment: FloatArray
@@ -28,28 +28,33 @@ class MassProperties:
 
     @classmethod
     def rigid(cls, mass: float, center: FloatArray, inertia: float | FloatArray) -> Self:
-        """center (d,): centre of mass, m; inertia: about it, kg m^2, the moment of inertia in the
-        plane, the tensor (3, 3) in space. Of the second moment only its part in J is known in the
-        plane, its trace."""
+        """Mass distribution of a rigid body.
+
+        center (d,): centre of mass, m; inertia: about it, kg m^2, the moment of inertia in the
+        plane, the tensor (3, 3) in space. In the plane the moment of inertia determines only the
+        trace of the second moment.
+        """
         J = np.asarray(inertia, dtype=np.float64)
         own = 0.5 * J * np.eye(2) if J.ndim == 0 else 0.5 * np.trace(J) * np.eye(3) - J
         return cls(mass, mass * center, own + mass * np.outer(center, center))
 
     @classmethod
     def of_mesh(cls, m: Csr, X: FloatArray) -> Self:
-        """Of a mass matrix m (N, N), kg, and reference points X (N, d), m."""
+        """Mass distribution from a mass matrix m (N, N), kg, and reference points X (N, d), m."""
         weights = np.asarray(m.sum(axis=1)).ravel()
         return cls(float(weights.sum()), weights @ X, X.T @ (m @ X))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Moments:
-    """g matrices B (g, d, d), the identity first; M_g^T = signs_g M_g; N_g(z) changes by
-    symmetric_g (M_g z).dz; names: what M_g X is a load of, "" for none.
+    """Basis of g matrices B (g, d, d) for second moments, the identity first, and the tensors of
+    the inertia in it.
 
-    tensor (r, r, g): moments of inertia J = tensor N(z); levers (r, g, r) the same numbers; axial
-    (r, g): sum z x m y = axial N(y). factors(w, al) (g,): sum_g factor_g B_g = w~ w~ + al~ in body
-    axes, (T, g) of rates (T, r); slopes(w) (g, r): their derivative by w; turn (g, r): by al.
+    M_g^T = signs_g M_g; N_g(z) changes by symmetric_g (M_g z).dz; names: description of the load
+    M_g X, "" for none. tensor (r, r, g): moments of inertia J = tensor N(z); levers (r, g, r): the
+    same tensor transposed; axial (r, g): sum z x m y = axial N(y). factors(w, al) (g,): sum_g
+    factor_g B_g = w~ w~ + al~ in body axes, (T, g) for rates (T, r); slopes(w) (g, r): their
+    derivative by w; turn (g, r): by al.
     """
 
     B: FloatArray
@@ -68,7 +73,7 @@ class Moments:
         return len(self.B)
 
     def numbers(self, T: FloatArray) -> FloatArray:
-        """(g,) of a second moment T (d, d) = sum m z y^T."""
+        """(g,) components N_g = B_g : T of a second moment T (d, d) = sum m z y^T."""
         return np.asarray(np.tensordot(self.B, T, 2))
 
 
@@ -95,7 +100,7 @@ def _free_slopes(w: FloatArray) -> FloatArray:
 
 
 def _free() -> Moments:
-    """Nine matrices, all of T."""
+    """Nine matrices, for a free attitude: all components of T."""
     B = _free_matrices()
     dual = np.linalg.inv(B.reshape(9, 9)).T.reshape(9, 3, 3)  # T = sum_g N_g dual_g
     trace = np.einsum("gii,ab->gab", dual, np.eye(3))
@@ -113,7 +118,8 @@ def _spin_factors(w: FloatArray, al: FloatArray) -> FloatArray:
 
 
 def _spin() -> Moments:
-    """Three matrices: what the torque about z and a turn about z ask for, no more."""
+    """Three matrices, for rotation about z: the components of T that the torque about z and a
+    rotation about z need."""
     B = np.stack([np.eye(3), GENERATORS[3][2], np.diag([1.0, 1.0, 0.0])])
     tensor, axial, turn = np.zeros((3, 3, 3)), np.zeros((3, 3)), np.zeros((3, 3))
     tensor[2, 2, 2], axial[2, 1], turn[1, 2] = 1.0, -1.0, 1.0
@@ -133,7 +139,8 @@ def _of(
 
 
 def _plane() -> Moments:
-    """Two matrices: of the shape, which the rotation carries outward and around."""
+    """Two matrices, for the plane: the identity (centrifugal loads) and the quarter turn (Euler
+    loads)."""
     B = np.stack([np.eye(2), GENERATORS[2][0]])
     return _of(
         B, np.array([[[1.0, 0.0]]]), np.array([[0.0, -1.0]]),
@@ -146,6 +153,6 @@ _MOMENTS = {PLANAR_POSE: _plane(), SPINNING_POSE: _spin(), FREE_POSE: _free()}
 
 
 def moments_of(size: int) -> Moments:
-    """For frames with `size` rigid coordinates: 3 in the plane; in space 7, free, or 4, turning
-    about z alone."""
+    """Moments for frames with `size` rigid coordinates: 3 in the plane; in space 7 for a free
+    attitude, or 4 for rotation about z alone."""
     return _MOMENTS[size]

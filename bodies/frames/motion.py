@@ -1,7 +1,7 @@
-"""Motion data of one evaluation of a spatial frame, and the arrays that its items add to.
+"""Motion data of one evaluation of a spatial frame, and the arrays to which its items add.
 
-Vectors with the index b are in body axes. Derivatives by the turning coordinates q (n of them) hold
-at fixed histories: v = c1 x + r1, a = c2 x + r2.
+Vectors with the index b are in body axes. Derivatives by the n attitude coordinates q are for fixed
+history terms r1, r2 of the time integration: v = c1 x + r1, a = c2 x + r2.
 """
 
 import numpy as np
@@ -11,10 +11,11 @@ from sparsemor.core import Amplitude, FloatArray, FrameWork, Table
 
 
 class Motion:
-    """y: border unknowns; R (m) and turn (attitude.py) the frame's coordinates, the latter at
-    `at` of y; A its rotation; w, al: angular rates in body axes with derivatives dw, dal (3, n) by
-    q; acc: R'' and acc_b = A^T R'' with dacc_b (3, n); s, s1, s2, form, forms: functionals of u
-    (see `Frame.evaluate`)."""
+    """State of one body frame in space. y: rigid coordinates and multipliers; R (m): position;
+    turn: attitude (attitude.py), whose coordinates are at `at` in y; A: its rotation matrix; w, al:
+    angular velocity and acceleration in body axes with derivatives dw, dal (3, n) by q; acc: R''
+    and acc_b = A^T R'' with dacc_b (3, n); s, s1, s2, form, forms: functionals of u (see
+    `BodyFrame.evaluate`)."""
 
     __slots__ = ("A", "R", "acc", "acc_b", "al", "at", "c1", "c2", "dacc_b", "dal", "dw",
                  "elastic", "form", "forms", "s", "s1", "s2", "t", "turn", "w", "y")
@@ -31,7 +32,7 @@ class Motion:
         self, size: int, y: FloatArray, v: FloatArray, a: FloatArray, c1: float, c2: float,
         t: float, derivatives: bool = True,
     ) -> None:
-        """derivatives: by q; left out where q is given."""
+        """derivatives: compute those by q; not needed for prescribed motion."""
         self.y, self.c1, self.c2, self.t, self.elastic = y, c1, c2, t, False
         self.at = at = slice(3, size)
         self.R, self.acc, self.turn = y[:3], a[:3], attitude(y[at])
@@ -42,30 +43,32 @@ class Motion:
             self.w, self.al = self.turn.turning(v[at], a[at])
 
     def in_body(self, f: FloatArray) -> FloatArray:
-        """(3,) A^T f of a vector f of space."""
+        """(3,) components A^T f in body axes of a vector f in space axes."""
         return np.asarray(self.A.T.dot(f))
 
     def factor(self, amplitude: Amplitude) -> float:
         return amplitude(self.t)
 
     def tabled(self, table: Table) -> FloatArray:
-        """(j,)"""
+        """(j,) values of a table at the time t."""
         return table.at(self.t)
 
 
 class Sums:
-    """Views of a FrameWork's arrays and torques in body axes, which items add to.
+    """Views of a FrameWork's arrays, and torques in body axes, to which items add.
 
-    rows (b,), H (b, b) with its diagonal (b,); sigma (p,), sigma_y and tau (b, p). torque (3,),
-    about the frame origin, is a row like the others until `finish` brings it to those of the
-    turning coordinates; torque_y (3, size) and torque_s (3, p) are its derivatives.
+    rows (b,): residual of the b rigid coordinates and multipliers; H (b, b): its matrix with the
+    diagonal (b,); sigma (p,): factors of the p functionals in the elastic equations; sigma_y, tau
+    (b, p): derivatives. torque (3,), about the frame origin, is accumulated separately until
+    `finish` converts it to the attitude coordinates; torque_y (3, size) and torque_s (3, p) are its
+    derivatives.
     """
 
     __slots__ = ("H", "border", "coefficients", "diagonal", "kappa_y", "motion", "mu_y", "quad",
                  "rows", "sigma", "sigma_y", "tau", "torque", "torque_s", "torque_y")
 
     motion: Motion
-    """Of the last evaluation: the exact Jacobian needs it once more."""
+    """Motion of the last evaluation, used again by the exact Jacobian."""
 
     def __init__(self, work: FrameWork, size: int) -> None:
         self.border, self.tau = work.border, work.tau
@@ -83,7 +86,8 @@ class Sums:
         self.torque_y.fill(0.0)
 
     def finish(self, m: Motion) -> None:
-        """The torque's rows become those of the turning coordinates."""
+        """Converts the torque and its derivatives to generalized forces on the attitude
+        coordinates."""
         self.motion = m
         lever, at = m.turn.lever(), m.at
         self.rows[at] += lever.dot(self.torque)

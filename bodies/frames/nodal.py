@@ -1,4 +1,5 @@
-"""Nodal direction vectors: columns over all d N displacements, number d * node + component."""
+"""Functionals of nodal displacements as columns over all d N unknowns, number d * node + component.
+"""
 
 import numpy as np
 
@@ -7,23 +8,24 @@ from sparsemor.core import FloatArray
 
 
 def along(weights: FloatArray, d: int) -> FloatArray:
-    """(d N, d): the weighted sum of u along each axis."""
+    """(d N, d) columns of the weighted sum of the displacements along each axis; weights (N,)."""
     return np.asarray(np.kron(weights[:, None], np.eye(d)))
 
 
 def with_torques(forces: FloatArray) -> FloatArray:
-    """(d N, 1 + r): nodal forces (N, d) as a load, and the r functionals sum u x f."""
+    """(d N, 1 + r) nodal forces (N, d) as a load column, and columns of the r functionals sum u x
+    f."""
     G = GENERATORS[forces.shape[1]]
     torques = np.einsum("acb,nc->nba", G, forces).reshape(-1, len(G))
     return np.concatenate([forces.reshape(-1, 1), torques], axis=1)
 
 
 def mean_turn(weights: FloatArray, X: FloatArray) -> FloatArray:
-    """(d N, d): mean rotation (rad) of the weighted points X (N, d), by least squares; in the
-    plane a column of zeros follows it, because directions come in pairs there.
+    """(d N, d) columns of the mean rotation (rad) of weighted points X (N, d), by least squares.
 
-    Minimises sum w |u - u_mean - theta x arm|^2. The points must not lie on one line, in the plane
-    not at one place: LinAlgError.
+    Minimises sum w |u - u_mean - theta x arm|^2. In the plane a zero column follows, because
+    functionals come in pairs there. LinAlgError if the points lie on one line, in the plane at one
+    position.
     """
     arm = X - weights @ X
     lever = np.einsum("aij,nj->nia", GENERATORS[X.shape[1]], arm)  # e_a x arm

@@ -1,5 +1,8 @@
-"""The planar frame kernel, in complex numbers: the equations of the spatial one for motion in a
-plane, in a fraction of its time (`tests/laws/test_plane_kernel.py` compares them)."""
+"""Equations of a body frame in the plane, evaluated with complex numbers.
+
+The same equations as for a frame in space, but several times faster
+(`tests/laws/test_plane_kernel.py` compares them).
+"""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,12 +18,12 @@ from sparsemor.core import FloatArray, FrameWork
 
 @dataclass(frozen=True, eq=False)
 class PlanarFrame(ItemFrame[PlanarItem]):
-    """Frame of a body in the plane: rigid coordinates (R_x, R_y, theta)."""
+    """Equations of a body frame in the plane, with rigid coordinates (R_x, R_y, theta)."""
 
     @cached_property
     def evaluated(self) -> tuple[tuple[PlaneItem, int, int, int], ...]:
-        """Items in complex numbers, with their first pair of directions, coordinate of another
-        body and force."""
+        """Items (forces, joints, inertia) in complex form, each with the numbers of its first pair
+        of functionals, first coordinate of the other body and first multiplier."""
         return tuple((item.in_plane(), j // 2, o, k)
                      for item, (j, o, k) in zip(self.items, self.starts, strict=True))
 
@@ -54,7 +57,7 @@ class PlanarFrame(ItemFrame[PlanarItem]):
     def exact(
         self, v: FloatArray, a: FloatArray, c1: float, c2: float, work: FrameWork
     ) -> None:
-        """Derivatives that are quadratic in u: the inertia's."""
+        """Derivatives that are quadratic in the displacements u; only the inertia has them."""
         out, w, al = work.views, float(v[2]), float(a[2])
         if isinstance(out, Views) and self.inertias:
             out.kappa_y[2, 0], out.kappa_y[2, 1] = -2 * w * c1, c2
@@ -63,9 +66,9 @@ class PlanarFrame(ItemFrame[PlanarItem]):
 
     @property
     def without_push(self) -> tuple[PlanarItem, ...]:
-        """None: `drive` evaluates every item."""
+        """Empty: `drive` evaluates every item in the plane."""
         return ()
 
     def time_derivative(self, order: int, t: float, h: float) -> "PlanarFrame | None":
-        """None: no attachment of it depends on time alone."""
+        """None: no constraint of a planar frame depends explicitly on time."""
         return None

@@ -1,9 +1,10 @@
-"""Items of a planar frame in complex numbers: inertia, forces, attachments, constraints.
+"""Parts of a planar frame's equations in complex numbers: inertia, forces, attachments,
+constraints.
 
 Each adds its force and torque to `total` (rows 0-2, then H02, H12, H20, H21, H22, H00 = H11) and
-writes its own columns: pairs of directions from j on, coordinates of another body from o on, border
-unknowns from k on. The data are those of the items of the same names in items.py, inertia.py and
-constraints.py, which make these (`in_plane`); notation: plane_motion.py.
+writes its own columns: pairs of functionals from number j on, coordinates of another body from o
+on, multipliers from k on. The data are those of the classes of the same names in items.py,
+inertia.py and constraints.py, whose `in_plane` creates them; notation: plane_motion.py.
 """
 
 from cmath import exp
@@ -15,7 +16,7 @@ from sparsemor.core import Amplitude, Table
 
 
 class PlaneItem(Protocol):
-    """An item as the planar frame evaluates it."""
+    """A part of a planar frame's equations, in complex numbers."""
 
     def evaluate(
         self, m: Motion, j: int, o: int, k: int, total: list[float], out: Views
@@ -24,9 +25,10 @@ class PlaneItem(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Inertia:
-    """Two pairs: S = m 1 (first moment) and M X (equations.md, section 1).
+    """Inertia of a body in the plane: mass (kg), moment = sum m X (kg m), inertia = X.M X (kg m^2)
+    about the frame origin.
 
-    mass (kg), moment = sum m X (kg m), inertia = X.M X (kg m^2) about the frame origin.
+    Two pairs of functionals: S = m 1 (first moment) and M X (equations.md, section 1).
     """
 
     mass: float
@@ -34,7 +36,8 @@ class Inertia:
     inertia: float
 
     def evaluate(self, m: Motion, j: int, o: int, k: int, total: list[float], out: Views) -> None:
-        """Translation A sum(M acc), rotation sum z x M acc, with acc = A^T R'' + ... ."""
+        """Adds the inertia force A sum(M acc) and torque sum z x M acc, with acc = A^T R'' + ... .
+        """
         e, ec, w, al, c1, c2 = m.e, m.ec, m.w, m.al, m.c1, m.c2
         spin = complex(-w * w, al)
         p, p1, p2, zz, zv, za = self._sums(m, j)
@@ -58,7 +61,8 @@ class Inertia:
     def _sums(
         self, m: Motion, j: int
     ) -> tuple[complex, complex, complex, float, float, float]:
-        """First moments of z, u', u''; z.M z, z.M u' and (J z).M u''."""
+        """First moments of z, u', u''; second moments z.M z, z.M u' and (J z).M u'', J a quarter
+        turn."""
         if not m.s:
             return self.moment, 0j, 0j, self.inertia, 0.0, 0.0
         s, c1, c2, form, forms = m.s, m.c1, m.c2, m.form, m.forms
@@ -87,7 +91,8 @@ class Inertia:
 
 @dataclass(frozen=True, slots=True)
 class BodyForce:
-    """total = sum f (N), arm = sum X x f (N m); pair: the load and the functional sum u x f."""
+    """Load that rotates with the body: total = sum f (N), arm = sum X x f (N m). Pair of
+    functionals: the load and sum u x f."""
 
     total: complex
     arm: float
@@ -108,7 +113,8 @@ class BodyForce:
 
 @dataclass(frozen=True, slots=True)
 class SpaceForce:
-    """total = sum w, arm = sum w X, force per unit weight (N)."""
+    """Nodal weights times one force in space axes: total = sum w, arm = sum w X, force per unit
+    weight (N)."""
 
     total: float
     arm: complex
@@ -131,7 +137,7 @@ class SpaceForce:
 
 @dataclass(frozen=True, slots=True)
 class Attachment:
-    """point = sum w X with sum w = 1, m."""
+    """Attachment of a joint at the mean point = sum w X (m) of a set, with sum w = 1."""
 
     point: complex
 
@@ -160,7 +166,8 @@ class Attachment:
 
 @dataclass(frozen=True, slots=True)
 class Rotation:
-    """angle: mean rotation of a set in the shape that displacements count from, rad."""
+    """Rotation of a body or mean rotation of a set as a joint coordinate. angle: mean rotation in
+    the shape from which displacements are measured, rad."""
 
     turns: bool
     angle: float
@@ -177,9 +184,12 @@ class Rotation:
 
 @dataclass(frozen=True, slots=True)
 class Slide:
-    """g = Re(conj(n) (r + e z - r_o)) - base, n = e_o line: the own point z, m, stays on a line of
-    the other body, of normal `line` (unit) and offset `base` (m) in its axes; place: its
-    coordinates where they are no unknowns."""
+    """Point-on-line constraint g = Re(conj(n) (r + e z - r_o)) - base, n = e_o line.
+
+    The own point z (m) stays on a line of the other body with unit normal `line` and offset `base`
+    (m) in its axes; moves: the other body's coordinates are unknowns; place: its coordinates
+    otherwise.
+    """
 
     point: complex
     line: complex
@@ -215,7 +225,8 @@ class Slide:
     def _other(
         o: int, k: int, lam: float, n: complex, pull: complex, along: float, out: Views
     ) -> None:
-        """Derivatives by the other's coordinates, from o on; along = lam Re(conj(e z) n)."""
+        """Rows and derivatives of the other body's coordinates, numbered from o; along = lam
+        Re(conj(e z) n)."""
         rows, H, f = out.rows, out.H, lam * n
         rows[o], rows[o + 1], rows[o + 2] = -f.real, -f.imag, lam * pull.imag
         H[k, o], H[k, o + 1], H[k, o + 2] = -n.real, -n.imag, pull.imag
@@ -229,7 +240,7 @@ class Slide:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Reaction:
-    """forces_at: (T, 3) N in space axes and N m."""
+    """Prescribed joint force (N) and moment (N m) in space axes: table `forces_at` (T, 3)."""
 
     forces_at: Table
     turns: bool

@@ -1,9 +1,10 @@
-"""Scalars of one evaluation of a planar frame, and views of the arrays it fills.
+"""Motion data of one evaluation of a planar frame, and complex views of its result arrays.
 
-The plane is the complex plane: a position is x + i y, the frame rotation e = exp(i theta), and
-each pair of directions (f, J f) is one complex vector with one complex factor. Real and imaginary
-parts are interleaved in the real arrays, so `array.view(complex)` costs nothing. Python's own
-complex numbers are several times faster than NumPy's scalars, and a step has only dozens of them.
+The plane is the complex plane: a position is x + i y, the frame rotation e = exp(i theta), and each
+pair of directions (f, J f), J a quarter turn, is one complex vector with one complex factor. Real
+and imaginary parts are interleaved in the real arrays, so `array.view(complex)` copies nothing.
+Python's complex numbers are several times faster than NumPy's scalars, and a step has only dozens
+of them.
 """
 
 import cmath
@@ -17,9 +18,10 @@ ComplexArray = NDArray[np.complex128]
 
 
 class Motion:
-    """State of one body. y: border unknowns; r (m), e = exp(i theta), ec its conjugate; w, al:
-    angular rates (1/s, 1/s^2); acc: R'' (m/s^2); s, s1, s2: functionals of u and its history, one
-    complex number a pair; form, forms: quadratic forms of u (see `Frame.evaluate`)."""
+    """State of one body in the plane. y: rigid coordinates and multipliers; r (m), e = exp(i
+    theta), ec its conjugate; w, al: angular velocity and acceleration (1/s, 1/s^2); acc: R''
+    (m/s^2); s, s1, s2: functionals of u and of its history terms, one complex number per pair;
+    form, forms: quadratic forms of u (see `BodyFrame.evaluate`)."""
 
     __slots__ = ("acc", "al", "c1", "c2", "e", "ec", "form", "forms", "r", "s", "s1", "s2", "t",
                  "w", "y")
@@ -39,11 +41,11 @@ class Motion:
 
 
 class Views:
-    """Complex views of a FrameWork's arrays, made once.
+    """Complex views of a FrameWork's arrays, created once.
 
-    sigma (pairs,), sigma_y and tau (b, pairs): a derivative row tau means
-    d row = Re(conj(tau) ds), so a complex equation d = a ds has tau = conj(a) in its real row and
-    i conj(a) in its imaginary one. H (b, b), rows (b,).
+    sigma (pairs,), sigma_y and tau (b, pairs): a derivative row tau means d row = Re(conj(tau) ds),
+    so a complex equation d = a ds has tau = conj(a) in its real row and i conj(a) in its imaginary
+    one. H (b, b), rows (b,): matrix and residual of the b rigid coordinates and multipliers.
     """
 
     __slots__ = ("H", "coefficients", "kappa_y", "mu_y", "quad", "rows", "sigma", "sigma_y", "tau")
@@ -58,7 +60,7 @@ class Views:
         self.mu_y, self.quad = work.mu_y, work.quad
 
     def write(self, total: list[float]) -> None:
-        """Sums over all items: rows 0-2, then H02, H12, H20, H21, H22, H00 = H11."""
+        """Writes the sums over all items: rows 0-2, then H02, H12, H20, H21, H22, H00 = H11."""
         rows, H = self.rows, self.H
         rows[0], rows[1], rows[2] = total[0], total[1], total[2]
         H[0, 2], H[1, 2], H[2, 0], H[2, 1] = total[3], total[4], total[5], total[6]

@@ -24,7 +24,7 @@ GENERATORS: Mapping[int, FloatArray] = {
 
 
 def _linear(sign: float) -> FloatArray:
-    """(3, 4, 4): p -> [-e, p0 I + sign e~] with p = (p0, e)."""
+    """(3, 4, 4) tensor of the linear map p -> [-e, p0 I + sign e~] with p = (p0, e)."""
     T = np.zeros((3, 4, 4))
     T[:, 0, 1:] = -_EYE
     T[:, 1:, 0] = _EYE
@@ -38,52 +38,52 @@ _F, _B = (T.transpose(1, 2, 0).copy() for T in (_E, _G))
 
 
 def skew(v: FloatArray) -> FloatArray:
-    """v~ with v~ w = v x w."""
+    """Cross-product matrix v~ with v~ w = v x w."""
     return np.asarray(_SKEW.dot(v))
 
 
 def cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    """a x b; a tenth of the time of numpy.cross."""
+    """Cross product a x b of vectors (3,); ten times as fast as numpy.cross."""
     return np.asarray(_SKEW.dot(a).dot(b))
 
 
 def torque(arm: FloatArray, force: FloatArray) -> FloatArray:
-    """(n, r): arm x force of vectors (n, d), r = 1 in the plane and 3 in space."""
+    """(n, r) cross products arm x force of vectors (n, d); r = 1 in the plane and 3 in space."""
     return np.asarray(np.einsum("aij,nj,ni->na", GENERATORS[arm.shape[1]], arm, force))
 
 
 def to_space(p: FloatArray) -> FloatArray:
-    """E (3, 4)."""
+    """Matrix E(p) (3, 4)."""
     return np.asarray(_E.dot(p))
 
 
 def to_body(p: FloatArray) -> FloatArray:
-    """G (3, 4)."""
+    """Matrix G(p) (3, 4)."""
     return np.asarray(_G.dot(p))
 
 
 def rotation(p: FloatArray) -> FloatArray:
-    """A (3, 3): body axes to space axes."""
+    """Rotation matrix A(p) (3, 3), from body axes to space axes."""
     return np.asarray(_E.dot(p).dot(_G.dot(p).T))
 
 
 def of_body_vector(E: FloatArray, b: FloatArray) -> FloatArray:
-    """(3, 4): d (A b) / dp for a vector b of the body, with E = to_space(p)."""
+    """(3, 4) derivative d (A b) / dp for a vector b in body axes, with E = to_space(p)."""
     return np.asarray(2.0 * E.dot(_B.dot(b)))
 
 
 def of_space_vector(G: FloatArray, f: FloatArray) -> FloatArray:
-    """(3, 4): d (A^T f) / dp for a vector f of space, with G = to_body(p)."""
+    """(3, 4) derivative d (A^T f) / dp for a vector f in space axes, with G = to_body(p)."""
     return np.asarray(2.0 * G.dot(_F.dot(f)))
 
 
 def bend(f: FloatArray, b: FloatArray) -> FloatArray:
-    """(4, 4), symmetric, constant: second derivative of f . A(p) b by p."""
+    """(4, 4) second derivative of f . A(p) b by p: symmetric and constant."""
     return np.asarray(2.0 * _F.dot(f).T.dot(_B.dot(b)))
 
 
 def of_moment(b: FloatArray) -> FloatArray:
-    """(4, 4): d (2 G(p)^T b) / dp."""
+    """(4, 4) derivative d (2 G(p)^T b) / dp of the generalized force of a torque b."""
     return np.asarray(2.0 * _B.dot(b))
 
 
@@ -94,19 +94,20 @@ def product(p: FloatArray, q: FloatArray) -> FloatArray:
 
 
 def about(axis: Sequence[float], angle: float) -> FloatArray:
-    """Unit quaternion of a turn by `angle` (rad) about `axis`, which need not have unit length."""
+    """Unit quaternion of a rotation by `angle` (rad) about `axis`, which need not have unit length.
+    """
     a = np.array(axis, dtype=np.float64)
     return np.concatenate([[np.cos(angle / 2)], np.sin(angle / 2) * a / np.linalg.norm(a)])
 
 
 def rates(p: FloatArray, spin: FloatArray) -> FloatArray:
-    """p' (4,) of an angular velocity in space axes, rad/s."""
+    """Rate p' (4,) of a quaternion for an angular velocity in space axes, rad/s."""
     return np.asarray(0.5 * _E.dot(p).T.dot(spin))
 
 
 def across(axis: FloatArray) -> tuple[FloatArray, ...]:
-    """Unit vectors that form a right-handed system with the unit vector `axis` (d,): e1, e2, axis
-    in space; axis, e1 in the plane."""
+    """Unit vectors that complete the unit vector `axis` (d,) to a right-handed system: e1, e2 with
+    (e1, e2, axis) in space; e1 with (axis, e1) in the plane."""
     if len(axis) == 2:
         return (np.asarray(GENERATORS[2][0].dot(axis)),)
     first = cross(axis, _EYE[int(np.argmin(np.abs(axis)))])

@@ -1,7 +1,7 @@
-"""The attitude of a body as contact sees it: that of its quaternion brought to unit length.
+"""Attitude of a body from its normalised quaternion, for contact.
 
-Newton's method visits quaternions of other lengths, where the matrix of body axes is no rotation:
-surfaces would be stretched there and penetrations be wrong by more than they are.
+Newton iterates include quaternions of other lengths, for which the matrix of body axes is no
+rotation: surfaces would be stretched and penetrations wrong.
 """
 
 from typing import Self
@@ -13,9 +13,13 @@ from sparsemor.core import FloatArray
 
 
 class UnitQuaternion:
-    """Of turning coordinates q (n,) and their rates: A (3, 3), body axes to space; w (3,), angular
-    velocity in body axes, rad/s; by (3, n): small rotation in body axes by q, and w by the rates;
-    w_by (3, n): w by q."""
+    """Attitude and angular velocity from coordinates q (n,), normalised if a quaternion, and their
+    rates.
+
+    A (3, 3): body axes to space axes; w (3,): angular velocity in body axes, rad/s; by (3, n):
+    derivative of the rotation (in body axes) by q, equal to that of w by the rates; w_by (3, n):
+    derivative of w by q.
+    """
 
     __slots__ = ("A", "_down", "_lever", "_of_lever", "_size", "_unit", "by", "w", "w_by")
 
@@ -30,16 +34,16 @@ class UnitQuaternion:
         self.w_by = rates[2] @ self._down - np.outer(self.w, self._unit) / size
 
     def rows(self, torque: FloatArray) -> FloatArray:
-        """(n,) force on the coordinates of a torque (3,) in body axes, N m."""
+        """(n,) generalized force on the coordinates of a torque (3,) in body axes, N m."""
         return np.asarray(self._lever @ torque)
 
     def rows_by(self, torque: FloatArray) -> FloatArray:
-        """(n, n): derivative of `rows` by the coordinates, the torque held."""
+        """(n, n) derivative of `rows` by the coordinates, for a constant torque."""
         force = self._lever @ torque
         return np.asarray(self._of_lever(torque) @ self._down
                           - np.outer(force, self._unit)) / self._size
 
     @classmethod
     def of(cls, pose: FloatArray, rate: FloatArray) -> Self:
-        """Of rigid coordinates, position first."""
+        """Attitude from rigid coordinates, position first, and their rates."""
         return cls(pose[3:], rate[3:])

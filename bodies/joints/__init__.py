@@ -1,5 +1,5 @@
-"""Joints in the plane and in space: constraint rows between two sides, with a multiplier each.
+"""Joints in the plane and in space: constraint equations between two sides, with a multiplier each.
 
-A plugin (revolute.py, ...) says by `Conditions` (conditions.py) what its two `Side`s (side.py) keep
-in common; that makes a `JointPart` (part.py).
+A plugin (revolute.py, ...) adds `Conditions` (conditions.py) on its two `Side`s (side.py), which
+build a `JointPart` (part.py).
 """

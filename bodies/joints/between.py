@@ -1,4 +1,4 @@
-"""Joints between two sides: what their plugins have in common."""
+"""Base class of joints between two sides."""
 
 from abc import abstractmethod
 from collections.abc import Mapping
@@ -10,17 +10,18 @@ from sparsemor.core import Part, Plugin
 
 
 class Between(Plugin):
-    """Joint between two of `body:set` and `ground`.
+    """Base class of joints between two of `body:set` and `ground`.
 
-    dimensions: those that it has, 2 in the plane and 3 in space; relative: those in which it has
-    conditions on directions or lines, by which two flexible sides meet in a frame between them.
+    dimensions: dimensions in which the joint exists, 2 in the plane and 3 in space; relative:
+    dimensions in which it constrains directions or lines, for which two flexible sides need an
+    intermediate massless frame.
     """
 
     dimensions: ClassVar[tuple[int, ...]] = (2, 3)
     relative: ClassVar[tuple[int, ...]] = ()
 
     between: tuple[str, str]
-    """Two of `body:set` and `ground`."""
+    """The two sides of the joint: each a set `body:set`, or `ground`."""
 
     def build(self, name: str, parts: Mapping[str, Part]) -> JointPart:
         conditions = conditions_between(name, self.between, parts, dimensions=self.dimensions,
@@ -30,4 +31,4 @@ class Between(Plugin):
 
     @abstractmethod
     def constrain(self, sides: Conditions) -> None:
-        """Adds the conditions of the joint."""
+        """Adds the constraints of the joint."""

@@ -1,17 +1,17 @@
-"""Conditions of joints: which points coincide or slide, which directions stay perpendicular, how
-rotations depend on each other.
+"""Constraints of joints: coincident or sliding points, perpendicular directions, coupled rotations.
 
-A joint's rows are sums over its conditions, each in the kernel of one body. Positions and, in the
-plane, angles of the two sides enter linearly. Conditions on directions and lines are written in the
-own body (the flexible one, if there is one) and read the coordinates of the other; a flexible side
-turns with the mean rotation of its set. Two flexible sides of such a condition meet in a frame
-without mass that is welded to the first.
+The constraint equations of a joint are sums over its conditions, each evaluated with the equations
+of one body. Positions and, in the plane, angles of the two sides enter linearly. Conditions on
+directions and lines are evaluated with one body (the flexible one, if there is one) and read the
+coordinates of the other; a flexible side rotates with the mean rotation of its set of nodes.
+Between two flexible sides such a condition is imposed on a massless frame that is welded to the
+first.
 
 In space that mean rotation is a linear function theta of the displacements, and I + theta~ is a
 rotation to first order only. A condition on one pair of directions then depends, to second order,
-on which pair was taken. Relative rotations are therefore conditions on the antisymmetric part of
-the direction cosines, (d . e' - e . d') / 2: the rotation part of I + theta~ in its polar
-decomposition, by atan |theta| about theta, in whichever axes it is written.
+on the choice of the pair. Relative rotations are therefore conditions on the antisymmetric part of
+the direction cosines, (d . e' - e . d') / 2: this is the rotation of I + theta~ in its polar
+decomposition, by atan |theta| about theta, independent of the axes.
 """
 
 from collections.abc import Mapping, Sequence
@@ -39,15 +39,18 @@ from sparsemor.core import Amplitude, FloatArray, FrameItem, Held, InputError, P
 
 
 def constant(value: float) -> Amplitude:
-    """A target that stays."""
+    """Constant target value of a constraint."""
     return Held(value)
 
 
 @dataclass(slots=True, eq=False)
 class Conditions:
-    """Collects the conditions of a joint. first, second: its sides in the order of the scene;
-    weld: what ties the frame between two flexible bodies, then `first`, to the first of them.
-    made: conditions with their first row."""
+    """Collects the constraints of a joint.
+
+    first, second: its sides in the order of the scene. Between two flexible bodies `first` is an
+    intermediate massless frame, and weld its constraints to the first body. made: conditions, each
+    with the number of its first constraint equation; count: number of equations.
+    """
 
     name: str
     first: Side
@@ -64,7 +67,8 @@ class Conditions:
 
     @property
     def own(self) -> Side:
-        """The side that carries conditions on both: the flexible one, else the first body."""
+        """The side with whose equations two-sided conditions are evaluated: the flexible one, else
+        the first body."""
         if self.first.body is None or (self.second.flexible and not self.first.flexible):
             return self.second
         return self.first
@@ -75,18 +79,19 @@ class Conditions:
 
     @property
     def ends(self) -> tuple[Side, Side]:
-        """The sides of the scene, without a frame between them."""
+        """The sides named in the scene, without an intermediate frame."""
         return (self.first if self.weld is None else self.weld.first, self.second)
 
     @property
     def prescribed(self) -> bool:
-        """True if nothing is solved: the motion of a side is prescribed and none is unknown."""
+        """True if there is nothing to solve: the motion of a side is prescribed, and that of no
+        side is unknown."""
         bodies = [s.body for s in (self.first, self.second) if s.body is not None]
         return any(b.guide is not None for b in bodies) and not any(b.moves for b in bodies)
 
     def signed(self) -> list[tuple[Side, float]]:
-        """Sides with a body: +1 for the first, -1 for the second unless it is alone, so that a
-        multiplier is a force on the first."""
+        """Sides that are bodies, with sign +1 for the first and -1 for the second (+1 if it is
+        alone), so that a multiplier is a force on the first."""
         sides = [s for s in (self.first, self.second) if s.body is not None]
         return list(zip(sides, (1.0, -1.0), strict=False))
 
@@ -95,8 +100,11 @@ class Conditions:
     def linear(
         self, shares: Sequence[tuple[Side, FloatArray]], targets: Sequence[Amplitude]
     ) -> None:
-        """Rows sum of C_i (position of the mean point of side i, m, space axes) = targets, C_i
-        (l, d); in the plane also C_i (l, 3), whose last column takes the angle of the side, rad."""
+        """Constraints: sum of C_i (mean position of side i, m, space axes) = targets.
+
+        shares: pairs (side, C_i), with C_i (l, d), in the plane also (l, 3), whose last column
+        multiplies the angle of the side, rad; targets: l functions of time.
+        """
         for side, C in shares:
             assert side.body is not None
             position, angle = C[:, : self.d], C[:, self.d :]
@@ -112,10 +120,11 @@ class Conditions:
     def meet(
         self, along: FloatArray | None = None, targets: Sequence[Amplitude] = ()
     ) -> None:
-        """Components of the two points along directions (l, d) of space, all when not given, are
-        equal; those of one point alone stay as they are, or follow functions of time, m.
+        """Coincident points: equal components along directions `along` (l, d) of space (default:
+        all).
 
-        InputError for points that are apart at the start.
+        For a joint with the ground the components are constant, or follow the functions of time
+        `targets`, m. InputError for points that are apart at the start.
         """
         first, second = self.ends
         if first.body is not None and second.body is not None:
@@ -126,8 +135,8 @@ class Conditions:
                     targets or [constant(value) for value in start.tolist()])
 
     def couple_rotations(self, ratio: float = -1.0, target: Amplitude | None = None) -> None:
-        """In the plane: angle_1 + ratio angle_2, rad, keeps its value; the angle of one side alone
-        may follow a function of time."""
+        """In the plane: angle_1 + ratio angle_2, rad, is constant; for a joint with the ground the
+        angle may follow a function of time."""
         factors = [1.0, ratio]
         sides = [s for s in (self.first, self.second) if s.body is not None]
         start = sum(f * float(s.pose[2]) for f, s in zip(factors, sides, strict=False))
@@ -135,8 +144,8 @@ class Conditions:
                     [constant(start) if target is None else target])
 
     def no_turn(self) -> None:
-        """The two sides keep their relative rotation. In space three pairs are enough where both
-        are rigid: their relative rotation is one."""
+        """Constant relative rotation of the two sides. In space between rigid sides three
+        perpendicularity conditions are enough."""
         if self.d == 2:
             self.couple_rotations()
             return
@@ -154,8 +163,10 @@ class Conditions:
         self, own: Sequence[FloatArray], other: Sequence[FloatArray],
         turn: Amplitude | None = None, axis: FloatArray | None = None,
     ) -> None:
-        """No rotation in the plane of each pair (d, e) of directions, in space axes at the start:
-        (A d . A_o e - A e . A_o d) / 2 = 0. The other's turn about `axis` by an angle `turn`, rad.
+        """No relative rotation in the plane of each pair (d, e) of directions, in space axes at the
+        start: (A d . A_o e - A e . A_o d) / 2 = 0.
+
+        turn, axis: the other body's directions are rotated about `axis` by the angle turn(t), rad.
         """
         half = 0.5 * np.eye(len(own))
         self._face([*own, *other], [*other, *own], np.hstack([half, -half]), turn, axis)
@@ -164,7 +175,7 @@ class Conditions:
         self, own: Sequence[FloatArray], other: Sequence[FloatArray], C: FloatArray,
         turn: Amplitude | None = None, axis: FloatArray | None = None,
     ) -> None:
-        """Rows C (l, n) @ (A own_k . A_o other_k), n pairs of directions."""
+        """Constraints C (l, n) @ (A own_k . A_o other_k) = 0 for n pairs of directions."""
         side, far = self.own, self.other
         across = axis is not None and abs(abs(axis[2]) - 1.0) >= 1e-9
         if side.about_z and across and axis is not None and not self.prescribed:
@@ -183,8 +194,8 @@ class Conditions:
         self._of_both(item, side.turning, C)
 
     def slide(self, lines: Sequence[FloatArray]) -> None:
-        """The distance of the two points across directions (space axes at the start) of the other
-        body stays zero; the ground's point is where the body's is at the start."""
+        """Zero distance of the two points along directions `lines` (space axes at the start) fixed
+        in the other body; the ground's point is the initial position of the body's point."""
         side, far = self.own, self.other
         assert side.body is not None
         place = side.place() if far.body is None else far.place()
@@ -200,7 +211,7 @@ class Conditions:
         self._of_both(item, nodal.along(weights, self.d), np.eye(len(lines)))
 
     def _of_both(self, item: FrameItem, vectors: FloatArray | None, C: FloatArray) -> None:
-        """Rows of the own side that read the other one."""
+        """Adds constraints evaluated with the own side that read the coordinates of the other."""
         body = self.own.body
         assert body is not None
         sign = 1.0 if self.own is self.first or self.first.body is None else -1.0
@@ -210,6 +221,7 @@ class Conditions:
     # ------------------------------------------------------------------ the joint
 
     def joint(self) -> JointPart:
+        """The joint with all constraints collected so far."""
         frame: dict[str, Body] = {}
         if self.weld is not None and self.first.body is not None:
             frame[self.first.body.name] = self.first.body
@@ -246,9 +258,11 @@ def conditions_between(
     name: str, between: tuple[str, str], parts: Mapping[str, Part], *,
     dimensions: Sequence[int] = (2, 3), relative: Sequence[int] = (),
 ) -> Conditions:
-    """A joint of two sides without conditions yet. dimensions: those that it has; relative: those
-    in which it has conditions on directions or lines, so that two flexible sides need a frame
-    between them."""
+    """A joint of two sides, without constraints yet.
+
+    dimensions: dimensions in which the joint exists; relative: dimensions in which it constrains
+    directions or lines, for which two flexible sides need an intermediate massless frame.
+    """
     first, second = sides_of(parts, between, dimensions)
     if first.d not in relative or not (first.flexible and second.flexible):
         return Conditions(name, first, second)
@@ -262,13 +276,15 @@ def conditions_between(
 def conditions_on(
     name: str, of: str, parts: Mapping[str, Part], *, dimensions: Sequence[int] = (2, 3)
 ) -> Conditions:
-    """The same for one target `body:set`, under the key `of`, against the ground."""
+    """A joint between one set `body:set`, under the scene key `of`, and the ground, without
+    constraints yet; dimensions: those in which the joint exists."""
     side = side_of(parts, of, dimensions, "of")
     return Conditions(name, side, Side(None, side.d))
 
 
 def _frame_at(name: str, side: Side) -> Side:
-    """A frame without mass at a side's point, with that body's axes and motion at the start."""
+    """Massless frame at the mean point of a side, with the initial axes and motion of that side's
+    body."""
     body, d = side.body, side.d
     assert body is not None
     pose, velocity = body.pose.copy(), body.velocity.copy()
@@ -282,10 +298,10 @@ def _frame_at(name: str, side: Side) -> Side:
 def _about_z(
     own: Sequence[FloatArray], other: Sequence[FloatArray], C: FloatArray
 ) -> tuple[list[FloatArray], list[FloatArray], FloatArray]:
-    """Pairs of directions that two sides which turn about z alone do not keep by themselves, and
-    the rows of C (l, n) that are left of them.
+    """Pairs of directions without those that two sides rotating about z alone satisfy identically,
+    and C (l, n) without their columns and without rows that are then zero.
 
-    InputError where a pair neither holds by itself nor is one of the plane across z.
+    InputError for a pair that is neither satisfied identically nor in the x-y plane.
     """
     kept: tuple[list[FloatArray], list[FloatArray], list[int]] = [], [], []
     for i, (d, e) in enumerate(zip(own, other, strict=True)):

@@ -9,7 +9,7 @@ from sparsemor.bodies.joints.side import unit
 class Cylindrical(Between):
     """Cylindrical joint: rotation about and translation along one axis that both bodies share.
 
-    Four multipliers: two forces across the axis, N, and two moments, N m.
+    Four multipliers: two forces perpendicular to the axis, N, and two moments, N m.
     """
 
     dimensions = (3,)

@@ -8,7 +8,7 @@ class Fixed(Between):
     """Fixed joint: the mean points of two sets coincide and their relative rotation is constant.
 
     Multipliers: force on the first side (N, space axes) and moment (N m); in space three moments,
-    about axes that are those of space at the start and turn with the bodies.
+    about axes that coincide with the space axes at the start and rotate with the bodies.
     """
 
     relative = (3,)

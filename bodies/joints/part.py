@@ -1,4 +1,4 @@
-"""A built joint: constraint rows, summed from conditions in the frames of its bodies."""
+"""Joint of a scene: constraint equations, summed from conditions on the frames of its bodies."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -16,13 +16,13 @@ from sparsemor.core import Amplitude, Block, Equations, FloatArray, Table
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointPart:
-    """Rows: sum of the conditions - targets(t) = 0, with as many multipliers: forces on the first
-    side (N, space axes) and moments (N m), or forces across a line (N).
+    """Joint: constraint equations sum of conditions - targets(t) = 0, with a multiplier each:
+    forces on the first side (N, space axes), moments (N m), or forces perpendicular to a line (N).
 
-    sides: those with a body. adjusted: a frame without mass between two flexible bodies; the rows
-    of its weld come last. localized: its rows are kept when rows are sampled, because a joint's
-    reaction acts on few unknowns. reactions: force and moment (wrench.py) on each side when they
-    are prescribed: then there is neither an unknown nor a constraint.
+    sides: sides that are bodies. adjusted: intermediate massless frame between two flexible bodies;
+    the equations of its weld come last. localized: hyper-reduction keeps its rows, because a joint
+    reaction acts on few unknowns. reactions: prescribed force and moment (wrench.py) on each side;
+    then the joint has neither unknowns nor constraints.
     """
 
     name: str
@@ -35,13 +35,13 @@ class JointPart:
 
     @property
     def bodies(self) -> Sequence[Body]:
-        """Those that it holds."""
+        """Bodies that the joint connects."""
         return [side.body for side in self.sides if side.body is not None]
 
     @property
     def inert(self) -> bool:
-        """True if no unknown could satisfy its constraints: in a rigid stage, a joint of bodies
-        that do not move there. The flexible stage then has it as a constraint."""
+        """True if the joint has no unknowns: a joint of bodies that do not move in a rigid
+        pre-simulation. The flexible run then has it as a constraint."""
         return not any(b.moves or b.elasticity is not None for b in self.bodies)
 
     @property
@@ -79,7 +79,8 @@ class JointPart:
 
     @property
     def reaction_count(self) -> int:
-        """Columns that `known` takes. InputError for an item that has no wrench."""
+        """Number of columns of the reactions that `known` takes. InputError for an item without
+        `wrench`."""
         for c in self.conditions:
             holding(c.item)
         return sum(size(side) for side in self.sides)
@@ -87,7 +88,8 @@ class JointPart:
     def reactions_passed_on(
         self, times: FloatArray, multipliers: FloatArray, poses: Mapping[str, FloatArray]
     ) -> FloatArray:
-        """(T, columns) what `known` takes, of multipliers (T, l) along a motion (T, n)."""
+        """(T, columns) forces and moments on the sides, for `known`, from multipliers (T, l) and
+        rigid coordinates `poses` (T, n) of each body."""
         return wrenches(self.sides, self.conditions, times, multipliers, poses,
                         welded=bool(self.adjusted))
 

@@ -1,4 +1,4 @@
-"""Prescribed motion: some coordinates of a point follow functions of time."""
+"""Prescribed motion of a point: displacements and rotation as functions of time."""
 
 from collections.abc import Mapping
 
@@ -13,13 +13,14 @@ from sparsemor.core import InputError, Part, Plugin, Prescribed
 
 
 class PrescribedMotion(Plugin):
-    """Prescribed motion: displacement from the start along space axes, and rotation, over time.
+    """Prescribed motion: displacement from the initial position along space axes, and rotation, as
+    functions of time.
 
-    One multiplier per prescribed coordinate: the force (N) or moment (N m) that drives it.
+    One multiplier per prescribed coordinate: the force (N) or moment (N m) that enforces it.
     """
 
     of: str
-    """The driven point or set `body:set`."""
+    """Point or set `body:set` whose motion is prescribed."""
     x: NumberOrFunction | None = None
     """Displacement along x, m; free when not given."""
     y: NumberOrFunction | None = None
@@ -28,7 +29,7 @@ class PrescribedMotion(Plugin):
     """In space: displacement along z, m; free when not given."""
     angle: NumberOrFunction | None = None
     """Rotation, rad; free when not given. In space about `axis`, any number of turns; the other
-    rotations are left to a joint, such as `revolute`."""
+    rotations are constrained by a joint, such as `revolute`."""
     axis: tuple[float, float, float] | None = None
     """In space: axis of the rotation (space axes), fixed in the body at the start."""
 

@@ -11,10 +11,10 @@ class Prismatic(Between):
     """Prismatic joint: relative translation along an axis fixed in one body, no relative rotation.
 
     The axis is fixed in the second body or the ground; in the first, if only the second is
-    flexible; in a frame that follows the first set, if both are.
+    flexible; in a frame that moves with the first set, if both are.
 
-    Multipliers: the forces on the first side across the axis (two in space, one in the plane), N,
-    and the moments (three in space, one in the plane), N m.
+    Multipliers: the forces on the first side perpendicular to the axis (two in space, one in the
+    plane), N, and the moments (three in space, one in the plane), N m.
     """
 
     relative = (2, 3)

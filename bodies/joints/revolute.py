@@ -1,4 +1,4 @@
-"""Revolute joint: two attachment points coincide, and in space an axis is shared."""
+"""Revolute joint: two attachment points coincide, and in space also an axis."""
 
 from sparsemor.bodies.frames.rotation import across
 from sparsemor.bodies.joints.between import Between
@@ -12,8 +12,8 @@ class Revolute(Between):
 
     With one set, its mean point is fixed in space. In the plane the axis is normal to it.
 
-    Multipliers: the force on the first side, N (space axes); in space two moments across the axis,
-    N m.
+    Multipliers: the force on the first side, N (space axes); in space two moments perpendicular to
+    the axis, N m.
     """
 
     relative = (3,)

@@ -1,4 +1,4 @@
-"""The two sides of a joint, a set of a body's points or the ground each, and its conditions."""
+"""Sides of a joint, each a set of a body's nodes or the ground, and its constraint conditions."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -13,14 +13,18 @@ from sparsemor.bodies.targets import GROUND, Target, find_target
 from sparsemor.core import FloatArray, FrameItem, Gather, InputError, Part
 
 NEAR = 1e-8
-"""Relative gap that sides which must meet may have at the start."""
+"""Largest relative initial gap between sides that must coincide."""
 WHERE = {2: "plane", 3: "in space"}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Condition:
-    """One item of a body with its nodal directions; rows of the joint are C (l, forces) @ its
-    rows. other: the body whose rigid coordinates it reads, "" for none."""
+    """Contribution of one body to a joint's constraints: C (l, forces) times the equations of a
+    frame item.
+
+    vectors: functionals of the displacements that the item uses, as columns; other: name of the
+    body whose rigid coordinates it reads, "" for none.
+    """
 
     body: Body
     item: FrameItem
@@ -31,7 +35,8 @@ class Condition:
 
 @dataclass(frozen=True, eq=False)
 class Side:
-    """One side of a joint in d dimensions; target None: the ground. key: its key in the scene."""
+    """One side of a joint in d dimensions: a set of nodes of a body, or the ground (target None).
+    key: its key in the scene."""
 
     target: Target | None
     d: int
@@ -43,7 +48,8 @@ class Side:
 
     @property
     def flexible(self) -> bool:
-        """True if displacements can move its points: not where all of them are held."""
+        """True if displacements can move its nodes: False where reference conditions fix all of
+        them."""
         body = self.body
         if body is None or body.elasticity is None or self.target is None:
             return False
@@ -51,8 +57,8 @@ class Side:
 
     @cached_property
     def turning(self) -> FloatArray | None:
-        """(d N, d) mean rotation of the set by the displacements; None where they cannot turn it:
-        on a rigid body, or where all its points are held. InputError where it is undefined."""
+        """(d N, d) functionals of the displacements for the mean rotation of the set; None on a
+        rigid body, or where all its nodes are fixed. InputError where it is undefined."""
         body = self.body
         if not self.flexible or body is None or body.elasticity is None or self.target is None:
             return None
@@ -68,24 +74,24 @@ class Side:
 
     @property
     def about_z(self) -> bool:
-        """In space: True if it can turn about the z axis of space alone, or not at all."""
+        """In space: True if the side can rotate about the z axis of space alone, or not at all."""
         body = self.body
         return body is None or (
             self.turning is None and (not body.moves or not body.turns_freely))
 
     @property
     def pose(self) -> FloatArray:
-        """(3; 7 or 4 in space,) at the start."""
+        """Rigid coordinates at the start: (3,) in the plane, (7,) or (4,) in space."""
         return AT_ORIGIN[self.d] if self.body is None else self.body.pose
 
     @property
     def axes(self) -> FloatArray:
-        """(d, d): its axes to space axes at the start."""
+        """(d, d) rotation matrix from the side's axes to space axes at the start."""
         return np.eye(self.d) if self.body is None else self.body.start_rotation()
 
     @property
     def reads(self) -> str:
-        """The body whose coordinates are unknowns, "" for a side that stands still."""
+        """Name of the body if its rigid coordinates are unknowns, else ""."""
         return self.body.name if self.body is not None and self.body.moves else ""
 
     def mean(self) -> FloatArray:
@@ -93,7 +99,7 @@ class Side:
         return self.target.mean()
 
     def place(self) -> FloatArray:
-        """(d,) global position of its point at the start."""
+        """(d,) initial position of the side's mean point, m, space axes."""
         assert self.body is not None
         return self.body.start_position(self.mean())
 
@@ -101,8 +107,11 @@ class Side:
 def sides_of(
     parts: Mapping[str, Part], between: tuple[str, str], dimensions: Sequence[int]
 ) -> tuple[Side, Side]:
-    """InputError when both sides are the ground, are the same body, or are not in one of the same
-    of these dimensions."""
+    """The two sides `body:set` or `ground` of a joint.
+
+    InputError when both are the ground or the same body, or the bodies are not in the same one of
+    the given dimensions.
+    """
     gather = Gather()
     targets = [None if text == GROUND else gather("", _target, parts, text, f"between.{i}")
                for i, text in enumerate(between)]
@@ -123,7 +132,7 @@ def sides_of(
 
 
 def side_of(parts: Mapping[str, Part], text: str, dimensions: Sequence[int], key: str) -> Side:
-    """The side of a joint with the ground. InputError as for two."""
+    """The side `body:set` of a joint with the ground. InputError as in `sides_of`."""
     target = _target(parts, text, key)
     _check_dimension(target.body, dimensions, key)
     return Side(target, target.body.d, key)
@@ -145,7 +154,8 @@ def _check_dimension(body: Body, dimensions: Sequence[int], key: str) -> None:
 
 
 def unit(axis: Sequence[float] | None, d: int, key: str = "axis") -> FloatArray:
-    """(d,) of length 1; InputError when it is missing, zero or of the other dimension."""
+    """(d,) unit vector along an axis; InputError when it is missing, zero or of another dimension.
+    """
     if axis is None:
         raise InputError("missing: in space give the axis, such as [0, 0, 1] (space axes, at the "
                          "start)", key)
@@ -159,7 +169,7 @@ def unit(axis: Sequence[float] | None, d: int, key: str = "axis") -> FloatArray:
 
 
 def check_meet(a: Side, b: Side) -> None:
-    """InputError for points that are apart at the start."""
+    """InputError if the mean points of two sides are apart at the start."""
     za, zb = a.place(), b.place()
     gap = float(np.linalg.norm(za - zb))
     if gap > NEAR * size_of(a, b) and a.target is not None and b.target is not None:
@@ -169,7 +179,8 @@ def check_meet(a: Side, b: Side) -> None:
 
 
 def size_of(*sides: Side) -> float:
-    """Length that a gap is compared with, m."""
+    """Length to which an initial gap is compared, m: extent of the bodies and distance from the
+    origin."""
     bodies = [s for s in sides if s.body is not None]
     extents = [float(np.ptp(s.body.X, axis=0).max()) for s in bodies
                if s.body is not None and len(s.body.X)]

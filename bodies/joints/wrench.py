@@ -1,8 +1,8 @@
-"""Wrench of a joint: force and moment of the multipliers on each side.
+"""Joint reactions: force and moment of the multipliers on each side.
 
-Multipliers mean what the joint's conditions were built for, and a joint of rigid bodies can have
+The meaning of a multiplier depends on the joint's constraints, and a joint of rigid bodies can have
 fewer of them than one of the same bodies when they deform. Force and moment about the mean point of
-a side are what both have in common, so these are what a rigid stage passes on.
+a side are common to both, so a rigid pre-simulation passes these on to the flexible run.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from sparsemor.core import FloatArray, FrameItem, InputError, points_in_space
 
 
 def size(side: Side) -> int:
-    """Numbers of a wrench on a side: force (d), N, and moment (1 or 3), N m."""
+    """Number of components of a reaction on a side: force (d), N, and moment (1 or 3), N m."""
     return 3 * side.d - 3
 
 
@@ -26,9 +26,11 @@ def wrenches(
     sides: Sequence[Side], conditions: Sequence[Condition], times: FloatArray,
     multipliers: FloatArray, poses: Mapping[str, FloatArray], *, welded: bool,
 ) -> FloatArray:
-    """(T, sum of sizes): force (N) on each side and moment (N m) about its mean point, in space
-    axes and with the sign of the equations' left sides; multipliers (T, l), poses (T, n) of bodies
-    that move. welded: there is a frame without mass between the sides, whose weld acts on them.
+    """(T, sum of sizes) force (N) on each side and moment (N m) about its mean point, in space
+    axes, with the sign of the left-hand sides of the equations.
+
+    multipliers (T, l); poses: rigid coordinates (T, n) of bodies that move; welded: an intermediate
+    massless frame is welded to the first side.
     """
     bodies = [side.body for side in sides if side.body is not None]
     motion = {b.name: poses.get(b.name, b.pose[None]) for b in bodies}
@@ -52,7 +54,7 @@ def wrenches(
 
 
 def holding(item: FrameItem) -> Holding:
-    """The item of a joint. InputError for one without `wrench`."""
+    """The item of a joint, checked. InputError for one without `wrench`."""
     if isinstance(item, Holding):
         return item
     raise InputError(
@@ -62,7 +64,7 @@ def holding(item: FrameItem) -> Holding:
 
 
 def _mean_point(side: Side, pose: FloatArray) -> FloatArray:
-    """(T or 1, d) in space axes."""
+    """(T or 1, d) position of a side's mean point, m, space axes."""
     assert side.body is not None
     mean = side.mean() @ side.body.X
     return points_in_space(pose, np.broadcast_to(mean, (len(pose), side.d)))

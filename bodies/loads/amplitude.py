@@ -1,4 +1,4 @@
-"""A load's size: a number, or a number times a function of time."""
+"""Magnitude of a load: a number, or a function of time."""
 
 from typing import Annotated, Any
 
@@ -22,9 +22,10 @@ NumberOrFunction = Annotated[
 
 
 def unit(t: float) -> float:
-    """The amplitude of a load that does not change."""
+    """Amplitude 1 of a constant load."""
     return 1.0
 
 
 def amplitude(function: TimeFunction | None) -> Amplitude:
+    """Values of a function of time as an amplitude; 1 for None."""
     return unit if function is None else function.value

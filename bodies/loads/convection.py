@@ -1,4 +1,4 @@
-"""Convection: heat exchanged with a fluid of given temperature."""
+"""Convection: heat exchange with a fluid of prescribed temperature."""
 
 from collections.abc import Mapping
 from typing import Annotated, ClassVar

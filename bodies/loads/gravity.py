@@ -1,4 +1,4 @@
-"""Weight of every body that moves or deforms, on its deformed shape."""
+"""Weight of all bodies that move or deform, acting on the deformed shape."""
 
 from collections.abc import Mapping
 
@@ -19,7 +19,7 @@ class Gravity(Plugin):
     factor: NumberOrFunction | None = None
     """Function of time that multiplies g; 1 by default."""
     bodies: list[str] | None = None
-    """Which bodies have weight; all when not given."""
+    """Bodies that have weight; all when not given."""
 
     def build(self, name: str, parts: Mapping[str, Part]) -> LoadPart:
         chosen = [find_body(parts, b, "bodies") for b in self.bodies] if self.bodies else (

@@ -1,4 +1,4 @@
-"""Given heat flux into a surface that moves with the body."""
+"""Prescribed heat flux into a surface that moves with the body."""
 
 from collections.abc import Mapping
 from typing import Annotated, ClassVar

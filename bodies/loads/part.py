@@ -1,4 +1,4 @@
-"""Built load: a name and a function that writes its contributions."""
+"""Load of a scene: a name and a function that adds its contributions to the equations."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -8,9 +8,12 @@ from sparsemor.core import Amplitude, Block, Equations, Note, Part
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LoadPart:
-    """`write(equations)` contributes the load. localized: its rows are to be kept when rows
-    are sampled; surroundings: the temperature (K) that it ties a body to, where it does; notes:
-    warnings on its options; adjusted: bodies that it replaces."""
+    """Load of a scene; `write(equations)` adds it to the equations.
+
+    localized: hyper-reduction keeps its rows; surroundings: temperature (K) of a heat exchange, or
+    prescribed temperature, if any; notes: warnings on its options; adjusted: bodies that it
+    replaces by modified ones.
+    """
 
     name: str
     write: Callable[[Equations], None]

@@ -1,4 +1,4 @@
-"""A force on one point, or shared evenly by the points of a set."""
+"""Point force, or a force distributed evenly over the points of a set."""
 
 from collections.abc import Mapping
 from typing import Literal

@@ -1,4 +1,4 @@
-"""Prescribed temperature: the nodes of a set follow a function of time, and cost no unknowns."""
+"""Prescribed temperature: the nodes of a set follow a function of time and are no unknowns."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -45,4 +45,4 @@ class PrescribedTemperature(Plugin):
 
 
 def _nothing(equations: Equations) -> None:
-    """The bodies write the effect of the temperatures that are prescribed for them."""
+    """No contribution: the bodies add the effect of their prescribed temperatures."""

@@ -15,7 +15,7 @@ from sparsemor.core import Equations, InputError, Part, Plugin
 class Pressure(Plugin):
     """Pressure: force per area -p n over the boundary facets of each set, positive inwards.
 
-    Give the pressure, or the force that it amounts to on the mesh's own area.
+    Give either the pressure or the total force.
     """
 
     on: Annotated[list[str], Field(min_length=1)]

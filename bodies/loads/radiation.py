@@ -1,4 +1,4 @@
-"""Radiation to surroundings: the first local term, evaluated facet by facet."""
+"""Radiation to the surroundings, evaluated facet by facet."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -28,18 +28,20 @@ from sparsemor.core import (
 )
 
 STEFAN_BOLTZMANN = 5.670374419e-8
-"""W/(m^2 K^4), CODATA 2018 (exact since the SI of 2019)."""
+"""Stefan-Boltzmann constant, W/(m^2 K^4), CODATA 2018 (exact since the SI of 2019)."""
 LARGEST = 1e77
-"""Temperatures (K) from which the fourth power overflows: a step then ends as not finite."""
+"""Temperature (K) above which the fourth power overflows: the step then ends as not finite."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RadiationTerm:
-    """Rows += integral eps sigma (T^4 - T_inf^4) phi_i over facets (exact quadrature).
+    """Radiation contribution to the heat residual: integral eps sigma (T^4 - T_inf^4) phi_i over
+    facets (exact quadrature).
 
-    facets (F, d): positions in `values`, the facets' own node list; weights (F,) = measure x
-    thickness x eps sigma; row_of, column_of: position of each listed node in `rows`, `columns`
-    (-1: none); prescribed: (position in list, T(t)) of nodes with that temperature.
+    rows, columns: global numbers of equations and unknowns; facets (F, d): positions in the list of
+    the facets' nodes; weights (F,) = measure x thickness x eps sigma; row_of, column_of: position
+    of each listed node in `rows`, `columns` (-1: none); prescribed: pairs (positions in the list,
+    T(t)) of nodes with prescribed temperature.
     """
 
     rows: IntArray
@@ -64,7 +66,7 @@ class RadiationTerm:
         return T
 
     def _fourth(self, t: float) -> float:
-        """T_inf^4 at t (s), infinite where that is no number."""
+        """T_inf^4 at time t (s); infinite if it overflows."""
         T = self.surroundings(t)
         return T**4 if abs(T) < LARGEST else np.inf
 
@@ -94,7 +96,8 @@ class RadiationTerm:
     def contributions(
         self, left: FloatArray, x: FloatArray, v: FloatArray, t: FloatArray
     ) -> FloatArray:
-        """(F, l, M): left (l, m) times what each facet adds at states x (n, M), t (M,) s."""
+        """(F, l, M) contribution of each facet, projected by left (l, m), at states x (n, M) and
+        times t (M,), s."""
         place = self.row_of[self.facets]
         seen = np.where(place >= 0, left[:, place], 0.0)  # (l, F, d)
         phi, w = RULES[self.facets.shape[1]]
@@ -106,14 +109,15 @@ class RadiationTerm:
         return found
 
     def weighted(self, weights: FloatArray) -> "RadiationTerm":
-        """Facets with weights (F,) >= 0; those of weight 0, and rows that only they have, go."""
+        """Term with nonnegative facet weights (F,) (hyper-reduction); facets of weight 0, and rows
+        without a remaining facet, are dropped."""
         kept = np.flatnonzero(weights)
         rows = np.unique(self.row_of[self.facets[kept]])
         some = replace(self, facets=self.facets[kept], weights=(self.weights * weights)[kept])
         return some.restrict(rows[rows >= 0])
 
     def restrict(self, keep: IntArray) -> "RadiationTerm":
-        """Only the facets that touch the kept rows, and only the nodes of those facets."""
+        """Term with the rows `keep` only: facets that contribute to these rows, and their nodes."""
         row_of = np.full(len(self.row_of), -1, dtype=np.int64)
         for new, old in enumerate(keep):
             row_of[self.row_of == old] = new
@@ -136,13 +140,15 @@ class RadiationTerm:
 
 
 def _line() -> tuple[FloatArray, FloatArray]:
-    """phi (2, 3), weights (3,): three Gauss points integrate T^4 phi exactly along a line."""
+    """Shape functions (2, 3) and weights (3,) of the three Gauss points that integrate T^4 phi
+    exactly on a line."""
     x, w = np.polynomial.legendre.leggauss(3)
     return np.stack([1 - x, 1 + x]) / 2, w / 2
 
 
 def _triangle() -> tuple[FloatArray, FloatArray]:
-    """phi (3, 7), weights (7,): Radon's rule of degree 5 does the same on a triangle."""
+    """Shape functions (3, 7) and weights (7,) of Radon's rule of degree 5, which integrates T^4 phi
+    exactly on a triangle."""
     root = np.sqrt(15.0)
     points, weights = [np.full(3, 1 / 3)], [9 / 40]
     for sign in (-1.0, 1.0):
@@ -153,7 +159,7 @@ def _triangle() -> tuple[FloatArray, FloatArray]:
 
 
 RULES = {2: _line(), 3: _triangle()}
-"""By the number of a facet's nodes."""
+"""Quadrature rules by the number of a facet's nodes."""
 
 
 class Radiation(Plugin):

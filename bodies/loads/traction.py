@@ -1,4 +1,4 @@
-"""Given surface force per area, turning with the body or fixed in space."""
+"""Prescribed surface force per area, rotating with the body or fixed in space."""
 
 from collections.abc import Mapping
 from typing import Annotated, Literal

@@ -11,7 +11,8 @@ Vector = tuple[float, float] | tuple[float, float, float]
 
 
 def components(body: Body, vector: Sequence[float], key: str) -> FloatArray:
-    """(d,) of a vector that suits the body; InputError when it has more or fewer components."""
+    """(d,) array of a vector; InputError if its number of components differs from the body's
+    dimension."""
     if len(vector) != body.d:
         where = "in space: give three components" if body.d == 3 else "plane: give two components"
         raise InputError(f"body {body.name!r} is {where} (got {list(vector)})", key)

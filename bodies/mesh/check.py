@@ -1,4 +1,4 @@
-"""Mesh checks: every fault, with its number and position."""
+"""Mesh checks: all faults, with numbers and positions."""
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -21,11 +21,11 @@ FLAT = 1e-12
 
 
 def check_mesh(mesh: Mesh) -> None:
-    """InputError with every fault of the mesh; nothing when it is sound.
+    """Checks a mesh; InputError with every fault.
 
-    Looked for: points that are not finite, cells that name points that do not exist, inverted,
-    degenerate and duplicate cells, facets of more than two cells, points in no cell, and pieces
-    that do not hang together by facets (two cells that share one point only form a hinge).
+    Faults: points that are not finite, cells that refer to missing points, inverted, degenerate and
+    duplicate cells, facets of more than two cells, points in no cell, and parts that are not
+    connected by facets (two cells that share one point only form a hinge).
     """
     faults = _broken(mesh) or _cells(mesh) + _connections(mesh)
     if faults:
@@ -33,7 +33,7 @@ def check_mesh(mesh: Mesh) -> None:
 
 
 def some(numbers: IntArray) -> str:
-    """`3, 7, 9` or `3, 7, 9, 12, 15, ...` for messages."""
+    """List of the first numbers for messages: `3, 7, 9` or `3, 7, 9, 12, 15, ...`."""
     return ", ".join(str(n) for n in numbers[:SHOWN]) + (", ..." if len(numbers) > SHOWN else "")
 
 

@@ -1,7 +1,7 @@
-"""Arithmetic and conditions in the coordinates x, y, z, as scene files write them.
+"""Arithmetic expressions and conditions in the coordinates x, y, z, as written in scene files.
 
-The text is parsed with `ast` and walked by hand; nothing is ever passed to `eval`, so a scene from
-a stranger can compute numbers and do nothing else.
+The text is parsed with `ast` and interpreted node by node, never passed to `eval`, so a scene from
+an untrusted source can compute numbers only.
 """
 
 import ast
@@ -39,7 +39,7 @@ _MANY_ARGUMENTS: dict[str, Callable[[Any, Any], Any]] = {"min": np.minimum, "max
 
 
 def parse(text: str, kind: Kind, key: str = "") -> ast.expr:
-    """The checked syntax tree of `text`, which must be a number or a condition as `kind` says."""
+    """Checked syntax tree of `text`, which must be of the given kind: a number or a condition."""
     if len(text) > MAX_LENGTH:
         raise InputError(f"an expression of {len(text)} characters; at most {MAX_LENGTH}", key)
     if not text.isascii():  # Python reads a full-width x as x
@@ -68,8 +68,8 @@ def evaluate_formula(text: str, points: FloatArray, key: str = "") -> FloatArray
 def evaluate_condition(text: str, points: FloatArray, key: str = "") -> BoolArray:
     """Truth values (N,) of a condition at points (N, d), m.
 
-    Both sides of `and` and `or` are computed everywhere: `x != 0 and 1/x > 2` is refused where
-    x = 0, because a comparison with a number that is not finite says nothing.
+    Both sides of `and` and `or` are computed everywhere: `x != 0 and 1/x > 2` is an error where x =
+    0, because a comparison with a number that is not finite has no meaning.
     """
     values = _Evaluator(text, points, key).value(parse(text, "condition", key))
     return np.array(np.broadcast_to(values, len(points)), dtype=np.bool_)
@@ -84,13 +84,14 @@ def _check(kind: Kind) -> Callable[[str], str]:
 
 
 FormulaText: TypeAlias = Annotated[str, AfterValidator(_check("number"))]
-"""A field type: text that is a number in x, y, z (checked when the scene is read)."""
+"""Type of an option: text of a numeric expression in x, y, z, checked when the scene is read."""
 ConditionText: TypeAlias = Annotated[str, AfterValidator(_check("condition"))]
-"""A field type: text that is a condition in x, y, z."""
+"""Type of an option: text of a condition in x, y, z, checked when the scene is read."""
 
 
 class _Checker:
-    """Walks a tree once, before any point is known, and refuses what is not on the list."""
+    """Checks a syntax tree before it is evaluated, and rejects all operations that are not allowed.
+    """
 
     def __init__(self, text: str, key: str) -> None:
         self.text, self.key = text, key
@@ -131,7 +132,7 @@ class _Checker:
         raise self.refuse(f"'{self.written(node)}' is not allowed")
 
     def written(self, node: ast.expr) -> str:
-        """The part of the text that a node was parsed from."""
+        """Part of the text from which a node was parsed."""
         return ast.get_source_segment(self.text.strip(), node) or self.text
 
     def all(self, kind: Kind, nodes: list[ast.expr], depth: int) -> Kind:
@@ -150,7 +151,7 @@ class _Checker:
 
 
 class _Evaluator:
-    """Values of a checked tree at given points."""
+    """Evaluation of a checked syntax tree at given points."""
 
     def __init__(self, text: str, points: FloatArray, key: str) -> None:
         self.text, self.points, self.key = text, points, key

@@ -1,4 +1,4 @@
-"""A mesh from a file, read by meshio and rebuilt as clean linear simplices."""
+"""Mesh from a file, read by meshio and converted to linear simplices."""
 
 import contextlib
 import io
@@ -19,23 +19,23 @@ from sparsemor.core import FloatArray, InputError, IntArray, Mesh, Plugin, bound
 FORMATS = {
     ".msh": "gmsh", ".inp": "abaqus", ".vtk": "vtk", ".vtu": "vtu", ".bdf": "nastran",
     ".fem": "nastran", ".nas": "nastran", ".mesh": "medit", ".meshb": "medit", ".med": "med"}
-"""Endings of files and meshio's name of their format. meshio has more, whose readers do not come to
-an end on some damaged files, or which hold neither triangles nor tetrahedra."""
+"""File name extensions, and meshio's name of their format. meshio supports more formats, but their
+readers do not terminate on some damaged files, or they contain neither triangles nor tetrahedra."""
 BASE, PER_BYTE = 2**28, 200
-"""Memory that reading a file may take: bytes, and bytes per byte of the file."""
+"""Memory limit for reading a file: a constant, bytes, and bytes per byte of the file."""
 _MOST_LETTERS = 200
-"""Characters of a reader's own words that a message repeats."""
+"""Number of characters of a reader's error message that is repeated."""
 
 
 class MeshFile(Plugin):
     """Mesh file of triangles or tetrahedra, read by meshio.
 
-    Gmsh (msh), Abaqus (inp), VTK (vtk, vtu), Nastran (bdf, fem, nas), Medit (mesh, meshb) or
-    Salome (med, with the package h5py).
+    Gmsh (msh), Abaqus (inp), VTK (vtk, vtu), Nastran (bdf, fem, nas), Medit (mesh, meshb) or Salome
+    (med, with the package h5py).
 
-    The simplices of the highest dimension become the body; everything else in the file only names
-    sets of points: physical groups and tags, cell sets, point sets. Unused points are dropped.
-    A mesh whose cells all run the wrong way round is turned; one where some do is refused.
+    The simplices of the highest dimension become the body; all other cells and groups in the file
+    only name sets of points: physical groups and tags, cell sets, point sets. Unused points are
+    dropped. If all cells are inverted, they are reoriented; if only some are, the mesh is rejected.
     """
 
     path: str = Field(min_length=1)
@@ -44,11 +44,11 @@ class MeshFile(Plugin):
     """Metres per length unit of the file: 1e-3 for a drawing in millimetres."""
 
     def files(self, base: Path) -> tuple[Path, ...]:
-        """The mesh file: part of the identity of a run and of the key of its products."""
+        """The mesh file: its content identifies a run and its cached results."""
         return (base / self.path,)
 
     def build(self, base: Path) -> Mesh:
-        """The mesh of `base / path`; InputError with key `path` when it cannot be used."""
+        """The mesh from the file `base / path`; InputError with key `path` if it cannot be used."""
         content = _read(base / self.path, self.path)
         try:
             with np.errstate(all="ignore"):  # points that are not finite are reported by number
@@ -60,8 +60,8 @@ class MeshFile(Plugin):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Content:
-    """points (n, 2 or 3); cells: (type, dimension, (m, corners) point numbers) of each block that
-    has any; sets: name -> point numbers, unsorted."""
+    """Content of a mesh file: points (n, 2 or 3); cells: (type, dimension, point numbers (m,
+    corners)) of each nonempty block; sets: name -> point numbers, unsorted."""
 
     points: FloatArray
     cells: tuple[tuple[str, int, IntArray], ...]
@@ -69,7 +69,8 @@ class _Content:
 
 
 def _read(full: Path, written: str) -> _Content:
-    """The file's arrays. Readers print and run out of memory on bad files: both are caught."""
+    """Arrays of the file. Readers may print, or run out of memory on damaged files: both are
+    caught."""
     kind = FORMATS.get(full.suffix.lower())
     if kind is None:
         endings = ", ".join(FORMATS)
@@ -94,7 +95,8 @@ def _read(full: Path, written: str) -> _Content:
 
 @contextlib.contextmanager
 def _silent() -> Iterator[None]:
-    """Neither prints nor warnings: meshio's are about the file, which is checked afterwards."""
+    """Context that suppresses printed output and warnings of meshio; the file is checked
+    afterwards."""
     nowhere = io.StringIO()
     with (contextlib.redirect_stdout(nowhere), contextlib.redirect_stderr(nowhere),
           warnings.catch_warnings(), np.errstate(all="ignore")):
@@ -103,7 +105,7 @@ def _silent() -> Iterator[None]:
 
 
 def _reason(error: BaseException, full: Path, written: str) -> str:
-    """A reader's own words on one line, without the path on this machine."""
+    """Error message of a reader on one line, with the path as the scene has it."""
     if isinstance(error, MemoryError):
         return "a number in it asks for far more memory than a file of this size can fill"
     if isinstance(error, ModuleNotFoundError):
@@ -114,8 +116,8 @@ def _reason(error: BaseException, full: Path, written: str) -> str:
 
 
 def _arrays(raw: Any) -> _Content:
-    """meshio's mesh as arrays of the shapes and kinds that they should have; any exception where
-    they have not."""
+    """meshio's mesh as arrays of the expected shapes and types; any exception where that is
+    impossible."""
     points = np.asarray(raw.points, dtype=np.float64)
     if points.ndim != 2 or points.shape[1] not in (2, 3):
         raise ValueError(f"points of shape {points.shape}, where (n, 2) or (n, 3) is expected")
@@ -162,7 +164,7 @@ def _simplices(content: _Content, d: int) -> IntArray:
 
 
 def _coordinates(points: FloatArray, cells: IntArray, d: int) -> FloatArray:
-    """The d coordinates that count; a flat mesh may come with a third one, if it is constant."""
+    """(n, d) coordinates of the points; a plane mesh may have a third, constant one."""
     if points.shape[1] < d:
         raise InputError(f"its points have {points.shape[1]} coordinates, and tetrahedra take 3")
     across = points[np.unique(cells), d:]

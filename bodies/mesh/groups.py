@@ -1,4 +1,4 @@
-"""Groups, tags and sets of a mesh file, all as sets of points."""
+"""Groups, tags and sets of a mesh file as sets of points."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -9,20 +9,20 @@ from sparsemor.core import IntArray
 
 SIMPLEX = {2: "triangle", 3: "tetra"}
 GMSH_WORD = ("point", "curve", "surface", "volume")
-"""Gmsh's word for a group of each dimension; a tag 3 of lines without a name is `curve_3`."""
+"""Gmsh's term for a group of each dimension; a tag 3 of lines without a name is `curve_3`."""
 
 
 def dimension_of(cell_type: str) -> int:
-    """0 to 3 by meshio's name of the cell type."""
+    """Dimension (0 to 3) of a cell type, by its name in meshio."""
     from meshio._mesh import topological_dimension
 
     return int(topological_dimension[cell_type])
 
 
 def named_points(raw: Any) -> dict[str, IntArray]:
-    """Name -> point numbers (not sorted, maybe repeated) of a meshio mesh.
+    """Name -> point numbers (unsorted, possibly repeated) of the sets of a meshio mesh.
 
-    Where a point set and a set of cells share a name, the point set is the narrower and counts.
+    Where a point set and a set of cells share a name, the point set is used.
     """
     gathered: dict[str, list[IntArray]] = {}
     for name, points in (*_cell_sets(raw), *_physical(raw)):

@@ -1,4 +1,5 @@
-"""Warnings of a flexible body on its mesh and its sets: legal, and almost surely mistakes."""
+"""Warnings about the mesh and the sets of a flexible body: input that is valid but most likely a
+mistake."""
 
 from collections.abc import Mapping
 
@@ -9,16 +10,16 @@ from sparsemor.bodies.mesh.sets import PointSet
 from sparsemor.core import FloatArray, Mesh, Note, outside_box_notes
 
 COINCIDENT = 1e-9
-"""Distance of two nodes, relative to the mesh's diagonal, below which they are at one place."""
+"""Distance of two nodes, relative to the mesh's diagonal, below which they coincide."""
 COLD, SPACE = 150.0, 5.0
-"""Temperatures (K) of radiation between these are most likely degrees Celsius; below `SPACE` the
-surroundings may be space."""
+"""Radiation temperatures (K) between `SPACE` and `COLD` are most likely degrees Celsius; below
+`SPACE` the surroundings may be outer space."""
 CELSIUS = 273.15
 """0 degrees Celsius, K."""
 
 
 def mesh_notes(name: str, mesh: Mesh, sets: Mapping[str, PointSet]) -> tuple[Note, ...]:
-    """Nodes that coincide without being shared, and sets far from the mesh."""
+    """Warnings about coincident nodes that are not shared, and about sets far from the mesh."""
     found = [note for key, one in sets.items() if one.nearest is not None
              for note in outside_box_notes(f"bodies.{name}.sets.{key}", one.nearest, mesh.points)]
     count = coincident_nodes(mesh.points)
@@ -31,7 +32,7 @@ def mesh_notes(name: str, mesh: Mesh, sets: Mapping[str, PointSet]) -> tuple[Not
 
 
 def coincident_nodes(points: FloatArray) -> int:
-    """Number of nodes (N, d) that lie on a node of a lower number."""
+    """Number of nodes, at points (N, d), that coincide with a node of smaller number."""
     radius = COINCIDENT * float(np.linalg.norm(np.ptp(points, axis=0)))
     pairs = cKDTree(points).query_pairs(radius, output_type="ndarray")
     return len(np.unique(pairs[:, 1]))
@@ -40,9 +41,9 @@ def coincident_nodes(points: FloatArray) -> int:
 def celsius_notes(
     load: str, surroundings: float, starts: Mapping[str, FloatArray | None]
 ) -> tuple[Note, ...]:
-    """Temperatures of radiation that look like degrees Celsius.
+    """Warnings about radiation temperatures that look like degrees Celsius.
 
-    surroundings: K, at the start; starts: body -> initial temperatures (N,), K.
+    surroundings: temperature at the start, K; starts: body -> initial temperatures (N,), K.
     """
     cold = {f"the initial temperature of {name}": float(T.min())
             for name, T in starts.items() if T is not None and T.min() < COLD}

@@ -1,4 +1,4 @@
-"""Named sets of points: declared in a scene, looked up by joints and loads."""
+"""Named sets of points: defined in a scene, used by joints and loads."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -14,11 +14,12 @@ class PointSet(Plugin):
     """Named set of mesh points, by exactly one of `box`, `where` and `nearest`."""
 
     box: list[tuple[float, float]] | None = None
-    """[[x0, x1], [y0, y1]] and [z0, z1] in 3-D, m: the points inside, borders included."""
+    """Box [[x0, x1], [y0, y1]], with [z0, z1] in 3-D, m: the points inside, boundary included."""
     where: ConditionText | None = None
-    """A condition in x, y, z (m), such as `y > 0.08 and x < 0.5`."""
+    """Condition in x, y, z (m), such as `y > 0.08 and x < 0.5`."""
     nearest: list[float] | None = None
-    """[x, y] or [x, y, z], m: the one point nearest to it (the lowest number on a tie)."""
+    """Position [x, y] or [x, y, z], m: the nearest point of the mesh (the lowest number on a tie).
+    """
 
     @model_validator(mode="after")
     def _one(self) -> "PointSet":
@@ -33,7 +34,8 @@ class PointSet(Plugin):
         return self
 
     def members(self, mesh: Mesh) -> IntArray:
-        """Sorted numbers of the points; InputError when none, or for another dimension."""
+        """Sorted numbers of the points; InputError when there are none, or for another dimension.
+        """
         if self.box is not None:
             found = self._in_box(mesh)
         elif self.where is not None:
@@ -61,7 +63,7 @@ class PointSet(Plugin):
 
 
 def with_sets(mesh: Mesh, sets: Mapping[str, PointSet]) -> Mesh:
-    """The mesh with the declared sets added; InputError with keys `<name>` or `<name>.box`."""
+    """Copy of the mesh with the given sets added; InputError with keys `<name>` or `<name>.box`."""
     found: dict[str, IntArray] = {}
     faults: list[Fault] = []
     for name, declared in sets.items():
@@ -78,7 +80,7 @@ def with_sets(mesh: Mesh, sets: Mapping[str, PointSet]) -> Mesh:
 
 
 def find_set(mesh: Mesh, name: str, key: str) -> IntArray:
-    """Point numbers of a named set; InputError under `key` listing the sets there are."""
+    """Point numbers of a named set; InputError under `key` with the names of the existing sets."""
     if name in mesh.point_sets:
         return mesh.point_sets[name]
     advice = "" if mesh.point_sets else "; declare it under `sets`"

@@ -1,4 +1,4 @@
-"""Measures and gradients of linear simplices, alike in 2-D and 3-D."""
+"""Measures and gradients of linear simplices, in 2-D and 3-D."""
 
 from math import factorial
 
@@ -8,12 +8,12 @@ from sparsemor.core import FloatArray, IntArray, Mesh
 
 
 def edge_vectors(points: FloatArray, cells: IntArray) -> FloatArray:
-    """(E, d, d), m: row i of a cell is the vector from its corner 0 to its corner i + 1."""
+    """(E, d, d) edge vectors of each cell, m: row i runs from its corner 0 to its corner i + 1."""
     return np.asarray(points[cells[:, 1:]] - points[cells[:, :1]])
 
 
 def signed_measures(points: FloatArray, cells: IntArray) -> FloatArray:
-    """(E,) area (m2) or volume (m3) of each cell; negative where a cell is inverted."""
+    """(E,) area (m2) or volume (m3) of each cell; negative for inverted cells."""
     return np.asarray(np.linalg.det(edge_vectors(points, cells)) / factorial(points.shape[1]))
 
 
@@ -25,6 +25,6 @@ def longest_edges(points: FloatArray, cells: IntArray) -> FloatArray:
 
 
 def gradients(mesh: Mesh) -> FloatArray:
-    """(E, d + 1, d), 1/m: gradient of each corner's linear shape function, constant in a cell."""
+    """(E, d + 1, d) gradient of each corner's linear shape function, 1/m, constant in a cell."""
     inner = np.linalg.inv(edge_vectors(mesh.points, mesh.cells)).transpose(0, 2, 1)
     return np.concatenate([-inner.sum(axis=1, keepdims=True), inner], axis=1)

@@ -1,4 +1,4 @@
-"""Contributions of a body's fields: elasticity, conduction, films."""
+"""Contributions of a body's fields to the equations: elasticity, conduction, convection."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from sparsemor.core import Amplitude, Csr, Equations, FloatArray
 
 
 def write_elasticity(body: HasFields, equations: Equations, e: Elasticity) -> None:
-    """Stiffness, damping and thermal forces of the free displacements."""
+    """Adds stiffness, damping and thermal forces of the free displacements."""
     F, Kt = e.free, e.coupling[e.free]
     block, thermal = f"{body.name}.elastic", f"{body.name}.thermal"
     equations.matrix(block, block, A=e.stiffness[F][:, F], B=e.damping[F][:, F])
@@ -24,7 +24,7 @@ def write_elasticity(body: HasFields, equations: Equations, e: Elasticity) -> No
 
 
 def write_conduction(body: HasFields, equations: Equations, h: Heat) -> None:
-    """Conduction and capacity of the free temperatures."""
+    """Adds conduction and capacity of the free temperatures."""
     block, free = f"{body.name}.thermal", h.free
     equations.matrix(block, block, A=h.conductivity[free][:, free], B=h.capacity[free][:, free])
     for nodes, function in h.prescribed:
@@ -36,7 +36,8 @@ def write_film(
     body: str, equations: Equations, heat: Heat, vector: FloatArray, amplitude: Amplitude,
     film: Csr | None,
 ) -> None:
-    """Nodal heat vector (N,) W times an amplitude, and a film matrix (N, N) W/K."""
+    """Adds a nodal heat vector (N,), W, times an amplitude, and a convection matrix `film` (N, N),
+    W/K."""
     block, free = f"{body}.thermal", heat.free
     equations.vector(block, vector[free], amplitude)
     if film is None:

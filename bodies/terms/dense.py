@@ -1,4 +1,4 @@
-"""Dense local terms: few unknowns, evaluated as a whole."""
+"""Local terms of few unknowns with dense derivatives."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -11,12 +11,13 @@ from sparsemor.core import Csr, FloatArray, IntArray, Trial
 
 Evaluation = tuple[FloatArray, FloatArray, FloatArray]
 Law = Callable[[FloatArray, FloatArray, float], Evaluation]
-"""x, v (n,) at the columns and time, s -> residual (m,) and its derivatives by x and v, (m, n)."""
+"""Function of x, v (n,), at the term's columns, and time, s: returns the residual (m,) and its
+derivatives (m, n) by x and by v."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ReducedDense:
-    """left @ law(offset + atoms xi), a `ReducedTerm`."""
+    """Projected dense term left @ law(offset + atoms xi), with reduced unknowns xi."""
 
     law: Law
     trial: Trial
@@ -43,8 +44,8 @@ class DenseTerm:
     """Term of a few unknowns: a spring, a damper, a contact of two points.
 
     rows (m,), columns (n,): positions in the state vector; law: residual (left-hand side: minus the
-    force) and its derivatives, of all rows before any `restrict`. keep: numbers of the rows that
-    remain, None for all. source: part of the scene, set in assembly.
+    force) and its derivatives, for all rows before any `restrict`. keep: numbers of the remaining
+    rows, None for all. source: name of the part of the scene, set in assembly.
     """
 
     rows: IntArray

@@ -1,22 +1,22 @@
-"""Kinds of fields that bodies and joints of this package have."""
+"""Kinds of fields of the bodies and joints."""
 
 from sparsemor.core import FieldKind, Quantity
 
 RIGID = FieldKind(
     "rigid", order=2, unit="m, rad", quantity=Quantity.POSE, title="rigid motion",
     scale=1.0, smallest=1.0, change=3e-4, central=True)
-"""Pose of a moving body frame. A pair of its unknowns is nearly defective at eigenvalue 1 of the
-step map, hence central differences."""
+"""Rigid coordinates of a moving body frame. They give a nearly defective pair of eigenvalues at 1
+of the time-step map, which therefore is differentiated by central differences."""
 ELASTIC = FieldKind(
     "elastic", order=2, unit="m", quantity=Quantity.DISPLACEMENT, reducible=True,
     title="elastic displacement", scale=1e-3, smallest=1e-6, change=1e-2)
-"""Free nodal displacements in the body frame."""
+"""Displacement field: free nodal displacements in the body frame."""
 THERMAL = FieldKind(
     "thermal", order=1, unit="K", quantity=Quantity.TEMPERATURE, reducible=True,
     title="temperature", scale=100.0, smallest=1e-3, change=1e-4)
-"""Free nodal temperatures."""
+"""Temperature field: free nodal temperatures."""
 MULTIPLIER = FieldKind("multiplier", order=0, unit="N, N m")
-"""Lagrange multipliers of a joint's constraints: its forces and torques."""
+"""Lagrange multipliers of a joint's constraints: its forces and moments."""
 
 BODY_KINDS = (RIGID, ELASTIC, THERMAL)
-"""Fields that a body of this package may have: tables have a column for each, in every scene."""
+"""Fields that a body may have; result tables have a column for each, in every scene."""

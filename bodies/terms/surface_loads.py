@@ -1,4 +1,4 @@
-"""Loads that move over the surface of a body, as tables on its elastic and thermal blocks."""
+"""Loads that move over the surface of a body, as time tables of its nodal forces and heats."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ from sparsemor.core import Equations, FloatArray, IntArray, LoadTable, SurfaceLo
 def write_surface_loads(
     body: HasFields, equations: Equations, loads: SurfaceLoads, times: FloatArray
 ) -> None:
-    """Forces on the elastic and heat on the thermal unknowns of the loaded nodes.
+    """Adds forces on the elastic and heat on the thermal unknowns of the loaded nodes at times
+    (T,), s.
 
     A frame with prescribed motion needs no resultants: its rigid equations are not solved.
     """
@@ -34,8 +35,11 @@ def _write(
     equations: Equations, block: str, free: IntArray, dofs: IntArray, names: Sequence[str],
     table: Table,
 ) -> None:
-    """Column i of the table acts on dof number dofs[i] of a field; where that is no unknown
-    (prescribed displacements or temperatures) it does nothing. No table where it acts on none."""
+    """Adds a load table: its column i acts on dof number dofs[i] of a field.
+
+    Columns of prescribed displacements or temperatures are dropped, and a table without remaining
+    columns.
+    """
     acts = np.flatnonzero(np.isin(dofs, free))
     if not len(acts):
         return

@@ -1,4 +1,4 @@
-"""Coulomb friction, made continuous at rest."""
+"""Regularised Coulomb friction."""
 
 import numpy as np
 from pydantic import Field
@@ -9,13 +9,14 @@ from sparsemor.core import FloatArray, Plugin
 class Coulomb(Plugin):
     """Regularised Coulomb friction: traction mu p q (3 - q^2) / 2 with q = v / v_c in [-1, 1].
 
-    There is no static friction: below v_c a body creeps at the speed where the traction holds it.
+    There is no static friction: below v_c a loaded body creeps at the speed where the traction
+    balances the load.
     """
 
     coefficient: float = Field(ge=0)
     """Coefficient of friction mu."""
     critical_velocity: float = Field(gt=0)
-    """Slip speed v_c from which the full friction acts, m/s."""
+    """Slip speed v_c above which the full friction acts, m/s."""
 
     @property
     def breaks(self) -> tuple[float, ...]:

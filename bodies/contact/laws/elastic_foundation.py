@@ -1,4 +1,5 @@
-"""Elastic foundation: springs and dampers side by side under the surface, without shear."""
+"""Elastic foundation (Winkler): independent springs and dampers under the surface, without shear.
+"""
 
 from typing import Self
 
@@ -13,16 +14,16 @@ class ElasticFoundation(Plugin):
 
     s(r) = 3 r^2 - 2 r^3 rises from 0 to 1.
 
-    All constants are per area: a thin layer of modulus E and height b has K = E / b, so N/m3 and
-    not N/m. The ramp of the damping keeps the pressure continuous where surfaces meet.
+    All constants are per area: a thin layer of modulus E and height b has K = E / b, in N/m3. The
+    increase of the damping with depth makes the pressure continuous at first contact.
     """
 
     stiffness: float = Field(gt=0)
-    """Foundation modulus K, N/m3 (Pa of pressure a metre of penetration)."""
+    """Foundation modulus K, N/m3 (pressure in Pa per metre of penetration)."""
     damping: float = Field(default=0.0, ge=0)
     """Damping modulus D, N s/m3."""
     damping_depth: float | None = Field(default=None, gt=0)
-    """Penetration d0 from which the damping acts in full, m."""
+    """Penetration d0 above which the damping acts in full, m."""
 
     @model_validator(mode="after")
     def _ramp(self) -> Self:

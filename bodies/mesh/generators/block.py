@@ -1,4 +1,4 @@
-"""A box of tetrahedra."""
+"""Box meshed by tetrahedra."""
 
 from itertools import permutations, product
 from math import prod
@@ -29,8 +29,8 @@ class Block(Plugin):
     divisions: tuple[Count, Count, Count]
     """Cells along x, y and z; each is split into six tetrahedra."""
     diagonal: Literal["uniform", "alternating"] = "alternating"
-    """uniform: every cell alike; alternating: each the mirror image of its neighbours, which has
-    no preferred direction."""
+    """Orientation of the cells' diagonals. `uniform`: the same in all cells; `alternating`: each
+    cell is the mirror image of its neighbours, which has no preferred direction."""
     refine: float = Field(default=1.0, gt=0, le=100)
     """Factor on each of the divisions, rounded."""
 
@@ -52,10 +52,11 @@ class Block(Plugin):
 
 
 def _kuhn(numbers: IntArray, mirrored: bool) -> IntArray:
-    """(6 cells, 4): the tetrahedra of every cell, cell by cell.
+    """(6 cells, 4) tetrahedra of all cells, cell by cell.
 
-    Each walks from one corner of the cell to the opposite one along the axes in some order. A
-    mirrored cell starts at another corner, so that shared faces are split alike.
+    Each follows a path of edges from one corner of the cell to the opposite one, along the axes in
+    some order. A mirrored cell starts at another corner, so that shared faces have the same
+    diagonal.
     """
     cell = np.stack(np.meshgrid(*[np.arange(n - 1) for n in numbers.shape], indexing="ij"), axis=3)
     cell = cell.reshape(-1, 3)

@@ -1,4 +1,4 @@
-"""A solid disk of tetrahedra: the brake disk of Liang et al. 2026, Sec. 4.3."""
+"""Solid disk meshed by tetrahedra: the brake disk of Liang et al. 2026, Sec. 4.3."""
 
 from pathlib import Path
 from typing import Annotated
@@ -12,14 +12,14 @@ from sparsemor.core import FloatArray, InputError, IntArray, Mesh, MeshSize, Plu
 
 Positive = Annotated[float, Field(gt=0)]
 ANGLES = (0, 90, 180, 270)
-"""Where probes stand on each circle, degrees."""
+"""Angles of the probe points on each circle, degrees."""
 
 
 class Disk(Plugin):
     """Disk: a cylinder about the z axis from z = 0 up, a plane triangulation extruded in layers.
 
-    With the default options: 10 344 tetrahedra and 2715 points. `refine` makes every edge that
-    much shorter, in the plane and along z. Sets: top, bottom, rim (the outer surface), hub (all
+    With the default options: 10 344 tetrahedra and 2715 points. `refine` divides all edge lengths
+    by its value, in the plane and along z. Sets: top, bottom, rim (the outer surface), hub (all
     points within its radius), axis, and single points of the top face: centre, and on each circle
     of probes probe_1, probe_2, ... at 0 degrees and probe_1_90, probe_1_180, probe_1_270.
     """
@@ -29,9 +29,9 @@ class Disk(Plugin):
     thickness: float = Field(default=0.013, gt=0)
     """Thickness, m."""
     hub: float = Field(default=0.03, ge=0)
-    """Radius within which points belong to the set `hub`, m."""
+    """Radius of the set `hub`, m."""
     probes: tuple[Positive, ...] = (0.0867, 0.1060, 0.1188, 0.1336)
-    """Radii of circles on which points of the mesh are kept at 0, 90, 180 and 270 degrees, m."""
+    """Radii of the circles with mesh points at 0, 90, 180 and 270 degrees (sets `probe_...`), m."""
     triangles: int = Field(default=1724, ge=1)
     """Triangles of the plane triangulation that is extruded; even."""
     rim: int = Field(default=84, ge=8, multiple_of=4)
@@ -39,7 +39,8 @@ class Disk(Plugin):
     layers: int = Field(default=2, ge=1)
     """Layers of prisms, each of three tetrahedra."""
     refine: float = Field(default=1.0, gt=0, le=20)
-    """Factor on the number of edges along each length: tetrahedra grow with its third power."""
+    """Factor on the number of edges along each length: the number of tetrahedra grows with its
+    third power."""
 
     @model_validator(mode="after")
     def _possible(self) -> "Disk":
@@ -58,7 +59,8 @@ class Disk(Plugin):
         return self
 
     def counts(self) -> tuple[int, int, int]:
-        """Points on the rim, triangles of the plan, layers: the options times `refine`."""
+        """Numbers of points on the rim, triangles of the plane triangulation, and layers, after
+        `refine`."""
         rim = max(8, 4 * round(self.rim * self.refine / 4))
         half = max(round(self.triangles * self.refine**2 / 2), rim // 2 + len(self._fixed()))
         return rim, 2 * half, max(1, round(self.layers * self.refine))
@@ -76,7 +78,8 @@ class Disk(Plugin):
         return Mesh(points, cells, self._sets(points, rim, len(plan)))
 
     def _fixed(self) -> FloatArray:
-        """(1 + 4 c, 2): the axis, then each circle's points."""
+        """(1 + 4 c, 2) prescribed points of the triangulation, m: the axis, then those of each of c
+        circles."""
         turns = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
         return np.concatenate([np.zeros((1, 2)), *(r * turns for r in self.probes)])
 

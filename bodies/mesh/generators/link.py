@@ -1,4 +1,4 @@
-"""A link with two bores: the body of the double pendulum of Liang et al. 2026, Sec. 4.1."""
+"""Link with two bores: the body of the double pendulum of Liang et al. 2026, Sec. 4.1."""
 
 from math import isqrt
 from pathlib import Path
@@ -11,19 +11,21 @@ from sparsemor.core import FloatArray, InputError, IntArray, Mesh, MeshSize, Plu
 
 REGULAR = 1280
 AROUND, RADIAL, ALONG = 8, 5, 40
-"""Quads of the regular mesh: per quarter of a bore's edge, across its ring, along the middle."""
+"""Numbers of quads of the regular mesh: per quarter of a bore's edge, across its ring, along the
+middle."""
 COARSE = 320
 COARSE_QUADS = 4, 3, 16
-"""The same of a mesh for trials: a quarter of the triangles, 16 nodes on a bore's edge."""
+"""Numbers of quads, as above, of a coarse mesh for trials: a quarter of the triangles, 16 nodes on
+a bore's edge."""
 
 
 class Link(Plugin):
     """Link: a bar with a round bore near each of its square ends, meshed by triangles.
 
-    The origin is the centre of bore A.
+    The origin is the centre of bore A. Each square end is a ring of quads around its bore, the part
+    between is a regular block; every quad is split along its shorter diagonal. Bore A is at (0, 0),
+    bore B at (length, 0).
 
-    Each square end is a ring of quads around its bore, the part between is a regular block; every
-    quad is split along its shorter diagonal. Bore A is at (0, 0), bore B at (length, 0).
     Sets: bore_a, bore_b (their edges), top, bottom, left, right, and the single points chord_a
     (right-most of bore A) and chord_b (left-most of bore B).
     """
@@ -85,7 +87,7 @@ class Link(Plugin):
         return Mesh(points, cells, self._sets(points, a, b))
 
     def _quads(self) -> tuple[int, int, int]:
-        """Quads per quarter of a bore's edge, across its ring, along the middle."""
+        """Numbers of quads per quarter of a bore's edge, across its ring, along the middle."""
         if self.elements == COARSE:
             return COARSE_QUADS
         r = isqrt(self.elements // REGULAR)
@@ -105,9 +107,10 @@ class Link(Plugin):
 
 
 def _ring(radius: float, half: float, around: int, radial: int) -> FloatArray:
-    """(radial + 1, 4 around, 2): circle to square, from -45 degrees on, counter-clockwise.
+    """(radial + 1, 4 around, 2) points of a ring between circle and square, m, counter-clockwise
+    from -45 degrees.
 
-    One quarter is computed and turned by exact right angles, so the ring is exactly symmetric.
+    One quarter is computed and rotated by exact right angles, so the ring is exactly symmetric.
     """
     s = np.arange(-around // 2, around // 2) / (around // 2)
     circle = radius * np.stack([np.cos(s * np.pi / 4), np.sin(s * np.pi / 4)], axis=1)
@@ -121,7 +124,8 @@ def _ring(radius: float, half: float, around: int, radial: int) -> FloatArray:
 
 
 def _numbers(around: int, radial: int, along: int) -> tuple[IntArray, IntArray, IntArray]:
-    """Point numbers of ring A, ring B and the middle block, whose end columns the rings own."""
+    """Point numbers of ring A, ring B and the middle block, which shares its end columns with the
+    rings."""
     a = np.arange((radial + 1) * 4 * around).reshape(radial + 1, -1)
     b = a + a.size
     inner = 2 * a.size + np.arange((along - 1) * (around + 1)).reshape(along - 1, -1)

@@ -1,7 +1,8 @@
-"""Triangles of equal size inside a closed outline, as many as asked for and no other number.
+"""Triangulation of the interior of a closed outline by a prescribed number of triangles of similar
+size.
 
-A triangulation of a simply connected region with N points, B of them on the outline, has
-T = 2 N - 2 - B triangles: with B and N given the count is exact, whatever the smoothing does.
+A triangulation of a simply connected region with N points, B of them on the outline, has T = 2 N -
+2 - B triangles: with given B and N the number is exact for any smoothing.
 """
 
 import numpy as np
@@ -11,11 +12,13 @@ from sparsemor.bodies.mesh.simplices import signed_measures
 from sparsemor.core import BoolArray, FloatArray, InputError, IntArray
 
 ROUNDS = 10
-"""Rounds of smoothing: more of them change the worst triangle's quality by 2 % at most."""
+"""Number of smoothing iterations: more of them change the worst triangle's quality by 2 % at most.
+"""
 
 
 def interior_points(triangles: int, outline: int) -> int:
-    """Number of interior points for this number of triangles; InputError when there is none."""
+    """Number of interior points for a given number of triangles; InputError if it is not a
+    nonnegative integer."""
     twice = triangles + 2 - outline
     if twice % 2 or twice < 0:
         least = outline - 2
@@ -29,11 +32,11 @@ def interior_points(triangles: int, outline: int) -> int:
 def plan_mesh(
     outline: FloatArray, triangles: int, fixed: FloatArray | None = None, rounds: int = ROUNDS
 ) -> tuple[FloatArray, IntArray]:
-    """Points (N, 2), m, and counter-clockwise triangles (T, 3); the same ones in every call.
+    """Deterministic triangulation: points (N, 2), m, and counter-clockwise triangles (T, 3).
 
-    outline (B, 2): a closed polygon without crossings, counter-clockwise, its points at about
-    equal distances; fixed (f, 2): points inside that must be nodes. They come first, in this
-    order: outline, fixed, others. InputError when the outline is too coarse to be followed.
+    outline (B, 2): a closed polygon without crossings, counter-clockwise, its points at about equal
+    distances; fixed (f, 2): interior points that must be nodes. Order of the points: outline,
+    fixed, others. InputError when the outline is too coarse.
     """
     B = len(outline)
     held = np.zeros((0, 2)) if fixed is None else np.asarray(fixed, dtype=np.float64)
@@ -51,7 +54,7 @@ def plan_mesh(
 
 
 def inside(points: FloatArray, outline: FloatArray) -> BoolArray:
-    """(n,) whether points (n, 2) lie inside a polygon (B, 2): crossings of a ray to the right."""
+    """(n,) True for points (n, 2) inside a polygon (B, 2), by crossings of a ray to the right."""
     x, y = points[:, :1], points[:, 1:]
     (x0, y0), (x1, y1) = outline.T, np.roll(outline, -1, axis=0).T
     spans = (y0 > y) != (y1 > y)
@@ -61,13 +64,13 @@ def inside(points: FloatArray, outline: FloatArray) -> BoolArray:
 
 
 def polygon_area(outline: FloatArray) -> float:
-    """Signed area of a polygon (B, 2), m2: positive when it runs counter-clockwise."""
+    """Signed area of a polygon (B, 2), m2: positive if counter-clockwise."""
     (x, y), (x1, y1) = outline.T, np.roll(outline, -1, axis=0).T
     return float(np.sum(x * y1 - x1 * y) / 2)
 
 
 def _lattice(outline: FloatArray, count: int) -> FloatArray:
-    """(count, 2): points of a triangular lattice that keep away from the outline."""
+    """(count, 2) points of a triangular lattice inside the outline, with a distance to it."""
     if count == 0:
         return np.zeros((0, 2))
     sides = np.roll(outline, -1, axis=0) - outline
@@ -96,7 +99,8 @@ def _triangular(low: FloatArray, high: FloatArray, spacing: float) -> FloatArray
 
 
 def _with_fixed(inner: FloatArray, fixed: FloatArray) -> FloatArray:
-    """The fixed points, then the others: each fixed one stands in for the nearest other."""
+    """The fixed points, then the interior points, where each fixed point replaces the nearest
+    interior one."""
     if len(fixed) > len(inner):
         raise InputError(
             f"{len(fixed)} points must be nodes, but only {len(inner)} lie inside: take more "
@@ -108,7 +112,7 @@ def _with_fixed(inner: FloatArray, fixed: FloatArray) -> FloatArray:
 
 
 def _centred(points: FloatArray, cells: IntArray) -> FloatArray:
-    """Each point at the centroid of the triangles around it (Lloyd's step on that patch)."""
+    """Each point at the centroid of the triangles around it (one Lloyd iteration on that patch)."""
     area = signed_measures(points, cells)
     moment = area[:, None] * points[cells].mean(axis=1)
     at, n = cells.ravel(), len(points)
@@ -118,7 +122,8 @@ def _centred(points: FloatArray, cells: IntArray) -> FloatArray:
 
 
 def _triangulate(points: FloatArray, outline: FloatArray) -> IntArray:
-    """Delaunay triangles inside the outline, counter-clockwise; all of its sides are edges."""
+    """Delaunay triangles inside the outline, counter-clockwise; all sides of the outline are edges.
+    """
     try:
         cells = Delaunay(points).simplices.astype(np.int64)
     except QhullError as error:  # all points on one line

@@ -1,4 +1,4 @@
-"""The brake pad that presses on the disk: a curved outline, extruded."""
+"""Brake pad of the disk brake: a curved outline, extruded."""
 
 from pathlib import Path
 
@@ -12,7 +12,8 @@ from sparsemor.core import FloatArray, Mesh, MeshSize, Plugin
 OUTER = np.array([[0.0, 0.135], [0.02, 0.135], [0.05, 0.13], [0.04, 0.105]])
 INNER = np.array([[0.04, 0.105], [0.03, 0.08], [0.035, 0.09], [0.0, 0.09]])
 OUTER_WEIGHTS, INNER_WEIGHTS = np.array([1.0, 1.0, 2.5, 1.0]), np.ones(4)
-"""Right half of the outline, m: the pad of COMSOL's "Heat Generation in a Disc Brake"."""
+"""Control points (m) and weights of the Bezier curves that form the right half of the outline: the
+pad of COMSOL's "Heat Generation in a Disc Brake"."""
 
 
 class Pad(Plugin):
@@ -34,7 +35,8 @@ class Pad(Plugin):
     layers: int = Field(default=2, ge=1)
     """Layers of prisms, each of three tetrahedra."""
     refine: float = Field(default=1.0, gt=0, le=20)
-    """Factor on the number of edges along each length: tetrahedra grow with its third power."""
+    """Factor on the number of edges along each length: the number of tetrahedra grows with its
+    third power."""
 
     @model_validator(mode="after")
     def _possible(self) -> "Pad":
@@ -42,7 +44,8 @@ class Pad(Plugin):
         return self
 
     def counts(self) -> tuple[int, int, int]:
-        """Points on the outline, triangles of the plan, layers: the options times `refine`."""
+        """Numbers of points on the outline, triangles of the plane triangulation, and layers, after
+        `refine`."""
         outline = max(12, 2 * round(self.outline * self.refine / 2))
         half = max(round(self.triangles * self.refine**2 / 2), outline // 2)
         return outline, 2 * half, max(1, round(self.layers * self.refine))
@@ -65,9 +68,10 @@ class Pad(Plugin):
 
 
 def pad_outline(count: int) -> tuple[FloatArray, dict[str, int]]:
-    """(count, 2), m, counter-clockwise, and the numbers of the points where curves meet.
+    """(count, 2) points of the outline, m, counter-clockwise, and the numbers of the points where
+    curves meet.
 
-    The curves share the points by length, and each has its own at equal distances.
+    Each curve has a number of points in proportion to its length, at equal distances.
     """
     outer, inner = _curve(OUTER, OUTER_WEIGHTS), _curve(INNER, INNER_WEIGHTS)
     lengths = [float(np.linalg.norm(np.diff(c, axis=0), axis=1).sum()) for c in (outer, inner)]
@@ -83,14 +87,15 @@ def pad_outline(count: int) -> tuple[FloatArray, dict[str, int]]:
 
 
 def _curve(points: FloatArray, weights: FloatArray) -> FloatArray:
-    """(4001, 2): a rational cubic Bezier curve, densely."""
+    """(4001, 2) closely spaced points of a rational cubic Bezier curve."""
     t = np.linspace(0.0, 1.0, 4001)[:, None]
     share = weights * np.hstack([(1 - t) ** 3, 3 * t * (1 - t) ** 2, 3 * t**2 * (1 - t), t**3])
     return np.asarray(share @ points / share.sum(axis=1, keepdims=True))
 
 
 def _spaced(curve: FloatArray, edges: int) -> FloatArray:
-    """(edges + 1, 2): points of a dense curve at equal distances along it, both ends included."""
+    """(edges + 1, 2) points at equal distances along a curve given by close points, both ends
+    included."""
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(curve, axis=0), axis=1))])
     at = np.linspace(0.0, along[-1], edges + 1)
     spaced = np.stack([np.interp(at, along, x) for x in curve.T], axis=1)

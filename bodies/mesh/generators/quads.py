@@ -1,4 +1,4 @@
-"""Structured blocks of quadrilaterals and their split into triangles."""
+"""Structured blocks of quadrilaterals, and their subdivision into triangles."""
 
 import numpy as np
 
@@ -16,16 +16,17 @@ def grid_quads(numbers: IntArray) -> IntArray:
 
 
 def split_quads(quads: IntArray, main: BoolArray) -> IntArray:
-    """Triangles (2 Q, 3), two a quad: along corners 0-2 where `main` (Q,), else along 1-3."""
+    """Triangles (2 Q, 3), two per quad: split along corners 0-2 where `main` (Q,), else along 1-3.
+    """
     along_02 = quads[:, [0, 1, 2, 0, 2, 3]]
     along_13 = quads[:, [0, 1, 3, 1, 2, 3]]
     return np.where(main[:, None], along_02, along_13).reshape(-1, 3)
 
 
 def shorter_diagonal(points: FloatArray, quads: IntArray, ties: BoolArray) -> BoolArray:
-    """(Q,) true where diagonal 0-2 is the shorter one; `ties` (Q,) decides equal lengths.
+    """(Q,) True where diagonal 0-2 is the shorter one; `ties` (Q,) decides equal lengths.
 
-    Lengths within 1e-9 of each other are equal, so that round-off never chooses.
+    Lengths within 1e-9 of each other are equal, so that round-off has no influence.
     """
     first = np.linalg.norm(points[quads[:, 0]] - points[quads[:, 2]], axis=1)
     second = np.linalg.norm(points[quads[:, 1]] - points[quads[:, 3]], axis=1)
@@ -34,6 +35,6 @@ def shorter_diagonal(points: FloatArray, quads: IntArray, ties: BoolArray) -> Bo
 
 
 def checkerboard(columns: int, rows: int) -> BoolArray:
-    """(columns * rows,) true on the quads whose i + j is even, in the order of `grid_quads`."""
+    """(columns * rows,) True for quads with even i + j, in the order of `grid_quads`."""
     i, j = np.indices((columns, rows))
     return np.asarray((i + j) % 2 == 0).ravel()

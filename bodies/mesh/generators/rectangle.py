@@ -1,4 +1,4 @@
-"""A rectangle of right triangles."""
+"""Rectangle meshed by right triangles."""
 
 from pathlib import Path
 from typing import Annotated, Literal
@@ -26,8 +26,8 @@ class Rectangle(Plugin):
     divisions: tuple[Count, Count]
     """Number of quads along x and along y; each is split into two triangles."""
     diagonal: Literal["uniform", "alternating"] = "uniform"
-    """uniform: every quad from lower left to upper right; alternating: like a checkerboard, which
-    has no preferred direction."""
+    """Diagonals of the quads. `uniform`: from lower left to upper right in all quads;
+    `alternating`: as on a checkerboard, which has no preferred direction."""
 
     def expected(self) -> MeshSize:
         nx, ny = self.divisions

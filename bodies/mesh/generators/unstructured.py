@@ -1,4 +1,4 @@
-"""A rectangle of unstructured triangles, as many as asked for."""
+"""Rectangle meshed by a prescribed number of unstructured triangles."""
 
 from functools import lru_cache
 from pathlib import Path
@@ -15,7 +15,8 @@ Positive = Annotated[float, Field(gt=0)]
 Count = Annotated[int, Field(ge=1)]
 
 LEAST_QUALITY = 0.6
-"""4 sqrt(3) A / (sum of squared edges), 1 for an equilateral triangle, of the worst triangle."""
+"""Smallest admissible quality 4 sqrt(3) A / (sum of squared edges) of a triangle, 1 for an
+equilateral one."""
 SWEEPS = 40
 STARTS = 4
 _NOTHING = np.zeros((0, 2)), np.zeros((0, 3), np.int64)
@@ -25,10 +26,10 @@ class Unstructured(Plugin):
     """Unstructured rectangle: triangles of similar size that are not aligned with the sides.
 
     A triangulation of N points, B of them on the outline, has 2 N - 2 - B triangles, so the number
-    of points inside follows from `divisions` and `elements`. They start at random and are moved by
-    optimal Delaunay smoothing (Chen & Holst 2011, doi 10.1016/j.cma.2010.11.007). The same options
-    give the same mesh. Sets: left, right, bottom, top, the corners bottom_left, bottom_right,
-    top_left, top_right, and top_center where a node is in the middle of the top.
+    of interior points follows from `divisions` and `elements`. They start at random positions and
+    are moved by optimal Delaunay smoothing (Chen & Holst 2011, doi 10.1016/j.cma.2010.11.007). The
+    same options give the same mesh. Sets: left, right, bottom, top, the corners bottom_left,
+    bottom_right, top_left, top_right, and top_center where a node is in the middle of the top.
     """
 
     lower: tuple[float, float] = (0.0, 0.0)
@@ -40,9 +41,10 @@ class Unstructured(Plugin):
     elements: Count
     """Number of triangles before refinement, exactly: even, at least 2 (nx + ny) - 2."""
     refine: int = Field(default=0, ge=0, le=6)
-    """How often every triangle is split into four."""
+    """Number of refinements, each of which splits every triangle into four."""
     seed: int = Field(default=0, ge=0)
-    """Seed of the start of the smoothing: another one gives another mesh of as many triangles."""
+    """Seed of the random initial positions: another seed gives another mesh with as many triangles.
+    """
 
     @model_validator(mode="after")
     def _countable(self) -> "Unstructured":
@@ -66,8 +68,8 @@ class Unstructured(Plugin):
         return MeshSize((cells + 2 + outline) // 2, cells, 2)
 
     def build(self, base: Path) -> Mesh:
-        """The mesh; `base` is not used. InputError (key `elements`) when the triangles would be
-        flat because their size does not go with the segments on the outline."""
+        """The mesh; `base` is not used. InputError (key `elements`) if the size of the triangles
+        does not match the segments on the outline, so that some would be flat."""
         points, cells = _searched(self) if self._may_fit() else _NOTHING
         if not len(cells) or quality(points, cells).min() < LEAST_QUALITY:
             raise InputError(self._misfit(), "elements")
@@ -76,17 +78,18 @@ class Unstructured(Plugin):
         return Mesh(points + np.array(self.lower), cells.copy(), self._sets(points))
 
     def _may_fit(self) -> bool:
-        """Spares the search where triangles are far smaller or larger than the segments."""
+        """False where the triangles are much smaller or larger than the segments of the outline, to
+        skip the computation."""
         segments = [length / n for length, n in zip(self.size, self.divisions, strict=True)]
         return 0.5 * max(segments) < self._side < 4.0 * min(segments)
 
     @property
     def _side(self) -> float:
-        """Side of the triangles if all were equilateral, m."""
+        """Side length of the triangles if all were equilateral, m."""
         return float(np.sqrt(4.0 * np.prod(self.size) / (np.sqrt(3.0) * self.elements)))
 
     def _best(self) -> tuple[FloatArray, IntArray]:
-        """The triangulation with the best worst triangle that the sweeps come across."""
+        """Triangulation with the best worst quality of all smoothing iterations."""
         outline = _outline(self.size, self.divisions)
         inside = (self.elements + 2 + len(outline)) // 2 - len(outline)
         margin = 0.15 * self._side  # a point nearer to a side would make it a flat triangle
@@ -130,19 +133,20 @@ class Unstructured(Plugin):
 
 @lru_cache(maxsize=16)
 def _searched(mesh: Unstructured) -> tuple[FloatArray, IntArray]:
-    """`_best` once a process: a run assembles its scene several times, a study all along."""
+    """Cached `Unstructured._best`: a process may build the same mesh several times."""
     return mesh._best()
 
 
 def quality(points: FloatArray, cells: IntArray) -> FloatArray:
-    """(E,) 4 sqrt(3) area / sum of squared edges: 1 for an equilateral triangle, 0 for a flat."""
+    """(E,) quality 4 sqrt(3) area / (sum of squared edges): 1 for an equilateral triangle, 0 for a
+    flat one."""
     corners = points[cells]
     squares = np.sum((corners - np.roll(corners, 1, axis=1)) ** 2, axis=(1, 2))
     return np.asarray(4.0 * np.sqrt(3.0) * signed_measures(points, cells) / squares)
 
 
 def counter_clockwise(points: FloatArray, cells: IntArray) -> IntArray:
-    """The cells (E, 3), those that run the wrong way turned round."""
+    """The cells (E, 3), with clockwise ones reversed."""
     wrong = signed_measures(points, cells) < 0.0
     return np.where(wrong[:, None], cells[:, ::-1], cells).astype(np.int64)
 
@@ -167,8 +171,8 @@ def _outline(size: tuple[float, float], divisions: tuple[int, int]) -> FloatArra
 
 
 def _triangulate(points: FloatArray, flat: float) -> IntArray:
-    """(E, 3) Delaunay triangles. Those of three points of one side, which round-off adds, have no
-    area and are left out: below `flat`, m2."""
+    """(E, 3) Delaunay triangles of area above `flat`, m2; three points of one side may form flat
+    ones by round-off."""
     try:
         cells = counter_clockwise(points, Delaunay(points).simplices)
     except QhullError:  # so flat as a whole that it has no area to Qhull
@@ -177,7 +181,7 @@ def _triangulate(points: FloatArray, flat: float) -> IntArray:
 
 
 def _smoothed(points: FloatArray, cells: IntArray) -> FloatArray:
-    """Each point at the mean of its triangles' circumcentres, weighted by their areas."""
+    """Each point at the area-weighted mean of the circumcentres of its triangles."""
     a = points[cells[:, 0]]
     first, second = points[cells[:, 1]] - a, points[cells[:, 2]] - a
     area = signed_measures(points, cells)
