@@ -58,8 +58,7 @@ def is_thermal(data: BlockData) -> bool:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StaticSolver:
-    """Static solver x = K^-1 f, also for an insulated body, whose conductivity is singular: K 1 =
-    0.
+    """Static solver x = K^-1 f, also for the singular conductivity of an insulated body (K 1 = 0).
 
     There the temperature grows uniformly under constant heat, and x is the shape that it tends to,
 

@@ -1,4 +1,4 @@
-"""No preconditioner: the sampled rows stay as they are."""
+"""No preconditioner: the sampled rows of the equations are not combined or scaled."""
 
 import numpy as np
 
@@ -12,5 +12,5 @@ class NoPreconditioner(Plugin):
         return ""
 
     def build(self, A: FloatArray) -> FloatArray:
-        """The identity (m, m) for A (m, k)."""
+        """Identity matrix (m, m) for sampled rows A (m, k)."""
         return np.eye(A.shape[0])

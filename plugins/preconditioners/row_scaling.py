@@ -1,4 +1,4 @@
-"""Rows of unit length."""
+"""Row scaling preconditioner: rows of unit length."""
 
 import numpy as np
 
@@ -16,7 +16,8 @@ class RowScaling(Plugin):
         return ""
 
     def build(self, A: FloatArray) -> FloatArray:
-        """P (m, m) for A (m, k). Rows that are round-off of the largest one are not lifted."""
+        """Preconditioner P (m, m) for sampled rows A (m, k). Rows that are round-off of the largest
+        one are not scaled up."""
         norms = np.linalg.norm(A, axis=1)
         largest = norms.max(initial=0.0)
         if largest == 0.0:
