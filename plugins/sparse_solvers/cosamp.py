@@ -18,10 +18,11 @@ class Cosamp(LinearRecovery):
     """
 
     sweeps: int = Field(default=50, ge=1)
-    """Exchanges of columns in one linearisation before it is given up as not converged."""
+    """Largest number of exchanges of columns in one linearisation; then the solve ends as not
+    converged."""
 
     def recover(self, problem: Penalised) -> Recovered:
-        """x (k,) with at most `budget` entries a group."""
+        """Coefficients x (k,) with at most `budget` nonzeros per group."""
         A, b, groups = problem.A, problem.b, problem.groups
         best, r = np.zeros(A.shape[1]), b
         least, enough = float(np.linalg.norm(b)), 1e-12 * float(np.linalg.norm(b))
@@ -41,7 +42,8 @@ class Cosamp(LinearRecovery):
         return Recovered(best, Status.NOT_CONVERGED)
 
     def _merged(self, problem: Penalised, active: BoolArray, proxy: FloatArray) -> BoolArray:
-        """The active columns and those of largest proxy, no more than there are rows."""
+        """Mask of the active columns and those of largest correlation `proxy` (k,) with the
+        residual, at most as many as there are rows."""
         merged = active.copy()
         wanted = 2 * sum(g.budget or 0 for g in problem.groups)
         room = problem.size - int(np.count_nonzero(active))
