@@ -1,4 +1,4 @@
-"""Names for the arrays that every contract passes around."""
+"""Type names of arrays in the interfaces of the package."""
 
 from collections.abc import Mapping
 from typing import Any, TypeAlias
