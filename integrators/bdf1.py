@@ -1,4 +1,4 @@
-"""The implicit Euler rule (Eq. 24), for unknowns of every order."""
+"""Implicit Euler time integration (Eq. 24 of the paper), for first- and second-order equations."""
 
 from dataclasses import replace
 
@@ -19,11 +19,13 @@ class Bdf1(Plugin):
         return 1
 
     def start(self, layout: Layout, state: State) -> State:
-        """The same state with empty memory (n, 0)."""
+        """Initial state with empty integrator memory (n, 0): a one-step formula needs no
+        history."""
         return replace(state, memory=np.zeros((state.x.size, 0)))
 
     def formula(self, layout: Layout, state: State, h: float) -> StepFormula:
-        """The substitution at state.t + h; h in s."""
+        """Coefficients of v = c1 x + r1 and a = c2 x + r2 at the new time state.t + h; h: step,
+        s."""
         c1 = 1.0 / h
         c2 = c1 * c1
         r1 = -c1 * state.x

@@ -1,4 +1,4 @@
-"""The second backward differentiation formula, for unknowns of every order."""
+"""Second-order backward differentiation formula (BDF2), for first- and second-order equations."""
 
 from dataclasses import replace
 
@@ -11,14 +11,15 @@ class Bdf2(Plugin):
     """Backward differentiation formula of second order (BDF2), with constant step.
 
     v = (3 x - 4 x0 + x_)/(2 h), a = (3 v - 4 v0 + v_)/(2 h), with x_, v_ one step before x0, v0.
+    Second-order accurate and stable for every step: the formula for first-order equations is A- and
+    L-stable (Hairer and Wanner 1996, doi 10.1007/978-3-642-05221-7, Sec. V.1), and second-order
+    equations are integrated by the same formula as x' = v, v' = a. The first step uses a Taylor
+    polynomial about the initial state for the missing values, x_ = x0 - h v0 + h^2/2 a0 and v_ = v0
+    - h a0, so that c1 and c2 are the same in every step.
 
-    Second-order accurate, stable for every step (the first-order rule is A- and L-stable, Hairer
-    and Wanner 1996, doi 10.1007/978-3-642-05221-7, Sec. V.1; the second-order rule is the same
-    one on x' = v, v' = a). The step before the first one is made from the start,
-    x_ = x0 - h v0 + h^2/2 a0 and v_ = v0 - h a0, so that c1 and c2 are the same in every step.
-
-    Memory (n, 2) is by how much x_ and v_ depart from that Taylor polynomial. It is zero after
-    `start`, so no step is a special case, and a restart at another h computes its history again.
+    The memory (n, 2) contains the differences of x_ and v_ from that Taylor polynomial. It is zero
+    after `start`, so that the first step needs no separate formula, and a restart with another step
+    size rebuilds the history from the current rates.
     """
 
     @property
@@ -26,11 +27,13 @@ class Bdf2(Plugin):
         return 2
 
     def start(self, layout: Layout, state: State) -> State:
-        """The same state with memory (n, 2) zero: a history that follows its own rates."""
+        """Initial state with memory (n, 2) zero: the missing earlier values follow from the current
+        rates."""
         return replace(state, memory=np.zeros((state.x.size, 2)))
 
     def formula(self, layout: Layout, state: State, h: float) -> StepFormula:
-        """The substitution at state.t + h; h in s."""
+        """Coefficients of v = c1 x + r1 and a = c2 x + r2 at the new time state.t + h; h: step,
+        s."""
         c1 = 1.5 / h
         part = slice(0, layout.algebraic.start)
         r1, r2 = np.zeros(state.x.size), np.zeros(state.x.size)
@@ -56,6 +59,7 @@ class Bdf2(Plugin):
 
 
 def _differences(state: State, part: slice, h: float) -> tuple[FloatArray, FloatArray]:
-    """x0 - x_ and v0 - v_ of the unknowns that have rates."""
+    """Backward differences x0 - x_ and v0 - v_ of the unknowns that have rates (not of
+    multipliers)."""
     v, a, memory = state.v[part], state.a[part], state.memory[part]
     return h * (v - (0.5 * h) * a) - memory[:, 0], h * a - memory[:, 1]

@@ -1,4 +1,5 @@
-"""The generalized-alpha rule for index-3 systems, with the matching first-order rule."""
+"""Generalized-alpha method for index-3 multibody systems, with its variant for first-order
+equations."""
 
 from dataclasses import replace
 from typing import NamedTuple
@@ -9,11 +10,12 @@ from pydantic import Field
 from sparsemor.core import FloatArray, Layout, Note, Plugin, State, StepFormula, joints_with_forces
 
 UNDAMPED = 0.95
-"""Largest rho_inf at which errors of joint forces die out within some hundred steps."""
+"""Largest rho_inf for which errors of joint forces decay within some hundred steps."""
 
 
 class _Second(NamedTuple):
-    """Arnold and Bruels 2007, doi 10.1007/s11044-007-9084-0."""
+    """Parameters for second-order equations: Arnold and Bruels 2007, doi
+    10.1007/s11044-007-9084-0."""
 
     am: float
     af: float
@@ -22,7 +24,8 @@ class _Second(NamedTuple):
 
 
 class _First(NamedTuple):
-    """Jansen, Whiting and Hulbert 2000, doi 10.1016/S0045-7825(00)00203-6."""
+    """Parameters for first-order equations: Jansen, Whiting and Hulbert 2000, doi
+    10.1016/S0045-7825(00)00203-6."""
 
     am: float
     af: float
@@ -32,23 +35,24 @@ class _First(NamedTuple):
 class GeneralizedAlpha(Plugin):
     """Generalized-alpha method, second order, with spectral radius `rho_inf` at high frequency.
 
-    With b the algorithmic acceleration (kept in memory), a the true one:
-    q1 = q + h v + h^2 ((1/2 - beta) b + beta b1), v1 = v + h ((1 - gamma) b + gamma b1),
-    (1 - am) b1 + am b = (1 - af) a1 + af a. First-order unknowns have an algorithmic rate s in
-    its place: T1 = T + h ((1 - gamma) s + gamma s1), (1 - am) s1 + am s = (1 - af) T1' + af T'.
-    All equations hold at the new time. Rates of algebraic unknowns are zero.
+    With the algorithmic acceleration b (kept in memory) and the true acceleration a: q1 = q + h v +
+    h^2 ((1/2 - beta) b + beta b1), v1 = v + h ((1 - gamma) b + gamma b1), (1 - am) b1 + am b = (1 -
+    af) a1 + af a. First-order unknowns such as temperatures have an algorithmic rate s in place of
+    b: T1 = T + h ((1 - gamma) s + gamma s1), (1 - am) s1 + am s = (1 - af) T1' + af T'. The
+    equations of motion are satisfied at the new time. Rates of algebraic unknowns are zero.
     """
 
     rho_inf: float = Field(default=0.8, ge=0.0, le=1.0)
-    """Spectral radius at infinite frequency: 1 keeps all energy, 0 removes what h cannot
-    resolve within one step."""
+    """Spectral radius at infinite frequency: 1 conserves all energy, 0 removes frequencies that the
+    step does not resolve within one step."""
 
     @property
     def order(self) -> int:
         return 2
 
     def notes(self, layout: Layout) -> tuple[Note, ...]:
-        """A warning where joint forces are unknown and nothing damps their errors."""
+        """A warning where joint forces are unknowns and `rho_inf` is too close to 1 to damp their
+        errors."""
         joints = joints_with_forces(layout)
         if self.rho_inf <= UNDAMPED or not joints:
             return ()
@@ -59,14 +63,16 @@ class GeneralizedAlpha(Plugin):
             "forces matter", "undamped_forces"),)
 
     def start(self, layout: Layout, state: State) -> State:
-        """Memory (n, 1): algorithmic acceleration, or rate, equal to the true one at first."""
+        """Initial state with memory (n, 1): algorithmic acceleration (or rate), initially equal to
+        the true one."""
         memory = np.zeros((state.x.size, 1))
         memory[layout.second, 0] = state.a[layout.second]
         memory[layout.first, 0] = state.v[layout.first]
         return replace(state, memory=memory)
 
     def formula(self, layout: Layout, state: State, h: float) -> StepFormula:
-        """The substitution at state.t + h; h in s."""
+        """Coefficients of v = c1 x + r1 and a = c2 x + r2 at the new time state.t + h; h: step,
+        s."""
         am, af, gamma, beta = self._second()
         r1, r2 = np.zeros(state.x.size), np.zeros(state.x.size)
         part = layout.second
@@ -113,5 +119,5 @@ class GeneralizedAlpha(Plugin):
 
 
 def _blended(am: float, af: float, new: FloatArray, old: FloatArray, b: FloatArray) -> FloatArray:
-    """b1 from (1 - am) b1 + am b = (1 - af) new + af old."""
+    """The algorithmic rate b1 at the new time from (1 - am) b1 + am b = (1 - af) new + af old."""
     return ((1.0 - af) * new + af * old - am * b) / (1.0 - am)

@@ -1,8 +1,9 @@
-"""Reducers: how one time step is solved, and their public names for plugins.
+"""Reducers: methods that solve a time step at full or reduced order, and their public names.
 
     from sparsemor.reducers import Maps, ProjectionReducer, TestMap
 
-A reducer that projects derives from `ProjectionReducer` and gives each block its test maps.
+A projection-based reducer derives from `ProjectionReducer` and returns the test maps (left
+projections) of each block of unknowns.
 """
 
 from importlib import import_module
@@ -21,7 +22,7 @@ _HOMES = {
     "step.left_inverse": ("left_inverse",),
     "step.operators": ("TestMap",),
 }
-"""Module -> its public names, imported when they are asked for."""
+"""Module -> its public names; modules are imported on first access."""
 
 
 def __getattr__(name: str) -> Any:

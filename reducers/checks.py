@@ -1,4 +1,4 @@
-"""Checks of a reducer's options before the training run, by counting on an assembled model."""
+"""Checks of a reducer's options before the training run, by counting unknowns, rows and atoms."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Protocol
@@ -29,14 +29,15 @@ class RowsAndAtoms(Protocol):
 
 
 def pattern_faults(model: AssembledModel, key: str, patterns: Iterable[str]) -> list[Fault]:
-    """Patterns that fit no block of any body (core/model/block_patterns.py)."""
+    """Block patterns that match no reducible block of any body; `key`: the option that contains
+    them."""
     return unmatched_patterns(model.layout, key, patterns)
 
 
 def budget_faults(
     model: AssembledModel, budgets: Mapping[str, RowsAndAtoms], sampler: Sampler
 ) -> list[Fault]:
-    """Misspelt patterns, more rows than a block has to draw from."""
+    """Faults of budgets: patterns that match no block, and more rows than a block has unknowns."""
     faults = pattern_faults(model, "budgets", budgets)
     for name in model.reducible():
         pattern = pattern_of(name, budgets)
@@ -57,9 +58,10 @@ def preconditioner_faults(
     preconditioner: Preconditioner, preconditioned: Sequence[str],
     basis: Basis, bases: Mapping[str, Basis],
 ) -> list[Fault]:
-    """Blocks whose preconditioner is not defined for any dictionary they can get.
+    """Blocks with too few rows for the preconditioner, whatever dictionary the training run gives
+    them.
 
-    preconditioned: patterns of the blocks that have one.
+    preconditioned: patterns of the blocks whose sampled rows are preconditioned.
     """
     faults, wanted = [], dict.fromkeys(preconditioned, True)
     for name in (n for n in model.reducible() if matched_option(n, wanted, False)):
@@ -78,10 +80,11 @@ def capability_faults(
     solver: SparseSolver,
     basis: Basis, bases: Mapping[str, Basis],
 ) -> list[Fault]:
-    """A solver that lacks what the problems of this scene are known to need before any training.
+    """Missing capabilities of the sparse solver for the problems of this scene, as known before
+    training.
 
-    Fewer rows than atoms cannot be predicted here unless the dictionary's size is known: the
-    rest is refused when the solver is prepared.
+    Problems with fewer rows than atoms cannot be predicted where the size of the dictionary is
+    unknown; these are checked when the reduced model is prepared.
     """
     faults, joint, choosing = [], False, []
     for name in model.reducible():
@@ -110,7 +113,8 @@ def capability_faults(
 def resampling_faults(
     model: AssembledModel, resample: int | None, row_sets: int | None
 ) -> list[Fault]:
-    """Sets of rows that are never drawn; new rows of local terms, which only a mesh can give."""
+    """Faults of the resampling options: row sets without resampling, and new rows in every draw
+    where local terms (radiation) would have to search the mesh for the elements of these rows."""
     if resample is None:
         return [Fault("row_sets", "rows are drawn only once: set the number of steps after which "
                       "they are drawn again (resample)")] if row_sets is not None else []
@@ -127,7 +131,8 @@ def coupled_faults(
     bases: Mapping[str, Basis],
     resample: int | None,
 ) -> list[Fault]:
-    """Faults of options that the general path does not support, by counting."""
+    """Options that are not available where a term couples bodies or acts on displacements by
+    elements: resampling, and fewer active atoms than the dictionary has. Found by counting."""
     if not (model.separated.between or model.separated.elastic_local):
         return []
     faults = []
@@ -144,8 +149,8 @@ def coupled_faults(
 
 
 def unselectable_blocks(model: AssembledModel) -> set[str]:
-    """Blocks whose atoms cannot be selected: all where a term couples bodies or acts on
-    displacements by elements, else the thermal blocks that are solved together."""
+    """Blocks whose atoms cannot be selected step by step: all blocks where a term couples bodies or
+    acts on displacements by elements, otherwise the thermal blocks that are solved together."""
     if model.separated.other or model.separated.elastic_local:
         return set(model.reducible())
     return {name for c in model.separated.couplings for name in (c.rows, c.columns)}
@@ -160,14 +165,16 @@ def _reason(model: AssembledModel) -> str:
 
 
 def unselectable(model: AssembledModel, name: str, atoms: int, most: int) -> str:
-    """Why so many of `most` atoms of a block are not selected on the general path."""
+    """Message that fewer than `most` atoms of a block cannot be selected where terms couple
+    bodies."""
     return (f"{name}: {atoms} of {most} atoms would be selected in each step, which is not done "
             f"where {_reason(model)}: give as many atoms "
             "as the dictionary has, or leave them out")
 
 
 def local_blocks(model: AssembledModel) -> dict[str, str]:
-    """Blocks with terms that are evaluated by elements in each step, and what these are."""
+    """Block -> description of its terms that are integrated over elements in each step, e.g.
+    radiation."""
     found = {b.thermal: "radiation" for b in model.separated.heat if b.local}
     for term in (*model.separated.other, *model.separated.elastic_local):
         for name in model.reducible():
@@ -178,7 +185,7 @@ def local_blocks(model: AssembledModel) -> dict[str, str]:
 
 
 def pattern_of(name: str, table: Mapping[str, object]) -> str | None:
-    """The pattern that decides for a block."""
+    """The pattern in `table` that applies to a block; None if no pattern matches."""
     return matched_option(name, {pattern: pattern for pattern in table}, None)
 
 
@@ -188,7 +195,8 @@ def block_size(model: AssembledModel, name: str) -> int:
 
 
 def required_rows(model: AssembledModel, name: str, sampler: Sampler) -> int:
-    """Number of rows that a sample contains in addition to those drawn."""
+    """Number of rows of a block that each sample contains in addition to the drawn ones: those that
+    joints and localized loads act on."""
     kept = sampler.keeps if isinstance(sampler, ChoosesRowsKept) else "required"
     if kept == "ring":
         return len(np.union1d(model.required[name], model.ring(name)))
@@ -196,19 +204,20 @@ def required_rows(model: AssembledModel, name: str, sampler: Sampler) -> int:
 
 
 def default_rows(model: AssembledModel, name: str, sampler: Sampler, atoms: int) -> int:
-    """Rows drawn for a dictionary where the scene gives no number: twice its atoms, or as many as
-    the block has in addition to the required ones."""
+    """Number of rows drawn where the scene sets none: twice the number of atoms, limited to the
+    number of unknowns that are not required rows."""
     left = block_size(model, name) - required_rows(model, name, sampler)
     return max(min(2 * atoms, left), 0)
 
 
 def most_atoms(basis: Basis, size: int) -> int:
-    """An upper bound of the dictionary's size: that of the basis, else all unknowns."""
+    """Upper bound of the number of atoms in a dictionary: that of the basis, or else `size`, the
+    number of unknowns of the block."""
     bound = bound_of_atoms(basis, size)
     return size if bound is None else bound
 
 
 def bound_of_atoms(basis: Basis, size: int) -> int | None:
-    """The bound of the dictionary's size that the options of a basis set; None where they do not.
-    """
+    """Upper bound of the number of atoms that the options of a basis set for a block of `size`
+    unknowns; None where the options set no bound."""
     return basis.most_atoms(size) if isinstance(basis, BoundsAtoms) else None

@@ -1,4 +1,4 @@
-"""Options of reducers by field: the entry that applies to a field, bases with counted atoms."""
+"""Reducer options by field (elastic, thermal): lookup by block pattern, and numbers of atoms."""
 
 from collections.abc import Mapping
 from typing import Protocol, TypeVar, runtime_checkable
@@ -7,20 +7,20 @@ from sparsemor.core import Basis, Plugin
 
 T = TypeVar("T")
 BASES = ("basis", "bases")
-"""Options that the trial bases of blocks follow from."""
+"""Options that set the trial bases of the blocks."""
 
 
 @runtime_checkable
 class CountsAtoms(Basis, Protocol):
-    """A basis whose number of atoms is an option; None: not given."""
+    """A basis whose number of atoms is an option `count`; None: not set."""
 
     @property
     def count(self) -> int | None: ...
 
 
 def of_field(field: str, table: Mapping[str, T]) -> T | None:
-    """The entry of a field in a table by block pattern: that of `*.field`, else the first one whose
-    pattern names the field or everything; None without."""
+    """Entry for a field in a table by block pattern: that of `*.field`, otherwise the first entry
+    whose pattern names the field or is `*`; None if there is none."""
     if f"*.{field}" in table:
         return table[f"*.{field}"]
     return next((v for p, v in table.items() if p == "*" or p.rpartition(".")[2] == field), None)
@@ -29,8 +29,9 @@ def of_field(field: str, table: Mapping[str, T]) -> T | None:
 def counted(
     atoms: Mapping[str, int], basis: Basis, bases: Mapping[str, Basis]
 ) -> tuple[Basis, dict[str, Basis]]:
-    """The shared basis and those by pattern, with other numbers of atoms by field where these are
-    an option: the shared one serves the first field."""
+    """The shared basis and the bases by pattern, with the numbers of atoms in `atoms` (field ->
+    number) where the number is an option of the basis; the shared basis gets the number of the
+    first field."""
     found = dict(bases)
     for i, (field, count) in enumerate(atoms.items()):
         if i > 0:

@@ -1,4 +1,5 @@
-"""Notes on a reduction: options without effect, linear solvers not used, loads not sampled."""
+"""Notes on a reduced model: options without effect, linear solvers that are not used, unsampled
+loads."""
 
 from collections.abc import Iterable, Mapping, Sequence
 
@@ -17,19 +18,19 @@ from sparsemor.core import (
 )
 
 NO_EFFECT = "no_effect"
-"""Kind of the notes."""
+"""Kind of the notes on options without effect."""
 OF_A_SELECTION = ("solver", "every", "carried", "polish", "screen")
-"""Options of `sparse` that only a selection of atoms reads."""
+"""Options of the reducer `sparse` that have an effect only where atoms are selected."""
 UNSAMPLED = "unsampled"
-"""Kind of these notes."""
+"""Kind of the notes on loads and joints that act on no sampled row."""
 KEEP = "keep the required rows (sampler.required: true) or sample more rows"
 GENERAL = ("auto", "splu")
-"""Linear solvers that mean SuperLU where a matrix is not symmetric, or changes in each iteration;
-all others take symmetric, positive definite matrices that stay."""
+"""Linear solvers that use SuperLU for matrices that are unsymmetric or change in each iteration;
+all others require constant symmetric positive definite matrices."""
 
 
 def changed(reducer: Plugin, options: Sequence[str]) -> list[str]:
-    """Those of the options whose value is not the default."""
+    """Names among `options` whose value differs from the default."""
     return [name for name in options if not _is_default(reducer, name)]
 
 
@@ -42,7 +43,7 @@ def _is_default(reducer: Plugin, name: str) -> bool:
 
 
 def no_effect(options: Sequence[str], why: str) -> tuple[Note, ...]:
-    """One note for all options that the same reason makes idle; none for no option."""
+    """One note that these options have no effect, for the reason `why`; no note for no options."""
     if not options:
         return ()
     names = ", ".join(f"reducer.{name}" for name in options)
@@ -51,7 +52,8 @@ def no_effect(options: Sequence[str], why: str) -> tuple[Note, ...]:
 
 
 def unselected(reducer: Plugin, active: Mapping[str, tuple[int, int]]) -> tuple[Note, ...]:
-    """Options of a selection where no block selects. active: block -> (budget, atoms)."""
+    """Note on selection options where every budget covers its dictionary. active: block -> (largest
+    number of active atoms, atoms in the dictionary)."""
     if any(budget < atoms for budget, atoms in active.values()):
         return ()
     counts = ", ".join(f"{name} {atoms} of {atoms}" for name, (_, atoms) in active.items())
@@ -63,7 +65,7 @@ def unselected(reducer: Plugin, active: Mapping[str, tuple[int, int]]) -> tuple[
 def shadowed_basis(
     reducer: Plugin, model: AssembledModel, bases: Mapping[str, object]
 ) -> tuple[Note, ...]:
-    """A basis that no block takes, because each has its own."""
+    """Note on a changed option `basis` where `bases` sets the basis of every block."""
     own = dict.fromkeys(bases, True)
     if not all(matched_option(name, own, False) for name in model.reducible()):
         return ()
@@ -74,7 +76,8 @@ def shadowed_basis(
 def unread_sampler(
     reducer: Plugin, sizes: Mapping[str, tuple[int, int]]
 ) -> tuple[Note, ...]:
-    """A sampler that had nothing to choose. sizes: block -> (rows, unknowns)."""
+    """Note on a changed sampler where all rows are taken. sizes: block -> (sampled rows,
+    unknowns)."""
     if any(rows < unknowns for rows, unknowns in sizes.values()):
         return ()
     counts = ", ".join(f"{name} {n}" for name, (_, n) in sizes.items())
@@ -85,7 +88,8 @@ def unread_sampler(
 def unweighted(
     reducer: Plugin, model: AssembledModel, patterns: Sequence[str]
 ) -> tuple[Note, ...]:
-    """A preconditioner without blocks, or blocks without a preconditioner."""
+    """Note on a preconditioner that applies to no block, or on preconditioned blocks without a
+    preconditioner. patterns: of the blocks to precondition."""
     named = dict.fromkeys(patterns, True)
     if not any(matched_option(name, named, False) for name in model.reducible()):
         return no_effect(changed(reducer, ["preconditioner"]), (
@@ -100,7 +104,8 @@ def unweighted(
 def unsampled_loads(
     model: AssembledModel, rows: Mapping[str, IntArray], hint: str = KEEP
 ) -> tuple[Note, ...]:
-    """A note for each load or joint none of whose rows is in the sample of a block."""
+    """A note for each load or joint that acts on none of the sampled rows (m,) of a block; hint:
+    advice."""
     return tuple(
         Note(f"no sampled row of {block} is one that {name} acts on: it has no effect there; "
              f"{hint}", UNSAMPLED)
@@ -110,7 +115,8 @@ def unsampled_loads(
 
 
 def asked_for(model: AssembledModel, blocks: Iterable[str]) -> dict[str, str]:
-    """Block -> name of its linear solver, of those that the scene chose against SuperLU."""
+    """Block -> name of its linear solver, for blocks whose linear solver is neither `auto` nor
+    `splu`."""
     registry, found = Registry(), dict[str, str]()
     for block in blocks:
         kind = type(model.solvers.of(block))
@@ -124,7 +130,8 @@ def asked_for(model: AssembledModel, blocks: Iterable[str]) -> dict[str, str]:
 
 
 def whole_step_notes(model: AssembledModel, why: str) -> tuple[Note, ...]:
-    """Notes for models whose unknowns are solved together; why: the reason."""
+    """Note on linear solvers that are not used because all unknowns are solved together; why: the
+    reason."""
     asked = asked_for(model, model.reducible())
     if not asked:
         return ()
@@ -135,7 +142,8 @@ def whole_step_notes(model: AssembledModel, why: str) -> tuple[Note, ...]:
 
 
 def local_heat_notes(model: AssembledModel) -> tuple[Note, ...]:
-    """Notes on local terms, such as radiation, that are iterated with a changing matrix."""
+    """Notes on linear solvers of thermal blocks with radiation or other local terms, whose Jacobian
+    changes in each iteration."""
     asked = asked_for(model, [b.thermal for b in model.separated.heat if b.local])
     return tuple(information(
         f"linear_solver: {solver} solves the constant part of {block}; where its local terms, such "

@@ -1,4 +1,5 @@
-"""Refusal of a start whose accelerations a step of a second-order integrator cannot carry on."""
+"""Check of the initial accelerations: a second-order integrator would carry them over a whole
+step."""
 
 from dataclasses import replace
 
@@ -18,12 +19,12 @@ from sparsemor.reducers.step.rejection import checked, rejected_step
 
 
 def check_start(model: AssembledModel, integrator: Integrator, h: float) -> None:
-    """Raises InputError where x + h v + h^2 a / 2 of the start takes a surface through another one
+    """Raises InputError where x + h v + h^2 a / 2 at the start takes a surface through another one
     and x + h v does not.
 
-    A load that presses surfaces together which only touch gives them the acceleration of free
-    flight. It lasts until the contact is compressed, a small part of a step of h (s), but an
-    integrator of second order counts on it for the whole step.
+    A load that presses touching surfaces together gives them the acceleration of free flight. It
+    lasts until the contact is compressed, a small fraction of a step of h (s), but a second-order
+    integrator assumes it for the whole step.
     """
     if integrator.order < 2:
         return
@@ -41,7 +42,8 @@ def check_start(model: AssembledModel, integrator: Integrator, h: float) -> None
 
 
 def _objection(model: AssembledModel, h: float, start: State) -> str:
-    """Objection to the state after h (s) at constant acceleration, "" where there is none."""
+    """Message of the terms that reject the state after h (s) at constant acceleration, "" if none
+    does."""
     layout, x, v, a = model.layout, start.x, start.v, start.a
     second = np.zeros(layout.size)
     second[layout.second] = 1.0

@@ -1,4 +1,4 @@
-"""Dictionaries of all reducible blocks, and local terms under the maps."""
+"""Trial bases (dictionaries) of all reducible blocks, and projected local terms."""
 
 from collections.abc import Mapping
 
@@ -18,16 +18,17 @@ from sparsemor.core import (
 )
 
 GROWTH = 1e3
-"""Coefficients this many times beyond the largest of the training run are called divergence."""
+"""Ratio of coefficients to the largest ones of the training run above which a run counts as
+divergent."""
 
 
 def trial_bases(
     offline: OfflineProducts, bases: Mapping[str, Basis], step: StepFactors | None = None
 ) -> tuple[dict[str, Dictionary], dict[str, float]]:
-    """One dictionary a block, and the largest coefficient that is still sane; step: the steps that
-    they are to serve.
+    """Dictionary of each block, and the largest permitted magnitude of its coefficients; step: step
+    size and integrator constants, for bases that depend on these.
 
-    InputError names the block whose basis cannot be built.
+    Raises InputError naming the block whose basis cannot be computed.
     """
     found, limits = {}, {}
     for name, basis in bases.items():
@@ -43,7 +44,8 @@ def trial_bases(
 def local_terms(
     model: AssembledModel, heat: HeatBody, dictionary: Dictionary, left: FloatArray
 ) -> list[ReducedTerm]:
-    """The body's local thermal terms: left (s, n) acts on the whole block's rows."""
+    """Local thermal terms of a body (such as radiation) on its trial basis; left (s, n): test map
+    of all rows of the block."""
     at = model.layout[heat.thermal]
     reduced = []
     for term in heat.local:

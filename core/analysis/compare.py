@@ -1,4 +1,4 @@
-"""Comparison of runs with a reference: errors, times and pictures."""
+"""Comparison of runs with a reference run: errors, computing times and charts."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -27,10 +27,11 @@ REFERENCE = "reference"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Comparison:
-    """Runs by name, measured against `reference`. `str()` gives the table.
+    """Errors and cost of runs relative to a reference run; `str()` returns the table.
 
-    name: what the reference is called: its reducer, or "reference" if a run has that name.
-    limit: errors above it (relative; rad for angles) are marked.
+    runs, measured: run name -> result, errors; name: label of the reference: its reducer, or
+    "reference" if a run has that name; limit: errors above it (relative; rad for angles) are
+    marked.
     """
 
     reference: RunResult
@@ -41,39 +42,43 @@ class Comparison:
 
     @property
     def above_limit(self) -> dict[str, dict[str, float]]:
-        """run -> measure -> error above `limit`: combined, fields, angle_rad; runs without one are
-        absent."""
+        """Run -> measure (combined, fields, angle_rad) -> error that exceeds `limit`; runs without
+        such an error are absent."""
         return {run: found for run, e in self.measured.items() if (found := e.above(self.limit))}
 
     @property
     def errors(self) -> dict[str, dict[str, float]]:
-        """run -> measure -> largest error over time: combined, fields, `body.field`, angle_rad."""
+        """Run -> measure (combined, fields, `body.field`, angle_rad) -> maximum error over time."""
         return {run: e.worst for run, e in self.measured.items()}
 
     @property
     def late_errors(self) -> dict[str, dict[str, float]]:
-        """The same, from `errors_from` on."""
+        """Run -> measure -> maximum error from the time `errors_from` on."""
         return {run: e.worst_late for run, e in self.measured.items()}
 
     @property
     def series(self) -> dict[str, Mapping[str, FloatArray]]:
-        """run -> measure -> (j,) error at each of `measured[run].times`."""
+        """Run -> measure -> (j,) error at the times `measured[run].times`."""
         return {run: e.series for run, e in self.measured.items()}
 
     @property
     def facts(self) -> dict[str, RunFacts]:
-        """Cost of each run; the reference comes first."""
+        """Run -> cost (computing times, iterations, basis vectors, sampled rows); the reference
+        comes first."""
         return {name: run_facts(run) for name, run in self._all().items()}
 
     @property
     def pays_after(self) -> dict[str, int | None]:
-        """run -> number of online runs after which offline and online together beat as many of
-        the reference; None when never, or when one of the two did not reach its end."""
+        """Run -> break-even number of online runs, after which offline plus online time is less
+        than the time of as many reference runs.
+
+        None if it is never reached, or if the run or the reference did not reach its end.
+        """
         facts = self.facts
         return {run: pays_after(facts[self.name], facts[run]) for run in self.runs}
 
     def work_points(self) -> "tuple[list[WorkPoint], WorkPoint]":
-        """Each run, and the reference, as points of the work-precision chart."""
+        """Points of the work-precision chart: one per run, and the reference."""
         from sparsemor.core.analysis.charts.work_precision import WorkPoint
 
         facts = self.facts
@@ -89,7 +94,8 @@ class Comparison:
 
     @property
     def notes(self) -> dict[str, str]:
-        """run -> how it was compared only in part; absent for runs that reached the end."""
+        """Run -> note on a comparison that is incomplete in time or in blocks; absent for complete
+        ones."""
         end = float(self.reference.times[-1])
         found = {}
         for run, e in self.measured.items():
@@ -126,7 +132,7 @@ class Comparison:
                           *self._limit_lines(), *self.notes.values()])
 
     def to_json(self) -> str:
-        """Errors, times and counts of every run, for programs."""
+        """JSON text with errors, times and counts of every run."""
         pays = self.pays_after
         runs = {name: f.as_dict() | {"pays_after": pays.get(name),
                                      "errors": self.errors.get(name, {}),
@@ -139,8 +145,8 @@ class Comparison:
         return to_json({"reference": self.name, "runs": runs}).decode()
 
     def write(self, directory: str | Path, charts: bool = True) -> list[Path]:
-        """errors.csv, start_up.csv, error_over_time.csv and, if wanted, the charts (PNG and SVG);
-        returns their paths."""
+        """Writes errors.csv, start_up.csv, error_over_time.csv and, with `charts`, the charts (PNG
+        and SVG); returns their paths."""
         folder = Path(directory)
         folder.mkdir(parents=True, exist_ok=True)
         tables = {"errors.csv": self._error_rows(), "start_up.csv": phase_rows(self.measured),
@@ -206,7 +212,8 @@ class Comparison:
                 f"{'; '.join(worst)}"]
 
     def _series_rows(self) -> list[list[Any]]:
-        """Each measure over time; `_present`: relative to the norm at the same time."""
+        """Table of each error over time; suffix `_present`: relative to the reference's norm at the
+        same time."""
         measures = sorted({m for e in self.measured.values() for m in e.series})
         present = sorted({m for e in self.measured.values() for m in e.present} - {"combined"})
         rows: list[list[Any]] = [["run", "time_s", *measures, *(f"{m}_present" for m in present)]]
@@ -221,10 +228,11 @@ def compare(
     reference: RunResult, *, errors_from: float = 0.0, error_limit: float = LIMIT,
     **runs: RunResult
 ) -> Comparison:
-    """Measure each run against the reference; `errors_from` (s) adds errors from there on, errors
-    above `error_limit` are marked.
+    """Comparison of runs with a reference run.
 
-    Raises InputError when a run has no unknowns or times in common with the reference.
+    errors_from: time, s, from which late errors are evaluated in addition; error_limit: errors
+    above it are marked. Raises InputError when a run has no unknowns or times in common with the
+    reference.
     """
     if not runs:
         raise InputError("name at least one run in addition to the reference")
@@ -245,11 +253,11 @@ def _ratio(base: float | None, own: float | None) -> str:
 def phase_table(
     measured: Mapping[str, Errors], blocks: list[str], limit: float = LIMIT
 ) -> str:
-    """One line a run: `start-up / steady` of the combined error and of each block, by name.
+    """Text table with one line per run: `start-up / steady` maximum of the combined error and of
+    each block.
 
-    The combined error is relative to the norm at the same time, blocks to their largest change. A
-    run that was compared in one of the two only has `-` for the other. Errors above `limit` are
-    marked.
+    The combined error is relative to the norm at the same time, the error of a block to its largest
+    change. `-`: no common times in that phase. Errors above `limit` are marked.
     """
     end = next((e.start_up_end for e in measured.values()), 0.0)
     head = [f"first {START_UP:.0%} / rest", "combined", *blocks]
@@ -261,8 +269,11 @@ def phase_table(
 
 
 def phase_rows(measured: Mapping[str, Errors]) -> list[list[object]]:
-    """Rows of start_up.csv, one a run and measure. `_present`: relative to the reference's norm at
-    the same time, as the paper defines its combined error; empty where there is none."""
+    """Rows of start_up.csv, one per run and error measure.
+
+    Suffix `_present`: relative to the reference's norm at the same time, as in the combined error
+    of the paper; empty for measures without such a norm.
+    """
     rows: list[list[object]] = [
         ["run", "measure", "start_up", "steady", "start_up_present", "steady_present"]]
     for run, e in measured.items():

@@ -1,4 +1,4 @@
-"""The command line, `sparsemor`. Text for people, `--json` for programs.
+"""Command line `sparsemor`: text output for people, JSON output (`--json`) for programs.
 
 Exit code 0: done. 1: a run failed. 2: the input is wrong, and nothing was written. 130: Ctrl-C.
 """

@@ -1,4 +1,4 @@
-"""`sparsemor compare`: one scene solved by several reducers; the first is the reference."""
+"""Command `sparsemor compare`: runs one scene with several reducers; the first is the reference."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -71,12 +71,12 @@ def compare(
 
 def variants(scene: Scene, reducers: list[str], registry: Registry | None = None
              ) -> dict[str, Scene]:
-    """The scene once per reducer.
+    """Reducer name -> copy of the scene with that reducer (model reduction method).
 
-    The scene's own reducer keeps its options. Others get those that they have in common with it:
-    options that both share with others, such as `basis`, `bases` and `budgets`, and any option of
-    the same name, type and default. An option
-    with another default means something else there: `deim` chooses its points by its own sampler.
+    The scene's own reducer keeps its options. Any other reducer takes over the options that both
+    declare as shared between reducers, such as `basis`, `bases` and `budgets`, and any option of
+    the same name, type and default. An option with another default has another meaning: `deim`
+    selects its interpolation points by its own sampler. Raises InputError for fewer than two names.
     """
     if len(reducers) < 2 or len(set(reducers)) < len(reducers):
         raise InputError(
@@ -105,7 +105,7 @@ def variants(scene: Scene, reducers: list[str], registry: Registry | None = None
 
 
 def _refuse_early(scenes: dict[str, Scene], body_cache: BodyCache) -> None:
-    """Refuses bad input of any of the runs before the first one starts."""
+    """Validates the input of all runs before the first one starts. Raises InputError."""
     from sparsemor.core.simulation.validation import checked_model
 
     for scene in scenes.values():
@@ -116,10 +116,11 @@ def _refuse_early(scenes: dict[str, Scene], body_cache: BodyCache) -> None:
 def _run_all(
     scenes: dict[str, Scene], directory: Path, resume: bool, quiet: bool, body_cache: BodyCache
 ) -> "tuple[dict[str, RunResult], dict[str, SolveFailed]]":
-    """Results by name, also of runs that stopped early, and the errors that stopped them.
+    """Runs all scenes: results by reducer name, also of runs that stopped early, and the errors
+    that stopped them.
 
-    Snapshots of a full-order run that is the training run of the others are kept for them. Where a
-    later run finds bad input, the results that were written here are removed.
+    A full-order run that is the training run of the reduced ones leaves its snapshots in the cache.
+    If a later run finds bad input, the results that this call wrote are removed.
     """
     from sparsemor.core.results.run_result import RunResult
     from sparsemor.core.simulation.training import is_training_run

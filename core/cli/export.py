@@ -1,4 +1,5 @@
-"""`sparsemor export` and `sparsemor pictures`: files for ParaView, and charts, of a stored run."""
+"""Commands `sparsemor export` and `sparsemor pictures`: ParaView files and charts of a stored
+run."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -69,7 +70,7 @@ def pictures(
         "--out", help="Directory for the files (default: `pictures` in the run's).")] = None,
     as_json: Json = False, quiet: Quiet = False,
 ) -> None:
-    """Draw a stored run: motion, fields at some times, probes, atoms in use. PNG and SVG."""
+    """Draw a stored run: motion, fields at some times, probes, active atoms. PNG and SVG."""
     with exit_codes(as_json), located_in():
         from sparsemor.core.analysis.charts import write_run_charts
         from sparsemor.core.results.run_result import open_result

@@ -1,4 +1,4 @@
-"""`sparsemor new-plugin`: a complete third-party package, ready to install and test."""
+"""Command `sparsemor new-plugin`: writes a third-party package, ready to install and test."""
 
 import re
 from collections.abc import Mapping
@@ -15,12 +15,13 @@ from sparsemor.core.registry.registry import Registry, suggestions
 from sparsemor.core.results.output_directory import OutputDirectory
 
 TEMPLATES = Path(__file__).with_name("plugin_templates")
-"""One text for each kind, with all files of its package: a line `==> NAME` begins a file."""
+"""Folder of the package templates: one text per plugin kind; a line `==> NAME` begins the file
+NAME."""
 COMMON = "common"
 KINDS = tuple(sorted(p.stem for p in TEMPLATES.glob("*.txt") if p.stem != COMMON))
 USES = {"scene": "`sparsemor run $name` runs it", "study": "`sparsemor study $name` conducts it",
         "observer": "a script passes `$cls().observer()` to `simulate`"}
-"""Kind -> how its plugins are used; a scene chooses those of all other kinds."""
+"""Plugin kind -> how plugins of that kind are used; scene files select those of all other kinds."""
 
 
 def new_plugin(
@@ -49,7 +50,8 @@ def new_plugin(
 
 
 def package_files(name: str, kind: str) -> dict[str, str]:
-    """Relative path -> text. Raises `InputError` for a bad name or an unknown kind."""
+    """Files of a package with one plugin: relative path -> text. Raises `InputError` for a bad name
+    or an unknown plugin kind."""
     if not re.fullmatch(r"[a-z][a-z0-9_]*", name) or iskeyword(name):
         raise InputError("NAME: lower-case letters, digits and _, beginning with a letter, and no "
                          f"keyword of Python (got {name})")
@@ -69,7 +71,7 @@ def package_files(name: str, kind: str) -> dict[str, str]:
 
 
 def _files(template: str, values: Mapping[str, str]) -> dict[str, str]:
-    """Relative path -> text of the files of one template."""
+    """Files of one template: relative path -> text."""
     text = (TEMPLATES / f"{template}.txt").read_text(encoding="utf-8")
     parts = re.split(r"^==> (.*)\n", Template(text).substitute(values), flags=re.MULTILINE)[1:]
     return dict(zip(parts[::2], parts[1::2], strict=True))

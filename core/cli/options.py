@@ -37,16 +37,18 @@ Force = Annotated[bool, typer.Option("--force", help="Replace an earlier result.
 FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
 OPTIONS = frozenset({"out", "resume", "reducers", "samplers", "required", "rows", "atoms",
                      "integrators", "at"})
-"""Options of commands on a scene, by which faults name them; no key of a scene is called so."""
+"""Names of command-line options that input errors may refer to; no key of a scene has such a
+name."""
 
 
 def out_option(otherwise: str) -> Any:
-    """`--out`, and where the result goes without it."""
+    """Option `--out`, the output directory; otherwise: default directory, for the help text."""
     return typer.Option("--out", help=f"Directory for the result (default: {otherwise}).")
 
 
 def load_with(scene: str, settings: Sequence[str] | None) -> Scene:
-    """The scene with `--set` applied. Raises `LocatedError`."""
+    """Loads a scene file or a packaged scene, with the changes of `--set`. Raises
+    `LocatedError`."""
     try:
         overrides = parse_settings(settings or ())
     except InputError as error:
@@ -57,8 +59,9 @@ def load_with(scene: str, settings: Sequence[str] | None) -> Scene:
 
 @contextmanager
 def located_in(scene: Scene | None = None) -> Iterator[None]:
-    """Bad input as located lines: options of the command as `--out`, other keys by file, line
-    and column of the scene. Without a scene every key is an option."""
+    """Context that locates input errors: options of the command are named as `--out`, other keys by
+    file, line and column of the scene. Without a scene every key is an option. Raises
+    `LocatedError`."""
     try:
         yield
     except (LocatedError, Damaged):  # what is damaged on disk is nowhere in the scene
@@ -80,8 +83,8 @@ def words(text: str | None) -> list[str] | None:
 def items(
     option: str, text: str | None, read: Callable[[str], T], form: str
 ) -> list[T] | None:
-    """Values of a comma-separated list, each read by `read`. Raises InputError under the option's
-    name that says the form of an item."""
+    """Values of a comma-separated list, each converted by `read`; None stays None. Raises
+    InputError that names the option and describes the expected form of an item."""
     found: list[T] = []
     for word in words(text) or ():
         try:
@@ -94,7 +97,7 @@ def items(
 
 
 def times_at(text: str | None) -> list[float] | None:
-    """Times of `--at`, s."""
+    """Times of the option `--at`, s; None if it is left out."""
     return items("at", text, finite_number, "must be times in s, separated by commas")
 
 
@@ -107,7 +110,8 @@ def finite_number(word: str) -> float:
 
 @contextmanager
 def exit_codes(as_json: bool = False) -> Iterator[None]:
-    """Turns bad input and failed runs into clear lines and an exit code."""
+    """Context that prints input errors and failed runs as clear lines and exits with the matching
+    code."""
     try:
         yield
     except InputError as error:
@@ -160,7 +164,7 @@ def print_json(value: Mapping[str, Any]) -> None:
 
 @contextmanager
 def progress(quiet: bool) -> Iterator[Sequence[object]]:
-    """Observers for a run: a progress bar when a person is watching standard error."""
+    """Context with the observers of a run: a progress bar if standard error is a terminal."""
     if quiet or not sys.stderr.isatty():
         yield ()
         return
@@ -178,7 +182,8 @@ def progress(quiet: bool) -> Iterator[Sequence[object]]:
 
 @contextmanager
 def place_for_result(out: Path, resume: bool, force: bool) -> Iterator[None]:
-    """The output directory, claimed until the end of this command (`OutputDirectory.claimed`)."""
+    """Context that claims the output directory until the end of this command
+    (`OutputDirectory.claimed`)."""
     with ExitStack() as stack:
         with located_in():
             stack.enter_context(OutputDirectory(out).claimed(resume=resume, force=force))

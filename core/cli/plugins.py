@@ -1,4 +1,5 @@
-"""`sparsemor validate`, `schema` and `plugins`."""
+"""Commands `sparsemor validate`, `schema` and `plugins`: check a scene, print the JSON schema of
+scene files, list the installed plugins."""
 
 import json
 import re
@@ -24,7 +25,7 @@ from sparsemor.core.registry.registry import PluginName, Registry, suggestions
 from sparsemor.core.scene.source import Source
 
 FILES = ("scene", "study")
-"""Kinds whose plugins are files, without options."""
+"""Plugin kinds that are data files without options."""
 
 
 def validate(scene: SceneName, settings: Settings = None, as_json: Json = False) -> None:
@@ -159,7 +160,7 @@ def _print_options(plugin: dict[str, Any]) -> None:
 
 
 def _folded(heading: str) -> Any:
-    """Column that wraps long words instead of cutting them."""
+    """Table column that wraps long words instead of cutting them."""
     from rich.table import Column
 
     return Column(heading, overflow="fold")

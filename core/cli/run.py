@@ -1,4 +1,4 @@
-"""`sparsemor run`."""
+"""Command `sparsemor run`: simulates one scene and stores the result."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -58,8 +58,8 @@ def run(
 
 
 def replaced_reducer(scene: str, settings: Sequence[str] | None) -> list[str]:
-    """A sentence where `--set reducer=NAME` left out options of the scene's own reducer, which
-    `compare --reducers NAME` keeps."""
+    """Note that `--set reducer=NAME` left out options of the scene's own reducer, which `compare
+    --reducers NAME` keeps; empty if there are none."""
     name = parse_settings(settings or ()).get("reducer")
     own = Source.read(scene, Registry()).tree.get("reducer")
     if not isinstance(name, str) or not isinstance(own, Mapping):
@@ -75,7 +75,8 @@ def replaced_reducer(scene: str, settings: Sequence[str] | None) -> list[str]:
 
 
 def in_words(summary: Mapping[str, Any]) -> str:
-    """Aligned lines of a summary; entries that the run does not report are left out."""
+    """Summary of a run as aligned lines of text; entries that the run does not report are left
+    out."""
     lines = [("status", summary.get("status")), ("reducer", summary.get("reducer"))]
     if "steps" in summary:
         lines.append(("steps", f"{summary['steps']} to t = {summary.get('t_end', 0.0):g} s"))
@@ -101,7 +102,7 @@ def in_words(summary: Mapping[str, Any]) -> str:
 
 
 def _cached(summary: Mapping[str, Any]) -> str:
-    """Cache hits and misses of the offline products."""
+    """Cache hits and misses of the offline stage (snapshots, bases), as text."""
     used = ", ".join(f"{k} {v}" for k, v in summary.get("cache", {}).items())
     return f" (cache: {used})" if used else ""
 

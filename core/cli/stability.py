@@ -1,4 +1,4 @@
-"""`sparsemor stability`: predicted stability of the reduced models of a scene."""
+"""Command `sparsemor stability`: predicted stability of the reduced models of a scene."""
 
 from collections.abc import Mapping
 from contextlib import nullcontext
@@ -57,7 +57,7 @@ def stability(
 ) -> None:
     """Tabulate spectral radii of the coupled time-step map over seeds, rows, atoms and steps.
 
-    Options that are left out are those of the scene.
+    Options that are left out take the values of the scene.
     """
     with exit_codes(as_json):
         loaded = load_with(scene, settings)
@@ -86,7 +86,8 @@ def plan_of(
     seeds: int, samplers: str | None, required: str | None, rows: str | None, atoms: str | None,
     step: str | None, integrators: str | None, at: str | None,
 ) -> "Plan":
-    """Survey plan of the command's options. Raises InputError that names the option."""
+    """Plan of a stability survey from the text of the command's options. Raises InputError that
+    names the option."""
     from sparsemor.core.analysis.stability.variants import Plan
 
     flags = {"true": [True], "false": [False], "both": [True, False], None: None}
@@ -102,7 +103,8 @@ def plan_of(
 
 
 def write(found: "Survey", folder: Path) -> list[Path]:
-    """stability.csv (a line a variant), seeds.csv (a line a seed) and the map."""
+    """Writes stability.csv (one line per variant), seeds.csv (one line per seed of each variant)
+    and the stability map; returns their paths."""
     from sparsemor.core.analysis.charts.stability import stability_figure
     from sparsemor.core.analysis.charts.style import save
 
@@ -137,7 +139,7 @@ def _positive(word: str) -> float:
 
 
 def _integrators(text: str | None) -> list[Any] | None:
-    """A YAML list without its brackets: names and `{use: name, ..}`."""
+    """Integrators from a YAML list without its brackets: names and mappings `{use: name, ..}`."""
     if text is None:
         return None
     return list(parse_value(f"[{text}]", "integrators"))

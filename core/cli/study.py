@@ -1,4 +1,4 @@
-"""`sparsemor study`: many runs of one scene, one table."""
+"""Command `sparsemor study`: many runs of one scene, compared in one table."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any

@@ -1,4 +1,4 @@
-"""Terms whose matrices are assembled once: equations at positions of the state vector."""
+"""Residual terms with matrices assembled once, at given positions of the state vector."""
 
 from dataclasses import dataclass, replace
 from typing import ClassVar, Generic, Protocol, Self, TypeVar
@@ -10,7 +10,7 @@ from sparsemor.core.protocols import ReducedTerm, Trial
 
 
 class AssembledEquations(Protocol):
-    """m rows of equations in n unknowns. linear: whether their matrices are constant."""
+    """m equations in n unknowns without loops over elements. linear: True for constant matrices."""
 
     linear: ClassVar[bool]
 
@@ -19,15 +19,16 @@ class AssembledEquations(Protocol):
         self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: FloatArray, c2: FloatArray
     ) -> Matrix: ...
     def restricted(self, keep: IntArray) -> Self:
-        """The rows number `keep`."""
+        """The equations of the rows with numbers `keep`."""
         ...
 
     def mapped(self, trial: Trial, left: FloatArray) -> ReducedTerm:
-        """left (l, m) times the rows at x = offset + atoms xi."""
+        """Projection left @ r(offset + atoms xi) with a test basis `left` (l, m)."""
         ...
 
     def time_derivative(self, order: int, t: float, h: float) -> "AssembledEquations | None":
-        """As `TimeDependent` has it."""
+        """Partial time derivative of the constraint rows, of order 1 or 2, from the right at t (s);
+        None if zero."""
         ...
 
 
@@ -36,9 +37,10 @@ E = TypeVar("E", bound=AssembledEquations, covariant=True)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AssembledTerm(Generic[E]):
-    """Equations at global `rows` (m,) and `columns` (n,); no element is visited.
+    """Residual term whose equations stand at global `rows` (m,) and `columns` (n,) of the state
+    vector; no element is visited.
 
-    `source`: the part of the scene that it comes from.
+    source: name of the body, joint, contact or load that contributes it.
     """
 
     rows: IntArray

@@ -1,4 +1,5 @@
-"""From a validated scene to a model: parts, layout of the unknowns, contributions."""
+"""Assembly of a model from validated input: bodies, joints, contacts, loads, and the layout of the
+unknowns."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -45,17 +46,20 @@ from sparsemor.core.scene.options import Probe
 from sparsemor.core.scene.scene import Scene
 
 _PARTS = ("bodies", "joints", "contacts", "loads", "probes")
-"""What of a scene a model depends on."""
+"""Sections of the input that the assembled model depends on."""
 Connector = JointPlugin | ContactPlugin | LoadPlugin
 
 
 def assemble(
     scene: Scene, prescribed: PrescribedQuantities = NOTHING, body_cache: BodyCache | None = None
 ) -> Model:
-    """Builds every body, joint, contact and load. prescribed: motion, reactions and surface loads
-    that are not solved for; body_cache: bodies, and models without prescribed motion, that were
-    built before. Raises InputError with all faults found, as dotted keys of the scene
-    (`joints.A.between.0`)."""
+    """Assembled model of a simulation input (scene), with all bodies, joints, contacts and loads
+    built.
+
+    prescribed: motion, reactions and surface loads that are not solved for; body_cache: bodies, and
+    models without prescribed motion, built earlier. Raises InputError with all faults found,
+    located by dotted input keys (`joints.A.between.0`).
+    """
     if body_cache is None or prescribed is not NOTHING:
         return _assembled(scene, prescribed, body_cache or BodyCache())
     key = digest(str(scene.folder), scene.digest(*_PARTS))
@@ -97,8 +101,8 @@ def _assembled(scene: Scene, prescribed: PrescribedQuantities, body_cache: BodyC
 def _build(
     scene: Scene, prescribed: PrescribedQuantities, body_cache: BodyCache
 ) -> tuple[dict[str, Body], dict[str, dict[str, Part]], tuple[ProbePlace, ...]]:
-    """Bodies; joints, contacts and loads by group; probes. What mentions a body that failed is not
-    tried: its own faults would only repeat those of the body."""
+    """All bodies; joints, contacts and loads by group; probes. Joints, contacts and loads on a body
+    that failed to build are skipped, since their faults would only repeat those of the body."""
     gather = Gather()
     base = scene.file_folder or Path()
     bodies: dict[str, Body] = {}
@@ -136,7 +140,7 @@ def _body(
     body_cache: BodyCache, plugin: BodyPlugin, name: str, base: Path,
     prescribed: PrescribedQuantities,
 ) -> Body:
-    """A body, with a frame that follows its motion where that is prescribed."""
+    """One built body; its frame follows a prescribed motion if there is one."""
     body = body_cache.body(plugin, name, base)
     complete(body, Body, plugin, "build", abilities=BUILT["body"])
     motion = prescribed.frame(name, body)
@@ -147,7 +151,8 @@ def _connector(
     plugin: Connector, name: str, bodies: Mapping[str, Body], prescribed: PrescribedQuantities,
     abilities: tuple[type, ...],
 ) -> Part:
-    """A joint, contact or load; a joint without multipliers where they are prescribed."""
+    """One built joint, contact or load; a joint has no multipliers if its reactions are
+    prescribed."""
     part = plugin.build(name, bodies)
     complete(part, Part, plugin, "build", abilities=abilities)
     forces = prescribed.reactions(name, part)
@@ -158,8 +163,9 @@ def _along(
     equations: Equations, bodies: Mapping[str, Body], name: str, contact: Contact,
     prescribed: PrescribedQuantities, motion: Mapping[str, FrameHistory],
 ) -> None:
-    """A contact that follows a prescribed motion: tabled loads on each surface, and what depends on
-    temperatures, if a contact has a method `conduction(equations, motion)`."""
+    """Adds a contact evaluated along a prescribed motion to the equations: time-tabulated loads
+    on each surface, and heat conduction if the contact has a method `conduction(equations,
+    motion)`."""
     times = next(iter(motion.values())).times
     for body, resultant_sources in prescribed.surface_loads(name, contact, motion).items():
         carrying(bodies[body]).surface_loads(equations, resultant_sources, times)
@@ -168,7 +174,8 @@ def _along(
 
 
 def _mentioned(plugin: object, names: set[str]) -> bool:
-    """True if an option of a connector is one of these bodies, or `body:set` of one."""
+    """True if an option of a joint, contact or load names one of these bodies, or a point set
+    `body:set` of one."""
     pending = list(plugin.model_dump().values()) if names and isinstance(plugin, Plugin) else []
     while pending:
         value = pending.pop()
@@ -193,7 +200,8 @@ def _start(layout: Layout, bodies: Mapping[str, Body]) -> tuple[FloatArray, Floa
 def _required(
     layout: Layout, connectors: Mapping[str, Part], acts: Touched
 ) -> tuple[dict[str, IntArray], dict[str, dict[str, IntArray]]]:
-    """Local rows of each block that a joint or a localized load acts on, and on whose account."""
+    """Row numbers of each elastic or thermal block that joints and localized loads act on: all
+    together, and by joint or load."""
     loaded: dict[str, dict[str, IntArray]] = {}
     for b in layout:
         if b.kind.reducible:

@@ -1,4 +1,5 @@
-"""Options by block pattern: `*.thermal`, `link1.*`, `link1.elastic`."""
+"""Options that apply to blocks of unknowns by name pattern: `*.thermal`, `link1.*`,
+`link1.elastic`."""
 
 from collections.abc import Iterable, Mapping
 from fnmatch import fnmatchcase
@@ -12,7 +13,8 @@ T = TypeVar("T")
 
 
 def matched_option(name: str, table: Mapping[str, T], default: T) -> T:
-    """The entry of the most exact pattern that fits `name`: fewest wildcards, then longest."""
+    """Value of the most specific pattern that matches the block name `name`: fewest wildcards, then
+    longest; `default` if none matches."""
     fits = [p for p in table if fnmatchcase(name, p)]
     if not fits:
         return default
@@ -20,10 +22,11 @@ def matched_option(name: str, table: Mapping[str, T], default: T) -> T:
 
 
 def unmatched_patterns(layout: Layout, key: str, patterns: Iterable[str]) -> list[Fault]:
-    """Patterns that fit no block of any body, whatever fields it has: misspelt ones.
+    """Errors for misspelt patterns, which match no block of unknowns that any of the bodies could
+    have.
 
-    The pattern of a field that bodies may have, and these have not, is accepted, so that one choice
-    serves several scenes.
+    A pattern for a field that a body type supports but that is not switched on is accepted, so that
+    one setting serves several inputs.
     """
     owners = {b.owner for b in layout.differential}
     fields = [kind.name for kind in layout.kinds if kind.reducible]

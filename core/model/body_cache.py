@@ -1,4 +1,5 @@
-"""Cache of built bodies and models, shared by check, pre-simulation, training and steps."""
+"""Cache of built bodies and models, shared by input check, pre-simulation, training run and main
+run."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -22,18 +23,19 @@ class _Built:
 
 @dataclass(slots=True)
 class BodyCache:
-    """Bodies as their plugins build them, found again by name, options and folder.
+    """Cache of built bodies, keyed by name, options and folder, and of assembled models.
 
-    Meshing and element integrals are most of what assembly costs, and do not depend on the motion
-    that a stage gives. A body that is requested without its fields, as by a rigid stage, is made
-    from one that has them by its method `rigid_copy()`, where it has one.
+    Meshing and element integrals dominate the cost of assembly and do not depend on a prescribed
+    motion. A rigid copy of a body, as the rigid-body pre-simulation uses, is made from the cached
+    flexible body if that has a method `rigid_copy()`.
     """
 
     _bodies: list[_Built] = field(default_factory=list)
     _models: dict[str, "Model"] = field(default_factory=dict)
 
     def body(self, plugin: BodyPlugin, name: str, base: Path) -> Body:
-        """The body that `plugin.build(name, base)` makes; InputError as it raises."""
+        """The body that `plugin.build(name, base)` returns, from the cache if possible. Raises the
+        InputError of `build`."""
         mine = [b for b in self._bodies if b.name == name and b.base == base]
         for b in mine:
             if b.plugin == plugin:
@@ -44,14 +46,15 @@ class BodyCache:
         return body
 
     def model(self, key: str, make: Callable[[], "Model"]) -> "Model":
-        """The model that goes by this key, made when it is first asked for."""
+        """The model cached under `key`; `make` builds it at the first call."""
         if key not in self._models:
             self._models[key] = make()
         return self._models[key]
 
 
 def without_fields(plugin: BodyPlugin) -> BodyPlugin | None:
-    """The same body plugin with `fields: []`; None where it has no such option, or none set."""
+    """Options of the same body without elastic and thermal fields (`fields: []`); None for a body
+    without this option, or without fields."""
     if not (isinstance(plugin, Plugin) and isinstance(plugin, SelectsFields) and plugin.fields):
         return None
     return plugin.model_copy(update={"fields": []})

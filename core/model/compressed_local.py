@@ -1,4 +1,5 @@
-"""A local term under trial and test maps: only the elements at its kept rows are visited."""
+"""Projection of a term that is evaluated element by element: only elements at sampled rows are
+visited."""
 
 from dataclasses import dataclass, field
 from typing import Any
@@ -11,14 +12,15 @@ from sparsemor.core.protocols import ChecksStep, NamesSource, ReportsResultants,
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CompressedLocal:
-    """left @ term(offset + atoms xi), the term restricted to the rows that `left` reads."""
+    """Projected term left @ term(offset + atoms xi), restricted to the rows where `left` has
+    nonzero columns."""
 
     term: Term
     atoms: FloatArray
     offset: FloatArray
     left: FloatArray
     checks: ChecksStep | None = field(init=False)
-    """The term, if it checks steps."""
+    """The term if it can reject time steps, else None."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "checks", self.term if isinstance(self.term, ChecksStep) else None)
@@ -52,12 +54,13 @@ class CompressedLocal:
         return np.asarray(fixed + (of_v - fixed) * c1 + (of_a - fixed) * c2)
 
     def _seen(self, J: Csr) -> FloatArray:
-        """left @ J @ atoms: of a term that acts in few places most rows are empty."""
+        """Projected Jacobian left @ J @ atoms; empty rows of J are skipped."""
         some = np.flatnonzero(np.diff(J.indptr))
         return np.asarray(self.left[:, some] @ np.asarray(J[some] @ self.atoms))
 
     def check_step(self, x: FloatArray, v: FloatArray, t: float, h: float) -> str:
-        """Objection of the term itself to the end of a step of about h (s)."""
+        """Reason why the unprojected term rejects the end of a time step of about h (s), "" if it
+        accepts."""
         if self.checks is None:
             return ""
         T = self.atoms
@@ -69,17 +72,18 @@ class CompressedLocal:
 
     @property
     def histories(self) -> tuple[str, ...]:
-        """Resultants of the term that its kept elements determine."""
+        """Names of the force resultants that the elements at the sampled rows determine."""
         return self.term.histories if isinstance(self.term, ReportsResultants) else ()
 
     def resultants(self, x: FloatArray, v: FloatArray, t: float) -> dict[str, float]:
-        """Those of the term itself."""
+        """Force resultants of the unprojected term, by name."""
         term: Any = self.term
         found: dict[str, float] = term.resultants(self.offset + self.atoms @ x, self.atoms @ v, t)
         return found
 
     def _spread(self, c: FloatArray) -> FloatArray | None:
-        """The factor of each of the term's columns, None when atoms of different ones mix in it."""
+        """Factor of each column of the term from factors c (k,) of the atoms; None if atoms with
+        different factors contribute to one column."""
         if not len(c) or c.min() == c.max():
             return np.full(len(self.offset), float(c[0]) if len(c) else 0.0)
         used = self.atoms != 0

@@ -1,12 +1,13 @@
-"""Constraints g(x, t) along the motion: their first and second total time derivatives.
+"""First and second total time derivatives of the constraints g(x, t).
 
-With velocities v and without accelerations
+With velocities v and zero accelerations
 
     g'  = G v + dg/dt,      g'' = (d/ds G(x + s v, t)) v + 2 (dG/dt) v + d2g/dt2,      G = dg/dx.
 
-Derivatives by time alone are exact where the functions of time know theirs. The one along the
-motion is a central difference of sixth order of exact Jacobians, over a rotation of 1e-2 rad or one
-time step, whichever is shorter: no unit of time or length, and no distance to the origin, enters.
+Partial time derivatives are exact if the prescribed functions have exact derivatives. The
+derivative along v is a sixth-order central difference of exact Jacobians over a rotation of 1e-2
+rad or one time step, whichever is shorter, so that the result does not depend on units of time or
+length or on the distance to the origin.
 """
 
 from collections.abc import Callable
@@ -21,14 +22,15 @@ from sparsemor.core.protocols.poses import PLANAR_POSE
 from sparsemor.core.protocols.prescribed_quantities import derivative_from_right
 
 ROTATION = 1e-2
-"""rad"""
+"""Largest rotation between two points of the finite difference, rad."""
 ROUND_OFF = 1e-14
-"""Relative error of positions that may show in a velocity over one step."""
+"""Relative error of positions that is tolerated in a velocity over one step."""
 
 
 def motion_step(layout: Layout, v: FloatArray, h: float) -> float:
-    """Time, s, over which a constraint's Jacobian is differenced: h, less where a body turns by
-    more than ROTATION in it. The norm of a quaternion's rate is half the angular rate."""
+    """Step, s, of the finite difference of constraint Jacobians: the time step h, or less if a
+    body rotates by more than ROTATION in h. (The norm of a quaternion's rate is half the angular
+    rate.)"""
     turning = 0.0
     for b in layout:
         if b.kind.quantity is Quantity.POSE:
@@ -45,7 +47,8 @@ def derivative_along_motion(function: Callable[[float], FloatArray], s: float) -
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Constraints:
-    """The rows of all multipliers of a model, alone. h: time step, s."""
+    """Constraint equations of a model, the rows of all its Lagrange multipliers. h: time step,
+    s."""
 
     layout: Layout
     terms: tuple[Term, ...]
@@ -58,8 +61,9 @@ class Constraints:
         return cls(layout, tuple(t.restrict(keep) for t, keep in here if len(keep)), h)
 
     def rate(self, x: FloatArray, v: FloatArray, t: float) -> tuple[FloatArray, FloatArray]:
-        """(l,) g', then the size of what it is summed from: sum |G_j v_j| + |dg/dt|, and of what
-        that could hide: the change of dg/dt in one step, and round-off of G x in one step."""
+        """Time derivative g' (l,) of the constraints, and the magnitude (l,) to compare it with:
+        sum |G_j v_j| + |dg/dt|, plus the change of dg/dt in one step and the round-off of G x over
+        one step."""
         v = self._second(v)
         found, size = self._zero(), self._zero()
         for term in self.terms:
@@ -71,7 +75,7 @@ class Constraints:
         return found, size
 
     def curvature(self, x: FloatArray, v: FloatArray, t: float) -> FloatArray:
-        """(l,) g'' with zero accelerations."""
+        """Second time derivative g'' (l,) of the constraints at zero accelerations."""
         v = self._second(v)
         found = derivative_along_motion(
             lambda s: self._moving(x + s * v, v, t), motion_step(self.layout, v, self.h))
@@ -81,7 +85,7 @@ class Constraints:
         return found
 
     def _of_time(self, term: Term, x: FloatArray, t: float, order: int) -> FloatArray:
-        """(m,) partial derivative of a term by time."""
+        """Partial derivative (m,) of a term by time, of order 1 or 2."""
         zero, xj = np.zeros(len(term.columns)), x[term.columns]
         if not isinstance(term, TimeDependent):
             return derivative_from_right(
@@ -91,7 +95,7 @@ class Constraints:
             of_time.residual(xj, zero, zero, t))
 
     def _mixed(self, term: Term, x: FloatArray, v: FloatArray, t: float) -> FloatArray:
-        """(m,) (dG/dt) v of a term, v at its columns."""
+        """Mixed derivative (dG/dt) v (m,) of a term; v: velocities at its columns."""
         if not isinstance(term, TimeDependent):
             return derivative_from_right(
                 lambda s: np.asarray(self._jacobian(term, x, s) @ v), 1, t, self.h)
@@ -100,7 +104,7 @@ class Constraints:
             np.asarray(self._jacobian(of_time, x, t) @ v))
 
     def _moving(self, x: FloatArray, v: FloatArray, t: float) -> FloatArray:
-        """(l,) G(x, t) v."""
+        """Constraint Jacobian times velocities, G(x, t) v (l,)."""
         found = self._zero()
         for term in self.terms:
             self._add(found, term, self._jacobian(term, x, t) @ v[term.columns])
@@ -112,7 +116,7 @@ class Constraints:
         return term.jacobian(x[j], zero, zero, t, zero, zero)
 
     def _second(self, v: FloatArray) -> FloatArray:
-        """v of second-order unknowns, zero of others."""
+        """Velocities v (n,) with zeros for all but the second-order unknowns."""
         found = np.zeros(len(v))
         found[self.layout.second] = v[self.layout.second]
         return found

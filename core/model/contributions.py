@@ -1,9 +1,9 @@
-"""Contributions closed into equations: operators of each block, couplings between blocks, local
-terms, constraints; and the general form, term by term, of the same records.
+"""Assembly of the contributions of bodies, joints, contacts and loads in two independent forms:
+block operators with couplings and constraints, and a list of residual terms.
 
-A matrix on (a, a) is an operator of block a, one on (a, b) couples blocks; a local term belongs to
-the block that it names, or to none where it names several. The two forms are made independently of
-each other, so that one checks the other.
+A block is the unknowns of one field of one body, or the multipliers of one joint. A matrix on (a,
+a) is an operator of block a, one on (a, b) couples two blocks. A term evaluated element by element
+belongs to the block that it names, or to none where it names several. Tests compare the two forms.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -48,15 +48,15 @@ from sparsemor.core.protocols.separable import (
 
 R = TypeVar("R", MatrixRecord, VectorRecord)
 Touched = Mapping[str, Mapping[str, IntArray]]
-"""Part -> block -> local rows that it acts on, sorted."""
+"""Body, joint, contact or load -> block of unknowns -> sorted row numbers that it acts on."""
 
 
 # ---------------------------------------------------------------------- the general form
 
 
 def general_terms(layout: Layout, records: Records) -> dict[str, list[Term]]:
-    """Part -> its equations as terms. An item without rows (a force on a prescribed frame without
-    an elastic field) gives none."""
+    """Residual terms by the body, joint, contact or load that contributes them. A force on a
+    prescribed frame without an elastic field has no rows and gives no term."""
     found: dict[str, list[Term]] = {}
     owners = {b.name: b for b in records.bodies}
     made: list[tuple[Origin, Term]] = []
@@ -77,7 +77,8 @@ def general_terms(layout: Layout, records: Records) -> dict[str, list[Term]]:
 
 
 def _by_block(records: Sequence[R]) -> dict[tuple[Origin, str], list[R]]:
-    """Records by part and by the block of their rows."""
+    """Contributions grouped by their source (body, joint, contact or load) and by the block of
+    their rows."""
     groups: dict[tuple[Origin, str], list[R]] = {}
     for r in records:
         groups.setdefault((r.origin, r.rows), []).append(r)
@@ -85,7 +86,7 @@ def _by_block(records: Sequence[R]) -> dict[tuple[Origin, str], list[R]]:
 
 
 def touched(layout: Layout, records: Records) -> Touched:
-    """The rows that each part acts on."""
+    """Row numbers that each body, joint, contact and load acts on, by block of unknowns."""
     found: dict[str, dict[str, list[IntArray]]] = {}
 
     def add(origin: Origin, block: str, rows: IntArray) -> None:
@@ -117,8 +118,9 @@ def touched(layout: Layout, records: Records) -> Touched:
 
 
 def close(layout: Layout, records: Records, step: float) -> Separated:
-    """The records as operators of each block and what is left between them. step: s. InputError
-    for an item that a prescribed frame could not evaluate."""
+    """Block operators of the recorded contributions, and the couplings and constraints between
+    blocks. step: time step, s. Raises InputError for a force or constraint that cannot be evaluated
+    on a body with prescribed motion."""
     closing = _Closing(layout, records)
     moving = [m for b in records.bodies if (m := closing.mechanics(b)) is not None]
     heat = [closing.heat(b) for b in layout if closing.field(b.name) is Quantity.TEMPERATURE]
@@ -134,22 +136,23 @@ class _Closing:
 
     @property
     def rigid(self) -> int:
-        """Number of rigid unknowns, which come first."""
+        """Number of rigid coordinates, which are the first unknowns."""
         return self.layout.frames.stop
 
     @property
     def border(self) -> int:
-        """Number of rigid unknowns and multipliers."""
+        """Number of rigid coordinates and Lagrange multipliers together."""
         return self.rigid + self.layout.size - self.layout.algebraic.start
 
     def targets(self) -> Iterable[tuple[int, Amplitude]]:
-        """Position among rigid unknowns and multipliers, and the function it equals."""
+        """Constraint rows: (position among rigid coordinates and multipliers, prescribed function
+        of time)."""
         for c in self.records.constraints:
             first = self.layout[c.block].start - self.layout.algebraic.start + self.rigid
             yield from ((first + i, f) for i, f in enumerate(c.targets))
 
     def other(self) -> Iterable[Term]:
-        """Terms of what neither belongs to one block nor has a slot between blocks."""
+        """Terms that belong to no single block and are no conduction between two bodies."""
         layout, r = self.layout, self.records
         fields = {b.name for b in layout if self.field(b.name)}
         for m in r.matrices:
@@ -166,7 +169,8 @@ class _Closing:
                 yield local.term
 
     def _has_slot(self, m: MatrixRecord) -> bool:
-        """True if the operators of a body hold the matrix."""
+        """True if a matrix is mass, damping, stiffness, capacity or conductivity of one block, or
+        the thermal coupling of a body's displacements."""
         rows, columns = self.layout.block(m.rows), self.layout.block(m.columns)
         if rows.owner != columns.owner:
             return False
@@ -178,8 +182,8 @@ class _Closing:
             self.field(m.rows) is Quantity.TEMPERATURE and m.M is None)
 
     def field(self, block: str) -> Quantity | None:
-        """Displacements or temperatures where there are operators for the block, None elsewhere: of
-        each body one block of either at most."""
+        """Displacement or temperature if the block has mechanical or thermal operators, else None;
+        only the first displacement and the first temperature block of a body can have them."""
         b = self.layout.block(block)
         if b != self.layout.of(b.owner, b.kind.quantity):
             return None
@@ -188,8 +192,9 @@ class _Closing:
         return b.kind.quantity if b.kind.quantity is Quantity.TEMPERATURE else None
 
     def _owner(self, local: LocalRecord) -> str | None:
-        """The block whose operators hold a local term: it adds to these rows alone, and reads no
-        other block but, where it adds to displacements, the temperatures of the same body."""
+        """Block whose operators include a term evaluated element by element, or None. The term must
+        add to rows of this block only and read this block only, or for displacements also the
+        temperatures of the same body."""
         rows = self.layout.containing(local.term.rows)
         if len(rows) != 1 or self.field(rows[0]) is None:
             return None
@@ -201,16 +206,17 @@ class _Closing:
         return block if read.issuperset(local.blocks) else None
 
     def _deforms(self, body: str) -> bool:
-        """True if a body has elastic operators: inertia on displacements."""
+        """True if a body has elastic operators, that is, inertia that acts on displacements."""
         return any(f.body == body and f.generators for f in self.records.frames)
 
     def _local(self, block: str) -> tuple[Term, ...]:
-        """Local terms that the operators of a block hold."""
+        """Terms evaluated element by element that are part of the operators of a block."""
         return tuple(r.term for r in self.records.local
                      if len(r.term.rows) and self._owner(r) == block)
 
     def _elastic_local(self, term: Term, block: str, thermal: str) -> ElasticLocal:
-        """A local term with positions in the block, and in the temperatures of the body."""
+        """A term evaluated element by element, with rows and columns as positions in the elastic
+        block `block` and in the temperature block `thermal` of the same body."""
         first, columns = self.layout[block].start, term.columns.copy()
         hot = ~np.isin(columns, self.layout.numbers(block))
         columns[~hot] -= first
@@ -219,7 +225,7 @@ class _Closing:
         return ElasticLocal(term, term.rows - first, columns, hot)
 
     def couplings(self) -> Iterable[HeatCoupling]:
-        """Matrices between thermal blocks of different bodies."""
+        """Conduction and capacity matrices between temperature blocks of different bodies."""
         for m in self.records.matrices:
             if self._couples_heat(m) and not self._has_slot(m):
                 shape = tuple(len(self.layout.numbers(n)) for n in (m.rows, m.columns))
@@ -234,8 +240,8 @@ class _Closing:
     # ------------------------------------------------------------------ one body
 
     def mechanics(self, body: BodyRecord) -> MovingBody | None:
-        """The mechanical equations of one body as constant matrices and one frame kernel; None when
-        it neither moves nor deforms."""
+        """Mechanical equations of one body: constant matrices, and a kernel for its floating frame
+        of reference; None if the body neither moves nor deforms."""
         frames = [f for f in self.records.frames if f.body == body.name and _acts(self.layout, f)]
         if not frames:
             return None
@@ -259,8 +265,9 @@ class _Closing:
             elastic, thermal, operators, body.guide)
 
     def _to_border(self, body: BodyRecord, frames: Sequence[FrameRecord]) -> FloatArray:
-        """(b, N): rigid coordinates, its own and those that its items read, and attachment forces
-        from rigid blocks and multipliers."""
+        """Matrix (b, N) from all N rigid coordinates and multipliers of the model to the b inputs
+        of a body's frame kernel: its own rigid coordinates, those of other bodies that its forces
+        depend on, and the joint forces on it."""
         layout, shift = self.layout, self.rigid - self.layout.algebraic.start
         own = np.zeros((len(body.pose), self.border))
         at = layout.numbers(layout.name_of(body.name, Quantity.POSE))
@@ -281,7 +288,9 @@ class _Closing:
         self, body: BodyRecord, block: str, thermal: str, frames: Sequence[FrameRecord],
         inertia: FrameRecord,
     ) -> ElasticOperators:
-        """frames: what acts through the frame; inertia: one of them unless the frame is at rest."""
+        """Operators of the elastic block of a body. frames: inertia, forces and attachments that
+        act through the floating frame; inertia: the one among them with the mass (not among them
+        for a frame at rest)."""
         n, hot = (len(self.layout.numbers(b)) for b in (block, thermal))
         columns = tuple(LoadColumn(name, f.item.forces > 0)
                         for f in frames for name in f.item.names(f.origin.part))
@@ -303,7 +312,7 @@ class _Closing:
             local=tuple(self._elastic_local(t, block, thermal) for t in self._local(block)))
 
     def heat(self, of: Block) -> HeatBody:
-        """The equations of one thermal block."""
+        """Heat equation of one temperature block."""
         block = of.name
         integrals = next((b.heat_integrals for b in self.records.bodies if b.name == of.owner),
                          None)
@@ -317,7 +326,8 @@ class _Closing:
             self._tables(block))
 
     def _loads(self, block: str) -> tuple[FloatArray, FloatArray, list[VectorRecord]]:
-        """Constant right-hand side, load columns, and the record of each column."""
+        """Constant right-hand side (n,), time-dependent load columns (n, j), and the source of each
+        column."""
         here = [r for r in self.records.vectors if r.rows == block]
         constant, loads, _ = right_hand_side(here, len(self.layout.numbers(block)))
         return constant, loads, [r for r in here if r.amplitude is not None]
@@ -331,12 +341,13 @@ def _amplitudes(records: Sequence[VectorRecord]) -> tuple[Amplitude, ...]:
 
 
 def _acts(layout: Layout, record: FrameRecord) -> bool:
-    """True if an item reads or acts on an unknown."""
+    """True if a force, constraint or inertia reads or acts on an unknown."""
     return bool(sum(map(len, frame_rows(layout, record))) or record.reads in layout)
 
 
 def _check_pushing(body: BodyRecord, frames: Sequence[FrameRecord]) -> None:
-    """InputError for items that a prescribed frame could not evaluate."""
+    """Raises InputError for forces and constraints that cannot be evaluated on a body with
+    prescribed motion."""
     faults = [
         Fault(f.origin.key,
               f"its item {type(item).__name__} has no method `push`, which is how items act on a "
@@ -348,7 +359,7 @@ def _check_pushing(body: BodyRecord, frames: Sequence[FrameRecord]) -> None:
 
 
 def _sum(matrices: Sequence[Csr | None], shape: tuple[int, int]) -> Csr:
-    """Sum of those that there are."""
+    """Sum of the matrices that are not None; zero matrix of the shape if all are."""
     given = [m for m in matrices if m is not None]
     total = given[0] if given else csr_array(shape)
     for m in given[1:]:

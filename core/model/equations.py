@@ -1,4 +1,4 @@
-"""All terms of a model summed into one residual and one Jacobian, row by row."""
+"""Residual and Jacobian of the whole model as sums of residual terms."""
 
 from collections.abc import Sequence
 
@@ -13,7 +13,7 @@ from sparsemor.core.protocols.layout import Layout
 def system_residual(
     layout: Layout, terms: Sequence[Term], x: FloatArray, v: FloatArray, a: FloatArray, t: float
 ) -> FloatArray:
-    """(n,) residual of the whole system."""
+    """Residual (n,) of the whole model."""
     r = np.zeros(layout.size)
     for term in terms:
         j = term.columns
@@ -25,7 +25,7 @@ def system_jacobian(
     layout: Layout, terms: Sequence[Term], x: FloatArray, v: FloatArray, a: FloatArray, t: float,
     c1: FloatArray, c2: FloatArray,
 ) -> Csr:
-    """(n, n) csc; c1, c2 (n,) per unknown."""
+    """Jacobian (n, n), csc, of the whole model, with dv = c1 dx and da = c2 dx; c1, c2 (n,)."""
     rows, columns, values = [], [], []
     for term in terms:
         j = term.columns
@@ -42,7 +42,8 @@ def system_jacobian(
 def rate_factors(
     layout: Layout, c1: float, c2: float, c1_first: float
 ) -> tuple[FloatArray, FloatArray]:
-    """c1, c2 of each unknown: second-order, first-order and algebraic ones differ."""
+    """Factors c1, c2 (n,) of dv = c1 dx, da = c2 dx for each unknown; those of first-order unknowns
+    are c1_first and 0, those of algebraic ones 0."""
     k1, k2 = np.zeros(layout.size), np.zeros(layout.size)
     k1[layout.second], k1[layout.first], k2[layout.second] = c1, c1_first, c2
     return k1, k2

@@ -1,4 +1,4 @@
-"""Facets of linear simplices, and which of them make the boundary; alike in 2-D and 3-D."""
+"""Facets and boundary facets of meshes of triangles (2-D) or tetrahedra (3-D)."""
 
 import numpy as np
 
@@ -9,27 +9,31 @@ FACETS = {
     2: ((0, 1), (1, 2), (2, 0)),
     3: ((0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)),
 }
-"""Local corner numbers of a positive simplex's facets, ordered so that their normal is outward."""
+"""Local corner numbers of the facets of a positively oriented simplex, ordered for outward
+normals."""
 
 
 def cell_facets(cells: IntArray) -> IntArray:
-    """(E * (d + 1), d) point numbers of every cell's facets, cell by cell, outward ordered."""
+    """Point numbers (E * (d + 1), d) of the facets of all cells, cell by cell, ordered for outward
+    normals."""
     d = cells.shape[1] - 1
     facets: IntArray = cells[:, np.array(FACETS[d])].reshape(-1, d)
     return facets
 
 
 def facet_numbers(cells: IntArray) -> tuple[IntArray, IntArray]:
-    """For each row of `all_facets` the number of the geometric facet, and each facet's count."""
+    """Number of the geometric facet of each row of `cell_facets`, and how many cells share each
+    facet."""
     number, _, count = group_equal_rows(np.sort(cell_facets(cells), axis=1))
     return number, count
 
 
 def group_equal_rows(rows: IntArray) -> tuple[IntArray, IntArray, IntArray]:
-    """Groups of equal rows (R, 2 to 4) of numbers >= 0: for each row the number of its kind, for
-    each kind its first row and its count; kinds in lexicographic order.
+    """Groups of equal rows of an integer array (R, 2 to 4) with entries >= 0: for each row the
+    number of its group, for each group its first row and its size; groups in lexicographic order.
 
-    As `np.unique(axis=0)`, but much faster: two columns fit in one integer to sort by.
+    Equivalent to `np.unique(axis=0)` but much faster, because two columns are sorted as one
+    integer.
     """
     size = int(rows.max(initial=0)) + 1
     head = rows[:, 0] * size + rows[:, 1]
@@ -45,6 +49,7 @@ def group_equal_rows(rows: IntArray) -> tuple[IntArray, IntArray, IntArray]:
 
 
 def outer_facets(mesh: Mesh) -> IntArray:
-    """(F, d) point numbers of the facets that one cell alone has, ordered for outward normals."""
+    """Point numbers (F, d) of the boundary facets, those of one cell only, ordered for outward
+    normals."""
     number, count = facet_numbers(mesh.cells)
     return np.asarray(cell_facets(mesh.cells)[count[number] == 1])

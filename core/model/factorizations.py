@@ -12,8 +12,8 @@ from sparsemor.core.status import SolveFailed
 
 @dataclass(slots=True)
 class Factored:
-    """Factorizations for one block and one purpose ("steps", "start"). count: how often;
-    seconds: all of them; memory: bytes of the largest."""
+    """Report on the factorizations for one block of unknowns and one purpose ("steps", "start").
+    count: number of factorizations; seconds: their total time; memory: bytes of the largest one."""
 
     block: str
     purpose: str
@@ -28,7 +28,8 @@ class Factored:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BlockSolvers:
-    """The scene's choice: a default, and others by block pattern. `log` is filled as it serves."""
+    """Linear solvers of the blocks of unknowns: `default`, and `others` by block-name pattern such
+    as `*.thermal`. log: reports on all factorizations so far."""
 
     default: LinearSolver
     others: Mapping[str, LinearSolver] = field(default_factory=dict)
@@ -40,8 +41,9 @@ class BlockSolvers:
     def factorize(
         self, block: str, A: Csr, places: DofLocations | None, purpose: str = "steps"
     ) -> Factorized:
-        """A (n, n) of a block, factorized. Raises SolveFailed where it is singular or not finite,
-        InputError where the solver does not serve."""
+        """Factorization of the matrix A (n, n) of a block. places: node coordinates of its
+        unknowns. Raises SolveFailed for a matrix that is singular or not finite, and InputError for
+        one that the solver does not accept."""
         start = time.perf_counter()
         made = self.of(block).factorize(A, places)
         if not made.status.ok:
@@ -63,15 +65,15 @@ class BlockSolvers:
 
 
 def factorizations_in(phase: str, log: Iterable[Factored]) -> list[Factored]:
-    """The same, made in another phase of the run."""
+    """Copies of the reports `log` with the run phase ("training", say) added to their purpose."""
     return [replace(f, purpose=f"{phase}, {f.purpose}") for f in log]
 
 
 def solve_or_fail(
     factor: Factorized, b: FloatArray, block: str, start: FloatArray | None = None
 ) -> FloatArray:
-    """x of b (n,) or (n, j), before the first step. Raises SolveFailed where an iteration stops
-    short."""
+    """Solution x of A x = b, b (n,) or (n, j), before the first time step. start: first guess of an
+    iterative solver. Raises SolveFailed if the iteration does not converge."""
     if not factor.iterative:
         return factor.solve(b)
     found = factor.outcome(b, start)

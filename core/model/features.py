@@ -1,8 +1,9 @@
-"""Features of a scene, and the abilities that they need of its plugins.
+"""Optional features of a simulation, and the methods that bodies, joints, contacts or reducers need
+to support them.
 
-Every feature that not all plugins can serve stands in `FEATURES`: the option that asks for it, and
-the protocol (core/protocols) that plugins of a kind, or what their `build` returns, must have then.
-What lacks it is refused by `validate` and before the training run.
+`FEATURES` lists each option that not all plugins support, with the protocol (core/protocols) that
+the plugin, or the object that it builds, must then implement. A plugin that does not is refused by
+the command `validate` and before the training run.
 """
 
 from dataclasses import dataclass
@@ -21,10 +22,11 @@ from sparsemor.core.registry.contracts import absent_members, origin
 
 @dataclass(frozen=True, slots=True)
 class Feature:
-    """A feature and one ability that it needs.
+    """An optional feature of a simulation and one protocol that it requires of plugins.
 
-    option: key of the scene that asks for it. kind: of the plugins that need the ability;
-    condition: which of them ("" for all). need: what they have to do, an infinitive.
+    option: input key that switches the feature on. kind: plugins that need the protocol `ability`;
+    condition: restriction to some of them ("" for all). need: the required capability in words, as
+    an infinitive.
     """
 
     name: str
@@ -35,7 +37,8 @@ class Feature:
     condition: str = ""
 
     def refusal(self, lacking: object, key: str = "") -> InputError:
-        """The error for a plugin, or a part that one has built, without the ability."""
+        """Error for a plugin, or an object that it has built, that does not implement the
+        protocol."""
         return InputError(
             f"with {self.option}, it has to {self.need}, which {origin(lacking)} cannot: it lacks "
             f"{', '.join(absent_members(self.ability, lacking))} ({self.ability.__name__})", key)

@@ -1,11 +1,12 @@
-"""Equations of a frame kernel row by row: the general form of the separable equations.
+"""Equations of motion of a body in a floating frame of reference, row by row.
 
-Residual, with y = Y x the border unknowns and s = D x the functionals of the displacement:
+Residual, with inputs y = Y x (rigid coordinates and attachment forces) and linear functionals s = D
+x of the displacements x:
 
     r = L rows(y, s, ...) + W sigma + sum_g (kappa_g V_g x + mu_g V_g v) + V_m a
 
-The matrices are sparse at full order, small and dense under trial and test maps; the sums are the
-same, so both are this one class (law: mapped == left @ residual).
+The matrices are sparse at full order, small and dense after projection on a trial and a test basis.
+One class evaluates both: projected residual == left @ residual.
 """
 
 from dataclasses import dataclass, replace
@@ -29,11 +30,12 @@ def _dense(matrix: Matrix) -> FloatArray:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FrameEquations:
-    """The sum above for n columns and m rows. b border unknowns, p directions, g generators.
+    """Residual r of the module's equation with m rows and n unknowns; b inputs y, p directions, g
+    generators (constant matrices whose factors depend on the rigid motion).
 
-    Y (b, n), D (p, n), Q: g matrices (n, n) of the quadratic forms, L (m, b), W (m, p),
-    V: g matrices (m, n) (the first is the mass), y0 (b,) values that are not unknowns. guide: the
-    motion of a frame that is given, added to y = Y x + y0 and its rates.
+    Y (b, n), D (p, n), Q: g matrices (n, n) of the quadratic forms, L (m, b), W (m, p), V: g
+    matrices (m, n), the first is the mass; y0 (b,): constant part of y. guide: a prescribed motion
+    of the frame, which is added to y = Y x + y0 and its rates.
     """
 
     frame: BodyFrame
@@ -64,7 +66,8 @@ class FrameEquations:
     def _border(
         self, x: FloatArray, v: FloatArray, a: FloatArray, t: float
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """(b,) each: border unknowns, rates and accelerations."""
+        """Rigid coordinates and attachment forces (b,), their rates and their second time
+        derivatives."""
         border = (np.asarray(self.y0 + self.Y @ x), np.asarray(self.Y @ v), np.asarray(self.Y @ a))
         if self.guide is not None:
             for values, prescribed in zip(border, self.guide.at(t), strict=True):
@@ -83,7 +86,8 @@ class FrameEquations:
     def jacobian(
         self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: FloatArray, c2: FloatArray
     ) -> Matrix:
-        """Exact; c1, c2 must be the same for all second-order columns."""
+        """Exact Jacobian dr/dx (m, n) with dv = c1 dx, da = c2 dx; c1, c2 (n,) must be equal for
+        all second-order unknowns."""
         k1, k2 = float(np.max(c1, initial=0.0)), float(np.max(c2, initial=0.0))
         w = self._evaluate(x, v, a, t, k1, k2)
         _, rates, accelerations = self._border(x, v, a, t)
@@ -108,7 +112,8 @@ class FrameEquations:
         return J
 
     def time_derivative(self, order: int, t: float, h: float) -> "FrameEquations | None":
-        """Of its constraint rows; joints that are unknown hold no frame that is prescribed."""
+        """Equations whose constraint rows are the partial time derivative of the given order (1 or
+        2) at t (s), or None where that is zero; h: time step, s."""
         frame = self.frame.time_derivative(order, t, h)
         return None if frame is None else replace(self, frame=frame)
 
@@ -116,7 +121,8 @@ class FrameEquations:
         return replace(self, L=self.L[keep], W=self.W[keep], V=tuple(V[keep] for V in self.V))
 
     def mapped(self, trial: Trial, left: FloatArray) -> "FrameEquations":
-        """Trial and test maps applied: the mesh-sized dimension disappears."""
+        """Projection on a trial basis, x = offset + atoms xi, and on the test basis `left` (l, m);
+        the matrices become small and dense."""
         T, o = trial.atoms, trial.offset
         Qo = tuple(Q @ o for Q in self.Q)
         frame = self.frame
@@ -137,7 +143,8 @@ class FrameEquations:
 
 
 def frame_rows(layout: Layout, record: FrameRecord) -> tuple[IntArray, IntArray, IntArray]:
-    """Positions of the rigid, elastic and multiplier unknowns that an item acts on."""
+    """Positions of the rigid, elastic and multiplier unknowns that a force, constraint or inertia
+    of a body acts on."""
     rigid, elastic = (layout.numbers(layout.name_of(record.body, q)) for q in (
         Quantity.POSE, Quantity.DISPLACEMENT))
     lam = layout.numbers(record.multipliers)
@@ -149,7 +156,8 @@ def frame_rows(layout: Layout, record: FrameRecord) -> tuple[IntArray, IntArray,
 def frame_term(
     layout: Layout, body: BodyRecord, record: FrameRecord
 ) -> AssembledTerm[FrameEquations]:
-    """One item of a body's frame by itself, as a term."""
+    """Residual term of a single force, constraint or inertia that acts on a body's floating
+    frame."""
     frame = body.kernel((record.item,))
     rigid, el, lam = frame_rows(layout, record)
     other, pose = layout.numbers(record.reads), len(body.pose)
@@ -173,6 +181,6 @@ def frame_term(
 
 
 def _embedded(matrices: tuple[Csr, ...], at: IntArray, size: int) -> tuple[Csr, ...]:
-    """Each (n, n) as the rows and columns `at` (n,) of a matrix (size, size)."""
+    """Matrices (n, n) embedded in zero matrices (size, size) at the rows and columns `at` (n,)."""
     embed = csr_array((np.ones(len(at)), (np.arange(len(at)), at)), shape=(len(at), size))
     return tuple(csr_array(embed.T @ A @ embed) for A in matrices)

@@ -1,5 +1,6 @@
-"""Consistent rates at the start: the equations of motion and the second derivative of the
-constraints hold at t = 0 (second-order integrators lose their order without this)."""
+"""Consistent initial accelerations, temperature rates and multipliers: the equations of motion and
+the second time derivative of the constraints hold at t = 0. Without them, second-order integrators
+lose an order."""
 
 import numpy as np
 from scipy.sparse import block_array, csr_array
@@ -14,19 +15,20 @@ from sparsemor.core.protocols.layout import Layout
 from sparsemor.core.status import SolveFailed, Status
 
 LOST = 1.0
-"""Largest stiffness over mass of a row before the mass is lost in the difference of two Jacobians:
-with c = 1 it has four digits only for elastic bodies, and accelerations one or two."""
+"""Largest ratio of stiffness to mass of a row at which the mass is computed accurately as a
+difference of two Jacobians; with the factor c = 1, elastic bodies retain only four digits of it."""
 BROKEN, NEXT_TO = 1e-4, 1e-6
-"""Rate of a constraint that is broken, as a share of the velocities of its own joint and of those
-of all joints."""
+"""Tolerances for the rate of a violated constraint, relative to the velocities at its own joint
+(BROKEN) and at all joints (NEXT_TO)."""
 
 
 def consistent_state(model: AssembledModel) -> State:
-    """The start with accelerations, temperature rates and multipliers that satisfy the equations.
+    """Consistent initial state: accelerations, temperature rates and multipliers that satisfy the
+    equations at t = 0.
 
-    Unknown are a (second-order), v (first-order) and the multipliers; all enter linearly. Found
-    once a model, whose other users get the same arrays, which cannot be written to. Raises
-    SolveFailed (singular) when they are not determined.
+    The unknowns are a of second-order, v of first-order fields, and the multipliers; all enter
+    linearly. Solved once per model; the arrays are read-only. Raises SolveFailed if the system is
+    singular.
     """
     if not model.starts:
         model.starts.append(_solved(model, 0.0))
@@ -62,16 +64,17 @@ def _solved(model: AssembledModel, t: float) -> State:
 
 
 def _check_finite(layout: Layout, values: FloatArray, t: float, what: str) -> None:
-    """Raises SolveFailed (not finite) with the first block that is not."""
+    """Raises SolveFailed for values (n,) that are not finite, with the name of the first such
+    block."""
     broken = [b.name for b in layout if not np.isfinite(values[layout[b.name]]).all()]
     if broken:
         raise SolveFailed(Status.NOT_FINITE, t, broken[0], what)
 
 
 def _derivative(model: AssembledModel, K: Csr, s: State, rate: int) -> Csr:
-    """(n, n) derivative of the residual by v (rate 1) or a (rate 2), from Jacobians: they are
-    affine in c1 and c2, which are taken so large that mass is not lost against stiffness in any of
-    the rows that have a mass."""
+    """Derivative (n, n) of the residual by v (rate 1) or a (rate 2), as a difference of Jacobians.
+    These are affine in c1 and c2, which are increased until the mass is not lost to round-off
+    against the stiffness in any row with a mass."""
     layout, part = model.layout, model.layout.second if rate == 2 else model.layout.first
     factors, c, D = np.zeros((3, layout.size)), 1.0, K
     if part.start == part.stop:
@@ -90,12 +93,12 @@ def _derivative(model: AssembledModel, K: Csr, s: State, rate: int) -> Csr:
 
 
 def _largest(A: Csr, part: slice) -> FloatArray:
-    """Largest |entry| of each row in a diagonal part of A."""
+    """Largest absolute value in each row of the diagonal block A[part, part]."""
     return np.asarray(abs(csr_array(A[part][:, part])).max(axis=1).toarray()).ravel()
 
 
 def start_notes(model: AssembledModel, t: float = 0.0) -> tuple[Note, ...]:
-    """A sentence for each joint whose constraint the velocities at the start break."""
+    """Warnings for the joints whose constraints are violated by the initial velocities."""
     layout = model.layout
     rows = layout.algebraic
     if rows.start == rows.stop:

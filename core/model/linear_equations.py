@@ -1,4 +1,4 @@
-"""Equations with constant matrices, and right-hand sides that are functions or tables of time."""
+"""Linear equations with constant matrices, and loads that are functions or tables of time."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ from sparsemor.core.protocols.separable import Amplitude, evaluate_amplitudes
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LinearEquations:
-    """r = A x + B v + M a - constant - loads @ amplitudes(t); A, B, M (m, n), loads (m, j); M None
-    where there is no inertia."""
+    """Residual r = A x + B v + M a - constant - loads @ amplitudes(t); A, B, M (m, n), loads (m,
+    j). M is None for equations without inertia."""
 
     A: Matrix
     B: Matrix
@@ -47,7 +47,7 @@ class LinearEquations:
     def of_time(
         cls, constant: FloatArray, loads: FloatArray, amplitudes: tuple[Amplitude, ...]
     ) -> LinearEquations:
-        """-constant - loads @ amplitudes(t): no unknown is read."""
+        """Equations without unknowns: r = -constant - loads @ amplitudes(t)."""
         none = np.zeros((len(constant), 0))
         return cls(none, none, constant, loads, amplitudes)
 
@@ -88,7 +88,8 @@ class LinearEquations:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TabledRows:
-    """r = -table at t, table (T, l): tabled equations of k reduced unknowns."""
+    """Projected time-tabulated load: residual r = -table(t), values (T, l), for k reduced
+    unknowns."""
 
     table: Table
     k: int
@@ -105,7 +106,8 @@ class TabledRows:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TabledEquations:
-    """r = -load at t, load.columns (m, j), of no unknown: a load that moves over a body."""
+    """Time-tabulated load that moves over a body: residual r = -load(t), load.columns (m, j); no
+    unknown enters."""
 
     load: LoadTable
     linear: ClassVar[bool] = False
@@ -135,10 +137,11 @@ Linear = AssembledTerm[LinearEquations]
 def matrix_term(
     layout: Layout, matrices: Sequence[MatrixRecord], vectors: Sequence[VectorRecord]
 ) -> Linear:
-    """A x + B v + M a - (sum of w f(t)) of the records of one part on one block, all its rows.
+    """Linear residual term A x + B v + M a - (sum of w f(t)): all contributions of one body, joint,
+    contact or load to one block of unknowns.
 
-    One term, so that large parts which cancel (thermal forces of a uniform temperature and of the
-    one without stress, 1e5 N at a node) do so before anything is added to them.
+    Summing them first lets large parts cancel exactly, such as the thermal forces of a uniform
+    temperature and of the stress-free temperature (1e5 N per node).
     """
     rows = layout.numbers(matrices[0].rows)
     blocks = sorted({m.columns for m in matrices}, key=lambda name: layout[name].start)
@@ -160,7 +163,8 @@ def matrix_term(
 
 
 def vector_term(layout: Layout, records: Sequence[VectorRecord]) -> Linear:
-    """-(sum of w f(t)) of the records on one block, in the rows where any of them is not zero."""
+    """Load term -(sum of w f(t)) on one block of unknowns, in the rows where some load vector w is
+    not zero."""
     used = np.flatnonzero(np.any([r.w != 0 for r in records], axis=0))
     whole = LinearEquations.of_time(*right_hand_side(records, len(records[0].w)))
     return AssembledTerm(layout.numbers(records[0].rows)[used], NO_NUMBERS,
@@ -168,14 +172,15 @@ def vector_term(layout: Layout, records: Sequence[VectorRecord]) -> Linear:
 
 
 def target_term(layout: Layout, record: ConstraintRecord) -> Linear:
-    """-targets(t) in the rows of a block of multipliers."""
+    """Prescribed values of constraints: the residual -targets(t) in the rows of a joint's
+    multipliers."""
     rows = layout.numbers(record.block)
     equations = LinearEquations.of_time(np.zeros(len(rows)), np.eye(len(rows)), record.targets)
     return AssembledTerm(rows, NO_NUMBERS, equations, record.origin.part)
 
 
 def table_term(layout: Layout, record: TableRecord) -> AssembledTerm[TabledEquations]:
-    """The load of one record, in the rows that it acts on."""
+    """Residual term of a time-tabulated load, in the rows that it acts on."""
     used = np.flatnonzero(np.diff(record.load.columns.indptr))
     return AssembledTerm(layout.numbers(record.rows)[used], NO_NUMBERS,
                          TabledEquations(record.load).restricted(used), record.origin.part)
@@ -184,7 +189,8 @@ def table_term(layout: Layout, record: TableRecord) -> AssembledTerm[TabledEquat
 def right_hand_side(
     records: Sequence[VectorRecord], n: int
 ) -> tuple[FloatArray, FloatArray, tuple[Amplitude, ...]]:
-    """Constant (n,), loads (n, j) and their amplitudes."""
+    """Sum of the constant load vectors (n,), the time-dependent ones as columns (n, j), and their
+    amplitudes."""
     timed = [(r.w, r.amplitude) for r in records if r.amplitude is not None]
     constant = sum((r.w for r in records if r.amplitude is None), np.zeros(n))
     loads = np.stack([w for w, _ in timed], axis=1) if timed else np.zeros((n, 0))

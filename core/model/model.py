@@ -1,4 +1,4 @@
-"""An assembled scene: unknowns, equations and start, ready for any reducer."""
+"""Assembled model: layout of the unknowns, equations of motion and heat, initial values."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -28,15 +28,17 @@ from sparsemor.core.protocols.separable import ElasticOperators, HeatBody, LoadC
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Model:
-    """layout, equations and the state at the start. `blocks` has data of each reducible block.
+    """Assembled model: layout of the unknowns, equations, initial values x0 and rates v0 (n,).
 
-    by_part: the general form of the equations, the terms of each part; separated: the same
-    equations as operators of each block.
-    required: local row numbers of each reducible block that joints and localized loads touch;
-    loaded: the same for each load by name, so that a sample that misses one can say which. solvers:
-    who solves with the blocks' constant matrices. stage: the histories that its given frames,
-    reactions and surface loads come from. starts: its consistent start, once that was asked for
-    (core/model/initial_state.py); a changed copy of the model has its own.
+    by_part: residual terms by the body, joint, contact or load that contributes them; separated:
+    the same equations as operators of each block of unknowns (one field of one body). required:
+    block -> row numbers in the block that joints and localized loads act on; loaded: block -> joint
+    or load -> its row numbers. probes: material points whose motion and temperature are recorded;
+    geometry: block -> node coordinates (n, d), m, and components (n,) of its unknowns. solvers:
+    linear solvers of the blocks' constant matrices. stage: rigid-body pre-simulation from which
+    prescribed motion, reactions and surface loads come, or None. starts: the consistent initial
+    state, once it is computed (core/model/initial_state.py); a modified copy of the model computes
+    its own.
     """
 
     layout: Layout
@@ -55,30 +57,33 @@ class Model:
 
     @property
     def terms(self) -> tuple[Term, ...]:
-        """All terms of the general form."""
+        """Residual terms of all bodies, joints, contacts and loads."""
         return tuple(t for terms in self.by_part.values() for t in terms)
 
     def reducible(self) -> tuple[str, ...]:
         return tuple(b.name for b in self.layout if b.kind.reducible)
 
     def places(self, name: str) -> DofLocations:
-        """Dof locations of a reducible block."""
+        """Node coordinates and components of the unknowns of an elastic or thermal block."""
         return DofLocations(*self.geometry[name])
 
     def factorize(
         self, name: str, A: Csr, purpose: str = "steps", places: DofLocations | None = None
     ) -> Factorized:
-        """A matrix (n, n) of a reducible block, factorized by the solver that the scene names."""
+        """Factorization of a matrix A (n, n) of an elastic or thermal block by the linear solver
+        that the user chose for it."""
         return self.solvers.factorize(
             name, A, self.places(name) if places is None else places, purpose)
 
     def block_data(
         self, name: str, snapshots: FloatArray | None = None, step: StepFactors | None = None
     ) -> BlockData:
-        """Data of one reducible block for bases and samplers; snapshots (n, M) if given;
-        step: the steps that it is reduced for.
+        """Matrices, load vectors and node coordinates of one elastic or thermal block, from which
+        trial bases and row samples are built.
 
-        Nothing is solved here: constant matrices are passed on, load columns put side by side.
+        snapshots: (n, M), if there are any; step: size and factors of the time steps that the block
+        is reduced for. Nothing is solved: matrices are passed on, load vectors become columns of
+        one array.
         """
         taken = step or StepFactors(0.0, 0.0, 0.0, 0.0)
         n = self.layout[name].stop - self.layout[name].start
@@ -110,17 +115,18 @@ class Model:
         raise KeyError(name)
 
     def with_separated(self, separated: Separated) -> "Model":
-        """The same model with other operators in its blocks; a consistent start is its own."""
+        """Copy of the model with other block operators `separated`; its consistent initial state is
+        computed again."""
         return replace(self, separated=separated)
 
     def moving(self, name: str) -> tuple[LoadTable, ...]:
-        """The loads on a block whose place changes."""
+        """Loads on a block whose point of application moves over the body."""
         source = self._operators(name)
         return () if source is None else source.tables
 
     def ring(self, name: str) -> IntArray:
-        """Local rows of the elements that touch the path of the moving loads and contacts of a
-        block, sorted; a part whose place on the body changes says `moving = True`."""
+        """Sorted rows of a block that belong to elements along the path of moving loads and
+        contacts; a load or contact moves over the body if its `moving` is True."""
         found = [rows for part, rows in self.loaded[name].items()
                  if isinstance(one := self.parts[part], MovesOverBody) and one.moving]
         path = np.concatenate([path_rows(self.moving(name)), *found]).astype(np.int64)
@@ -138,7 +144,7 @@ class Model:
         return next((m.operators for m in self.separated.moving if m.elastic == name), None)
 
     def _interface(self, name: str) -> IntArray:
-        """Local rows of a block that joints act on, sorted."""
+        """Sorted row numbers of a block that joints act on."""
         rows = [r for part, r in self.loaded[name].items()
                 if self.layout.multipliers(part) is not None]
         return np.unique(np.concatenate([*rows, np.zeros(0, np.int64)])).astype(np.int64)
@@ -148,7 +154,7 @@ Columns = tuple[LoadColumn, ...]
 
 
 def _columns(matrix: FloatArray, names: tuple[str, ...] = ()) -> Columns:
-    """Of given loads, none of which is a joint's force."""
+    """Descriptions of external load columns (n, j), none of which is a joint force."""
     return tuple(map(LoadColumn, names or [f"load {i}" for i in range(matrix.shape[1])]))
 
 
@@ -159,7 +165,8 @@ def _constant(vector: FloatArray) -> tuple[FloatArray, Columns]:
 def _loads(
     groups: list[tuple[FloatArray, Columns]]
 ) -> tuple[FloatArray, tuple[str, ...], IntArray]:
-    """All load columns (n, j) that are not zero, names that differ, and which are joint forces."""
+    """Nonzero load columns (n, j) of all groups side by side, their distinct names, and the numbers
+    of the columns that are joint forces."""
     matrices, kept = [], list[LoadColumn]()
     for matrix, columns in groups:
         some = [i for i, c in enumerate(columns) if c.name and matrix[:, i].any()]
@@ -170,7 +177,7 @@ def _loads(
 
 
 def distinct_names(names: list[str]) -> tuple[str, ...]:
-    """The same names, those that come again with a number: "push", "push (2)"."""
+    """The names in order, repeated ones with a number: "push", "push (2)"."""
     seen: dict[str, int] = {}
     found = []
     for name in names:

@@ -1,4 +1,4 @@
-"""Quantities that are prescribed instead of solved for while a model is assembled."""
+"""Motion, joint reactions and contact loads that are prescribed rather than solved for."""
 
 from collections.abc import Mapping
 
@@ -26,28 +26,30 @@ from sparsemor.core.protocols.prescribed_motion import FrameHistory, Stage, Surf
 
 
 class PrescribedQuantities:
-    """Base of prescribed quantities; it prescribes nothing.
+    """Base class for prescribed motion, reactions and surface loads. The default prescribes
+    nothing.
 
-    Each method is called once a part while the model is assembled; None: it is solved for.
-    InputError where a part lacks an ability that is needed.
+    Each method is called once per body, joint or contact during assembly; None means that the
+    quantity is solved for. InputError is raised for an object that does not support it.
     """
 
     def frame(self, name: str, body: Body) -> FrameHistory | None:
-        """Motion of a body, which then has no rigid unknowns."""
+        """Motion of a body's frame, which then has no rigid unknowns."""
         return None
 
     def reactions(self, name: str, joint: Joint) -> Table | None:
-        """A joint's forces, N and N m, as its `known` takes them, which then are prescribed."""
+        """Prescribed reaction forces and moments of a joint over time, N and N m, in the columns
+        that `PrescribesReactions.known` takes."""
         return None
 
     def motion(self, bodies: Mapping[str, Body]) -> Mapping[str, FrameHistory] | None:
-        """Motion of every body, where contacts follow it instead of the unknowns."""
+        """Prescribed motion of all bodies along which contacts are evaluated, or None."""
         return None
 
     def surface_loads(
         self, name: str, contact: Contact, motion: Mapping[str, FrameHistory]
     ) -> Mapping[str, SurfaceLoads]:
-        """Loads of a contact on its surfaces along the motion, by body."""
+        """Surface loads of a contact along the prescribed motion, by body."""
         return importing(contact, name).imported(motion)
 
 
@@ -55,8 +57,8 @@ NOTHING = PrescribedQuantities()
 
 
 class Immobile(PrescribedQuantities):
-    """For the rigid stage itself: bodies that lose their fields and do not move take part as they
-    are, so that forces on them are no mistake."""
+    """Prescribed poses of the fixed bodies in a rigid-body pre-simulation, so that forces on them
+    are accepted."""
 
     def frame(self, name: str, body: Body) -> FrameHistory | None:
         able = following(body)
@@ -64,7 +66,8 @@ class Immobile(PrescribedQuantities):
 
 
 class AtStart(PrescribedQuantities):
-    """Everything as it is at the start, no reactions: to check a scene before its rigid stage."""
+    """All bodies fixed at their initial pose with zero reactions: used to check the input before a
+    rigid-body pre-simulation."""
 
     def frame(self, name: str, body: Body) -> FrameHistory | None:
         able = following(body)
@@ -84,7 +87,8 @@ class AtStart(PrescribedQuantities):
 
 
 class Followed(PrescribedQuantities):
-    """The histories of a stage, contacts evaluated along its motion."""
+    """Motion and reactions of a rigid-body pre-simulation; contacts are evaluated along this
+    motion."""
 
     def __init__(self, stage: Stage) -> None:
         self.stage = stage
@@ -101,28 +105,29 @@ class Followed(PrescribedQuantities):
 
 
 def following(body: Body) -> FollowsMotion:
-    """The body, if its motion can be prescribed."""
+    """The body as one whose motion can be prescribed; InputError if it cannot."""
     if isinstance(body, FollowsMotion):
         return body
     raise PRESCRIBED_MOTION.refusal(body)
 
 
 def prescribable(joint: Joint) -> PrescribesReactions:
-    """The joint, if its reactions can be prescribed."""
+    """The joint as one whose reactions can be prescribed; InputError if they cannot."""
     if isinstance(joint, PrescribesReactions):
         return joint
     raise PRESCRIBED_REACTIONS.refusal(joint)
 
 
 def importing(contact: Contact, name: str) -> ImportsMotion:
-    """The contact of this name, if it can be evaluated along a prescribed motion."""
+    """The contact `name` as one that can be evaluated along a prescribed motion; InputError if it
+    cannot."""
     if isinstance(contact, ImportsMotion):
         return contact
     raise CONTACT_ALONG_MOTION.refusal(contact, f"contacts.{name}")
 
 
 def carrying(body: Body) -> CarriesSurfaceLoads:
-    """The body, if it takes tabulated loads on its surface."""
+    """The body as one that accepts time-tabulated surface loads; InputError if it does not."""
     if isinstance(body, CarriesSurfaceLoads):
         return body
     raise SURFACE_LOADS.refusal(body, f"bodies.{body.name}")

@@ -1,4 +1,5 @@
-"""One solve with a matrix of the whole model, its large symmetric blocks eliminated first."""
+"""Solution of a linear system of the whole model by Schur complement: large symmetric positive
+definite blocks are eliminated first."""
 
 import numpy as np
 from scipy.sparse import csc_array
@@ -9,17 +10,18 @@ from sparsemor.core.model.factorizations import solve_or_fail
 from sparsemor.core.protocols import AssembledModel
 
 FEW = 3000
-"""Unknowns up to which a block is not worth a factorization of its own."""
+"""Number of unknowns up to which a block is not eliminated separately."""
 BORDER = 300
-"""Columns next to a block up to which eliminating it pays: each takes a solve and n numbers."""
+"""Largest number of columns that couple a block to other unknowns for which elimination pays: each
+costs one solve and n numbers."""
 
 
 def solve_by_blocks(model: AssembledModel, A: Csr, r: FloatArray) -> FloatArray:
-    """A^-1 r; A (n, n) csr over the model's layout.
+    """Solution A^-1 r of a system of the whole model, A (n, n) csr.
 
-    Mass and capacity of the large blocks are left to the linear solvers of the scene (Schur
-    complement); what remains, rigid coordinates, multipliers, small blocks and any that others
-    couple to, is solved as one sparse system. Raises RuntimeError where it is singular.
+    Mass and capacity matrices of large blocks are factorized by the linear solvers that the user
+    chose. The Schur complement of the remaining unknowns (rigid coordinates, multipliers, small or
+    strongly coupled blocks) is solved as one sparse system. Raises RuntimeError if it is singular.
     """
     n = A.shape[0]
     border = np.ones(n, dtype=np.bool_)
@@ -62,7 +64,8 @@ def _subtract(S: Csr, rows: IntArray, columns: IntArray, values: FloatArray) -> 
 
 
 def _scaled(A: Csr, r: FloatArray) -> FloatArray:
-    """Rows and columns of very different units: forces, heat, metres."""
+    """Solution of A x = r by sparse LU after symmetric scaling, because rows and columns have very
+    different units (forces, heat, lengths)."""
     if not len(r):
         return r
     size = np.sqrt(np.maximum(abs(A).max(axis=0).toarray().ravel(), 1e-300))

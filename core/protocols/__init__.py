@@ -1,13 +1,10 @@
-"""Contracts between parts. All arrays are float64 unless said otherwise; units are SI.
+"""Interfaces (protocols) of the parts of a simulation. Arrays are float64 unless said otherwise;
+units are SI.
 
-One concept a file: what a kind of plugin must have, and next to it the optional abilities that it
-may have (`capabilities` lists them all). Plugins import these names from `sparsemor.core`.
-Configuration is a frozen `Plugin`; numbers live in what its methods return. Nothing keeps state
-between calls: memory is passed in and returned.
-A plugin author reads this folder, one concept a file, and imports from here: where a contract is
-kept may change, its name here does not. Configuration is a frozen `Plugin`; numbers live in what
-its methods return. Plugins and solvers keep no state between calls: a step
-writes only to the memory that it is given.
+One file per concept: the methods that a kind of plugin must have, and next to them the optional
+ones (`capabilities` lists them all). Plugins import these names from `sparsemor.core`. A plugin is
+a frozen set of options; the objects that its methods return hold the numbers. Plugins and solvers
+keep no state between calls: a time step writes only to the memory passed to it.
 """
 
 from sparsemor.core.protocols.basis import Basis, BoundsAtoms, CentresSnapshots, ChecksBlock

@@ -1,4 +1,4 @@
-"""Trial bases: dictionaries of atoms for one reducible block."""
+"""Interfaces of trial bases: sets of trial vectors (atoms) for one block of unknowns."""
 
 from typing import Protocol, runtime_checkable
 
@@ -6,10 +6,9 @@ from sparsemor.core.protocols.block_data import BlockData, Dictionary
 
 
 class Basis(Protocol):
-    """Dictionary of one block, built from its snapshots or its matrices.
+    """Trial basis of one block of unknowns, built from its snapshots or its matrices.
 
-    needs_snapshots: whether `build` reads `data.snapshots`, so that a training run has to come
-    first.
+    needs_snapshots: True if `build` reads `data.snapshots`, so that a training run is required.
     """
 
     @property
@@ -19,29 +18,30 @@ class Basis(Protocol):
 
 @runtime_checkable
 class BoundsAtoms(Protocol):
-    """A basis whose number of atoms is bounded by its options, before anything is built.
+    """A basis whose options bound the number of its atoms (trial vectors) before it is built.
 
-    Without it, a block of n unknowns is taken to get up to n atoms.
+    Without it, up to n atoms are assumed for a block of n unknowns.
     """
 
     def most_atoms(self, size: int) -> int | None:
-        """Largest number of atoms for a block of `size` unknowns; None where options do not say."""
+        """Largest number of atoms for a block of `size` unknowns; None if the options do not bound
+        it."""
         ...
 
 
 @runtime_checkable
 class ChecksBlock(Protocol):
-    """A basis that refuses unsuitable blocks before any training run."""
+    """A basis that rejects unsuitable blocks of unknowns before any training run."""
 
     def unfit(self, data: BlockData, snapshots: int) -> str:
-        """Why `build` would refuse the block, given so many snapshots (`data` has none of them
-        yet), "" where it would not, or where only the snapshots can show it."""
+        """Reason why `build` would reject the block with so many snapshots (`data` has none yet);
+        "" if it would not, or if only the snapshots can show it."""
         ...
 
 
 @runtime_checkable
 class CentresSnapshots(Protocol):
-    """A basis that may subtract the mean of the snapshots first."""
+    """A basis that may subtract the mean of the snapshots before it is computed."""
 
     @property
     def centred(self) -> bool: ...

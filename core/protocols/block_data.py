@@ -1,4 +1,4 @@
-"""Data of one reducible block, and its dictionary of atoms."""
+"""Matrices, loads and snapshots of one block of unknowns, and its trial basis."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -13,24 +13,25 @@ from sparsemor.core.protocols.load_tables import LoadTable
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BlockData:
-    """Data of one reducible block (one field of one body) from which it is reduced.
+    """Data from which one elastic or thermal block of a body, with n unknowns, is reduced.
 
-    snapshots (n, M) unknowns in columns (empty (n, 0) when the reducer needs none);
-    order: of its equations in time; mass, stiffness: (n, n) csr of the constant operators
-    (capacity, conductivity for heat);
-    coordinates (n, d): reference position of each unknown's node, m; component (n,): 0..d-1 for
-    displacements, 0 for temperature; loads (n, j): constant load vectors, unit amplitude: given
-    forces or heat, inertia, weight, joint forces, and the constant part; load_names (j,): what
-    each is ("gravity y", "joint B x"), all different.
-    joints: numbers of the columns of `loads` that are joint forces: P with s = P^T u the
-    displacements that the joints see; interface: rows that they act on. start (n,): unknowns at
-    the start. Thermoelastic bodies: coupling (n, nT), loads = coupling @ temperatures, and
-    `heat`, the data of the thermal block (without snapshots); None elsewhere.
-    moving: loads whose place on the body changes; ring: rows of all elements that touch their
-    path, sorted. step: size h of the steps it is reduced for, s, and factors: what such a step
-    multiplies `damping` (None: zero) and `mass` by, c1 and c2 of its formula, or 0 and the c1 of
-    first-order unknowns for heat, whose mass is its capacity. All 0 where no step is known.
-    solver: who solves with these matrices; None leaves it to the basis.
+    snapshots: (n, M), or (n, 0) if the reducer needs none.
+    order: order in time of the equations.
+    mass, stiffness, damping: (n, n) csr; capacity and conductivity for heat; damping None: zero.
+    coordinates: (n, d) reference position of each unknown's node, m.
+    component: (n,) 0..d-1 for displacements, 0 for temperatures.
+    loads: (n, j) unit load vectors: forces or heat, inertia, weight, joint forces, constant load.
+    load_names: (j,) distinct descriptions ("gravity y", "joint B x").
+    joints: numbers of the joint-force columns P of `loads`; P^T u are displacements at the joints.
+    interface: rows that joints act on.
+    start: (n,) initial values.
+    coupling, heat: for thermoelastic bodies, (n, nT) with thermal load = coupling @ temperatures,
+    and the data of the temperature block without snapshots; else None.
+    moving: loads whose point of application moves over the body.
+    ring: sorted rows of all elements along their path.
+    step: time step h, s; factors: factors of damping and mass in the matrix of a time step, c1 and
+    c2 of the step formula, or for heat 0 and the c1 of first-order unknowns; 0 if not known.
+    solver: linear solver for these matrices; None: chosen by the basis.
     """
 
     name: str
@@ -64,7 +65,8 @@ class BlockData:
 
     @property
     def operator(self) -> Csr:
-        """D = K + c1 D_m + c2 M, or B = K_T + c1 C: what a step solves with, (n, n)."""
+        """Matrix (n, n) of a time step: K + c1 D + c2 M for displacements (D: damping), K_T + c1 C
+        for temperatures."""
         c1, c2 = self.factors
         D = self.stiffness + c2 * self.mass
         return D if self.damping is None else D + c1 * self.damping
@@ -72,9 +74,10 @@ class BlockData:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Dictionary:
-    """x = offset + atoms @ c. atoms (n, k) have unit columns; provenance names each of them.
+    """Trial basis of one block, x = offset + atoms @ c. atoms (n, k) have unit columns; provenance:
+    the origin of each column in words.
 
-    `info` holds what the basis wants reported (numbers and strings only).
+    info: numbers and strings that the basis reports.
     """
 
     atoms: FloatArray

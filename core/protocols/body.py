@@ -1,4 +1,4 @@
-"""Bodies: the plugin of a scene's entry, the built body, and its optional abilities."""
+"""Interfaces of bodies: options of a body, the built body, and optional methods of both."""
 
 from __future__ import annotations
 
@@ -18,12 +18,11 @@ from sparsemor.core.protocols.prescribed_motion import FrameHistory, SurfaceLoad
 
 
 class Material(Protocol):
-    """Constants of an isotropic linear thermoelastic material, the same at all temperatures.
+    """Isotropic linear thermoelastic material with temperature-independent constants.
 
     rho: density, kg/m3; E: Young's modulus, Pa, and nu: Poisson's ratio, for elastic fields; alpha:
     linear thermal expansion, 1/K; k: conductivity, W/(m K), and c: specific heat, J/(kg K), for
-    thermal fields. None where the material does not have a constant: a body with a field that needs
-    it is refused.
+    thermal fields. None for an undefined constant; a body whose fields need it is refused.
     """
 
     @property
@@ -42,12 +41,13 @@ class Material(Protocol):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ProbePlace:
-    """One probe as rows on the unknowns of its body.
+    """A material point whose motion and temperature are recorded, as weights on the unknowns of its
+    body.
 
-    point (d,) body-frame position of the undeformed point, m; displacement (n, d) weights on the
-    elastic block; temperature (m,) weights on the thermal block; base: temperature when the
-    point's own is not an unknown (K, a function of time), or None when the body has no heat. pose
-    (3,): of a frame that does not move, unless it follows `guide`.
+    point (d,): reference position in the body frame, m; displacement (n, d): weights on elastic
+    unknowns; temperature (m,): weights on temperature unknowns; given: (weight, function of time)
+    of prescribed temperatures, K. Weights are None for a field that the body lacks. pose: rigid
+    coordinates of a fixed frame; guide: prescribed motion of the frame, or None.
     """
 
     name: str
@@ -62,15 +62,14 @@ class ProbePlace:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BodyShape:
-    """The mesh of one body and how its unknowns sit on it.
+    """Mesh of one body, and the nodes of its unknowns.
 
-    points (N, d) reference positions, m; cells (E, d + 1). elastic_dofs (n,): flat position
-    `d * node + component` of each elastic unknown; thermal_nodes (n,): node of each thermal
-    unknown; None where the body has no such field. Nodes without an unknown take
-    `eliminated_displacement` (N, d), m, or 0; `eliminated_temperature` (N,), K, or 0, unless they
-    are among those of `given`: nodes, and the function of time that their temperature follows.
-    pose: of the body's frame at the start, where a frame without unknowns stays unless it follows
-    a stage.
+    points (N, d): reference positions, m; cells (E, d + 1). elastic_dofs (n,): `d * node +
+    component` of each elastic unknown; thermal_nodes (n,): node of each temperature unknown; None
+    without such a field. Nodes without unknowns have the displacement `eliminated_displacement` (N,
+    d), m, or 0, and the temperature `eliminated_temperature` (N,), K, or 0, or one that is
+    prescribed in `given`: nodes and their function of time. pose: initial rigid coordinates of the
+    frame, constant unless the frame has unknowns or a prescribed motion.
     """
 
     points: FloatArray
@@ -83,12 +82,13 @@ class BodyShape:
     given: tuple[tuple[IntArray, TimeFunction], ...] = ()
 
     def given_at(self, times: FloatArray) -> FloatArray:
-        """(j, functions) given temperatures at times (j,), s."""
+        """Prescribed temperatures (j, functions), K, at times (j,), s."""
         return np.array([[f.value(float(t)) for _, f in self.given] for t in times])
 
     @property
     def given_of(self) -> IntArray:
-        """(N,): which of `given` each node follows, -1 for none."""
+        """Number of the prescribed temperature function of each node (N,), -1 for nodes without
+        one."""
         which: IntArray = np.full(len(self.points), -1, np.int64)
         for i, (nodes, _) in enumerate(self.given):
             which[nodes] = i
@@ -96,17 +96,18 @@ class BodyShape:
 
 
 class BodyPlugin(Protocol):
-    """A body of the scene. base: folder of the scene file, for relative paths."""
+    """Options of a body, from which `build` makes the body. base: folder of the input file, for
+    relative paths."""
 
     def build(self, name: str, base: Path) -> Body: ...
 
 
 class Body(Part, Protocol):
-    """A built body: what the assembly of a model reads from it.
+    """A built body, as read by the assembly of a model.
 
-    initial: block name -> (x, v) at the start; geometry: reducible block name -> node coordinates
-    (n, d), m, and component (n,) of its unknowns. `BodyDefaults` has both for a body that
-    starts at rest at zero and has no reducible blocks.
+    initial: block of unknowns -> initial values and rates (x, v); geometry: elastic or thermal
+    block -> node coordinates (n, d), m, and component (n,) of its unknowns. `BodyDefaults`
+    implements both for a rigid body with zero initial values.
     """
 
     def initial(self) -> Mapping[str, tuple[FloatArray, FloatArray]]: ...
@@ -114,7 +115,7 @@ class Body(Part, Protocol):
 
 
 class BodyDefaults:
-    """Mix-in of a body at rest at zero, without reducible blocks."""
+    """Mix-in for bodies with zero initial values and without elastic or thermal fields."""
 
     def initial(self) -> Mapping[str, tuple[FloatArray, FloatArray]]:
         return {}
@@ -125,33 +126,37 @@ class BodyDefaults:
 
 @runtime_checkable
 class EstimatesSize(Protocol):
-    """A body plugin with known counts: a run that does not fit in memory is refused unmeshed."""
+    """A body plugin that reports its numbers of unknowns and matrix entries before meshing, so that
+    a run that does not fit in memory is refused early."""
 
     def expected(self) -> BodySize | None:
-        """Counts of the body to be built, None where its options do not tell them."""
+        """Expected numbers of unknowns and matrix entries; None if the options do not determine
+        them."""
         ...
 
 
 @runtime_checkable
 class SelectsFields(Protocol):
-    """A body plugin with an option `fields`; a rigid stage builds it with `fields: []`."""
+    """A body plugin with an option `fields` (elastic, thermal); a rigid-body pre-simulation builds
+    it with `fields: []`."""
 
     @property
     def fields(self) -> Sequence[str]:
-        """Fields that the body has in addition to its rigid motion."""
+        """Names of the fields of the body in addition to its rigid motion."""
         ...
 
 
 @runtime_checkable
 class HasProbes(Protocol):
-    """A built body with material points. at: the name of a set, or body coordinates, m."""
+    """A built body with material points whose motion can be recorded. at: name of a point set, or
+    coordinates in the body frame, m."""
 
     def probe(self, name: str, at: str | Sequence[float]) -> ProbePlace: ...
 
 
 @runtime_checkable
 class HasMesh(Protocol):
-    """A built body with a mesh, whose content is part of the key of offline products."""
+    """A built body with a mesh, which is part of the cache key of offline results."""
 
     @property
     def mesh(self) -> Mesh | None: ...
@@ -159,37 +164,40 @@ class HasMesh(Protocol):
 
 @runtime_checkable
 class HasShape(Protocol):
-    """A built body that can be drawn."""
+    """A built body with a mesh and pose that can be drawn."""
 
     def shape(self) -> BodyShape | None:
-        """Mesh and pose as results keep them; None for a body without a mesh."""
+        """Mesh and pose as stored with the results; None for a body without a mesh."""
         ...
 
 
 @runtime_checkable
 class CopiesRigidly(Protocol):
-    """A built body that makes its own rigid copy, without a second look at its mesh."""
+    """A built flexible body that makes a rigid copy of itself without meshing again."""
 
     def rigid_copy(self) -> Body:
-        """The same body without fields: rigid, with the mass and shape that it has."""
+        """Rigid body with the same mass properties and geometry, without elastic and thermal
+        fields."""
         ...
 
 
 @runtime_checkable
 class HasPose(Protocol):
-    """A built body with a frame."""
+    """A built body with a body frame."""
 
     @property
     def pose(self) -> FloatArray:
-        """(3,), (4,) or (7,) rigid coordinates at the start (see `poses`)."""
+        """Initial rigid coordinates of the frame: (3,) planar, (4,) spinning about one axis, (7,)
+        spatial (see `poses`)."""
         ...
 
 
 @runtime_checkable
 class FollowsMotion(HasPose, Protocol):
-    """A built body whose frame can follow a prescribed motion, as a rigid stage needs.
+    """A built body whose frame can follow a prescribed motion, as after a rigid-body
+    pre-simulation.
 
-    moves: whether its frame has unknowns; idle: whether a force on it does nothing.
+    moves: True if its frame has unknowns; immobile: True if a force on it has no effect.
     """
 
     @property
@@ -197,26 +205,29 @@ class FollowsMotion(HasPose, Protocol):
     @property
     def immobile(self) -> bool: ...
     def with_motion(self, motion: FrameHistory) -> Body:
-        """The same body with a frame that follows the motion and has no unknowns."""
+        """Copy of the body whose frame follows the prescribed motion and has no unknowns."""
         ...
 
 
 @runtime_checkable
 class CarriesSurfaceLoads(Protocol):
-    """A built body that takes tabulated loads on its surface, as contacts of a rigid stage make."""
+    """A built body that accepts time-tabulated loads on its surface, such as contact forces of a
+    rigid-body pre-simulation."""
 
     def surface_loads(
         self, equations: Equations, loads: SurfaceLoads, times: FloatArray
     ) -> None:
-        """Contributes forces and heat on its surface at times (T,), s."""
+        """Adds nodal forces and heat at times (T,), s, on the surface of the body to the
+        equations."""
         ...
 
 
 @runtime_checkable
 class ChangesBodies(Protocol):
-    """A built joint or load that replaces bodies, such as one with prescribed temperatures."""
+    """A built joint or load that replaces bodies by modified ones, such as bodies with prescribed
+    temperatures."""
 
     @property
     def adjusted(self) -> Mapping[str, Body]:
-        """Body name -> the body that takes its place; {} where nothing changes."""
+        """Body name -> modified body; {} if none changes."""
         ...

@@ -1,7 +1,8 @@
-"""Optional abilities of plugins, of what they build, and of terms, step solvers and frames.
+"""Tables of optional protocols: of plugins, of the objects that they build, and of terms, step
+solvers and frames.
 
-Each is a protocol that core and reducers ask for by `isinstance`; what lacks it simply does not
-have the ability. The documentation and `sparsemor plugins NAME` print this table.
+Core and reducers test for an optional protocol with `isinstance`; an object without its members
+simply lacks the capability. The documentation and `sparsemor plugins NAME` print these tables.
 """
 
 from collections.abc import Mapping
@@ -41,7 +42,7 @@ CAPABILITIES: Mapping[str, tuple[type, ...]] = {
     "sampler": (sampler.ChoosesRowsKept, sampler.SamplesNodes, sampler.DrawsRequired),
     "sparse_solver": (sparse_solver.LimitsProblems, sparse_solver.ScreensSupport),
 }
-"""Kind of plugin -> optional protocols of its class."""
+"""Kind of plugin -> optional protocols of the plugin class."""
 EVERY = (part.ReadsFiles,)
 """Optional protocols of plugins of every kind."""
 
@@ -57,7 +58,7 @@ BUILT: Mapping[str, tuple[type, ...]] = {
               joint.PassesReactionsOn, *_CONNECTOR),
     "load": _CONNECTOR,
 }
-"""Kind of plugin -> optional protocols of the part that its `build` returns."""
+"""Kind of plugin -> optional protocols of the object that its `build` returns."""
 
 OTHERS: Mapping[str, tuple[type, ...]] = {
     "term": (term.HasConstantMatrices, term.NamesSource, term.ChecksStep, term.ReportsResultants,
@@ -69,4 +70,4 @@ OTHERS: Mapping[str, tuple[type, ...]] = {
     "memory of a step solver": (step_solver.Restarts,),
     "frame": (separable.EvaluatesManyTimes,),
 }
-"""Values that pass between parts of the product -> its optional protocols."""
+"""Other objects (terms, step solvers, frames, ...) -> their optional protocols."""

@@ -1,4 +1,5 @@
-"""Contacts: the plugin of a scene's entry, the built contact, its abilities, and its laws."""
+"""Interfaces of contacts, of contact pressure and friction laws, and optional methods of
+contacts."""
 
 from collections.abc import Mapping, Sequence
 from typing import Literal, Protocol, runtime_checkable
@@ -9,23 +10,26 @@ from sparsemor.core.protocols.part import Part
 from sparsemor.core.protocols.prescribed_motion import FrameHistory, SurfaceLoads
 
 Surfaces = Literal["rigid", "deformed"]
-"""Surfaces of a contact: as the rigid motion places them, or with displacements."""
+"""Surfaces used for contact: moved with the rigid-body motion only, or deformed by the
+displacements."""
 
 
 class ContactPlugin(Protocol):
-    """A contact of the scene, built once its bodies are. InputError keys are relative to its own
-    entry (`between`)."""
+    """Options of a contact, from which `build` makes the contact once the bodies are built. parts:
+    bodies by name. InputError keys are relative to the contact's own input entry (`between`)."""
 
     def build(self, name: str, parts: Mapping[str, Part]) -> "Contact": ...
 
 
 class Contact(Part, Protocol):
-    """A built contact: local terms that couple bodies inside the step; `blocks` is empty."""
+    """A built contact: forces between bodies, evaluated surface element by surface element within
+    each step; it has no unknowns, `blocks` is empty."""
 
 
 @runtime_checkable
 class DeclaresSurfaces(Protocol):
-    """A contact plugin that states which surfaces it uses; without it, "rigid"."""
+    """A contact plugin that states whether it uses rigid or deformed surfaces; without it,
+    "rigid"."""
 
     @property
     def surfaces(self) -> Surfaces: ...
@@ -33,24 +37,28 @@ class DeclaresSurfaces(Protocol):
 
 @runtime_checkable
 class NamesSides(Protocol):
-    """A contact plugin that names its two sides, so that elastic bodies among them are known."""
+    """A contact plugin that names its two surfaces, so that elastic bodies in contact are known in
+    advance."""
 
     @property
     def between(self) -> Sequence[str]:
-        """`body:set` of each side."""
+        """Body and point set of each surface, as `body:set`."""
         ...
 
 
 @runtime_checkable
 class ImportsMotion(Protocol):
-    """A built contact that can be evaluated along a prescribed motion, as two stages need."""
+    """A built contact that can be evaluated along a prescribed motion, as after a rigid-body
+    pre-simulation."""
 
     def imported(self, motion: Mapping[str, FrameHistory]) -> Mapping[str, SurfaceLoads]:
-        """Body -> nodal forces in its own axes (N) and nodal heat (W) at each time."""
+        """Surface loads by body: nodal forces in body axes (N) and nodal heat (W) at the times of
+        the motion."""
         ...
 
     def history(self, motion: Mapping[str, FrameHistory]) -> Mapping[str, FloatArray]:
-        """Name of a resultant -> (T,) values at the times of the motion."""
+        """Contact resultants by name ("normal" force, say), values (T,) at the times of the
+        motion."""
         ...
 
 
@@ -59,41 +67,42 @@ class ConductsHeat(Protocol):
     """A built contact that conducts heat between surfaces whose motion is prescribed."""
 
     def conduction(self, equations: Equations, motion: Mapping[str, FrameHistory]) -> None:
-        """Contributes the conduction along a prescribed motion of each body."""
+        """Adds the heat conduction along the prescribed motion of the bodies to the equations."""
         ...
 
 
 @runtime_checkable
 class ReportsNoContact(Protocol):
-    """A built contact that notes when its surfaces never met."""
+    """A built contact that warns if its surfaces never touched."""
 
     def missed(self, motion: Mapping[str, FrameHistory]) -> str:
-        """A warning by the motion of each body at all steps, "" where there is none."""
+        """Warning, "" if there is none; motion: body -> motion over all steps."""
         ...
 
 
 @runtime_checkable
 class ReportsChatter(Protocol):
-    """A built contact that notes when its forces do not settle."""
+    """A built contact that warns if its forces oscillate from step to step (chatter)."""
 
     def chatter_warning(self, history: Mapping[str, FloatArray]) -> str:
-        """A warning by its resultants at all steps, "" where there is none."""
+        """Warning, "" if there is none; history: name of a contact resultant -> values (T,) at all
+        steps."""
         ...
 
 
 @runtime_checkable
 class ReportsPassage(Protocol):
-    """A built contact that notes when its surfaces pass each other in too few steps."""
+    """A built contact that warns if its surfaces pass each other within too few time steps."""
 
     def passage(self, motion: Mapping[str, FrameHistory]) -> str:
-        """A warning by the motion of each body at all steps, "" where there is none."""
+        """Warning, "" if there is none; motion: body -> motion over all steps."""
         ...
 
 
 class NormalLaw(Protocol):
-    """Pressure (Pa) between two surfaces: force per area, whatever the size of a facet.
+    """Contact law for the normal pressure (Pa) as a function of penetration and its rate.
 
-    breaks: penetrations above 0 (m, increasing) where a derivative jumps; quadrature splits there.
+    breaks: increasing penetrations > 0 (m) at which a derivative jumps; quadrature is split there.
     """
 
     @property
@@ -101,18 +110,19 @@ class NormalLaw(Protocol):
     def pressure(
         self, depth: FloatArray, rate: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Pressure and its derivatives by penetration depth > 0 (m) and its rate (m/s), all of one
-        shape. Surfaces do not pull: a negative pressure is taken for none."""
+        """Pressure and its derivatives by penetration `depth` > 0 (m) and by penetration rate
+        (m/s); three arrays of the shape of `depth`. Negative pressure (adhesion) is set to zero."""
         ...
 
 
 class FrictionLaw(Protocol):
-    """Friction traction over pressure. breaks: slip speeds (m/s) where a derivative jumps."""
+    """Friction law: ratio of friction traction to normal pressure. breaks: slip speeds (m/s) at
+    which a derivative jumps."""
 
     @property
     def breaks(self) -> tuple[float, ...]: ...
     def ratio(self, slip: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Friction coefficient with the sign of the slip velocity (m/s), which the traction
-        opposes, and its derivative, s/m. In space the argument is the slip speed, at least 0, and
-        the traction acts along the slip."""
+        """Friction coefficient with the sign of the slip velocity (m/s), and its derivative, s/m;
+        the traction opposes the slip. In 3-D the argument is the slip speed >= 0 and the traction
+        acts along the slip direction."""
         ...

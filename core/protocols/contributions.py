@@ -1,11 +1,11 @@
-"""Contributions: what the parts of a scene write into the equations, by the names of blocks.
+"""Contributions of bodies, joints, contacts and loads to the equations.
 
     sum of M x'' + B x' + A x  +  frame items  +  local terms  =  sum of w f(t)  +  tables(t)
 
-A part names the blocks that it acts on ("link1.thermal", "hinge.multiplier") and gives matrices and
-vectors over the unknowns of these blocks. Nothing is summed here: the records are closed into
-operators of each block, couplings between blocks and the general form
-(core/model/contributions.py).
+Each contributes matrices and vectors over named blocks of unknowns ("link1.thermal",
+"hinge.multiplier"). Frame items are inertia, forces and attachments on a floating frame; local
+terms are evaluated element by element. The contributions are recorded here and assembled in
+core/model/contributions.py.
 """
 
 from collections.abc import Callable, Sequence
@@ -25,26 +25,28 @@ from sparsemor.core.protocols.separable import Amplitude, BodyFrame, FrameItem
 from sparsemor.core.protocols.term import NamesSource, Term
 
 Kind = Literal["load", "prescribed"]
-"""What a vector is: a load, or the effect of prescribed values on the rows next to them."""
+"""Kind of a right-hand side vector: a load, or the effect of prescribed values on neighbouring
+rows."""
 NO_NUMBERS = np.zeros(0, np.int64)
 
 
 @dataclass(frozen=True, slots=True)
 class Origin:
-    """The part of a scene that a record comes from: its group ("loads") and its name."""
+    """Source of a contribution: group ("loads") and name of a body, joint, contact or load."""
 
     group: str
     part: str
 
     @property
     def key(self) -> str:
-        """The dotted key of the part in the scene."""
+        """Dotted input key of the source, such as "loads.gravity"."""
         return f"{self.group}.{self.part}"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MatrixRecord:
-    """A x + B x' + M x'' in the rows of one block, x the unknowns of another or of the same."""
+    """Linear contribution A x + B x' + M x'' to the rows of one block; x: unknowns of the same or
+    another block."""
 
     origin: Origin
     rows: str
@@ -56,7 +58,7 @@ class MatrixRecord:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class VectorRecord:
-    """w f(t) on the right-hand side of one block; amplitude None: constant."""
+    """Load w f(t) on the right-hand side of one block; amplitude None: constant in time."""
 
     origin: Origin
     rows: str
@@ -66,7 +68,7 @@ class VectorRecord:
 
     @property
     def name(self) -> str:
-        """The load as bases and reports name it."""
+        """Name of the load in trial bases and reports."""
         if self.kind == "load":
             return self.origin.part
         own = "prescribed temperature"
@@ -75,7 +77,7 @@ class VectorRecord:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TableRecord:
-    """A load on one block that is tabled over time."""
+    """Time-tabulated load on one block of unknowns."""
 
     origin: Origin
     rows: str
@@ -84,12 +86,12 @@ class TableRecord:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FrameRecord:
-    """One item of a body's frame kernel: inertia, a force, an attachment.
+    """One contribution to a body's floating frame: inertia, a force, or an attachment of a joint.
 
-    directions (n, p): columns by which it acts on the body's elastic block, p as many as the item
-    has; multipliers, C (l, forces): its forces are C^T times the l multipliers of that block, and
-    C times its attachment rows enter their rows; reads: rigid block of another body that it reads;
-    generators: g matrices (n, n) of an inertia, the first is the mass.
+    directions (n, p): vectors by which it acts on the body's elastic displacements. multipliers:
+    name of a joint's multipliers (l,); C (l, forces): forces = C^T multipliers, and C times the
+    attachment positions enter the constraint rows. reads: rigid coordinates of another body that it
+    depends on. generators: g matrices (n, n) of an inertia, the first is the mass.
     """
 
     origin: Origin
@@ -104,8 +106,8 @@ class FrameRecord:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LocalRecord:
-    """A term that is evaluated element by element; blocks: all that its rows and columns are in;
-    together: whether all unknowns of the model are to be solved for at once."""
+    """A term evaluated element by element. blocks: all blocks of its rows and columns; together:
+    True if it requires all unknowns of the model to be solved for simultaneously."""
 
     origin: Origin
     blocks: tuple[str, ...]
@@ -115,7 +117,7 @@ class LocalRecord:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ConstraintRecord:
-    """Row i of a block of multipliers equals targets[i](t)."""
+    """Prescribed values targets[i](t) of the constraint equations of one joint."""
 
     origin: Origin
     block: str
@@ -124,11 +126,11 @@ class ConstraintRecord:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BodyRecord:
-    """A body and its frame.
+    """A body and its floating frame of reference.
 
-    kernel: frame kernel of some items; pose (b,): rigid coordinates at the start; moves: whether
-    they are unknowns; guide: a prescribed motion of the frame; elastic_integrals, heat_integrals:
-    balances by elements, where the body can give them.
+    kernel: function from contributions (inertia, forces, attachments) to the frame's equations;
+    pose (b,): initial rigid coordinates; moves: True if they are unknowns; guide: prescribed motion
+    of the frame; elastic_integrals, heat_integrals: element integrals, if the body offers them.
     """
 
     origin: Origin
@@ -146,7 +148,7 @@ class BodyRecord:
 
 @dataclass(slots=True, eq=False)
 class Records:
-    """All records of a scene, in the order in which they were written."""
+    """Contributions of all bodies, joints, contacts and loads, in the order of assembly."""
 
     bodies: list[BodyRecord] = field(default_factory=list)
     matrices: list[MatrixRecord] = field(default_factory=list)
@@ -158,22 +160,23 @@ class Records:
 
 
 class Equations:
-    """The equations as one part of a scene writes into them.
+    """Recorder through which one body, joint, contact or load adds its contributions to the
+    equations.
 
-    A block is named `owner.kind`, such as `link1.thermal`. Writing into a block that the scene does
-    not have, or with arrays of another size, raises InputError that names the part.
+    A block of unknowns is named `owner.field`, such as `link1.thermal`. Raises InputError with the
+    name of the contributor for a block that the model does not have and for arrays of wrong size.
     """
 
     def __init__(self, layout: Layout, origin: Origin, records: Records) -> None:
         self.layout, self.origin, self._records = layout, origin, records
 
     def size(self, block: str) -> int:
-        """Number of unknowns of a block, 0 where the scene does not have it."""
+        """Number of unknowns of a block, 0 if the model does not have it."""
         return len(self.layout.numbers(block))
 
     def numbers(self, block: str) -> IntArray:
-        """Positions of a block's unknowns in the state vector, for the rows and columns of local
-        terms; none where the scene does not have it."""
+        """Positions of a block's unknowns in the state vector, for rows and columns of terms; empty
+        if the model does not have the block."""
         return self.layout.numbers(block)
 
     def body(
@@ -182,7 +185,7 @@ class Equations:
         elastic_integrals: Callable[[], ElasticIntegrals] | None = None,
         heat_integrals: Callable[[], HeatIntegrals] | None = None,
     ) -> None:
-        """A body and its frame, as `BodyRecord` has them."""
+        """Adds a body and its floating frame; arguments as the fields of `BodyRecord`."""
         self._records.bodies.append(BodyRecord(
             self.origin, kernel, pose, moves, guide, elastic_integrals, heat_integrals))
 
@@ -190,8 +193,8 @@ class Equations:
         self, rows: str, columns: str, *, A: Csr | None = None, B: Csr | None = None,
         M: Csr | None = None,
     ) -> None:
-        """A x + B x' + M x'' in the rows of one block, constant matrices (m, n), x the unknowns of
-        the block `columns`."""
+        """Adds A x + B x' + M x'' to the rows of block `rows`; constant matrices (m, n), x:
+        unknowns of block `columns`."""
         m, n = self._checked(rows), self._checked(columns)
         made = [None if X is None else csr_array(X) for X in (A, B, M)]
         for name, X in zip("ABM", made, strict=True):
@@ -203,7 +206,7 @@ class Equations:
     def vector(
         self, rows: str, w: FloatArray, amplitude: Amplitude | None = None, kind: Kind = "load"
     ) -> None:
-        """w f(t) on the right-hand side, w (m,); amplitude None: constant in time."""
+        """Adds a load w f(t), w (m,), to the right-hand side; amplitude None: constant in time."""
         m = self._checked(rows)
         if w.shape != (m,):
             raise self._fault(f"a vector on {rows} has shape {w.shape}, and the block has {m} "
@@ -211,7 +214,7 @@ class Equations:
         self._records.vectors.append(VectorRecord(self.origin, rows, w, amplitude, kind))
 
     def table(self, rows: str, load: LoadTable) -> None:
-        """A load (m,) on the right-hand side that is tabled over time, load.columns (m, j)."""
+        """Adds a time-tabulated load to the right-hand side; load.columns (m, j)."""
         m = self._checked(rows)
         if load.columns.shape[0] != m:
             raise self._fault(f"a table on {rows} has {load.columns.shape[0]} rows, and the block "
@@ -224,8 +227,8 @@ class Equations:
         multipliers: str = "", C: FloatArray | None = None, reads: str = "",
         generators: Sequence[Csr] = (),
     ) -> None:
-        """An item of a body's frame, as `FrameRecord` has it; directions None: it does not act on
-        displacements."""
+        """Adds inertia, a force or an attachment to a body's floating frame; arguments as the
+        fields of `FrameRecord`. directions None: it does not act on displacements."""
         block = self.layout.of(body, Quantity.DISPLACEMENT)
         n = 0 if block is None else block.size
         P = np.zeros((n, 0)) if directions is None else directions
@@ -233,12 +236,13 @@ class Equations:
             self.origin, body, item, P, multipliers, C, reads, tuple(generators)))
 
     def local(self, blocks: Sequence[str], term: Term, *, together: bool = False) -> None:
-        """A term whose rows and columns, positions in the state vector, are in these blocks.
+        """Adds a term evaluated element by element, with rows and columns (positions in the state
+        vector) in these blocks.
 
-        A term on one thermal block, or on one elastic block with the temperatures of its body, is
-        iterated inside the step of that block; on displacements it must not depend on
-        accelerations. together: solve for all unknowns at once instead, by Newton's method with
-        the exact Jacobian, as for a stiff contact.
+        A term on one temperature block, or on one elastic block and the temperatures of its body,
+        is iterated within the step of that block; on displacements it must not depend on
+        accelerations. together: solve for all unknowns simultaneously by Newton's method with the
+        exact Jacobian instead, as for a stiff contact.
         """
         for block in blocks:
             self._checked(block)
@@ -253,7 +257,8 @@ class Equations:
         self._records.local.append(LocalRecord(self.origin, tuple(blocks), term, together))
 
     def constraint(self, block: str, targets: Sequence[Amplitude]) -> None:
-        """Constraint: the sum of contributions to the rows of multipliers equals targets (l,)."""
+        """Prescribes the values of a joint's constraint equations: sum of the contributions to its
+        multiplier rows = targets(t), (l,)."""
         if self._checked(block) != len(targets):
             raise self._fault(f"{len(targets)} targets for the {self.size(block)} rows of {block}")
         self._records.constraints.append(ConstraintRecord(self.origin, block, tuple(targets)))

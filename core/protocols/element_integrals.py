@@ -1,7 +1,7 @@
-"""Constant matrices as sums over mesh elements: what a reducer needs that weighs elements.
+"""Element integrals of constant matrices, for hyper-reduction that weights elements.
 
-A body may offer them next to its assembled operators. They are asked for offline only; no step
-meets an array of this size.
+A body may offer them in addition to its assembled matrices. They are used offline only; no time
+step handles arrays of this size.
 """
 
 from collections.abc import Callable
@@ -17,10 +17,10 @@ from sparsemor.core.protocols.term import Term
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Integrals:
-    """The element integrals of a matrix of `shape` (n, m), which is their sum.
+    """Element integrals of a matrix of `shape` (n, m), which is their sum over the elements.
 
-    rows (E, p), columns (E, q): place of each element's entries in the matrix, -1 where its node
-    has no unknown there; values (E, p, q).
+    rows (E, p), columns (E, q): matrix rows and columns of each element's entries, -1 for a node
+    without an unknown; values (E, p, q).
     """
 
     rows: IntArray
@@ -34,12 +34,13 @@ class Integrals:
         return len(self.values)
 
     def part(self, elements: slice | IntArray) -> "Integrals":
-        """Those of some elements: a slice, or numbers."""
+        """Integrals of a subset of the elements, given by a slice or by numbers."""
         return Integrals(self.rows[elements], self.columns[elements], self.values[elements],
                          self.shape)
 
     def weighted(self, weights: FloatArray) -> Csr:
-        """(n, m): sum of the integrals times weights (E,); elements of weight 0 are not visited."""
+        """Weighted matrix (n, m): sum over elements of weights (E,) times integral; elements of
+        weight 0 are not visited."""
         used = np.flatnonzero(weights)
         values = weights[used, None, None] * self.values[used]
         i = np.broadcast_to(self.rows[used, :, None], values.shape)
@@ -48,23 +49,25 @@ class Integrals:
         return csr_array((values[here], (i[here], j[here])), shape=self.shape)
 
     def projected(self, left: FloatArray, right: FloatArray) -> FloatArray:
-        """(E, k, r): left^T (integral) right of each element, left (n, k), right (m, r)."""
+        """Projected element matrices left^T (integral) right, (E, k, r), with left (n, k), right
+        (m, r)."""
         return np.asarray(np.einsum(
             "epk,epr->ekr", _gathered(left, self.rows),
             self.values @ _gathered(right, self.columns), optimize=True))
 
 
 def _gathered(matrix: FloatArray, at: IntArray) -> FloatArray:
-    """(E, p, k): the rows of `matrix` that each element reads, zero where it has none."""
+    """Rows of `matrix` at the unknowns of each element, (E, p, k); zero for a node without an
+    unknown."""
     return np.where(at[:, :, None] >= 0, matrix[at], 0.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ElasticIntegrals:
-    """The internal force of an elastic block, element by element:
+    """Internal elastic force by elements: stiffness u - coupling T - given [1; amplitudes(t)].
 
-    stiffness u - coupling T - given [1; amplitudes(t)], where coupling is None without a thermal
-    block and given (n, 1 + j) holds what known temperatures do. Inertia and damping are no part.
+    coupling: None without temperature unknowns; given (n, 1 + j): effect of prescribed
+    temperatures. Inertia and damping are not included.
     """
 
     stiffness: Integrals
@@ -75,8 +78,8 @@ class ElasticIntegrals:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HeatIntegrals:
-    """The heat balance of a thermal block's elements: capacity T' + conductivity T - given
-    [1; amplitudes(t)]. Films and loads on the surface are no part."""
+    """Heat balance by elements: capacity T' + conductivity T - given [1; amplitudes(t)]. Surface
+    convection and surface loads are not included."""
 
     capacity: Integrals
     conductivity: Integrals
@@ -88,20 +91,22 @@ class HeatIntegrals:
 
 @runtime_checkable
 class WeighsElements(Protocol):
-    """A local term whose elements can be weighted, as ECSW needs.
+    """A term evaluated element by element whose elements can be weighted, as in ECSW
+    (energy-conserving sampling and weighting).
 
-    Laws: `contributions(left, x, v, t).sum(axis=0)` is `left @ residual` at each state;
-    `weighted(w)` visits the elements with w != 0 alone, and its residual at its own rows is the sum
-    of the elements' residuals times w.
+    Laws: `contributions(left, x, v, t).sum(axis=0)` equals `left @ residual` at each state;
+    `weighted(w)` visits only elements with w != 0, and its residual is the sum of the element
+    residuals times w.
     """
 
     def contributions(
         self, left: FloatArray, x: FloatArray, v: FloatArray, t: FloatArray
     ) -> FloatArray:
-        """(F, l, M): left (l, m) times what each element adds at states x (n, M) with rates v
-        (n, M), t (M,) s."""
+        """Projected residual of each element, (F, l, M): left (l, m) times its residual at states
+        x, rates v (n, M) and times t (M,), s."""
         ...
 
     def weighted(self, weights: FloatArray) -> Term:
-        """The term with weights (F,) >= 0, rows and columns those of the elements kept."""
+        """Term with element weights (F,) >= 0; its rows and columns are those of the elements with
+        nonzero weight."""
         ...

@@ -1,4 +1,4 @@
-"""Time: states, the substitution for the rates, functions of time."""
+"""Time integration: states, step formulas of an integrator, and functions of time."""
 
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
@@ -10,7 +10,8 @@ from sparsemor.core.protocols.layout import Layout
 
 @dataclass(frozen=True, slots=True, eq=False)
 class State:
-    """Unknowns and rates at time t (s). `memory` is the integrator's own (n, j) array."""
+    """Unknowns x, rates v and second derivatives a at time t (s). memory (n, j): further history
+    that a multistep integrator needs."""
 
     t: float
     x: FloatArray
@@ -21,9 +22,10 @@ class State:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StepFormula:
-    """v = c1 x + r1, a = c2 x + r2 at the new time t; first-order unknowns use c1_first.
+    """Step formula of an implicit integrator: v = c1 x + r1, a = c2 x + r2 at the new time t;
+    first-order unknowns (temperatures) use c1_first instead of c1.
 
-    r1, r2 have shape (n,) over the whole layout (Eq. 24 of the paper for BDF1).
+    r1, r2 (n,): history terms of all unknowns (Eq. 24 of the paper for BDF1).
     """
 
     t: float
@@ -35,12 +37,13 @@ class StepFormula:
 
 
 class Integrator(Protocol):
-    """An affine substitution for the rates. `order` is the observed order of accuracy."""
+    """Implicit time integrator that expresses rates as affine functions of the new unknowns.
+    `order`: order of accuracy."""
 
     @property
     def order(self) -> int: ...
     def start(self, layout: Layout, state: State) -> State:
-        """The same state with this integrator's memory set."""
+        """Initial state with the integrator's history `memory` filled."""
         ...
 
     def formula(self, layout: Layout, state: State, h: float) -> StepFormula: ...
@@ -51,16 +54,17 @@ class Integrator(Protocol):
 
 @runtime_checkable
 class ChecksLayout(Protocol):
-    """An integrator with warnings on models that it does not suit."""
+    """An integrator with warnings for models that it does not suit."""
 
     def notes(self, layout: Layout) -> tuple[Note, ...]:
-        """Warnings before the first step, by the unknowns that there are."""
+        """Warnings before the first step, derived from the kinds of unknowns (second-order,
+        first-order, algebraic) in the layout."""
         ...
 
 
 @runtime_checkable
 class TimeFunction(Protocol):
-    """A scalar function of time, for loads and prescribed motion."""
+    """Scalar function of time, with its rate, for loads and prescribed motion."""
 
     def value(self, t: float) -> float: ...
     def rate(self, t: float) -> float: ...
@@ -68,10 +72,10 @@ class TimeFunction(Protocol):
 
 @runtime_checkable
 class HasCurvature(TimeFunction, Protocol):
-    """A time function with its second derivative, from the right where it has a kink.
+    """A function of time with an exact second derivative, from the right at a kink.
 
-    Of a function without it, the start of a run takes finite differences of `rate`,
-    scaled by the time step.
+    For functions without it, the initial accelerations use finite differences of `rate`, scaled by
+    the time step.
     """
 
     def curvature(self, t: float) -> float: ...

@@ -1,4 +1,4 @@
-"""Joints: the plugin of a scene's entry, the built joint, and its optional abilities."""
+"""Interfaces of joints: options of a joint, the built joint, and optional methods."""
 
 from collections.abc import Mapping
 from typing import Protocol, runtime_checkable
@@ -9,19 +9,20 @@ from sparsemor.core.protocols.part import Part
 
 
 class JointPlugin(Protocol):
-    """A joint of the scene, built once its bodies are. InputError keys are relative to its own
-    entry (`between`)."""
+    """Options of a joint, from which `build` makes the joint once the bodies are built. parts:
+    bodies by name. InputError keys are relative to the joint's own input entry (`between`)."""
 
     def build(self, name: str, parts: Mapping[str, Part]) -> "Joint": ...
 
 
 class Joint(Part, Protocol):
-    """A built joint: constraint rows with one multiplier each, in a block `name.multiplier`."""
+    """A built joint: constraint equations with one Lagrange multiplier each, in a block of unknowns
+    `name.multiplier`."""
 
 
 @runtime_checkable
 class NamesMultipliers(Protocol):
-    """A built joint with a name and a unit for each of its multipliers."""
+    """A built joint with a name and unit for each of its Lagrange multipliers."""
 
     @property
     def components(self) -> tuple[tuple[str, str], ...]:
@@ -31,24 +32,27 @@ class NamesMultipliers(Protocol):
 
 @runtime_checkable
 class PrescribesReactions(Protocol):
-    """A built joint that can be replaced by its reaction forces, as the flexible stage does."""
+    """A built joint that can be replaced by its reaction forces, as after a rigid-body
+    pre-simulation."""
 
     def known(self, reactions: Table) -> Part:
-        """The same joint with prescribed reactions (T, l), N and N m, and no unknowns."""
+        """Joint replaced by prescribed reactions (T, l), N and N m, without unknowns."""
         ...
 
 
 @runtime_checkable
 class PassesReactionsOn(Protocol):
-    """A built joint whose prescribed reactions are not its multipliers but made from them."""
+    """A built joint whose prescribed reactions differ from its multipliers and are computed from
+    them."""
 
     @property
     def reaction_count(self) -> int:
-        """Number of columns that `known` takes."""
+        """Number of reaction components that `PrescribesReactions.known` takes."""
         ...
 
     def reactions_passed_on(
         self, times: FloatArray, multipliers: FloatArray, poses: Mapping[str, FloatArray]
     ) -> FloatArray:
-        """(T, columns) for `known`, from multipliers (T, l) and body poses (T, n) at times (T,)."""
+        """Reactions (T, reaction_count) for `PrescribesReactions.known`, from multipliers (T, l)
+        and the bodies' poses (T, n) at times (T,), s."""
         ...

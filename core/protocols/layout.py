@@ -1,4 +1,4 @@
-"""Kinds of fields, blocks of unknowns, and their places in the one flat state vector."""
+"""Kinds of fields, blocks of unknowns, and their layout in the state vector."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass
@@ -11,10 +11,11 @@ from sparsemor.core.arrays import IntArray
 
 
 class Quantity(Enum):
-    """Meaning of a block's entries, for whoever places, draws or exports a body.
+    """Physical meaning of a block's unknowns.
 
-    POSE: frame of a body (`protocols/poses.py`); DISPLACEMENT: components of a vector in body axes
-    at mesh nodes, m; TEMPERATURE: a scalar at mesh nodes, K; OTHER: nothing of these.
+    POSE: rigid coordinates of a body frame (`protocols/poses.py`); DISPLACEMENT: displacement
+    components in body axes at mesh nodes, m; TEMPERATURE: temperatures at mesh nodes, K; OTHER: any
+    other.
     """
 
     POSE = "pose"
@@ -25,18 +26,18 @@ class Quantity(Enum):
 
 @dataclass(frozen=True, slots=True)
 class FieldKind:
-    """Kind of unknowns that make a block: name, order in time and unit of a field.
+    """Kind of a field of unknowns, such as elastic displacements, temperatures or multipliers.
 
-    name: last part of block names (`owner.name`), key of options and columns of errors.
-    order: of the equations in time; 2: M x'' = f, 1: C x' = f, 0: algebraic (multipliers).
-    unit: of the entries, separated by commas where they differ.
-    quantity: meaning of the entries.
-    reducible: whether a reducer may replace the block by a trial basis.
-    title: name in pictures; the kind's name where it is empty.
-    scale: change that counts as large, in `unit`: default of `time.control`.
-    smallest: least size of an unknown in finite differences, in `unit`.
-    change: difference step relative to the largest unknown of the block.
-    central: whether differences are central ones of fourth order, else one-sided.
+    name: last part of block names (`owner.name`), also used in options and error tables.
+    order: order in time of its equations; 2: M x'' = f, 1: C x' = f, 0: algebraic (multipliers).
+    unit: of the unknowns, separated by commas where they differ.
+    quantity: physical meaning.
+    reducible: True if the block can be replaced by a trial basis.
+    title: name in figures; empty: `name`.
+    scale: a large change, in `unit`; default reference of the error control of the time step.
+    smallest: least magnitude of an unknown in finite differences, in `unit`.
+    change: finite-difference step relative to the largest unknown of the block.
+    central: True for fourth-order central differences, False for one-sided ones.
     """
 
     name: str
@@ -60,11 +61,11 @@ class FieldKind:
 
     @property
     def label(self) -> str:
-        """Name in pictures."""
+        """Name in figures."""
         return self.title or self.name
 
     def plain(self) -> dict[str, object]:
-        """Plain data that `of_plain` reads."""
+        """Dictionary of plain data from which `of_plain` restores the kind."""
         return asdict(self) | {"quantity": self.quantity.value}
 
     @classmethod
@@ -73,28 +74,28 @@ class FieldKind:
 
 
 def ordered(kinds: Iterable[FieldKind]) -> tuple[FieldKind, ...]:
-    """Kinds by falling order in time; of equal order those that are never reduced come first, then
-    as given, each once."""
+    """Distinct kinds of fields by decreasing order in time; among equal orders, irreducible kinds
+    first."""
     return tuple(sorted(dict.fromkeys(kinds), key=lambda k: (-k.order, k.reducible)))
 
 
 @runtime_checkable
 class DeclaresFields(Protocol):
-    """Optional ability of a body plugin: the kinds of field that its bodies may have, known before
-    one is built. Tables of studies have columns for these."""
+    """A body plugin that declares which kinds of fields its bodies may have, before a body is
+    built; result tables of parameter studies have columns for them."""
 
     @property
     def field_kinds(self) -> tuple[FieldKind, ...]: ...
 
 
 def declared_kinds(plugins: Iterable[object]) -> tuple[FieldKind, ...]:
-    """Kinds that these body plugins declare, as `ordered` has them."""
+    """Distinct kinds of fields that these body plugins declare, in the order of `ordered`."""
     return ordered(k for p in plugins if isinstance(p, DeclaresFields) for k in p.field_kinds)
 
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """The unknowns of one field of one owner (a body or a joint)."""
+    """Block of unknowns: one field of one owner (a body or a joint)."""
 
     owner: str
     kind: FieldKind
@@ -102,7 +103,7 @@ class Block:
 
     @property
     def field(self) -> str:
-        """Name of its kind."""
+        """Name of the kind of field."""
         return self.kind.name
 
     @property
@@ -115,12 +116,12 @@ class Block:
 
 
 class Layout:
-    """Blocks in the order of their kinds (`ordered`), stable within a kind. `kinds` are those of
-    all given blocks, of empty ones too, which are left out of the layout.
+    """Layout of all blocks of unknowns in one state vector, by decreasing order in time.
 
-    Blocks of one order are contiguous, so an integrator treats second-order, first-order and
-    algebraic unknowns as three slices. `frames` are the leading second-order unknowns that are
-    never reduced: the poses of bodies.
+    Second-order, first-order and algebraic unknowns are three contiguous slices `second`, `first`,
+    `algebraic`; `frames` is the slice of the leading second-order unknowns that are never reduced,
+    the rigid coordinates. kinds: kinds of fields of all blocks, including empty blocks, which are
+    left out otherwise.
     """
 
     def __init__(self, blocks: Iterable[Block]) -> None:
@@ -157,44 +158,46 @@ class Layout:
         return iter(self.blocks)
 
     def containing(self, numbers: IntArray) -> tuple[str, ...]:
-        """Names of the blocks that positions of the state vector are in, in their order."""
+        """Names of the blocks that contain the given positions of the state vector, in layout
+        order."""
         starts = [self[b.name].start for b in self.blocks]
         found = np.unique(np.searchsorted(starts, numbers, "right") - 1)
         return tuple(self.blocks[i].name for i in found.tolist())
 
     @property
     def differential(self) -> tuple[Block, ...]:
-        """Blocks with rates: all but the algebraic ones."""
+        """Blocks whose unknowns have time derivatives: all but the algebraic ones (multipliers)."""
         return tuple(b for b in self.blocks if b.kind.order > 0)
 
     def block(self, name: str) -> Block:
-        """The block of this name. Raises KeyError."""
+        """Block of this name; KeyError if there is none."""
         for b in self.blocks:
             if b.name == name:
                 return b
         raise KeyError(name)
 
     def of(self, owner: str, quantity: Quantity) -> Block | None:
-        """The first block of an owner whose entries mean `quantity`; None where it has none."""
+        """First block of an owner (body or joint) with this physical meaning, None if there is
+        none."""
         return next((b for b in self.blocks
                      if b.owner == owner and b.kind.quantity is quantity), None)
 
     def name_of(self, owner: str, quantity: Quantity) -> str:
-        """Name of that block, "" where it has none."""
+        """Name of the first block of an owner with this physical meaning, "" if there is none."""
         block = self.of(owner, quantity)
         return "" if block is None else block.name
 
     def numbers(self, name: str) -> IntArray:
-        """Positions of a block's unknowns in the state vector, none where there is no such block.
-        """
+        """Positions of a block's unknowns in the state vector; empty if there is no such block."""
         at = self._slices.get(name, slice(0, 0))
         return np.arange(at.start, at.stop)
 
     def multipliers(self, owner: str) -> Block | None:
-        """The first algebraic block of an owner, None where it has none."""
+        """First algebraic block of an owner, the multipliers of a joint; None if there is none."""
         return next((b for b in self.blocks if b.owner == owner and b.kind.order == 0), None)
 
     def resized(self, sizes: Mapping[str, int]) -> "Layout":
-        """The same blocks with other sizes: a reduced model's layout."""
+        """Layout of a reduced model: the same blocks with new numbers of unknowns, `sizes` by block
+        name."""
         return Layout([*(Block("", kind, 0) for kind in self.kinds),
                        *(b.resized(sizes.get(b.name, b.size)) for b in self.blocks)])

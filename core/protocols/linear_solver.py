@@ -1,4 +1,4 @@
-"""Linear systems with one matrix and many right-hand sides."""
+"""Interfaces of linear solvers: one matrix, many right-hand sides."""
 
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
@@ -9,8 +9,8 @@ from sparsemor.core.status import Status
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DofLocations:
-    """Dof locations: coordinates (n, d) of the node of each unknown, m; component (n,) 0..d-1 for
-    displacements, all 0 for temperatures (as in `BlockData`). Unknowns of a node are neighbours."""
+    """Node and component of each unknown: coordinates (n, d) of its node, m; component (n,), 0..d-1
+    for displacements and 0 for temperatures. Unknowns of one node are adjacent."""
 
     coordinates: FloatArray
     component: IntArray
@@ -18,8 +18,8 @@ class DofLocations:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LinearOutcome:
-    """x (n,) or (n, j), as b was. iterations: the most that a column took, 0 for a direct solver.
-    residual: the largest norm(b - A x) / norm(b) of all columns, as computed from this x."""
+    """Solution x of A x = b with its status. iterations: maximum over the columns of b, 0 for a
+    direct solver; residual: largest norm(b - A x) / norm(b) of all columns, recomputed from x."""
 
     x: FloatArray
     status: Status
@@ -28,13 +28,13 @@ class LinearOutcome:
 
 
 class Factorized(Protocol):
-    """A factorized or preconditioned matrix, for many right-hand sides. Immutable: equal calls give
+    """Factorized or preconditioned matrix A for many right-hand sides. Immutable: equal calls give
     equal results.
 
-    solver: name of the plugin that did it (not "auto"); note: a sentence on why, or on what failed,
-    "" when there is nothing to say. status: not ok when A is found singular, not positive definite
-    or not finite; then every solution is nan. memory: bytes that it holds in addition to A.
-    iterative: whether a start helps, and a solve may stop short.
+    solver: name of the plugin that made it (not "auto"); note: reason for the choice, or for a
+    failure, "" if there is none. status: not ok if A is singular, not positive definite or not
+    finite; all solutions are then nan. memory: bytes in addition to A. iterative: True for a solver
+    that uses a first guess and may fail to converge.
     """
 
     @property
@@ -48,20 +48,21 @@ class Factorized(Protocol):
     @property
     def iterative(self) -> bool: ...
     def solve(self, b: FloatArray, start: FloatArray | None = None) -> FloatArray:
-        """x of b (n,) or (n, j). start: a guess of the same shape, which direct solvers ignore.
-        Columns that an iteration did not solve to its tolerance are nan: no loop misses that."""
+        """Solution x for b (n,) or (n, j). start: first guess of the same shape, ignored by direct
+        solvers. Columns that did not converge to tolerance are nan."""
         ...
 
     def outcome(self, b: FloatArray, start: FloatArray | None = None) -> LinearOutcome:
-        """The same with its status and true residual; x is the best that was found."""
+        """Solution for b (n,) or (n, j) with status and true residual; x is the best iterate even
+        without convergence."""
         ...
 
 
 class LinearSolver(Protocol):
-    """Linear solver of A x = b; A (n, n) csr, symmetric positive definite; places: node coordinates
-    and components of its unknowns, where known.
+    """Solver of A x = b with A (n, n) csr, symmetric positive definite. places: node coordinates
+    and components of the unknowns, or None.
 
-    InputError when A is not square or not symmetric, or when it does not fit in memory.
+    Raises InputError if A is not square, not symmetric or does not fit in memory.
     """
 
     def factorize(self, A: Csr, places: DofLocations | None = None) -> Factorized: ...
@@ -69,16 +70,17 @@ class LinearSolver(Protocol):
 
 @runtime_checkable
 class EstimatesMemory(Protocol):
-    """A linear solver whose memory is known in advance; runs are refused on its account."""
+    """A linear solver that estimates its memory in advance; a run that does not fit is refused."""
 
     def expected(self, A: Csr, places: DofLocations | None = None) -> int:
-        """Peak memory of `factorize`, bytes, for a matrix with the pattern of A."""
+        """Peak memory, bytes, of `factorize` for a matrix with the sparsity pattern of A."""
         ...
 
 
 @runtime_checkable
 class StatesFillIn(Protocol):
-    """A linear solver that states whether its factors fill in, whatever memory there is."""
+    """A linear solver that states whether it is direct, so that fill-in of its factors is checked
+    against the available memory."""
 
     @property
     def direct(self) -> bool: ...

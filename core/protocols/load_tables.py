@@ -1,4 +1,4 @@
-"""Loads that move over a body: constant columns, and how much of each at tabled times."""
+"""Time-tabulated loads that move over a body: constant load vectors times tabulated amplitudes."""
 
 from bisect import bisect_left
 from collections.abc import Callable, Sequence
@@ -12,7 +12,8 @@ from sparsemor.core.arrays import Csr, FloatArray, IntArray, Matrix
 
 
 def place(times: FloatArray, t: float) -> tuple[int, float]:
-    """(i, w): t is at (1 - w) times[i] + w times[i + 1]; w = 0 at a tabled time and outside."""
+    """Interval i and weight w of linear interpolation: t = (1 - w) times[i] + w times[i + 1]; w = 0
+    at a tabulated time and outside the table."""
     i = bisect_left(times, t)
     if i == len(times):
         return i - 1, 0.0
@@ -26,46 +27,49 @@ def place(times: FloatArray, t: float) -> tuple[int, float]:
 
 
 def blended(values: FloatArray, i: int, w: float) -> FloatArray:
-    """values (T, ...) at what `place` found; a row of the table itself where w = 0."""
+    """Linear interpolation in values (T, ...) with interval i and weight w of `place`; a view of
+    row i if w = 0."""
     return np.asarray(values[i] if w == 0.0 else (1.0 - w) * values[i] + w * values[i + 1])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Table:
-    """values (T, j) at increasing times (T,), s; linear between them, constant outside."""
+    """Values (T, j) at increasing times (T,), s; linear interpolation between them, constant
+    outside."""
 
     times: FloatArray
     values: FloatArray
 
     def at(self, t: float) -> FloatArray:
-        """(j,) values at t, s. At a tabled time they are exactly those of the table."""
+        """Interpolated values (j,) at t, s; exact at tabulated times."""
         return blended(self.values, *place(self.times, t))
 
     def along(self, times: FloatArray) -> FloatArray:
-        """(T, j) values at times (T,), s; at its own times the table itself, not a copy."""
+        """Interpolated values (T, j) at times (T,), s; at the table's own times its array itself,
+        not a copy."""
         if np.array_equal(times, self.times):
             return self.values
         return np.array([self.at(t) for t in times.tolist()])
 
     def columns(self, chosen: IntArray) -> "Table":
-        """The columns number `chosen`, copied."""
+        """Table of the columns with numbers `chosen`, copied."""
         return Table(self.times, np.ascontiguousarray(self.values[:, chosen]))
 
     def over(self, size: float) -> "Table":
-        """All values divided by a size."""
+        """Table with all values divided by `size`."""
         return Table(self.times, self.values / size)
 
     def through(self, left: FloatArray) -> "Table":
-        """left (l, j) times every row: (T, l) values."""
+        """Table of left @ values(t), with left (l, j)."""
         return Table(self.times, np.ascontiguousarray(self.values @ left.T))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LoadTable:
-    """columns @ table.at(t): the load on one block of n unknowns.
+    """Moving load columns @ table.at(t) on one block of n unknowns.
 
-    columns (n, j): one a point of the surface and component, unit amplitude; names (j,): what
-    each is ("sole, node 12, x"); source: the part of the scene that it comes from.
+    columns (n, j): unit loads, one per surface point and component; names (j,): their descriptions
+    ("sole, node 12, x"); source: name of the contact or load.
     """
 
     source: str
@@ -74,22 +78,22 @@ class LoadTable:
     table: Table
 
     def at(self, t: float) -> FloatArray:
-        """(n,) the load at t, s."""
+        """Load vector (n,) at t, s."""
         return np.asarray(self.columns @ self.table.at(t))
 
     def seen(self, left: FloatArray) -> Table:
-        """left (l, n): what `left` sees of the load, (T, l) values: no length of the mesh left."""
+        """Table of the projected load left @ load(t), with left (l, n)."""
         return self.table.through(np.asarray(left @ self.columns))
 
 
 class Tabled(Protocol):
-    """Anything with values at a time, s."""
+    """An object with values at a time t, s."""
 
     def at(self, t: float) -> FloatArray: ...
 
 
 class TabledAlong(Protocol):
-    """Anything with values at many times (T,), s."""
+    """An object with values at many times (T,), s."""
 
     def along(self, times: FloatArray) -> FloatArray: ...
 
@@ -97,7 +101,8 @@ class TabledAlong(Protocol):
 def projected_tables(
     tables: Sequence[LoadTable], test: Callable[[Csr], Matrix]
 ) -> tuple[Table, ...]:
-    """Tables of all loads projected by a linear map `test` of the block's rows, merged by times."""
+    """Tables of the loads projected by a linear map `test` of the block's rows; loads tabulated at
+    the same times are added up."""
     found: list[Table] = []
     for load in tables:
         columns = test(load.columns)
@@ -111,7 +116,7 @@ def projected_tables(
 
 
 def total_load(tables: Sequence[Tabled], t: float) -> FloatArray:
-    """Sum of one or more loads of equal length at t, s."""
+    """Sum at t, s, of one or more tabulated loads of equal length."""
     value = tables[0].at(t)
     for table in tables[1:]:
         value = value + table.at(t)
@@ -119,7 +124,7 @@ def total_load(tables: Sequence[Tabled], t: float) -> FloatArray:
 
 
 def total_load_along(tables: Sequence[TabledAlong], times: FloatArray) -> FloatArray:
-    """The same at times (T,), s: (T, n), not to be written to."""
+    """Sum (T, n) at times (T,), s, of one or more tabulated loads of equal length; read-only."""
     value = tables[0].along(times)
     for table in tables[1:]:
         value = value + table.along(times)

@@ -1,4 +1,4 @@
-"""Meshes: points, simplices and named sets; the plugin that makes one, and its counts."""
+"""Meshes of linear simplices with named point sets; interface of mesh plugins; mesh sizes."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -10,11 +10,11 @@ from sparsemor.core.arrays import FloatArray, IntArray
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Mesh:
-    """Linear simplices.
+    """Mesh of linear triangles (2-D) or tetrahedra (3-D).
 
     points: (N, d) reference positions, m. cells: (E, d + 1) point numbers, positively oriented.
-    point_sets: name -> sorted point numbers. A surface (line in 2-D) is a point set too: its
-    facets are the boundary facets whose points all belong to it.
+    point_sets: name -> sorted point numbers. A surface (line in 2-D) is also a point set; its
+    facets are the boundary facets with all points in the set.
     """
 
     points: FloatArray
@@ -28,7 +28,7 @@ class Mesh:
 
 @dataclass(frozen=True, slots=True)
 class MeshSize:
-    """Size of a mesh: points, cells, and its dimension (2 or 3)."""
+    """Number of points and cells of a mesh, and its dimension (2 or 3)."""
 
     points: int
     cells: int
@@ -36,18 +36,19 @@ class MeshSize:
 
     @property
     def pairs(self) -> int:
-        """At least how many entries a matrix of one unknown a point has: each point with itself,
-        and twice every edge. By Euler's formula, but for the edges' share of the boundary."""
+        """Lower bound of the number of nonzeros of a finite-element matrix with one unknown per
+        node: diagonal entries and two per edge. It follows from Euler's formula without the
+        boundary's share of the edges."""
         return 3 * self.points + 2 * self.cells
 
 
 @dataclass(frozen=True, slots=True)
 class BodySize:
-    """Size of a flexible body before it is meshed.
+    """Size of a flexible body before meshing.
 
-    unknowns: of each field by name, those that are held or given included. vector_entries: of
-    matrices that act on displacements, each once; scalar_entries: of mass, capacity and conduction,
-    each once.
+    unknowns: number per field, including fixed and prescribed ones. vector_entries: nonzeros of
+    stiffness and thermal coupling, which act on displacements; scalar_entries: nonzeros of mass,
+    capacity and conductivity.
     """
 
     mesh: MeshSize
@@ -57,13 +58,14 @@ class BodySize:
 
 
 class MeshPlugin(Protocol):
-    """A mesh of a body. base: folder of the scene file, for relative paths."""
+    """Options of a mesh, from which `build` makes the mesh. base: folder of the input file, for
+    relative paths."""
 
     def build(self, base: Path) -> Mesh: ...
 
 
 @runtime_checkable
 class EstimatesMeshSize(Protocol):
-    """A mesh plugin with known counts, before it is built."""
+    """A mesh plugin that reports the size of the mesh before it is built."""
 
     def expected(self) -> MeshSize: ...

@@ -1,4 +1,5 @@
-"""Parts of a scene: loads, and what bodies, joints and contacts have in common with them."""
+"""Common interface of bodies, joints, contacts and loads; interface of load plugins; optional
+methods."""
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -9,38 +10,40 @@ from sparsemor.core.protocols.contributions import Equations
 from sparsemor.core.protocols.layout import Block
 
 Effect = Literal["motion", "temperature"]
-"""What a load or joint acts on: the motion (and so the temperatures too, where they are coupled),
-or temperatures alone."""
+"""Fields that a load or joint acts on: "motion" (and so temperatures too, if they are coupled), or
+"temperature" alone."""
 
 
 class Part(Protocol):
-    """A built body, joint, contact or load: the numbers behind one entry of the scene.
+    """A built body, joint, contact or load: the numerical object made from one entry of the input.
 
-    name: that of the entry. blocks: its own unknowns. contribute: its share of the equations.
+    name: key of the entry. blocks: its own unknowns, one block per field. contribute: adds its
+    terms to the equations.
     """
 
     @property
     def name(self) -> str: ...
     def blocks(self) -> Sequence[Block]: ...
     def contribute(self, equations: Equations) -> None:
-        """Write the part's equations by the names of blocks (`core.protocols.contributions`)."""
+        """Adds matrices, loads, forces and constraints to the equations of named blocks of unknowns
+        (see `core.protocols.contributions`)."""
         ...
 
 
 class LoadPlugin(Protocol):
-    """A load of the scene, built once its bodies are. InputError keys are relative to its own
-    entry (`on`)."""
+    """Options of a load, from which `build` makes the load once the bodies are built. parts: bodies
+    by name. InputError keys are relative to the load's own input entry (`on`)."""
 
     def build(self, name: str, parts: Mapping[str, Part]) -> "Load": ...
 
 
 class Load(Part, Protocol):
-    """A built load: terms without unknowns of its own; `blocks` is empty."""
+    """A built load: terms of the equations without unknowns of its own; `blocks` is empty."""
 
 
 @runtime_checkable
 class HasNotes(Protocol):
-    """A built part with warnings on options that are legal and most likely a mistake."""
+    """A built body, joint, contact or load with warnings on valid but suspicious options."""
 
     @property
     def notes(self) -> tuple[Note, ...]: ...
@@ -48,9 +51,10 @@ class HasNotes(Protocol):
 
 @runtime_checkable
 class LocalizesRows(Protocol):
-    """A built joint, contact or load that states whether it acts on few rows.
+    """A built joint, contact or load that states whether it acts on few rows only.
 
-    Rows of a localized part are kept when rows are sampled. Without this, a part is localized.
+    Rows of a localized joint or load are always kept when rows are sampled. Without this property
+    it counts as localized.
     """
 
     @property
@@ -59,9 +63,10 @@ class LocalizesRows(Protocol):
 
 @runtime_checkable
 class MovesOverBody(Protocol):
-    """A built contact or load whose place on the body changes during the run.
+    """A built contact or load whose point of application moves over the body during the run.
 
-    With moving = True, the elements along its path are kept with `required: ring`.
+    If `moving` is True, samplers with `required: ring` keep all rows of the elements along its
+    path.
     """
 
     @property
@@ -70,9 +75,10 @@ class MovesOverBody(Protocol):
 
 @runtime_checkable
 class DeclaresEffect(Protocol):
-    """A load or joint plugin that states what it acts on; without it, "motion".
+    """A load or joint plugin that states whether it acts on the motion or on temperatures; without
+    it, "motion".
 
-    The rigid stage of a two-stage scene leaves out what acts on temperatures alone.
+    A rigid-body pre-simulation leaves out loads and joints that act on temperatures alone.
     """
 
     @property
@@ -81,18 +87,19 @@ class DeclaresEffect(Protocol):
 
 @runtime_checkable
 class HasSurroundings(Protocol):
-    """A built part or local term that ties a body to a temperature, such as a film."""
+    """A built load or residual term that ties a body to an ambient temperature, such as
+    convection."""
 
     @property
     def surroundings(self) -> Callable[[float], float] | None:
-        """That temperature, K, at time t, s; None for a part that has none."""
+        """Ambient temperature, K, as a function of time t, s; None if there is none."""
         ...
 
 
 @runtime_checkable
 class ReadsFiles(Protocol):
-    """A plugin whose parts depend on files that its options name."""
+    """A plugin that reads files named in its options."""
 
     def files(self, base: Path) -> Sequence[Path]:
-        """The files; base: folder of the scene."""
+        """Paths of the files that are read; base: folder of the input file."""
         ...

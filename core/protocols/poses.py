@@ -1,6 +1,6 @@
-"""Positions of body points: planar frames (Rx, Ry, theta), spinning ones (R, angle about z) and
-free ones in space (R, quaternion). The number of their coordinates distinguishes them: 3, 4 and 7.
-"""
+"""Positions of body points from the rigid coordinates (pose) of a body frame: planar (Rx, Ry,
+theta), spinning about one axis (R, angle about z), or spatial (R, unit quaternion), distinguished
+by their number 3, 4 or 7."""
 
 import numpy as np
 
@@ -9,11 +9,11 @@ from sparsemor.core.arrays import FloatArray
 PLANAR_POSE, SPINNING_POSE, FREE_POSE = 3, 4, 7
 KNOWN = (PLANAR_POSE, SPINNING_POSE, FREE_POSE)
 BY_ANGLE = (PLANAR_POSE, SPINNING_POSE)
-"""Frames whose last coordinate is their angle, rad."""
+"""Numbers of rigid coordinates of the frames whose last coordinate is an angle, rad."""
 
 
 def points_in_space(pose: FloatArray, z: FloatArray) -> FloatArray:
-    """(j, d) positions R + A z, m, of body points z (j, d) under poses (j, 3), (j, 4) or (j, 7)."""
+    """Positions R + A z (j, d), m, of body points z (j, d) under poses (j, 3), (j, 4) or (j, 7)."""
     if pose.shape[1] in BY_ANGLE:
         cos, sin = np.cos(pose[:, -1]), np.sin(pose[:, -1])
         across = [pose[:, 0] + cos * z[:, 0] - sin * z[:, 1],
@@ -28,10 +28,8 @@ def points_in_space(pose: FloatArray, z: FloatArray) -> FloatArray:
 
 
 def vectors_in_space(pose: FloatArray, z: FloatArray) -> FloatArray:
-    """(j, d) vectors A z in space axes, of z (d,) or (j, d) in body axes under poses (j, n).
-
-    No digits are lost to a position far away.
-    """
+    """Vectors A z (j, d) in inertial axes, from z (d,) or (j, d) in body axes under poses (j, n);
+    without the origin R, so that a distant position costs no digits."""
     d = 2 if pose.shape[1] == PLANAR_POSE else 3
     at_origin = pose.copy()
     at_origin[:, :d] = 0.0
@@ -39,14 +37,14 @@ def vectors_in_space(pose: FloatArray, z: FloatArray) -> FloatArray:
 
 
 def unit_attitude(pose: FloatArray) -> FloatArray:
-    """The same pose (n,) with a quaternion, if it has one, of length 1."""
+    """Pose (n,) with its quaternion, if it has one, normalised."""
     if len(pose) != FREE_POSE:
         return pose
     return np.concatenate([pose[:3], pose[3:] / np.linalg.norm(pose[3:])])
 
 
 def turned_by(pose: FloatArray) -> FloatArray:
-    """(j,) angle of the rotation from the first of poses (j, 7) to each, 0 to pi rad."""
+    """Rotation angle (j,), 0 to pi rad, from the first of the poses (j, 7) to each of them."""
     (p0, *e0), p, e = pose[0, 3:], pose[:, 3], pose[:, 4:]
     # the product of a quaternion with the first one's conjugate
     scalar = p0 * p + e @ np.array(e0)

@@ -1,4 +1,5 @@
-"""Histories of a rigid stage that the flexible one follows: motion, reactions, surface loads."""
+"""Motion, joint reactions and surface loads of a rigid-body pre-simulation, which are prescribed in
+the flexible simulation that follows."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -12,11 +13,11 @@ from sparsemor.core.protocols.poses import unit_attitude
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FrameHistory:
-    """The motion of one body frame at increasing `times` (T,), s.
+    """Motion of one body frame at increasing times (T,), s.
 
-    pose (T, n): position of the origin (m), then angle (rad) or unit quaternion (`poses`: n = 3, 4
-    or 7); rate, acceleration (T, n): its rates as the integrator gave them, which are not
-    derivatives of one another to round-off.
+    pose (T, n): position of the origin (m), then angle (rad) or unit quaternion (n = 3, 4 or 7, see
+    `poses`); rate, acceleration (T, n): its time derivatives as computed by the integrator,
+    therefore consistent only to its accuracy.
     """
 
     times: FloatArray
@@ -26,20 +27,21 @@ class FrameHistory:
 
     @classmethod
     def standing(cls, pose: FloatArray, times: FloatArray | None = None) -> "FrameHistory":
-        """A frame that stays at pose (n,)."""
+        """Motion of a frame that stays at a pose (n,)."""
         t = np.zeros(1) if times is None else times
         still = np.zeros((len(t), len(pose)))
         return cls(t, still + pose, still, still)
 
     def at(self, t: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """(n,) pose, rate and acceleration at t, s: those of the table at a tabled time, on a
-        straight line between two (quaternions brought back to length 1), constant outside."""
+        """Pose, rate and acceleration (n,) at t, s: exact at tabulated times, linear between them
+        (quaternions normalised), constant outside."""
         i, w = place(self.times, t)
         return (unit_attitude(blended(self.pose, i, w)) if w else self.pose[i],
                 blended(self.rate, i, w), blended(self.acceleration, i, w))
 
     def along(self, times: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """(T, n) each: the same at times (T,), s; at its own times the tables, not copies."""
+        """Pose, rate and acceleration (T, n) at times (T,), s; at the tabulated times the arrays
+        themselves, not copies."""
         if np.array_equal(times, self.times):
             return self.pose, self.rate, self.acceleration
         pose, rate, acceleration = zip(*(self.at(t) for t in times.tolist()), strict=True)
@@ -48,7 +50,7 @@ class FrameHistory:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SurfaceLoads:
-    """Loads on the points of one body's surface at the times of the motion they were made from.
+    """Nodal loads on the surface of one body at the times of a prescribed motion.
 
     nodes (j,); force (T, j, d): consistent nodal forces in body axes, N; heat (T, j), W.
     """
@@ -60,12 +62,12 @@ class SurfaceLoads:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stage:
-    """Histories of a rigid stage at its times (T,), s, the start first.
+    """Results of a rigid-body pre-simulation at times (T,), s, including the initial time.
 
-    frames: of every body; moves: which of them move; reactions: joint -> (T, l) multipliers, N and
-    N m; contacts: contact -> name of a history ("normal" N, "friction" N, "power" W, "length" m
-    or "area" m2 in contact, "pressure" Pa, the largest) -> (T,). reactions_passed_on: joint -> what
-    its `known` takes, (T, columns), where that is not the multipliers.
+    frames: motion of every body; moves: names of the moving bodies; reactions: joint -> multipliers
+    (T, l), N and N m; contacts: contact -> resultant ("normal" N, "friction" N, "power" W, "length"
+    m or "area" m2 in contact, largest "pressure" Pa) -> (T,). reactions_passed_on: joint ->
+    reactions (T, columns) for joints whose prescribed reactions differ from their multipliers.
     """
 
     times: FloatArray

@@ -1,4 +1,4 @@
-"""Prescribed quantities of constraints: values and time derivatives from the right."""
+"""Prescribed values of constraints, and their time derivatives from the right."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from sparsemor.core.arrays import FloatArray
 from sparsemor.core.protocols.integrator import HasCurvature, TimeFunction
 
 SHARE = 1e-2
-"""Step of finite differences in time, as a share of the time step."""
+"""Step of finite differences in time, relative to the time step."""
 _FIRST = (4.0, -3.0, 4.0 / 3.0, -0.25)
 _SECOND = (-77.0 / 6.0, 107.0 / 6.0, -13.0, 61.0 / 12.0, -5.0 / 6.0)
 
@@ -18,14 +18,14 @@ _SECOND = (-77.0 / 6.0, 107.0 / 6.0, -13.0, 61.0 / 12.0, -5.0 / 6.0)
 @runtime_checkable
 class Differentiable(Protocol):
     """A function of time that returns its first and second derivatives from the right, per s and
-    per s^2; h: the time step, s, the scale of finite differences where it has to take any."""
+    per s^2. h: time step, s, the scale of any finite differences."""
 
     def derivatives(self, t: float, h: float) -> tuple[float, float]: ...
 
 
 @dataclass(frozen=True, slots=True)
 class Held:
-    """A constant as a function of time."""
+    """Constant function of time."""
 
     level: float
 
@@ -38,8 +38,8 @@ class Held:
 
 @dataclass(frozen=True, slots=True)
 class Prescribed:
-    """start + function.value(t). A function without `curvature` has that of its rate by finite
-    differences."""
+    """Prescribed value start + function.value(t). Without a method `curvature`, the second
+    derivative is a finite difference of the function's rate."""
 
     function: TimeFunction
     start: float = 0.0
@@ -55,7 +55,8 @@ class Prescribed:
 
 
 def time_derivatives(function: Callable[[float], float], t: float, h: float) -> tuple[float, float]:
-    """First and second derivative from the right at t, s; exact for a `Differentiable` function."""
+    """First and second derivatives of `function` from the right at t, s; exact for a
+    `Differentiable` function. h: time step, s."""
     if isinstance(function, Differentiable):
         return function.derivatives(t, h)
     return _scalar(function, 1, t, h), _scalar(function, 2, t, h)
@@ -68,8 +69,8 @@ def _scalar(function: Callable[[float], float], order: int, t: float, h: float) 
 def derivative_from_right(
     function: Callable[[float], FloatArray], order: int, t: float, h: float
 ) -> FloatArray:
-    """Derivative of order 1 or 2 by one-sided differences of fourth order in steps of SHARE h:
-    a prescribed motion may have a kink at t. Exactly zero for a constant."""
+    """Derivative of order 1 or 2 by fourth-order one-sided differences with step SHARE h, since a
+    prescribed motion may have a kink at t. Exactly zero for a constant."""
     first, step = function(t), SHARE * h
     weights = _FIRST if order == 1 else _SECOND
     changes = (w * (function(t + k * step) - first) for k, w in enumerate(weights, 1))

@@ -1,4 +1,5 @@
-"""Reducers, and the assembled models and offline products that they are prepared from."""
+"""Interfaces of model reduction: reducers, the assembled models that they reduce, and offline data
+such as snapshots."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -21,7 +22,8 @@ from sparsemor.core.protocols.term import Term
 
 
 class StepFactors(NamedTuple):
-    """Step size h, s, and c1, c2 of a step formula; c1_first: c1 of first-order unknowns."""
+    """Time step h, s, and factors of the step formula v = c1 x + r1, a = c2 x + r2; c1_first
+    replaces c1 for first-order unknowns."""
 
     h: float
     c1: float
@@ -31,10 +33,11 @@ class StepFactors(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Recording:
-    """Provenance of training snapshots: `every` that many steps of `step` s, by `integrator`.
+    """Recording of training snapshots: one every `every` steps of size `step`, s, computed by
+    `integrator`.
 
-    end: of the training run, s. Where the integrator's order is above 1, the last snapshot is
-    x + h^2 a of the start.
+    end: end time of the training run, s. If the integrator's order is above 1, the last snapshot is
+    x + h^2 a of the initial state.
     """
 
     integrator: Integrator
@@ -44,23 +47,24 @@ class Recording:
 
 
 class BlockLinearSolvers(Protocol):
-    """The scene's choice of linear solvers: a default, and others by block pattern."""
+    """Linear solvers of the blocks of unknowns: a default, and others by block-name pattern."""
 
     @property
     def default(self) -> LinearSolver: ...
     @property
     def others(self) -> Mapping[str, LinearSolver]: ...
     def of(self, block: str) -> LinearSolver:
-        """The linear solver of a block."""
+        """Linear solver of one block."""
         ...
 
 
 class AssembledModel(Protocol):
-    """An assembled scene.
+    """Assembled model: layout of the unknowns, equations and initial values.
 
-    layout: all unknowns; terms: the equations, which `separated` holds in blocks for fast steps;
-    x0, v0 (n,): the start. required: local rows of each reducible block that joints and localized
-    loads act on; loaded: the same for each of them by name.
+    terms: residual terms of all equations; separated: the same equations as operators of each
+    block, for fast steps; x0, v0 (n,): initial values and rates. required: row numbers of each
+    reducible (elastic or thermal) block that joints and localized loads act on; loaded: the same
+    for each joint or load by name.
     """
 
     @property
@@ -83,7 +87,7 @@ class AssembledModel(Protocol):
     def solvers(self) -> BlockLinearSolvers: ...
     @property
     def starts(self) -> list[State]:
-        """The consistent start, once it was computed."""
+        """List with the consistent initial state once it is computed, empty before."""
         ...
 
     def reducible(self) -> tuple[str, ...]:
@@ -91,36 +95,39 @@ class AssembledModel(Protocol):
         ...
 
     def places(self, name: str) -> DofLocations:
-        """Node coordinates and components of the unknowns of a reducible block."""
+        """Node coordinates and components of the unknowns of an elastic or thermal block."""
         ...
 
     def factorize(
         self, name: str, A: Csr, purpose: str = "steps", places: DofLocations | None = None
     ) -> Factorized:
-        """A matrix (n, n) of a reducible block, factorized by the scene's linear solver; places: of
-        its unknowns, where they are not those of one block."""
+        """Factorization of a matrix A (n, n) of an elastic or thermal block by the linear solver
+        that the user chose for it; places: node coordinates of its unknowns, if they are not those
+        of the block."""
         ...
 
     def block_data(
         self, name: str, snapshots: FloatArray | None = None, step: StepFactors | None = None
     ) -> BlockData:
-        """Data of a reducible block; snapshots (n, M); step: the steps that it is reduced for."""
+        """Matrices, load vectors and node coordinates of an elastic or thermal block; snapshots (n,
+        M); step: size and factors of the time steps that it is reduced for."""
         ...
 
     def ring(self, name: str) -> IntArray:
-        """Local rows of the elements along the path of moving loads on a block, sorted."""
+        """Sorted row numbers of a block that belong to elements along the path of moving loads."""
         ...
 
     def with_separated(self, separated: Separated) -> Self:
-        """The same model with other operators in its blocks."""
+        """Copy of the model with other block operators."""
         ...
 
 
 class OfflineProducts(Protocol):
-    """Snapshots of the training run and products made from them, kept in a cache.
+    """Offline data of model reduction: snapshots of the training run and results computed from
+    them, kept in a cache.
 
-    trained: whether some basis needs snapshots; recording: how they were taken, None where they
-    were given.
+    trained: True if some trial basis needs snapshots; recording: how they were recorded, None for
+    snapshots supplied by the caller.
     """
 
     @property
@@ -129,29 +136,29 @@ class OfflineProducts(Protocol):
     def recording(self) -> Recording | None: ...
 
     def snapshots(self, name: str) -> FloatArray:
-        """(n, M) unknowns of a block over the training run, which is made when first needed."""
+        """Snapshots (n, M) of a block; the training run is made at the first call."""
         ...
 
     def dictionary(
         self, name: str, basis: Basis, step: StepFactors | None = None
     ) -> tuple[Dictionary, float]:
-        """Dictionary of a block and the largest coefficient that its snapshots have (0: none)."""
+        """Trial basis of a block, and the largest coefficient of its snapshots in this basis (0
+        without snapshots)."""
         ...
 
     def remember(
         self, kind: str, depends: Sequence[object], make: Callable[[], Arrays]
     ) -> Arrays:
-        """Arrays of one product, from the cache or made; depends: all that they depend on except
-        the training run."""
+        """Arrays of one offline result, from the cache or computed by `make`. depends: all data on
+        which they depend except the training run."""
         ...
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ReducedProblem:
-    """A model to be reduced, and all that a reducer may use for it.
+    """Input of a reducer: the model to reduce, its time integration and offline data.
 
-    step: time step h, s. offline: products of the training run. rng: the only source of
-    randomness.
+    step: time step h, s. offline: snapshots and trial bases. rng: the only source of randomness.
     """
 
     model: AssembledModel
@@ -162,25 +169,26 @@ class ReducedProblem:
 
 
 class Reducer(Protocol):
-    """Preparation of a step solver. InputError where the problem does not suit, SolveFailed where
-    its matrices are singular."""
+    """Model reduction method: `prepare` makes a solver for the time steps of the reduced model.
+    Raises InputError for an unsuitable model, SolveFailed for singular matrices."""
 
     def prepare(self, problem: ReducedProblem) -> StepSolver: ...
 
 
 @runtime_checkable
 class ChecksModel(Protocol):
-    """A reducer that refuses unsuitable models before any training run."""
+    """A reducer that rejects unsuitable models before any training run."""
 
     def check(self, model: AssembledModel) -> Sequence[Fault]:
-        """Faults that counting shows, keys relative to the reducer (`budgets.*.elastic.rows`)."""
+        """Errors that follow from numbers of rows and unknowns; keys are relative to the reducer
+        (`budgets.*.elastic.rows`)."""
         ...
 
 
 @runtime_checkable
 class UsesBases(Protocol):
-    """A reducer with a trial basis for each block. bases: block pattern -> basis; `basis` serves
-    all other blocks. A training run is made where one of them needs snapshots."""
+    """A reducer with a trial basis for each block of unknowns. bases: block-name pattern -> basis;
+    `basis` is used for all other blocks. A training run is made if any of them needs snapshots."""
 
     @property
     def basis(self) -> Basis: ...
@@ -190,7 +198,8 @@ class UsesBases(Protocol):
 
 @runtime_checkable
 class UsesForceBasis(Protocol):
-    """A reducer with a basis of forces next to that of the unknowns."""
+    """A reducer with a basis of forces, which it interpolates as in DEIM, in addition to the trial
+    basis of the unknowns."""
 
     @property
     def force_basis(self) -> Basis: ...
@@ -198,29 +207,32 @@ class UsesForceBasis(Protocol):
 
 @runtime_checkable
 class HoldsSnapshots(Protocol):
-    """A reducer that holds snapshots of a block as a whole while it prepares."""
+    """A reducer that keeps all snapshots of a block in memory during preparation."""
 
     @property
     def snapshot_copies(self) -> int:
-        """Arrays as large as a block's snapshots that are held at once."""
+        """Number of arrays of the size of a block's snapshots in memory at once."""
         ...
 
 
 @runtime_checkable
 class RestartsSteps(Protocol):
     """A reducer whose step solvers can begin a step at a state that they did not compute, as
-    error-controlled steps need; the memory of such a solver satisfies `Restarts`."""
+    adaptive time stepping requires; their memory satisfies `Restarts`."""
 
     def restart_refusal(self) -> str:
-        """Why they cannot with the options of this reducer, "" where they can."""
+        """Reason why the options of this reducer exclude adaptive time stepping, "" if they do
+        not."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class BlockBudget:
-    """Share of one block that a step may use; None: as the reducer decides.
+    """Limits of sampled rows and active atoms (trial vectors) for one block; None: decided by the
+    reducer.
 
-    rows: sampled ones except the prescribed; atoms: most that are active at once.
+    rows: number of sampled rows in addition to those of joints and localized loads; atoms: largest
+    number of active atoms.
     """
 
     rows: int | None = None
@@ -229,17 +241,18 @@ class BlockBudget:
 
 @runtime_checkable
 class SharesOptions(Protocol):
-    """A class of reducers with options that mean the same in every reducer that has them."""
+    """A reducer class with options that have the same meaning in other reducers."""
 
     @property
     def shared_options(self) -> tuple[str, ...]:
-        """Their names, a class attribute: a comparison of reducers passes them on."""
+        """Names of these options, a class attribute; a comparison of reducers copies their
+        values."""
         ...
 
 
 @runtime_checkable
 class SamplesRows(Protocol):
-    """A reducer whose rows are chosen by a sampler, its option `sampler`."""
+    """A reducer that selects rows of the equations by a sampler, its option `sampler`."""
 
     @property
     def sampler(self) -> Sampler: ...
@@ -247,27 +260,28 @@ class SamplesRows(Protocol):
 
 @runtime_checkable
 class BudgetsFields(Protocol):
-    """A reducer with limits of rows and atoms by field, which surveys vary."""
+    """A reducer with limits of sampled rows and active atoms (trial vectors) per field, which
+    parameter studies vary."""
 
     def field_budget(self, field: str) -> BlockBudget | None:
-        """The budget of the blocks of a field; None where nothing is limited at all."""
+        """Limits of rows and atoms for a field; None if nothing is limited."""
         ...
 
     def with_rows(self, rows: Mapping[str, int]) -> Self:
-        """The same reducer with other numbers of rows in the blocks of these fields."""
+        """Copy of the reducer with new numbers of sampled rows, by field."""
         ...
 
     def with_atoms(self, atoms: Mapping[str, int]) -> Self:
-        """The same reducer with other numbers of active atoms; bases that count their atoms have as
-        many, so that nothing is left to select."""
+        """Copy of the reducer with new numbers of active atoms, by field; a basis with an option
+        for its number of atoms gets the same number, so that all its atoms are active."""
         ...
 
 
 def shared_options(reducer: type) -> tuple[str, ...]:
-    """Names of the options that a class of reducers shares with others."""
+    """Names of the options of a reducer class that other reducers share."""
     return reducer.shared_options if isinstance(reducer, SharesOptions) else ()
 
 
 def is_full_order(reducer: object) -> bool:
-    """True if a reducer solves for all unknowns."""
+    """True if a reducer does not reduce the number of unknowns."""
     return not isinstance(reducer, UsesBases)

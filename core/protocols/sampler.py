@@ -1,4 +1,5 @@
-"""Row sampling of one reducible block, and preconditioners of its sampled rows."""
+"""Interfaces of samplers, which select rows of the equations for hyper-reduction, and of
+preconditioners of the sampled rows."""
 
 from typing import Literal, Protocol, runtime_checkable
 
@@ -8,12 +9,13 @@ from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.protocols.block_data import BlockData, Dictionary
 
 RowsKept = Literal["none", "required", "ring"]
-"""Rows that a sample contains in addition to those drawn: none, the required ones (joints and
-localized loads), or these and all rows of elements along the path of moving loads."""
+"""Rows that are always kept in addition to the sampled ones: none; those that joints and localized
+loads act on; or these and all rows of elements along the path of moving loads."""
 
 
 class Sampler(Protocol):
-    """Row selection of one block: all of `required` and `m` more, sorted, distinct."""
+    """Selection of equation rows of one block of unknowns: all rows `required` and `m` further
+    ones, sorted and distinct."""
 
     def sample(
         self,
@@ -27,7 +29,7 @@ class Sampler(Protocol):
 
 @runtime_checkable
 class ChoosesRowsKept(Protocol):
-    """A sampler that does not simply keep all required rows."""
+    """A sampler that may keep other rows than those that joints and localized loads act on."""
 
     @property
     def keeps(self) -> RowsKept: ...
@@ -35,27 +37,30 @@ class ChoosesRowsKept(Protocol):
 
 @runtime_checkable
 class SamplesNodes(Protocol):
-    """A sampler that can take all rows of a node together."""
+    """A sampler that can select all rows of a mesh node together."""
 
     @property
     def unit(self) -> Literal["dof", "node"]:
-        """"node" where the rows of a node are taken together, "dof" where each stands alone."""
+        """"node" if all rows of a node are selected together, "dof" if rows are selected
+        separately."""
         ...
 
 
 @runtime_checkable
 class DrawsRequired(Protocol):
-    """A sampler with the option `required`: prescribed rows are kept, or drawn like all others."""
+    """A sampler with the option `required`: True if the rows of joints and localized loads are
+    always kept, False if they are sampled like all others."""
 
     @property
     def required(self) -> bool: ...
 
 
 class Preconditioner(Protocol):
-    """P (m, m), nonsingular, for sampled rows A (m, k) applied to the atoms."""
+    """Left preconditioner of the sampled equations: nonsingular P (m, m) for the matrix A (m, k) of
+    m sampled rows and k atoms (trial vectors)."""
 
     def check(self, rows: int, atoms: int) -> str:
-        """"" when it is defined for this shape, else the reason in words."""
+        """Reason why P is not defined for this number of rows and atoms, "" if it is."""
         ...
 
     def build(self, A: FloatArray) -> FloatArray: ...

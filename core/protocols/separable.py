@@ -1,8 +1,9 @@
-"""Separable equations of a body: constant matrices times scalar functions of the rigid motion.
+"""Separable equations of a flexible body: constant matrices times scalar functions of the rigid
+motion.
 
-Arrays of the mesh's size are constant matrices; what changes with the motion is a handful of
-scalars. A reducer multiplies the matrices by its trial and test bases once (offline); a step
-evaluates the scalars only (docs/equations.md, section 1).
+All arrays of the mesh's size are constant; only a few scalars depend on the motion. Model reduction
+projects the matrices on trial and test bases once (offline); a time step evaluates the scalars only
+(docs/equations.md, section 1).
 """
 
 from collections.abc import Callable, Sequence
@@ -19,19 +20,21 @@ from sparsemor.core.protocols.prescribed_motion import FrameHistory
 from sparsemor.core.protocols.term import Term
 
 Amplitude = Callable[[float], float]
-"""Time (s) to the factor of a constant load vector."""
+"""Scalar function of time (s) that multiplies a constant load vector."""
 
 
 class FrameWork:
-    """Arrays that `Frame.evaluate` fills: p directions, b border unknowns, g generators.
+    """Work arrays of `Frame.evaluate`: equations and derivatives of a floating frame of reference
+    with p directions (constant vectors on the displacements u), b inputs y (rigid coordinates, then
+    attachment forces) and g generators (constant matrices M_g).
 
-    sigma (b + 1, p): its last row multiplies the directions in the elastic rows, row i is the
-    derivative of that by border unknown i. border (b, b + 1): H = d rows / dy and, as last
-    column, the border equations' rows. tau (b, p): d rows = H dy + tau ds with s = directions^T u.
-    coefficients (2 g + 1,) = kappa, mu, 1: the generators act on u as sum kappa_g M_g u and on
-    the history as sum mu_g M_g r1. For the exact Jacobian only: kappa_y, mu_y (b, g) are the
-    derivatives of the factors on u and u' by the border unknowns, quad (b, 3, g) = d rows / d of
-    the forms (u.M_g u, u.M_g u', u.M_g u'').
+    sigma (b + 1, p): the last row multiplies the directions in the elastic equations, row i is its
+    derivative by y_i. border (b, b + 1): H = d rows / dy, and in the last column the rigid and
+    attachment equations ("rows"). tau (b, p): d rows = H dy + tau ds with s = directions^T u.
+    coefficients (2 g + 1,) = kappa, mu, 1: forces sum kappa_g M_g u + sum mu_g M_g r1, where u' =
+    c1 u + r1. For the exact Jacobian only: kappa_y, mu_y (b, g) are the derivatives by y of the
+    factors on u and u', quad (b, 3, g) those of the rows by the forms (u.M_g u, u.M_g u', u.M_g
+    u'').
     """
 
     __slots__ = ("border", "coefficients", "kappa_y", "mu_y", "quad", "sigma", "tau", "views")
@@ -46,11 +49,10 @@ class FrameWork:
 
 @dataclass(frozen=True, slots=True)
 class LoadColumn:
-    """One load column of a block.
+    """Description of one load vector of a block of unknowns.
 
-    name: of the load, for bases and reports; "" where the column is no load. joint: whether it is
-    the force of a joint, whose size is an unknown. prescribed: whether a prescribed temperature
-    makes it.
+    name: of the load, for trial bases and reports; "" for a column that is no load. joint: True for
+    a joint force of unknown size. prescribed: True for the effect of a prescribed temperature.
     """
 
     name: str
@@ -59,10 +61,11 @@ class LoadColumn:
 
 
 class Frame(Protocol):
-    """The coupling of one body's rigid coordinates, attachment forces and elastic directions.
+    """Floating frame of reference of one body: coupling of rigid coordinates, attachment forces and
+    elastic displacements.
 
-    Border unknowns: rigid coordinates first, then the forces on each attachment; border rows:
-    rigid equations, then the attachments' positions. Its sums are exact in the rigid state.
+    Inputs: rigid coordinates, then the forces on each attachment; equations: rigid equations of
+    motion, then the positions of the attachments. They are exact for a rigid body.
     """
 
     @property
@@ -78,10 +81,12 @@ class Frame(Protocol):
         s: FloatArray, s1: FloatArray, s2: FloatArray, form: FloatArray, forms: FloatArray,
         t: float, work: FrameWork,
     ) -> None:
-        """Fill `work` at border unknowns y and rates v, a (b,), t in s.
+        """Fills `work` for the inputs y (rigid coordinates and attachment forces), their rates v
+        and second derivatives a, all (b,), at time t, s.
 
-        u' = c1 u + r1, u'' = c2 u + r2 enter as functionals: s, s1, s2 (p,) = directions^T
-        (u, r1, r2), form (g,) = u.M_g u, forms (2 g,) = u.M_g r1 and u.M_g r2.
+        The displacements u with u' = c1 u + r1, u'' = c2 u + r2 enter as functionals only: s, s1,
+        s2 (p,) = directions^T (u, r1, r2), form (g,) = u.M_g u, forms (2 g,) = u.M_g r1 and u.M_g
+        r2.
         """
         ...
 
@@ -89,53 +94,60 @@ class Frame(Protocol):
         self, y: FloatArray, v: FloatArray, a: FloatArray, c1: float, c2: float, t: float,
         work: FrameWork,
     ) -> None:
-        """For a body with an elastic block whose border is known: fill the last row of
-        `work.sigma` and the coefficients, which do not depend on displacements; no more.
-        """
+        """Fills the last row of `work.sigma` and `work.coefficients` for a body with prescribed
+        motion; these do not depend on displacements. y, v, a (b,): inputs as in `evaluate`; t:
+        s."""
         ...
 
     def exact(
         self, v: FloatArray, a: FloatArray, c1: float, c2: float, work: FrameWork
     ) -> None:
-        """After `evaluate`: kappa_y, mu_y and quad, which only the exact Jacobian needs."""
+        """Fills `work.kappa_y`, `mu_y` and `quad` after `evaluate`; only the exact Jacobian needs
+        them."""
         ...
 
     @property
     def shape_columns(self) -> tuple[tuple[int, int], ...]:
-        """(direction, generator): that direction is M_g X, so it moves with the shape."""
+        """Pairs (direction, generator g) of directions that are M_g X with reference positions X,
+        and so change with an offset of the displacements."""
         ...
 
     def shifted(self, s: FloatArray, quadratic: FloatArray) -> "Frame":
-        """The same frame about the shape `offset`: s = directions^T offset, quadratic (g,)."""
+        """Frame for displacements measured from a shape `offset`: s = directions^T offset (p,),
+        quadratic (g,) = offset.M_g offset."""
         ...
 
     def time_derivative(self, order: int, t: float, h: float) -> "Frame | None":
-        """The frame whose attachment rows are the partial derivative by time of order 1 or 2 of
-        this one's, from the right at t, s; None where that is zero. h: time step, s."""
+        """Frame whose attachment equations are the partial time derivative, of order 1 or 2, from
+        the right at t (s); None if it is zero. h: time step, s."""
         ...
 
 
 class FrameItem(Protocol):
-    """A part of a frame's equations: inertia, a force, an attachment."""
+    """One contribution to the equations of a floating frame: inertia, a force, or an attachment of
+    a joint."""
 
     @property
     def forces(self) -> int:
-        """Number of its forces that are unknown: those of a joint, its multipliers."""
+        """Number of unknown forces, the multipliers of a joint; 0 for other contributions."""
         ...
 
     def names(self, source: str) -> tuple[str, ...]:
-        """Load name of each of its directions; "" where it only serves the frame's rows."""
+        """Load name of each direction; "" for one that is no load vector. source: name of the joint
+        or load."""
         ...
 
 
 class BodyFrame(Frame, Protocol):
-    """A frame whose equations are a sum of items."""
+    """A floating frame whose equations are a sum of contributions (inertia, forces,
+    attachments)."""
 
     @property
     def items(self) -> Sequence[FrameItem]: ...
     @property
     def without_push(self) -> Sequence[FrameItem]:
-        """Items that `drive` cannot evaluate although they act on displacements."""
+        """Contributions that act on displacements but that `drive` cannot evaluate for a prescribed
+        motion."""
         ...
     def shifted(self, s: FloatArray, quadratic: FloatArray) -> "BodyFrame": ...
     def time_derivative(self, order: int, t: float, h: float) -> "BodyFrame | None": ...
@@ -143,8 +155,8 @@ class BodyFrame(Frame, Protocol):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ElasticLocal:
-    """A local term on one elastic block: rows (m,) positions in the block, columns (n,) positions
-    in it or, where `hot` (n,), in the thermal block of the body."""
+    """A term evaluated element by element, in the numbering of one elastic block: rows (m,),
+    columns (n,), where `hot` (n,) is True for columns in the temperature block of the same body."""
 
     term: Term
     rows: IntArray
@@ -154,30 +166,31 @@ class ElasticLocal:
 
 @runtime_checkable
 class EvaluatesManyTimes(Frame, Protocol):
-    """A frame whose `drive` can be evaluated at many times in one call; else it is called once for
-    each time."""
+    """A floating frame that evaluates `drive` at many times in one call; for other frames `drive`
+    is called once per time."""
 
     def drive_along(
         self, y: FloatArray, v: FloatArray, a: FloatArray, c1: float, c2: float, times: FloatArray
     ) -> FloatArray:
-        """(T, 2 g + p): kappa, mu, sigma in a row for border unknowns and rates (T, b) at times
-        (T,), s."""
+        """Coefficients kappa, mu and last row of sigma, side by side, (T, 2 g + p), for inputs,
+        rates and second derivatives (T, b) at times (T,), s."""
         ...
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ElasticOperators:
-    """Constant matrices of one elastic block of n unknowns (free displacements).
+    """Constant matrices and loads of one elastic block of n free displacements u. Elastic
+    equations:
 
-    mass, damping, stiffness (n, n); generators g matrices (n, n), the first is the mass, none for
-    a frame at rest;
-    directions (n, p); coupling (n, nT) with the thermal block, or None: the elastic rows are
-    mass u'' + damping u' + stiffness u - coupling T - internal(t) + frame terms, where
-    internal(t) = constant + loads @ amplitudes(t) + tables at t, loads (n, j). columns (p,) and
-    load_names (j,) say what each direction and load is, for bases and reports. integrals: the
-    internal force by elements, where the body can give it (`element_integrals`); tables: loads
-    that move over it. local: terms that are evaluated by elements and added to the rows; they read
-    the block itself and the body's temperatures.
+        mass u'' + damping u' + stiffness u - coupling T - internal(t) + frame terms = 0,
+        internal(t) = constant + loads @ amplitudes(t) + time-tabulated loads
+
+    mass, damping, stiffness (n, n); coupling (n, nT) with the temperatures, or None; loads (n, j).
+    generators: g matrices (n, n) with factors that depend on the rigid motion, the first is the
+    mass; none for a frame at rest. directions (n, p): vectors by which rigid motion and joint
+    forces act on u. columns (p,), load_names (j,): description of each direction and load.
+    integrals: internal force by elements, if the body offers it. tables: loads that move over the
+    body. local: terms evaluated element by element, which read u and the body's temperatures only.
     """
 
     mass: Csr
@@ -198,13 +211,12 @@ class ElasticOperators:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MovingBody:
-    """One body as the mechanical step sees it. `to_border` (b, N) maps the global border.
+    """Mechanical equations of one body.
 
-    The global border is all rigid blocks followed by all multipliers; `to_border` picks the
-    body's rigid coordinates and turns multipliers into forces on its attachments; origin (b,) is
-    added to that: the pose of a frame that does not move, else zero. guide: the motion of a frame
-    that is given, whose pose, rates and accelerations are added in the same way.
-    elastic, thermal: name of its blocks, "" when the scene gives it none.
+    to_border (b, N): map from all N rigid coordinates and multipliers of the model to the b inputs
+    of the body's frame, its rigid coordinates and attachment forces. origin (b,): added to them;
+    the pose of a fixed frame, else zero. guide: prescribed motion of the frame, which is added too.
+    elastic, thermal: names of its blocks of unknowns, "" if it has none.
     """
 
     name: str
@@ -219,10 +231,12 @@ class MovingBody:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HeatBody:
-    """capacity T' + conductivity T - constant - loads @ amplitudes(t) - tables + local terms = 0.
+    """Heat equation of one temperature block: capacity T' + conductivity T - constant - loads @
+    amplitudes(t) - tables + local terms = 0.
 
-    columns (j,): meaning of each column of `loads` (n, j). integrals: capacity and conduction by
-    elements, where the body can give them (`element_integrals`); tables: heat that moves over it.
+    columns (j,): description of each column of `loads` (n, j). integrals: capacity and conductivity
+    by elements, if the body offers them. tables: heat loads that move over the body. local: terms
+    evaluated element by element.
     """
 
     name: str
@@ -240,8 +254,8 @@ class HeatBody:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HeatCoupling:
-    """A T + B T' in the rows of the thermal block `rows`, T the temperatures of the block `columns`
-    of another body. term: the same in the general form."""
+    """Heat exchange A T + B T' in the rows of temperature block `rows`, T being the temperatures of
+    block `columns` of another body. term: the same as a residual term."""
 
     rows: str
     columns: str
@@ -252,11 +266,12 @@ class HeatCoupling:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Separated:
-    """A model's equations as operators of its blocks. `other` are terms that fit nowhere here.
-    couplings: between thermal blocks of different bodies, which are then solved together.
+    """Equations of a model as operators of its blocks of unknowns, with couplings between
+    temperature blocks of different bodies, and `other` terms that fit neither.
 
-    border_rhs: functions whose values are subtracted from the multiplier rows. step: the time step
-    of the scene, s: the scale of finite differences in time.
+    border_size: number of rigid coordinates and multipliers; border_targets: position among them
+    and prescribed function of time, which is subtracted from the constraint row. step: time step,
+    s, from which finite differences in time are scaled.
     """
 
     moving: tuple[MovingBody, ...]
@@ -269,7 +284,8 @@ class Separated:
 
     @property
     def heat_groups(self) -> tuple[tuple[HeatBody, ...], ...]:
-        """Thermal blocks that couplings connect; most groups have one member."""
+        """Temperature blocks grouped by heat exchange, to be solved together; most groups have one
+        member."""
         group = {b.thermal: i for i, b in enumerate(self.heat)}
         for c in self.couplings:
             low, high = sorted((group[c.rows], group[c.columns]))
@@ -279,18 +295,19 @@ class Separated:
 
     @property
     def elastic_local(self) -> tuple[Term, ...]:
-        """Local terms of all elastic blocks."""
+        """Terms of all elastic blocks that are evaluated element by element."""
         return tuple(part.term for m in self.moving if m.operators is not None
                      for part in m.operators.local)
 
     @property
     def between(self) -> tuple[Term, ...]:
-        """All terms that couple blocks of different bodies, or fit nowhere."""
+        """All terms that are not part of the operators of one block."""
         return (*(c.term for c in self.couplings), *self.other)
 
     @property
     def rigid_equations(self) -> bool:
-        """Is anything rigid unknown, or may a term ask for it?"""
+        """True if there are rigid coordinates or multipliers to solve for, or terms outside the
+        block operators."""
         return bool(self.border_size or self.other)
 
 
@@ -299,11 +316,11 @@ def evaluate_amplitudes(amplitudes: Sequence[Amplitude], t: float) -> FloatArray
 
 
 def amplitudes_along(amplitudes: Sequence[Amplitude], times: FloatArray) -> FloatArray:
-    """(T, j) at times (T,), s: they are functions of one time."""
+    """Amplitudes (T, j) of loads at times (T,), s."""
     values = [[f(t) for f in amplitudes] for t in times.tolist()]
     return np.array(values, dtype=np.float64).reshape(len(times), len(amplitudes))
 
 
 def positions(local: IntArray, chosen: IntArray) -> IntArray:
-    """Positions of `chosen` in the sorted array `local`."""
+    """Positions of the values `chosen` in the sorted array `local`."""
     return np.searchsorted(local, chosen).astype(np.int64)

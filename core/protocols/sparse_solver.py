@@ -1,7 +1,9 @@
-"""Sparse recovery: the problem, its solvers, and their optional screening of supports.
+"""Interfaces of sparse recovery: the sparse least-squares problem of a time step, its solvers, and
+inexpensive tests (screening) of whether the support would change.
 
-A step that carries a support solves on it first. A solver that screens supports then tests cheaply
-whether it would exchange atoms; another one is run in full in every step.
+The support is the set of active atoms (trial vectors with nonzero coefficients). A step that starts
+from the support of the previous step solves on it first; a solver with screening then tests whether
+it would exchange atoms, other solvers run in full in every step.
 """
 
 from collections.abc import Callable, Sequence
@@ -14,7 +16,8 @@ from sparsemor.core.status import Status
 
 @dataclass(frozen=True, slots=True)
 class Group:
-    """Columns `start:stop` of a sparse problem. budget None: always active, not penalised."""
+    """Columns `start:stop` of a sparse problem. budget: largest number of active columns; None:
+    always active, not penalised."""
 
     name: str
     start: int
@@ -23,9 +26,10 @@ class Group:
 
 
 class SparseProblem(Protocol):
-    """Find c with few active entries per group so that residual(c) is least in the 2-norm.
+    """Sparse least-squares problem: coefficients c with few nonzero entries per group that minimise
+    the 2-norm of residual(c).
 
-    Rows come scaled: they may be compared and summed. `needs`: names in `PROBLEM_FEATURES`.
+    Rows are scaled so that they are comparable. needs: names from `PROBLEM_FEATURES`.
     """
 
     @property
@@ -38,7 +42,7 @@ class SparseProblem(Protocol):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SparseStart:
-    """First guess c (k,) and the support (k,) bool that earlier steps left active."""
+    """First guess c (k,) and the support (k,), True for columns active in the previous step."""
 
     c: FloatArray
     support: BoolArray
@@ -46,7 +50,8 @@ class SparseStart:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SparseOutcome:
-    """c (k,) is zero outside `support` in every budgeted group."""
+    """Solution of a sparse problem: c (k,) is zero outside `support` (k,) in every group with a
+    budget."""
 
     c: FloatArray
     support: BoolArray
@@ -56,7 +61,7 @@ class SparseOutcome:
 
 
 class SparseSolver(Protocol):
-    """Search for few active columns, started from a support that earlier steps left."""
+    """Solver of sparse least-squares problems, warm-started from the support of an earlier step."""
 
     def solve(self, problem: SparseProblem, start: SparseStart) -> SparseOutcome: ...
 
@@ -67,26 +72,26 @@ PROBLEM_FEATURES = {
     "overdetermined": "more rows than columns (least squares)",
     "underdetermined": "fewer rows than columns",
 }
-"""Feature of a sparse problem -> its meaning."""
+"""Feature of a sparse problem -> its meaning in words."""
 
 
 @runtime_checkable
 class LimitsProblems(Protocol):
-    """A sparse solver that takes only problems with some of the `PROBLEM_FEATURES`."""
+    """A sparse solver that accepts only problems with certain features of `PROBLEM_FEATURES`."""
 
     @property
     def capabilities(self) -> frozenset[str]:
-        """Names of the features that it can take."""
+        """Names of the accepted features."""
         ...
 
 
 def missing(solver: SparseSolver, needs: frozenset[str]) -> tuple[str, ...]:
-    """The features among `needs` that a solver does not take; one without limits takes all."""
+    """Features among `needs` that a solver does not accept; a solver without limits accepts all."""
     return tuple(sorted(needs - solver.capabilities)) if isinstance(solver, LimitsProblems) else ()
 
 
 def solver_refusal(name: str, solver: SparseSolver, needs: frozenset[str]) -> str:
-    """Why `solver` cannot take a problem called `name`; "" when it can."""
+    """Reason why `solver` cannot solve a problem called `name`, "" if it can."""
     lacking = missing(solver, needs)
     if not lacking:
         return ""
@@ -95,23 +100,25 @@ def solver_refusal(name: str, solver: SparseSolver, needs: frozenset[str]) -> st
 
 
 class GramError(NamedTuple):
-    """Relative error of sizes that are compared, and error of d.gram d over d.d."""
+    """Round-off error bounds of a Gram matrix: relative error of magnitudes that are compared, and
+    error of d.gram d relative to d.d."""
 
     sizes: float
     gram: float
 
 
 class Quadratic(NamedTuple):
-    """|residual(c + d)|^2 = |residual(c)|^2 + 2 slope.d + d.gram d, at the solution c of a step.
+    """Quadratic model of a linear least-squares problem: |residual(c + d)|^2 = |residual(c)|^2 + 2
+    slope.d + d.gram d, at the solution c of a step.
 
-    gram (k, k): in Fortran order, only its upper triangle is read. slope, c (k,), c zero off the
-    support. All for columns of about unit length; lengths (k,): by what they have to be multiplied
-    to have those in the problem that `solve` would see, which are what coefficients are weighed
-    with. gram and lengths are the same objects for as long as nothing changes in them.
+    gram (k, k): Gram matrix in Fortran order, of which only the upper triangle is read; slope, c
+    (k,), c zero off the support. All refer to columns of about unit length; lengths (k,): factors
+    that restore the columns of the original problem, in which coefficients are compared. gram and
+    lengths remain the same objects as long as they do not change.
 
-    error: of gram and slope. exact(): the same with hardly any, at a price; None where this is
-    it already. left(): |residual(c)|^2, and the squared norm of the unknowns that were
-    eliminated, each times the length of its column: rounding is judged against them, too.
+    error: error bounds of gram and slope. exact(): the same model with almost no error at higher
+    cost; None if it is already exact. left(): |residual(c)|^2, and the squared norm of the
+    eliminated unknowns times their column lengths, against which round-off is judged.
     """
 
     gram: FloatArray
@@ -124,8 +131,8 @@ class Quadratic(NamedTuple):
 
 
 class Reason(Protocol):
-    """Why a support stays as long as gram is the same, from linear functions of slope and c:
-    values = slope @ at.slope + c @ at.c, with these two (m, k)."""
+    """Certificate that a support remains optimal while gram is constant, as linear functions of
+    slope and c: values (m,) = slope @ at.slope + c @ at.c, with these two (m, k)."""
 
     @property
     def slope(self) -> FloatArray: ...
@@ -133,32 +140,36 @@ class Reason(Protocol):
     def c(self) -> FloatArray: ...
     @property
     def parts(self) -> tuple[slice, ...]:
-        """Values of one kind each."""
+        """Slices of `values` with a common meaning."""
         ...
 
     def holds(self, values: FloatArray, relative: float, absolute: Sequence[float]) -> bool:
-        """Does the support stay, for sure? relative: error of sizes; absolute: of each part."""
+        """True if the support certainly remains. relative: relative error of magnitudes; absolute:
+        absolute error of each of the `parts`."""
         ...
 
 
 class Screen(Protocol):
-    """The exchanges of one solver where the residual is linear, answered from its Gram matrix."""
+    """Screening of one sparse solver for a linear residual: support changes decided from the Gram
+    matrix."""
 
     def stays(self, at: Quadratic, support: BoolArray) -> bool:
-        """Is it sure, and cheap to see, that the solver would end on the support it starts from?
+        """True if an inexpensive test proves that the solver would end on the support from which it
+        starts.
 
-        Also for several problems side by side, each a group with rows of its own.
+        Applies also to several independent problems, each a group with its own rows.
         """
         ...
 
     def settle(self, at: Quadratic, support: BoolArray) -> BoolArray | None:
-        """The support (k,) on which the solver would end, started from c on `support`, which is
-        returned itself if it stays. None when an intermediate decision is closer than the
-        error: run the solver."""
+        """Support (k,) on which the solver would end, started from c on `support`; the same object
+        if it does not change. None if an intermediate decision is within the error bounds, so that
+        the solver must be run."""
         ...
 
     def reason(self, at: Quadratic, support: BoolArray) -> Reason | None:
-        """Why the support has just stayed; None where that cannot be said so."""
+        """Certificate for a support that has just been retained; None if there is none of this
+        form."""
         ...
 
     def unlike(self, old: Quadratic, new: Quadratic, support: BoolArray) -> GramError:
@@ -168,9 +179,9 @@ class Screen(Protocol):
 
 @runtime_checkable
 class ScreensSupport(Protocol):
-    """A sparse solver that tests cheaply whether it would exchange atoms."""
+    """A sparse solver with an inexpensive test of whether it would exchange atoms (columns)."""
 
     def screen(self, groups: Sequence[Group], seen: BoolArray, rows: int) -> Screen:
-        """For problems with these groups, which all have budgets. seen (k,): columns that are not
-        zero; rows: those that the problem of `solve` has for these columns."""
+        """Screening for problems with these groups, all of which have budgets. seen (k,): True for
+        nonzero columns; rows: number of rows of the problem for these columns."""
         ...

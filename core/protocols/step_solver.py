@@ -1,4 +1,4 @@
-"""Step solvers: the solution of one time step of a full or reduced model."""
+"""Interfaces of step solvers, which solve one time step of a full or reduced model."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -17,7 +17,8 @@ from sparsemor.core.status import Status
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ResultantSource:
-    """A term with resultants, its name in the scene, and its columns (k,) among the unknowns."""
+    """A term that reports force resultants (a contact, say), its name in the input, and its columns
+    (k,) among the unknowns."""
 
     name: str
     columns: IntArray
@@ -26,7 +27,9 @@ class ResultantSource:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StepOutcome:
-    """x (n,) in the step solver's own layout. block: where it failed, if it did."""
+    """Solution x (n,) of one time step in the unknowns of the step solver (reduced ones for a
+    reduced model), and its status. block: name of the block in which the solution failed, if it
+    did."""
 
     x: FloatArray
     status: Status
@@ -37,34 +40,36 @@ class StepOutcome:
 
 @runtime_checkable
 class StepMemory(Protocol):
-    """State of a step solver between time steps, and the arrays that a step works in. Owned by the
-    run, made by `StepSolver.start`, changed by `StepSolver.solve`; the solver itself is immutable.
+    """State of a step solver between time steps, with its work arrays. The run owns it;
+    `StepSolver.start` makes it and `StepSolver.solve` changes it, while the solver itself is
+    immutable.
 
-    Its fields are plain data, or objects of which `start` makes one in the same place
-    (core/results/saved_state.py), so that a stopped run can be continued. Working arrays are left
-    out of `__getstate__`.
+    Its fields are plain data, or objects that `start` makes at the same place
+    (core/results/saved_state.py), so that a stopped run can be resumed. `__getstate__` omits work
+    arrays.
     """
 
     def copy(self) -> Self:
-        """Separate memory of the same state: steps from it and from this one give equal bits, also
-        in two threads at once."""
+        """Independent copy: steps from it and from the original give bitwise equal results, also in
+        two threads at once."""
         ...
 
 
 M = TypeVar("M", bound=StepMemory, default=Any)
-"""Class of a step solver's own memory. A solver of an unknown class (`StepSolver` alone) takes what
-its own `start` has returned."""
+"""Memory class of a step solver; for a solver of unknown class, whatever its own `start`
+returns."""
 M_contra = TypeVar("M_contra", bound=StepMemory, contravariant=True, default=Any)
 
 
 class StepSolver(Protocol[M]):
-    """Solves one step of one (full or reduced) model. Immutable: a step writes only to the memory
-    that it is given.
+    """Solver of one time step of a full or reduced model. Immutable: a step writes only to the
+    memory passed to it.
 
-    `dictionaries` maps block names to the map back to full unknowns (absent: kept as they are);
-    `rows`, `elements_touched`: per block; `supports(memory)`: active atoms per budgeted block;
-    `notes`: what a user should know before trusting the run; `facts`: block name ->
-    numbers worth reporting (condition of its rows, interpolation points, elements kept).
+    dictionaries: block -> map from reduced to full unknowns (no entry: block not reduced); rows:
+    block -> sampled rows; elements_touched: block -> number of elements evaluated;
+    supports(memory): block -> active atoms (selected trial vectors); notes: warnings for the user;
+    facts: block -> numbers to report (condition of the sampled rows, interpolation points, elements
+    kept).
     """
 
     @property
@@ -81,52 +86,54 @@ class StepSolver(Protocol[M]):
     @property
     def elements_touched(self) -> Mapping[str, int]: ...
     def start(self, state: State) -> tuple[State, M]:
-        """From a full-order state to this solver's state (consistent rates) and memory."""
+        """Initial state in the solver's unknowns with consistent rates, from a state of the full
+        model; and the solver's memory."""
         ...
 
     def solve(self, step: StepFormula, memory: M) -> tuple[StepOutcome, M]: ...
     def supports(self, memory: M) -> Mapping[str, BoolArray]: ...
     def counters(self, memory: M) -> Mapping[str, int]:
-        """"factorizations", "support_changes", ... counted since `start`."""
+        """Number of events since `start`: "factorizations", "support_changes", ..."""
         ...
 
 
 @runtime_checkable
 class RedrawsRows(Protocol[M_contra]):
-    """A step solver whose rows change during the run. `rows` are those of the start; `counters`
-    then hold "resamplings"."""
+    """A step solver that samples its rows again during the run. `rows` are the initial ones;
+    `counters` then include "resamplings"."""
 
     def rows_at(self, memory: M_contra) -> Mapping[str, IntArray]:
-        """The rows in use, per block."""
+        """Current sampled rows by block."""
         ...
 
 
 @runtime_checkable
 class FreezesSupport(Protocol[M_contra]):
-    """A step solver whose supports or rows change, and that can be held at those of a memory; the
-    stability check then sees a fixed step map."""
+    """A step solver with changing supports (active trial vectors) or rows that can be frozen at
+    their current values, so that the stability check has a fixed time-step map to linearise."""
 
     def frozen(self, memory: M_contra) -> tuple[StepSolver, StepMemory]:
-        """A step solver on the supports and rows that `memory` is at, and its memory."""
+        """Step solver with fixed supports and rows, those of `memory`, and its memory."""
         ...
 
 
 @runtime_checkable
 class RespondsByBlock(Protocol):
-    """A step solver with the response of each elastic block alone."""
+    """A step solver that returns the linear response of each elastic block by itself."""
 
     def alone(self) -> Mapping[str, FloatArray]:
-        """Elastic block -> (s, 2 s) response of its active unknowns to their own r1 and r2,
-        everything else held."""
+        """Elastic block -> derivative (s, 2 s) of the solution in its s active unknowns by their
+        own history terms [r1; r2] of the step formula, all other unknowns fixed."""
         ...
 
 
 @runtime_checkable
 class RespondsExactly(Protocol):
-    """A step solver with the derivative of its solution, better than finite differences."""
+    """A step solver with an exact derivative of its solution by the history terms of the step
+    formula, instead of finite differences."""
 
     def response(self, step: StepFormula, x: FloatArray) -> FloatArray:
-        """(n, 2 n) derivative of the solution x (n,) of a step by [r1; r2]."""
+        """Derivative (n, 2 n) of the solution x (n,) of a step by the history terms [r1; r2]."""
         ...
 
 
@@ -135,26 +142,28 @@ class CountsLinearIterations(Protocol[M_contra]):
     """A step solver whose blocks are solved by iterative linear solvers."""
 
     def linear_iterations(self, memory: M_contra) -> Mapping[str, int]:
-        """Block -> iterations since `start`."""
+        """Block -> number of iterations of the linear solver since `start`."""
         ...
 
 
 @runtime_checkable
 class ReportsTerms(Protocol[M_contra]):
-    """A step solver with terms whose resultants are kept at the stored steps."""
+    """A step solver with terms (contacts, say) whose force resultants are recorded at the stored
+    steps."""
 
     def resultant_sources(self, memory: M_contra | None) -> tuple[ResultantSource, ...]:
-        """Those terms after the step that left `memory` (None: only their names count)."""
+        """Terms with resultants after the step that left `memory`; None: before the first step,
+        where only the names count."""
         ...
 
 
 @runtime_checkable
 class Restarts(StepMemory, Protocol):
-    """The memory of a step solver whose next step may start at a state that it did not compute,
-    as error-controlled steps need."""
+    """Memory of a step solver that can begin a step at a state that it did not compute, as adaptive
+    time stepping requires."""
 
     def moved(self, x: FloatArray) -> None:
-        """The next step starts at x (n,)."""
+        """Sets x (n,) as the state at which the next step begins."""
         ...
 
 
@@ -193,13 +202,14 @@ class AroundSteps(Generic[S]):
 
 
 def resultant_sources(terms: Iterable[tuple[object, IntArray]]) -> tuple[ResultantSource, ...]:
-    """Those of the terms, each with its columns, that have resultants."""
+    """The terms that report force resultants. terms: pairs of a term and its columns among the
+    unknowns."""
     return tuple(ResultantSource(term.source, columns, term) for term, columns in terms
                  if isinstance(term, ReportsResultants) and term.histories)
 
 
 def unavailable_resultants(terms: Iterable[object]) -> tuple[Note, ...]:
-    """A sentence for each reduced term that leaves out what its resultants depend on."""
+    """Warnings for reduced terms that omit elements on which their force resultants depend."""
     return tuple(information(
         f"contact {t.source}: this model evaluates a part of the facets, so the resultants of the "
         "contact are not known, and no history of it is kept", "resultants")
@@ -210,12 +220,12 @@ def unavailable_resultants(terms: Iterable[object]) -> tuple[Note, ...]:
 def resultant_sources_of(
     solver: StepSolver, memory: StepMemory | None
 ) -> tuple[ResultantSource, ...]:
-    """Terms with resultants of a step solver, () where it has none."""
+    """Terms of a step solver that report force resultants, () if there are none."""
     return solver.resultant_sources(memory) if isinstance(solver, ReportsTerms) else ()
 
 
 def resultants(known: Sequence[ResultantSource], state: State) -> Mapping[str, float]:
-    """`name.history` -> value at a state."""
+    """Force resultants `name.history` -> value at a state, for the given terms."""
     return {f"{a.name}.{what}": value for a in known
             for what, value in a.term.resultants(state.x[a.columns], state.v[a.columns], state.t)
             .items()}

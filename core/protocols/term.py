@@ -1,4 +1,4 @@
-"""Terms of the equations, whole and reduced."""
+"""Residual terms of the equations, and their projections on reduced bases."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -9,10 +9,11 @@ from sparsemor.core.arrays import Csr, FloatArray, IntArray
 
 @runtime_checkable
 class Term(Protocol):
-    """A sum of equations' parts: rows it adds to, columns (stencil) it reads.
+    """One additive contribution to the residual of the model, with the rows that it adds to and the
+    columns (stencil) that it reads.
 
-    `rows` (m,) and `columns` (n,) are positions in the layout's flat vector. `x, v, a` are the
-    unknowns and their rates *at `columns`*, shape (n,); `t` in s. Laws, tested on every term:
+    rows (m,), columns (n,): positions in the state vector. x, v, a (n,): unknowns, rates and second
+    derivatives at `columns`; t in s. Laws, tested for every term:
 
     * `restrict(keep).residual(...) == residual(...)[keep]`, likewise the Jacobian, where the
       restricted term may have a smaller stencil;
@@ -32,15 +33,16 @@ class Term(Protocol):
     def jacobian(
         self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: FloatArray, c2: FloatArray
     ) -> Csr:
-        """d residual / dx where dv = c1 dx, da = c2 dx (c1, c2 of shape (n,)); (m, n)."""
+        """Derivative (m, n) of the residual by x, with dv = c1 dx and da = c2 dx; c1, c2 (n,)."""
         ...
 
     def restrict(self, keep: IntArray) -> "Term":
-        """The rows number `keep` (positions in `rows`) of this term."""
+        """The term with only the rows at positions `keep` of `rows`."""
         ...
 
     def compress(self, trial: "Trial", left: FloatArray) -> "ReducedTerm":
-        """left (l, m): what `left @ residual` is as a function of reduced unknowns."""
+        """Projected term left @ residual(offset + atoms xi), with test basis left (l, m), as a
+        function of reduced unknowns xi."""
         ...
 
 
@@ -55,9 +57,9 @@ class HasConstantMatrices(Protocol):
 
 @runtime_checkable
 class NamesSource(Protocol):
-    """A term with the name of the scene entry that it comes from.
+    """A term with the name of the joint, contact, load or body that contributes it.
 
-    The assembly sets the name: `source` is a dataclass field, and "" in the term as it is made.
+    The assembly sets the name: `source` is a dataclass field, "" until then.
     """
 
     @property
@@ -66,20 +68,21 @@ class NamesSource(Protocol):
 
 @runtime_checkable
 class ChecksStep(Protocol):
-    """A term or reduced term that can reject the end of a step although it converged."""
+    """A term that can reject a time step although its iteration converged; it may be reduced."""
 
     def check_step(self, x: FloatArray, v: FloatArray, t: float, h: float) -> str:
-        """Why the end of a step of about h, s, is wrong, "" where it is not. x, v (n,) at the
-        term's columns, t in s."""
+        """Reason to reject a time step of about h, s, that ends at t, s; "" to accept it. x, v
+        (n,): unknowns and rates at the term's columns."""
         ...
 
 
 @runtime_checkable
 class ReportsResultants(Protocol):
-    """A term or reduced term with resultants, such as a contact: forces, power, areas.
+    """A term with force resultants or similar totals (power, contact area), such as a contact; it
+    may be reduced.
 
-    source: name of the scene entry; histories: names of the resultants; empty for a reduced
-    term that does not evaluate all that they need.
+    source: name of the contact or load; histories: names of the resultants, empty if a reduced term
+    does not evaluate all elements that they need.
     """
 
     @property
@@ -87,15 +90,16 @@ class ReportsResultants(Protocol):
     @property
     def histories(self) -> tuple[str, ...]: ...
     def resultants(self, x: FloatArray, v: FloatArray, t: float) -> Mapping[str, float]:
-        """Name -> value at x, v (n,) at the term's columns, and t, s."""
+        """Resultants by name at t, s; x, v (n,): unknowns and rates at the term's columns."""
         ...
 
 
 @runtime_checkable
 class WrapsTerm(Protocol):
-    """A reduced term that evaluates an unreduced one.
+    """A reduced term that evaluates an unreduced term and projects it.
 
-    source: name of the scene entry; histories: names of the resultants that it still knows.
+    source: name of the contact or load; histories: names of the resultants that it can still
+    evaluate.
     """
 
     @property
@@ -108,41 +112,38 @@ class WrapsTerm(Protocol):
 
 @runtime_checkable
 class RelocatesNear(Protocol):
-    """A reduced term with a cheaper copy that is exact near a state, such as a contact with a list
-    of neighbours. The copy has the members of this term, `holds(x)` and the state `at`."""
+    """A reduced term that can make a cheaper copy, exact near a given state, such as a contact with
+    a neighbour list."""
 
     def near(self, x: FloatArray) -> "LocalCopy": ...
 
 
 @runtime_checkable
 class TimeDependent(Protocol):
-    """A term that knows how its constraint rows depend on time alone.
+    """A term with the exact partial time derivative of its constraint equations.
 
-    Optional for terms with rows of multipliers: of others, the start of a run takes finite
-    differences in time.
+    Optional: for constraints without it, the initial accelerations use finite differences in time.
     """
 
     def time_derivative(self, order: int, t: float, h: float) -> Term | None:
-        """The partial derivative of order 1 or 2 by time, from the right at t, s, as a term whose
-        constraint rows are valid at t; None where it is zero. h: time step, s."""
+        """Partial derivative by time of order 1 or 2, from the right at t, s, as a term whose
+        constraint rows are valid at t; None if it is zero. h: time step, s."""
         ...
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Trial:
-    """The affine map from reduced unknowns to a term's columns: x = offset + atoms @ xi.
-
-    atoms (n, k), offset (n,) at the term's own columns; v = atoms @ xi', a = atoms @ xi''.
-    """
+    """Affine trial basis of the unknowns at a term's columns: x = offset + atoms @ xi, v = atoms @
+    xi', a = atoms @ xi''; atoms (n, k), offset (n,)."""
 
     atoms: FloatArray
     offset: FloatArray
 
 
 class ReducedTerm(Protocol):
-    """A compressed term: (k,) reduced unknowns and rates -> (l,) rows, (l, k) Jacobian.
+    """Projected residual term: l equations in k reduced unknowns, Jacobian (l, k).
 
-    c1, c2 (k,). `elements`: number of mesh elements that one evaluation visits.
+    c1, c2 (k,): dv = c1 dx, da = c2 dx. elements: number of mesh elements per evaluation.
     """
 
     @property
@@ -154,12 +155,12 @@ class ReducedTerm(Protocol):
 
 
 class LocalCopy(ReducedTerm, ChecksStep, Protocol):
-    """A copy of a reduced term for states near one. at (k,): the state that it was made at."""
+    """Cheaper copy of a reduced term for states near `at` (k,), at which it was made."""
 
     @property
     def at(self) -> FloatArray: ...
     def holds(self, x: FloatArray) -> bool:
-        """True if the copy is exact at x (k,)."""
+        """True if the copy is still exact at the reduced state x (k,)."""
         ...
 
     def resultants(self, x: FloatArray, v: FloatArray, t: float) -> Mapping[str, float]: ...

@@ -1,10 +1,9 @@
-"""Contracts of plugin kinds: members and signatures that a class must have before it is used.
+"""Check of plugin classes against the protocol of their kind, before a plugin is used.
 
-A plugin class is checked when it is chosen, against the protocol of its kind and the optional
-abilities of that kind (`protocols.capabilities`): each member must be there, a method must be
-callable as the protocol calls it, a property must be a value, and of the values that its type
-allows. A public name that is nearly that of a member is refused. What a method returns is checked
-where it is first used (`core.registry.returned_values`).
+Each required member must exist, a method must accept the arguments of the protocol, and a property
+must have an allowed value; optional protocols (`protocols.capabilities`) are checked if a class
+implements part of them. A public name that is nearly that of a member is reported as a spelling
+error. Return values are checked at first use (`core.registry.returned_values`).
 """
 
 import difflib
@@ -43,9 +42,9 @@ from sparsemor.core.registry.plugin import API, Plugin
 
 _ABSENT = object()
 CLOSE = 0.8
-"""Likeness (difflib ratio) of a name that is suggested for a missing member."""
+"""Similarity (difflib ratio) above which a name is suggested for a missing member."""
 TYPING_ERROR = 0.85
-"""Likeness from which a name that no protocol has is refused as a misspelt optional member:
+"""Similarity (difflib ratio) above which an unknown name is reported as a misspelt optional member:
 `localised` and `localized` have 0.89; `nodes` and `notes`, two words, 0.80."""
 
 CONTRACTS: Mapping[str, type] = {
@@ -55,14 +54,15 @@ CONTRACTS: Mapping[str, type] = {
     "normal_law": NormalLaw, "observer": ObserverPlugin, "preconditioner": Preconditioner,
     "reducer": Reducer, "sampler": Sampler, "sparse_solver": SparseSolver,
 }
-"""Kind of plugin -> protocol of its class."""
+"""Kind of plugin -> protocol of the plugin class."""
 PARTS: Mapping[str, type] = {"body": Body, "contact": Contact, "joint": Joint, "load": Load}
-"""Kind of plugin -> protocol of what its `build` returns."""
+"""Kind of plugin -> protocol of the object that its `build` returns."""
 
 
 @cache
 def breaches(kind: str, cls: type) -> tuple[str, ...]:
-    """Violations of the protocol of this kind by a class, in words; () when there are none."""
+    """Violations by a class of the protocol of this kind of plugin, in words; () if there are
+    none."""
     protocol = CONTRACTS.get(kind)
     if protocol is None:
         return ()
@@ -75,7 +75,8 @@ def breaches(kind: str, cls: type) -> tuple[str, ...]:
 
 
 def part_breaches(protocol: type, abilities: tuple[type, ...], cls: type) -> list[str]:
-    """Violations of its protocol by the class of a built part, except missing members."""
+    """Violations of `protocol` and its optional protocols by the class of a built object, except
+    missing members."""
     looked_for = _members((protocol, *abilities))
     public = {n for c in cls.__mro__ if c is not object and not is_protocol(c)
               for n in (*vars(c), *inspect.get_annotations(c)) if not n.startswith("_")}
@@ -85,13 +86,13 @@ def part_breaches(protocol: type, abilities: tuple[type, ...], cls: type) -> lis
 
 
 def refusal(kind: str, cls: type) -> str:
-    """The breaches of a class in one sentence, "" when there are none."""
+    """All protocol violations of a class in one sentence, "" if there are none."""
     found = breaches(kind, cls)
     return f"breaks the protocol {CONTRACTS[kind].__name__}: {'; '.join(found)}" if found else ""
 
 
 def required_members(kind: str) -> list[str]:
-    """Members that a plugin of this kind must have, methods with their arguments."""
+    """Required members of this kind of plugin, methods with their arguments."""
     protocol = CONTRACTS.get(kind)
     return [] if protocol is None else shapes(protocol)
 
@@ -102,7 +103,7 @@ def shapes(protocol: type) -> list[str]:
 
 
 def abilities_of(kind: str, cls: type) -> list[type]:
-    """Optional protocols of a kind whose members a class has."""
+    """Optional protocols of a kind of plugin that a class implements."""
     return [ability for ability in (*CAPABILITIES.get(kind, ()), *EVERY)
             if all(_member(cls, m) is not _ABSENT for m in get_protocol_members(ability))]
 
@@ -137,7 +138,7 @@ def _breach(cls: type, protocol: type, member: str) -> str:
 
 
 def _unfit(function: Callable[..., Any], static: bool, protocol: type, member: str) -> str:
-    """Why a method cannot be called as the protocol calls it, "" where it can."""
+    """Reason why a method cannot be called with the arguments of the protocol, "" if it can."""
     wanted = _parameters(protocol, member)
     try:
         signature = inspect.signature(function)
@@ -163,20 +164,21 @@ def _unfit(function: Callable[..., Any], static: bool, protocol: type, member: s
 
 
 def _version(cls: type) -> list[str]:
-    """A plugin that was written for another version of the extension API."""
+    """Error for a plugin class written for another version of the extension interface, else []."""
     made_for = inspect.getattr_static(cls, "sparsemor_api", API)
     return [] if made_for == API else [
         f"it was written for version {made_for} of the extension API, and this is version {API}"]
 
 
 def _breaches(cls: type, protocol: type, members: Iterable[str]) -> list[str]:
-    """Violations of some members of a protocol, in words."""
+    """Violations by a class of the given members of a protocol, in words."""
     return [text for m in sorted(members) if (text := _breach(cls, protocol, m))]
 
 
 def _unfit_abilities(cls: type, abilities: Sequence[type]) -> list[str]:
-    """Abilities of which a class has one own method, or of those without methods one own value,
-    and lacks or breaks another member. A value alone may be an option with a common name."""
+    """Violations of optional protocols that a class implements in part: it has one of the
+    protocol's own methods (or one of its values, if it has no methods) but lacks or breaks another
+    member. A value alone does not count, since it may be an option with a common name."""
     found = []
     for ability in abilities:
         own = _own_members(ability)
@@ -189,8 +191,8 @@ def _unfit_abilities(cls: type, abilities: Sequence[type]) -> list[str]:
 def _misspelled(
     cls: type, public: Sequence[str], looked_for: set[str], optional: set[str]
 ) -> list[str]:
-    """Public names that no protocol has and that are nearly the name of an optional member; and
-    values of plugins that are neither an option nor in a protocol."""
+    """Errors for public names that are nearly the name of an optional member, and for plugin
+    attributes that are neither an option nor in a protocol."""
     found = []
     untyped = _untyped_values(cls)
     for name in public:
@@ -208,7 +210,7 @@ def _misspelled(
 
 
 def _untyped_values(cls: type) -> set[str]:
-    """Values that a plugin class has without annotating them."""
+    """Names of attributes of a plugin class without a type annotation."""
     if not issubclass(cls, Plugin):
         return set()
     return {n for c in cls.__mro__ if c not in Plugin.__mro__ for n, v in vars(c).items()
@@ -220,12 +222,13 @@ def _members(protocols: Sequence[type]) -> set[str]:
 
 
 def _own_members(protocol: type) -> set[str]:
-    """Members that a protocol does not have from the protocols it is derived from."""
+    """Members of a protocol that it does not inherit from another protocol."""
     return set(get_protocol_members(protocol)) - _members(protocol.__mro__[1:])
 
 
 def _unfit_value(has: object, wanted: property, member: str) -> str:
-    """Why a value is none of those that the type of a property allows, "" where it is."""
+    """Reason why an attribute's value is not allowed by the type of the protocol's property, "" if
+    it is."""
     if has is None or inspect.isdatadescriptor(has) or wanted.fget is None:
         return ""  # a field, or computed
     allowed = get_type_hints(wanted.fget).get("return")
@@ -237,7 +240,7 @@ def _unfit_value(has: object, wanted: property, member: str) -> str:
 
 
 def _public(cls: type) -> list[str]:
-    """Attributes that a class adds to `Plugin`, its options left out."""
+    """Public attributes that a class adds to `Plugin`, except options."""
     names = {n for c in cls.__mro__ if c is not object and c not in Plugin.__mro__
              for n in vars(c) if not n.startswith("_")}
     options = set(cls.model_fields) if issubclass(cls, Plugin) else _annotated(cls)
@@ -245,12 +248,12 @@ def _public(cls: type) -> list[str]:
 
 
 def _annotated(cls: type) -> set[str]:
-    """Names of options, fields and annotated class variables."""
+    """Names of annotated attributes of a class: options, fields and class variables."""
     return {n for c in cls.__mro__ if c not in Plugin.__mro__ for n in inspect.get_annotations(c)}
 
 
 def _member(cls: type, name: str) -> object:
-    """A class's attribute without binding it; None for a field without a default."""
+    """Class attribute without binding; None for a field without a default."""
     absent = None if name in _annotated(cls) else _ABSENT
     if absent is None and issubclass(cls, Plugin) and name in cls.model_fields:
         return None
@@ -270,7 +273,8 @@ def _parameters(protocol: type, member: str) -> list[inspect.Parameter]:
 
 
 def _shape(protocol: type, member: str) -> str:
-    """`sample(block, m, dictionary, rng, required)`, or the bare name of a property."""
+    """Signature of a method without types, such as `sample(block, m, dictionary, rng, required)`;
+    the bare name of a property."""
     if not inspect.isfunction(inspect.getattr_static(protocol, member, None)):
         return member
     return member + _written(_parameters(protocol, member))

@@ -1,4 +1,4 @@
-"""Events of a run, which observers receive; observers return nothing.
+"""Events of a run for observers, such as progress displays; observers return nothing.
 
 An observer is any object with methods marked by `hookimpl`; each takes the arguments it needs:
 
@@ -26,10 +26,10 @@ hookimpl = pluggy.HookimplMarker(_PROJECT)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RunStart:
-    """Argument of `on_start`.
+    """Description of a run at its start, the argument of `on_start`.
 
-    t_start, t_end: s; steps: still to do; phase: "run", or "training" or
-    "rigid stage" for a run that comes before it.
+    t_start, t_end: s; steps: number of steps to do; phase: "run", or "training" or "rigid stage"
+    for a training run or a rigid-body pre-simulation.
     """
 
     title: str
@@ -41,51 +41,56 @@ class RunStart:
 
 
 class Events:
-    """Specification of the events: names and arguments."""
+    """Events of a run: names and arguments."""
 
     @hookspec
     def on_start(self, run: RunStart) -> None:
-        """Before the first step; a training run and the run itself start separately."""
+        """Called before the first step, separately for a training run and for the main run."""
 
     @hookspec
     def on_step(self, step: int, t: float, x: FloatArray, outcome: StepOutcome) -> None:
-        """After an accepted step. t in s; x (n,) in the step solver's layout, not to be changed."""
+        """Called after an accepted step. t: s; x (n,): unknowns of the step solver, not to be
+        changed."""
 
     @hookspec
     def on_resample(self, block: str, rows: IntArray) -> None:
-        """A block's sampled rows (m,) were chosen: before the first step, and again during the
-        run."""
+        """Called when rows (m,) of a block's equations were sampled: before the first step, and
+        after each resampling."""
 
     @hookspec
     def on_support_change(self, t: float, block: str, support: BoolArray) -> None:
-        """A block's active atoms (k,) differ from the step before."""
+        """Called when the active atoms (trial vectors) of a block change; support (k,): True for
+        active ones; t: s."""
 
     @hookspec
     def on_failure(self, status: Status, t: float, block: str, detail: str) -> None:
-        """The run stops at t (s)."""
+        """Called when the run stops at t (s) because a step failed in `block`."""
 
     @hookspec
     def on_finish(self, summary: Mapping[str, Any]) -> None:
-        """The run ended, well or not; always the last event after `on_start`."""
+        """Called at the end of the run, successful or not; always the last event after
+        `on_start`."""
 
 
 class ObserverPlugin(Protocol):
-    """A plugin that makes observers: objects with methods marked by `hookimpl`."""
+    """Options of an observer, from which `observer` makes an object with methods marked by
+    `hookimpl`."""
 
     def observer(self) -> object:
-        """A new observer for one run and its training run."""
+        """New observer for one run and its training run."""
         ...
 
 
 @runtime_checkable
 class Closes(Protocol):
-    """Observer with a resource to release at its end, such as the terminal."""
+    """An observer with a resource, such as the terminal, to release after its last event."""
 
     def close(self) -> None: ...
 
 
 class Manager(pluggy.PluginManager):
-    """One run's observers. Guard costly arguments with `if manager.has_observers`."""
+    """Dispatcher of events to the observers of one run. Test `manager.has_observers` before
+    computing costly arguments."""
 
     def __init__(self) -> None:
         super().__init__(_PROJECT)
@@ -94,9 +99,10 @@ class Manager(pluggy.PluginManager):
 
 
 def new_manager(observers: Iterable[object] = ()) -> Manager:
-    """A manager for one run.
+    """Event dispatcher for one run.
 
-    Raises `InputError` for an observer that listens to nothing, twice, or to an unknown event.
+    Raises `InputError` for an observer without event methods, listed twice, or with an unknown
+    event.
     """
     manager = Manager()
     for observer in observers:

@@ -1,4 +1,4 @@
-"""Types of options in words, from their JSON schema: `number <= 1`, `name: basis plugin`."""
+"""Option types in words, from their JSON schema: `number <= 1`, `name: basis plugin`."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -10,7 +10,7 @@ _BOUNDS = {"minimum": ">= {}", "exclusiveMinimum": "> {}", "maximum": "<= {}",
 
 
 def type_in_words(option: Mapping[str, Any]) -> str:
-    """The type of one property of a model's JSON schema, with its bounds."""
+    """Type of one option in words, with its bounds; option: its JSON schema."""
     if Slot.MARK in option:
         return f"{option[Slot.MARK]} plugin"
     if "$ref" in option:

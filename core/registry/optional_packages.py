@@ -1,4 +1,4 @@
-"""Packages that only some solvers need."""
+"""Check for optional dependencies, such as packages of some linear solvers."""
 
 from importlib.util import find_spec
 
@@ -6,7 +6,8 @@ from sparsemor.core.errors import InputError
 
 
 def require(module: str, extra: str, who: str) -> None:
-    """InputError that names the extra when `module` is not installed. Imports nothing."""
+    """Raises InputError with the name of the pip extra if `module` is not installed. Imports
+    nothing. who: the plugin that needs it."""
     if find_spec(module) is None:
         raise InputError(
             f"{who} needs the package {module}, which is not installed: "

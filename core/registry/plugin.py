@@ -1,18 +1,20 @@
-"""The base of every plugin: a frozen pydantic model whose fields are its options."""
+"""Base class of plugins: a frozen pydantic model whose fields are the plugin's options."""
 
 from typing import ClassVar
 
 from pydantic import BaseModel, ConfigDict
 
 API = 2
-"""Version of the extension API, `sparsemor.core`."""
+"""Version of the extension interface `sparsemor.core`."""
 
 
 class Plugin(BaseModel):
-    """Base class of plugins: fields are options, methods implement the protocol of its kind.
+    """Base class of plugins: fields are options, methods implement the protocol of the plugin's
+    kind.
 
-    Unknown options, and numbers that are not finite, are refused. A plugin that sets
-    `sparsemor_api` to the version it was written for is refused by name where that is another one.
+    Unknown options and non-finite numbers are rejected. A plugin may set `sparsemor_api` to the
+    version of the interface that it was written for; another version is an error that names the
+    plugin.
     """
 
     sparsemor_api: ClassVar[int] = API

@@ -15,15 +15,15 @@ from sparsemor.core.registry.contracts import refusal
 from sparsemor.core.registry.plugin import Plugin
 
 PREFIX = "sparsemor."
-"""Entry-point groups are `sparsemor.<kind>`."""
+"""Prefix of entry-point groups, `sparsemor.<kind>`."""
 OWN = "sparsemor"
-"""Distribution whose plugins a plain name means where another one offers the same name."""
+"""Distribution that takes precedence if several offer a plugin of the same name."""
 _UNNAMED = "an unnamed distribution"
 
 
 @dataclass(frozen=True, slots=True)
 class PluginName:
-    """A plugin that is installed. Nothing of it has been imported."""
+    """Kind, name and distribution of an installed plugin, which is not imported yet."""
 
     kind: str
     name: str
@@ -33,23 +33,23 @@ class PluginName:
 
     @property
     def qualified(self) -> str:
-        """`package:name`, which selects this plugin where several packages offer the name."""
+        """Name `package:name`, which selects this plugin if several packages offer the name."""
         return f"{self.distribution}:{self.name}"
 
     @property
     def origin(self) -> str:
-        """The distribution and its version."""
+        """Distribution and version that provide the plugin."""
         return f"{self.distribution} {self.version}" if self.distribution else _UNNAMED
 
 
 class Registry:
-    """The plugins installed here: a value, never a global.
+    """Registry of the installed plugins; an ordinary object, not a global.
 
-    A name is plain (`lhs`) or qualified by its distribution (`sparsemor-other:lhs`). Where several
-    distributions offer a plain name, it means the one of sparsemor itself.
+    A name is plain (`lhs`) or qualified by its distribution (`sparsemor-other:lhs`). If several
+    distributions offer a plain name, the one of sparsemor is used.
 
-    Entry points are read on first use and kept, so one registry sees one state of the machine.
-    `entry_points` replaces what is installed: tests and embedding programs pass their own list.
+    Entry points are read at first use and kept. `entry_points` replaces the installed ones, for
+    tests and embedding programs.
     """
 
     def __init__(self, entry_points: Iterable[metadata.EntryPoint] | None = None) -> None:
@@ -64,23 +64,23 @@ class Registry:
         return tuple(e for g in groups for e in installed.select(group=g))
 
     def kinds(self) -> tuple[str, ...]:
-        """Every kind that some installed distribution offers, sorted."""
+        """Kinds of plugins that the installed distributions offer, sorted."""
         return tuple(sorted({e.group.removeprefix(PREFIX) for e in self._entry_points}))
 
     def names(self, kind: str) -> tuple[PluginName, ...]:
-        """The plugins of one kind, sorted by name. Imports nothing."""
+        """Plugins of one kind, sorted by name. Imports nothing."""
         found = [_named(e) for e in self._of(kind)]
         return tuple(sorted(found, key=lambda p: (p.name, p.distribution)))
 
     def has(self, kind: str, name: str) -> bool:
-        """True if a plain or qualified name is that of a plugin, or of several. Imports nothing."""
+        """True if at least one plugin has this plain or qualified name. Imports nothing."""
         return bool(self._called(kind, name))
 
     def get(self, kind: str, name: str) -> type[Plugin]:
-        """Import the plugin's class.
+        """Plugin class of this kind and name, imported.
 
-        Raises `InputError` when the name is unknown, ambiguous, fails to import, is not a
-        `sparsemor.core.registry.plugin.Plugin`, or breaks the protocol of its kind.
+        Raises `InputError` if the name is unknown or ambiguous, the import fails, or the class is
+        not a `sparsemor.core.registry.plugin.Plugin` or violates the protocol of its kind.
         """
         one = self._only(kind, name)
         loaded = _Driver(one).plugin
@@ -94,17 +94,17 @@ class Registry:
         return loaded
 
     def load(self, kind: str, name: str) -> Any:
-        """Import whatever object the entry point names (packaged scenes are paths)."""
+        """Object to which an entry point refers, imported (for packaged example inputs, a path)."""
         return _Driver(self._only(kind, name)).plugin
 
     def spelling(self, plugin: PluginName) -> str:
-        """The name to write for a plugin: plain where that selects it, else `package:name`."""
+        """Shortest name that selects a plugin: plain if possible, else `package:name`."""
         offers = self._called(plugin.kind, plugin.name)
         plain = len(offers) < 2 or canonical(plugin.distribution) == OWN
         return plugin.name if plain else plugin.qualified
 
     def passed_over(self, kind: str, name: str) -> str:
-        """A sentence on the other packages that offer a plain name, "" where there are none."""
+        """Note on the other packages that offer the same plain name, "" if there are none."""
         offers = self._called(kind, name)
         if len(offers) < 2:
             return ""
@@ -117,7 +117,7 @@ class Registry:
                 "for this one")
 
     def name_of(self, kind: str, cls: type) -> str:
-        """The name under which a class is registered, the inverse of `get`."""
+        """Name under which a class is registered, the inverse of `get`."""
         same = f"{cls.__module__}:{cls.__qualname__}"
         package = cls.__module__.partition(".")[0]
         candidates = self._of(kind)
@@ -137,7 +137,7 @@ class Registry:
         return [e for e in self._entry_points if e.group == PREFIX + kind]
 
     def _called(self, kind: str, name: str) -> list[metadata.EntryPoint]:
-        """All plugins that a plain or qualified name may mean."""
+        """Entry points of all plugins with this plain or qualified name."""
         package, colon, plain = name.partition(":")
         if not colon:
             offers = [e for e in self._of(kind) if e.name == name]
@@ -148,7 +148,8 @@ class Registry:
                 and canonical(e.dist.name) == canonical(package)]
 
     def _only(self, kind: str, name: str) -> metadata.EntryPoint:
-        """The plugin that a name means; InputError when there is none, or no single one."""
+        """Entry point of the plugin with this name; InputError if there is none or more than
+        one."""
         found = self._called(kind, name)
         if not found:
             raise InputError(self._unknown(kind, name))
@@ -169,7 +170,7 @@ class Registry:
 
 
 class _Driver(DriverManager[Any]):
-    """stevedore's "load exactly one", kept away from its cache of entry points on disk."""
+    """Loader of exactly one entry point by stevedore, without its cache on disk."""
 
     def __init__(self, entry_point: metadata.EntryPoint) -> None:
         self._only = entry_point
@@ -207,7 +208,7 @@ def _reraise(_manager: Any, _entry_point: metadata.EntryPoint, error: BaseExcept
 
 
 def suggestions(name: str, allowed: Iterable[str], label: str = "allowed") -> str:
-    """Advice after an unknown name: the nearest ones, then all of them."""
+    """Hint after an unknown name: the most similar allowed names, then all of them."""
     names = list(allowed)
     close = difflib.get_close_matches(name, names, n=3, cutoff=0.6)
     hint = f"did you mean {' or '.join(close)}? " if close else ""
@@ -225,5 +226,5 @@ def _origin(e: metadata.EntryPoint) -> str:
 
 
 def canonical(distribution: str) -> str:
-    """A distribution's name as package indexes compare it (PEP 503)."""
+    """Distribution name normalised as by package indexes (PEP 503)."""
     return re.sub(r"[-_.]+", "-", distribution).lower()

@@ -1,7 +1,7 @@
-"""Results of plugins' methods, checked where core and reducers receive them.
+"""Checks of the values returned by plugin methods.
 
-Each check raises an InputError, under `key` if there is one, that names the plugin's class, the
-method and what it returned, instead of a traceback further on.
+Each check raises InputError, located at the input key `key` if there is one, with the plugin class,
+the method and the returned value.
 """
 
 from typing import Any, TypeVar
@@ -19,7 +19,8 @@ T = TypeVar("T")
 def checked_return(
     value: object, expected: type[T], plugin: object, call: str, key: str = ""
 ) -> T:
-    """The value, if it is of the class that a plugin's method has to return."""
+    """The value, if it is an instance of `expected`, else InputError. call: the plugin method that
+    returned it."""
     if isinstance(value, expected):
         return value
     raise _wrong(plugin, call, type(value).__name__, f"a {expected.__name__}", key)
@@ -29,8 +30,8 @@ def complete(
     value: object, protocol: type, plugin: object, call: str, key: str = "",
     abilities: tuple[type, ...] = (),
 ) -> None:
-    """InputError unless what a plugin's method returned has every member of a protocol, and no
-    member of its optional abilities in another form or under a misspelled name."""
+    """Raises InputError if the object that a plugin method returned lacks a member of `protocol`,
+    or implements an optional protocol wrongly or under a misspelt name."""
     lacks = absent_members(protocol, value)
     if lacks:
         raise _wrong(plugin, call, f"{type(value).__name__}, which lacks {', '.join(lacks)}",
@@ -45,7 +46,7 @@ def sampled_rows(
     sampler: Sampler, data: BlockData, m: int, dictionary: Dictionary, rng: np.random.Generator,
     required: IntArray,
 ) -> IntArray:
-    """Rows (r,) that a sampler draws: distinct row numbers of the block."""
+    """Row numbers (r,) that a sampler selects for a block; checked to be distinct and in range."""
     rows: Any = np.asarray(sampler.sample(data, m, dictionary, rng, required))
     if rows.ndim != 1 or (rows.size and rows.dtype.kind not in "iu"):
         raise _wrong(sampler, "sample", f"{rows.dtype} of shape {rows.shape}",
@@ -59,7 +60,7 @@ def sampled_rows(
 
 
 def built_dictionary(basis: Basis, data: BlockData) -> Dictionary:
-    """The dictionary of a block that a basis builds, atoms (n, k) and offset (n,)."""
+    """Trial basis of a block built by `basis`; checked for shapes, atoms (n, k) and offset (n,)."""
     made = checked_return(basis.build(data), Dictionary, basis, "build")
     shapes = np.shape(made.atoms), np.shape(made.offset)
     if len(shapes[0]) != 2 or shapes[0][0] != data.size or shapes[1] != (data.size,):
@@ -69,7 +70,7 @@ def built_dictionary(basis: Basis, data: BlockData) -> Dictionary:
 
 
 def built_weights(preconditioner: Preconditioner, B: FloatArray) -> FloatArray:
-    """The matrix P (m, m) that a preconditioner builds for rows B (m, k)."""
+    """Preconditioner matrix P (m, m) of sampled rows B (m, k); its shape is checked."""
     P: Any = np.asarray(preconditioner.build(B))
     m = len(B)
     if P.shape != (m, m) or P.dtype.kind not in "fiu":

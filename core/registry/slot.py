@@ -1,4 +1,4 @@
-"""Slot: an option whose value is a plugin of one kind."""
+"""Option type for options whose value is a plugin."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -25,18 +25,20 @@ from sparsemor.core.registry.validation_errors import shown, with_advice
 
 @dataclass(frozen=True, slots=True)
 class Slot:
-    """`Annotated[Basis, Slot("basis")]` takes an instance, `pod`, or `{use: pod, energy: 0.99}`.
+    """Option type for a plugin of one kind: `Annotated[Basis, Slot("basis")]` accepts an instance,
+    a name `pod`, or `{use: pod, energy: 0.99}`.
 
-    The name is looked up in the registry of the validation context (key "registry"), else among
-    all that is installed; the options are validated by the plugin's own model. Its class, and that
-    of an instance, is checked against the protocol of its kind. Notes on the choice go to the list
-    in the context's key "notes", if there is one. Serialises back to `{use: name, ...}`.
+    The name is looked up in the registry of the validation context (key "registry"), or among all
+    installed plugins; the options are validated by the plugin class. The class is checked against
+    the protocol of its kind. Notes on the choice are appended to the list under the context key
+    "notes", if there is one. Serialised as `{use: name, ...}`.
     """
 
     kind: str
 
     MARK: ClassVar[str] = "x-sparsemor-slot"
-    """Where a JSON schema leaves the slot open, for `core.scene.json_schema` to fill in."""
+    """JSON-schema key that marks the option for `core.scene.json_schema`, which inserts the schemas
+    of the plugins."""
 
     def __get_pydantic_core_schema__(
         self, source: Any, handler: GetCoreSchemaHandler
@@ -95,15 +97,17 @@ class Slot:
 
 
 def slot_default(name: str) -> Any:
-    """The default of a slot: `sampler: Annotated[Sampler, Slot("sampler")] = slot_default("lhs")`.
+    """Default plugin of an option: `sampler: Annotated[Sampler, Slot("sampler")] =
+    slot_default("lhs")`.
 
-    It is typed `Any` because the name becomes an instance only when the model is validated.
+    Typed `Any`, because the name becomes an instance only during validation.
     """
     return Field(default=name, validate_default=True)
 
 
 def name_default_slots(cls: type[BaseModel], options: Mapping[str, Any]) -> dict[str, Any]:
-    """`solver: {rtol: 1e-9}` without `use` sets an option of the slot's default plugin."""
+    """Options with the name of the default plugin filled in: `solver: {rtol: 1e-9}` without `use`
+    sets an option of the default solver."""
     named = dict(options)
     for key, field in cls.model_fields.items():
         value = named.get(key)

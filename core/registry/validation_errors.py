@@ -1,4 +1,5 @@
-"""Faults of a validation error of pydantic: dotted keys, the value found, and advice."""
+"""Conversion of pydantic validation errors to error messages with dotted input keys, the value
+found, and advice."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -19,7 +20,7 @@ def dotted(path: Sequence[str | int]) -> str:
 
 
 def shown(value: object) -> str:
-    """A value as the user wrote it, short enough for one line."""
+    """Value as the user wrote it, shortened to one line."""
     if isinstance(value, Mapping):
         return "a mapping"
     if isinstance(value, BaseModel):
@@ -33,12 +34,13 @@ def shown(value: object) -> str:
 
 
 def with_advice(cls: type[BaseModel], error: ValidationError) -> list[InitErrorDetails]:
-    """The same errors, where unknown options say which options there are."""
+    """The errors, with the allowed option names added to those for unknown options. cls: options
+    that were validated."""
     return [_advised(cls, e) for e in error.errors(include_url=False)]
 
 
 def custom(kind: str, message: str, loc: Path, value: object) -> InitErrorDetails:
-    """One error line whose message may hold braces."""
+    """One validation error with a message that may contain braces."""
     return InitErrorDetails(
         type=PydanticCustomError("custom", "{text}", {"text": message, "kind": kind}),
         loc=loc, input=value,
@@ -57,7 +59,8 @@ def _advised(cls: type[BaseModel], e: ErrorDetails) -> InitErrorDetails:
 
 
 def _options_at(annotation: Any, path: Path) -> list[str] | None:
-    """Option names of the model found by walking `path` through type annotations."""
+    """Option names of the pydantic model found at `path` within a type annotation; None if there is
+    none."""
     while get_origin(annotation) is Annotated:
         annotation = get_args(annotation)[0]
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
@@ -77,7 +80,8 @@ def _options_at(annotation: Any, path: Path) -> list[str] | None:
 
 
 def faults_of(error: ValidationError, tree: object) -> list[Fault]:
-    """One fault a key, in the tree's own keys (pydantic adds names of union branches)."""
+    """Errors by dotted input key, one per key. tree: the validated input; names of union branches,
+    which pydantic adds to keys, are removed."""
     tagged: dict[str, bool] = {}
     messages: dict[str, list[str]] = {}
     for e in error.errors(include_url=False):
@@ -113,8 +117,8 @@ def _own_keys(loc: Path, tree: object, kind: str) -> tuple[Path, bool]:
 
 
 def _may_be_default(node: object, part: str | int) -> bool:
-    """True if the fault may be inside a default value, whose key is not in the file; names of union
-    branches are no keys."""
+    """True if an error key may lie inside a default value, which is not in the input file; False
+    for names of union branches, which are no keys."""
     is_word = isinstance(part, str) and part.isidentifier()
     return isinstance(node, Mapping) and is_word and part not in _BRANCHES
 
@@ -126,7 +130,7 @@ _PLAIN = {
     **dict.fromkeys(("dict_type", "model_type", "model_attributes_type", "mapping_type"),
                     "Input should be keys with values, such as {key: value}"),
     **dict.fromkeys(("list_type", "tuple_type"), "Input should be a list, such as [a, b]")}
-"""Instead of pydantic's words, which name Python's types and our classes."""
+"""Messages that replace those of pydantic with names of Python types or classes."""
 
 
 def _messages(e: ErrorDetails) -> list[tuple[str, str]]:

@@ -1,4 +1,5 @@
-"""Files that others see with their old bytes or the new ones, never with a part of them."""
+"""Atomic file replacement: other processes read either the old content or the new one, never a
+part."""
 
 import os
 from collections.abc import Iterator
@@ -8,7 +9,8 @@ from pathlib import Path
 
 @contextmanager
 def writing(path: Path) -> Iterator[None]:
-    """Names `path` in errors of the operating system that name no file, such as a full disk."""
+    """Context manager that adds `path` to operating-system errors that name no file, such as a full
+    disk."""
     try:
         yield
     except OSError as error:
@@ -19,9 +21,11 @@ def writing(path: Path) -> Iterator[None]:
 
 @contextmanager
 def replaced(path: Path) -> Iterator[Path]:
-    """A temporary file next to `path`: it takes its place at the end, and goes on an error.
+    """Context manager: temporary file next to `path` that replaces `path` at the end and is removed
+    on an error.
 
-    The folder must exist: one that is gone was moved or removed, and is not made again.
+    The folder must exist: a missing folder was moved or removed during the run and is not created
+    again.
     """
     part = path.with_name(f".{path.name}.part")
     try:
@@ -34,8 +38,8 @@ def replaced(path: Path) -> Iterator[Path]:
 
 
 def replace_file(path: Path, data: bytes, *, synced: bool = False) -> None:
-    """Write `path` as a whole. synced: its bytes are on the disk before it takes its place, so that
-    it also survives a loss of power."""
+    """Replaces the file `path` by `data`. synced: flush the bytes to disk before the replacement,
+    so that the file survives a loss of power."""
     with replaced(path) as part:
         part.write_bytes(data)
         if synced:
@@ -43,7 +47,7 @@ def replace_file(path: Path, data: bytes, *, synced: bool = False) -> None:
 
 
 def append_synced(path: Path, data: bytes) -> None:
-    """Add to the end of `path`; on return it is on the disk."""
+    """Appends `data` to the file `path` and flushes it to disk before returning."""
     with writing(path):
         with path.open("ab") as file:
             file.write(data)

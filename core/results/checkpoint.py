@@ -1,4 +1,5 @@
-"""State from which a stopped run continues exactly where its stored steps end."""
+"""Checkpoint: the state from which a stopped run continues exactly after its last checkpointed
+step."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -14,11 +15,9 @@ from sparsemor.core.results.saved_state import Saved, SavedError
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Checkpoint:
-    """stored: number of steps in the store at that moment. arrays: the integrator's state.
-
-    memory: the step solver's, as plain data (saved_state.py). run is the identity of the store they
-    belong to.
-    """
+    """Checkpoint of a run. run: identifier of the store that it belongs to; stored: number of steps
+    in the store at that moment; arrays: state of the time integrator; memory: serialized state of
+    the step solver (saved_state.py)."""
 
     run: str
     stored: int
@@ -27,12 +26,13 @@ class Checkpoint:
 
 
 def checkpoint_file(store: Path) -> Path:
-    """Next to the store, not in it: a Zarr reader meets only Zarr."""
+    """Path of the checkpoint: next to the Zarr store, not in it, so that the store contains only
+    Zarr files."""
     return store.with_suffix(".checkpoint")
 
 
 def save_checkpoint(store: Path, checkpoint: Checkpoint) -> None:
-    """Replaces the earlier one as a whole."""
+    """Writes the checkpoint of a store; an earlier one is replaced atomically."""
     memory = checkpoint.memory
     head = Saved.of((checkpoint.run, checkpoint.stored, dict(checkpoint.arrays)), "checkpoint")
     tree = {"head": head.tree, "own": len(head.arrays), "memory": memory.tree}
@@ -40,8 +40,10 @@ def save_checkpoint(store: Path, checkpoint: Checkpoint) -> None:
 
 
 def load_checkpoint(store: Path) -> Checkpoint | None:
-    """None when there is none. Raises SavedError for a file that is damaged or of another format;
-    nothing in it is executed."""
+    """Checkpoint of a store, None if there is none; nothing in the file is executed.
+
+    Raises SavedError for a file that is damaged or of another format.
+    """
     file = checkpoint_file(store)
     if not file.exists():
         return None

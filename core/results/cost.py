@@ -1,4 +1,4 @@
-"""Cost of a run: times, iterations, atoms and rows."""
+"""Cost of a run: computing times, iterations, basis vectors (atoms) and sampled rows."""
 
 import math
 from dataclasses import dataclass
@@ -13,13 +13,14 @@ from sparsemor.core.status import Status
 
 @dataclass(frozen=True, slots=True)
 class RunFacts:
-    """Cost of one run; None where it was not recorded.
+    """Cost of one run; None for quantities that were not recorded.
 
-    ms_per_step: online time over steps, writing included; ms_per_step_solver: median time of the
-    step solver alone; iterations: mean per step; offline_seconds: of this run;
-    offline_whole_seconds: without cached products; atoms: dictionary columns; active_atoms: mean
-    number in use; rows: sampled rows; end: last stored time, s; linear_solvers: of the steps, by
-    block, in words; peak_gb: peak memory of the process.
+    ms_per_step: online time, writing included, divided by the number of steps; ms_per_step_solver:
+    median time of the step solver alone; iterations: mean per step; offline_seconds: offline time
+    of this run; offline_whole_seconds: offline time with an empty cache; online_seconds: online
+    time of the run; atoms: number of trial basis vectors (atoms); active_atoms: mean number of
+    active ones; rows: number of sampled rows; end: last stored time, s; linear_solvers: linear
+    solvers of the steps, by block, as text; peak_gb: peak memory of the process.
     """
 
     reducer: str
@@ -48,7 +49,8 @@ class RunFacts:
 
 
 def run_facts(run: RunResult) -> RunFacts:
-    """From the summary where the run wrote one, else from its stored steps."""
+    """Cost of a run, from the summary at its end, or from the stored steps where there is no
+    summary."""
     summary = run.summary
     stepped = np.flatnonzero(run.step_seconds > 0.0)
     steps = int(summary.get("steps", stepped.size))
@@ -71,10 +73,13 @@ def run_facts(run: RunResult) -> RunFacts:
 
 
 def pays_after(full: RunFacts, own: RunFacts) -> int | None:
-    """offline / (online of full order - own online), rounded up; None when it never pays.
+    """Break-even number of runs: offline time / (online time of full order - own online time),
+    rounded up.
 
-    Online runs of the same time span after which the offline time is recovered. Offline time as if
-    the cache had been empty: else the second run would seem to be free.
+    Number of online runs of the same time span after which the offline time is recovered. The
+    offline time is that with an empty cache; otherwise the second run would appear to be free. None
+    if the offline time is never recovered, was not recorded, or one of the runs did not reach its
+    end.
     """
     offline, online, base = own.offline_whole_seconds, own.online_seconds, full.online_seconds
     if offline is None or online is None or base is None or online >= base:

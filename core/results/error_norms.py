@@ -1,9 +1,10 @@
-"""Error norms of one run against another: Eq. 34 of the paper, and one error per block.
+"""Error norms of one run relative to another: Eq. 34 of the paper, and one error per block of
+unknowns.
 
-The combined measure divides by all unknowns together, so temperatures of 300 K and metres of motion
-hide the elastic error. Each block is therefore also measured against its own change. A start from
-zero makes errors relative to the present norm large for a few steps, so the start-up is reported
-separately.
+The combined error divides by the norm of all unknowns together, so that temperatures of 300 K and
+rigid displacements of metres conceal the elastic error. Each block is therefore also measured
+relative to its own change. Where the solution starts from zero, errors relative to the
+instantaneous norm are large for a few steps, so the start-up is reported separately.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
@@ -19,26 +20,26 @@ from sparsemor.core.results.run_result import RunResult
 
 TIME_MATCH = 1e-9
 START_UP = 0.02
-"""Share of the reference's time span, and so of its steps, that counts as start-up."""
+"""Fraction of the reference's time span that counts as start-up."""
 CONSTANT_CHANGE = 1e-9
-"""A block that changes by at most this share of its own size is constant: its change is round-off,
-and an error relative to that would say nothing."""
+"""Relative change up to which a block counts as constant: its change is round-off, and an error
+relative to that change would be meaningless."""
 LIMIT = 0.1
-"""Errors above this (relative; rad for angles) are marked."""
+"""Error above which a run is marked (relative; rad for angles)."""
 _BATCH_ENTRIES = 2**21
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Errors:
-    """Errors of one run against a reference, over their common stored times.
+    """Errors of one run relative to a reference, at their common stored times.
 
-    times (j,) s. series: name -> (j,) error at each time. Names are `combined` (Eq. 34), each
-    `body.field`, each field (its worst block), and `angle_rad`; blocks: those `body.field`.
-    late_from: time from which late errors count, s. present: as series, blocks and fields relative
-    to the reference's norm at the same time, as `combined` is. start_up_end: end of the start-up,
-    s. constant: names of blocks and fields that do not change in the reference; their errors are
-    relative to their size. unshared: blocks that only one of the runs has, or that differ in size;
-    they are not compared.
+    times (j,): s; series: name -> (j,) error at each time. Names: `combined` (Eq. 34), each block
+    `body.field`, each field (maximum over its blocks), and `angle_rad`; blocks: the names
+    `body.field`; late_from: time from which late errors are evaluated, s; present: the series of
+    `combined`, blocks and fields relative to the norm of the reference at the same time;
+    start_up_end: end of the start-up, s; constant: names of blocks and fields that do not change in
+    the reference, whose errors are relative to their norm; unshared: blocks that only one of the
+    runs has, or that differ in size, and that are not compared.
     """
 
     times: FloatArray
@@ -57,33 +58,37 @@ class Errors:
 
     @property
     def worst(self) -> dict[str, float]:
-        """name -> the largest of `series`."""
+        """Name -> maximum error over time."""
         return _largest(self.series, slice(None))
 
     @property
     def worst_late(self) -> dict[str, float]:
-        """The same, from `late_from` on; empty where the runs have no such time in common."""
+        """Name -> maximum error from `late_from` on; empty if the runs have no such time in
+        common."""
         return _largest(self.series, self.times >= self.late_from)
 
     @property
     def start_up(self) -> dict[str, float]:
-        """name -> the largest of `series` in the first 2 % of the reference's time span; empty
-        when no time that both have lies in it. The start itself is not counted."""
+        """Name -> maximum error during the start-up, the first 2 % of the reference's time span.
+
+        The initial time is excluded; empty if the runs have no other time of the start-up in
+        common.
+        """
         return _largest(self.series, self._early)
 
     @property
     def steady(self) -> dict[str, float]:
-        """The same, after the start-up."""
+        """Name -> maximum error after the start-up."""
         return _largest(self.series, self.times > self.start_up_end)
 
     @property
     def start_up_present(self) -> dict[str, float]:
-        """name -> the largest of `present` during the start-up."""
+        """Name -> maximum instantaneous relative error during the start-up."""
         return _largest(self.present, self._early)
 
     @property
     def steady_present(self) -> dict[str, float]:
-        """The same, after the start-up."""
+        """Name -> maximum instantaneous relative error after the start-up."""
         return _largest(self.present, self.times > self.start_up_end)
 
     @property
@@ -92,26 +97,28 @@ class Errors:
         return early
 
     def still(self, name: str) -> bool:
-        """True if a block or field is constant in the reference, and in the run as well."""
+        """True if a block or field is constant both in the reference and in the run."""
         return name in self.constant and self.worst.get(name, 0.0) <= CONSTANT_CHANGE
 
     def above(self, limit: float = LIMIT) -> dict[str, float]:
-        """name -> largest error, of those above `limit` (relative; rad for `angle_rad`), the
-        combined measure, fields and angles only."""
+        """Name -> maximum error of those quantities (combined error, fields, angles) whose error
+        exceeds `limit` (relative; rad for `angle_rad`)."""
         return {m: e for m, e in self.worst.items() if m not in self.blocks and e > limit}
 
 
 def measure_errors(reference: RunResult, run: RunResult, late_from: float = 0.0) -> Errors:
-    """Compare at the stored times both runs have, few steps in memory at a time.
+    """Errors of `run` relative to `reference` at their common stored times; only a few steps are in
+    memory at once.
 
-    combined(t) = |q_ref - q| / |q_ref| over all unknowns but multipliers; times with q_ref = 0 are
-    left out. A block's error is |x_ref - x|(t) / max over t of |x_ref - x_ref(0)|; if the
-    reference is constant (that change is at most 1e-9 of max |x_ref|) it is relative to
-    max |x_ref|, and absolute if that is 0 too.
-    A block's present error is |x_ref - x|(t) / |x_ref|(t), 0 where x_ref vanishes.
-    angle_rad is the largest error of any rotation that an angle describes, rad.
-    Blocks that only one of them has are left out (`unshared`). Raises InputError when the runs have
-    no time, or no block, in common.
+    Combined error: |q_ref - q| / |q_ref|, q: all unknowns except multipliers; 0 where q_ref = 0.
+    Error of a block: |x_ref - x|(t) / max over t of |x_ref - x_ref(0)|; if the reference is
+    constant (that change is at most 1e-9 of max |x_ref|), relative to max |x_ref|, and absolute if
+    that is 0 too. Instantaneous relative error of a block: |x_ref - x|(t) / |x_ref|(t), 0 where
+    x_ref = 0. angle_rad: maximum error over all rotations described by one angle, rad. late_from:
+    time from which late errors are evaluated, s.
+
+    Blocks that only one of the runs has are not compared (`unshared`). Raises InputError when the
+    runs have no time, or no block, in common.
     """
     blocks, unshared = _common_blocks(reference, run)
     here, there = common_steps(reference.times, run.times)
@@ -150,12 +157,16 @@ def _largest(series: Mapping[str, FloatArray], when: BoolArray | slice) -> dict[
 
 
 def measure_names(kinds: Iterable[FieldKind]) -> tuple[str, ...]:
-    """Names of errors of whole runs, in the order of tables: combined, fields, angle."""
+    """Names of the errors of a whole run, in the order of tables: combined, fields, angle."""
     return ("combined", *(k.name for k in kinds if k.order > 0), "angle_rad")
 
 
 def common_steps(reference: FloatArray, run: FloatArray) -> tuple[IntArray, IntArray]:
-    """Numbers of the steps at the same times, equal to 1e-9 of the longer run's end."""
+    """Indices of the steps of both runs at the same times, equal within 1e-9 of the end time of the
+    longer run.
+
+    Raises InputError if the runs have no stored time in common.
+    """
     if len(reference) and len(run):
         after = np.clip(np.searchsorted(reference, run), 1, max(1, len(reference) - 1))
         before = after - 1
@@ -180,7 +191,8 @@ def _span(times: FloatArray) -> str:
 def _common_blocks(
     reference: RunResult, run: RunResult
 ) -> tuple[list[Block], tuple[str, ...]]:
-    """Blocks of equal name and size, in the reference's order, and the names of the others."""
+    """Blocks of equal name and size, in the order of the reference, and names of all other
+    blocks."""
     blocks = reference.layout.differential
     sizes = {b.name: b.size for b in run.layout.differential}
     common = [b for b in blocks if sizes.get(b.name) == b.size]
@@ -193,7 +205,7 @@ def _common_blocks(
 
 
 def _turns(block: Block) -> bool:
-    """True if the last entry of a block is the angle of a frame, rad."""
+    """True if the last entry of a block is the rotation angle of a frame, rad."""
     return block.kind.quantity is Quantity.POSE and block.size in BY_ANGLE
 
 

@@ -1,4 +1,4 @@
-"""Plain data for JSON."""
+"""Conversion of plain data for JSON."""
 
 import math
 from collections.abc import Mapping
@@ -6,7 +6,7 @@ from typing import Any
 
 
 def finite(value: Any) -> Any:
-    """The same plain data with nan and infinities, which JSON does not know, as None."""
+    """Plain data with None instead of nan and infinity, which JSON does not have."""
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     if isinstance(value, Mapping):

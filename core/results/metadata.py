@@ -10,7 +10,8 @@ from sparsemor.core.protocols.layout import Block, FieldKind, Layout, Quantity
 from sparsemor.core.protocols.prescribed_motion import Stage
 
 POSE_UNITS, REACTION_UNITS = "m, rad", "N, N m"
-"""Units of followed frames and of reaction forces. Planar frames are (Rx, Ry, theta)."""
+"""Units of rigid coordinates and of joint reactions. Planar rigid coordinates are (Rx, Ry,
+theta)."""
 CONTACT_UNITS = {"normal": "N", "friction": "N", "power": "W", "length": "m", "area": "m2",
                  "pressure": "Pa"}
 """Units of contact resultants by name."""
@@ -18,10 +19,10 @@ CONTACT_UNITS = {"normal": "N", "friction": "N", "power": "W", "length": "m", "a
 
 @dataclass(frozen=True, slots=True)
 class Probe:
-    """A point that is recorded each stored step; `position` (d,) in the body frame, m.
+    """Material point that is recorded at each stored step; `position` (d,) in the body frame, m.
 
-    `components` and `units` name the columns that are recorded: d coordinates in space and, where
-    the body has these fields, d displacements in body axes and a temperature.
+    `components` and `units`: names and units of the recorded columns: d coordinates in space and,
+    where the body has these fields, d displacements in body axes and a temperature.
     """
 
     name: str
@@ -47,13 +48,14 @@ class Probe:
 class RunHeader:
     """Header of a result, written before the first step.
 
-    layout: the solver's own unknowns; full_layout: the full-order ones. dictionaries: block ->
-    map back to full unknowns (absent: the block is kept as it is). rows: block -> sampled rows.
-    step: s. versions: distribution -> version. scene: the plain dump of the scene. stage: the
-    histories that the run follows. identity: of code, plugins and files (scene/run_identity.py).
-    platform: processor, BLAS and its threads (linalg/threads.py). contacts: contact -> names of the
-    resultants that are kept at the stored steps. multipliers: block -> name and unit of each of
-    its unknowns.
+    layout: unknowns of the step solver; full_layout: full-order unknowns; dictionaries: block ->
+    affine map (atoms, offset) from the coefficients of a reduced block to its full-order unknowns;
+    rows: block -> indices of its sampled rows; step: time step, s; versions: package -> version;
+    scene: the scene as plain data; stage: motion and reactions of the rigid pre-simulation that the
+    run follows; identity: versions and digests of code, plugins and input files
+    (scene/run_identity.py); platform: processor, BLAS library and number of threads; contacts:
+    contact -> names of the resultants that are stored; multipliers: block of Lagrange multipliers
+    -> (name, unit) of each.
     """
 
     scene: Mapping[str, Any]
@@ -76,7 +78,8 @@ class RunHeader:
     multipliers: Mapping[str, tuple[tuple[str, str], ...]] = field(default_factory=dict)
 
     def attributes(self) -> dict[str, Any]:
-        """The part of the header that is not arrays, as plain data."""
+        """Attributes of the stored result: the entries of the header that are not arrays, as plain
+        data."""
         return {
             "scene": dict(self.scene),
             "scene_digest": self.scene_digest,
@@ -104,10 +107,11 @@ def dump_layout(layout: Layout) -> list[list[str | int]]:
 def load_layout(
     attributes: Mapping[str, Any], which: str, arrays: Mapping[str, Mapping[str, Any]]
 ) -> Layout:
-    """The layout `which` ("layout" or "full_layout") of a result with these attributes.
+    """Layout of the unknowns of a result: `which` is "layout" (step solver) or "full_layout" (full
+    order).
 
-    arrays: name -> metadata of its arrays, whose units tell the kinds of a result that does not
-    hold them.
+    arrays: name -> metadata of the stored arrays; their units determine the kind of each field in a
+    result of an older version, which does not contain the kinds.
     """
     dump = attributes[which]
     if "fields" in attributes:
@@ -125,7 +129,7 @@ def _unit(block: str, arrays: Mapping[str, Mapping[str, Any]]) -> str:
 
 
 def _kind_by_unit(name: str, unit: str) -> FieldKind:
-    """The kind of a block in a result that does not hold kinds: its unit says what it is."""
+    """Kind of a field in a result of an older version, determined by its unit."""
     if unit == POSE_UNITS:
         return FieldKind(name, 2, unit, Quantity.POSE)
     if unit == "m":

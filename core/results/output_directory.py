@@ -1,8 +1,9 @@
-"""Output directories: who may write to one, and what becomes of the result that was there.
+"""Output directories: write access, and replacement of an earlier result.
 
-With `--force` the earlier result is kept in OUT/.replaced until the new run has ended. A kill at
-any moment leaves either the earlier result in place, or it in OUT/.replaced and what the new run
-stored in OUT. All of this is done by the owner of OUT (output_lock.py).
+With `--force` the earlier result is kept in OUT/.replaced until the new run has ended. A process
+that is killed at any moment leaves either the earlier result in OUT, or the earlier result in
+OUT/.replaced and the steps that the new run stored in OUT. Only the process that holds the lock of
+OUT changes it (output_lock.py).
 """
 
 import json
@@ -21,12 +22,13 @@ from sparsemor.core.status import SolveFailed, Status
 KEPT, MOVING = ".replaced", ".replaced.part"
 STORE = "result.zarr"
 _TABLES = ("errors.csv", "table.csv")
-"""Written at the end of a comparison, and of a study."""
+"""Files that mark a complete comparison (`errors.csv`) or study (`table.csv`)."""
 _SCRATCH = f".{STORE}."
 
 
 class OutputDirectory:
-    """Directory that a run, comparison, study, survey, export or new package is written to."""
+    """Directory that a command (run, comparison, study, stability survey, export or new plugin
+    package) writes to."""
 
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
@@ -35,33 +37,36 @@ class OutputDirectory:
 
     @property
     def store(self) -> Path:
-        """Store of the result of a run."""
+        """Path of the Zarr store that contains the result of a run."""
         return self.path / STORE
 
     def entries(self) -> list[Path]:
-        """Files and folders of a run or a user: no locks, no leftovers of a killed run."""
+        """Files and folders of a run or a user, sorted; without lock files and leftovers of a
+        killed run."""
         return [p for p in sorted(self.path.iterdir()) if not _nothing(p)]
 
     def is_result(self) -> bool:
-        """True for a directory that an earlier `run` or `compare` left."""
+        """True if the directory, or a folder directly in it, contains the result of an earlier
+        `run` or `compare`."""
         path = self.path
         inside = [path, *(p for p in path.iterdir() if p.is_dir())] if path.is_dir() else []
         return any((p / STORE).is_dir() or (p / GROUP_FILE).is_file() for p in inside
                    if p.name not in (KEPT, MOVING))
 
     def kept_note(self) -> str:
-        """For messages: where an earlier result is kept; empty where none is."""
+        """Clause for error messages that names the folder of the kept earlier result; empty where
+        there is none."""
         kept = self.path / KEPT
         return f"; the earlier one is kept in {kept}" if kept.is_dir() else ""
 
     # ------------------------------------------------------------------ who may write
 
     def occupied(self) -> bool:
-        """True if something is there that writing would change."""
+        """True if the path is a file, or a directory with files of a run or a user."""
         return self.path.exists() and (not self.path.is_dir() or bool(self.entries()))
 
     def make(self) -> None:
-        """Make the directory and its parents. Raises InputError (key `out`) where it cannot."""
+        """Creates the directory and its parents. Raises InputError (key `out`) on failure."""
         try:
             self.path.mkdir(parents=True, exist_ok=True)
         except OSError as error:
@@ -69,8 +74,8 @@ class OutputDirectory:
                              "--out", "out") from None
 
     def require_empty(self, advice: str) -> None:
-        """Raises InputError (key `out`) for a file, and where something is there; the latter ends
-        in `advice`."""
+        """Raises InputError (key `out`) if the path is a file, or a directory that is not empty;
+        the message for the latter ends in `advice`."""
         if self.path.exists() and not self.path.is_dir():
             raise InputError(f"{self.path}: this is a file: choose a directory", "out")
         if self.occupied():
@@ -79,14 +84,20 @@ class OutputDirectory:
     def require_replaceable(
         self, force: bool, advice: str, replaceable: Callable[[], bool], kind: str
     ) -> None:
-        """The same, unless `force` and the directory holds only what is `replaceable`."""
+        """Raises InputError (key `out`) unless the directory is empty, or `force` is set and
+        `replaceable()` is true.
+
+        advice: end of the message without `force`; kind: kind of content that `force` may replace,
+        for the message.
+        """
         if not force:
             self.require_empty(advice)
         elif self.occupied() and not replaceable():
             raise InputError(f"{self.path}: --force replaces {kind}", "out")
 
     def require_writable(self) -> None:
-        """Raises InputError (key `out`) where no result can be written."""
+        """Raises InputError (key `out`) if the directory contains a result already or is not
+        writable."""
         if self.store.exists():
             raise InputError(f"{self.path} already contains a result: use --resume to continue, "
                              "--force to overwrite, or choose another --out", "out")
@@ -101,12 +112,14 @@ class OutputDirectory:
         self, *, resume: bool, force: bool, replaceable: Callable[[], bool] | None = None,
         kind: str = "results only, and this holds none",
     ) -> Iterator[None]:
-        """The directory, owned until the end, with room for a new result unless `resume`.
+        """Context manager: exclusive use of the directory, emptied for a new result unless
+        `resume`.
 
-        Refuses to overwrite. With `force` an earlier result is kept in OUT/.replaced until the new
-        one has ended, and put back if none came about. Of what was not made here nothing is
-        removed. replaceable: whether the directory may be replaced, if it is not that of a run or a
-        comparison; kind: what may be, for the message.
+        Raises InputError (key `out`) rather than overwrite. With `force` an earlier result is kept
+        in OUT/.replaced until the new one has ended, and restored if the new run stores nothing.
+        Files that no run wrote are never removed. replaceable: test whether `force` may replace the
+        content (default: the result of a run or comparison); kind: content that may be replaced,
+        for the message.
         """
         with owned(self.path):
             self._recover()
@@ -127,8 +140,8 @@ class OutputDirectory:
                 self._drop()
 
     def remove_result(self) -> None:
-        """Remove the result of a run that this process made, and the folder if nothing else is in
-        it."""
+        """Removes the store and checkpoint of a run that this process made, and the directory if it
+        is then empty."""
         with owned(self.path):
             checkpoint_file(self.store).unlink(missing_ok=True)
             shutil.rmtree(self.store, ignore_errors=True)
@@ -138,7 +151,7 @@ class OutputDirectory:
     # ------------------------------------------------------------------ the earlier result
 
     def _recover(self) -> None:
-        """Put the earlier result back where nothing new took its place."""
+        """Moves the earlier result back if the new run stored nothing."""
         out = self.path
         if (out / KEPT).is_dir() and not (out / MOVING).is_dir() and not self.entries():
             os.replace(out / KEPT, out / MOVING)
@@ -151,8 +164,11 @@ class OutputDirectory:
             (out / MOVING).rmdir()
 
     def _set_aside(self) -> None:
-        """Move the result to OUT/.replaced. Where a new run was killed before its end, that one
-        goes and the earlier result stays kept. Raises InputError when a part is being written."""
+        """Moves the earlier result to OUT/.replaced.
+
+        If a new run was killed before its end, its files are removed and the result in
+        OUT/.replaced stays. Raises InputError while another process writes to a part of the result.
+        """
         out, found = self.path, self.entries()
         for part in (p for p in found if OutputDirectory(p).is_result()):
             with owned(part):
@@ -169,11 +185,11 @@ class OutputDirectory:
         os.replace(out / MOVING, out / KEPT)
 
     def _drop(self) -> None:
-        """Remove the earlier result: the new one has ended."""
+        """Removes the earlier result after the new run has ended."""
         shutil.rmtree(self.path / KEPT, ignore_errors=True)
 
     def _ended(self) -> bool:
-        """True where the run, comparison or study here came to an end of its own."""
+        """True if the run, comparison or study in the directory ended without being interrupted."""
         if not self.store.is_dir():
             return any((self.path / name).is_file() for name in _TABLES)
         try:

@@ -13,13 +13,13 @@ from types import MappingProxyType
 from sparsemor.core.errors import InputError
 
 LOCK = ".lock"
-"""The locked file. One that a killed process leaves is harmless."""
+"""Name of the locked file. A lock file that a killed process leaves is harmless."""
 _ATTEMPTS = 100
 _held: ContextVar[Mapping[Path, int]] = ContextVar("held", default=MappingProxyType({}))
 
 
 def inode(path: Path | int) -> tuple[int, int] | None:
-    """Device and inode of a file; None when there is none."""
+    """(device, inode) of a file or file descriptor; None if it does not exist."""
     try:
         found = os.stat(path)
     except (FileNotFoundError, NotADirectoryError):
@@ -29,11 +29,12 @@ def inode(path: Path | int) -> tuple[int, int] | None:
 
 @contextmanager
 def owned(folder: Path) -> Iterator[None]:
-    """The folder, made if it is missing, for this run alone; nested use in one thread is one use.
+    """Context manager: exclusive use of a folder, which is created if missing; reentrant within one
+    thread.
 
-    At the end the folders that were made here and are empty are removed, and no others. Raises
-    InputError when another run has the folder or it cannot be written to. On Windows, and on file
-    systems without locks, nothing is locked.
+    At the end, folders that were created here and are empty are removed. Raises InputError when
+    another run has locked the folder or it is not writable. On Windows, and on file systems without
+    locks, nothing is locked.
     """
     place = Path(os.path.realpath(folder))
     if place in _held.get():
@@ -63,19 +64,23 @@ def owned(folder: Path) -> Iterator[None]:
 
 
 class FixedFolder:
-    """A folder that has to stay where it is, and the same, while it is written to."""
+    """Folder, identified by its inode, that must not be moved, removed or replaced while it is
+    written to."""
 
     def __init__(self, path: Path) -> None:
         self.path, self._inode = path, inode(path)
 
     def in_place(self) -> bool:
-        """False when it was moved, removed or replaced."""
+        """False if the folder was moved, removed or replaced."""
         return inode(self.path) == self._inode
 
     @contextmanager
     def kept(self, stored: float) -> Iterator[None]:
-        """Raises OSError when it is not in place before or after the writing inside; stored: time
-        of the last step that was stored before, s."""
+        """Context manager for writing: raises OSError when the folder is not in place before or
+        after it.
+
+        stored: time of the last step stored before, s; negative: no step was stored.
+        """
         self._check(stored)
         try:
             yield
@@ -94,7 +99,8 @@ class FixedFolder:
 
 
 def check_owned(folder: Path) -> None:
-    """Raises OSError when the folder is owned here, and was moved, removed or replaced."""
+    """Raises OSError if this process locked the folder and it was moved, removed or replaced
+    since."""
     if lost(folder):
         raise FileNotFoundError(
             errno.ENOENT, "the output directory was moved, removed or replaced during the run",
@@ -102,15 +108,19 @@ def check_owned(folder: Path) -> None:
 
 
 def lost(folder: Path) -> bool:
-    """True for a folder that is owned here and was moved, removed or replaced since."""
+    """True if this process locked the folder and it was moved, removed or replaced since."""
     place = Path(os.path.realpath(folder))
     lock = _held.get().get(place)
     return lock is not None and inode(place / LOCK) != inode(lock)
 
 
 def _locked(place: Path, folder: Path, made: list[Path]) -> int:
-    """The descriptor of the locked file, which is the one in the folder. Folders that were made
-    are added to `made`."""
+    """File descriptor of the locked file of the folder `place`; created folders are appended to
+    `made`.
+
+    folder: the path as the user wrote it, for messages. Raises InputError when the folder is locked
+    by another run or not writable.
+    """
     for attempt in itertools.count():
         try:
             _make(place, made)
@@ -132,7 +142,7 @@ def _locked(place: Path, folder: Path, made: list[Path]) -> int:
 
 
 def _lock(file: int) -> bool:
-    """False when another process, or another run of this one, has locked the file."""
+    """Locks the file without waiting; False if another run has locked it."""
     if sys.platform == "win32":
         return True
     import fcntl

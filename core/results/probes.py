@@ -15,7 +15,10 @@ from sparsemor.core.results.metadata import Probe
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Linear:
-    """value = base + x[at] @ weights; weights (k, j) on the solver's own unknowns."""
+    """Affine output of one block: value (j,) = base (j,) + weights.T @ x[at].
+
+    weights (k, j): on the k solver unknowns x[at] of the block (coefficients of a reduced block).
+    """
 
     at: slice
     weights: FloatArray
@@ -39,7 +42,11 @@ class Linear:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ProbeReader:
-    """A probe compiled for one layout: its cost does not grow with the mesh."""
+    """Evaluation of one probe from the solver's unknowns; its cost does not grow with the mesh.
+
+    place: weights of the probe on the full-order unknowns of its body; rigid: position of the
+    body's rigid coordinates in x, None where they are not unknowns.
+    """
 
     place: ProbePlace
     rigid: slice | None
@@ -74,7 +81,7 @@ class ProbeReader:
         return Probe(self.name, self.place.body, point, tuple(names), tuple(units))
 
     def __call__(self, t: FloatArray, x: FloatArray) -> FloatArray:
-        """(j, components) at times t (j,) for states x (j, n)."""
+        """(j, components) values of the probe at times t (j,), s, for solver states x (j, n)."""
         d = len(self.place.point)
         u = np.zeros((len(t), d)) if self.displacement is None else self.displacement(x)
         columns = [*points_in_space(self._pose(t, x), self.place.point + u).T]
@@ -88,7 +95,7 @@ class ProbeReader:
         return np.stack(columns, axis=1)
 
     def _pose(self, t: FloatArray, x: FloatArray) -> FloatArray:
-        """(j, 3), (j, 4) or (j, 7) of the body's frame."""
+        """(j, 3), (j, 4) or (j, 7) rigid coordinates of the body's frame at times t (j,)."""
         if self.rigid is not None:
             return x[:, self.rigid]
         if self.place.guide is not None:
@@ -96,7 +103,8 @@ class ProbeReader:
         return np.tile(self.place.pose, (len(t), 1))
 
     def described(self, row: FloatArray) -> dict[str, Any]:
-        """One row by name, for people and programs."""
+        """Position (m), displacement (m) and temperature (K), as far as the body has them, of one
+        row by name."""
         values = [float(v) for v in row]
         d = len(self.place.point)
         found: dict[str, Any] = {"position": values[:d]}

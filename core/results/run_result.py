@@ -1,4 +1,4 @@
-"""Reader of a result: labelled data, and full fields evaluated for the requested steps."""
+"""Reader of a result: labelled arrays, and full-order fields evaluated for the requested steps."""
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
@@ -31,11 +31,13 @@ if TYPE_CHECKING:
 
 
 class RunResult:
-    """One run, finished or not, as it stood when first read. Pickles as its path.
+    """Stored result of one run, complete or not, at the state of the first reading. Pickled as its
+    path.
 
-    Blocks are named `body.field`. Arrays over time have one row a stored step. Reduced runs
-    hold coefficients; full unknowns are computed on request, for the requested steps only. Whole
-    arrays are read-only: copy one to change it. Raises `Damaged` for damaged or missing files.
+    Blocks of unknowns are named `body.field`. Arrays over time have one row per stored step.
+    Reduced runs store coefficients; full-order unknowns are computed on request, for the requested
+    steps only. Cached arrays are read-only: copy before changing one. Raises `Damaged` for damaged
+    or missing files.
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -57,7 +59,7 @@ class RunResult:
 
     @cached_property
     def _data(self) -> StoredArrays:
-        """The arrays, once every committed chunk has its file."""
+        """Stored arrays, after a check that every committed chunk has its file."""
         self._stored.check()
         return self._stored
 
@@ -67,12 +69,12 @@ class RunResult:
 
     @property
     def attributes(self) -> dict[str, Any]:
-        """Everything the header and the end of the run wrote, as plain data."""
+        """All attributes of the result (header, final status and summary), as plain data."""
         return dict(self._attributes)
 
     @property
     def summary(self) -> dict[str, Any]:
-        """Summary that the run wrote at its end; empty when it was killed."""
+        """Summary written at the end of the run; empty if the run was killed."""
         return dict(self._attributes["summary"])
 
     @property
@@ -89,12 +91,12 @@ class RunResult:
 
     @property
     def bodies(self) -> tuple[str, ...]:
-        """Bodies whose shape is stored."""
+        """Names of the bodies whose mesh is stored."""
         return tuple(self._attributes["bodies"])
 
     @cached_property
     def layout(self) -> Layout:
-        """The full-order unknowns."""
+        """Layout of the full-order unknowns."""
         return self._load_layout("full_layout")
 
     @cached_property
@@ -106,12 +108,12 @@ class RunResult:
 
     @property
     def times(self) -> FloatArray:
-        """(j,) s."""
+        """(j,) stored times, s."""
         return self._array("time")
 
     @property
     def iterations(self) -> IntArray:
-        """(j,) iterations of each stored step."""
+        """(j,) number of iterations of each stored step."""
         return self._array("iterations")
 
     @property
@@ -120,7 +122,8 @@ class RunResult:
         return self._array("step_seconds")
 
     def steps_at(self, times: Sequence[float] | None) -> IntArray:
-        """(j,) the stored steps next to `times` (s), each once, increasing; None: all of them.
+        """(j,) indices of the stored steps closest to `times` (s), unique and increasing; None: all
+        steps.
 
         Raises InputError for times outside the run.
         """
@@ -138,7 +141,7 @@ class RunResult:
         return np.unique([int(np.argmin(np.abs(stored - t))) for t in times])
 
     def reduced(self, name: str) -> bool:
-        """True if a block is held as coefficients of a dictionary."""
+        """True if a block is stored as coefficients of trial basis vectors (atoms)."""
         return f"{name}.atoms" in self._data
 
     def block(self, name: str, steps: slice | IntArray = ALL) -> FloatArray:
@@ -156,11 +159,12 @@ class RunResult:
         return self._data.read(self._of_reduced(name, "coefficients"), steps)
 
     def support(self, name: str) -> BoolArray:
-        """(j, k) which atoms of a reduced block were in use."""
+        """(j, k) boolean: active basis vectors (atoms) of a reduced block at each stored step."""
         return self._array(self._of_reduced(name, "active"))
 
     def rows(self, name: str) -> IntArray:
-        """The sampled rows of a block; empty when it was not sampled."""
+        """Indices of the sampled rows (equations) of a block; empty if the block was not
+        sampled."""
         key = f"{name}.rows"
         return self._array(key) if key in self._data else np.zeros(0, dtype=np.int64)
 
@@ -170,14 +174,14 @@ class RunResult:
         return tuple(n.removeprefix("probe.") for n, a in arrays.items() if "position" in a)
 
     def probe(self, name: str) -> FloatArray:
-        """(j, components) of a probe; their names stand in its attributes in `to_xarray`."""
+        """(j, components) recorded values of a probe; `probe_header` names the components."""
         if name not in self.probes:
             have = ", ".join(self.probes) or "none"
             raise InputError(f"no probe {name!r} in this result; it has {have}", key="probe")
         return self._array(f"probe.{name}")
 
     def probe_header(self, name: str) -> Probe:
-        """Position and columns of a probe."""
+        """Position, and names and units of the recorded components, of a probe."""
         self.probe(name)  # says which there are
         a = self._data.attributes_of(f"probe.{name}")
         return Probe(name, a["body"], tuple(a["position"]), tuple(a["components"]),
@@ -188,17 +192,17 @@ class RunResult:
         return self._array(self._of_body(body, "points"))
 
     def cells(self, body: str) -> IntArray:
-        """(E, d + 1) point numbers."""
+        """(E, d + 1) node numbers of each element (triangles or tetrahedra)."""
         return self._array(self._of_body(body, "cells"))
 
     def nodal_displacement(self, body: str, step: int) -> FloatArray:
-        """(N, d) displacements in the body frame, m; `step` counts stored steps."""
+        """(N, d) nodal displacements in the body frame, m, at stored step `step`."""
         u = self._at_nodes(body, "displacement", self.points(body).shape)
         self._fill(u, body, Quantity.DISPLACEMENT, step)
         return u
 
     def nodal_temperature(self, body: str, step: int) -> FloatArray:
-        """(N,) temperatures, K."""
+        """(N,) nodal temperatures, K, at stored step `step`."""
         temperature = self._at_nodes(body, "temperature", self.points(body).shape[:1])
         if f"{body}.given" in self._data:  # an older result knows those of the start alone
             which = self._array(f"{body}.given_of")
@@ -208,22 +212,27 @@ class RunResult:
         return temperature
 
     def positions(self, body: str, step: int, magnify: float = 1.0) -> FloatArray:
-        """(N, d) global positions R + A (X + magnify u) of a body, m."""
+        """(N, d) global node positions R + A (X + magnify u) of a body, m, at stored step
+        `step`."""
         u = self.nodal_displacement(body, step)
         return self.in_space(body, step, self.points(body) + magnify * u)
 
     def in_space(self, body: str, step: int, z: FloatArray) -> FloatArray:
-        """(j, d) global positions R + A z, m, of points z (j, d) in body axes."""
+        """(j, d) global positions R + A z, m, of points z (j, d) given in the body frame."""
         return points_in_space(self._poses(body, step, len(z)), z)
 
     def turned(self, body: str, step: int, vectors: FloatArray) -> FloatArray:
-        """(j, d) A w of vectors w (j, d) in body axes, such as displacements."""
+        """(j, d) global components A w of vectors w (j, d) given in the body frame, such as
+        displacements."""
         return vectors_in_space(self._poses(body, step, len(vectors)), vectors)
 
     def pose(self, body: str, step: int) -> FloatArray:
-        """(3,) position of a body's frame (m) and angle (rad), in space (4,) position and angle or
-        (7,) position and quaternion; of the length that suits its mesh, and zero, where an older
-        result does not tell where a fixed frame is."""
+        """Rigid coordinates of a body's frame at stored step `step`: position (m) and rotation.
+
+        (3,) in the plane: position and angle (rad); in space (4,) position and angle about a fixed
+        axis, or (7,) position and quaternion. Zeros, of the length that matches the mesh, for a
+        fixed frame in a result of an older version, which does not contain it.
+        """
         frame = self.layout.of(body, Quantity.POSE)
         if frame is not None:
             return np.asarray(self.block(frame.name, self._only(step))[0])
@@ -246,8 +255,8 @@ class RunResult:
         return f"{body}.points" in self._data and self._data.shape(f"{body}.points")[1] == 3
 
     def stage(self) -> Stage | None:
-        """Motion, joint forces and contact histories of the rigid stage that the run followed, at
-        the stage's own times; None for a scene without one."""
+        """Motion, joint reactions and contact resultants of the rigid pre-simulation that the run
+        followed, at the times of the pre-simulation; None without one."""
         return self._stage
 
     @cached_property
@@ -256,11 +265,12 @@ class RunResult:
         return read_stage(names, self._data) if names else None
 
     def contacts(self) -> Mapping[str, Mapping[str, FloatArray]]:
-        """Contact -> name -> (T,): "time" s; "normal", "friction" N, the sizes of the resultants;
-        "power" W; "length" m, in space "area" m2, in contact; "pressure" Pa, the largest.
+        """Contact -> quantity -> (T,) history: "time", s; "normal" and "friction", N, magnitudes of
+        the resultants; "power", W; "length", m, or in space "area", m2, of the contact region;
+        "pressure", Pa, its maximum.
 
-        At the times of the rigid stage, where there was one, else at the stored steps; without
-        contacts that the run did not evaluate as a whole.
+        Times: those of the rigid pre-simulation if there was one, otherwise the stored steps.
+        Contacts whose resultants the run did not compute are absent.
         """
         stage = self.stage()
         if stage is not None:
@@ -270,7 +280,7 @@ class RunResult:
                 for name, kept in self._attributes.get("contacts", {}).items()}
 
     def to_xarray(self) -> "xr.Dataset":
-        """All that is stored, lazily, with dimension names and units."""
+        """All stored arrays as a lazily loaded xarray dataset with dimension names and units."""
         return self._data.dataset()
 
     def _at_nodes(self, body: str, what: str, shape: tuple[int, ...]) -> FloatArray:
@@ -309,6 +319,6 @@ class RunResult:
 
 
 def open_result(path: str | Path) -> RunResult:
-    """The run stored at `path`, or in `path/result.zarr`. Raises InputError if there is none."""
+    """Result stored at `path` or in `path/result.zarr`. Raises InputError if there is none."""
     inside = Path(path) / "result.zarr"
     return RunResult(inside if (inside / GROUP_FILE).exists() else path)

@@ -1,8 +1,10 @@
-"""State of a run as plain data and arrays, in a file that holds no code and no names of classes.
+"""Serialization of the state of a run as plain data and arrays: no code and no class names in the
+file.
 
-An object is stored as its fields: the mapping that `__getstate__` returns, its attributes by
-default. Reading fills the fields of an object of the same structure that the program made itself,
-such as the memory that `StepSolver.start` returns, so a file decides values and never types.
+An object is stored as its fields: the mapping that `__getstate__` returns, by default its
+attributes. Reading fills the fields of an object of the same structure that the program created,
+such as the memory that a step solver allocates at the start. A file therefore determines values and
+never types.
 """
 
 import io
@@ -27,44 +29,48 @@ _NO_STATE = (type, Enum, FunctionType, BuiltinFunctionType, MethodType, ModuleTy
 
 
 class SavedError(ValueError):
-    """Stored state that does not fit the program's own, or a file that is damaged."""
+    """Error: the file is damaged, or the stored state has another structure than the program's
+    objects."""
 
 
 @runtime_checkable
 class SetsState(Protocol):
-    """Object that takes what its `__getstate__` returned."""
+    """Object that restores its state from the value that its `__getstate__` returned."""
 
     def __setstate__(self, state: Any) -> None: ...
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Saved:
-    """Tree of JSON values that refers to arrays by their number."""
+    """Serialized state: tree of JSON values that refers to arrays by their index in `arrays`."""
 
     tree: Any
     arrays: tuple[NDArray[Any], ...]
 
     @classmethod
     def of(cls, value: object, name: str = "memory") -> "Saved":
-        """From None, numbers, strings, bytes, arrays, random generators, lists, tuples, sets,
-        mappings, and objects with such fields.
+        """Serialized copy of `value`: None, numbers, strings, bytes, arrays, random generators,
+        lists, tuples, sets, mappings, and objects with fields of these types.
 
-        Raises TypeError with the place of what is none of these.
+        name: path of `value` in error messages. Raises TypeError, with the path, for any other
+        type.
         """
         packer = _Packer()
         tree = packer.node(value, name)
         return cls(tree, tuple(packer.arrays))
 
     def into(self, fresh: Any, name: str = "memory") -> Any:
-        """The value, in objects of `fresh`, which are changed.
+        """Value restored into the objects of `fresh`, an object of the same structure, which is
+        modified.
 
-        Entries of a list or mapping that `fresh` lacks are made like its first one. Raises
-        SavedError where fields, or kinds of values, differ.
+        Additional entries of a list or mapping are created as copies of the first entry in `fresh`.
+        name: path in error messages. Raises SavedError where fields or types differ.
         """
         return _value(self.tree, fresh, self.arrays, name)
 
     def dump(self) -> bytes:
-        """Magic line, CRC-32 of the rest, then .npy arrays one after another, the tree first."""
+        """Bytes of the file: magic line, CRC-32 of the rest, then .npy arrays in sequence, the JSON
+        tree first."""
         body = io.BytesIO()
         text = json.dumps(self.tree, separators=(",", ":"), allow_nan=False).encode()
         for array in (np.frombuffer(text, np.uint8), *self.arrays):
@@ -74,7 +80,8 @@ class Saved:
 
     @classmethod
     def load(cls, data: bytes) -> "Saved":
-        """Inverse of `dump`. Executes nothing that is in the data; raises SavedError."""
+        """Inverse of `dump`; executes nothing in the data. Raises SavedError for other formats and
+        damaged data."""
         head = len(MAGIC)
         if data[:head] != MAGIC:
             raise SavedError("it is of another format")
@@ -96,7 +103,7 @@ class _Packer:
     open: list[int] = field(default_factory=list)
 
     def node(self, value: Any, name: str) -> Any:
-        """JSON of a value; every compound one is a mapping with one key, its kind."""
+        """JSON representation of a value; a compound value is a mapping with one key, its type."""
         if isinstance(value, _NO_STATE):
             raise TypeError(f"{name}: a {type(value).__name__} is no state that can be saved")
         if isinstance(value, np.ndarray | np.generic):
@@ -142,7 +149,8 @@ class _Packer:
 
 
 def _attributes(state: Any, value: Any, name: str) -> dict[str, Any]:
-    """Fields in what `__getstate__` returned: a mapping, or that and the one of slots, or None."""
+    """Fields in the value that `__getstate__` returned: a mapping, a tuple of one for attributes
+    and one for slots, or None."""
     parts = state if isinstance(state, tuple) else (state,)
     found: dict[str, Any] = {}
     for part in parts:
@@ -153,7 +161,8 @@ def _attributes(state: Any, value: Any, name: str) -> dict[str, Any]:
 
 
 def _value(node: Any, like: Any, arrays: tuple[NDArray[Any], ...], name: str) -> Any:
-    """The value of a node. like: value of the same structure, None where there is none."""
+    """Value of a JSON node. like: value of the same structure to be filled, or None; name: path in
+    error messages."""
     if node is None:
         return None
     if isinstance(node, bool | int | str):
@@ -255,7 +264,7 @@ def _object(
 
 
 def _another(like: Any) -> Any:
-    """An object of the same structure to fill: step memory gets working arrays of its own, which
-    are not in its state."""
+    """Copy of an object, to be filled as an additional entry; step memory is copied by its own
+    method, because its working arrays are not part of its state."""
     plain = isinstance(like, Mapping | Sequence | Set | np.ndarray)
     return like.copy() if isinstance(like, StepMemory) and not plain else deepcopy(like)

@@ -9,7 +9,11 @@ from sparsemor.core.model.factorizations import Factored
 def solvers_summary(
     log: Iterable[Factored], iterations: Mapping[str, int], steps: int
 ) -> list[dict[str, Any]]:
-    """One entry for each block and purpose; `iterations`: those of the steps, by block."""
+    """Report of the linear solvers: one entry per block and purpose.
+
+    log: factorizations of the run; iterations: block -> total number of iterations in all steps;
+    steps: number of steps.
+    """
     found = []
     for f in log:
         one: dict[str, Any] = {
@@ -23,7 +27,8 @@ def solvers_summary(
 
 
 def solvers_in_words(entries: Sequence[Mapping[str, Any]]) -> list[str]:
-    """`disk.elastic: amg, 5.2 iterations/step, 0.12 GB`, of the steps of this run."""
+    """Text lines such as `disk.elastic: amg, 5.2 iterations/step, 0.12 GB` for the linear solvers
+    of the steps."""
     lines = []
     for e in entries:
         if e["for"] == "steps":

@@ -1,4 +1,5 @@
-"""The histories of a rigid stage in a result: what is written, and how it is read back."""
+"""Arrays of a rigid pre-simulation (motion, joint reactions, contact resultants) in a result:
+writing and reading."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -14,7 +15,7 @@ TIME = "stage.time"
 
 
 def stage_attributes(stage: Stage | None) -> dict[str, Any] | None:
-    """Names of what is stored, as plain data."""
+    """Names of the stored quantities of a rigid pre-simulation, as plain data; None without one."""
     if stage is None:
         return None
     return {"frames": list(stage.frames), "moves": sorted(stage.moves),
@@ -23,7 +24,7 @@ def stage_attributes(stage: Stage | None) -> dict[str, Any] | None:
 
 
 def stage_arrays(stage: Stage) -> Iterator[tuple[str, tuple[str, ...], dict[str, Any], FloatArray]]:
-    """(name, dimensions, attributes, values) of each array."""
+    """(name, dimensions, attributes, values) of each array of a rigid pre-simulation."""
     yield TIME, (TIME,), {"units": "s"}, stage.times
     for name, h in stage.frames.items():
         motion = np.stack([h.pose, h.rate, h.acceleration], axis=1)
@@ -38,7 +39,8 @@ def stage_arrays(stage: Stage) -> Iterator[tuple[str, tuple[str, ...], dict[str,
 
 
 def read_stage(names: Mapping[str, Any], data: StoredArrays) -> Stage:
-    """From the attribute and the arrays of a result."""
+    """Rigid pre-simulation of a result. names: the attribute that `stage_attributes` made; data:
+    the arrays."""
 
     def read(name: str) -> FloatArray:
         return data.read(f"stage.{name}")

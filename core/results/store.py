@@ -1,9 +1,9 @@
-"""A run's result on disk, appended as the steps come; readable at any moment, even after a kill.
+"""Result of a run on disk: appended during the run and readable at any moment, even after a kill.
 
-Order of every append: data files first, then one rename of the group's metadata. A file of a
-chunk that is not yet full is replaced by a longer one with the same first rows, so what was
-committed stays as it was. This holds for a killed process; a power cut may lose recent files.
-A store that is moved, removed or replaced while it is written to ends the run with an OSError.
+Order of every append: first the data files, then one atomic replacement of the group's metadata.
+The file of an incomplete chunk is replaced by a longer one with the same first rows, so committed
+data do not change. This is safe if the process is killed; a power failure may lose recent files.
+The run ends with an OSError if its store is moved, removed or replaced meanwhile.
 """
 
 import errno
@@ -39,12 +39,12 @@ from sparsemor.core.status import Status
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ChunkOfSteps:
-    """j consecutive stored steps.
+    """Data of j consecutive steps to be stored.
 
-    times (j,) s; x (j, n) in the solver's layout; iterations (j,); step_seconds (j,) s;
-    supports: block -> (j, k) active basis vectors (all of them in a reduced block that is absent);
-    probes: name -> (j, components); contacts: `contact.history` -> (j,); given: body -> (j,
-    functions) its prescribed temperatures, K.
+    times (j,): s; x (j, n): unknowns of the step solver; iterations (j,); step_seconds (j,):
+    computing times, s; supports: block -> (j, k) active basis vectors (an absent reduced block uses
+    all of them); probes: name -> (j, components); contacts: `contact.resultant` -> (j,); given:
+    body -> (j, functions) prescribed temperatures, K.
     """
 
     times: FloatArray
@@ -58,7 +58,8 @@ class ChunkOfSteps:
 
 
 class ResultWriter:
-    """Appends steps to a store. One writer a store; `stored` counts the committed steps."""
+    """Writer that appends steps to a store; at most one per store. `stored`: number of committed
+    steps."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -74,9 +75,9 @@ class ResultWriter:
 
     @classmethod
     def create(cls, path: str | Path, header: RunHeader) -> "ResultWriter":
-        """A new, empty store at `path`, which appears all at once.
+        """Writer of a new, empty store at `path`, which is created atomically.
 
-        Raises InputError when there is one already.
+        Raises InputError if there is a store already.
         """
         target = Path(path).absolute()
         if target.exists():
@@ -100,10 +101,10 @@ class ResultWriter:
     def resume(
         cls, path: str | Path, scene_digest: str | None = None, identity: Identity | None = None
     ) -> tuple["ResultWriter", Checkpoint]:
-        """The writer of a stopped run, cut back to its last checkpoint, and that checkpoint.
+        """Writer of a stopped run, truncated to its last checkpoint, and that checkpoint.
 
-        Raises InputError when there is nothing to resume, the run has ended well, its scene was
-        another one than `scene_digest` states, or something else that `identity` holds has changed.
+        Raises InputError if there is nothing to resume, the run is complete, its scene differs from
+        `scene_digest`, or code, plugins or input files differ from `identity`.
         """
         target = Path(path).absolute()
         document, checkpoint = _resumable(target, scene_digest, identity)
@@ -119,7 +120,7 @@ class ResultWriter:
     def resumable(
         path: str | Path, scene_digest: str | None = None, identity: Identity | None = None
     ) -> None:
-        """Raises InputError when `resume` would; changes nothing."""
+        """Raises InputError if `resume` would; changes nothing."""
         _resumable(Path(path).absolute(), scene_digest, identity)
 
     @property
@@ -127,7 +128,8 @@ class ResultWriter:
         return int(self._arrays[TIME]["shape"][0])
 
     def append(self, steps: ChunkOfSteps) -> None:
-        """Store and commit. Raises ValueError, storing nothing, for what is not finite."""
+        """Stores and commits steps. Raises ValueError, storing nothing, for values that are not
+        finite."""
         columns = self._columns(steps)
         for name, values in columns.items():
             self._check(name, values, len(steps.times))
@@ -144,16 +146,19 @@ class ResultWriter:
         self._last_time = float(steps.times[-1])
 
     def checkpoint(self, arrays: Mapping[str, NDArray[Any]], memory: object = None) -> None:
-        """Remember how to go on from the last appended step; `memory`: state that saved_state.py
-        can write. Raises TypeError where it cannot."""
+        """Saves the state from which the run can continue after the last appended step.
+
+        arrays: state of the time integrator; memory: state of the step solver. Raises TypeError for
+        a state that cannot be serialized (saved_state.py).
+        """
         run = self._document["attributes"]["run"]
         with self._folder.kept(self._last_time), writing(checkpoint_file(self.path)):
             save_checkpoint(self.path, Checkpoint(run, self.stored, arrays, Saved.of(memory)))
 
     def finish(self, status: Status, summary: Mapping[str, Any]) -> None:
-        """Write how the run ended. Its checkpoint stays only if there is something to resume.
+        """Writes the final status and summary of the run; removes the checkpoint of a complete run.
 
-        Raises OSError when the store was moved or removed, or one of its files is missing.
+        Raises OSError if the store was moved or removed, or if one of its files is missing.
         """
         with self._folder.kept(self._last_time):
             try:
@@ -171,7 +176,7 @@ class ResultWriter:
                 checkpoint_file(self.path).unlink(missing_ok=True)
 
     def discard(self) -> None:
-        """Remove the store and its checkpoint, if they are still where they were written."""
+        """Removes the store and its checkpoint, unless the store was moved or replaced."""
         if self._folder.in_place():
             checkpoint_file(self.path).unlink(missing_ok=True)
             shutil.rmtree(self.path, ignore_errors=True)

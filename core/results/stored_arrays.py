@@ -1,4 +1,5 @@
-"""Arrays of a result as its metadata committed them: each chunk is checked when it is read."""
+"""Arrays of a result at the state of its last commit; the checksum of each chunk is verified when
+read."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,10 +17,10 @@ ALL = slice(None)
 
 
 class StoredArrays:
-    """One result's arrays by name, at the moment of the last commit before this was made.
+    """Arrays of one result by name, at the state of the last commit before this object was created.
 
-    `attributes`: of the group, as plain data. Raises Damaged, with the path of the file, when
-    the metadata are damaged; so does `read` for a chunk that is missing or damaged.
+    `attributes`: attributes of the Zarr group, as plain data. Raises Damaged, with the path of the
+    file, when the metadata are damaged; `read` does so for a missing or damaged chunk.
     """
 
     def __init__(self, root: Path) -> None:
@@ -33,7 +34,7 @@ class StoredArrays:
 
     @property
     def metadata(self) -> dict[str, dict[str, Any]]:
-        """name -> metadata of each array."""
+        """Array name -> Zarr metadata of the array."""
         return self._arrays
 
     @property
@@ -47,17 +48,19 @@ class StoredArrays:
         return dict(self._arrays[name]["attributes"])
 
     def check(self) -> None:
-        """Raises Damaged when a committed chunk has no file, or one of another size."""
+        """Raises Damaged if the file of a committed chunk is missing or has the wrong size."""
         zf.check_chunks(self.root, self._arrays)
 
     def verify(self) -> None:
-        """Reads every chunk. Raises Damaged when one is missing or damaged."""
+        """Reads every chunk and verifies its checksum. Raises Damaged if one is missing or
+        damaged."""
         for name, metadata in self._arrays.items():
             for number in range(zf.chunk_count(metadata)):
                 zf.read_chunk(self.root, name, metadata, number, 0)
 
     def read(self, name: str, rows: slice | IntArray = ALL) -> NDArray[Any]:
-        """A copy of the rows `rows` along the first axis, all others whole."""
+        """Copy of the entries `rows` along the first axis of an array, complete along all other
+        axes."""
         metadata = self._arrays[name]
         first_axis, *inner = self.shape(name)
         wanted = np.arange(first_axis)[rows]
@@ -75,7 +78,8 @@ class StoredArrays:
         return values
 
     def dataset(self) -> "xr.Dataset":
-        """All arrays, lazily, with dimension names, units and the group's attributes."""
+        """All arrays as a lazily loaded dataset with dimension names, units and the attributes of
+        the group."""
         import xarray as xr
         from xarray.backends import BackendArray, BackendEntrypoint
         from xarray.core import indexing
@@ -83,7 +87,7 @@ class StoredArrays:
         stored = self
 
         class Lazy(BackendArray):
-            """One array, read when it is indexed."""
+            """Lazily loaded array: data are read when it is indexed."""
 
             def __init__(self, name: str) -> None:
                 self.name, self.shape = name, stored.shape(name)
@@ -102,7 +106,7 @@ class StoredArrays:
                 return values if isinstance(first, slice) or np.ndim(first) else values[0]
 
         class Result(BackendEntrypoint):
-            """xarray's way to open these arrays."""
+            """xarray backend that opens these arrays."""
 
             def open_dataset(
                 self, filename_or_obj: Any, *, drop_variables: Any = None

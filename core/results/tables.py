@@ -1,18 +1,22 @@
-"""Tables as text: aligned columns for people, CSV for programs."""
+"""Formatting of tables: aligned text for the terminal, and CSV."""
 
 import csv
 import io
 from collections.abc import Iterable, Mapping, Sequence
 
 MARK = "!"
-"""Behind a number above a limit."""
+"""Mark behind a number that exceeds its limit."""
 CONSTANT = "constant"
-"""Instead of an error relative to a change that is round-off."""
+"""Text for the error of a constant quantity, whose change, the reference of relative errors, is
+round-off."""
 
 
 def text_table(rows: Sequence[Sequence[str]]) -> str:
-    """Columns aligned with two blanks between; the first row is the head, numbers to the right, and
-    a blank behind those without a mark in a column that has one."""
+    """Text table with aligned columns, two blanks apart; the first row is the header.
+
+    Numbers are right-aligned; in columns that contain marked numbers, the others get a trailing
+    blank.
+    """
     rows = _spaced(rows)
     widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
     right = [all(_numeric(row[i]) for row in rows[1:]) for i in range(len(rows[0]))]
@@ -27,7 +31,7 @@ def text_table(rows: Sequence[Sequence[str]]) -> str:
 
 
 def csv_table(rows: Iterable[Sequence[object]]) -> str:
-    """Rows as CSV: numbers in full, None as an empty cell."""
+    """CSV text of rows: numbers with all digits, None as an empty cell."""
     text = io.StringIO()
     plain = csv.writer(text, lineterminator="\n")
     # a lone carriage return ends a line for readers, and the module does not quote it for that
@@ -39,18 +43,19 @@ def csv_table(rows: Iterable[Sequence[object]]) -> str:
 
 
 def with_head(rows: Sequence[Mapping[str, object]]) -> list[list[object]]:
-    """The names of all columns in the order in which rows bring them, then the rows."""
+    """Table with header: names of all columns in the order of their first occurrence, then one row
+    per mapping."""
     names = list(dict.fromkeys(name for row in rows for name in row))
     return [[*names], *([row.get(name) for name in names] for row in rows)]
 
 
 def number(value: float | None, form: str, missing: str = "-") -> str:
-    """A number in a table; `missing` for None."""
+    """Formatted number (`form`: Python format specification); `missing` for None."""
     return missing if value is None else format(value, form)
 
 
 def marked(value: float | None, form: str, limit: float) -> str:
-    """The same, with the mark where it is above the limit."""
+    """Formatted number, followed by the mark if it exceeds `limit`; "-" for None."""
     return number(value, form) + (MARK if value is not None and value > limit else "")
 
 

@@ -1,4 +1,5 @@
-"""Arrays of a result: names, dimensions, units and fixed values."""
+"""Definition of the arrays of a result: names, dimensions and units, and the values of those that
+do not depend on time."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -18,13 +19,13 @@ CHUNK_STEPS = 256
 
 
 def steps_per_chunk(header: RunHeader) -> int:
-    """Rows of one file: about 4 MB for the widest block, at most 256 steps."""
+    """Number of steps per chunk file: about 4 MB for the largest block, 8 to 256 steps."""
     widest = max((b.size for b in header.layout), default=1)
     return int(np.clip(_CHUNK_BYTES // (8 * widest), 8, CHUNK_STEPS))
 
 
 def time_arrays(header: RunHeader) -> dict[str, dict[str, Any]]:
-    """name -> metadata of the arrays that grow with time, of length 0."""
+    """Name -> metadata of the arrays that grow with time, initially of length 0."""
     per_chunk = steps_per_chunk(header)
     made: dict[str, dict[str, Any]] = {}
 
@@ -67,7 +68,7 @@ def time_arrays(header: RunHeader) -> dict[str, dict[str, Any]]:
 def fixed_arrays(
     header: RunHeader,
 ) -> Iterator[tuple[str, tuple[str, ...], dict[str, Any], NDArray[Any]]]:
-    """(name, dimensions, attributes, values) of the arrays that are written once."""
+    """(name, dimensions, attributes, values) of each array that does not depend on time."""
     for name, d in header.dictionaries.items():
         block = header.full_layout[name]
         size = block.stop - block.start

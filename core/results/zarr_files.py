@@ -1,11 +1,11 @@
-"""Zarr format 3 written as plain files, so that one rename is the only commit point.
+"""Zarr format 3 written as plain files, so that one file replacement commits all arrays at once.
 
-The library's own calls rewrite one metadata file an array, and a run killed between two of them
-leaves variables of unequal length. Here every array's shape stands in the group's consolidated
-metadata, one file that is replaced as a whole after the data are in place. Chunks are raw
-little-endian C-order bytes and their CRC-32C (codecs `bytes`, `crc32c`); the metadata hold a
-CRC-32C of their own in the attribute `checksum`. What is damaged or missing raises `Damaged` with
-the file's path. Specification: zarr-specs.readthedocs.io, core protocol version 3.
+The Zarr library rewrites one metadata file per array, so a run killed between two of them leaves
+arrays of unequal length. Here the shapes of all arrays are stored in the consolidated metadata of
+the group: one file, replaced as a whole after the data are written. Chunks are raw little-endian
+C-order bytes and their CRC-32C (codecs `bytes`, `crc32c`); the metadata have a CRC-32C of their own
+in the attribute `checksum`. Damaged or missing files raise `Damaged` with the path. Specification:
+zarr-specs.readthedocs.io, core protocol version 3.
 """
 
 import json
@@ -24,9 +24,10 @@ from sparsemor.core.results.atomic_files import replace_file
 
 GROUP_FILE = "zarr.json"
 FORMAT = 2
-"""Version of the stored format: 1 had no checksums and 0 for what is missing."""
+"""Version of the stored format. Version 1 had no checksums, and 0 as fill value."""
 _FILL: dict[str, Any] = {"float64": "NaN", "int64": -(2**63), "bool": False}
-"""Value that other Zarr readers return for a missing chunk; here it is an error."""
+"""Fill value: returned by other Zarr readers for a missing chunk; here a missing chunk is an
+error."""
 _CHECKED = {"name": "crc32c"}
 
 
@@ -34,7 +35,7 @@ def array_metadata(
     shape: Sequence[int], chunk: Sequence[int], dtype: str, dimensions: Sequence[str],
     attributes: Mapping[str, Any],
 ) -> dict[str, Any]:
-    """The metadata document of one array; `dtype` is float64, int64 or bool."""
+    """Zarr metadata document of one array; `dtype` is float64, int64 or bool."""
     endian = {} if dtype == "bool" else {"configuration": {"endian": "little"}}
     return {
         "zarr_format": 3,
@@ -61,7 +62,8 @@ def chunk_shape(metadata: Mapping[str, Any]) -> tuple[int, ...]:
 def write_chunk(
     root: Path, name: str, metadata: Mapping[str, Any], number: int, values: NDArray[Any]
 ) -> None:
-    """Chunk `number` along the first axis; the other axes are one chunk. May be short."""
+    """Writes chunk `number` along the first axis; the other axes are not divided. Missing rows are
+    filled."""
     full = np.full(chunk_shape(metadata), _fill(metadata), dtype=_stored(metadata))
     full[tuple(slice(0, s) for s in values.shape)] = values
     raw, file = full.tobytes(), chunk_file(root, name, metadata, number)
@@ -78,10 +80,9 @@ def write_chunk(
 def read_chunk(
     root: Path, name: str, metadata: Mapping[str, Any], number: int, count: int
 ) -> NDArray[Any]:
-    """The first `count` rows of a chunk, as a writable copy.
+    """First `count` rows of chunk `number`, as a writable copy.
 
-    Raises Damaged, which names the file, the array and its rows, for a chunk that is missing
-    or damaged.
+    Raises Damaged, with the file, the array and its rows, if the chunk is missing or damaged.
     """
     file = chunk_file(root, name, metadata, number)
     try:
@@ -104,7 +105,7 @@ def read_chunk(
 
 
 def check_chunks(root: Path, arrays: Mapping[str, Mapping[str, Any]]) -> None:
-    """Raises Damaged for the first committed chunk without a file of the right size."""
+    """Raises Damaged for the first committed chunk whose file is missing or has the wrong size."""
     for name, metadata in arrays.items():
         size = chunk_bytes(metadata) + (4 if _checked(metadata) else 0)
         for number in range(chunk_count(metadata)):
@@ -120,7 +121,7 @@ def check_chunks(root: Path, arrays: Mapping[str, Mapping[str, Any]]) -> None:
 
 
 def chunk_count(metadata: Mapping[str, Any]) -> int:
-    """Number of chunk files of an array; none where it has no entries."""
+    """Number of chunk files of an array; 0 if it has no entries."""
     shape = metadata["shape"]
     fixed = metadata["dimension_names"][0] != "time"
     if not shape[0] or fixed and not math.prod(shape):
@@ -134,7 +135,7 @@ def chunk_bytes(metadata: Mapping[str, Any]) -> int:
 
 
 def checksum(data: bytes, before: int = 0) -> int:
-    """CRC-32C (Castagnoli) of bytes; `before`: that of the bytes in front of them."""
+    """CRC-32C (Castagnoli) of `data`; `before`: CRC-32C of the preceding bytes, to be continued."""
     return int(google_crc32c.extend(before, data))
 
 
@@ -152,7 +153,8 @@ def _what(
 
 
 def read_group(root: Path) -> dict[str, Any]:
-    """The group's document. Raises Damaged, and InputError for an unknown format."""
+    """Metadata document of the group. Raises Damaged, and InputError for an unknown format
+    version."""
     file = root / GROUP_FILE
     try:
         document: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
@@ -185,7 +187,7 @@ def _checksum_of(document: Mapping[str, Any]) -> int:
 
 
 def arrays_of(document: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
-    """name -> metadata of each array in a group's document."""
+    """Array name -> metadata of the array, from the metadata document of a group."""
     arrays: dict[str, dict[str, Any]] = document["consolidated_metadata"]["metadata"]
     return arrays
 
@@ -206,7 +208,7 @@ def group_document(
 
 
 def write_group(root: Path, document: Mapping[str, Any]) -> None:
-    """The commit: what this file says is what the store holds."""
+    """Commits: replaces the metadata document, which determines the content of the store."""
     attributes = document["attributes"]
     if attributes["format"] != 1:
         attributes = {**attributes, "checksum": _checksum_of(document)}
@@ -214,7 +216,8 @@ def write_group(root: Path, document: Mapping[str, Any]) -> None:
 
 
 def to_json(document: object) -> bytes:
-    """UTF-8 text; numpy scalars and arrays become numbers and lists, nan is refused."""
+    """JSON as UTF-8: numpy scalars and arrays become numbers and lists. Raises ValueError for
+    nan."""
     text = json.dumps(document, allow_nan=False, default=_plain, indent=1)
     return text.encode("utf-8")
 
@@ -238,6 +241,6 @@ def _fill(metadata: Mapping[str, Any]) -> Any:
 
 
 def chunk_file(root: Path, name: str, metadata: Mapping[str, Any], number: int) -> Path:
-    """The file of chunk `number` along the first axis."""
+    """Path of the file of chunk `number` along the first axis."""
     inner = ["0"] * (len(metadata["shape"]) - 1)
     return root.joinpath(name, "c", str(number), *inner)

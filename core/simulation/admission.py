@@ -1,4 +1,4 @@
-"""Admission of a run to its output directory, and what a refused run leaves there."""
+"""Checks of the output directory before a run, and clean-up after a refused run."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -13,7 +13,8 @@ from sparsemor.core.scene.scene import Scene
 
 
 def admit(scene: Scene, out: Path, resume: bool) -> None:
-    """Raises InputError when a run may not write to `out`: asked before anything is computed."""
+    """Checks, before anything is computed, that a run may write to `out`, or with `resume` continue
+    the result in it. Raises InputError."""
     directory = OutputDirectory(out)
     if resume:
         ResultWriter.resumable(directory.store, scene.digest(), Identity.of(scene))
@@ -23,7 +24,8 @@ def admit(scene: Scene, out: Path, resume: bool) -> None:
 
 @contextmanager
 def kept(writer: ResultWriter, new: bool) -> Iterator[None]:
-    """Removes a new store when its run is refused late, or fails before it can be resumed."""
+    """Context that deletes a new result if its run is refused by an input error, or fails before
+    its first checkpoint."""
     try:
         yield
     except (InputError, OSError) as error:

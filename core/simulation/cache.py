@@ -1,4 +1,4 @@
-"""Offline products kept between runs, found by a digest of everything they depend on."""
+"""Disk cache of offline results, addressed by a digest of everything that they depend on."""
 
 import json
 import logging
@@ -35,7 +35,8 @@ class CacheEntry:
 
 
 def default_root() -> Path:
-    """`SPARSEMOR_CACHE`, else the user's cache directory."""
+    """Root directory of the cache: environment variable `SPARSEMOR_CACHE`, else the user's cache
+    directory."""
     named = os.environ.get("SPARSEMOR_CACHE")
     if named:
         return Path(named)
@@ -43,7 +44,8 @@ def default_root() -> Path:
 
 
 class Cache:
-    """Named arrays by kind and key. Safe for several processes: entries appear by a rename."""
+    """Disk cache of named arrays, by kind (such as "basis") and key (digest of the inputs). Safe
+    for several processes: entries appear by an atomic rename."""
 
     def __init__(self, root: str | Path | None = None) -> None:
         self.root = default_root() if root is None else Path(root)
@@ -51,10 +53,11 @@ class Cache:
     def get_or_make(
         self, kind: str, key: str, make: Callable[[], Arrays]
     ) -> tuple[dict[str, NDArray[Any]], bool]:
-        """(arrays, hit). Large arrays of a hit are read-only maps of their files.
+        """Arrays of an entry, computed by `make` and stored if there is none, and True for a cache
+        hit. Large arrays are read-only memory maps of their files.
 
-        An entry that cannot be read is remade with a logged warning; a full disk costs the
-        entry, not the run.
+        An entry that cannot be read is recomputed with a logged warning; if the entry cannot be
+        stored (disk full), the run continues without it.
         """
         place = self.place(kind, key)
         if place.exists():
@@ -75,7 +78,7 @@ class Cache:
             return arrays, False
 
     def place(self, kind: str, key: str) -> Path:
-        """The folder of an entry, kept or not."""
+        """Directory of an entry, whether it exists or not."""
         return self.root / kind / key
 
     def entries(self) -> list[CacheEntry]:
@@ -116,9 +119,10 @@ def _save(place: Path, arrays: Arrays) -> None:
 
 
 def scratch_folder(root: Path | None) -> Path:
-    """A folder next to the cache's entries, or for temporary files, used by this process only.
+    """New scratch directory of this process: next to the cache's entries, or a temporary one if
+    `root` is None.
 
-    A process that was killed leaves its own behind: those of processes that are gone are removed.
+    Scratch directories left behind by killed processes of this machine are removed.
     """
     if root is None:
         return Path(tempfile.mkdtemp(prefix=_SCRATCH))
@@ -145,7 +149,7 @@ def _alive(pid: int) -> bool:
 
 
 def _scratch_file(array: NDArray[Any]) -> str | None:
-    """The file of an array that was written to a scratch folder as a whole."""
+    """File of an array that fills a whole file in a scratch directory, else None."""
     name = getattr(array, "filename", None)
     if name is None or not Path(name).parent.name.startswith(_SCRATCH):
         return None
@@ -154,7 +158,8 @@ def _scratch_file(array: NDArray[Any]) -> str | None:
 
 
 def _load(place: Path) -> dict[str, NDArray[Any]]:
-    """Raises ValueError, KeyError, TypeError or OSError for what is damaged or missing."""
+    """Arrays of an entry. Raises ValueError, KeyError, TypeError or OSError if it is damaged or
+    missing."""
     manifest = json.loads((place / _MANIFEST).read_text(encoding="utf-8"))
     table: dict[str, list[Any]] = manifest["files"]
     if manifest["checksum"] != _checksum(table):
@@ -170,7 +175,7 @@ def _checksum(table: Mapping[str, object]) -> int:
 
 
 def _checksum_of(file: Path) -> int:
-    """CRC-32C of a file, read in pieces."""
+    """CRC-32C checksum of a file, read in blocks."""
     found = 0
     with file.open("rb") as data:
         while piece := data.read(_PIECE):

@@ -1,4 +1,4 @@
-"""Ctrl-C between two steps, where the state is whole and can be resumed from."""
+"""Deferred Ctrl-C: a run stops between two steps, in a state from which it can be resumed."""
 
 import signal
 import threading
@@ -7,10 +7,10 @@ from typing import Any
 
 
 class Interrupt:
-    """While entered, a first Ctrl-C only sets `wanted`; a second one stops at once, as usual.
+    """Context in which a first Ctrl-C only sets `wanted`; a second one stops at once, as usual.
 
-    Without effect outside the main thread, or where Ctrl-C is ignored: Python sets handlers in
-    the main thread only.
+    Without effect outside the main thread, where Python sets no signal handlers, or where Ctrl-C is
+    ignored.
     """
 
     def __init__(self) -> None:

@@ -1,4 +1,4 @@
-"""Offline products: the training run and everything made from it, cached by what they depend on."""
+"""Offline stage: the training run and everything computed from it, cached by its inputs."""
 
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -34,10 +34,11 @@ from sparsemor.core.status import SolveFailed
 class Offline:
     """Offline data from which reducers are prepared, cached in `products`.
 
-    snapshots(name) (n, M): unknowns of a block over the training run, in columns; recording: how
-    they were taken, None when they were given; trained: whether some basis needs snapshots, also
-    where it came from the cache; expected: bytes that a run will hold, once estimated. reducer:
-    origin of a reducer that is not sparsemor's own, part of the key of its products.
+    snapshots(name) (n, M): columns with the n unknowns of a block (one field of one body) at M
+    times of the training run. recording: integrator, step size and interval of the snapshots, None
+    for snapshots that were passed in. trained: True if a basis needs snapshots, also if the basis
+    came from the cache. expected: estimated memory of the run, bytes, None before the estimate.
+    reducer: identity of a third-party reducer, part of its cache keys.
     """
 
     def __init__(
@@ -55,7 +56,8 @@ class Offline:
 
     @classmethod
     def of(cls, model: Model, snapshots: Mapping[str, FloatArray]) -> "Offline":
-        """Given snapshots (n, M) a block, no cache: for scripts and tests."""
+        """Offline data of snapshots (n, M) per block, without training run and cache: for scripts
+        and tests."""
         rows = {name: s.T for name, s in snapshots.items()}
         return cls(model, lambda: rows, "", Products(None))
 
@@ -67,7 +69,8 @@ class Offline:
     def remember(
         self, kind: str, depends: Sequence[object], make: Callable[[], Arrays]
     ) -> Arrays:
-        """Arrays of one product of the reducer: from the cache, or made and kept there."""
+        """Arrays of one offline product of the reducer: read from the cache, or computed by `make`
+        and stored. depends: inputs of the product, part of the cache key."""
         return self._remembered(kind, (*self._reducer, *depends), make)
 
     def _remembered(
@@ -77,20 +80,21 @@ class Offline:
         return self.products.remember(kind, key, make)
 
     def has(self, kind: str, depends: Sequence[object] = ()) -> bool:
-        """True if a product is in the cache."""
+        """True if an offline product with these inputs is in the cache."""
         cache = self.products.cache
         return cache is not None and cache.place(kind, digest(self._key, *depends)).exists()
 
     def keep_training(self, snapshots: Mapping[str, FloatArray], seconds: float) -> None:
-        """Training snapshots (M, n) by block that another run came by, in `seconds` s."""
+        """Stores training snapshots (M, n) by block that another run recorded in `seconds` s."""
         if self.products.cache is not None:
             self.products.keep("training", digest(self._key), snapshots, seconds)
 
     def dictionary(
         self, name: str, basis: Basis, step: StepFactors | None = None
     ) -> tuple[Dictionary, float]:
-        """A block's dictionary and the largest coefficient that its snapshots have (0: none);
-        step: the steps that it is to serve."""
+        """Dictionary (basis vectors, called atoms, and an offset) of a block, and the largest
+        absolute coefficient of its snapshots (0 without snapshots). step: step factors of the runs
+        that use it."""
         known = self._model.block_data(name, step=step)
         self.trained = self.trained or basis.needs_snapshots
 
@@ -119,14 +123,15 @@ _NESTED = frozenset({"heat", "moving"})
 
 
 def _content(data: BlockData) -> list[object]:
-    """Contents of a block for its digest."""
+    """Values of a block's data that enter its digest (cache key)."""
     values = [getattr(data, f.name) for f in fields(data) if f.name not in _NESTED]
     values += [[m.source, m.columns, m.names, m.table.times, m.table.values] for m in data.moving]
     return values if data.heat is None else [*values, *_content(data.heat)]
 
 
 def largest_coefficient(d: Dictionary, snapshots: FloatArray) -> float:
-    """Largest |coefficient| that snapshots (n, M) have in a dictionary; 0 without snapshots.
+    """Largest absolute coefficient of snapshots (n, M) in a dictionary; 0 without snapshots or
+    atoms.
 
     Coefficients are projections on orthonormal atoms, else least-squares solutions of minimum norm:
     inner products with nearly parallel atoms are no coefficients.
@@ -140,10 +145,10 @@ def largest_coefficient(d: Dictionary, snapshots: FloatArray) -> float:
 def full_run(
     scene: Scene, model: Model, offline: Offline, manager: Manager, phase: str
 ) -> Iterator[State]:
-    """The states of a run that others are made from, its start first. `phase` ("training run",
-    "rigid stage") is what its events and the detail of a failure say.
+    """States of an auxiliary run (training run or rigid-body pre-simulation), initial state first.
+    phase: "training run" or "rigid stage", the name in events and failure messages.
 
-    Raises SolveFailed when it stops before its end.
+    Raises SolveFailed if the run stops before its end.
     """
     h, steps = scene.time.step, step_count(scene)
     solver: StepSolver = scene.reducer.prepare(ReducedProblem(
@@ -170,5 +175,6 @@ def full_run(
 
 
 def step_count(scene: Scene) -> int:
-    """Number of steps of time.step up to time.end (rounded; a remainder below 1e-6 steps)."""
+    """Number of steps of `time.step` up to `time.end`, rounded: remainders up to 1e-6 steps are
+    accepted."""
     return round(scene.time.end / scene.time.step)

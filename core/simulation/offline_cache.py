@@ -1,4 +1,4 @@
-"""Offline products through the cache, and what each cost, also where it was found there."""
+"""Offline products read through the cache, with the computing time of each, also of cache hits."""
 
 import json
 import shutil
@@ -20,8 +20,12 @@ _FILE = "spent.json"
 
 @dataclass(slots=True)
 class Product:
-    """A result of the offline stage while it is computed or read. name: kind and key; place:
-    its cache entry, if any."""
+    """Offline product (snapshots, basis, ..) while it is computed or read.
+
+    name: kind and key; place: directory of its cache entry, if any; hit: True if it was in the
+    cache; inside: computing times of the products that it is computed from, s; nested: wall time
+    spent on them, s.
+    """
 
     name: str
     place: Path | None
@@ -31,9 +35,10 @@ class Product:
 
 
 class OfflineCost:
-    """Seconds by product, each counted once; a product's entry knows those it was made from.
+    """Computing times of offline products, s by product, each counted once. The cache entry of a
+    product stores also the times of the products that it was computed from.
 
-    waited: s that asking for them took here.
+    waited: wall time that this process spent computing or reading products, s.
     """
 
     def __init__(self) -> None:
@@ -47,12 +52,13 @@ class OfflineCost:
         return sum(self.seconds.values())
 
     def whole(self, elapsed: float) -> float:
-        """An offline stage that took `elapsed` s, had nothing been in the cache, s."""
+        """Time that an offline stage would take without any cached product, s; elapsed: time it
+        took, s."""
         return max(elapsed - self.waited, 0.0) + self.total
 
     @contextmanager
     def product(self, name: str, place: Path | None) -> Iterator[Product]:
-        """Around the asking for a product; the caller sets `hit`."""
+        """Context around computing or reading a product; the caller sets `hit`."""
         one = Product(name, place)
         self._open.append(one)
         start = time.perf_counter()
@@ -75,7 +81,7 @@ class OfflineCost:
 
 
 def record(place: Path | None, cost: Mapping[str, float]) -> None:
-    """Write the cost of a product next to its cache entry, s by product."""
+    """Writes the computing times of a product (s by product) next to its cache entry."""
     if place is not None and place.is_dir():
         try:
             (place / _FILE).write_text(json.dumps(cost), encoding="utf-8")
@@ -94,9 +100,12 @@ def _read(place: Path | None) -> Mapping[str, float]:
 
 
 class Products:
-    """Arrays that are made once. `used`: product -> "hit" or "miss" of the cache; seconds: how long
-    asking for it took here. cache: None keeps nothing. factorizations: reports of the
-    linear systems that were solved for them."""
+    """Offline products, computed once and then read from the cache; cache: None stores nothing.
+
+    used: product kind -> "hit", "miss" or "mixed"; seconds: product kind -> wall time of computing
+    or reading, s; spent: computing times; factorizations: reports of the linear systems that were
+    solved for them.
+    """
 
     def __init__(self, cache: Cache | None) -> None:
         self.cache = cache
@@ -107,8 +116,8 @@ class Products:
         self._scratch: Path | None = None
 
     def scratch(self) -> Path:
-        """A folder for what does not fit in memory. What is in it and is not kept in the cache goes
-        with these products."""
+        """Scratch directory for arrays that do not fit in memory. Files that are not moved to the
+        cache are deleted together with these products."""
         if self._scratch is None:
             self._scratch = scratch_folder(None if self.cache is None else self.cache.root)
             weakref.finalize(self, shutil.rmtree, self._scratch, ignore_errors=True)
@@ -117,7 +126,7 @@ class Products:
     def keep(
         self, kind: str, key: str, arrays: Arrays, seconds: float
     ) -> None:
-        """Put arrays that a run has made into the cache; seconds: what they cost."""
+        """Stores arrays that a run has computed in the cache; seconds: their computing time, s."""
         if self.cache is None:
             return
         _, hit = self.cache.get_or_make(kind, key, lambda: arrays)
@@ -127,7 +136,7 @@ class Products:
     def remember(
         self, kind: str, key: str, make: Callable[[], Arrays]
     ) -> Arrays:
-        """Arrays of one product: from the cache, or made and kept there."""
+        """Arrays of one product: read from the cache, or computed by `make` and stored."""
         start = time.perf_counter()
         if self.cache is None:
             arrays, hit = make(), False
@@ -142,7 +151,7 @@ class Products:
 
 
 def mesh_content(model: Model) -> list[object]:
-    """Points, cells and sets of every mesh of a model, for keys."""
+    """Points, cells and point sets of every mesh of a model, for cache keys."""
     meshes = [m for p in model.parts.values() if isinstance(p, HasMesh)
               and (m := p.mesh) is not None]
     return [[m.points, m.cells, dict(m.point_sets)] for m in meshes]

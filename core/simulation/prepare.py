@@ -1,4 +1,4 @@
-"""Preparation of a run: checked model and offline products, pre-simulation included."""
+"""Preparation of a run: input checks, model, rigid-body pre-simulation and offline data."""
 
 from sparsemor.core.model.body_cache import BodyCache
 from sparsemor.core.model.model import Model
@@ -16,10 +16,11 @@ from sparsemor.core.simulation.validation import checked_model
 def prepared(
     scene: Scene, cache: Cache, manager: Manager, body_cache: BodyCache | None = None
 ) -> tuple[Model, Offline]:
-    """The model that a reducer is prepared for. A rigid stage is run here, or found in the cache.
+    """Model and offline data from which a reducer is prepared. The rigid-body pre-simulation of a
+    two-stage scene is run here, or read from the cache.
 
-    Raises InputError as `checked_model` does, and where the run would not fit in memory;
-    SolveFailed where the rigid stage stops early.
+    Raises InputError as `checked_model` does, and if the run would not fit in memory; SolveFailed
+    if the pre-simulation stops early.
     """
     body_cache, products = body_cache or BodyCache(), Products(cache)
     if scene.rigid_stage is None:

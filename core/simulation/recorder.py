@@ -1,4 +1,4 @@
-"""Between the time loop and the store: buffers steps, evaluates probes, sums up a run."""
+"""Recorder of a run: buffers stored steps, evaluates probes, writes results, sums up the run."""
 
 import time
 from collections.abc import Mapping, Sequence
@@ -45,13 +45,14 @@ from sparsemor.core.simulation.step_statistics import Tally
 from sparsemor.core.status import Status
 
 CHUNK, SECONDS = 256, 2.0
-"""Rows, or seconds, after which what was computed is committed to disk."""
+"""Number of buffered steps, and seconds since the last commit, after which results are written to
+disk."""
 BUFFER = 2**26
-"""Bytes of rows after which it is, too."""
+"""Bytes of buffered states after which results are written to disk."""
 
 
 class Recorder:
-    """Owns the store of one run."""
+    """Recorder of one run's results: states, probes, contact forces, checkpoints and summary."""
 
     def __init__(
         self, scene: Scene, model: Model, solver: StepSolver, offline: Offline,
@@ -80,7 +81,8 @@ class Recorder:
         cls, scene: Scene, model: Model, solver: StepSolver, offline: Offline, out: Path,
         resume: bool, steps: int,
     ) -> "Recorder":
-        """A new store, or the stopped one. Raises InputError when there is one already."""
+        """Recorder of a new result in `out`, or of a stopped one to be resumed. Raises InputError
+        if `out` contains a result already, or with `resume` one that cannot be resumed."""
         store = out / STORE
         if resume:
             writer, checkpoint = ResultWriter.resume(store, scene.digest(), Identity.of(scene))
@@ -95,8 +97,12 @@ class Recorder:
     def restored(
         self, state: State, memory: StepMemory, tally: Tally
     ) -> tuple[State, StepMemory, Tally]:
-        """State, step memory and sums at the last checkpoint; given: those of the start, which
-        have the same structure. Raises InputError where the checkpoint's is another one."""
+        """State, step memory (solver data carried from step to step) and statistics at the last
+        checkpoint.
+
+        Arguments: the same at the start of the run, which have the same structure. Raises
+        InputError if the checkpoint has another structure.
+        """
         assert self.checkpoint is not None
         offline, arrays = tally.offline, self.checkpoint.arrays
         own = {"x": state.x, "v": state.v, "a": state.a, "memory": state.memory}
@@ -120,7 +126,8 @@ class Recorder:
     def take(
         self, state: State, tally: Tally, supports: Mapping[str, BoolArray], memory: StepMemory
     ) -> bool:
-        """Keep an accepted step when it is one to store; True when it is time to save."""
+        """Buffers an accepted step if it is to be stored; True if it is time to commit and save a
+        checkpoint."""
         if tally.done % self._every and tally.done != self.steps:
             return False
         self._keep(state, tally.last_iterations, tally.last_seconds, supports, memory)
@@ -130,7 +137,8 @@ class Recorder:
     def keep_last(
         self, state: State, tally: Tally, supports: Mapping[str, BoolArray], memory: StepMemory
     ) -> None:
-        """Commit everything up to the last accepted step, also where it is none to store."""
+        """Commits everything up to the last accepted step, which is stored even between two output
+        steps."""
         if tally.done % self._every:
             self._keep(state, tally.last_iterations, tally.last_seconds, supports, memory)
         self.flush()
@@ -179,7 +187,8 @@ class Recorder:
     def summary(
         self, status: Status, tally: Tally, state: State, memory: StepMemory
     ) -> dict[str, Any]:
-        """The `--json` object of a run that came to `state`."""
+        """Summary of a run that ended at `state`: the JSON object that `sparsemor run --json`
+        prints."""
         end, x = np.array([state.t]), state.x[None]
         solver, counters = self.solver, self.solver.counters(memory)
         atoms = {n: int(d.atoms.shape[1]) for n, d in solver.dictionaries.items()}
@@ -219,13 +228,15 @@ class Recorder:
 
 
 def in_summary(notes: Sequence[Note]) -> dict[str, list[str]]:
-    """Notes in a summary: sentences of warnings, their kinds, and sentences of information."""
+    """Summary entries of notes: sentences of warnings, their kinds, and sentences of
+    information."""
     return {"notes": sentences(notes, Level.WARNING), "note_kinds": kinds(notes),
             "information": sentences(notes, Level.INFORMATION)}
 
 
 def _full_newton(counters: Mapping[str, int], steps: int) -> tuple[Note, ...]:
-    """Of steps in which the iteration with constant operators did not converge."""
+    """Note on the number of steps in which the iteration with constant operators did not
+    converge."""
     n = counters.get("full_newton_steps", 0)
     return () if not n else (information(
         f"{n} of {steps} steps were solved by Newton's method with the exact Jacobian, because the "
@@ -234,18 +245,20 @@ def _full_newton(counters: Mapping[str, int], steps: int) -> tuple[Note, ...]:
 
 
 def _iterations(solver: StepSolver, memory: StepMemory) -> Mapping[str, int]:
-    """Of linear solvers in the steps, by block."""
+    """Linear solver iterations during the run, by block; empty for a step solver that does not
+    count them."""
     return solver.linear_iterations(memory) if isinstance(solver, CountsLinearIterations) else {}
 
 
 def shapes(model: Model) -> dict[str, BodyShape]:
-    """The shape of each body that has a mesh."""
+    """Mesh and field data (`BodyShape`) of each body that has a mesh."""
     return {n: shape for n, p in model.parts.items()
             if isinstance(p, HasShape) and (shape := p.shape()) is not None}
 
 
 def multiplier_components(model: Model) -> dict[str, tuple[tuple[str, str], ...]]:
-    """Multiplier block -> name and unit of each unknown, for joints with `NamesMultipliers`."""
+    """Multiplier block of a joint -> name and unit of each Lagrange multiplier, for joints that
+    name them (`NamesMultipliers`)."""
     found = {}
     for name, part in model.parts.items():
         block = model.layout.multipliers(name)

@@ -1,7 +1,9 @@
-"""Two-stage scenes: the rigid stage, its histories, and the flexible model that follows them.
+"""Two-stage scenes: a rigid-body pre-simulation, whose motion and loads are prescribed in a
+flexible model.
 
-The stage is the same scene with bodies that carry no field, so that contact is cheap to solve in
-the step. Full and reduced flexible runs follow the same tables: one definition of the loads.
+The pre-simulation (rigid stage) is the same scene with bodies without elastic and thermal fields,
+so that contact is cheap to evaluate in every step. Full-order and reduced flexible runs use the
+same tables of motion, joint forces and contact loads.
 """
 
 from collections.abc import Mapping
@@ -38,7 +40,7 @@ from sparsemor.core.simulation.offline_cache import Products, mesh_content
 from sparsemor.core.status import SolveFailed, Status
 
 STAGE = "rigid stage"
-"""How the detail of a failure begins that happened in the rigid stage."""
+"""Prefix of messages about failures of the rigid-body pre-simulation."""
 _LABEL = "rigid_stage.overrides"
 _OWN_STEPS = ("the stage follows how bodies swing on their contacts: raise time.control.rigid "
               "above that swing, or keep fixed steps there, "
@@ -46,10 +48,11 @@ _OWN_STEPS = ("the stage follows how bodies swing on their contacts: raise time.
 
 
 def rigid_scene(scene: Scene) -> Scene:
-    """The scene of the rigid stage: no fields, nothing that acts on heat, full order.
+    """Scene of the rigid-body pre-simulation: full order, no elastic and thermal fields.
 
-    Loads and joints that act on temperatures alone are left out (`DeclaresEffect`). What the motion
-    does not depend on is reset, so that its digest finds the stage of any run of the scene.
+    Loads and joints that act on temperatures alone are left out (`DeclaresEffect`). Options that do
+    not affect the motion are reset, so that all runs with this motion find the same cached
+    pre-simulation.
     """
     assert scene.rigid_stage is not None
     tree = scene.source.tree
@@ -66,12 +69,13 @@ def rigid_scene(scene: Scene) -> Scene:
 
 
 def _moves(plugin: object) -> bool:
-    """True if the motion depends on a load or joint."""
+    """True if the motion depends on a load or joint, False if that acts on temperatures alone."""
     return not isinstance(plugin, DeclaresEffect) or plugin.acts_on == "motion"
 
 
 def stage_faults(scene: Scene) -> list[Fault]:
-    """Surfaces of contacts that do not suit the scene, and a stage that ends before the run."""
+    """Input errors of contacts whose option `surfaces` does not suit the scene, and of a rigid-body
+    pre-simulation that ends before the run."""
     faults = []
     elastic = {n for n, body in scene.bodies.items() if _deforms(body)}
     for name, contact in scene.contacts.items():
@@ -97,20 +101,22 @@ def stage_faults(scene: Scene) -> list[Fault]:
 
 
 def _deforms(body: object) -> bool:
-    """True if a body plugin's option `fields` names a field of displacements."""
+    """True if the option `fields` of a body selects a displacement field."""
     kinds = {k.name for k in declared_kinds([body]) if k.quantity is Quantity.DISPLACEMENT}
     return isinstance(body, SelectsFields) and not kinds.isdisjoint(body.fields)
 
 
 def rigid_model(scene: Scene, body_cache: BodyCache) -> Model:
-    """The model of a rigid stage's scene, assembled once per cache."""
+    """Model of the scene of a rigid-body pre-simulation, assembled once per `body_cache`."""
     return body_cache.model(scene.digest(), lambda: assemble(scene, Immobile(), body_cache))
 
 
 def staged(scene: Scene, products: Products, manager: Manager, body_cache: BodyCache) -> Model:
-    """The flexible model of a two-stage scene, after its rigid stage has run or been found.
+    """Flexible model of a two-stage scene, with the motion and loads of its rigid-body
+    pre-simulation, which is run here or read from the cache.
 
-    Raises SolveFailed, with a detail that begins with "rigid stage", where that stops early.
+    Raises SolveFailed, with a detail that begins with "rigid stage", if the pre-simulation stops
+    early.
     """
     rigid = rigid_scene(scene)
     model = rigid_model(rigid, body_cache)
@@ -122,7 +128,8 @@ def staged(scene: Scene, products: Products, manager: Manager, body_cache: BodyC
 
 
 class _Imported(Followed):
-    """Surface loads through the cache, and the histories of contacts next to them."""
+    """Prescribed motion, with surface loads of contacts computed through the cache. histories:
+    contact -> recorded contact quantities by name."""
 
     def __init__(self, stage: Stage, products: Products, key: str, scene: Scene) -> None:
         super().__init__(stage)
@@ -150,8 +157,9 @@ class _Imported(Followed):
 
 @np.errstate(all="ignore")  # overflow is a status of the step, not a warning
 def _run(scene: Scene, model: Model, manager: Manager) -> Arrays:
-    """Times; per body pose, rate and acceleration (T, 3, n); per joint (T, l) multipliers and, from
-    `reactions_passed_on(times, multipliers, poses)`, what the flexible stage receives."""
+    """Results of the rigid-body pre-simulation at T times: times (T,), s; per body pose, rate and
+    acceleration (T, 3, n); per joint Lagrange multipliers (T, l) and, from
+    `reactions_passed_on(times, multipliers, poses)`, the reaction forces for the flexible model."""
     layout = model.layout
     try:
         kept = list(full_run(scene, model, Offline.of(model, {}), manager, STAGE))
@@ -189,14 +197,14 @@ def _stage(arrays: Arrays) -> Stage:
 
 
 def _under(group: str, arrays: Arrays) -> Arrays:
-    """The arrays named `group.x`, by x."""
+    """Arrays whose names are `group.x`, by x."""
     return {n.partition(".")[2]: np.asarray(a) for n, a in arrays.items()
             if n.partition(".")[0] == group}
 
 
 def check_rigid(scene: Scene, body_cache: BodyCache) -> None:
-    """Builds the model of the rigid stage. Raises InputError with keys of the scene itself where
-    they are the same, else under `rigid_stage`."""
+    """Checks that the model of the rigid-body pre-simulation can be built. Raises InputError with
+    the keys of the scene where both have them, else with keys under `rigid_stage`."""
     try:
         rigid_model(rigid_scene(scene), body_cache)
     except InputError as error:

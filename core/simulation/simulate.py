@@ -1,4 +1,4 @@
-"""The time loop: assemble, prepare, step, store. The only place where a status becomes an error."""
+"""Simulation of a scene: assembles the model, prepares the reducer, runs the time loop, stores."""
 
 import atexit
 import errno
@@ -62,9 +62,9 @@ def simulate(
     is removed when this process ends.
 
     Raises InputError before anything is written, also when another run is writing to `out`;
-    SolveFailed (with `.result`, readable up to there) when the run stops before its end; OSError
-    when the result cannot be written, or `out` was moved or removed. `resume` goes on from the
-    last checkpoint. body_cache: bodies that other runs have built, for reuse. keep_training: a
+    SolveFailed (with the results up to there in `.result`) when the run stops before its end;
+    OSError when the result cannot be written, or `out` was moved or removed. resume: continue from
+    the last checkpoint. body_cache: bodies that other runs have built, for reuse. keep_training: a
     full-order run that is the training run of its scene leaves its snapshots in the cache, for
     reduced runs that follow.
     """
@@ -115,7 +115,8 @@ def _simulate(
 
 
 def _keeper(scene: Scene, model: Model, offline: Offline) -> SnapshotKeeper | None:
-    """Takes the snapshots of this run, if it is a training run that is not in the cache."""
+    """Recorder of training snapshots, if this run is a training run whose snapshots are not in the
+    cache; else None."""
     if offline.has("training") or not model.reducible() or not is_training_run(scene):
         return None
     return SnapshotKeeper(scene, step_count(scene), model.layout, model.reducible(),
@@ -123,14 +124,14 @@ def _keeper(scene: Scene, model: Model, offline: Offline) -> SnapshotKeeper | No
 
 
 def _temporary() -> Path:
-    """A directory that is removed when the interpreter ends."""
+    """New temporary directory, removed when the interpreter ends."""
     path = Path(mkdtemp(prefix="sparsemor-"))
     atexit.register(shutil.rmtree, path, ignore_errors=True)
     return path
 
 
 class _Run:
-    """One pass through the loop: what does not change in it, and how far it has come."""
+    """Time loop of one run: constant data, current state, step memory and statistics."""
 
     def __init__(
         self, scene: Scene, solver: StepSolver, recorder: Recorder, manager: Manager,
@@ -196,7 +197,7 @@ class _Run:
         return result
 
     def _found_after(self) -> tuple[Note, ...]:
-        """Notes on what was stored. Raises OSError where a part of it was lost meanwhile."""
+        """Notes on the stored results. Raises OSError if a part of them has been lost since."""
         model, kept = self.recorder.model, RunResult(self.recorder.store)
         try:
             return (*contact_warnings(model, kept), *after_run(model, kept), *beyond_training(
@@ -206,7 +207,8 @@ class _Run:
 
     @np.errstate(all="ignore")  # overflow is a status of the step, not a warning
     def _steps(self, interrupt: Interrupt) -> SolveFailed | None:
-        """None when all steps were taken; else why not, and when."""
+        """Takes all remaining steps; returns None, or the error of a failed step or an
+        interruption."""
         solver, h = self.solver, self.scene.time.step
         step = step_of(solver, self.scene.integrator, h)
         watched, tally = self.manager.has_observers, self.tally

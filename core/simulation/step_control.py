@@ -1,10 +1,11 @@
-"""One step of the output grid at a time: plainly, or in substeps whose error is estimated.
+"""Adaptive time stepping by step doubling: each output step is subdivided until its error is small.
 
-The grid of `time.step` H stays that of outputs, snapshots and checkpoints. A controlled step is
-solved with 2^k substeps of H/2^k and with 2^(k+1) of half the size, both from the same state. The
-difference over (2^order - 1) estimates the error of the finer one (Richardson; Hairer, Norsett,
-Wanner 1993, doi 10.1007/978-3-540-78862-1, Sec. II.4), which is kept when every field is within
-its share of the tolerance; otherwise it becomes the coarser one of the next try. k is remembered.
+The output step H = `time.step` stays the interval of outputs, snapshots and checkpoints. A
+controlled step is solved with 2^k substeps of H/2^k and with 2^(k+1) of half the size, both from
+the same state. The difference over (2^order - 1) estimates the error of the finer solution
+(Richardson; Hairer, Norsett, Wanner 1993, doi 10.1007/978-3-540-78862-1, Sec. II.4), which is
+accepted when every field is within its share of the tolerance; otherwise it becomes the coarser one
+of the next attempt. The next step starts from the last k.
 """
 
 from collections.abc import Callable, Mapping
@@ -39,8 +40,8 @@ from sparsemor.core.status import Status
 def controlled(
     scene: Scene, model: Model, offline: OfflineProducts, solver: StepSolver
 ) -> StepSolver:
-    """The solver itself, or where `time.control` is given one that takes substeps with it and with
-    others like it."""
+    """Step solver of a run: `solver` itself, or with `time.control` a solver of output steps that
+    takes substeps with it and with solvers for smaller steps."""
     clock = scene.time
     if clock.control is None:
         return solver
@@ -59,12 +60,14 @@ def step_of(solver: StepSolver, integrator: Integrator, h: float) -> Step:
 
 
 class ControlMemory:
-    """Step memory of a controlled run. levels: k -> memory of the solver of H/2^k; solvers: k ->
-    that solver, prepared when it is first needed; initial: the full-order state at the start.
+    """Data that an error-controlled run carries from one output step H to the next.
 
-    level: the coarser one to begin the next step with; fine: the level whose integrator history
-    the state has; live: the levels whose solvers were at the last accepted step. origin: x at the
-    start; moved: by how much each block has moved from it at most.
+    levels: k -> memory of the step solver for substeps of H/2^k; solvers: k -> that solver,
+    prepared when it is first needed; initial: full-order initial state.
+
+    level: k of the coarser solution that the next step begins with; fine: k whose integrator
+    history the state has; live: levels whose solvers ended at the last accepted state. origin:
+    initial unknowns; moved: largest change of each block since the start (norm of `_Judged`).
     """
 
     def __init__(
@@ -85,7 +88,7 @@ class ControlMemory:
         return state
 
     def copy(self) -> Self:
-        """Separate memory of the same state; solvers do not change and are shared."""
+        """Independent copy of this memory; solvers do not change and are shared."""
         other = self.__class__.__new__(self.__class__)
         other.__dict__.update(
             self.__dict__, levels={k: m.copy() for k, m in self.levels.items()},
@@ -95,7 +98,12 @@ class ControlMemory:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Judged:
-    """A block whose error counts: its norm is sqrt(d^T gram d / n), a mean over full unknowns."""
+    """Block whose error is controlled, with the norm sqrt(d^T gram d / n): root mean square of the
+    n full-order unknowns.
+
+    at: its unknowns in the vector of the step; gram: atoms^T atoms, None for a block that is not
+    reduced; size: smallest reference size of relative errors, in the unit of the field.
+    """
 
     name: str
     at: slice
@@ -110,10 +118,10 @@ class _Judged:
 
 
 class ControlledSteps(AroundSteps[StepSolver]):
-    """StepSolver of the output grid over step solvers of H, H/2, H/4, ..., each prepared when it
-    is first asked for and kept.
+    """Step solver of the output step H with error control, over step solvers of H, H/2, H/4, ...,
+    each prepared when it is first needed.
 
-    prepare: h (s) -> step solver; end: of the run, s.
+    prepare: step size (s) -> step solver; end: end time of the run, s.
     """
 
     def __init__(
@@ -140,16 +148,18 @@ class ControlledSteps(AroundSteps[StepSolver]):
     def solve(
         self, step: StepFormula, memory: ControlMemory
     ) -> tuple[StepOutcome, ControlMemory]:
-        """One step of the given length, without an error estimate."""
+        """One step of the size that `step` has, without an error estimate."""
         outcome, memory.levels[0] = self.base.solve(step, memory.levels[0])
         return outcome, memory
 
     def supports(self, memory: ControlMemory) -> Mapping[str, BoolArray]:
-        """Of the level that was accepted last."""
+        """Active atoms of each block, (k,) masks, in the finer solution of the last accepted
+        step."""
         return self._solver(memory.fine, memory).supports(memory.levels[memory.fine])
 
     def counters(self, memory: ControlMemory) -> Mapping[str, int]:
-        """Summed over all levels."""
+        """Counts of events, such as factorizations, summed over the solvers of all substep
+        sizes."""
         total: dict[str, int] = {}
         for level, inner in memory.levels.items():
             for name, count in self._solver(level, memory).counters(inner).items():
@@ -167,7 +177,8 @@ class ControlledSteps(AroundSteps[StepSolver]):
         return found
 
     def summary(self, memory: ControlMemory) -> dict[str, Any]:
-        """Summary of step control. Seconds; `largest_error`: estimate over its share, at most 1."""
+        """Summary of step control. Step sizes in s; `largest_error`: largest error estimate over
+        its share of the tolerance, at most 1."""
         used = memory.substeps > 0
         return {
             "tolerance": self.control.tolerance, "substeps": memory.substeps,
@@ -178,7 +189,8 @@ class ControlledSteps(AroundSteps[StepSolver]):
         }
 
     def step(self, state: State, memory: ControlMemory) -> tuple[StepOutcome, State, ControlMemory]:
-        """One step of the grid; the outcome says where it is not to be had."""
+        """One output step with as many substeps as its tolerance needs; the outcome reports a
+        failure if `max_halvings` does not suffice."""
         level, most = memory.level, self.control.max_halvings
         coarse = self._march(level, state, memory)
         while True:
@@ -217,7 +229,7 @@ class ControlledSteps(AroundSteps[StepSolver]):
         return replace(fine.outcome, status=Status.STEP_TOO_LONG, block=block, detail=detail)
 
     def _march(self, level: int, state: State, memory: ControlMemory) -> "_Try":
-        """2^level substeps from `state`; memory.levels[level] follows them."""
+        """Solution with 2^level substeps from `state`; updates `memory.levels[level]`."""
         solver, h, layout = self._solver(level, memory), self.h / 2**level, self.layout
         if level not in memory.levels:
             memory.levels[level] = solver.start(memory.initial)[1]
@@ -237,7 +249,8 @@ class ControlledSteps(AroundSteps[StepSolver]):
     def _error(
         self, coarse: "_Try", fine: "_Try", state: State, memory: ControlMemory
     ) -> tuple[float, str]:
-        """Largest estimated error over its share, and the block it is in."""
+        """Largest ratio of estimated error to its share of the tolerance, and the block where it
+        occurs."""
         if not (coarse.outcome.status.ok and fine.outcome.status.ok):
             return inf, fine.outcome.block or coarse.outcome.block
         richardson, worst = 2.0**self.integrator.order - 1.0, (0.0, "")

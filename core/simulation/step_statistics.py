@@ -1,4 +1,4 @@
-"""Sums over the steps of a run: times, iterations, atoms in use."""
+"""Statistics of a run: wall times, iterations and active atoms, summed over its steps."""
 
 import math
 from collections.abc import Mapping
@@ -11,10 +11,12 @@ from sparsemor.core.arrays import BoolArray
 
 @dataclass
 class Tally:
-    """Sums over a run that outlive an interruption, of a size that does not grow with it.
+    """Statistics of a run, stored in its checkpoints; their size does not grow with the number of
+    steps.
 
-    Seconds are wall time. last_seconds, last_iterations: of the last step; seconds_near: number
-    k -> steps that the solver took exp(k / 100) s for, within 0.5 %.
+    offline, online: wall time, s; done: number of steps; last_seconds, last_iterations: those of
+    the last step; seconds_near: k -> number of steps whose solution took exp(k / 100) s, within 0.5
+    %; active: block -> number of active atoms, summed over the steps.
     """
 
     offline: float = 0.0
@@ -35,12 +37,12 @@ class Tally:
 
     @property
     def ms_per_step(self) -> float:
-        """Online time over steps, writing included, ms."""
+        """Mean wall time per step, storage of results included, ms."""
         return 1e3 * self.online / self.done if self.done else 0.0
 
     @property
     def ms_per_step_solver(self) -> float:
-        """Median time of the step solver's call alone, ms, within 0.5 %."""
+        """Median wall time of the step solver's call alone, ms, within 0.5 %."""
         seen = 0
         for k in sorted(self.seconds_near):
             seen += self.seconds_near[k]

@@ -1,4 +1,5 @@
-"""The time loop: formula, solve and advance, written once for runs, training and linearization."""
+"""Time loop of all runs: integrator formula, solution of the step's equations, update of the
+state."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -15,8 +16,9 @@ M = TypeVar("M", bound=StepMemory, default=Any)
 
 
 class TimeStep(NamedTuple, Generic[M]):
-    """Outcome of one time step. state and memory are those after it; where it failed, the state is
-    the one that it started from. seconds: wall-clock time of the step."""
+    """Result of one time step: outcome, and state and memory (solver data carried from step to
+    step) after it. The state of a failed step is the one that it started from. seconds: wall-clock
+    time of the step."""
 
     outcome: StepOutcome
     state: State
@@ -25,12 +27,14 @@ class TimeStep(NamedTuple, Generic[M]):
 
 
 Step: TypeAlias = Callable[[State, M], tuple[StepOutcome, State, M]]
-"""State and memory -> outcome, and both after one time step, as in `TimeStep`."""
+"""Function of one time step: state and memory -> outcome, and both after the step, as in
+`TimeStep`."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FixedStep(Generic[M]):
-    """Time step of h (s): the integrator's substitution for the rates, then the solver."""
+    """Time step of size h (s): the integrator expresses the rates by the unknowns, then the solver
+    determines the unknowns."""
 
     integrator: Integrator
     solver: StepSolver[M]
@@ -46,7 +50,8 @@ class FixedStep(Generic[M]):
 
 
 def started(solver: StepSolver[M], integrator: Integrator, full: State) -> tuple[State, M]:
-    """Full-order state in the solver's unknowns with the integrator's history, and a new memory."""
+    """Initial state in the solver's (reduced) unknowns with the integrator's history, and the
+    solver's initial memory; full: full-order initial state."""
     state, memory = solver.start(full)
     return integrator.start(solver.layout, state), memory
 
@@ -55,8 +60,8 @@ def iterate(
     step: Step[M], state: State, memory: M, count: int,
     interrupted: Callable[[], bool] = lambda: False,
 ) -> Iterator[TimeStep[M]]:
-    """Up to `count` successive time steps. Ends after the first one that fails, which is the last
-    one given, and before a step where `interrupted` is true."""
+    """Up to `count` successive time steps. Ends after the first one that fails, which is included,
+    or before a step if `interrupted()` is true."""
     for _ in repeat(None, count):
         if interrupted():
             return
@@ -70,7 +75,7 @@ def iterate(
 def accepted_steps(
     step: Step[M], state: State, memory: M, count: int, h: float
 ) -> Iterator[TimeStep[M]]:
-    """As `iterate`, with SolveFailed where a step of h (s) fails."""
+    """Successive time steps as in `iterate`; a step of h (s) that fails raises SolveFailed."""
     for taken in iterate(step, state, memory, count):
         outcome = taken.outcome
         if not outcome.status.ok:

@@ -1,4 +1,4 @@
-"""The training run: full-order states at the start and after every few steps, block by block."""
+"""Training run: full-order snapshots of each block, from which reduced bases are computed."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -23,14 +23,15 @@ from sparsemor.core.simulation.offline_cache import Products, mesh_content
 from sparsemor.core.simulation.rigid_stage import staged
 
 TRAINING = "training run"
-"""How the detail of a failure begins that happened in the training run."""
+"""Prefix of messages about failures of the training run."""
 
 
 class SnapshotKeeper:
-    """Snapshots of the full-order run of `scene`, taken while it goes.
+    """Recorder of the training snapshots of `scene` during a full-order run.
 
-    Per block (M, n): the start, each `training.every` steps and, for integrators of an order above
-    1, whose first step carries the first accelerations on, x + h^2 a of the start at last.
+    Rows of each block's (M, n): the initial state, every `training.every`-th step and, for
+    integrators of an order above 1, at last x + h^2 a of the initial state, because their first
+    step contains the initial accelerations.
     """
 
     def __init__(
@@ -45,7 +46,7 @@ class SnapshotKeeper:
         self._first = np.zeros(0) if extra else None
 
     def take(self, step: int, state: State) -> None:
-        """The state after `step` steps; 0: the start."""
+        """Records the state after `step` steps (0: initial state) if it is a snapshot."""
         if step == 0 and self._first is not None:
             self._first = state.x + self._h * self._h * state.a
         if step % self.every == 0:
@@ -53,14 +54,14 @@ class SnapshotKeeper:
                 rows.append(state.x[self._layout[name]])
 
     def finished(self) -> Mapping[str, FloatArray]:
-        """Block -> (M, n), after the last step."""
+        """Block -> snapshots (M, n), after the last step."""
         for name, rows in self._kept.items():
             if self._first is not None:
                 rows.append(self._first[self._layout[name]])
         return {name: rows.finished() for name, rows in self._kept.items()}
 
     def close(self) -> None:
-        """Releases files, also after a run that failed."""
+        """Closes scratch files, also after a run that failed."""
         for rows in self._kept.values():
             rows.close()
 
@@ -69,7 +70,7 @@ def offline_of(
     scene: Scene, model: Model, products: Products, manager: Manager,
     body_cache: BodyCache | None = None,
 ) -> Offline:
-    """The offline products of a scene. The key holds the physics of the training scene, its
+    """Offline data of a scene. Their cache key contains the physics of the training scene, its
     identity (code, plugins, files) and every mesh. body_cache: bodies of the model, for the
     training run."""
     training, physics = training_physics(scene)
@@ -83,7 +84,7 @@ def offline_of(
 
 
 def is_training_run(scene: Scene) -> bool:
-    """True if the run of this scene is the training run of its own reduced models."""
+    """True if the run of this scene equals the training run of its own reduced models."""
     settings = {"training": {"every": scene.training.every}}
     own = physics_of(scene.using(settings), "training")
     return own.digest() == training_physics(scene)[1].digest()
@@ -94,10 +95,10 @@ def train(
     scene: Scene, manager: Manager, products: Products | None = None,
     body_cache: BodyCache | None = None,
 ) -> dict[str, FloatArray]:
-    """Full-order run of the training scene; block -> (M, n) unknowns at the start and after
-    every `training.every` steps, and for second-order integrators x + h^2 a of the start.
+    """Full-order run of the training scene: block -> snapshots (M, n) at the start and after every
+    `training.every` steps, and for integrators of an order above 1 x + h^2 a of the start.
 
-    Raises SolveFailed when it stops before its end, or its rigid stage does.
+    Raises SolveFailed if it or its rigid-body pre-simulation stops early.
     """
     if scene.rigid_stage is None:
         model = assemble(scene, body_cache=body_cache)

@@ -1,4 +1,4 @@
-"""Checks before the first step of any run, training run included."""
+"""Input checks before the first step of a run, its training run included."""
 
 import math
 
@@ -22,11 +22,12 @@ from sparsemor.core.simulation.rigid_stage import check_rigid, rigid_scene, stag
 
 @np.errstate(all="ignore")  # overflow ends in a refusal or in a status, not in a warning
 def checked_model(scene: Scene, body_cache: BodyCache | None = None) -> Model:
-    """The assembled scene, before the rigid stage if it has one (everything as it is at the start).
-    Raises InputError with every fault that is known without a step. body_cache: keeps the
-    bodies for the run that follows.
+    """Assembled model of a scene after all input checks; for a two-stage scene the flexible model
+    before the pre-simulation, with all prescribed motion and loads as at the start. Raises
+    InputError with every fault that can be found without a time step. body_cache: keeps the bodies
+    for the run that follows.
 
-    A reducer that checks models (`ChecksModel`) adds its own.
+    Reducers that check models (`ChecksModel`) add their own faults.
     """
     gather, body_cache = Gather(), body_cache or BodyCache()
     gather.faults += endless(scene)
@@ -59,7 +60,7 @@ def checked_model(scene: Scene, body_cache: BodyCache | None = None) -> Model:
 
 
 def unknown_fields(scene: Scene, model: Model) -> list[Fault]:
-    """Sizes in `time.control.fields` of fields that no body may have."""
+    """Faults of sizes in `time.control.fields` for a field that no body has."""
     named = [] if scene.time.control is None else list(scene.time.control.fields)
     known = [k.name for k in model.layout.kinds if k.order > 0]
     return [Fault(f"time.control.fields.{name}", f"no body has such a field: "
@@ -67,7 +68,8 @@ def unknown_fields(scene: Scene, model: Model) -> list[Fault]:
 
 
 def control_faults(scene: Scene) -> list[Fault]:
-    """Error-controlled steps of a reducer that cannot go back to the state before a step."""
+    """Fault of error-controlled steps with a reducer that cannot return to the state before a
+    step."""
     feature, reducer = CONTROLLED_STEPS, scene.reducer
     if scene.time.control is None:
         return []
@@ -78,7 +80,8 @@ def control_faults(scene: Scene) -> list[Fault]:
 
 
 def basis_faults(scene: Scene, model: Model) -> list[Fault]:
-    """Blocks that their basis would refuse after the training run, whatever the snapshots are."""
+    """Faults of blocks that their basis would refuse after the training run, whatever the snapshots
+    are."""
     faults: list[Fault] = []
     for name, basis in chosen_bases(scene, model.reducible()).items():
         if isinstance(basis, ChecksBlock):
@@ -89,7 +92,8 @@ def basis_faults(scene: Scene, model: Model) -> list[Fault]:
 
 
 def snapshot_count(scene: Scene) -> int:
-    """Snapshots of the training run; one more for integrators that start with accelerations."""
+    """Number of snapshots of the training run, with the additional one for integrators of an order
+    above 1; 0 for a training run that is not valid."""
     try:
         training = scene.for_training()
     except InputError:  # which `time_faults` reports
@@ -98,8 +102,8 @@ def snapshot_count(scene: Scene) -> int:
 
 
 def endless(scene: Scene) -> list[Fault]:
-    """Time grids of the run, of its training run and of its rigid stage with more steps than can
-    be taken and recorded."""
+    """Faults of time grids (run, training run, rigid-body pre-simulation) with more steps than can
+    be computed and recorded."""
     grids = [("time.step", scene)]
     gather = Gather()
     if "training" in scene.model_fields_set:
@@ -118,7 +122,8 @@ def endless(scene: Scene) -> list[Fault]:
 
 
 def training_faults(scene: Scene, model: Model, body_cache: BodyCache) -> list[Fault]:
-    """Changes for the training run that leave its snapshots without the unknowns of the run."""
+    """Faults of `training.overrides` that change the number of unknowns, so that snapshots do not
+    fit the run."""
     if not scene.training.overrides:
         return []
     gather, key = Gather(), "training.overrides"
@@ -142,7 +147,8 @@ def training_faults(scene: Scene, model: Model, body_cache: BodyCache) -> list[F
 
 
 def time_faults(scene: Scene) -> list[Fault]:
-    """Ends that are no whole number of steps, and a training run that keeps only its start."""
+    """Faults of end times that are not a whole number of steps, and of a training run that would
+    store only its initial state."""
     faults = [] if _whole(scene.time.end, scene.time.step) else [
         _not_whole("time.end", scene.time.end, scene.time.step)]
     if "training" not in scene.model_fields_set:

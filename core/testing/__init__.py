@@ -1,8 +1,9 @@
-"""The law kit: what every plugin of a kind must do, checked on seeded random inputs.
+"""Law kit: checks, on seeded random inputs, that a plugin satisfies the contract of its kind.
 
-A plugin author calls the check of its kind in one test. Each raises AssertionError in words on
-the first law that is broken, and returns nothing. Plain numpy: no test framework is needed.
-`scene_of` builds a scene from plain data, as a scene file holds it; `march` runs one in memory.
+A plugin author calls the check of its kind in one test. Each check raises AssertionError that
+describes the first violated law, and returns nothing. Plain numpy: no test framework is needed.
+`scene_of` builds a scene from plain data, as a scene file contains it; `march` runs a scene in
+memory.
 """
 
 from sparsemor.core.testing.basis import check_basis

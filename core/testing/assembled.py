@@ -1,4 +1,5 @@
-"""Small assembled scenes, and derivatives of their equations, for laws of parts."""
+"""Small assembled scenes and derivatives of their equations, for the law kits of bodies, joints,
+contacts and loads."""
 
 from collections.abc import Mapping
 from functools import partial
@@ -17,7 +18,7 @@ from sparsemor.core.testing.in_memory_run import March, march
 from sparsemor.core.testing.random_inputs import law
 
 Entries = Mapping[str, Any]
-"""Entries of a scene by name: plugins, or mappings as a scene file has them."""
+"""Entries of a scene by name: plugins, or mappings as in a scene file."""
 STEP, STEPS = 1e-3, 3
 
 
@@ -28,7 +29,7 @@ def small_scene(bodies: Entries, **others: Entries) -> Scene:
 
 
 def derivative(model: Model, rate: int) -> FloatArray:
-    """(n, n) derivative of the residual at the start by x (rate 0), v (1) or a (2)."""
+    """Derivative (n, n) of the residual at the start by x (rate 0), v (1) or a (2)."""
     n, large = model.layout.size, 1e10
     at = (model.x0, model.v0, np.zeros(n), 0.0)
     of = partial(system_jacobian, model.layout, model.terms, *at)
@@ -41,13 +42,14 @@ def derivative(model: Model, rate: int) -> FloatArray:
 
 
 def start_residual(model: Model) -> FloatArray:
-    """(n,) residual at the start, without accelerations."""
+    """Residual (n,) at the start, with zero accelerations."""
     zero = np.zeros(model.layout.size)
     return system_residual(model.layout, model.terms, model.x0, model.v0, zero, 0.0)
 
 
 def runs(scene: Scene) -> March:
-    """The steps of a small scene; AssertionError where they fail or give values not finite."""
+    """Short run of a small scene. Raises AssertionError if a step fails or a value is not
+    finite."""
     try:
         done = march(scene)
     except SolveFailed as error:
@@ -57,7 +59,8 @@ def runs(scene: Scene) -> March:
 
 
 def refuses_absent_bodies(plugin: JointPlugin | ContactPlugin | LoadPlugin) -> None:
-    """A part on bodies that the scene does not have is refused with an InputError."""
+    """Checks that a joint, contact or load on bodies that the scene does not have raises
+    InputError."""
     try:
         plugin.build("part", {})
     except InputError:

@@ -1,4 +1,4 @@
-"""Laws of a basis."""
+"""Law kit of a basis."""
 
 from functools import partial
 
@@ -21,12 +21,13 @@ from sparsemor.core.testing.random_inputs import (
 
 
 def check_basis(basis: Basis, seed: int = 0, trials: int = 20) -> None:
-    """Well-formed dictionaries, the same for the same data, that hold the energy that they report.
+    """Laws of a basis (computes the dictionary of a block): well-formed dictionaries, equal ones
+    for equal data, and the energy share that they report.
 
-    Displacements with temperatures behind them, temperatures (insulated ones too) and a block of
-    neither kind are tried in turn. A basis that needs snapshots refuses none, zero and non-finite
-    ones with an InputError.
-    Where `info` gives an "energy", that share of the snapshots must be recovered by the atoms.
+    Displacements coupled to temperatures, temperatures (insulated ones too) and a block of neither
+    kind are tried in turn. A basis that needs snapshots must raise InputError for none, zero and
+    non-finite ones. If `info` gives an "energy", the atoms must recover that share of the
+    snapshots.
     """
     for trial in range(trials):
         rng = np.random.default_rng([seed, trial])

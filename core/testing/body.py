@@ -1,4 +1,4 @@
-"""Laws of a body."""
+"""Law kit of a body."""
 
 from pathlib import Path
 
@@ -20,12 +20,13 @@ from sparsemor.core.testing.random_inputs import law
 
 
 def check_body(plugin: BodyPlugin, folder: Path | None = None, seed: int = 0) -> None:
-    """Equal bodies from two builds; blocks, start and geometry that fit each other; terms that keep
-    the laws of a term; symmetric mass and capacity without negative eigenvalues; a frame that
-    follows a prescribed motion without unknowns, where the body can; a short run.
+    """Laws of a body: equal results of two builds; consistent blocks, initial values and geometry;
+    terms that satisfy the laws of a term (`check_term`); symmetric positive semidefinite mass and
+    capacity matrices; no rigid unknowns under a prescribed motion of its frame, if the body
+    supports that; a short run.
 
-    The body needs to have unknowns: nothing holds it, and no load acts on it. folder: that of the
-    scene file, for relative paths.
+    The body is free and without loads, so it needs unknowns of its own. folder: that of the scene
+    file, for relative paths.
     """
     base = Path.cwd() if folder is None else folder
     one, other = (plugin.build("body", base) for _ in range(2))

@@ -1,4 +1,4 @@
-"""Laws of a contact."""
+"""Law kit of a contact."""
 
 import numpy as np
 
@@ -24,11 +24,12 @@ TRIALS = 20
 def check_contact(
     plugin: ContactPlugin, bodies: Entries, seed: int = 0, scale: float = 1e-3
 ) -> None:
-    """No unknowns of its own; terms that keep the laws of a term; forces on both bodies that add up
-    to none, in the plane their moments too; a short run.
+    """Laws of a contact: no unknowns of its own; terms that satisfy the laws of a term
+    (`check_term`); forces on both bodies that sum to zero, in the plane also their moments; a short
+    run.
 
-    bodies: two that touch at the start, as entries of a scene. scale: by how much their poses and
-    rates vary (m, rad, per s).
+    bodies: two that touch at the start, as entries of a scene. scale: standard deviation of the
+    random changes of their poses and rates (m, rad, per s).
     """
     refuses_absent_bodies(plugin)
     scene = small_scene(bodies, contacts={NAME: plugin})
@@ -52,8 +53,8 @@ def check_contact(
 
 
 def _resultant(model: Model, x: FloatArray, f: FloatArray) -> tuple[FloatArray, float]:
-    """Sum of the forces on all frames (d,), in the plane with their moments about the origin, and
-    the size of one of them; of bodies whose frames have unknowns."""
+    """Sum of the forces on all body frames (d,), in the plane with their moments about the origin,
+    and the largest absolute component; for bodies whose frames have unknowns."""
     found = []
     for b in model.layout:
         if b.kind.quantity is not Quantity.POSE:

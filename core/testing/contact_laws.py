@@ -1,4 +1,4 @@
-"""Laws of what acts between two surfaces: pressure and friction."""
+"""Law kits of the constitutive laws of contact: normal pressure and friction."""
 
 import numpy as np
 
@@ -10,8 +10,9 @@ STEP = 1e-6
 
 
 def check_normal_law(normal: NormalLaw, seed: int = 0, trials: int = 20) -> None:
-    """No pressure where the surfaces just meet, at any rate; derivatives that are those of the
-    pressure between the breaks; equal values from equal arguments. Depths around the breaks."""
+    """Laws of a normal pressure law: zero pressure at zero penetration, at any rate; derivatives
+    equal to those of the pressure away from the breaks (kinks); equal values for equal arguments.
+    Penetrations are drawn around the breaks."""
     rng, breaks = np.random.default_rng(seed), _breaks(normal.breaks)
     law(all(b > 0 for b in breaks), "breaks are penetrations above 0")
     unit = max(breaks, default=1e-6)
@@ -32,8 +33,9 @@ def check_normal_law(normal: NormalLaw, seed: int = 0, trials: int = 20) -> None
 
 
 def check_friction_law(friction: FrictionLaw, seed: int = 0, trials: int = 20) -> None:
-    """Friction opposes slip and vanishes with it; its derivative is that of the ratio between the
-    breaks; equal values from equal arguments. Speeds around the breaks."""
+    """Laws of a friction law: friction opposes slip and vanishes with it; the derivative is that of
+    the friction ratio away from the breaks (kinks); equal values for equal arguments. Slip rates
+    are drawn around the breaks."""
     rng, breaks = np.random.default_rng(seed), _breaks(friction.breaks)
     unit = max(map(abs, breaks), default=1.0)
     law(not friction.ratio(np.zeros(1))[0].any(), "friction without slip")
@@ -55,7 +57,7 @@ def _breaks(values: tuple[float, ...]) -> FloatArray:
 
 
 def _away(values: FloatArray, breaks: FloatArray) -> FloatArray:
-    """1 where a difference does not straddle a break, else 0."""
+    """Mask: 1 where a central difference does not straddle a break, else 0."""
     near = np.abs(values[..., None] - np.abs(breaks)) <= 2 * STEP * values[..., None]
     return np.asarray(~near.any(axis=-1), dtype=np.float64)
 

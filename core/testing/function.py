@@ -1,4 +1,4 @@
-"""Laws of a function of time."""
+"""Law kit of a function of time."""
 
 from collections.abc import Callable
 
@@ -13,9 +13,9 @@ KINKS = 0.05
 
 
 def check_function(function: TimeFunction, seed: int = 0, span: float = 10.0) -> None:
-    """Finite, the same when evaluated again, and `rate` is the slope at nearly all of 200 random
-    times between -span and span (s); kinks and jumps are allowed between them. Where there is a
-    `curvature`, it is the slope of the rate."""
+    """Laws of a function of time: finite values, equal ones when evaluated again, and `rate` is the
+    slope of `value` at nearly all of 200 random times between -span and span (s), because kinks and
+    jumps are allowed. A `curvature`, if there is one, is the slope of the rate."""
     times = np.random.default_rng(seed).uniform(-span, span, 200).tolist()
     _slope("value", function.value, "rate", function.rate, times, seed)
     if isinstance(function, HasCurvature):

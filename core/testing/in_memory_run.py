@@ -1,4 +1,4 @@
-"""A run in memory: what tests of bodies, joints, loads and integrators look at."""
+"""Run of a scene in memory, for tests of bodies, joints, loads and integrators."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -19,7 +19,8 @@ from sparsemor.core.simulation.time_stepping import FixedStep, accepted_steps, s
 
 @dataclass(frozen=True, slots=True, eq=False)
 class March:
-    """Kept states of one run: t (s), x, v, a (M, n) in the step solver's layout, M rows."""
+    """States of one run at M times: t (M,), s, and x, v, a (M, n) in the step solver's layout;
+    iterations: those of each step."""
 
     model: Model
     solver: StepSolver
@@ -30,17 +31,17 @@ class March:
     iterations: tuple[int, ...]
 
     def block(self, name: str) -> FloatArray:
-        """(M, k) unknowns of one block."""
+        """Unknowns (M, k) of one block."""
         return self.x[:, self.solver.layout[name]]
 
     @property
     def end(self) -> State:
-        """The last state, without the integrator's memory."""
+        """Last state, without the integrator's memory."""
         return State(float(self.t[-1]), self.x[-1], self.v[-1], self.a[-1], np.zeros((0, 0)))
 
 
 def scene_of(tree: Mapping[str, Any]) -> Scene:
-    """A scene from plain data, as a scene file holds it."""
+    """Scene from plain data, as a scene file contains it."""
     return build(Source.of_tree({"format": 1, **tree}))
 
 
@@ -48,10 +49,11 @@ def march(
     scene: Scene, *, every: int = 1, model: Model | None = None,
     snapshots: Mapping[str, FloatArray] | None = None,
 ) -> March:
-    """Run a scene, keeping the start, every so many steps, and the last; nothing is written.
+    """Runs a scene and keeps the initial state, every `every`-th state and the last; nothing is
+    written.
 
-    model: of the same scene, when it is assembled already; snapshots: block -> (n, M), for
-    reducers that learn. Raises SolveFailed when the run stops before its end.
+    model: assembled model of the scene, if there is one; snapshots: block -> (n, M), for reducers
+    that need training. Raises SolveFailed when the run stops before its end.
     """
     model = assemble(scene) if model is None else model
     h, steps, integrator = scene.time.step, step_count(scene), scene.integrator

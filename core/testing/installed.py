@@ -6,8 +6,8 @@ from sparsemor.core.registry.registry import Registry
 
 
 def installed(kind: str) -> dict[str, type[Plugin]]:
-    """name -> class; those that cannot be imported, or break the protocol of their kind, are left
-    out."""
+    """Name -> class of each installed plugin of a kind; plugins that cannot be imported, or violate
+    the protocol of their kind, are left out."""
     registry, found = Registry(), {}
     for plugin in registry.names(kind):
         try:

@@ -1,4 +1,4 @@
-"""Laws of an integrator, on equations with closed-form solutions."""
+"""Law kit of an integrator, on equations with closed-form solutions."""
 
 from dataclasses import dataclass
 
@@ -18,20 +18,23 @@ from sparsemor.core.testing.random_inputs import (
 
 LAYOUT = Layout([Block("b", DISPLACEMENTS, 2), Block("b", TEMPERATURES, 2), Block("j", FORCES, 1)])
 DAMPING, STIFFNESS, DECAY = 0.3, np.array([1.0, 9.0]), np.array([0.5, 2.0])
-"""x'' + DAMPING x' + STIFFNESS x = 0 (1/s, 1/s2) and T' + DECAY T = 0 (1/s), multiplier = x[0]."""
+"""Coefficients of x'' + DAMPING x' + STIFFNESS x = 0 (1/s, 1/s2) and T' + DECAY T = 0 (1/s); the
+multiplier is x[0]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Run:
-    """Last state and its errors in x of second order, v of second order, x of first order."""
+    """Last state of a run and its errors in x of second order, v of second order, x of first
+    order."""
 
     state: State
     errors: FloatArray
 
 
 def check_integrator(integrator: Integrator, seed: int = 0) -> None:
-    """The formula and `advance` agree, nothing is written in place, rest stays rest, and the
-    stated order is observed on damped oscillators (x and v) and on decays."""
+    """Laws of an integrator: `formula` and `advance` agree, no argument is changed in place, a
+    state of rest persists, and the stated order is observed on damped oscillators (x and v) and
+    exponential decays."""
     _formula_and_advance_agree(integrator, seed)
     _rest_stays_rest(integrator)
     coarse, fine = (integrate(integrator, steps).errors for steps in (320, 640))
@@ -43,7 +46,7 @@ def check_integrator(integrator: Integrator, seed: int = 0) -> None:
 
 
 def integrate(integrator: Integrator, steps: int, end: float = 2.0) -> Run:
-    """Solves the equations above from t = 0 to `end` (s)."""
+    """Solves the test equations above from t = 0 to `end` (s) in `steps` steps."""
     h = end / steps
     x, v, a = exact(0.0)
     state = integrator.start(LAYOUT, State(0.0, x, v, a, np.zeros((5, 0))))
@@ -61,7 +64,7 @@ def integrate(integrator: Integrator, steps: int, end: float = 2.0) -> Run:
 
 
 def exact(t: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """x, v, a (5,) at time t (s) of the equations above, from x = 1 at rest and T = 1."""
+    """Exact x, v, a (5,) of the test equations at time t (s), from x = 1 at rest and T = 1."""
     half = DAMPING / 2.0
     w = np.sqrt(STIFFNESS - half**2)
     fade = np.exp(-half * t)

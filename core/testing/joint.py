@@ -1,4 +1,4 @@
-"""Laws of a joint."""
+"""Law kit of a joint."""
 
 import numpy as np
 
@@ -25,9 +25,10 @@ NAME = "joint"
 
 
 def check_joint(plugin: JointPlugin, bodies: Entries, seed: int = 0) -> None:
-    """Terms that keep the laws of a term; constraint rows that are independent and hold at the
-    start; reaction forces that do no work along the constraint (their matrix is the transposed one
-    of the constraint rows); a name for each multiplier, where there are names; a short run.
+    """Laws of a joint: terms that satisfy the laws of a term (`check_term`); constraint rows that
+    are independent and satisfied at the start; reaction forces that do no work along the constraint
+    (their matrix is the transpose of the constraint rows); one name per Lagrange multiplier, if the
+    joint names them; a short run.
 
     bodies: those that the joint connects, as entries of a scene.
     """
@@ -67,7 +68,7 @@ def _constraint(model: Model, rows: slice) -> None:
 
 
 def _extent(model: Model) -> float:
-    """Largest coordinate of a body's frame at the start, m or rad."""
+    """Largest absolute coordinate of the body frames at the start, m or rad."""
     poses = [model.x0[model.layout[b.name]] for b in model.layout
              if b.kind.quantity is Quantity.POSE]
     return float(np.abs(np.concatenate([np.zeros(1), *poses])).max())

@@ -1,4 +1,4 @@
-"""Laws of a linear solver."""
+"""Law kit of a linear solver."""
 
 from collections.abc import Callable
 
@@ -16,9 +16,10 @@ def check_linear_solver(solver: LinearSolver, seed: int = 0, trials: int = 5) ->
     """Laws of a linear solver: solutions and statuses on random matrices of 1 to 200 unknowns.
 
     Matrices of conduction and of spring lattices, of any scale, with one right-hand side or
-    several, with and without `places`: the same bits twice, arguments unchanged, and an initial
-    guess that helps or does no harm. A singular, indefinite or not finite matrix must not be
-    reported as solved; one that is not square or not symmetric is an InputError.
+    several, with and without dof locations (`places`): repeated solves agree bit by bit, arguments
+    stay unchanged, and an initial guess helps or does no harm. A singular or not finite matrix must
+    not be reported as solved, an indefinite one only with a correct solution; one that is not
+    square or not symmetric raises InputError.
     """
     for trial in range(trials):
         rng = np.random.default_rng([seed, trial])
@@ -33,7 +34,8 @@ def check_linear_solver(solver: LinearSolver, seed: int = 0, trials: int = 5) ->
 
 
 def random_heat(rng: np.random.Generator) -> tuple[Csr, DofLocations]:
-    """Capacity over step and conduction on a random graph of points in the plane or in space."""
+    """Random matrix of transient conduction (capacity over step size plus conduction on a graph of
+    points, in the plane or in space), and its dof locations."""
     n, d = int(rng.integers(1, 200)), int(rng.integers(2, 4))
     L = _graph(n, rng)
     scale = 10.0 ** rng.uniform(-9.0, 9.0)
@@ -42,7 +44,8 @@ def random_heat(rng: np.random.Generator) -> tuple[Csr, DofLocations]:
 
 
 def random_lattice(rng: np.random.Generator) -> tuple[Csr, DofLocations]:
-    """A box of springs along edges and diagonals, one face held, some components left out."""
+    """Random stiffness matrix of a box of springs along edges and diagonals, one face fixed, some
+    components left out, and its dof locations."""
     d = int(rng.integers(2, 4))
     shape = rng.integers(2, 5, d)
     X = np.stack(np.meshgrid(*[np.arange(k) for k in shape], indexing="ij"), axis=-1)
@@ -62,7 +65,7 @@ def random_lattice(rng: np.random.Generator) -> tuple[Csr, DofLocations]:
 
 
 def _graph(n: int, rng: np.random.Generator) -> Csr:
-    """(n, n): the Laplacian of a connected graph; constant vectors are its kernel."""
+    """Laplacian (n, n) of a random connected graph; constant vectors are its kernel."""
     chain = np.arange(n - 1)
     i = np.concatenate([chain, rng.integers(0, n, n)])
     j = np.concatenate([chain + 1, rng.integers(0, n, n)])
@@ -101,7 +104,8 @@ def _solves(
 def _starts(
     done: Factorized, A: Csr, b: FloatArray, true: FloatArray, rng: np.random.Generator, what: str
 ) -> None:
-    """The solution as a start costs nothing more; a bad start changes nothing but the price."""
+    """Checks initial guesses: the solution must cost no more iterations than zero, and a random
+    guess must lead to a solution, too."""
     for start, name in ((true, "the solution"), (rng.standard_normal(b.shape), "a random one")):
         kept = start.copy()
         outcome = done.outcome(b, start)
@@ -126,7 +130,8 @@ def _honest(A: Csr, b: FloatArray, outcome: LinearOutcome, what: str) -> None:
 
 
 def _owns_up(solver: LinearSolver, rng: np.random.Generator) -> None:
-    """Failures must be reported by a status, and no number may pass for a solution."""
+    """Checks that failures are reported by a status, and that no numbers are returned as a
+    solution."""
     n = 40
     L = _graph(n, rng)
     good = sparse.csr_array(L + sparse.eye_array(n))

@@ -1,4 +1,4 @@
-"""Laws of a load."""
+"""Law kit of a load."""
 
 import numpy as np
 
@@ -18,8 +18,9 @@ NAME = "load"
 
 
 def check_load(plugin: LoadPlugin, bodies: Entries, seed: int = 0) -> None:
-    """No unknowns of its own; terms that keep the laws of a term and act on rates or temperatures,
-    on temperatures alone where the plugin states so; a short run.
+    """Laws of a load: no unknowns of its own; terms that satisfy the laws of a term (`check_term`)
+    and enter equations of motion or heat, those of heat alone if the plugin declares so; a short
+    run.
 
     bodies: those that the load acts on, as entries of a scene.
     """

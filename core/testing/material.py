@@ -1,4 +1,4 @@
-"""Laws of materials: constants that a real material can have."""
+"""Law kit of a material."""
 
 import numpy as np
 
@@ -9,8 +9,9 @@ CONSTANTS = ("rho", "E", "nu", "alpha", "k", "c")
 
 
 def check_material(material: Material) -> None:
-    """Constants are finite numbers and positive, or None where they may be; -1 < nu < 1/2, so that
-    the elastic energy is positive, alpha of either sign; the same values at every evaluation."""
+    """Laws of a material: finite positive constants, or None where that is allowed; -1 < nu <
+    1/2, so that the elastic energy is positive, alpha of either sign; equal values at every
+    evaluation."""
     first, again = ({n: getattr(material, n) for n in CONSTANTS} for _ in range(2))
     law(first == again, "two evaluations differ: a constant is a constant")
     for name, value in first.items():

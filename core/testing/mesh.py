@@ -1,4 +1,4 @@
-"""Laws of a mesh."""
+"""Law kit of a mesh."""
 
 from pathlib import Path
 
@@ -10,8 +10,9 @@ from sparsemor.core.testing.random_inputs import law
 
 
 def check_mesh_plugin(plugin: MeshPlugin, base: Path | None = None) -> None:
-    """Well-formed, positively oriented simplices that use every point, sorted point sets, and the
-    same mesh from a second build. base: folder of the scene file (the working one if left out)."""
+    """Laws of a mesh: well-formed, positively oriented simplices that use every point, sorted point
+    sets, and the same mesh from a second build. base: folder of the scene file, by default the
+    working one."""
     folder = Path.cwd() if base is None else base
     mesh, again = plugin.build(folder), plugin.build(folder)
     _points_and_cells(mesh)

@@ -1,4 +1,4 @@
-"""Laws of an observer."""
+"""Law kit of an observer (receives the events of a run, such as a progress bar)."""
 
 from collections.abc import Callable
 
@@ -12,10 +12,11 @@ from sparsemor.core.testing.random_inputs import TEMPERATURES, law
 
 
 def check_observer(make: Callable[[], object], seed: int = 0) -> None:
-    """It listens to known events, takes every order in which a run can send them (twice, so that
-    one observer serves a training run and the run), a failure included, and writes to nothing.
+    """Laws of an observer: it listens to known events only, accepts them in every order in which a
+    run can send them, with a failure and without, twice in a row (training run and run), and
+    changes none of their arrays.
 
-    make: gives a new observer, such as `plugin.observer`.
+    make: returns a new observer, such as `plugin.observer`.
     """
     rng = np.random.default_rng(seed)
     layout = Layout([Block("body", TEMPERATURES, 5)])

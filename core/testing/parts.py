@@ -1,4 +1,4 @@
-"""Laws of bodies, joints and loads, looked at in an assembled scene."""
+"""Law kit of the parts of an assembled scene: bodies, joints, contacts and loads."""
 
 from collections.abc import Mapping, Sequence
 
@@ -13,8 +13,9 @@ from sparsemor.core.testing.term import check_term
 
 
 def check_parts(scene: Scene, seed: int = 0, trials: int = 2) -> None:
-    """Every part of a scene: blocks that the layout holds, terms that keep the laws of a term and
-    stay inside the layout, and the same model from a second assembly."""
+    """Laws of every part (body, joint, contact, load) of a scene: its blocks are in the layout
+    (order of all unknowns), its terms satisfy the laws of a term (`check_term`) and use rows and
+    columns of the layout, and a second assembly gives the same model."""
     model, again = assemble(scene), assemble(scene)
     law([b.name for b in model.layout] == [b.name for b in again.layout]
         and np.array_equal(model.x0, again.x0) and np.array_equal(model.v0, again.v0),
@@ -29,7 +30,7 @@ def check_parts(scene: Scene, seed: int = 0, trials: int = 2) -> None:
 
 
 def terms_of(model: Model, name: str) -> Sequence[Term]:
-    """Terms that the part `name` adds to the equations."""
+    """Terms that the body, joint, contact or load `name` adds to the equations."""
     return model.by_part[name]
 
 

@@ -1,4 +1,4 @@
-"""Laws of a preconditioner."""
+"""Law kit of a preconditioner."""
 
 import numpy as np
 
@@ -11,10 +11,11 @@ SHAPES = ((1, 1), (1, 4), (5, 5), (6, 9), (10, 40), (20, 30), (12, 5))
 
 
 def check_preconditioner(preconditioner: Preconditioner, seed: int = 0, trials: int = 3) -> None:
-    """P is square, finite and nonsingular, so that P A c = P b has the solutions of A c = b.
+    """Laws of a preconditioner: P is square, finite and nonsingular, so that P A c = P b has the
+    solutions of A c = b.
 
-    Where `check` gives a reason, `build` raises an InputError; at least one shape must pass. Rows
-    that depend on each other, or are zero, are refused with an InputError or keep these laws.
+    If `check` gives a reason against a shape, `build` raises an InputError; at least one shape must
+    be accepted. Matrices with dependent or zero rows raise InputError or satisfy these laws.
     """
     tried = 0
     for m, k in SHAPES:
@@ -37,7 +38,7 @@ def check_preconditioner(preconditioner: Preconditioner, seed: int = 0, trials: 
 
 
 def _deficient(A: FloatArray) -> dict[str, FloatArray]:
-    """A with its last row zero, and a repetition of the first."""
+    """Copies of A with its last row replaced by zeros, and by its first row."""
     zero, twice = A.copy(), A.copy()
     zero[-1], twice[-1] = 0.0, A[0]
     return {"last row zero": zero} | ({"last row the first": twice} if len(A) > 1 else {})

@@ -1,4 +1,4 @@
-"""Sparse problems with exact solutions."""
+"""Sparse problems with known solutions, for tests of sparse solvers."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -11,9 +11,11 @@ from sparsemor.core.protocols import Group, SparseStart
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LeastSquares:
-    """residual(c) = A c - b + bend * (B c)^2: linear for bend = 0. `answer` solves it.
+    """Sparse least-squares problem: residual(c) = A c - b + bend * (B c)^2, linear for bend = 0,
+    with the solution `answer`.
 
-    A, B (m, k); answer (k,), sparse in every budgeted group.
+    A, B (m, k); answer (k,), sparse in every group that has a budget (largest number of active
+    columns).
     """
 
     groups: tuple[Group, ...]
@@ -24,7 +26,8 @@ class LeastSquares:
 
     @property
     def needs(self) -> frozenset[str]:
-        """Counted from the shapes; names of `core.protocols.sparse_solver`."""
+        """Capabilities that a solver needs for this problem: names of
+        `core.protocols.sparse_solver`."""
         m, k = self.A.shape
         features = {
             "nonlinear": self.bend != 0.0,
@@ -45,7 +48,8 @@ class LeastSquares:
 
     @property
     def support(self) -> BoolArray:
-        """(k,) where the answer is not zero, and all of the unpenalised groups."""
+        """Mask (k,): True where the solution is not zero, and for all columns of unpenalised
+        groups."""
         mask = np.asarray(self.answer != 0.0)
         for g in self.groups:
             if g.budget is None:
@@ -55,7 +59,7 @@ class LeastSquares:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Elsewhere:
-    """Another problem's residual, replaced by what `change` makes of it."""
+    """Sparse problem with the residual of another problem, changed by the function `change`."""
 
     inner: LeastSquares
     change: Callable[[FloatArray], FloatArray]
@@ -76,31 +80,34 @@ class Elsewhere:
 
 
 def incoherent(rng: np.random.Generator, bend: float = 0.0) -> LeastSquares:
-    """Two groups of Gaussian columns, 3 of 40 and 2 of 30 active, and 4 free columns; 60 rows.
+    """Random problem with two groups of Gaussian columns, 3 of 40 and 2 of 30 active, 4 unpenalised
+    columns, and 60 rows.
 
-    Columns differ in length by up to 100, as those of rows in N and in W do. Drawn until they meet
-    `exact_recovery`: what fails to find the answer is the solver, not luck.
+    Norms of columns differ by up to a factor 100, like those of unknowns of different units.
+    Problems are drawn until `exact_recovery` < 1: a solution that is not found is then a fault of
+    the solver.
     """
     return _inside(rng, 60, 4, ((40, 3), (30, 2)), bend)
 
 
 def tall(rng: np.random.Generator, bend: float = 0.0) -> LeastSquares:
-    """As `incoherent`, with more rows than columns: 3 of 20 and 2 of 12 active, 4 free, 60 rows."""
+    """Random problem like `incoherent` with more rows than columns: 3 of 20 and 2 of 12 active, 4
+    unpenalised columns, 60 rows."""
     return _inside(rng, 60, 4, ((20, 3), (12, 2)), bend)
 
 
 def all_penalised(rng: np.random.Generator, bend: float = 0.0) -> LeastSquares:
-    """As `incoherent`, without free columns."""
+    """Random problem like `incoherent`, without unpenalised columns."""
     return _inside(rng, 60, 0, ((40, 3), (30, 2)), bend)
 
 
 def exact_recovery(problem: LeastSquares) -> float:
-    """Below 1: orthogonal matching pursuit and least l1 norms, plain and over budgets, find the
-    answer of the linear problem from an empty start.
+    """Exact recovery coefficient: below 1, orthogonal matching pursuit and minimum l1 norms, with
+    or without weights 1 / budget, find the solution of the linear problem from an empty support.
 
-    max over wrong columns j of |pinv(A_S) a_j|_1, with a_j a unit column without what the free
-    columns explain, S the penalised support (Tropp 2004, Theorem A, doi 10.1109/TIT.2004.834793).
-    For a norm with weights w: of sum_i w_i |pinv(A_S) a_j|_i / w_j.
+    max over wrong columns j of |pinv(A_S) a_j|_1, with unit columns a_j made orthogonal to the
+    unpenalised columns, and S the penalised support (Tropp 2004, Theorem A, doi
+    10.1109/TIT.2004.834793). For a norm with weights w: of sum_i w_i |pinv(A_S) a_j|_i / w_j.
     """
     A = problem.A / np.linalg.norm(problem.A, axis=0)
     free, weights = np.zeros(A.shape[1], dtype=np.bool_), np.ones(A.shape[1])
@@ -130,7 +137,8 @@ def _inside(
 def _gaussian(
     rng: np.random.Generator, m: int, free: int, sizes: Sequence[tuple[int, int]], bend: float
 ) -> LeastSquares:
-    """sizes: columns and active columns of each budgeted group."""
+    """Random problem of m rows with Gaussian columns; free: number of unpenalised columns; sizes:
+    number of columns and of active columns of each group with a budget."""
     groups, stop = [Group("free", 0, free, None)] if free else [], free
     for name, (width, active) in zip(("first", "second"), sizes, strict=True):
         groups.append(Group(name, stop, stop + width, active))
@@ -150,10 +158,11 @@ def _gaussian(
 def chained(
     rng: np.random.Generator, m: int = 200, k: int = 800, active: int = 40, coherence: float = 0.97
 ) -> LeastSquares:
-    """One group of unit columns, each at the cosine `coherence` to the one before; 0: Gaussian.
+    """Problem with one group of unit columns, each at the cosine `coherence` to the previous one;
+    0: independent Gaussian columns.
 
-    Columns further apart are less alike, so that from about 0.9 on this is the mutual coherence.
-    Active entries are of size 1 to 2, of either sign.
+    Columns further apart are less similar, so that from about 0.9 on this is the mutual coherence.
+    Active entries have absolute values of 1 to 2 and random signs.
     """
     A = rng.standard_normal((m, k))
     A[:, 0] /= np.linalg.norm(A[:, 0])
@@ -168,7 +177,8 @@ def chained(
 
 
 def coherent(rng: np.random.Generator, k: int = 60, m: int = 40, active: int = 4) -> LeastSquares:
-    """One group of smooth columns, neighbours nearly parallel: recovery is not guaranteed."""
+    """Problem with one group of smooth columns, neighbours nearly parallel: recovery is not
+    guaranteed."""
     x, centres = np.linspace(0.0, 1.0, m)[:, None], np.linspace(0.0, 1.0, k)
     A = np.exp(-(((x - centres) / 0.06) ** 2))
     answer = np.zeros(k)

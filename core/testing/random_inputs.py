@@ -1,4 +1,4 @@
-"""Random but repeatable inputs for the laws."""
+"""Random but repeatable inputs of the law kits."""
 
 from collections.abc import Callable
 from dataclasses import fields, replace
@@ -16,13 +16,14 @@ from sparsemor.core.protocols.load_tables import LoadTable, Table
 
 
 def law(holds: object, message: str) -> None:
-    """An assert that python -O keeps."""
+    """Assertion that python -O keeps. Raises AssertionError with `message` unless `holds` is
+    true."""
     if not holds:
         raise AssertionError(message)
 
 
 def refused(what: str, attempt: Callable[[], object]) -> None:
-    """AssertionError unless the attempt is refused with an InputError."""
+    """Checks that `attempt()` raises InputError; what: its description in the AssertionError."""
     try:
         attempt()
     except InputError:
@@ -38,15 +39,15 @@ DISPLACEMENTS = FieldKind(
 TEMPERATURES = FieldKind(
     "temperatures", order=1, unit="K", quantity=Quantity.TEMPERATURE, reducible=True)
 FORCES = FieldKind("forces", order=0, unit="N")
-"""Kinds of field that laws are tried on."""
+"""Kinds of fields on which laws are tried."""
 
 
 def random_block(rng: np.random.Generator, kind: FieldKind = ANY) -> BlockData:
-    """A block of 24 to 60 unknowns on distinct nodes, with snapshots of rank 4 to 8.
+    """Random data of a block of 24 to 60 unknowns on distinct nodes, with snapshots of rank 4 to 8.
 
-    Two loads and a joint act on it, and a load that moves; it starts away from zero and is stepped
-    by implicit Euler. Displacements are coupled to a block of temperatures, insulated in about half
-    the draws.
+    Two loads, a joint and a moving load act on it; its initial values are not zero, its steps are
+    those of implicit Euler. Displacements are coupled to a block of temperatures, insulated in
+    about half the draws.
     """
     d = int(rng.integers(1, 4))
     nodes = int(rng.integers(24, 61)) // d
@@ -61,7 +62,7 @@ def random_block(rng: np.random.Generator, kind: FieldKind = ANY) -> BlockData:
 
 
 def random_heat(rng: np.random.Generator) -> BlockData:
-    """A block of temperatures as `random_block` makes it, insulated (K 1 = 0) in about half
+    """Random data of a block of temperatures (`random_block`), insulated (K 1 = 0) in about half
     the draws."""
     block = random_block(rng, TEMPERATURES)
     if rng.random() < 0.5:
@@ -71,7 +72,8 @@ def random_heat(rng: np.random.Generator) -> BlockData:
 
 
 def _loaded(block: BlockData, kind: FieldKind, rng: np.random.Generator) -> BlockData:
-    """Joint forces on a few rows, names, a start, and temperatures where they belong."""
+    """Block with joint forces on a few rows, load names, initial values, and temperatures if it is
+    one of displacements."""
     n = block.size
     interface = np.sort(rng.choice(n, 3, replace=False)).astype(np.int64)
     joint = np.zeros((n, 1))
@@ -89,7 +91,7 @@ def _loaded(block: BlockData, kind: FieldKind, rng: np.random.Generator) -> Bloc
 
 
 def moving_load(n: int, count: int, rng: np.random.Generator) -> LoadTable:
-    """A load that walks over `count` neighbouring unknowns of n; the last one is never reached."""
+    """Load that moves over `count` neighbouring unknowns of n without reaching the last one."""
     first, times = int(rng.integers(0, n - count)), np.linspace(0.0, 1.0, 4 * count)
     columns = sparse.csr_array(
         (np.ones(count), (first + np.arange(count), np.arange(count))), shape=(n, count))
@@ -100,7 +102,7 @@ def moving_load(n: int, count: int, rng: np.random.Generator) -> LoadTable:
 
 
 def random_dictionary(n: int, k: int, rng: np.random.Generator) -> Dictionary:
-    """k random unit columns."""
+    """Dictionary of k random unit columns of length n."""
     atoms = rng.standard_normal((n, k))
     atoms /= np.linalg.norm(atoms, axis=0)
     return Dictionary(atoms, np.zeros(n), tuple(f"random {i}" for i in range(k)))
@@ -111,7 +113,7 @@ def with_snapshots(block: BlockData, snapshots: FloatArray) -> BlockData:
 
 
 def copied(item: Any) -> list[Any]:
-    """Copies of the arrays of a data class, to see later whether a plugin wrote to them."""
+    """Copies of the arrays of a data class, to detect later whether a plugin changed them."""
     return [_plain(getattr(item, f.name)).copy() for f in fields(item) if _is_array(item, f.name)]
 
 
@@ -130,7 +132,7 @@ def _plain(value: Any) -> Any:
 
 
 def _definite(n: int, size: float, rng: np.random.Generator) -> Csr:
-    """Tridiagonal, diagonally dominant: symmetric positive definite."""
+    """Random tridiagonal, diagonally dominant matrix: symmetric positive definite."""
     off = size * (0.2 + 0.2 * rng.random(n - 1))
     return sparse.csr_array(
         sparse.diags_array([-off, np.full(n, size), -off], offsets=[-1, 0, 1])

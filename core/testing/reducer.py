@@ -1,4 +1,4 @@
-"""Laws of a reducer and its step solver, on a scene small enough to run many times."""
+"""Law kit of a reducer and its step solver, on a scene small enough to run many times."""
 
 import sys
 from collections.abc import Callable, Mapping
@@ -36,17 +36,17 @@ from sparsemor.core.testing.random_inputs import law
 
 Run = Callable[[], FloatArray]
 AHEAD = 2
-"""Steps by which one of two threads is ahead of the other."""
+"""Number of steps by which one of two threads is ahead of the other."""
 EVERY = 3
-"""Calls of functions after which a thread passes its turn on."""
+"""Number of function calls after which a thread lets the other one run."""
 
 
 def check_reducer(scene: Scene, seed: int = 0, steps: int = 6) -> None:
-    """The scene's reducer: unknowns that its dictionaries explain, steps that change none of their
-    arguments, memory that can be copied, stored and continued from, equal numbers for equal seeds
-    and in two threads.
+    """Laws of a reducer: its unknowns are those of its dictionaries; steps change none of their
+    arguments; the step memory (data carried from step to step) can be copied, stored and continued
+    from; equal seeds give equal numbers, in one thread and in two.
 
-    The scene is trained by its own full-order run, so keep it short.
+    The training run of the scene is a full-order run, so the scene should be short.
     """
     model = assemble(scene)
     snapshots = {n: s.T for n, s in train(scene.for_training(), new_manager()).items()}
@@ -72,8 +72,8 @@ def check_reducer(scene: Scene, seed: int = 0, steps: int = 6) -> None:
 
 
 def two_runs(step: Step, state: State, memory: Any, count: int) -> tuple[Run, Run]:
-    """Runs of `count` steps from here, and from `AHEAD` steps later, each on a copy of its memory:
-    (count, n) states."""
+    """Two runs of `count` steps, from this state and from `AHEAD` steps later, each on a copy of
+    its step memory; each returns its states (count, n)."""
     def run(state: State, memory: Any) -> Run:
         @np.errstate(all="ignore")  # each thread has its own; overflow is a status of the step
         def states() -> FloatArray:
@@ -87,18 +87,18 @@ def two_runs(step: Step, state: State, memory: Any, count: int) -> tuple[Run, Ru
 
 
 class Turns:
-    """Two threads that run in turns, never both at once.
+    """Scheduler of two threads that run in turns, never both at once.
 
-    Each passes its turn on at every `EVERY`-th call of a function, so that what they share is
-    overwritten between its writing and its reading, in each run at the same places. They must
-    compute different numbers: equal ones overwrite each other unseen.
+    A thread lets the other one run at every `EVERY`-th function call, so that data that both write
+    are overwritten between writing and reading, at the same places in each run. The threads must
+    compute different numbers: equal ones overwrite each other without effect.
     """
 
     def __init__(self) -> None:
         self.changed, self.turn, self.running = Condition(), 0, {0, 1}
 
     def run(self, me: int, what: Run) -> FloatArray:
-        """The result of thread number `me`."""
+        """Runs `what` as thread number `me` (0 or 1) and returns its result."""
         calls = 0
 
         def count(frame: FrameType, event: str, arg: object) -> None:
@@ -129,7 +129,7 @@ class Turns:
 
 
 def in_two_threads(first: Run, second: Run) -> tuple[FloatArray, FloatArray]:
-    """Results of two runs in two threads, which change at the calls of functions."""
+    """Results of two runs in two threads that alternate at function calls."""
     turns = Turns()
     with ThreadPoolExecutor(2) as pool:
         one, other = pool.submit(turns.run, 0, first), pool.submit(turns.run, 1, second)
@@ -147,8 +147,9 @@ def _prepared(
 
 @np.errstate(all="ignore")  # each thread has its own; overflow is a status of the step
 def _march(scene: Scene, model: Model, solver: StepSolver, steps: int, how: str = "") -> FloatArray:
-    """(steps, n) states. how: from what memory the second half goes on: "stored" as plain data and
-    read again, "copied" before a step is tried with the original, "" itself."""
+    """States (steps, n) of a run. how: memory with which the second half continues: "stored":
+    written as plain data and read again; "copied": a copy made before a step is tried with the
+    original; "": the memory itself."""
     h, kept = scene.time.step, list[FloatArray]()
     step = FixedStep(scene.integrator, solver, h)
     state, memory = started(solver, scene.integrator, consistent_state(model))
@@ -168,7 +169,7 @@ def _march(scene: Scene, model: Model, solver: StepSolver, steps: int, how: str 
 
 @dataclass(frozen=True, eq=False)
 class _Checked(AroundSteps[StepSolver]):
-    """A step solver whose every outcome is checked."""
+    """Step solver that checks every outcome of another one."""
 
     def start(self, state: State) -> tuple[State, StepMemory]:
         reduced, memory = self.base.start(state)
@@ -195,7 +196,8 @@ class _Checked(AroundSteps[StepSolver]):
 
 
 def _restored(solver: StepSolver, model: Model, memory: StepMemory) -> StepMemory:
-    """The memory as `--resume` gets it: written as plain data, read into one of the start."""
+    """Step memory as a resumed run gets it: written as plain data, and read into the memory of the
+    start."""
     try:
         stored = Saved.of(memory).dump()
         restored: StepMemory = Saved.load(stored).into(solver.start(consistent_state(model))[1])

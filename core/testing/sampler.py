@@ -1,4 +1,4 @@
-"""Laws of a sampler."""
+"""Law kit of a sampler."""
 
 import numpy as np
 
@@ -22,12 +22,12 @@ from sparsemor.core.testing.random_inputs import (
 
 
 def check_sampler(sampler: Sampler, seed: int = 0, trials: int = 30) -> None:
-    """Sorted distinct rows: the required ones and m more, repeatable from the generator alone.
+    """Laws of a sampler (selects the m rows of a block at which its equations are evaluated):
+    sorted distinct rows, the required ones and m more, that depend on the random generator alone.
 
-    A sampler with an option `required = False` is held to m rows, whatever is required; one with
-    `required = "ring"` keeps the rows around the path of moving loads, too; one with
-    `unit = "node"` to whole nodes, but for the last one. More rows than unknowns are refused with
-    an InputError.
+    A sampler with an option `required = False` must return m rows, whatever is required; one with
+    `required = "ring"` also keeps the rows around the path of moving loads; one with `unit =
+    "node"` returns whole nodes, except for the last one. More rows than unknowns raise InputError.
     """
     forces = _kept(sampler) != "none"
     for trial in range(trials):
@@ -79,7 +79,7 @@ def _well_formed(rows: IntArray, n: int, where: str) -> None:
 
 
 def _whole_nodes(block: BlockData, rows: IntArray, required: IntArray, where: str) -> None:
-    """Beyond the required rows, at most one node is touched and yet not complete."""
+    """Checks that, apart from required rows, at most one node is sampled in part."""
     node = np.unique(block.coordinates, axis=0, return_inverse=True)[1].reshape(-1)
     drawn = np.unique(node[np.setdiff1d(rows, required)])
     open_rows = np.setdiff1d(np.arange(block.size), rows)
@@ -95,5 +95,5 @@ def _refuses_too_many(sampler: Sampler, block: BlockData) -> None:
 
 
 def _kept(sampler: Sampler) -> RowsKept:
-    """Rows that a sample contains in addition to those drawn."""
+    """Rows that a sample contains in addition to those drawn: "none", "required" or "ring"."""
     return sampler.keeps if isinstance(sampler, ChoosesRowsKept) else "required"

@@ -1,4 +1,4 @@
-"""Laws of a sparse solver."""
+"""Law kit of a sparse solver."""
 
 from dataclasses import replace
 
@@ -45,7 +45,7 @@ def check_sparse_solver(solver: SparseSolver, seed: int = 0, trials: int = 20) -
 def _solves(
     solver: SparseSolver, linear: LeastSquares, rng: np.random.Generator, where: str
 ) -> None:
-    """The laws on one problem: as it is, bent, from a start beyond the budget, with noise."""
+    """Checks one problem: linear, nonlinear, from a support beyond the budget, and with noise."""
     bent = replace(linear, bend=0.02)
     near = linear.answer * (1.0 + 0.01 * rng.standard_normal(linear.answer.size))
     full = SparseStart(rng.standard_normal(near.size), np.ones(near.size, dtype=np.bool_))
@@ -64,7 +64,8 @@ def _solves(
 
 
 def _declares(solver: SparseSolver) -> None:
-    """Known capabilities only, and a refusal in words for each one that is not declared."""
+    """Checks that the solver declares known capabilities only, and that a problem that needs
+    another one is refused in words."""
     has = solver.capabilities if isinstance(solver, LimitsProblems) else PROBLEM_FEATURES.keys()
     unknown = sorted(set(has) - set(PROBLEM_FEATURES))
     law(not unknown, f"unknown capabilities {unknown}; there are {sorted(PROBLEM_FEATURES)}")
@@ -76,7 +77,8 @@ def _declares(solver: SparseSolver) -> None:
 def _refused(
     solver: SparseSolver, problem: LeastSquares, start: SparseStart, where: str
 ) -> None:
-    """Solving a refused problem all the same must not look like success."""
+    """Checks that `solve` raises InputError, which names the missing capabilities, for a refused
+    problem."""
     lacking = missing(solver, problem.needs)
     try:
         status = solver.solve(problem, start).status
@@ -128,7 +130,7 @@ def _with_noise(problem: LeastSquares, rng: np.random.Generator) -> Elsewhere:
 
 
 def _owns_up(solver: SparseSolver, problem: LeastSquares) -> None:
-    """Failures must be reported by the status."""
+    """Checks that failures are reported by the status."""
     if solver_refusal("it", solver, problem.needs):
         return
     start = empty_start(problem.answer.size)

@@ -1,4 +1,4 @@
-"""Laws of a term of the equations."""
+"""Law kit of a term of the equations."""
 
 from dataclasses import dataclass
 
@@ -11,7 +11,8 @@ from sparsemor.core.testing.random_inputs import law
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Point:
-    """Unknowns and rates at a term's columns (n,), time (s), and the slopes dv/dx, da/dx (n,)."""
+    """Random state at a term's columns: unknowns and rates (n,), time (s), and the slopes dv/dx,
+    da/dx (n,)."""
 
     x: FloatArray
     v: FloatArray
@@ -41,12 +42,13 @@ def check_term(
     term: Term, rng: np.random.Generator, base: FloatArray | None = None, scale: float = 1.0,
     trials: int = 5, rtol: float = 1e-6, same_rates: bool = False,
 ) -> None:
-    """The laws of `restrict` and `compress`, and the Jacobian against central differences.
+    """Laws of a term of the equations: `restrict` (to some rows) and `compress` (projection) agree
+    with the residual and the Jacobian, and the Jacobian agrees with central differences.
 
     Unknowns are drawn around `base` (n,) at the term's columns (zeros when left out), they and
-    their rates with standard deviation `scale`: give both where random numbers are not
-    admissible, such as temperatures below 0 K. same_rates: one c1 and one c2 for all columns, as
-    an integrator gives to unknowns of one order; for terms whose columns are all of one order.
+    their rates with standard deviation `scale`: give both where random numbers are not admissible,
+    such as temperatures below 0 K. same_rates: one c1 and one c2 for all columns, as an integrator
+    gives to unknowns of one order; for terms whose columns are all of one order.
     """
     n, m = term.columns.size, term.rows.size
     law(term.columns.ndim == 1 and np.unique(term.columns).size == n, "columns must be distinct")
@@ -89,7 +91,8 @@ def _shapes(term: Term, p: _Point, m: int, n: int) -> None:
 def _differences(
     term: Term, p: _Point, scale: float, rng: np.random.Generator, rtol: float
 ) -> None:
-    """One random direction: a wrong entry shows in it with probability one."""
+    """Checks the Jacobian in one random direction: a wrong entry shows in it with probability
+    one."""
     d = rng.standard_normal(p.x.size)
     step = 1e-5 * scale
     ahead, behind = _residual(term, p.moved(step * d)), _residual(term, p.moved(-step * d))
@@ -146,6 +149,6 @@ def _compressed(
 
 
 def _close(a: FloatArray, b: FloatArray, scale: FloatArray) -> bool:
-    """Equal to 1e-9 of the largest number that went into them."""
+    """True if arrays are equal to 1e-9 of the largest number that entered them."""
     limit = 1e-9 * (np.abs(scale).max(initial=0.0) + np.abs(b).max(initial=0.0))
     return bool(a.shape == b.shape and np.abs(a - b).max(initial=0.0) <= limit)

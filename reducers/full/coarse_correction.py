@@ -1,14 +1,14 @@
-"""The lowest modes of an elastic block, in which what turns with its frame is solved for.
+"""Coarse correction of a full-order elastic step: frame-rotation terms solved in the lowest modes.
 
-A step on a given frame solves (D + N) u = b, N = sum_g kappa_g M_g small against D, by
-u <- D^-1 (b - N u). Its error shrinks by what N counts in the lowest modes of (D, M), a few of
-which are much softer than the others. So after each solve the equation is satisfied in their
-span Z:
+A step on a prescribed frame solves (D + N) u = b, where N = sum_g kappa_g M_g contains the terms of
+the frame's rotation and is small relative to D, by the iteration u <- D^-1 (b - N u). Its error
+decays most slowly in the lowest modes of (D, M), a few of which are much softer than the others.
+After each solve the equation is therefore satisfied in their span Z:
 
-    (Z^T (D + N) Z) y = -Z^T N d,   u <- u + Z y,   d the change by the solve,
+    (Z^T (D + N) Z) y = -Z^T N d,   u <- u + Z y,   d: change of u by the solve,
 
-Z^T D Z = 1: a coarse correction (Nicolaides 1987, doi 10.1137/0724027), at the price of a few dense
-columns.
+with Z^T D Z = 1: a coarse correction (Nicolaides 1987, doi 10.1137/0724027) at the cost of a few
+dense columns.
 """
 
 from collections.abc import Sequence
@@ -27,14 +27,18 @@ from sparsemor.core import (
 )
 
 MODES, SPARE, POWER, MARGIN = 32, 8, 4, 2.0
-"""Modes that are kept, others that are iterated with them, steps of the subspace iteration, and the
-margin on how much M counts against D."""
+"""Number of modes in the coarse space, additional vectors of the subspace iteration, number of its
+iterations, and safety factor of the estimated contraction factor."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CoarseCorrection:
-    """Z (n, r); seen (g, r, n): Z^T M_g; small (g, r, r): Z^T M_g Z. left: s^2, times sum |kappa_g|
-    by how much an error shrinks, an estimate on the safe side. r = 0: nothing is corrected."""
+    """Coarse space Z (n, r) of the lowest modes and its products with the g matrices M_g of the
+    rotation.
+
+    seen (g, r, n): Z^T M_g; small (g, r, r): Z^T M_g Z. left (s^2): multiplied by sum |kappa_g| an
+    estimate from above of the contraction factor after the correction. r = 0: no correction.
+    """
 
     Z: FloatArray
     seen: FloatArray
@@ -43,8 +47,11 @@ class CoarseCorrection:
 
     @classmethod
     def of(cls, ops: ElasticOperators, factor: Factorized, block: str) -> "CoarseCorrection":
-        """Raises SolveFailed, naming the block, where an iteration stops short, and where numbers
-        are too extreme for modes."""
+        """Coarse space of an elastic block by subspace iteration with the factorized operator D.
+
+        Raises SolveFailed, naming the block, where the linear solver does not converge or the
+        operators have no modes in floating point.
+        """
         n, g = len(ops.constant), len(ops.generators)
         # solvers that iterate take their right-hand sides one by one
         kept = MODES if not factor.iterative and n >= 8 * MODES else 0
@@ -71,7 +78,8 @@ class CoarseCorrection:
         return cls(Z, seen, seen @ Z, MARGIN * float(np.sqrt(values[0] * last)))
 
     def correction(self, d: FloatArray, kappa: Sequence[float]) -> FloatArray:
-        """Z y (n,) for a change d (n,)."""
+        """Correction Z y (n,) after a solve that changed u by d (n,); kappa (g,): factors of the
+        M_g."""
         A, right = np.eye(self.Z.shape[1]), np.zeros(self.Z.shape[1])
         for seen, small, k in zip(self.seen, self.small, kappa, strict=True):
             if k:

@@ -1,9 +1,9 @@
-"""The whole system at once: all terms summed, one sparse Jacobian.
+"""Monolithic solution of a step: all terms summed into one system with one sparse Jacobian.
 
-Right for any terms: the way of full order where a term couples bodies, such as a contact on
-deformed surfaces, with constant matrices assembled once and a factor of the Jacobian that is kept
-while it serves. Factorized again in each iteration it is the textbook method, the check of the fast
-path.
+It applies to any terms. It is used at full order where a term couples bodies, such as contact
+between deformable surfaces: constant matrices are assembled once and the factorized Jacobian is
+reused while convergence is fast. Factorized in every iteration it is the textbook Newton method,
+the reference for the block-wise solution.
 """
 
 from collections.abc import Sequence
@@ -34,8 +34,8 @@ from sparsemor.reducers.step.rejection import Checked, checked
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Summed:
-    """The terms of a model: linear ones as K x + C v + M a + prescribed(t), (n, n) csr; others one
-    by one. price: see `newton.Equations`."""
+    """Equations of a model summed over its terms: linear terms as K x + C v + M a + prescribed(t)
+    with (n, n) csr matrices, the other terms one by one. price: see `newton.Equations`."""
 
     layout: Layout
     K: Csr
@@ -68,7 +68,7 @@ class Summed:
         return tuple((t, t.columns) for t in (*self.linear, *self.others))
 
     def buffers(self) -> tuple[FrameWork, ...]:
-        """None: its terms write to no arrays that are kept."""
+        """Empty: these terms need no working arrays."""
         return ()
 
     def of_run(self, memory: NewtonMemory) -> "Summed":
@@ -102,7 +102,7 @@ class Summed:
 
 
 def coupling(model: AssembledModel) -> tuple[tuple[str, frozenset[str]], ...]:
-    """Name in the scene, and blocks, of each term between blocks."""
+    """Name in the scene and coupled blocks of each term that acts between blocks."""
     found = []
     for term in model.separated.between:
         name = term.source if isinstance(term, NamesSource) else ""
@@ -116,14 +116,15 @@ def constant(term: Term) -> bool:
 
 
 def touched(layout: Layout, rows: IntArray) -> frozenset[str]:
-    """Names of the blocks that rows are in."""
+    """Names of the blocks that contain the equations `rows`."""
     return frozenset(layout.containing(rows))
 
 
 def elements(
     model: AssembledModel, terms: Sequence[Term | ReducedTerm], rows: Sequence[IntArray]
 ) -> dict[str, int]:
-    """Reducible block -> elements that one evaluation of the terms visits for its rows."""
+    """Reducible block -> number of elements that one evaluation of the terms integrates for its
+    rows."""
     found = {name: 0 for name in model.reducible()}
     for term, at in zip(terms, rows, strict=True):
         for name in touched(model.layout, at) & found.keys():

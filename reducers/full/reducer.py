@@ -1,4 +1,5 @@
-"""Full order: constant blocks factorized once, rigid coordinates and multipliers as a border."""
+"""Full-order reducer: constant matrices factorized once, Schur complement for rigid coordinates and
+multipliers."""
 
 from dataclasses import replace
 from typing import Literal
@@ -21,7 +22,7 @@ from sparsemor.reducers.step.thermal_groups import full_group, group_name
 
 
 def _alone(model: AssembledModel, b: HeatBody, c1: float) -> FullHeat:
-    """A thermal block that no other is coupled to."""
+    """Full-order thermal block that is not coupled to other thermal blocks, factorized."""
     at = model.layout[b.thermal]
     local = tuple(LocalAt(t, t.rows - at.start, t.columns - at.start) for t in b.local)
     factor = model.factorize(b.thermal, c1 * b.capacity + b.conductivity)
@@ -34,9 +35,9 @@ class Full(Plugin):
     predictor: int = Field(default=6, ge=1, le=8)
     """Number of past states that the first guess of a step extrapolates."""
     remaining: float = Field(default=1e-13, gt=0, lt=1e-3)
-    """Relative error of the unknowns that may remain in a step."""
+    """Tolerance of a step's iteration: estimated relative error of the unknowns."""
     max_iterations: int = Field(default=30, ge=1)
-    """Newton iterations before a step is given up."""
+    """Largest number of Newton iterations in a step; the step fails beyond."""
     method: Literal["bordered", "newton"] = "bordered"
     """`bordered`: constant blocks factorized once, or, where a term such as a contact couples them,
     one Jacobian of all unknowns, reused while convergence is fast. `newton`: the whole Jacobian
@@ -46,7 +47,8 @@ class Full(Plugin):
         return ""
 
     def prepare(self, problem: ReducedProblem) -> StepSolver:
-        """Raises InputError where contact at the start does not suit the integrator."""
+        """Step solver of the full-order model. Raises InputError where contact at the start is
+        incompatible with the integrator."""
         model, integrator, h = problem.model, problem.integrator, problem.step
         tol = Tolerances(self.remaining, self.max_iterations)
         if model.separated.other:
@@ -83,7 +85,8 @@ class Full(Plugin):
         return replace(made, newton=FullNewton(lambda: Summed.of(model, price=0), tol))
 
     def _whole(self, model: AssembledModel, price: int, why: str) -> NewtonStepper:
-        """All unknowns together; price: see `Equations`; why: the reason, for notes."""
+        """Newton solver for all unknowns together; price: see `Equations`; why: the reason, for
+        notes."""
         return NewtonStepper(
             Summed.of(model, price), elements(model, model.terms, [t.rows for t in model.terms]),
             Tolerances(self.remaining, self.max_iterations), self.predictor,

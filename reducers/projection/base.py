@@ -1,7 +1,8 @@
-"""Base of reducers whose atoms are all active: one loop over blocks, two test bases each.
+"""Base class of projection-based reducers: trial basis and test map of each block, all atoms
+active.
 
-A subclass says under which maps a block is seen (`Maps`). From there on Galerkin, DEIM, GNAT and
-LSPG are the same arrays in the same step.
+A subclass returns the test maps of a block (`Maps`); Galerkin, DEIM, GNAT and LSPG differ only in
+these and share the reduced operators and the step solver.
 """
 
 from abc import ABC, abstractmethod
@@ -58,8 +59,12 @@ from sparsemor.reducers.trial_bases import local_terms, trial_bases
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Linear:
-    """stiffness x + damping v + mass a of one block, (n, n) each; heat has no mass and its capacity
-    as damping. D = stiffness + c1 damping + c2 mass is `operator`."""
+    """Linear operators of one block: stiffness x + damping v + mass a, (n, n) each.
+
+    For heat, `stiffness` is the conductivity, `damping` the capacity, and there is no mass.
+    `operator`: D = stiffness + c1 damping + c2 mass, where v = c1 x + r1 and a = c2 x + r2 in a
+    step.
+    """
 
     stiffness: Csr
     damping: Csr
@@ -76,14 +81,16 @@ class Linear:
         return cls(o.stiffness, o.damping, o.mass, o.stiffness + c1 * o.damping + c2 * o.mass)
 
     def force(self, x: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
-        """Remaining force of the equations at (n,) or (n, M) unknowns and rates."""
+        """Residual of the linear operators, stiffness x + damping v + mass a, for (n,) or (n, M)
+        arrays."""
         f = self.stiffness @ x + self.damping @ v
         return np.asarray(f if self.mass is None else f + self.mass @ a)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Reducible:
-    """One block with all that its test maps may be made from; rng is its own."""
+    """One block of unknowns with the data its test maps are computed from: dictionary (trial
+    basis), linear operators, model, integrator, step h (s), and a random generator of its own."""
 
     name: str
     dictionary: Dictionary
@@ -101,9 +108,10 @@ class Reducible:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Maps:
-    """test: of the block's own operators; force: of all else in its rows (None: the same).
+    """Test maps (left projections) of one block.
 
-    rows: which rows were sampled, None for all; facts: what is worth reporting of them.
+    test: map of the block's linear operators; force: map of all other terms in its rows (None: the
+    same map). rows: sampled rows, None for all; facts: numbers to report.
     """
 
     test: TestMap
@@ -118,7 +126,8 @@ class Maps:
 
 
 class ProjectionReducer(Plugin, ABC):
-    """The options and the loop that projected reducers have in common."""
+    """Base class of projection-based reducers: their common options and the assembly of reduced
+    blocks."""
 
     basis: Annotated[Basis, Slot("basis")] = slot_default("pod")
     """Basis of every elastic and thermal block."""
@@ -127,40 +136,42 @@ class ProjectionReducer(Plugin, ABC):
     predictor: int = Field(default=6, ge=1, le=8)
     """Number of past states that the first guess of a step extrapolates."""
     remaining: float = Field(default=1e-13, gt=0, lt=1e-3)
-    """Relative error of the unknowns that may remain in a step."""
+    """Tolerance of a step's iteration: estimated relative error of the unknowns."""
     max_iterations: int = Field(default=30, ge=1)
-    """Newton iterations before a step is given up."""
+    """Largest number of Newton iterations in a step; the step fails beyond."""
 
     shared_options: ClassVar[tuple[str, ...]] = BASES
 
     @abstractmethod
     def maps(self, block: Reducible) -> Maps:
-        """The test maps of one block. InputError or SolveFailed where there are none."""
+        """Test maps of one block. Raises InputError or SolveFailed where they do not exist."""
 
     def projected_model(
         self, model: AssembledModel, dictionaries: Mapping[str, Dictionary],
         offline: OfflineProducts, h: float
     ) -> tuple[AssembledModel, Mapping[str, Mapping[str, float | int | str]]]:
-        """The model whose equations are projected, and facts of its blocks: a subclass may replace
-        a body's operators by cheaper ones."""
+        """The model whose equations are projected, and facts of its blocks; a subclass may replace
+        operators by cheaper ones (hyper-reduction)."""
         return model, {}
 
     def in_modes(
         self, model: AssembledModel, dictionaries: Mapping[str, Dictionary]
     ) -> Mapping[str, tuple[Dictionary, float]]:
-        """Blocks whose own operators are diagonal in other atoms of the same span: these, and by
-        how much more than before a coefficient can be at most."""
+        """Block -> dictionary of the same span in which the block's operators are diagonal (modal
+        coordinates), and the factor by which coefficients can grow in this change of basis."""
         return {}
 
     def check(self, model: AssembledModel) -> Sequence[Fault]:
-        """Faults found by counting, before any training; keys relative to the reducer."""
+        """Faults of the options found by counting, before any training; keys relative to the
+        reducer."""
         return pattern_faults(model, "bases", self.bases)
 
     def restart_refusal(self) -> str:
         return ""
 
     def prepare(self, problem: ReducedProblem) -> Stepper | ReducedGeneral:
-        """Raises InputError where the scene does not suit, SolveFailed for dependent atoms."""
+        """Step solver of the reduced model. Raises InputError where the reducer does not apply to
+        the scene, SolveFailed for linearly dependent atoms."""
         model, integrator, h = problem.model, problem.integrator, problem.step
         offline, rng = problem.offline, problem.rng
         c1, c2, c1_first = constants(model.layout, integrator, h)
@@ -210,7 +221,10 @@ def fast(
     rates: tuple[float, float, float], projected: ProjectedModel, tolerances: Tolerances,
     points: int, limits: Mapping[str, float], notes: tuple[Note, ...], facts: Facts,
 ) -> Stepper:
-    """The step of a model whose blocks are solved one after the other."""
+    """Step solver of a model whose blocks are solved one after the other: heat, then mechanics.
+
+    rates: c1, c2, and c1 of first-order unknowns; points: number of past states to extrapolate.
+    """
     (c1, c2, c1_first), heat, model = rates, {}, projected.model
     for b in model.separated.heat:
         n, p = b.thermal, projected.heat[b.thermal]

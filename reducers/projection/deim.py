@@ -1,4 +1,4 @@
-"""Discrete empirical interpolation of the forces (DEIM): the paper's comparison.
+"""Discrete empirical interpolation of the forces (DEIM), a reference method for comparison.
 
 Chaturantabut and Sorensen 2010, doi 10.1137/090766498; choice of points by pivoted QR: Drmac and
 Gugercin 2016, doi 10.1137/15M1019271.
@@ -18,7 +18,8 @@ class Deim(Interpolating):
     is evaluated at the points P only: atoms^T U (P^T U)^+ P^T f with force modes U."""
 
     def maps(self, block: Reducible) -> Maps:
-        """atoms^T (k, n) for the operators, atoms^T U (P^T U)^+ (k, m) of the points for forces."""
+        """Test maps atoms^T (k, n) of the operators and atoms^T U (P^T U)^+ (k, m) of the forces at
+        m points."""
         modes, atoms = force_modes(block, self.basis_of_force(block)), block.dictionary.atoms
         f = modes.atoms.shape[1]
         points = choose_points(block, modes, self.wanted(block, f), self.sampler, self.required)

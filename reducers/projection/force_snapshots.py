@@ -1,8 +1,9 @@
-"""Force modes of one block and the points that determine them: what DEIM and GNAT are built on.
+"""Force modes of one block and their interpolation points, for DEIM and GNAT.
 
-The force is all that is not linear in the block's own unknowns, f = K x + D x' + M x'' (for heat
-K T + C T'). Training snapshots hold x; its rates follow by replaying the integrator, whose formula
-is linear and acts on each unknown alone, so no force has to be stored.
+The force consists of all terms that are not linear in the block's own unknowns, f = K x + D x' + M
+x'' (for heat K T + C T'). The training snapshots contain x; its rates are recomputed with the
+integrator, whose formula is linear and acts on each unknown separately, so forces need not be
+stored.
 """
 
 from collections.abc import Mapping
@@ -32,8 +33,8 @@ from sparsemor.reducers.step.left_inverse import deficient
 
 FROM_ZERO = "their modes are counted from zero: take centred: false"
 DETERMINED = 1e-12
-"""Least singular value of the modes at the points, relative to the modes' own largest, below which
-the points do not determine them."""
+"""Smallest singular value of the modes' rows at the points, relative to the largest one of the
+modes, for which the points determine the coefficients of the modes."""
 
 
 
@@ -41,8 +42,8 @@ Numbers = dict[str, float | int | str]
 
 
 def force_snapshots(block: Reducible) -> tuple[FloatArray, float]:
-    """(n, M) forces of a block over the training run, and the singular value that their round-off
-    alone can reach: they are what is left of terms that cancel."""
+    """Forces (n, M) of a block in the training run, and an upper bound of the singular values that
+    round-off causes in them: forces are small differences of large terms."""
     taken = recording(block)
     X = states(block, np.asarray(block.offline.snapshots(block.name), dtype=np.float64), taken)
     if replayable(block, X, taken):
@@ -57,12 +58,14 @@ def force_snapshots(block: Reducible) -> tuple[FloatArray, float]:
 
 
 def recording(block: Reducible) -> Recording:
-    """Provenance of the snapshots; snapshots passed in count as every step of the run itself."""
+    """Integrator and step of the snapshots; snapshots passed in directly count as one per step of
+    the run."""
     return block.offline.recording or Recording(block.integrator, block.h, 1)
 
 
 def states(block: Reducible, X: FloatArray, taken: Recording) -> FloatArray:
-    """X (n, M) without what `train` adds for second-order rules: x + h^2 a of the start."""
+    """Snapshots X (n, M) without the last column x + h^2 a of the initial state, which the training
+    run adds for second-order equations."""
     if taken.integrator.order == 1 or X.shape[1] < 2:
         return X
     added = block.offline.recording is not None
@@ -74,14 +77,15 @@ def states(block: Reducible, X: FloatArray, taken: Recording) -> FloatArray:
 
 
 def replayable(block: Reducible, X: FloatArray, taken: Recording) -> bool:
-    """True if every step was kept, from a start that is this model's own."""
+    """True if the snapshots contain every step and begin at the initial state of this model."""
     start = block.model.x0[block.model.layout[block.name]]
     top = float(np.abs(start).max(initial=0.0))
     return taken.every == 1 and bool(np.abs(X[:, 0] - start).max(initial=0.0) <= 1e-12 * top)
 
 
 def replayed(block: Reducible, X: FloatArray, taken: Recording) -> tuple[FloatArray, FloatArray]:
-    """Rates (n, M) that the integrator gave to X (n, M), bit by bit the same."""
+    """Rates and accelerations (n, M) that the integrator computed for X (n, M), bitwise the
+    same."""
     model, at = block.model, block.model.layout[block.name]
     own = model.layout.block(block.name)
     layout = Layout([own])
@@ -98,7 +102,7 @@ def replayed(block: Reducible, X: FloatArray, taken: Recording) -> tuple[FloatAr
 
 
 def differences(X: FloatArray, spacing: float) -> tuple[FloatArray, FloatArray]:
-    """Rates by central differences of snapshots `spacing` s apart."""
+    """Rates and accelerations by central differences of snapshots that are `spacing` s apart."""
     if X.shape[1] < 2:
         return np.zeros_like(X), np.zeros_like(X)
     V = np.gradient(X, spacing, axis=1)
@@ -106,7 +110,8 @@ def differences(X: FloatArray, spacing: float) -> tuple[FloatArray, FloatArray]:
 
 
 def force_modes(block: Reducible, basis: Basis) -> Dictionary:
-    """Modes (n, f) of the block's force, cached. None (f = 0) where nothing acts on it."""
+    """Modes (n, f) of the block's force as a dictionary, cached; f = 0 where no force acts on the
+    block."""
     taken = recording(block)
     depends = (block.name, basis, taken.integrator, taken.step, taken.every)
 
@@ -129,10 +134,8 @@ def force_modes(block: Reducible, basis: Basis) -> Dictionary:
 
 
 def equation_data(block: Reducible, F: FloatArray) -> BlockData:
-    """The block's rows as unknowns of their own: F (n, M) are its snapshots, operators are 1.
-
-    Samplers and bases that apply the operators then see force modes as they are.
-    """
+    """The block's equations in place of its unknowns: F (n, M) as snapshots, identity operators, so
+    that samplers and bases that multiply by the operators leave the force modes unchanged."""
     one = eye_array(block.size, format="csr")
     return replace(block.model.block_data(block.name), snapshots=F, mass=one, stiffness=one)
 
@@ -140,7 +143,8 @@ def equation_data(block: Reducible, F: FloatArray) -> BlockData:
 def choose_points(
     block: Reducible, modes: Dictionary, m: int, sampler: Sampler, required: bool
 ) -> IntArray:
-    """m points by the sampler, and those of joints and loads where `required` (cached)."""
+    """m points chosen by the sampler for the modes, and with `required` the rows of joints and
+    loads in addition; cached."""
     held = block.model.required[block.name] if required else np.zeros(0, dtype=np.int64)
     f = modes.atoms.shape[1]
     drawn = max(min(m, block.size - len(held)), 0)
@@ -161,11 +165,11 @@ def choose_points(
 
 
 def interpolation(name: str, U: FloatArray, points: IntArray) -> tuple[FloatArray, Numbers]:
-    """(P^T U)^+ (f, m) for modes U (n, f) at m points, and what to report of it.
+    """Interpolation matrix (P^T U)^+ (f, m) for modes U (n, f) at m points, and numbers to report.
 
-    condition: of P^T U; amplification: by how much what the modes leave of a force may grow,
-    |(P^T U)^+| |U|. Raises SolveFailed (rank deficient) where the points cannot tell the modes
-    apart, or see nothing of them.
+    condition: of P^T U; amplification: |(P^T U)^+| |U|, the factor by which the projection error of
+    a force on the modes may grow. Raises SolveFailed (rank deficient) where the points do not
+    distinguish the modes.
     """
     f, m = U.shape[1], len(points)
     if not f:

@@ -1,4 +1,5 @@
-"""POD-Galerkin (or any basis): trial and test map are the same atoms, compressed offline."""
+"""Galerkin reducer, for POD or any other basis: trial and test basis are the same, projected
+offline."""
 
 from collections.abc import Mapping
 
@@ -11,14 +12,13 @@ from sparsemor.reducers.step.operators import TestMap
 class Galerkin(ProjectionReducer):
     """Galerkin projection: the equations of each block projected onto its basis.
 
-    The online cost is independent of the mesh, except for local terms: all are evaluated.
-
-    Blocks that are solved by themselves (heat; displacements in given frames) on orthonormal atoms
-    are solved in modal coordinates of their span.
+    The online cost is independent of the mesh, except for local terms (such as radiation), whose
+    elements are all evaluated. Blocks that are solved separately (heat; displacements in prescribed
+    frames) and have orthonormal atoms are solved in modal coordinates of their span.
     """
 
     def maps(self, block: Reducible) -> Maps:
-        """atoms^T (k, n) for everything."""
+        """Test map atoms^T (k, n) for operators and forces."""
         return Maps(TestMap(left=block.dictionary.atoms.T))
 
     def in_modes(

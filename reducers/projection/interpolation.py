@@ -1,4 +1,5 @@
-"""Interpolation shared by DEIM and GNAT: force or residual modes, and sample points."""
+"""Options and checks shared by DEIM and GNAT: modes of forces or residuals, and interpolation
+points."""
 
 from collections.abc import Sequence
 from typing import Annotated, ClassVar
@@ -27,27 +28,30 @@ HINT = "take required: true, or more points"
 
 
 class Interpolating(ProjectionReducer):
-    """The options of reducers that see a few rows of each block, the points."""
+    """Base class of reducers that evaluate a few rows of each block, the interpolation points."""
 
     snapshot_copies: ClassVar[int] = 6
-    """Arrays as large as a block's snapshots that forces are found from, all at once."""
+    """Arrays of the size of a block's snapshots that are in memory at once while forces are
+    computed."""
 
     force_basis: Annotated[Basis, Slot("basis")] = slot_default("pod")
     """Modes of each block's forces in the training run. The published criterion is
     `{use: pod, energy: 0.9999}`."""
     force_bases: dict[str, Annotated[Basis, Slot("basis")]] = {}
-    """Other modes of forces by block pattern."""
+    """Other bases of the forces by block pattern."""
     oversampling: float = Field(default=2.0, ge=1.0, le=100.0)
-    """Points for each mode; above 1 the modes' amounts follow by least squares."""
+    """Number of points per mode; above 1 the coefficients of the modes follow by least squares."""
     points: dict[str, Annotated[int, Field(ge=1)]] = {}
-    """Number of points by block pattern, where it shall not follow from `oversampling`."""
+    """Number of points by block pattern, in place of the number that follows from
+    `oversampling`."""
     sampler: Annotated[Sampler, Slot("sampler")] = slot_default("deim")
-    """Chooses the points; the modes are its vectors."""
+    """Method that chooses the points from the modes."""
     required: bool = False
     """Include the rows of joints and localized loads as points, in addition to the others."""
 
     def check(self, model: AssembledModel) -> Sequence[Fault]:
-        """Faults found by counting, before any training; keys relative to the reducer."""
+        """Faults of the options found by counting, before any training; keys relative to the
+        reducer."""
         faults = [*super().check(model), *pattern_faults(model, "points", self.points),
                   *pattern_faults(model, "force_bases", self.force_bases)]
         for name in model.reducible():
@@ -66,18 +70,18 @@ class Interpolating(ProjectionReducer):
         return faults
 
     def _modes_asked(self, name: str, size: int) -> int:
-        """Number of modes that the options set for a block of `size` unknowns; 0 where they do
-        not."""
+        """Number of force modes that the options set for a block of `size` unknowns; 0 where they
+        set none."""
         return bound_of_atoms(matched_option(name, self.force_bases, self.force_basis), size) or 0
 
     def basis_of_force(self, block: Reducible) -> Basis:
-        """The basis of this block's forces."""
+        """The basis (POD by default) of this block's forces."""
         return matched_option(block.name, self.force_bases, self.force_basis)
 
     def wanted(self, block: Reducible, modes: int) -> int:
-        """Number of points, the required ones not counted."""
+        """Number of points for so many modes, without the required ones."""
         return matched_option(block.name, self.points, int(np.ceil(self.oversampling * modes)))
 
     def notes(self, block: Reducible, points: IntArray) -> tuple[Note, ...]:
-        """A sentence for each load or joint that acts on no point."""
+        """A note for each load or joint that acts on none of the points."""
         return unsampled_loads(block.model, {block.name: points}, HINT)

@@ -1,8 +1,9 @@
-"""Least squares of the residual: of all rows (`lspg`), or of its modes seen at points (`gnat`).
+"""Least-squares Petrov-Galerkin reducers: full residual (`lspg`), sampled residual modes (`gnat`).
 
 Carlberg, Bou-Mosleh and Farhat 2011, doi 10.1002/nme.3050; Carlberg, Farhat, Cortial and Amsallem
-2013, doi 10.1016/j.jcp.2013.02.028. As in `sparse`, the least squares run over the rows of the
-block under its constant operator D, and rigid and multiplier rows hold exactly.
+2013, doi 10.1016/j.jcp.2013.02.028. The least squares run over the elastic or thermal rows of a
+block with its constant operator D; the equations of rigid coordinates and multipliers are satisfied
+exactly.
 """
 
 from typing import Literal
@@ -19,38 +20,39 @@ from sparsemor.reducers.step.operators import TestMap
 Norm = Literal["rows", "energy"]
 
 KEPT = 1e-12
-"""Residual modes whose singular value is below this share of the largest are round-off."""
+"""Residual modes with singular values below this fraction of the largest are dropped as round-
+off."""
 
 
 class Lspg(ProjectionReducer):
     """LSPG, least-squares Petrov-Galerkin: coefficients minimise the residual of all rows.
 
-    The minimiser depends on the residual through its part in the span of D atoms alone, so all is
-    compressed offline as in `galerkin`. (In the norm of D^-1 it would be `galerkin`.)
+    The minimiser depends on the residual only through its projection on the span of D atoms, with
+    the constant operator D of a step, so all operators are projected offline as in `galerkin`. (In
+    the norm of D^-1 the method is `galerkin`.)
     """
 
     def maps(self, block: Reducible) -> Maps:
-        """Q^T (k, n) for everything, D atoms = Q R."""
+        """Test map Q^T (k, n) for operators and forces, where D atoms = Q R."""
         return Maps(TestMap(left=np.linalg.qr(_images(block))[0].T))
 
 
 class Gnat(Interpolating):
     """GNAT, Gauss-Newton with approximated tensors: gappy least squares of the residual's modes.
 
-    Coefficients minimise |(P U)^+ P r| over the sampled rows P r of a residual with modes U.
-
-    At reduced states a residual is D atoms times an error of the coefficients, plus what of the
-    force these cannot meet: U spans the columns of D atoms and the force modes. `points` must
-    number at least these; `oversampling` counts them.
+    Coefficients minimise |(P U)^+ P r| over the sampled rows P r of a residual with modes U. At
+    reduced states a residual is D atoms times the error of the coefficients plus the part of the
+    force outside that span: U spans the columns of D atoms and the force modes. There must be at
+    least as many points as modes in U; `oversampling` is the number of points per mode.
     """
 
     norm: Norm = "rows"
-    """`rows`: the plain 2-norm of the residual that the modes rebuild, as published; `energy`: that
-    of D^-1, in which the minimiser comes close to Galerkin's."""
+    """`rows`: 2-norm of the residual reconstructed from its modes, as published; `energy`: its norm
+    in D^-1, in which the minimiser is close to Galerkin's."""
 
     def maps(self, block: Reducible) -> Maps:
-        """Q^T W (P U)^+ (k, m) of the points for everything: W is the norm's factor, and
-        W (P U)^+ P D atoms = Q R."""
+        """Test map Q^T W (P U)^+ (k, m) at the points for operators and forces, where W is the
+        factor of the norm and W (P U)^+ P D atoms = Q R."""
         force, B = force_modes(block, self.basis_of_force(block)), _images(block)
         U = residual_modes(B, force.atoms)
         q = U.shape[1]
@@ -67,7 +69,7 @@ class Gnat(Interpolating):
 
 
 def _images(block: Reducible) -> FloatArray:
-    """D atoms (n, k) with unit columns."""
+    """Products of the step's operator D with the atoms (n, k), as unit columns."""
     B = np.asarray(block.linear.operator @ block.dictionary.atoms)
     norms = np.linalg.norm(B, axis=0)
     if not norms.all():
@@ -76,13 +78,13 @@ def _images(block: Reducible) -> FloatArray:
 
 
 def residual_modes(B: FloatArray, F: FloatArray) -> FloatArray:
-    """Orthonormal (n, q) for the span of D atoms B (n, k) and force modes F (n, f)."""
+    """Orthonormal basis (n, q) of the span of D atoms B (n, k) and force modes F (n, f)."""
     U, s, _ = svd(np.hstack([B, F]))
     return np.asarray(U[:, s > KEPT * s[0]])
 
 
 def energy_factor(block: Reducible, U: FloatArray) -> FloatArray:
-    """W (q, q) with |W z|^2 = (U z)^T D^-1 (U z)."""
+    """Factor W (q, q) of the energy norm: |W z|^2 = (U z)^T D^-1 (U z)."""
     factor = block.model.factorize(block.name, block.linear.operator, "norm")
     flexible = U.T @ solve_or_fail(factor, np.ascontiguousarray(U), block.name)
     try:

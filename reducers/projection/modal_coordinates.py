@@ -1,10 +1,10 @@
 """Modal coordinates: the span of a dictionary in the eigenvectors of its projected operators.
 
-A block that is projected on orthonormal atoms and solved by itself has two small symmetric
+A block that is projected on orthonormal atoms and solved separately has two small symmetric
 operators, K and M (heat: conductivity and capacity). In the eigenvectors of this pencil both are
-diagonal, whatever the step: the product of a block with its own unknowns then takes k
-multiplications per step instead of k^2. Softer modes come first, so that coupling to the rotation
-of a frame decays towards the last of them. The span, and so the solution in it, is the same.
+diagonal for every step size: the product with the block's own unknowns then takes k multiplications
+per step instead of k^2. Modes are sorted from soft to stiff, so that the coupling to the rotation
+of a frame decays towards the last ones. The span, and so the solution in it, is the same.
 """
 
 from dataclasses import replace
@@ -15,23 +15,29 @@ from scipy import linalg
 from sparsemor.core import Csr, Dictionary, FloatArray, distinct_names, oriented_unit_columns
 
 ORTHONORMAL = 1e-8
-"""How far the Gram matrix of atoms may be from 1. Others keep their own coordinates: eigenvectors
-of what is nearly singular would lose what distinguishes atoms."""
+"""Largest deviation of the Gram matrix of the atoms from the identity. Other dictionaries keep
+their own coordinates: eigenvectors of a nearly singular Gram matrix would lose small differences of
+atoms."""
 SHIFT = 1e-2
-"""Multiple of M, of the mean of the eigenvalues, that is added to K: an insulated body has K 1 = 0.
-Small, and soft modes are exact; at 1e-6 temperatures of an insulated pendulum lost two digits.
-Independent of the step, so that solvers of several steps share their coordinates."""
+"""Shift of K by a multiple of M, relative to the mean eigenvalue: an insulated body has K 1 = 0.
+
+It is small so that soft modes are accurate, but at 1e-6 temperatures of an insulated pendulum lost
+two digits. It does not depend on the step, so that solvers of different step sizes share their
+coordinates.
+"""
 ROUND_OFF = 1e-10
-"""Smallest trace of the projected K that is taken for more than rounding, as a share of that of
-|atoms|^T |K| |atoms|: uniform temperatures of an insulated body give K 1 = 0, which in floating
-point is zero, or either sign of 1e-17 of its terms."""
+"""Smallest trace of the projected K relative to that of |atoms|^T |K| |atoms| that is more than
+round-off: uniform temperatures of an insulated body give K 1 = 0, in floating point about 1e-17 of
+its terms with either sign."""
 
 
 def modal_coordinates(d: Dictionary, K: Csr, M: Csr, unit: str) -> tuple[Dictionary, float] | None:
-    """The same span in atoms (n, k) that make atoms^T K atoms and atoms^T M atoms diagonal, and by
-    how much more than before a coefficient can be at most. None where atoms are not orthonormal,
-    or numbers are too extreme for eigenvectors. unit: what modes are named by, the "Hz" of
-    displacements or the "/s" of decaying heat.
+    """Dictionary of the same span whose atoms (n, k) diagonalise atoms^T K atoms and atoms^T M
+    atoms, and the factor by which coefficients can grow in this change of basis.
+
+    None where the atoms are not orthonormal or the numbers too extreme for eigenvectors. unit: unit
+    of the eigenvalues in the modes' names, "Hz" for displacements or "/s" for decaying
+    temperatures.
     """
     A, k = d.atoms, d.atoms.shape[1]
     if not k or k > len(A) or np.abs(A.T @ A - np.eye(k)).max() > ORTHONORMAL:
@@ -62,28 +68,29 @@ def modal_coordinates(d: Dictionary, K: Csr, M: Csr, unit: str) -> tuple[Diction
 
 
 def projected(K: Csr, A: FloatArray) -> FloatArray:
-    """A^T K A (k, k) of a symmetric K, symmetric to the last digit."""
+    """Projection A^T K A (k, k) of a symmetric K, exactly symmetric."""
     small = A.T @ (K @ A)
     return np.asarray(0.5 * (small + small.T))
 
 
 def diagonal(A: FloatArray) -> FloatArray:
-    """A (k, k) without what is off its diagonal: in modal coordinates that is round-off."""
+    """A (k, k) with zeros off the diagonal, where modal coordinates leave only round-off."""
     return np.diag(np.diagonal(A))
 
 
 def carried(A: FloatArray) -> FloatArray:
-    """A (s, k) as it is multiplied in each step: its diagonal (k,) where that is all of it."""
+    """A (s, k) in the form that is multiplied in each step: a diagonal matrix as its diagonal
+    (k,)."""
     d = np.diagonal(A)
     plain = A.shape[0] == A.shape[1] and np.count_nonzero(A) == np.count_nonzero(d)
     return d.copy() if plain else np.ascontiguousarray(A)
 
 
 def times(A: FloatArray, x: FloatArray) -> FloatArray:
-    """A x of a `carried` A."""
+    """Product A x for a matrix A (s, k) or the diagonal (k,) of one, as returned by `carried`."""
     return A * x if A.ndim == 1 else A.dot(x)
 
 
 def dense(A: FloatArray) -> FloatArray:
-    """The matrix of a `carried` A."""
+    """Matrix of an array returned by `carried`, which may be the diagonal of one."""
     return np.diag(A) if A.ndim == 1 else A

@@ -1,4 +1,4 @@
-"""From rows to a step solver: all of the sparse reducer that depends on which rows it sees."""
+"""Assembly of a step solver from the sampled rows of each block, for the reducer `sparse`."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -46,7 +46,8 @@ from sparsemor.reducers.step.thermal_groups import heat_groups
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Whole:
-    """All rows of every block under its atoms, dense: what sampled rows are taken from."""
+    """All rows of every block projected on its atoms, dense: the source of rows that change in the
+    run."""
 
     heat: Mapping[str, TestedHeat]
     elastic: Mapping[str, TestedElastic]
@@ -64,9 +65,12 @@ class Whole:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Build:
-    """atoms: budget of each block, None for the whole dictionary; step: what the steps are made of;
-    offline: None for rows that are made during the run, of which nothing is cached; notes: of what
-    is known before there are rows."""
+    """Data from which a step solver is assembled for any set of sampled rows.
+
+    atoms: largest number of active atoms of each block, None for the whole dictionary; step: step
+    size and integrator constants; offline: cache, None for rows drawn during the run; notes:
+    findings that do not depend on the rows.
+    """
 
     model: AssembledModel
     offline: OfflineProducts | None
@@ -80,11 +84,11 @@ class Build:
     def solver(
         self, rows: Mapping[str, IntArray], whole: Whole | None = None, row_set: int = 0
     ) -> StepSolver:
-        """A step solver that sees these rows of each block.
+        """Step solver that evaluates the sampled rows (m,) of each block.
 
-        whole: take them from there instead of from the mesh's matrices; row_set: number of these
-        rows among others of the run. InputError, or SolveFailed for rows that cannot tell the
-        atoms apart.
+        whole: take the rows from there instead of from the full-order matrices; row_set: number of
+        this set of rows in the run. Raises InputError, or SolveFailed for rows that do not
+        distinguish the atoms.
         """
         heat: dict[str, SampledHeat] = {}
         elastic: dict[str, SampledElastic] = {}
@@ -121,8 +125,9 @@ class Build:
         self, rows: Mapping[str, IntArray], heat: Mapping[str, SampledHeat],
         elastic: Mapping[str, SampledElastic], facts: Facts, notes: list[Note],
     ) -> ReducedGeneral:
-        """The general path: least squares of a block's rows as in the fast one. InputError where a
-        budget leaves a choice of atoms."""
+        """Step solver for models in which terms couple bodies: the same least squares of each
+        block's rows, solved by Newton's method for all unknowns together. Raises InputError where a
+        budget is smaller than a dictionary, because atoms cannot be selected there."""
         blocks = {n: s.block for n, s in heat.items()} | {
             n: s.block for n, s in elastic.items()}
         faults = [Fault("reducer.budgets", unselectable(self.model, n, b.budget, b.atoms))
@@ -144,11 +149,12 @@ class Build:
             (*unsampled_loads(self.model, rows), *notes), facts)
 
     def _source(self, whole: Whole | None, name: str) -> Whole | None:
-        """Source of the rows of a block: those of D^-1 r are not stored for all."""
+        """Source of the rows of a block; None for rows of D^-1 r, which are not stored for the
+        whole block."""
         return None if self.options.preconditions(name) else whole
 
     def _map(self, name: str, rows: IntArray) -> TestMap:
-        """These rows of the residual r, or of D^-1 r."""
+        """Test map of these rows of the residual r, or of D^-1 r with the operator D of a step."""
         if not self.options.preconditions(name):
             return TestMap(rows=rows)
         operator = self.model.block_data(name, step=self.step).operator
@@ -157,8 +163,8 @@ class Build:
     def _block(
         self, name: str, rows: IntArray, B: FloatArray, notes: list[Note]
     ) -> tuple[Sampled, Mapping[str, float | int | str]]:
-        """A block with its preconditioner, and what its rows can tell apart (at the start); a note
-        is added where that is too little."""
+        """A block with its preconditioner, and the condition and recovery error of its rows; a note
+        is added where the rows do not determine the coefficients well."""
         P, inverted = None, self.options.preconditions(name)
         if inverted:  # D^-1 D atoms, without the rounding of either
             B = self.dictionaries[name].atoms[rows]
@@ -179,7 +185,7 @@ class Build:
         elastic: Mapping[str, SampledElastic],
         facts: Mapping[str, Mapping[str, float | int | str]], row_set: int, notes: list[Note],
     ) -> Stepper | SparseStepper:
-        """Blocks without a choice to make are prepared here, once."""
+        """Step solver; blocks in which no atoms are selected are condensed here, once."""
         fixed_heat = {n: h.prepared(None) for n, h in heat.items() if not h.block.selects}
         fixed_elastic = {n: e.prepared(None) for n, e in elastic.items() if not e.block.selects}
         # D^-1 brings every load to every row
@@ -206,7 +212,8 @@ class Build:
                              o.screen, row_set)
 
     def _wide(self, source: SampledHeat) -> FloatArray:
-        """(k, n): the left inverse of a block's sampled rows times the map of its forces."""
+        """Map (k, n) of forces on all n rows of a block to its coefficients: the left inverse of
+        the sampled rows times their test map."""
         block = source.block
         m, P = self._map(block.name, block.rows), block.weight
         left = on_support(block.name, source.reached[1], None)
@@ -216,7 +223,8 @@ class Build:
         self, warm: Mapping[str, SampledHeat], choosing: Mapping[str, SampledElastic],
         base: Stepper,
     ) -> None:
-        """InputError for a solver that lacks what the problems of a step need of it."""
+        """Raises InputError for a sparse solver that lacks capabilities which the problems of a
+        step require."""
         problems = {n: shape_needs(*h.block.B.shape) for n, h in warm.items()}
         if choosing and base.mechanics is not None:
             problems[", ".join(choosing)] = mechanics_needs(

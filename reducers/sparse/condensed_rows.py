@@ -1,13 +1,14 @@
-"""The sampled rows of all selecting bodies with the border of a step eliminated.
+"""Sampled elastic rows of all bodies with atom selection, with the bordered unknowns condensed.
 
-At the solution of a step the border rows hold, and they are so stiff against the sampled rows
-that the joint least squares is nearly that of the sampled rows with rigid coordinates and
-multipliers eliminated:
+At the solution of a step the rows of the border (rigid coordinates and multipliers) are satisfied,
+and they are so stiff relative to the sampled rows that the least-squares problem of both is nearly
+that of the sampled rows with rigid coordinates and multipliers eliminated:
 
     residual(c + d) = r + J d,   J = B - P Z F,   Z = S H^-1 T,
 
-P directions, F functionals of the displacements, S, H, T the border's derivatives. P, F, B are
-constant, so that the Gram matrix of J takes a few small products:
+with P the columns that couple elastic rows to the frame, F the functionals of the displacements in
+the border rows, and S, H, T the derivatives of the border. P, F and B are constant, so that the
+Gram matrix of J takes a few small products:
 
     B'B - F'M - M'F,   M = Z' P'B - 1/2 (Z' P'P Z) F.
 """
@@ -28,8 +29,8 @@ from sparsemor.reducers.step.left_inverse import squares
 
 
 class Constants:
-    """Side by side: B (m, k) with columns over `lengths` (k,), P (m, p), F (p, k) over the same,
-    and their Gram products."""
+    """Block-diagonal constant matrices of all bodies: B (m, k) and F (p, k), both with columns
+    divided by the column lengths `lengths` (k,) of B, P (m, p), and their Gram products."""
 
     def __init__(self, bodies: Sequence[SampledBody]) -> None:
         self.numbers = [s.number for s in bodies]
@@ -45,10 +46,13 @@ class Constants:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Eliminated:
-    """S (p, N), H (N, N): derivatives by the border of the directions' factors sigma and of the
-    border rows; ZF (p, k); gram (k, k): upper triangle, Fortran order; lengths (k,) of
-    J's columns together with those in the border rows, which are scaled by the roots of `weights`
-    (N,) in the joint least squares."""
+    """Sampled rows linearised in one step, with rigid coordinates and multipliers condensed.
+
+    S (p, N), H (N, N): derivatives of the factors sigma of P and of the border rows with respect to
+    the N border unknowns; ZF (p, k); gram (k, k): Gram matrix of J, upper triangle in Fortran
+    order; lengths (k,): column lengths of the joint least squares of sampled and border rows, in
+    which border rows are scaled by the square roots of `weights` (N,).
+    """
 
     still: Constants
     S: FloatArray
@@ -62,8 +66,8 @@ class Eliminated:
     def of(
         cls, mechanics: Mechanics, work: Workspace, still: Constants
     ) -> "Eliminated | None":
-        """With the derivatives that the last `solve` of the mechanics left in `work`; None where
-        the border is singular."""
+        """Condensation with the derivatives that the last `solve` of the mechanics left in `work`;
+        None where the border matrix is singular."""
         bodies, works, F = mechanics.bodies, work.frames, still.F
         S = np.concatenate([works[i].sigma[:-1].T.dot(bodies[i].to_border) for i in still.numbers])
         T = np.concatenate([works[i].tau.T.dot(bodies[i].to_border) for i in still.numbers]).T
@@ -85,12 +89,12 @@ class Eliminated:
         return cls(still, S, H, ZF, gram, np.sqrt(1.0 + weights.dot(TF)), weights)
 
     def slope(self, r: FloatArray) -> FloatArray:
-        """J'r for r (m,)."""
+        """Gradient J'r (k,) for a residual r (m,)."""
         return np.asarray(self.still.Bt.dot(r) - self.still.Pt.dot(r).dot(self.ZF))
 
     def gives(self) -> tuple[FloatArray, FloatArray]:
-        """Compliance of the border to r: V (N, m) and V J (N, k),
-        with which the joint least squares is that of r'r - (V r)'(V r)."""
+        """Finite stiffness of the border rows: V (N, m) and V J (N, k), with which the squared norm
+        of the joint least squares is r'r - (V r)'(V r)."""
         if not len(self.H):
             return np.zeros((0, len(self.still.P))), np.zeros((0, len(self.gram)))
         V = np.linalg.solve(self.H.T, (self.still.P.dot(self.S)).T)
@@ -98,6 +102,7 @@ class Eliminated:
         return V, V.dot(self.still.Bt.T) - V.dot(self.still.P).dot(self.ZF)
 
     def hidden(self, y: FloatArray) -> float:
-        """Squared norm of the border unknowns y (N,), each times the length of its column."""
+        """Squared norm of the border unknowns y (N,), each multiplied by the length of its
+        column."""
         columns = squares(self.still.P.dot(self.S)) + self.weights.dot(self.H * self.H)
         return float(columns.dot(y * y))

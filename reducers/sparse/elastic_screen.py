@@ -1,8 +1,9 @@
-"""Does an exchange of atoms pay in this step? Asked before the sparse solver is run.
+"""Screening of the atom selection in elastic blocks: does an exchange of atoms reduce the residual?
 
-Heat is linear: its screen is exact. Mechanics: the rows are linear once the border is eliminated
-(condensed rows). How that is done changes slowly: it is recomputed where a decision is too close,
-and after a time that is measured each time it is recomputed.
+The test is made before the sparse solver is run and replaces it where its result is certain. The
+rows are linear once rigid coordinates and multipliers are condensed (condensed_rows.py). The
+condensed matrices change slowly; they are recomputed where a decision is close to its threshold,
+and after a time that is estimated from their measured rate of change.
 """
 
 from collections.abc import Mapping
@@ -31,26 +32,26 @@ from sparsemor.reducers.step.iteration_state import Workspace
 from sparsemor.reducers.step.solver import Stepper
 
 ROUGH = GramError(3e-3, 1e-7)
-"""What is allowed to taking the border for infinitely stiff and to leaving out of B what turns with
-the frame. Seen on the packaged scene: 1e-3 and 5e-9. Closer decisions are made without either."""
+"""Error bounds of two simplifications: infinitely stiff border rows, and no frame-rotation terms in
+B. Measured for the packaged scene: 1e-3 and 5e-9. Close decisions are repeated without either."""
 AGED = GramError(5e-2, 1e-6)
-"""What age may add to that."""
+"""Additional error bounds for condensed matrices of an earlier step."""
 EXACT = GramError(1e-6, 1e-12)
-"""What is left of it where neither is done."""
+"""Error bounds without the two simplifications."""
 CARE, GROWTH, TINY = 3.0, 2.0, 1e-300
-"""How much faster derivatives may change than they were seen to, and by how much they may be kept
-longer than before."""
+"""Safety factor of the measured rate of change of the condensed matrices, largest growth of the
+time for which they are kept, and a number that avoids division by zero."""
 OLDEST = 50
-"""Steps after which what is kept is recomputed in any case: rates that were measured over some
-steps say little of the error after hundreds (6 % of sizes for 2 %, after 524 steps of a
-pendulum)."""
+"""Number of steps after which the condensed matrices are recomputed in any case: rates of change
+measured over some steps do not bound the error after hundreds (6 % instead of 2 % after 524 steps
+of a pendulum)."""
 IDLE, LONGEST = 32, 1024
-"""Steps without another measurement of what would not last to the next step: twice as many each
-time, up to this."""
+"""Number of steps without a new measurement where the matrices would not stay valid for one step;
+doubled each time, up to the second number."""
 
 
 class ElasticScreen:
-    """All selecting bodies in one problem."""
+    """Screening of all elastic blocks with atom selection in one least-squares problem."""
 
     def __init__(
         self, mechanics: Mechanics, elastic: Mapping[str, SampledElastic], layout: Layout,
@@ -75,8 +76,8 @@ class ElasticScreen:
         self, step: StepFormula, x: FloatArray, mechanics: Mechanics, work: Workspace,
         before: Mapping[str, BoolArray],
     ) -> dict[str, BoolArray] | None:
-        """The supports where the solver would end from the solution x of a step, {} if those
-        before; None if it cannot be determined."""
+        """Supports that the sparse solver would return when started from the solution x of a step:
+        {} for unchanged supports, None if the screening cannot decide."""
         at_solution = RowsAtSolution(self, step, x, mechanics, work)
         support, found = self.together.of(before), None
         if self.kept is not None and self.since < step.t < self.until:
@@ -97,7 +98,8 @@ class ElasticScreen:
         self, new: Eliminated, at: Quadratic, at_solution: "RowsAtSolution", support: BoolArray,
         t: float,
     ) -> None:
-        """Keeps what was made in the step to t, for as long as the last one would have lasted."""
+        """Keeps the condensed matrices of the step to t, for as long as the previous ones would
+        have been valid."""
         old, age, step, lasts = self.kept, t - self.since, t - self.asked, 0.0
         self.kept, self.since = new, t
         if self.immobile > 0:
@@ -114,13 +116,13 @@ class ElasticScreen:
         self.until = t + lasts
 
     def _aged(self, t: float) -> GramError:
-        """Of what is kept, in a step to t."""
+        """Error bounds of the kept condensed matrices in a step to t, s."""
         age, rate = t - self.since, self.rate
         return GramError(ROUGH.sizes + age * rate.sizes, ROUGH.gram + age * rate.gram)
 
 
 class RowsAtSolution:
-    """The sampled rows at the solution x of a step that `mechanics` has just solved."""
+    """Sampled rows at the solution x of a step that `mechanics` has just solved."""
 
     def __init__(
         self, screen: ElasticScreen, step: StepFormula, x: FloatArray, mechanics: Mechanics,
@@ -133,8 +135,8 @@ class RowsAtSolution:
         self.c = x[screen.columns] * screen.still.lengths
 
     def around(self, e: Eliminated, error: GramError) -> Quadratic:
-        """Quadratic model of the squared residual in c, with rigid coordinates and multipliers
-        condensed by e, which may be from an earlier step."""
+        """Quadratic model of the squared residual in the coefficients c, with rigid coordinates and
+        multipliers condensed by e, which may be from an earlier step."""
 
         def left() -> tuple[float, float]:
             square = float(self.r.dot(self.r))
@@ -147,7 +149,8 @@ class RowsAtSolution:
         return at if error is not ROUGH else at._replace(exact=lambda: self._exact(e, at))
 
     def _exact(self, e: Eliminated, at: Quadratic) -> Quadratic:
-        """Without the two simplifications."""
+        """The quadratic model with finite stiffness of the border rows and with frame-rotation
+        terms."""
         V, VJ = e.gives()
         gram, slope = at.gram - VJ.T.dot(VJ), at.slope - V.dot(self.r).dot(VJ)
         row, screen = 0, self.screen
@@ -164,7 +167,7 @@ class RowsAtSolution:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Screens:
-    """Of one set of rows."""
+    """Screening of thermal and elastic blocks for one set of sampled rows."""
 
     heat: HeatScreen | None
     elastic: ElasticScreen | None
@@ -174,7 +177,8 @@ class Screens:
         cls, base: Stepper, heat: Mapping[str, SampledHeat],
         elastic: Mapping[str, SampledElastic], solver: Any,
     ) -> "Screens | None":
-        """None for a solver that does not screen."""
+        """Screening with the sparse solver's own decision rule; None for a solver that does not
+        offer one."""
         if not isinstance(solver, ScreensSupport):
             return None
         hot = HeatScreen(heat, base.layout, solver) if heat else None

@@ -1,11 +1,12 @@
-"""The sparse problems of one step (Eq. 25), as a sparse solver sees them.
+"""Sparse recovery problems of one step (Eq. 25 of the paper), in the form that sparse solvers take.
 
-Heat: P (B c - b) = 0, linear, one block at a time; local terms (radiation) are left to the solve on
-the support that follows. Mechanics: the sampled rows of all elastic blocks with the border rows, in
-one problem; rigid coordinates and multipliers are a group without
-a budget. Rows are scaled to compare: elastic ones by their block's size, border rows by their own
-and by BORDER, because they are equations that have to hold and not a sample of many. Sampled rows
-come turned into few (row_compression.py), which changes neither norms nor solutions.
+Heat: P (B c - b) = 0 with the preconditioner P, linear, one block at a time; local terms
+(radiation) enter only the subsequent solve on the selected support. Mechanics: the sampled rows of
+all elastic blocks together with the equations of rigid coordinates and multipliers (the border), in
+one problem; these unknowns form a group without a limit on its nonzeros. Elastic rows are scaled by
+the largest column of their block, border rows by their own size divided by BORDER, because they are
+equations that must be satisfied and not a sample. Sampled rows are compressed by an orthogonal
+transformation (row_compression.py), which changes neither norms nor solutions.
 """
 
 from collections.abc import Sequence
@@ -25,15 +26,16 @@ BORDER = 10.0
 
 
 def shape_needs(rows: int, columns: int) -> frozenset[str]:
-    """Capabilities that a problem of this shape requires of its solver
-    (`core.protocols.sparse_solver`)."""
+    """Capabilities of a sparse solver (`core.protocols.sparse_solver`) that a problem with this
+    number of rows and columns requires."""
     if rows == columns:
         return frozenset()
     return frozenset({"overdetermined" if rows > columns else "underdetermined"})
 
 
 def mechanics_needs(blocks: Sequence[SampledElastic], border: int) -> frozenset[str]:
-    """The same for all elastic blocks with `border` rigid coordinates and multipliers."""
+    """Capabilities that the problem of all elastic blocks with `border` rigid coordinates and
+    multipliers requires of its sparse solver."""
     shapes = [s.block.B.shape for s in blocks]
     rows, columns = (sum(shape[i] for shape in shapes) + border for i in (0, 1))
     return shape_needs(rows, columns) | {"nonlinear", "unpenalised"}
@@ -41,7 +43,8 @@ def mechanics_needs(blocks: Sequence[SampledElastic], border: int) -> frozenset[
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HeatProblem:
-    """J c - b with J (m, k), b (m,) already times the preconditioner and scaled to |J| = 1."""
+    """Linear problem J c - b of one thermal block: J (m, k) and b (m,) include the preconditioner
+    and are scaled to a largest column norm of 1."""
 
     groups: tuple[Group, ...]
     J: FloatArray
@@ -65,7 +68,9 @@ class HeatProblem:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BodyInProblem:
-    """A body in the problem: its sampled block (None: rigid), columns, rows and row scale."""
+    """A body in the mechanical problem: compressed sampled rows (None for a rigid body), ranges of
+    its columns and rows, scale of the rows, and the part of the residual that is constant in the
+    step."""
 
     body: BodyStep
     few: Few | None
@@ -76,7 +81,8 @@ class BodyInProblem:
 
 
 class MechanicsProblem:
-    """Unknowns [c of each elastic block | border]; residual and Jacobian dense."""
+    """Nonlinear least-squares problem of all elastic blocks: unknowns [c of each block | rigid
+    coordinates and multipliers], residual and Jacobian dense."""
 
     def __init__(
         self, mechanics: Mechanics, sampled: Sequence[SampledElastic | None], step: StepFormula,
@@ -106,7 +112,7 @@ class MechanicsProblem:
         self._row_scale[m:] = BORDER / np.where(size > 0, size, 1.0)
 
     def start(self) -> FloatArray:
-        """The predicted state as a first guess."""
+        """Initial guess: the predicted state."""
         nr = self.mechanics.n_rigid
         parts = [self.x[p.body.elastic] for p in self.members if p.few is not None]
         return np.concatenate([*parts, self.x[:nr], self.x[self.mechanics.algebraic]])
@@ -118,7 +124,8 @@ class MechanicsProblem:
         return self._raw(c)[1] * self._row_scale[:, None]
 
     def _raw(self, c: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Unscaled; the last ones are kept, because a solver asks for both at one c."""
+        """Unscaled residual and Jacobian; the last ones are kept, because a solver evaluates both
+        at one c."""
         if not np.array_equal(c, self._at):
             self._both, self._at = self._made(c), c.copy()
         return self._both
@@ -168,7 +175,8 @@ class MechanicsProblem:
 def _history(
     t: TestedElastic, body: BodyStep, step: StepFormula, x: FloatArray
 ) -> FloatArray:
-    """Rows that do not change in the step: inertia and damping history, heat, loads."""
+    """Part of the rows that is constant in the step: inertia and damping of past states,
+    temperatures, loads."""
     at = body.elastic
     h = t.mass @ step.r2[at] + t.damping @ step.r1[at] + t.constant
     if t.coupling.size:

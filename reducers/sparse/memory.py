@@ -1,4 +1,4 @@
-"""Step memory of a reduced model that selects atoms."""
+"""State between steps of a reduced model with atom selection."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -12,18 +12,20 @@ from sparsemor.reducers.step.solver import Stepper
 from sparsemor.reducers.step.thermal_block import CompressedHeat
 
 KEPT = 64
-"""Prepared supports kept per run: a support often comes back."""
+"""Number of supports (sets of active atoms) whose reduced operators are kept: supports often
+recur."""
 ElasticPart: TypeAlias = CompressedElastic | CompressedPrescribed
 Supports: TypeAlias = tuple[int, str, bytes]
-"""Number of the set of rows, block ("" for all together), and its support."""
+"""Key of reduced operators: number of the set of rows, block ("" for all together), and its
+support."""
 K = TypeVar("K")
 T = TypeVar("T")
 
 
 @dataclass(eq=False, kw_only=True)
 class SparseMemory(Memory):
-    """Adds the stepper of the current supports, and what was prepared for others, by supports.
-    All of that is rebuilt after a restart."""
+    """State between steps with atom selection: adds the current step solver and the reduced
+    operators of recent supports. These are rebuilt after a restart."""
 
     step: int = 0
     heat: dict[Supports, CompressedHeat] = field(default_factory=dict)
@@ -37,19 +39,21 @@ class SparseMemory(Memory):
                 "steppers": {}, "current": None}
 
     def copy(self) -> Self:
-        """Separate memory of the same state. What was prepared for supports does not change and is
-        shared; screens do, and are made again from the state, as after a restart."""
+        """Independent copy of the state. Reduced operators of supports are immutable and shared;
+        screening data are rebuilt from the state, as after a restart."""
         return replace(super().copy(), heat=dict(self.heat), elastic=dict(self.elastic),
                        steppers=dict(self.steppers), screens={})
 
     def rows_changed(self, fresh: bool) -> None:
-        """Drops what was prepared for supports on the rows before, unless these come back."""
+        """Drops reduced operators of the previous set of rows if that is not used again
+        (`fresh`)."""
         self.current = None
         if fresh:
             self.heat, self.elastic, self.screens, self.steppers = {}, {}, {}, {}
 
     def counted_part(self, kept: dict[Supports, T], key: Supports, make: Callable[[], T]) -> T:
-        """As `kept_or_made`, counted as a factorization where it is made."""
+        """`kept_or_made` for the reduced operators of one support; a computed entry counts as a
+        factorization."""
         def made() -> T:
             self.factorizations += 1
             return make()
@@ -58,7 +62,7 @@ class SparseMemory(Memory):
 
 
 def kept_or_made(kept: dict[K, T], key: K, make: Callable[[], T]) -> T:
-    """The entry of a key, made where there is none; the oldest one goes where there are many."""
+    """Entry of a key, computed if missing; the oldest of `KEPT` entries is dropped."""
     if key not in kept:
         if len(kept) >= KEPT:
             kept.pop(next(iter(kept)))

@@ -1,5 +1,5 @@
-"""Error of recovering known states from sampled rows: the oblique projection behind the sparse
-method, whose amplification decides how wrong a sampled model on good atoms is."""
+"""Error of recovering known states from sampled rows: the oblique projection of the sparse method,
+whose amplification determines the error of a sampled model with accurate atoms."""
 
 from dataclasses import dataclass
 
@@ -23,26 +23,27 @@ from sparsemor.reducers.sparse.sampled_block import Sampled
 from sparsemor.reducers.step.operators import TestMap
 
 SAMPLED_ROWS = "sampled_rows"
-"""Kind of the note."""
+"""Kind of the note on inaccurate sampled rows."""
 LIMIT = 0.01
-"""Largest error of the recovered states without a note."""
+"""Largest relative error of the recovered states without a note."""
 _STATES, _SELECTED = 400, 8
-"""Most states that are recovered: on all atoms, and on a support chosen for each of them."""
+"""Largest number of recovered states: with all atoms, and with an individual support for each
+state."""
 _ENTRIES = 2**22
-"""Most numbers of these states that are held at once, unless they are few."""
+"""Largest number of entries of these states in memory, unless there are few states."""
 
 
 @dataclass(frozen=True, slots=True)
 class RowError:
-    """Errors relative to the largest change of the field, the largest over the states. rows: of
-    the states recovered from sampled rows; best: of their orthogonal projection on the atoms."""
+    """Largest errors of test states relative to the largest change of the field. rows: of the
+    states recovered from sampled rows; best: of their orthogonal projection on the atoms."""
 
     rows: float
     best: float
 
     def note(self, block: Sampled) -> Note | None:
-        """None where the error is below the limit, or hardly above that of the atoms, which is
-        reported as such."""
+        """Note on an inaccurate recovery; None where the error is below the limit or less than
+        twice the projection error of the atoms."""
         if not self.rows > max(LIMIT, 2.0 * self.best):
             return None
         used = f"{block.budget} of {block.atoms}" if block.selects else f"{block.atoms}"
@@ -56,12 +57,13 @@ class RowError:
 def row_error(
     block: Sampled, states: FloatArray, test: TestMap, D: Csr, slow: Csr
 ) -> RowError | None:
-    """Solves the sampled rows P W of D x = f and of S x = f for the coefficients of the atoms A,
+    """Error of coefficients recovered from sampled rows of D x = f and of S x = f,
 
         c = (L P W S A)^-1 L P W S x        with L P W D A = 1 and L = left inverse of the rows,
 
-    at states x (n, M) whose forces f are exact. S = D gives the error of one step, `slow` that of
-    the state which many steps tend to. None for constant states, or rows that do not suffice.
+    with atoms A, sampled rows W and preconditioner P, at states x (n, M) whose forces f are exact.
+    S = D gives the error of one step, S = `slow` that of the state to which many steps converge.
+    None for constant states, or rows that do not determine the coefficients.
     """
     A, o = block.dictionary.atoms, block.dictionary.offset
     change = float(np.linalg.norm(states - states[:, :1], axis=0).max())
@@ -95,8 +97,8 @@ def checked_rows(
     model: AssembledModel, offline: OfflineProducts, block: Sampled, test: TestMap,
     step: StepFactors
 ) -> RowError | None:
-    """The error of a block's rows at the training snapshots, without training at estimated states;
-    cached. None where there is nothing to test them on."""
+    """Recovery error of a block's sampled rows at the training snapshots, or at estimated states
+    where there was no training run; cached. None where there are no states."""
     if offline.recording is None:
         return None
     data = model.block_data(block.name, step=step)
@@ -120,7 +122,7 @@ def checked_rows(
 def _states(
     model: AssembledModel, offline: OfflineProducts, data: BlockData, step: StepFactors
 ) -> FloatArray:
-    """(n, M) states that the rows are tested on."""
+    """Test states (n, M) for the recovery error."""
     if offline.trained:
         return offline.snapshots(data.name)
     assert offline.recording is not None

@@ -1,5 +1,5 @@
-"""The paper's reducer: sampled rows of the full-order equations, sparse coefficients, no
-projection."""
+"""Sparse projection-free reducer: coefficients of few atoms from sampled rows of the full-order
+equations."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -48,7 +48,8 @@ from sparsemor.reducers.trial_bases import trial_bases
 class Sparse(SparseOptions):
     """Sparse projection-free reduction: few coefficients recovered from sampled rows (Eq. 25).
 
-    Where a budget covers the whole dictionary nothing is selected and the support is all of it.
+    Where a budget is at least the size of the dictionary, all atoms are active and none are
+    selected.
     """
 
     shared_options: ClassVar[tuple[str, ...]] = (*BASES, "budgets")
@@ -66,7 +67,8 @@ class Sparse(SparseOptions):
             "budgets": self._varied("atoms", atoms), "basis": basis, "bases": bases})
 
     def _varied(self, option: str, counts: Mapping[str, int]) -> dict[str, Budget]:
-        """Budgets by field, with another number each; they are validated with the scene."""
+        """Budgets by field with another number of rows or atoms each; they are validated with the
+        scene."""
         return {f"*.{field}": (of_field(field, self.budgets) or Budget()).model_copy(
             update={option: n}) for field, n in counts.items()}
 
@@ -105,7 +107,7 @@ class Sparse(SparseOptions):
     def _rows(
         self, model: AssembledModel, name: str, budget: Budget, dictionary: Dictionary
     ) -> int:
-        """Rows to draw in addition to the required ones."""
+        """Number of rows to draw in addition to the required ones."""
         if budget.rows is not None:
             return budget.rows
         return default_rows(model, name, self.sampler, dictionary.atoms.shape[1])
@@ -114,7 +116,7 @@ class Sparse(SparseOptions):
         self, model: AssembledModel, dictionaries: Mapping[str, Dictionary],
         rows: Mapping[str, IntArray]
     ) -> tuple[Note, ...]:
-        """Notes on options that change nothing in this run."""
+        """Notes on options that have no effect in this run."""
         atoms = {n: d.atoms.shape[1] for n, d in dictionaries.items()}
         active = {n: (matched_option(n, self.budgets, Budget()).atoms or k, k)
                   for n, k in atoms.items()}
@@ -127,7 +129,8 @@ class Sparse(SparseOptions):
         self, build: Build, rows: Mapping[str, IntArray], later: Streams,
         draw: Callable[[Streams, OfflineProducts | None], Mapping[str, IntArray]],
     ) -> StepSolver:
-        """The first rows are those of a run without resampling; later: streams of the others."""
+        """Step solver with resampling, which begins with the rows of a run without resampling;
+        later: random streams of the further draws."""
         assert self.resample is not None
         whole = Whole.of(build.model, build.dictionaries)
         first = build.solver(rows, whole)
@@ -144,7 +147,8 @@ class Sparse(SparseOptions):
         return Resampled(first, (first, *others), self.resample, None, None, {})
 
     def check(self, model: AssembledModel) -> Sequence[Fault]:
-        """Faults found by counting, before any training; keys relative to the reducer."""
+        """Faults of the options found by counting, before any training; keys relative to the
+        reducer."""
         faults = budget_faults(model, self.budgets, self.sampler)
         faults += pattern_faults(model, "bases", self.bases)
         faults += pattern_faults(model, "preconditioned", self.preconditioned)
@@ -166,8 +170,8 @@ class Sparse(SparseOptions):
         return faults
 
     def _residual_faults(self, model: AssembledModel) -> list[Fault]:
-        """Faults of rows of D^-1 r that would need the whole mesh in a step, or in a draw of
-        rows."""
+        """Faults of sampling D^-1 r where a step, or a draw of rows, would need operations with the
+        whole mesh."""
         faults = ([] if isinstance(self.residual, str) else
                   pattern_faults(model, "residual", self.residual))
         inverted = [n for n in model.reducible() if self.preconditions(n)]

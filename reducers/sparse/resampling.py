@@ -1,5 +1,5 @@
-"""Resampling: the rows of the residual that are evaluated change during the run; one step solver
-for each set of rows."""
+"""Resampling: the sampled rows of the residual change during the run; a step solver for each set of
+rows."""
 
 from collections.abc import Callable, Mapping
 from copy import deepcopy
@@ -25,19 +25,20 @@ from sparsemor.reducers.step.memory import RunMemory
 
 Streams = Mapping[str, np.random.Generator]
 Draw = Callable[[Streams], Mapping[str, IntArray]]
-"""Rows of every block from the blocks' own streams."""
+"""Function that draws the rows of every block from the random streams of the blocks."""
 
 
 def branched(streams: Streams) -> dict[str, np.random.Generator]:
-    """A generator for one draw of each block; moves every stream on by as much, whatever it draws,
-    so that a draw from a cache changes nothing after it."""
+    """Block -> new random generator for one draw. Every stream advances by the same amount whatever
+    is drawn, so that a draw from the cache does not change later ones."""
     return {n: np.random.default_rng(s.integers(2**63, size=2)) for n, s in streams.items()}
 
 
 @dataclass(eq=False)
 class ResampledMemory:
-    """inner: of the solver in use; turn: how often rows changed; fresh rows: what they are, the
-    streams that the next are drawn from, and their solver, which is rebuilt after a restart."""
+    """State between steps of a run with resampling. inner: state of the current step solver;
+    streams: random streams of further draws; turn: number of changes of rows; rows, current: for
+    newly drawn rows, the rows in use and their step solver, which is rebuilt after a restart."""
 
     inner: RunMemory
     streams: Streams
@@ -50,17 +51,18 @@ class ResampledMemory:
         return {**vars(self), "current": None}
 
     def copy(self) -> Self:
-        """Separate memory of the same state; the solver of the rows in use is shared."""
+        """Independent copy of the state; the step solver of the rows in use is shared."""
         return replace(self, inner=self.inner.copy(), streams=deepcopy(self.streams))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Resampled(AroundSteps[StepSolver]):
-    """Step solvers over sets of rows, each for `every` steps. base: on the rows of the start.
+    """Step solver whose sampled rows change every `every` steps. base: step solver of the first
+    rows.
 
-    sets: solvers that come back in turn. draw, fresh: for rows that are always new, how they are
-    drawn and made into a solver; streams: where the draws begin. A draw asks the sampler, which
-    looks at the candidates of the mesh; the step itself reads only the rows that were drawn.
+    sets: step solvers that are used in turn. draw, fresh: for new rows in every draw, the functions
+    that draw them and assemble their step solver; streams: initial random streams. A draw evaluates
+    the sampler on all rows of the mesh; a step evaluates the drawn rows only.
     """
 
     sets: tuple[StepSolver, ...]
@@ -71,13 +73,13 @@ class Resampled(AroundSteps[StepSolver]):
 
     @property
     def elements_touched(self) -> Mapping[str, int]:
-        """Of the set of rows that touches most."""
+        """Block -> number of elements visited in a step, for the set of rows with the most."""
         touched = [s.elements_touched for s in self.sets]
         return {name: max(t[name] for t in touched) for name in touched[0]}
 
     @property
     def notes(self) -> tuple[Note, ...]:
-        """Of all sets that are known, each once."""
+        """Notes of all prepared sets of rows, without repetition."""
         return tuple(dict.fromkeys(note for s in self.sets for note in s.notes))
 
     def start(self, state: State) -> tuple[State, ResampledMemory]:
@@ -99,14 +101,15 @@ class Resampled(AroundSteps[StepSolver]):
         return outcome, memory
 
     def _change(self, memory: ResampledMemory) -> None:
-        """Other rows from this step on; what was prepared for supports on the old ones goes."""
+        """Changes to the next set of rows; reduced operators of the previous rows are dropped if
+        these are not used again."""
         memory.turn += 1
         if self.draw is not None:
             memory.rows, memory.current = self.draw(branched(memory.streams)), None
         memory.inner.rows_changed(fresh=self.draw is not None)
 
     def at_rows(self, memory: ResampledMemory) -> StepSolver:
-        """The solver on the rows that `memory` is at."""
+        """Step solver of the rows in use."""
         if self.fresh is None or memory.rows is None:
             return self.sets[memory.turn % len(self.sets)]
         if memory.current is None:
@@ -114,12 +117,13 @@ class Resampled(AroundSteps[StepSolver]):
         return memory.current
 
     def frozen(self, memory: ResampledMemory) -> tuple[StepSolver, StepMemory]:
-        """The solver on the rows and supports that `memory` is at, and its memory."""
+        """Step solver with fixed rows and supports, those in use, and its memory: for
+        linearisation."""
         solver, inner = self.at_rows(memory), memory.inner
         return solver.frozen(inner) if isinstance(solver, FreezesSupport) else (solver, inner)
 
     def rows_at(self, memory: ResampledMemory) -> Mapping[str, IntArray]:
-        """The rows in use."""
+        """Sampled rows (m,) of each block that are in use."""
         return self.at_rows(memory).rows
 
     def supports(self, memory: ResampledMemory) -> Mapping[str, BoolArray]:

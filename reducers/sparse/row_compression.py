@@ -1,10 +1,9 @@
-"""Sampled rows turned so that few are left: an orthogonal change of rows, exact in the 2-norm.
+"""Compression of sampled rows by an orthogonal transformation, exact in the 2-norm.
 
-All operators of a block have few columns, so that their m rows live in a space of fewer
-dimensions. In an orthonormal basis of it, ordered as [range of B | further directions | rest],
-every residual has the same norm and every least-squares problem the same solution. B and the
-directions are zero in the rest. Where columns of B depend on others, QR adds orthonormal ones that
-do no harm.
+All operators of a block have few columns, so that their m rows span a space of lower dimension. In
+an orthonormal basis of it, ordered as [range of B | frame directions P | rest], every residual has
+the same norm and every least-squares problem the same solution. B and P vanish in the rest. Where
+columns of B are linearly dependent, QR adds arbitrary orthonormal vectors, which does no harm.
 """
 
 from typing import NamedTuple
@@ -16,12 +15,12 @@ from sparsemor.core import FloatArray
 from sparsemor.reducers.step.operators import TestedElastic, TestedHeat, TestMap
 
 DEPENDENT = 1e-14
-"""Length of a unit column beyond the others, below which it is rounding."""
+"""Distance of a unit column from the span of the others below which it is round-off."""
 
 
 class CompactElastic(NamedTuple):
-    """The operators and B (l, k) in the new rows; B needs the first `reach` rows, the further
-    directions the first `first`."""
+    """Elastic operators and B (l, k) in the compressed rows; B is nonzero in the first `reach` rows
+    only, the frame directions P in the first `first`."""
 
     tested: TestedElastic
     B: FloatArray
@@ -30,8 +29,8 @@ class CompactElastic(NamedTuple):
 
 
 class CompactHeat(NamedTuple):
-    """The same for heat, where B alone comes first. turn (m, reach): the rows that it needs, in
-    old ones."""
+    """Thermal operators and B (l, k) in the compressed rows. turn (m, reach): orthonormal basis of
+    the range of B in the sampled rows."""
 
     tested: TestedHeat
     B: FloatArray
@@ -39,7 +38,7 @@ class CompactHeat(NamedTuple):
 
 
 def compact_elastic(t: TestedElastic, B: FloatArray) -> CompactElastic:
-    """B (m, k) and the operators of the same rows."""
+    """Compressed rows of B (m, k) and of the elastic operators in the same m sampled rows."""
     Z = np.linalg.qr(_unit(B))[0]
     reach, Z = Z.shape[1], _joined(Z, t.directions)
     first = Z.shape[1]
@@ -50,7 +49,7 @@ def compact_elastic(t: TestedElastic, B: FloatArray) -> CompactElastic:
 
 
 def compact_heat(t: TestedHeat, B: FloatArray) -> CompactHeat:
-    """B (m, k) and the operators of the same rows."""
+    """Compressed rows of B (m, k) and of the thermal operators in the same m sampled rows."""
     turn = np.linalg.qr(_unit(B))[0]
     Z = _joined(turn, np.hstack([
         t.capacity, t.loads, t.constant[:, None], *(table.values.T for table in t.tables)]))
@@ -58,7 +57,8 @@ def compact_heat(t: TestedHeat, B: FloatArray) -> CompactHeat:
 
 
 def _joined(Z: FloatArray, A: FloatArray) -> FloatArray:
-    """Z (m, j) and orthonormal columns for what A has in addition; never more than m."""
+    """Orthonormal Z (m, j) extended by columns that complete it to the span of [Z A]; at most m
+    columns."""
     A, room = _unit(A), len(A) - Z.shape[1]
     for _ in range(2):  # the second pass removes what rounding left of the first
         A = A - Z @ (Z.T @ A)
@@ -72,6 +72,6 @@ def _joined(Z: FloatArray, A: FloatArray) -> FloatArray:
 
 
 def _unit(A: FloatArray) -> FloatArray:
-    """Columns of unit length, without those of zeros."""
+    """Nonzero columns of A, scaled to unit length."""
     sizes = np.linalg.norm(A, axis=0)
     return np.asarray(A[:, sizes > 0.0] / sizes[sizes > 0.0])

@@ -1,4 +1,5 @@
-"""One block of the sparse method: its sampled rows, weights and budget, prepared by support."""
+"""One block of the sparse method: its sampled rows, preconditioner and budget, and its reduced
+operators for a support (set of active atoms)."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -35,14 +36,15 @@ from sparsemor.reducers.step.thermal_block import CompressedHeat
 from sparsemor.reducers.trial_bases import local_terms
 
 _CHUNK = 256
-"""Right-hand sides solved at once."""
+"""Number of right-hand sides that are solved at once."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sampled:
-    """A block under sampled rows. B (m, k) = P times the rows of D or c1 C + K times the atoms.
+    """Sampled rows of one block. B (m, k) = P times the sampled rows of the step's operator D
+    (heat: c1 C + K) times the atoms.
 
-    weight (m, m) or None: the preconditioner P; budget: most atoms active at once.
+    weight (m, m) or None: the preconditioner P; budget: largest number of active atoms.
     """
 
     name: str
@@ -61,21 +63,27 @@ class Sampled:
         return self.budget < self.atoms
 
     def left(self, support: IntArray | None) -> FloatArray:
-        """(s, m): least squares on the support, left @ B_S = 1. Raises SolveFailed."""
+        """Left inverse (s, m) of the columns of B on the support, by least squares. Raises
+        SolveFailed."""
         return on_support(self.name, self.B, support)
 
 
 def on_support(name: str, B: FloatArray, support: IntArray | None) -> FloatArray:
-    """(s, m): least squares on the columns of B (m, k) in the support. Raises SolveFailed."""
+    """Left inverse (s, m) of the columns of B (m, k) in the support, by least squares. Raises
+    SolveFailed."""
     return left_inverse(name, B if support is None else B[:, support], sampled=True)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SampledElastic:
-    """tested: the sampled rows, already times the preconditioner. few: the same and B in few
-    turned rows, where something is selected; first: how many of these B and the directions need
-    (compressed); reached: the rows of `few` that B needs, which least squares on any support sees
-    alone. prescribed: whether frames are prescribed."""
+    """Sampled rows of an elastic block and their compressions.
+
+    tested: operators in the sampled rows, including the preconditioner. few: operators and B in the
+    compressed rows (row_compression.py) where atoms are selected; first: number of these rows in
+    which B or the frame directions are nonzero; reached: the rows of `few` in which B is nonzero,
+    the only ones that affect a least-squares solution. prescribed: True if the motion of all frames
+    is prescribed.
+    """
 
     block: Sampled
     tested: TestedElastic
@@ -100,8 +108,9 @@ class SampledElastic:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SampledHeat:
-    """tested: the sampled rows, already times the preconditioner. few, first, reached: as above.
-    turn (m, first): the rows of `reached` in sampled ones, None where they are these."""
+    """Sampled rows of a thermal block and their compressions; tested, few, first, reached: see
+    `SampledElastic`. turn (m, first): basis of the rows of `reached` in the sampled rows, None
+    where they are the same."""
 
     block: Sampled
     tested: TestedHeat
@@ -144,10 +153,11 @@ def choose_rows(
     dictionary: Dictionary, rng: np.random.Generator, step: StepFactors,
     preconditioned: bool = False,
 ) -> IntArray:
-    """The sampler's rows; from the cache, if there is an `offline`.
+    """Row numbers (m,) drawn by the sampler, including the required ones; cached if `offline` is
+    given.
 
-    rng is for this draw alone: a hit leaves it where it was. preconditioned: of equations times
-    D^-1, whose operator is 1.
+    rng is used for this draw alone; a cached result leaves its state unchanged. preconditioned:
+    True for rows of D^-1 r, whose operator is the identity.
     """
     required, data = model.required[name], model.block_data(name, step=step)
     if preconditioned:
@@ -173,9 +183,10 @@ def choose_rows(
 def weigh(
     offline: OfflineProducts | None, preconditioner: Preconditioner, name: str, B: FloatArray
 ) -> FloatArray | None:
-    """The preconditioner's matrix, None for the identity; cached, if there is an `offline`.
+    """Preconditioner matrix (m, m) for the sampled rows B (m, k), None for the identity; cached if
+    `offline` is given.
 
-    InputError when it is undefined for this shape.
+    Raises InputError where it is undefined for this shape.
     """
     reason = preconditioner.check(*B.shape)
     if reason:
@@ -190,9 +201,10 @@ def weigh(
 
 
 def row_facts(B: FloatArray, weight: FloatArray | None) -> Mapping[str, float | int | str]:
-    """Coherence and condition of the sampled rows B (m, k), before and after preconditioning.
+    """Mutual coherence and condition number of the sampled rows B (m, k), before and after
+    preconditioning.
 
-    `condition` is that of the unit columns: their lengths are scaled away in every solve.
+    `condition` is computed for unit columns, because each solve scales the columns.
     """
     facts: dict[str, float | int | str] = {
         "rows": len(B), "atoms": B.shape[1], "coherence": coherence(B),
@@ -205,16 +217,17 @@ def row_facts(B: FloatArray, weight: FloatArray | None) -> Mapping[str, float | 
 
 
 def numbers(support: BoolArray) -> IntArray | None:
-    """Positions of the active atoms; None when all are."""
+    """Numbers of the active atoms; None when all are active."""
     return None if support.all() else np.flatnonzero(support)
 
 
 def inverse_rows(
     model: AssembledModel, offline: OfflineProducts | None, name: str, operator: Csr, rows: IntArray
 ) -> FloatArray:
-    """(m, n): the rows number `rows` (m,) of the inverse of a block's symmetric operator (n, n).
+    """Rows (m, n) of the inverse of a block's symmetric operator (n, n), for the row numbers `rows`
+    (m,).
 
-    As many solves as there are rows; cached, if there is an `offline`.
+    One solve per row; cached if `offline` is given.
     """
     def make() -> Mapping[str, FloatArray]:
         factor, n = model.factorize(name, operator, "rows of the inverse"), operator.shape[0]

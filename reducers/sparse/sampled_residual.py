@@ -1,4 +1,4 @@
-"""The sampled rows of one selecting body at the solution of a step."""
+"""Sampled elastic residual of one body with atom selection, at the solution of a step."""
 
 import numpy as np
 
@@ -9,10 +9,13 @@ from sparsemor.reducers.step.iteration_state import Workspace
 
 
 class SampledBody:
-    """One selecting body: u = (G c and G r1 combined, r1, xT, amplitudes, 1, sigma, c) to rows.
+    """Sampled elastic rows of one body as one product with a vector u of all its inputs.
 
-    near (first, j): the operators on u in the turned rows that columns reach, over the block's
-    size; far: in the others, where sigma and c do not act. u and views of it are scratch.
+    u = [G c and G r1 combined, r1, temperatures, amplitudes of loads, 1, sigma, c], with the
+    matrices G of the frame's rotation and the factors sigma of the frame directions. near (first,
+    j): matrix of the compressed rows in which B or the frame directions are nonzero, divided by the
+    largest column norm of B; far: matrix of the other rows, on which sigma and c have no effect. u
+    and its views are overwritten in each evaluation.
     """
 
     def __init__(self, number: int, s: SampledElastic) -> None:
@@ -43,8 +46,8 @@ class SampledBody:
     def residual(
         self, step: StepFormula, x: FloatArray, mechanics: Mechanics, work: Workspace
     ) -> FloatArray:
-        """(first,) near rows at the solution x of the step that `mechanics` has just solved with
-        these working arrays."""
+        """Residual (first,) of the `near` rows at the solution x of the step that `mechanics` has
+        just solved with the working arrays `work`."""
         i, u, loop = self.number, self.u, work.loop
         b, w = mechanics.bodies[i], work.frames[i]
         assert loop is not None
@@ -69,12 +72,13 @@ class SampledBody:
         return near
 
     def rest(self, t: float) -> FloatArray:
-        """The other rows, after `residual` in a step to t, s."""
+        """Residual of the `far` rows, after `residual` in a step to t, s."""
         far: FloatArray = self.far.dot(self.past)
         return far - total_load(self.tables, t)[self.first :] if self.tables else far
 
     def turning(self, work: Workspace) -> tuple[FloatArray, FloatArray]:
-        """(first, k) and the other rows of what turns with the frame and is left out of B."""
+        """Frame-rotation terms sum_g kappa_g M_g, which B neglects: matrices (first, k) of the
+        `near` rows and of the `far` rows."""
         kappa = work.frames[self.number].coefficients[: len(self.combined)]
         factors = 0.0 * kappa if self.still else kappa
         near, far = (np.tensordot(

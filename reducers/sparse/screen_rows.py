@@ -1,4 +1,5 @@
-"""Small parts that the screens of a step are made of."""
+"""Helper functions of the screening of atom selections: concatenated supports, block-diagonal
+matrices."""
 
 from collections.abc import Mapping, Sequence
 
@@ -8,7 +9,8 @@ from sparsemor.core import BoolArray, FloatArray, Group, IntArray
 
 
 class Together:
-    """Supports of some groups as one (k,), rebuilt only when one of them is another object."""
+    """Supports of several groups of atoms as one boolean vector (k,), rebuilt only when one of them
+    is replaced."""
 
     def __init__(self, groups: Sequence[Group]) -> None:
         self.groups = tuple(groups)
@@ -24,14 +26,14 @@ class Together:
 
 
 def joined(parts: Sequence[slice]) -> slice | IntArray:
-    """All positions of the parts, as one slice where they follow each other: it copies nothing."""
+    """All positions in several ranges, as one slice (a view) where these are contiguous."""
     if all(a.stop == b.start for a, b in zip(parts, parts[1:], strict=False)):
         return slice(parts[0].start, parts[-1].stop)
     return np.concatenate([np.arange(s.start, s.stop) for s in parts])
 
 
 def diagonal(blocks: Sequence[FloatArray]) -> FloatArray:
-    """Blocks (m_i, k_i) along the diagonal."""
+    """Block-diagonal matrix of blocks (m_i, k_i)."""
     out = np.zeros((sum(len(b) for b in blocks), sum(b.shape[1] for b in blocks)))
     i = j = 0
     for b in blocks:

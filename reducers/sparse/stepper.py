@@ -1,4 +1,5 @@
-"""The paper's step: select atoms, then solve on the support with prepared arrays."""
+"""Time step of the sparse method: select atoms, then solve on the support with its reduced
+operators."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -37,13 +38,13 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SparseStepper(AroundSteps[Stepper]):
-    """StepSolver that carries a support. base: a Stepper whose blocks without selection are
-    prepared; heat, elastic: the blocks where a budget is smaller than the dictionary.
+    """Step solver with atom selection. base: step solver with the blocks in which no atoms are
+    selected; heat, elastic: the blocks whose budget is smaller than the dictionary.
 
-    every: steps between selections; carried: whether one starts from the last support; polish:
-    whether the step is solved again on the selected support, with exact border rows; screen:
-    whether it is checked first if an exchange of atoms can lower the residual (screening);
-    row_set: number of its rows among others of the run.
+    every: number of steps between selections; carried: start a selection from the previous support;
+    polish: re-solve the step on the selected support, with exact equations of rigid coordinates and
+    multipliers; screen: check first if an exchange of atoms can reduce the residual; row_set:
+    number of its set of sampled rows in the run.
     """
 
     heat: Mapping[str, SampledHeat]
@@ -85,7 +86,7 @@ class SparseStepper(AroundSteps[Stepper]):
         return outcome, memory
 
     def _carried(self, step: StepFormula, memory: SparseMemory) -> StepOutcome | None:
-        """The step with a selection that starts from its solution on the carried support; None
+        """Step with a selection that starts from the step's solution on the previous support; None
         where there is no such solution."""
         if not (self.polish and self.carried):
             return None
@@ -115,7 +116,7 @@ class SparseStepper(AroundSteps[Stepper]):
     def _heat_supports(
         self, step: StepFormula, tried: StepOutcome, memory: SparseMemory
     ) -> dict[str, BoolArray] | None:
-        """Thermal supports that change; None when the step or its selection failed."""
+        """Changed supports of thermal blocks; None when the step or its selection failed."""
         if not tried.status.ok:
             return None
         screens = self.screens_of(memory)
@@ -138,7 +139,8 @@ class SparseStepper(AroundSteps[Stepper]):
     def _elastic_supports(
         self, step: StepFormula, tried: StepOutcome, now: Stepper, memory: SparseMemory
     ) -> dict[str, BoolArray] | None:
-        """The same for displacements; `now` has just found `tried`."""
+        """Changed supports of elastic blocks, None when the step or its selection failed; now: the
+        step solver that computed `tried`."""
         if not tried.status.ok:
             return None
         if not self.elastic:
@@ -157,7 +159,7 @@ class SparseStepper(AroundSteps[Stepper]):
     def _heat_solved(
         self, name: str, step: StepFormula, x: FloatArray, first: BoolArray
     ) -> SparseOutcome:
-        """The sparse solver's answer for one thermal block."""
+        """Result of the sparse solver for one thermal block, started from the support `first`."""
         at = self.layout[name]
         problem = HeatProblem.at(self.heat[name], step.r1[at], step.t)
         start = SparseStart(np.where(first, x[at], 0.0), first)
@@ -165,14 +167,16 @@ class SparseStepper(AroundSteps[Stepper]):
                               "solve", "reducer.solver")
 
     def _named(self, outcome: StepOutcome) -> StepOutcome:
-        """Temperatures out of bounds are reported before the displacements that they cause."""
+        """The outcome, or the failure of a thermal block whose coefficients exceed their limits:
+        reported before the displacements that its temperatures cause."""
         if outcome.status.ok:
             return outcome
         found = (self.base.insane(outcome.x, n) for n in self.heat)
         return next((bad for bad in found if bad is not None), outcome)
 
     def screens_of(self, memory: SparseMemory) -> Screens | None:
-        """Those of the rows in use; None where the solver is to be run in every step."""
+        """Screening for the set of rows in use; None where the sparse solver is run in every
+        step."""
         if not self.screen:
             return None
         if self.row_set not in memory.screens:
@@ -181,8 +185,8 @@ class SparseStepper(AroundSteps[Stepper]):
         return memory.screens[self.row_set]
 
     def _select(self, step: StepFormula, memory: SparseMemory) -> StepOutcome:
-        """New supports for this step, and the solvers' own solution; heat first, because its
-        temperatures load the bodies."""
+        """New supports for this step with the solution of the sparse solver; heat first, because
+        its temperatures load the bodies."""
         x, iterations = memory.ring.predict(), 0
         found: dict[str, BoolArray] = {}
         for name, at in self.base.hot:
@@ -208,7 +212,7 @@ class SparseStepper(AroundSteps[Stepper]):
         return StepOutcome(x, Status.DONE, iterations)
 
     def _take(self, found: Mapping[str, BoolArray], memory: SparseMemory) -> bool:
-        """The supports from this step on; does one of them differ?"""
+        """Replaces the supports in `memory`; True if one of them has changed."""
         changed = False
         for name, support in found.items():
             if not np.array_equal(support, memory.supports[name]):
@@ -222,7 +226,8 @@ class SparseStepper(AroundSteps[Stepper]):
     def _select_elastic(
         self, step: StepFormula, x: FloatArray, memory: SparseMemory, found: dict[str, BoolArray]
     ) -> StepOutcome:
-        """One joint problem of all elastic blocks; x gets its solution."""
+        """Selection of atoms in all elastic blocks by one least-squares problem; its solution is
+        written to x."""
         mechanics = self.base.mechanics
         assert mechanics is not None
         sampled = [self.elastic.get(b.elastic_name) for b in mechanics.bodies]
@@ -244,7 +249,7 @@ class SparseStepper(AroundSteps[Stepper]):
         return StepOutcome(x, Status.DONE, out.iterations)
 
     def _first(self, support: BoolArray) -> BoolArray:
-        """The support that a selection starts from."""
+        """Initial support of a selection."""
         return support if self.carried else np.zeros_like(support)
 
     def _prepared(self, memory: SparseMemory, supports: Mapping[str, BoolArray]) -> Stepper:
@@ -266,9 +271,8 @@ class SparseStepper(AroundSteps[Stepper]):
         return memory.supports
 
     def frozen(self, memory: SparseMemory) -> tuple[Stepper, SparseMemory]:
-        """The step on the supports that `memory` carries, without selection, and its memory: what
-        a linearised time-step map is made of. Raises SolveFailed where rows cannot tell them apart.
-        """
+        """Step solver with the current supports fixed, and its memory, for a linearised time-step
+        map. Raises SolveFailed where the sampled rows do not distinguish the active atoms."""
         return self._prepared(memory, memory.supports), memory
 
     def counters(self, memory: SparseMemory) -> Mapping[str, int]:

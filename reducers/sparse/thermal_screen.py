@@ -1,4 +1,5 @@
-"""Does an exchange of atoms pay in a thermal block? Heat is linear, so the answer is exact."""
+"""Screening of the atom selection in thermal blocks: does an exchange of atoms reduce the residual?
+Heat is linear, so the test is exact."""
 
 from collections.abc import Mapping
 
@@ -23,14 +24,17 @@ from sparsemor.reducers.sparse.screen_rows import Together, diagonal, joined
 from sparsemor.reducers.step.left_inverse import squares
 
 EXACT = GramError(1e-6, 0.0)
-"""Rows are exact but for the stop rule of the step."""
+"""Error bounds of the test: the rows are exact up to the tolerance of the step."""
 ROUNDING = 8.0 * float(np.finfo(np.float64).eps)
 ONE = np.ones(1)
 
 
 class HeatRows:
-    """One block in turned rows (compressed): rows (m, j) on (c, r1, amplitudes, 1), over the
-    block's size. J (first, k): what columns reach, over their lengths."""
+    """Compressed sampled rows of one thermal block, divided by the largest column norm: rows (m, j)
+    multiply [c, r1, amplitudes of loads, 1].
+
+    J (first, k): rows in which the operator on c is nonzero, with unit columns.
+    """
 
     def __init__(self, s: SampledHeat) -> None:
         T, J = s.few
@@ -50,7 +54,7 @@ class HeatRows:
         return Group(self.name, start, start + self.k, self.budget)
 
     def at(self, c: FloatArray, r1: FloatArray, t: float) -> Quadratic:
-        """The rows around c."""
+        """Quadratic model of the squared residual about the coefficients c (k,) at time t, s."""
         known = evaluate_amplitudes(self.amplitudes, t)
         r = self.rows.dot(np.concatenate((c, r1, known, ONE)))
         if self.tables:
@@ -60,13 +64,13 @@ class HeatRows:
                          lambda: (float(r.dot(r)), 0.0))
 
     def tabled(self, t: float) -> FloatArray:
-        """(first,) heat that moves, in the rows that columns reach."""
+        """Tabulated heat loads (first,) at t, s, such as moving heat sources, in the rows of J."""
         return total_load(self.tables, t)[: self.first] if self.tables else np.zeros(self.first)
 
 
 class Standing:
-    """A reason why all supports stay, asked of what it depends on: u (j,), of which slope and c are
-    `slope` and `c` (k, j)."""
+    """A sufficient condition for unchanged supports as a function of the inputs u (j,), on which
+    the gradient and the coefficients depend linearly by `slope` and `c` (k, j)."""
 
     def __init__(self, why: Reason, slope: FloatArray, c: FloatArray) -> None:
         self.why, self.rows = why, why.slope @ slope + why.c @ c
@@ -80,7 +84,8 @@ class Standing:
 
 
 class HeatScreen:
-    """All selecting thermal blocks: first asked at once whether they stay, then one by one."""
+    """Screening of all thermal blocks with atom selection: first of all blocks at once, then one by
+    one."""
 
     def __init__(
         self, heat: Mapping[str, SampledHeat], layout: Layout, solver: ScreensSupport
@@ -116,7 +121,7 @@ class HeatScreen:
     def stay(
         self, step: StepFormula, x: FloatArray, supports: Mapping[str, BoolArray]
     ) -> bool:
-        """Is it sure that no block would change at the solution x (n,) of a step?"""
+        """True if no support can change at the solution x (n,) of a step."""
         c, support = x[self.columns], self.together.of(supports)
         parts = [c, step.r1[self.columns], evaluate_amplitudes(self.functions, step.t), ONE]
         if self.tabled:
@@ -137,12 +142,13 @@ class HeatScreen:
     def supports(
         self, name: str, step: StepFormula, x: FloatArray, support: BoolArray
     ) -> BoolArray | None:
-        """Support that the solver would end with for one block from the solution x of a step."""
+        """Support that the sparse solver would return for one block from the solution x of a
+        step."""
         where = self.where[name]
         at = self.blocks[name].at(x[where], step.r1[where], step.t)
         return self.screens[name].settle(at, support)
 
 
 def _no_norm() -> tuple[float, float]:
-    """Side by side no norms are asked for."""
+    """Norms of the joint problem of all blocks, which no test uses: nan."""
     return np.nan, np.nan

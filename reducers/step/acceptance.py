@@ -1,10 +1,10 @@
-"""Acceptance of a step: error estimated from the changes of its iterations, and round-off.
+"""Convergence test of a step's iteration: estimated error from consecutive changes, and round-off.
 
-Two full changes of one iteration, d then d', estimate the error that remains in each part of the
-unknowns: d' q/(1 - q), with q = |d'|/|d| of that part (Deuflhard 2011,
-doi 10.1007/978-3-642-23899-4, Sec. 2.1). q is not taken below `LEAST`: a change is made of many
-modes, and a fast one may hide a slow one. A change that no longer falls is round-off only where it
-is below what rounding the terms of the equations makes of the unknowns.
+Two full (unaccelerated) changes of one iteration, d then d', estimate the remaining error in each
+part of the unknowns: d' q/(1 - q), with q = |d'|/|d| of that part (Deuflhard 2011, doi
+10.1007/978-3-642-23899-4, Sec. 2.1). q is bounded below by `LEAST`: a change consists of many
+modes, and a fast one may hide a slow one. A change that no longer decreases is accepted as
+round-off only if it is below the effect on the unknowns of rounding the terms of the equations.
 """
 
 from collections.abc import Sequence
@@ -17,39 +17,39 @@ from sparsemor.core import FloatArray
 
 EPS = float(np.finfo(np.float64).eps)
 LEAST = 1e-2
-"""Smallest ratio of two changes that the estimate of the error relies on."""
+"""Lower bound of the ratio of two changes in the error estimate."""
 TRUSTED = 0.5
-"""Largest ratio with which the error that remains is estimated by less than the last change."""
+"""Largest ratio of two changes for which the error is estimated by less than the last change."""
 STALLED = 0.25
-"""A change that is not below this share of the one before no longer falls."""
+"""Ratio to the previous change from which a change counts as no longer decreasing."""
 MARGIN = 16.0
-"""Round-off may be so many times as large as the estimate of its size."""
+"""Safety factor of the estimated round-off."""
 
 
 def estimated_error(change: float, before: float, least: float = LEAST) -> float:
-    """Error that remains of one part of the unknowns after two full changes; before: inf where
-    there is none to compare with; least: smallest ratio that is relied on."""
+    """Estimated error of one part of the unknowns after two full changes; before: the previous
+    change, inf where there is none; least: lower bound of the ratio."""
     ratio = max(change / before, least) if 0.0 < before < inf else inf
     return change * ratio / (1.0 - ratio) if ratio < TRUSTED else change
 
 
 def largest_error(changes: Sequence[float], before: Sequence[float] | None) -> float:
-    """Of all parts; before: their changes one iteration earlier, None where there are none, or
-    where an accelerated change lies between."""
+    """Largest estimated error of all parts of the unknowns; before: their changes one iteration
+    earlier, None where there are none or where the previous change was accelerated."""
     if before is None:
         return max(changes, default=0.0)
     return max(map(estimated_error, changes, before), default=0.0)
 
 
 def rounding(n: int) -> FloatArray:
-    """(n,) random signs times the unit of rounding, always the same."""
+    """Vector (n,) of the unit round-off with random signs, the same in every call."""
     signs = np.random.default_rng(0).integers(0, 2, n)
     return np.asarray(EPS * (2.0 * signs - 1.0))
 
 
 @dataclass(frozen=True, slots=True)
 class Tolerances:
-    """Relative error that may remain in each unknown, and when to give up."""
+    """Relative error tolerance of each unknown in a step, and largest number of iterations."""
 
     remaining: float = 1e-13
     max_iterations: int = 30
@@ -57,11 +57,10 @@ class Tolerances:
 
 @dataclass(slots=True)
 class Scales:
-    """Sizes that changes are compared with, from the steps so far. Lives in the step memory.
+    """Reference magnitudes of the changes, from the steps so far; part of the state between steps.
 
-    elastic: largest |u|^2 of each body; floor: |du|^2 of each body that rounding the rigid
-    coordinates makes, for coordinates of size 1; acceleration: largest norm of the rigid
-    accelerations of a solved step.
+    elastic: largest |u|^2 of each body; floor: |du|^2 of each body due to rounding of rigid
+    coordinates of size 1; acceleration: largest norm of the rigid accelerations of a solved step.
     """
 
     elastic: list[float] = field(default_factory=list)
@@ -69,5 +68,5 @@ class Scales:
     acceleration: float = 0.0
 
     def copy(self) -> "Scales":
-        """Separate lists with the same numbers."""
+        """Independent copy."""
         return Scales(self.elastic[:], self.floor[:], self.acceleration)

@@ -1,8 +1,9 @@
 """Anderson acceleration of a fixed-point iteration that contracts slowly, or not at all.
 
-The bordered iteration keeps D constant. Soft bodies that spin fast are far from D: there the last
-few iterates are combined so that their residuals cancel best (Anderson 1965,
-doi 10.1145/321296.321305), which on a nearly linear problem is GMRES at no extra solves.
+The iteration of a step keeps its elastic operator D constant, which is a poor approximation for
+soft bodies that spin fast. There the last few iterates are combined so that the norm of their
+residuals is least (Anderson 1965, doi 10.1145/321296.321305), which for a nearly linear problem is
+GMRES without additional solves.
 """
 
 import numpy as np
@@ -13,14 +14,15 @@ DEPTH = 8
 
 
 class Anderson:
-    """Lives through one step. weights (n,): scale of each unknown's residual, 0 to ignore it."""
+    """Anderson acceleration with the iterates of one step."""
 
     def __init__(self) -> None:
         self._residuals: list[FloatArray] = []
         self._images: list[FloatArray] = []
 
     def mix(self, before: FloatArray, after: FloatArray, weights: FloatArray) -> FloatArray:
-        """The next iterate from one application `before -> after` and those remembered."""
+        """Next iterate from one application `before -> after` of the iteration and the previous
+        ones; weights (n,): scale of each unknown's residual, 0 to ignore it."""
         self._residuals = [*self._residuals[-DEPTH:], after - before]
         self._images = [*self._images[-DEPTH:], after]
         if len(self._residuals) < 2:

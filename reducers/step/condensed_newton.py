@@ -1,9 +1,9 @@
-"""Modified Newton for rigid coordinates, multipliers and elastic blocks of one step.
+"""Modified Newton iteration for rigid coordinates, multipliers and elastic blocks of one step.
 
-The elastic blocks are eliminated with their constant operator D, which leaves a small
-border of rigid coordinates and multipliers (Schur complement). The residual is exact; the Jacobian
-leaves out the terms quadratic in u, so the iteration contracts linearly and fast. It stops on the
-error that is estimated to remain by two changes of this step (acceptance.py).
+The elastic blocks are eliminated with their constant operator D, which leaves a small bordered
+system for rigid coordinates and multipliers (Schur complement). The residual is exact; the Jacobian
+neglects terms quadratic in u, so that the iteration converges linearly and fast. It ends when the
+error estimated from two changes of this step is below the tolerance (acceptance.py).
 """
 
 from collections.abc import Mapping, Sequence
@@ -30,10 +30,11 @@ from sparsemor.reducers.step.iteration_state import Loop, Workspace, rounded_off
 
 
 class Mechanics:
-    """The mechanical equations of one step under fixed (c1, c2). Immutable: what a step writes to
-    is the caller's `Workspace`.
+    """Mechanical equations of one step for constant (c1, c2). Immutable: a step writes to the
+    caller's `Workspace` only.
 
-    The bodies' borders are stacked: `map` (sum b, N) takes the global border to all of them.
+    The border unknowns of the bodies (pose of the frame and joint forces) are stacked: `map` (sum
+    b, N) maps the N rigid coordinates and multipliers of the model to them.
     """
 
     def __init__(
@@ -61,7 +62,7 @@ class Mechanics:
         return slice(at[0].start, at[-1].stop)
 
     def with_blocks(self, blocks: Mapping[str, ElasticBlock]) -> "Mechanics":
-        """The same equations with these elastic blocks, by name."""
+        """These equations with some elastic blocks replaced, by name."""
         other = copy(self)
         other.bodies = tuple(
             replace(b, block=blocks.get(b.elastic_name, b.block)) for b in self.bodies)
@@ -70,7 +71,8 @@ class Mechanics:
     def solve(
         self, step: StepFormula, x: FloatArray, memory: Scales, work: Workspace
     ) -> tuple[Status, int, str, str]:
-        """Improves x in place from its guess; status, iterations, block, a detail."""
+        """Solves a step by iteration, in place from the guess x; returns status, number of
+        iterations, block of a failure, and details."""
         loop, nr = self._begin(step, x, memory), self.n_rigid
         work.loop = loop
         last, slow = inf, None
@@ -103,21 +105,22 @@ class Mechanics:
         return Status.NOT_CONVERGED, iteration, self._worst(loop), detail
 
     def _broken(self, iteration: int, loop: Loop) -> tuple[Status, int, str, str]:
-        """Why there are no numbers: a linear solver that stopped short, or overflow."""
+        """Status of an iterate that is not finite: an unconverged linear solver, or overflow."""
         for b, past in zip(self.bodies, loop.history, strict=True):
             if past is not None and past.failure is not None:
                 return past.failure[0], iteration, b.elastic_name, past.failure[1]
         return Status.NOT_FINITE, iteration, self._worst(loop), ""
 
     def _gather(self, x: FloatArray, loop: Loop) -> FloatArray:
-        """Border and elastic unknowns in one vector (all elastic blocks are contiguous)."""
+        """Border and elastic unknowns in one vector."""
         return np.concatenate((loop.y, x[self.elastic]))
 
     def _scatter(self, u: FloatArray, x: FloatArray, loop: Loop) -> None:
         loop.y, x[self.elastic] = u[: self.size], u[self.size :]
 
     def _weights(self, memory: Scales) -> FloatArray:
-        """Rigid coordinates and displacements in comparable size; multipliers follow from them."""
+        """Weights that scale rigid coordinates and displacements to comparable size; zero for
+        multipliers, which follow from these."""
         weights = np.zeros(self.size + self.elastic.stop - self.elastic.start)
         weights[: self.n_rigid] = 1.0
         for b, scale in zip(self.bodies, memory.elastic, strict=True):
@@ -154,15 +157,15 @@ class Mechanics:
         return loop
 
     def _size(self, step: StepFormula, q: FloatArray, memory: Scales) -> float:
-        """Scale of changes of the rigid coordinates: |q|, or less where an error of
-        `remaining` |q| would show in the accelerations; never less than rounding allows."""
+        """Reference magnitude of changes of the rigid coordinates: |q|, or less where an error of
+        `remaining` |q| would dominate the accelerations, but not below round-off."""
         size = max(1.0, sqrt(float(q.dot(q))))
         least = max(ACCELERATION_ERROR * memory.acceleration / step.c2,
                     4 * EPS * size / self.tol.remaining)
         return min(size, least)
 
     def _accelerations(self, step: StepFormula, loop: Loop, memory: Scales) -> None:
-        """The scale of accelerations, with those of the solved step."""
+        """Updates the reference magnitude of accelerations by those of the solved step."""
         nr = self.n_rigid
         a = step.c2 * loop.y[:nr] + step.r2[:nr]
         size = sqrt(float(a.dot(a)))
@@ -172,7 +175,7 @@ class Mechanics:
     def _iterate(
         self, step: StepFormula, x: FloatArray, loop: Loop, memory: Scales, work: Workspace
     ) -> float:
-        """One Newton step; the largest relative change (-1: singular)."""
+        """One Newton iteration; returns the largest relative change (-1: singular)."""
         c1, c2, H, rows = step.c1, step.c2, work.H, work.rows
         moving = self.map.dot(loop.y)
         v, a = c1 * moving + loop.velocity, c2 * moving + loop.acceleration
@@ -236,15 +239,16 @@ class Mechanics:
         return change if all(c < inf for c in changes) else inf
 
     def _floors(self, work: Workspace) -> list[float]:
-        """|du|^2 of each body that follows from rounding rigid coordinates of size 1: a position is
-        known to eps |q|, so its acceleration to c2 eps |q|, which bends the bodies."""
+        """Round-off |du|^2 of each body's displacements for rigid coordinates of size 1: a position
+        is exact to eps |q|, so its acceleration to c2 eps |q|, and the inertia forces deform the
+        bodies."""
         return [0.0 if b.block is None or not b.free else (4 * EPS) ** 2 * sum(
             float(u.dot(u)) for u in (b.block.update(_ZERO, r) for r in
                                       w.sigma[: b.frame.rigid_size]))
                 for b, w in zip(self.bodies, work.frames, strict=True)]
 
     def _worst(self, loop: Loop) -> str:
-        """The block whose last change was largest, or is not finite."""
+        """Name of the block whose last change was largest, or is not finite."""
         q = np.concatenate([loop.y[: self.n_rigid], [1.0]])
         sizes = {}
         for b, moved in zip(self.bodies, loop.changes[1:], strict=True):
@@ -258,10 +262,10 @@ class Mechanics:
 
 
 SLOW = 0.2
-"""A change that shrinks by less than this factor an iteration is accelerated."""
+"""Ratio of consecutive changes above which the iteration is accelerated."""
 _NONE, _ZERO = np.zeros(0), np.zeros(1)
 ACCELERATION_ERROR = 1e5
-"""Relative error of the accelerations that may remain, in units of `remaining`."""
+"""Tolerance of the relative error of accelerations, as a multiple of `remaining`."""
 
 
 def _largest(x: FloatArray) -> float:

@@ -1,8 +1,9 @@
-"""Reduced models in which a term couples bodies, such as a contact on deformed surfaces.
+"""Reduced models in which a term couples bodies, such as contact between deformable surfaces.
 
-All unknowns of the step are solved together: rigid coordinates, multipliers and all atoms, by
-Newton's method with a dense Jacobian. Each term sees the atoms through its own columns, and its
-rows through the block's test maps; those of local terms are evaluated near the kept rows only.
+All unknowns of the step are solved together: rigid coordinates, multipliers and the coefficients of
+all atoms, by Newton's method with a dense Jacobian. Each coupling term is evaluated on the trial
+bases of the blocks and projected by their test maps; local terms visit elements near the sampled
+rows only.
 """
 
 from collections.abc import Iterable, Mapping
@@ -46,8 +47,8 @@ T = TypeVar("T", TestedElastic, TestedHeat)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ProjectedBlock(Generic[T]):
-    """One block under its maps. left (k, l): least squares, left @ (tested operator) = 1; forces:
-    the map of all but the block's own operator."""
+    """One block on its trial basis and under its test maps. left (k, l): left inverse of the tested
+    operator, left @ (tested operator) = 1; forces: test map of all other terms."""
 
     tested: T
     left: FloatArray
@@ -55,18 +56,19 @@ class ProjectedBlock(Generic[T]):
 
     @property
     def solved(self) -> T:
-        """The rows times the left inverse: the block's own operator is 1."""
+        """The rows multiplied by the left inverse, so that the block's own operator is the
+        identity."""
         return self.tested.under(TestMap(left=self.left))
 
     def wide(self, n: int) -> FloatArray:
-        """(k, n) left times the map of forces, on all n rows of the block."""
+        """Left inverse times the test map of forces, (k, n), for all n rows of the block."""
         return self.forces.times(self.left, n)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ProjectedModel:
-    """A model with its blocks under their maps; without any block a model of rigid bodies. rows:
-    those that were sampled of each block."""
+    """A model with its blocks projected; without projected blocks a model of rigid bodies. rows:
+    sampled rows of each block."""
 
     model: AssembledModel
     dictionaries: Mapping[str, Dictionary] = field(default_factory=dict)
@@ -80,14 +82,14 @@ class ProjectedModel:
             {n: d.atoms.shape[1] for n, d in self.dictionaries.items()})
 
     def wide(self, name: str) -> FloatArray:
-        """(k, n) map of the forces of a block, times its left inverse."""
+        """Left inverse of a block times its test map of forces, (k, n)."""
         n = len(self.dictionaries[name].offset)
         return self.heat[name].wide(n) if name in self.heat else self.elastic[name].wide(n)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ReducedGeneral(NewtonStepper):
-    """The same over `Dense` equations."""
+    """Newton step solver of a reduced model with dense equations for all unknowns together."""
 
     equations: Dense
 
@@ -98,13 +100,13 @@ class ReducedGeneral(NewtonStepper):
         return NewtonStepper.start(self, state)
 
     def alone(self) -> Mapping[str, FloatArray]:
-        """Reduced elastic block -> (k, 2 k): its coefficients' own answer to changes of their r1
-        and r2 with everything else held, coupling terms left out."""
+        """Reduced elastic block -> (k, 2 k): response of its coefficients to changes of their r1
+        and r2 with all other unknowns fixed and coupling terms neglected."""
         return {b.step.elastic_name: -np.hstack([b.tested.damping, b.tested.mass])
                 for b in self.equations.bodies if b.tested is not None}
 
     def response(self, step: StepFormula, x: FloatArray) -> FloatArray:
-        """(n, 2 n): how the step's solution x answers to changes of [r1; r2], to first order."""
+        """Linear response (n, 2 n) of the step's solution x to changes of [r1; r2]."""
         layout, t, equations = self.layout, step.t, self.equations.with_work()
         c1, c2 = rate_factors(layout, step.c1, step.c2, step.c1_first)
         at = x, c1 * x + step.r1, c2 * x + step.r2, t
@@ -120,7 +122,8 @@ def reduced_general(
     limits: Mapping[str, float] | None = None, notes: tuple[Note, ...] = (),
     facts: Facts | None = None,
 ) -> ReducedGeneral:
-    """A step solver for a model with terms that no body takes apart."""
+    """Step solver of a reduced model in which terms couple bodies; points: number of past states to
+    extrapolate; limits: largest permitted |coefficient| of each block."""
     model, dictionaries, layout = projected.model, projected.dictionaries, projected.layout
     couple = _Couple(model, layout, dictionaries, {n: projected.wide(n) for n in dictionaries})
     terms = [*(t for b in model.separated.heat for t in b.local),
@@ -157,14 +160,14 @@ def _bodies(projected: ProjectedModel) -> list[DenseBody]:
 
 
 def _border(layout: Layout) -> IntArray:
-    """Numbers of all rigid unknowns, then of all multipliers."""
+    """Positions of all rigid unknowns, then of all multipliers."""
     at = np.arange(layout.size)
     return np.concatenate([at[layout.frames], at[layout.algebraic]])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Couple:
-    """Compresses a term block by block; wide: block -> test map of forces (k, n)."""
+    """Projection of a coupling term block by block; wide: block -> test map of forces (k, n)."""
 
     model: AssembledModel
     layout: Layout
@@ -177,7 +180,8 @@ class _Couple:
         return Coupled.of(term.compress(trial, left), rows, columns)
 
     def _parts(self, at: IntArray) -> Iterable[tuple[str, IntArray, IntArray]]:
-        """Each block that some of `at` are in: its name, which of `at`, and where in the block."""
+        """For each block that contains some of the unknowns `at`: its name, their positions in
+        `at`, and their positions in the block."""
         full = self.model.layout
         for b in full:
             here = full[b.name]
@@ -217,7 +221,7 @@ class _Couple:
 
 def with_rates(equations: Dense, state: State) -> State:
     """The state with accelerations, rates of temperature and multipliers that satisfy the reduced
-    equations: least ones where they are not determined (initial.py)."""
+    equations: of least norm where these are not determined (initial.py)."""
     layout, t, x, a = equations.layout, state.t, state.x.copy(), np.zeros(len(state.x))
     second, first, algebraic = layout.second, layout.first, layout.algebraic
     v, zero, one = state.v.copy(), np.zeros(layout.size), np.ones(layout.size)
@@ -238,7 +242,8 @@ def with_rates(equations: Dense, state: State) -> State:
 
 
 def _eliminated(A: FloatArray, r: FloatArray, border: IntArray) -> FloatArray:
-    """A z = r, the atoms first, whose masses and capacities determine them, then the border."""
+    """Solution z of A z = r; the coefficients of atoms, which masses and capacities determine, are
+    eliminated first, then rigid coordinates and multipliers are solved for."""
     inner = np.setdiff1d(np.arange(len(r)), border)
     right = np.column_stack([A[np.ix_(inner, border)], r[inner]])
     solved = np.linalg.lstsq(A[np.ix_(inner, inner)], right, rcond=None)[0]
@@ -250,8 +255,8 @@ def _eliminated(A: FloatArray, r: FloatArray, border: IntArray) -> FloatArray:
 
 
 def _curvature(equations: Dense, x: FloatArray, v: FloatArray, t: float) -> FloatArray:
-    """Second derivative of the constraints along the velocities, without accelerations
-    (core/model/constraint_rates.py)."""
+    """Second time derivative of the constraints at zero accelerations: the terms quadratic in
+    velocities, and derivatives of prescribed motion (core/model/constraint_rates.py)."""
     layout, zero, h = equations.layout, np.zeros(len(x)), equations.step
     rows, moving = layout.algebraic, np.zeros(len(x))
     moving[layout.second] = v[layout.second]

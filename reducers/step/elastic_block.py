@@ -1,11 +1,13 @@
-"""One body's elastic block inside a step: what the bordered Newton asks of it.
+"""Elastic block of one body inside a step, with its elimination from the bordered Newton system.
 
-With D = K + c1 D_m + c2 M constant, the elastic rows times D^-1 read
+With D = K + c1 D_m + c2 M constant (D_m: damping), the elastic rows times D^-1 read
 
     u + z + E sigma = 0,   z = D^-1 (h + sum_g kappa_g M_g u + mu_g M_g r1),   E = D^-1 P,
 
-h the history of the step and P the directions. Full order solves with a factor of D; a reduced
-block has D^-1 applied to everything in advance. The Newton loop sees no difference.
+with h the terms of past states and loads, P the columns that couple to the frame ("directions"),
+M_g constant matrices, and the scalars sigma, kappa, mu of the frame's motion. Full order solves
+with the factorized D; a reduced block has D^-1 applied to all matrices in advance. The iteration is
+the same for both.
 """
 
 from abc import ABC, abstractmethod
@@ -40,11 +42,14 @@ from sparsemor.reducers.step.time_tables import Moving, plus_loads, tabulated
 
 
 class History:
-    """One step's constants: `h`; `stack` for the combination; `quad` rows M_g r1, M_g r2;
-    s1 = P^T r1, s2 = P^T r2; parts: r1, r2, temperatures and amplitudes that a reduced block's
-    history is made of; local: local terms, None where there are none. Of a linear solver that
-    iterates: its iterations in this step, the residual it left, relative to its right-hand side,
-    and the status and words of one that stopped short."""
+    """Constants of one elastic block in a step.
+
+    h: terms of past states and loads; stack: their products for the sum over g; quad: rows M_g r1,
+    then M_g r2; s1 = P^T r1, s2 = P^T r2; parts: r1, r2, temperatures and amplitudes of a reduced
+    block; local: local terms, None where there are none. Of an iterative linear solver: its number
+    of iterations in this step, its residual relative to the right-hand side, and status and message
+    of a solve that did not converge.
+    """
 
     __slots__ = (
         "failure", "h", "iterations", "local", "parts", "quad", "residual", "s1", "s2", "stack")
@@ -63,7 +68,8 @@ class History:
 
 
 class Functionals(NamedTuple):
-    """s (p,) = P^T u, form (g,) = u.M_g u, forms (2 g,) = u.M_g (r1, r2), and M_g u if needed."""
+    """Products of the displacements u: s (p,) = P^T u, form (g,) = u.M_g u, forms (2 g,) = u.M_g
+    (r1, r2), and M_g u at full order."""
 
     s: FloatArray
     form: FloatArray
@@ -72,59 +78,60 @@ class Functionals(NamedTuple):
 
 
 class DisplacementBlock(ABC):
-    """One body's displacements in a step. `active`: numbers of the unknowns it solves for, None for
-    all; `local`: terms that are evaluated at each iterate."""
+    """Base class of one body's displacements in a step. active: numbers of the unknowns that are
+    solved for, None for all; local: terms that are evaluated at each iterate."""
 
     active: IntArray | None
     local: LocalForces | None
 
     @property
     def iterates(self) -> bool:
-        """True if its linear solver iterates."""
+        """True if its linear solver is iterative."""
         return False
 
     def rates(self, k: int) -> tuple[FloatArray, FloatArray] | None:
-        """(s, k) each, of k atoms: D^-1 D_m and D^-1 M, the block's response alone to -r1 and -r2;
-        None at full order."""
+        """D^-1 D_m and D^-1 M on k atoms, (s, k) each for s active ones: minus the block's response
+        to r1 and r2 without other terms; None at full order."""
         return None
 
 
 class ElasticBlock(DisplacementBlock):
-    """Displacements on a frame with unknowns. G (p, p) = P^T D^-1 P."""
+    """Displacements of a body whose frame has unknowns. G (p, p) = P^T D^-1 P."""
 
     G: FloatArray
 
     @abstractmethod
     def begin(self, r1: FloatArray, r2: FloatArray, xT: FloatArray, t: float) -> History:
-        """Constants of a step."""
+        """Constants of a step to t (s); xT: temperatures."""
 
     @abstractmethod
     def functionals(self, c: FloatArray, history: History) -> Functionals:
-        """Functionals and forms of the unknowns c."""
+        """Products of the unknowns c with P and M_g."""
 
     @abstractmethod
     def combine(
         self, of: Functionals, history: History, factors: FloatArray, c: FloatArray,
         sigma: FloatArray,
     ) -> tuple[FloatArray, FloatArray]:
-        """z and P^T z; factors (2 g + 1,) = kappa, mu, 1. Where c are the unknowns to come, and
-        sigma what then multiplies the directions, z is -(c + E sigma): a first guess."""
+        """z and P^T z; factors (2 g + 1,) = [kappa, mu, 1]. -(c + E sigma) is the initial guess of
+        an iterative linear solver."""
 
     @abstractmethod
     def update(self, z: FloatArray, sigma: FloatArray) -> FloatArray:
-        """-(z + E sigma): the block's unknowns."""
+        """Unknowns of the block, -(z + E sigma)."""
 
     @abstractmethod
     def noise(
         self, c: FloatArray, history: History, factors: FloatArray, c1: float, c2: float
     ) -> float:
-        """Norm of what rounding the terms of the elastic rows makes of the unknowns c; factors as
-        in `combine`."""
+        """Norm of the errors of the unknowns c due to rounding of the terms of the elastic rows;
+        factors as in `combine`."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FullElastic(ElasticBlock):
-    """Full order: D factorized, one right-hand side an iteration. K is never multiplied."""
+    """Elastic block at full order: D factorized, one right-hand side per iteration. K is never
+    multiplied."""
 
     ops: ElasticOperators
     factor: Factorized
@@ -135,7 +142,8 @@ class FullElastic(ElasticBlock):
 
     @classmethod
     def of(cls, ops: ElasticOperators, factor: Factorized, block: str) -> "FullElastic":
-        """Raises SolveFailed, naming the block, where an iteration stops short."""
+        """Block with the columns E = D^-1 P. Raises SolveFailed, naming the block, where an
+        iterative linear solver does not converge."""
         P = ops.directions
         E = solve_or_fail(factor, P, block) if P.size else P
         return cls(ops, factor, E, ops.directions.T @ E,
@@ -175,7 +183,8 @@ class FullElastic(ElasticBlock):
         return z, self.ops.directions.T @ z
 
     def _iterated(self, right: FloatArray, guess: FloatArray, history: History) -> FloatArray:
-        """nan where the iteration stops short: the step then fails, and `history` says why."""
+        """Solution of an iterative linear solver; nan where it does not converge: the step then
+        fails with the status in `history`."""
         found = self.factor.outcome(right, guess)
         history.iterations, history.residual = (
             history.iterations + found.iterations, found.residual)
@@ -196,11 +205,13 @@ class FullElastic(ElasticBlock):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CompressedElastic(ElasticBlock):
-    """s active atoms: every operator is dense, small and prepared (sizes s + p, not n).
+    """Reduced elastic block with s active atoms: all operators are dense and small (s + p rows, not
+    n).
 
-    Vectors come as [z; P^T z], so that both follow from one product.
-    H: history, (rows, k + k + kt + j) and `base`; S: what depends on u, (rows, s). tables: loads
-    that move, projected on the s + p rows of the history.
+    Vectors are stacked as [z; P^T z], so that one product gives both. H, base: matrix (rows, k + k
+    + kt + j) and constant part of the step's history for inputs r1, r2, temperatures and load
+    amplitudes; S (rows, s): products with u. tables: tabulated (for example moving) loads,
+    projected on s + p rows.
     """
 
     H: FloatArray
@@ -218,7 +229,8 @@ class CompressedElastic(ElasticBlock):
     def of(
         cls, b: TestedElastic, left: FloatArray, support: IntArray | None
     ) -> "CompressedElastic":
-        """left (s, m): what turns tested rows into D^-1 times the rows, left @ D_S = 1."""
+        """Reduced block from the tested operators; left (s, m): left inverse of the tested D on the
+        support, left @ D_S = 1, which stands for D^-1 in the tested rows."""
         k, p, g = b.mass.shape[1], b.functional.shape[0], len(b.generators)
         use = np.arange(k) if support is None else support
         s, kt, j = len(use), b.coupling.shape[1], b.loads.shape[1]
@@ -305,8 +317,8 @@ class CompressedElastic(ElasticBlock):
 def rounded(
     ops: ElasticOperators, factor: Factorized, u: FloatArray, history: History, c1: float, c2: float
 ) -> float:
-    """Norm of D^-1 e, e of random signs and as large as the rounding of the terms of D u, or as
-    what an iterative solver leaves."""
+    """Norm of D^-1 e, with e of random signs and of the size of the round-off in the terms of D u,
+    or of the residual of an iterative solver."""
     size, v = np.abs(u), rounding(len(u))
     terms = abs(ops.stiffness) @ size + c2 * (abs(ops.mass) @ size)
     if ops.damping.nnz:
@@ -321,7 +333,8 @@ def rounded(
 def forces_of_history(
     ops: ElasticOperators, inertia: FloatArray, r1: FloatArray, xT: FloatArray, t: float
 ) -> FloatArray:
-    """(n,) M r2 (inertia) + D_m r1 less constant and thermal forces and loads at t, s."""
+    """Terms (n,) that are constant in a step: M r2 (`inertia`) + D_m r1 less constant forces,
+    thermal forces and loads at t, s."""
     h = inertia - ops.constant
     if ops.damping.nnz:
         h = h + ops.damping @ r1
@@ -331,5 +344,5 @@ def forces_of_history(
 
 
 def each(generators: Sequence[Csr], x: FloatArray) -> FloatArray:
-    """(g, n) M_g x."""
+    """Products M_g x (g, n)."""
     return np.stack([M @ x for M in generators]) if generators else np.zeros((0, len(x)))

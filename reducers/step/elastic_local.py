@@ -1,5 +1,6 @@
-"""Local terms of an elastic block inside one step: nonlinear springs, stiffness that depends on
-temperature. They are evaluated at each iterate, and the constant operator D stays as it is."""
+"""Local terms of an elastic block inside one step: nonlinear springs, temperature-dependent
+stiffness. They are evaluated at each iterate, while the operator D of the iteration stays
+constant."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,12 +12,12 @@ from sparsemor.core import ElasticLocal, FloatArray, StepFormula
 from sparsemor.reducers.step.operators import TestedLocal, TestMap
 
 GROWN = 10.0
-"""A change that many times as large as the one before, where local terms outweigh D: the iteration
-goes away from the solution."""
+"""Ratio of consecutive changes from which the iteration counts as divergent: local terms outweigh
+D."""
 
 
 class LocalForces(Protocol):
-    """The local terms of one block, in the rows that its iteration uses."""
+    """Local terms of one block, in the rows that its iteration uses."""
 
     @property
     def elements(self) -> int: ...
@@ -24,13 +25,13 @@ class LocalForces(Protocol):
         self, u: FloatArray, v: FloatArray, a: FloatArray, T: FloatArray, rate: FloatArray,
         t: float,
     ) -> FloatArray:
-        """At unknowns and rates of the block, temperatures and their rates."""
+        """Forces at displacements u with v and a, and temperatures T with their rate, at t, s."""
         ...
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FullLocal:
-    """At full order: (n,) in the rows of the block."""
+    """Local terms at full order: forces (n,) in the rows of the block."""
 
     parts: Sequence[ElasticLocal]
 
@@ -55,7 +56,7 @@ class FullLocal:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ReducedLocal:
-    """Under both maps: left (l, m) times the tested rows."""
+    """Local terms on the trial basis, in the rows left (l, m) times the m tested rows."""
 
     parts: Sequence[TestedLocal]
 
@@ -79,7 +80,7 @@ class ReducedLocal:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StepForces:
-    """The local terms of a block as a function of its unknowns alone, in one step."""
+    """Local terms of a block in one step, as a function of its displacements alone."""
 
     forces: LocalForces
     step: StepFormula
@@ -91,7 +92,8 @@ class StepForces:
     def of(
         cls, forces: LocalForces, step: StepFormula, at: slice, thermal: slice, x: FloatArray
     ) -> "StepForces":
-        """x: the step's unknowns, temperatures solved for."""
+        """Local terms for the step's unknowns x with final temperatures; at, thermal: ranges of
+        displacements and temperatures in x."""
         T = x[thermal]
         return cls(forces, step, at, T, step.c1_first * T + step.r1[thermal])
 

@@ -1,4 +1,4 @@
-"""One body of a mechanical step: what it brings to the border."""
+"""One body in a mechanical step: evaluation of its frame equations and position of its unknowns."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,17 +15,21 @@ NONE = np.zeros(0)
 
 
 def buffers(frames: Sequence[Frame]) -> list[FrameWork]:
-    """Arrays for each frame to fill."""
+    """Working arrays for the evaluation of each frame."""
     return [FrameWork(f.p, f.border, f.generators) for f in frames]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BodyStep:
-    """One body in the loop: its kernel, its map to the border, and where its unknowns sit.
+    """One body in a mechanical step.
 
-    elastic_name, rigid_name: blocks of its displacements and rigid coordinates, "" where it has
-    none; block: its elastic rows with a border; prescribed: where there is none, and `table` what
-    time alone decides of them."""
+    frame: equations of the floating frame; to_border, origin: affine map of rigid coordinates and
+    multipliers to the pose and attachment forces of this body; elastic, thermal: ranges of its
+    unknowns; elastic_name, rigid_name: names of its blocks of displacements and rigid coordinates,
+    "" where it has none; block: elastic block where the step has rigid unknowns or multipliers;
+    prescribed: elastic block where it has none, and `table` its tabulated functions of time; guide:
+    prescribed motion.
+    """
 
     name: str
     frame: Frame
@@ -42,7 +46,7 @@ class BodyStep:
 
     @property
     def free(self) -> bool:
-        """True if its frame is unknown."""
+        """True if the motion of its frame is unknown."""
         return bool(self.to_border[: self.frame.rigid_size].any())
 
     def evaluate(
@@ -50,8 +54,8 @@ class BodyStep:
         tested: TestedElastic | None, c: FloatArray, r1: FloatArray, r2: FloatArray, t: float,
         work: FrameWork,
     ) -> None:
-        """The frame at border unknowns y and rates v, a (b,), with the functionals and forms of
-        coefficients c (k,) and their r1, r2; tested: None for a rigid body."""
+        """Evaluates the frame at border unknowns y and rates v, a (b,), for elastic coefficients c
+        (k,) with their r1, r2; tested: projected elastic operators, None for a rigid body."""
         if tested is None:
             self.frame.evaluate(y, v, a, c1, c2, NONE, NONE, NONE, NONE, NONE, t, work)
             return
@@ -61,14 +65,16 @@ class BodyStep:
             y, v, a, c1, c2, F.dot(c), F.dot(r1), F.dot(r2), form, forms, t, work)
 
     def border_motion(self, t: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """(b,) each: what the map leaves out of border unknowns and their rates at t, s."""
+        """Prescribed part of the border unknowns and of their first and second rates at t (s), (b,)
+        each."""
         if self.guide is None:
             zero = np.zeros(len(self.origin))
             return self.origin, zero, zero
         return self._filled(*self.guide.at(t))
 
     def border_motion_along(self, times: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """(T, b) each: the same at times (T,), s."""
+        """Prescribed part of the border unknowns and of their first and second rates at times (T,),
+        s; (T, b) each."""
         if self.guide is None:
             zero = np.zeros((len(times), len(self.origin)))
             return zero + self.origin, zero, zero
@@ -77,7 +83,8 @@ class BodyStep:
     def _filled(
         self, pose: FloatArray, rate: FloatArray, acceleration: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Of what the guide prescribes, (..., n): with the rest of the border."""
+        """Prescribed motion (..., n) extended by zeros and the constant part to all b border
+        unknowns."""
         n, b = pose.shape[-1], len(self.origin)
         if n == b:
             return self.origin + pose, rate, acceleration
@@ -90,8 +97,8 @@ class BodyStep:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PrescribedFactors:
-    """Factors of a prescribed frame in steps with these c1 and c2: times (T,) -> kappa, mu, sigma,
-    which do not depend on displacements (core/protocols/separable.py), (T, 2 g + p)."""
+    """Factors kappa, mu, sigma (T, 2 g + p) of a prescribed frame at times (T,), for steps with
+    these c1 and c2; they do not depend on displacements (core/protocols/separable.py)."""
 
     body: BodyStep
     c1: float

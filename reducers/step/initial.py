@@ -1,10 +1,10 @@
-"""Consistent accelerations and multipliers of a reduced model at its start.
+"""Consistent initial accelerations and multipliers of a reduced model.
 
-The full-order accelerations are not in the span of atoms that were learnt from displacements; their
-projection would start a second-order integrator with the wrong velocity. So the reduced equations
-are solved for their own accelerations: elastic rows, rigid rows, and the second derivative of the
-constraints. All unknowns enter linearly; a kernel evaluated with c2 = 0 and c2 = 1/h^2 gives the
-parts.
+Full-order accelerations are not in the span of a basis of displacements; their projection would
+start a second-order integrator with wrong accelerations. The reduced equations are therefore solved
+for their own accelerations: elastic rows, rigid rows, and the second time derivative of the
+constraints. All unknowns enter linearly; the coefficients follow from evaluations of the frame
+equations with c2 = 0 and c2 = 1/h^2.
 """
 
 from collections.abc import Sequence
@@ -21,7 +21,7 @@ from sparsemor.reducers.step.time_tables import plus_loads
 
 @dataclass(frozen=True, slots=True)
 class StartTimes:
-    """Times, s: the time step h, and the one over which Jacobians of constraints are differenced
+    """Times, s: step h, and step `motion` of the finite differences of constraint Jacobians
     (core/model/constraint_rates.py)."""
 
     h: float
@@ -30,7 +30,8 @@ class StartTimes:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Body:
-    """Border unknowns z, accelerations c = -(base + S z); rows (b,) + H z + tau_a c = 0."""
+    """Linear equations of one body in its border unknowns z (rigid accelerations, multipliers):
+    elastic accelerations c = -(base + S z); border rows (b,): rows + H z + tau c = 0."""
 
     base: FloatArray
     S: FloatArray
@@ -43,10 +44,11 @@ def consistent_start(
     mechanics: Mechanics, tested: Sequence[TestedElastic | None], state: State,
     scales: StartTimes,
 ) -> State:
-    """The state with a (elastic, rigid) and multipliers that satisfy the reduced equations.
+    """The state with elastic and rigid accelerations and multipliers that satisfy the reduced
+    equations.
 
-    A multiplier that the atoms do not resist (all of them satisfy its constraint already) is not
-    determined: the least one is taken.
+    Multipliers that the reduced equations do not determine (all atoms satisfy their constraint
+    already) are the solution of least norm.
     """
     n, nr = mechanics.size, mechanics.n_rigid
     if not mechanics.bodies:
@@ -72,7 +74,8 @@ def consistent_start(
 def _prescribed_start(
     mechanics: Mechanics, tested: Sequence[TestedElastic | None], state: State
 ) -> State:
-    """The same where all frames are right or at rest: each elastic block by itself."""
+    """Consistent accelerations where all frames are prescribed or at rest: each elastic block
+    separately."""
     a = state.a.copy()
     for body, t in zip(mechanics.bodies, tested, strict=True):
         if t is not None:
@@ -84,7 +87,7 @@ def _prescribed_start(
 
 
 def least(A: FloatArray, r: FloatArray) -> FloatArray:
-    """Least-squares solution of least size of A z = r, rows and columns scaled to compare."""
+    """Least-squares solution of least norm of A z = r, with scaled rows and columns."""
     if not len(r):
         return r
     size = np.sqrt(np.maximum(np.abs(A).max(axis=0), 1e-300))
@@ -94,7 +97,8 @@ def least(A: FloatArray, r: FloatArray) -> FloatArray:
 def _linear(
     mechanics: Mechanics, body: BodyStep, t: TestedElastic | None, state: State, scales: StartTimes
 ) -> _Body:
-    """The body's equations at a = 0, multipliers 0, and their derivatives by a and multipliers."""
+    """The body's equations at zero accelerations and multipliers, and their derivatives with
+    respect to these."""
     origin, rate, _ = body.border_motion(state.t)
     y, v = _border(mechanics, body, state.x, origin), _border(mechanics, body, state.v, rate)
     c2 = 1.0 / scales.h**2  # large enough that masses are not lost against centrifugal terms
@@ -118,7 +122,7 @@ def _linear(
 def _border(
     mechanics: Mechanics, body: BodyStep, x: FloatArray, right: FloatArray
 ) -> FloatArray:
-    """Border unknowns of one body with all multipliers zero, over what is right of them."""
+    """Border unknowns of one body with all multipliers zero, plus their prescribed part."""
     whole = np.zeros(mechanics.size)
     whole[: mechanics.n_rigid] = x[: mechanics.n_rigid]
     return np.asarray(body.to_border @ whole + right)
@@ -127,7 +131,7 @@ def _border(
 def _evaluate(
     body: BodyStep, t: TestedElastic | None, y: FloatArray, v: FloatArray, c2: float, state: State
 ) -> FrameWork:
-    """The kernel at zero unknown accelerations: u'' = c2 u + r2 with r2 = -c2 u."""
+    """Frame equations at zero unknown accelerations: u'' = c2 u + r2 with r2 = -c2 u."""
     (w,), c = buffers([body.frame]), state.x[body.elastic]
     body.evaluate(y, v, body.border_motion(state.t)[2], 0.0, c2, t, c, state.v[body.elastic],
                   -c2 * c, state.t, w)
@@ -137,7 +141,7 @@ def _evaluate(
 def _elastic_rows(
     body: BodyStep, t: TestedElastic, w: FrameWork, state: State
 ) -> FloatArray:
-    """Tested elastic rows without their accelerations."""
+    """Tested elastic rows without the inertia of elastic accelerations."""
     c, cv = state.x[body.elastic], state.v[body.elastic]
     kappa, mu = w.coefficients[:-1].reshape(2, -1)
     r = t.stiffness @ c + t.damping @ cv + t.constant + t.directions @ w.sigma[-1]
@@ -155,7 +159,8 @@ def _curvature(
     body: BodyStep, t: TestedElastic | None, y: FloatArray, v: FloatArray, state: State,
     scales: StartTimes,
 ) -> FloatArray:
-    """Second derivative of the attachments' rows along the velocities, accelerations zero."""
+    """Second time derivative of the constraint rows of the body's attachments at zero
+    accelerations."""
     found = derivative_along_motion(lambda s: _moving(body, t, y + s * v, v, replace(
         state, x=state.x + s * state.v)), scales.motion)
     first, second = (body.frame.time_derivative(n, state.t, scales.h) for n in (1, 2))
@@ -170,14 +175,14 @@ def _curvature(
 def _moving(
     body: BodyStep, t: TestedElastic | None, y: FloatArray, v: FloatArray, state: State
 ) -> FloatArray:
-    """Derivative of the attachments' rows by the coordinates, times the velocities."""
+    """Jacobian of the constraint rows of the body's attachments times the velocities."""
     d, w = body.frame.rigid_size, _evaluate(body, t, y, v, 0.0, state)
     found = w.border[d:, :d] @ v[:d]
     return found if t is None else found + w.tau[d:] @ (t.functional @ state.v[body.elastic])
 
 
 def _target_accelerations(mechanics: Mechanics, t: float, h: float) -> FloatArray:
-    """Second derivative of what the constraints follow."""
+    """Second time derivative of prescribed joint motion."""
     found = np.zeros(mechanics.size)
     for i, f in mechanics.targets:
         found[i] = time_derivatives(f, t, h)[1]

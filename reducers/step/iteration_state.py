@@ -1,4 +1,4 @@
-"""State of the bordered iteration within one step, its working arrays, and its round-off."""
+"""State and working arrays of the bordered Newton iteration within one step, and its round-off."""
 
 from collections.abc import Sequence
 from math import sqrt
@@ -14,11 +14,15 @@ from sparsemor.reducers.step.frame_step import BodyStep, buffers
 
 
 class Loop:
-    """State of one step between its iterations: targets of the constraints, rates of
-    the stacked borders at y = 0, the border unknowns y and their last change dy, the border's
-    matrix, and per body its unknowns c, z and what multiplies its directions (sigma). origin: what
-    of the stacked borders is no unknown. changes: relative change of the rigid coordinates, then
-    |du| of each body by its largest |u|; size: what the former is relative to."""
+    """State of one step between its iterations.
+
+    targets: prescribed values of the constraints; velocity, acceleration: rates of the stacked
+    border unknowns at y = 0; origin: their prescribed part; y, dy: border unknowns of the model and
+    their last change; matrix: bordered matrix; c, z, sigma: of each body, elastic unknowns, z
+    (elastic_block.py) and factors of the frame directions. changes: relative change of the rigid
+    coordinates, then |du| of each body relative to its largest |u|; size: reference magnitude of
+    the former.
+    """
 
     __slots__ = ("acceleration", "c", "changes", "dy", "history", "matrix", "origin",
                  "sigma", "size", "targets", "velocity", "y", "z")
@@ -39,9 +43,9 @@ class Loop:
 
 
 class Workspace:
-    """Working arrays of the mechanical steps of one run: what each body's frame fills, the stacked
-    border H with its rows, and what the last step ended with. Each solve overwrites them; nothing
-    in them is state of the run. Two threads need two of them."""
+    """Working arrays of the mechanical steps of one run: frame quantities of each body, the stacked
+    border matrix H with its rows, and the final iteration state of the last step. Each solve
+    overwrites them; they contain no state of the run. Each thread needs its own."""
 
     __slots__ = ("H", "frames", "loop", "of", "rows")
 
@@ -52,11 +56,12 @@ class Workspace:
         self.loop: Loop | None = None
 
     def separate(self) -> "Workspace":
-        """Arrays of the same sizes."""
+        """New arrays of the same sizes."""
         return Workspace(self.of)
 
     def linear_iterations(self, bodies: Sequence[BodyStep]) -> dict[str, int]:
-        """Elastic block -> iterations of its linear solver in the last step; none: left out."""
+        """Elastic block -> iterations of its linear solver in the last step; blocks without are
+        left out."""
         if self.loop is None:
             return {}
         return {b.elastic_name: past.iterations
@@ -65,7 +70,7 @@ class Workspace:
 
 
 class Bordered(Protocol):
-    """The mechanical equations of one step, as far as round-off asks for them."""
+    """Mechanical equations of one step, as needed for the estimate of round-off."""
 
     @property
     def bodies(self) -> Sequence[BodyStep]: ...
@@ -78,8 +83,9 @@ class Bordered(Protocol):
 def rounded_off(
     equations: Bordered, step: StepFormula, loop: Loop, scales: Scales, work: Workspace
 ) -> bool:
-    """True if a change that no longer falls is round-off: no more than rounding the terms makes
-    of the border unknowns, |B^-1| eps |B| |y|, and with them of the displacements."""
+    """True if a change that no longer decreases is round-off: not above the effect of rounding the
+    terms on the border unknowns, |B^-1| eps |B| |y| with the bordered matrix B, and through these
+    on the displacements."""
     nr, y, tol = equations.n_rigid, np.abs(loop.y), equations.tol.remaining
     size = max(1.0, sqrt(float(y[:nr].dot(y[:nr]))))
     y[:nr] = size

@@ -1,4 +1,4 @@
-"""Least squares of a block's rows for the coefficients of its atoms, as a matrix."""
+"""Left inverse of a block's rows: least squares for the coefficients of its atoms, as a matrix."""
 
 import numpy as np
 from scipy.linalg import lapack
@@ -6,17 +6,19 @@ from scipy.linalg import lapack
 from sparsemor.core import FloatArray, SolveFailed, Status
 
 RANK_RTOL = 1e-14
-"""Reciprocal condition of a scaled block below which its atoms depend on each other."""
+"""Reciprocal condition number of the scaled rows below which the atoms are linearly dependent."""
 SAMPLED_RTOL = 1e-13
-"""The same for sampled rows, which then cannot tell their atoms apart."""
+"""Reciprocal condition number of scaled sampled rows below which these do not distinguish the
+atoms."""
 
 
 def left_inverse(name: str, A: FloatArray, sampled: bool = False) -> FloatArray:
-    """(k, l) with left @ A = 1 for A (l, k), by least squares on unit columns where l > k.
+    """Left inverse (k, l) with left @ A = 1 for A (l, k), by least squares on unit columns where l
+    > k.
 
-    Raises SolveFailed (rank deficient) naming the block `name` where the columns depend on each
-    other: an overcomplete dictionary has no unique coefficients. sampled: True for rows that a
-    sampler drew, and the active atoms of a selection.
+    Raises SolveFailed (rank deficient) naming the block `name` where the columns are linearly
+    dependent: an overcomplete dictionary has no unique coefficients. sampled: True for rows drawn
+    by a sampler and the active atoms of a selection.
     """
     rows, k = A.shape
     if rows < k:
@@ -41,10 +43,10 @@ def left_inverse(name: str, A: FloatArray, sampled: bool = False) -> FloatArray:
 
 
 def deficient(name: str, detail: str, sampled: bool = False) -> SolveFailed:
-    """The failure of rows that do not determine the coefficients of a block."""
+    """Exception for rows that do not determine the coefficients of a block."""
     return SolveFailed(Status.RANK_DEFICIENT, 0.0, name, detail, sampled=sampled)
 
 
 def squares(A: FloatArray) -> FloatArray:
-    """(k,) squared lengths of the columns of A (m, k)."""
+    """Squared lengths (k,) of the columns of A (m, k)."""
     return np.asarray(np.einsum("ij,ij->j", A, A))

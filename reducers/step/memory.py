@@ -1,4 +1,4 @@
-"""Step memory of a separated model."""
+"""State between steps of a step solver (step memory)."""
 
 from dataclasses import dataclass, field, replace
 from typing import Self
@@ -13,10 +13,11 @@ from sparsemor.reducers.step.predictor import Ring
 
 @dataclass(eq=False, kw_only=True)
 class RunMemory:
-    """Memory of every step solver here: past states, counts, and the active atoms of blocks.
+    """State between steps common to all step solvers: past states, counters, and active atoms of
+    blocks.
 
-    All but working arrays and what is computed again from the rest is stored as plain data
-    (core/results/saved_state.py): `__getstate__` leaves these out.
+    It is stored as plain data (core/results/saved_state.py) without working arrays and whatever can
+    be recomputed: `__getstate__` leaves these out.
     """
 
     ring: Ring
@@ -25,31 +26,32 @@ class RunMemory:
     supports: dict[str, BoolArray] = field(default_factory=dict)
 
     def copy(self) -> Self:
-        """Separate memory of the same state."""
+        """Independent copy of the state."""
         return replace(self, ring=self.ring.copy(), supports=dict(self.supports))
 
     def moved(self, x: FloatArray) -> None:
-        """The next step starts at x, after steps of another size that another solver took."""
+        """Continues from the state x, after steps of another size by another step solver."""
         self.ring.push(x)
         self.ring.restart()
 
     def rows_changed(self, fresh: bool) -> None:
-        """Another set of rows is in use from the next step on; fresh: one that is never used
-        again."""
+        """Another set of sampled rows is in use from the next step on; fresh: True if the previous
+        set is never used again."""
 
     @property
     def newest(self) -> FloatArray:
-        """(n,) the last state."""
+        """The last state (n,)."""
         return np.asarray(self.ring.rows[self.ring.newest])
 
 
 @dataclass(eq=False, kw_only=True)
 class Memory(RunMemory):
-    """Adds the scales and working arrays of condensed Newton, and counts of what replaced it.
+    """State between steps of the block-wise solver: adds reference magnitudes and working arrays of
+    the bordered Newton iteration, and counts of the steps that it did not solve.
 
-    full_newton_steps: steps that Newton's method with the exact Jacobian solved;
-    full_newton_next: those next to come that are not tried without it; linear: block -> iterations
-    of its linear solver.
+    full_newton_steps: number of steps solved by Newton's method with the exact Jacobian;
+    full_newton_next: number of coming steps that use it from the beginning; linear: block ->
+    iterations of its linear solver.
     """
 
     work: Workspace
@@ -66,5 +68,5 @@ class Memory(RunMemory):
                        linear=dict(self.linear))
 
     def counted(self, block: str, iterations: int) -> None:
-        """Iterations that a linear solver took."""
+        """Adds iterations of a block's linear solver to the count."""
         self.linear[block] = self.linear.get(block, 0) + iterations

@@ -1,8 +1,9 @@
-"""Constant operators of one block under a trial map (atoms) and a test map (rows or left matrix).
+"""Constant operators of one block on a trial basis (atoms) and under a test map (rows or left
+matrix).
 
-The test map is the only difference between the projected and the sampled reducers: Galerkin takes
-atoms^T, the sparse method the rows Omega, DEIM atoms^T for the linear operators of the block and
-an interpolation from a few rows for its forces. All give m rows and k columns here.
+The test map is the only difference between the projected and the sampled reducers: Galerkin uses
+atoms^T, the sparse method sampled rows, DEIM atoms^T for the linear operators of the block and an
+interpolation from a few rows for its forces. All have m rows and k columns here.
 """
 
 from collections.abc import Sequence
@@ -29,12 +30,13 @@ from sparsemor.core import (
 from sparsemor.reducers.projection.modal_coordinates import diagonal
 
 PROPORTIONAL = 1e-8
-"""Share of damping that couples eigenmodes and is taken for round-off."""
+"""Relative size of damping that couples eigenmodes below which it is round-off."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TestMap:
-    """`rows` (m,) of the block, or a dense `left` (l, n), or `left` (l, m) of those rows."""
+    """Test map (left projection) of a block: `rows` (m,), a dense `left` (l, n), or `left` (l, m)
+    of those rows; identity if both are None."""
 
     rows: IntArray | None = None
     left: FloatArray | None = None
@@ -49,12 +51,12 @@ class TestMap:
         return chosen if self.left is None else self.left @ chosen
 
     def of_tables(self, tables: Sequence[Table]) -> tuple[Table, ...]:
-        """The map applied to the rows (n,) of tables (T, n)."""
+        """The map applied to tabulated loads (T, n) at each of their T times."""
         chosen = tables if self.rows is None else [t.columns(self.rows) for t in tables]
         return tuple(chosen if self.left is None else [t.through(self.left) for t in chosen])
 
     def times(self, left: FloatArray, n: int) -> FloatArray:
-        """left (s, l) times this map, as one matrix (s, n) on the whole block of n rows."""
+        """Product of left (s, l) and this map as one matrix (s, n) for all n rows of the block."""
         both = left if self.left is None else left @ self.left
         if self.rows is None:
             return both
@@ -65,8 +67,9 @@ class TestMap:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TestedLocal:
-    """A local term of an elastic block under both maps: left times what it adds to its tested rows,
-    None for the identity, as a function of the coefficients [c | cT]."""
+    """A local term of an elastic block on the trial basis and under the test map, as a function of
+    the coefficients [c | cT] of displacements and temperatures; left: a further test map of its
+    rows, None for the identity."""
 
     term: ReducedTerm
     left: FloatArray | None = None
@@ -75,7 +78,7 @@ class TestedLocal:
     def of(
         cls, local: ElasticLocal, atoms: Dictionary, heat: Dictionary | None, test: TestMap
     ) -> "TestedLocal":
-        """heat: the dictionary of the temperatures that it reads."""
+        """Projection of a local term; heat: dictionary of the temperatures that it depends on."""
         n, cold, hot = len(atoms.offset), ~local.hot, local.hot
         k = atoms.atoms.shape[1]
         kt = 0 if heat is None else heat.atoms.shape[1]
@@ -91,26 +94,28 @@ class TestedLocal:
         return cls(local.term.compress(Trial(wide, offset), left))
 
     def under(self, test: TestMap, m: int) -> "TestedLocal":
-        """With a further map of its m rows."""
+        """The term with a further test map of its m rows."""
         left = test(np.eye(m) if self.left is None else self.left)
         return TestedLocal(self.term, np.ascontiguousarray(left))
 
     def rows(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> FloatArray:
-        """(m,) at coefficients [c | cT] and their rates."""
+        """Forces (m,) at coefficients [c | cT] and their rates."""
         r = self.term.residual(x, v, a, t)
         return r if self.left is None else np.asarray(self.left @ r)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TestedElastic:
-    """m tested rows, k atoms, p directions, g generators, kt thermal columns, j given loads.
+    """Elastic operators of one body on a trial basis and under a test map: m rows, k atoms, p frame
+    directions, g rotation matrices M_g (`generators`), kt thermal columns, j prescribed loads.
 
-    rows: mass r2 + damping r1 + (stiffness + c1 damping + c2 mass) c
-          + directions sigma + sum_g kappa_g generators_g c + mu_g generators_g r1
-          - coupling cT - loads amplitudes(t) - tables(t) + constant + local terms.
-    The first line is under the map `test`; all else, the forces, under `force` where it is given.
-    functional (p, k) = directions^T atoms; quadratic (g, k, k) = atoms^T M_g atoms, none (0, k, k)
-    where no rigid equation reads them.
+        rows: mass r2 + damping r1 + (stiffness + c1 damping + c2 mass) c
+              + directions sigma + sum_g kappa_g generators_g c + mu_g generators_g r1
+              - coupling cT - loads amplitudes(t) - tables(t) + constant + local terms.
+
+    The first line is under the map `test`; all other terms, the forces, are under `force` if it is
+    given. functional (p, k) = directions^T atoms; quadratic (g, k, k) = atoms^T M_g atoms, empty
+    (0, k, k) where no rigid equation needs it.
     """
 
     frame: Frame
@@ -133,11 +138,12 @@ class TestedElastic:
         cls, ops: ElasticOperators, frame: Frame, atoms: Dictionary, heat: Dictionary | None,
         test: TestMap, force: TestMap | None = None, rigid: bool = True,
     ) -> "TestedElastic":
-        """heat: the dictionary of the body's thermal block, None when it has no such block.
+        """Projection of full-order elastic operators.
 
-        force: the map of everything but mass, damping and stiffness; `test` when not given.
-        rigid: False where frames are given and no rigid equation reads the quadratic forms: of a
-        complete basis of 7000 atoms these take minutes and a gigabyte.
+        heat: dictionary of the body's thermal block, None when it has no such block. force: test
+        map of all terms but mass, damping and stiffness; `test` if None. rigid: False where the
+        motion of frames is prescribed and no rigid equation needs the quadratic forms, which for a
+        complete basis of 7000 atoms take minutes and a gigabyte.
         """
         push = test if force is None else force
         T, o = atoms.atoms, atoms.offset
@@ -170,8 +176,8 @@ class TestedElastic:
         )
 
     def in_modes(self) -> "TestedElastic":
-        """The same in modal coordinates of its span, where mass and stiffness are diagonal, and
-        damping in proportion to them."""
+        """Operators for atoms that are modal coordinates of their span: off-diagonal round-off is
+        removed from mass and stiffness, and from damping proportional to them."""
         d = diagonal(self.damping)
         size = np.sqrt(np.abs(np.diagonal(d)))
         alone = (np.abs(self.damping - d) <= PROPORTIONAL * np.outer(size, size)).all()
@@ -179,7 +185,7 @@ class TestedElastic:
                        damping=d if alone else self.damping)
 
     def under(self, test: TestMap) -> "TestedElastic":
-        """The same operators with a further map of their m rows."""
+        """These operators with a further test map of their m rows."""
         if test.identity:
             return self
         m, k = self.mass.shape
@@ -193,15 +199,16 @@ class TestedElastic:
             local=tuple(part.under(test, m) for part in self.local))
 
     def block(self, c1: float, c2: float) -> FloatArray:
-        """D = K + c1 D + c2 M under both maps, (m, k)."""
+        """Operator D = stiffness + c1 damping + c2 mass of a step, (m, k)."""
         return np.asarray(self.stiffness + c1 * self.damping + c2 * self.mass)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TestedHeat:
-    """m tested rows of capacity T' + conductivity T - constant - loads amplitudes(t) - tables(t).
+    """Thermal operators of one block on a trial basis and under a test map: m rows of capacity T' +
+    conductivity T - constant - loads amplitudes(t) - tables(t).
 
-    The last three are forces, under `force` where that is given.
+    The last three terms are forces, under the map `force` if it is given.
     """
 
     capacity: FloatArray
@@ -223,12 +230,13 @@ class TestedHeat:
             heat.amplitudes, projected_tables(heat.tables, push))
 
     def in_modes(self) -> "TestedHeat":
-        """The same in modal coordinates of its span, where both operators are diagonal."""
+        """Operators for atoms that are modal coordinates of their span: off-diagonal round-off is
+        removed."""
         return replace(
             self, capacity=diagonal(self.capacity), conductivity=diagonal(self.conductivity))
 
     def under(self, test: TestMap) -> "TestedHeat":
-        """The same operators with a further map of their rows."""
+        """These operators with a further test map of their rows."""
         if test.identity:
             return self
         return replace(
@@ -237,5 +245,5 @@ class TestedHeat:
             tables=test.of_tables(self.tables))
 
     def block(self, c1: float) -> FloatArray:
-        """B = c1 C + K under both maps, (m, k)."""
+        """Operator B = c1 C + K of a step, (m, k)."""
         return np.asarray(self.conductivity + c1 * self.capacity)

@@ -1,4 +1,4 @@
-"""First guess of a step: extrapolation through the last states."""
+"""Initial guess of a step: polynomial extrapolation of the last states."""
 
 from copy import copy
 from functools import cache
@@ -11,7 +11,8 @@ from sparsemor.core import FloatArray
 
 @cache
 def _weights(points: int, order: int, newest: int) -> FloatArray:
-    """Weights on a ring of `points` rows whose newest is row `newest`; degree order - 1."""
+    """Extrapolation weights (points,) of degree order - 1 for a ring buffer whose newest state is
+    row `newest`."""
     w = np.zeros(points)
     for j in range(order):  # x_{n+1} = sum (-1)^j C(order, j + 1) x_{n-j}
         w[(newest - j) % points] = (-1) ** j * comb(order, j + 1)
@@ -19,7 +20,7 @@ def _weights(points: int, order: int, newest: int) -> FloatArray:
 
 
 class Ring:
-    """The last `points` states as rows (points, n); grows its order as states come."""
+    """Ring buffer of the last `points` states as rows (points, n), for extrapolation."""
 
     def __init__(self, points: int, x: FloatArray) -> None:
         self.rows = np.zeros((points, len(x)))
@@ -27,7 +28,7 @@ class Ring:
         self.push(x)
 
     def copy(self) -> "Ring":
-        """Separate rows with the same states."""
+        """Independent copy."""
         other = copy(self)
         other.rows = self.rows.copy()
         return other
@@ -39,15 +40,15 @@ class Ring:
         self.filled = min(self.filled + 1, points)
 
     def predict(self, order: int | None = None) -> FloatArray:
-        """(n,) from the newest `order` states; from all there are when not given."""
+        """Extrapolated state (n,) from the newest `order` states; from all stored ones if None."""
         weights = _weights(len(self.rows), order or self.filled, self.newest)
         return np.asarray(weights.dot(self.rows))
 
     def guesses(self) -> FloatArray:
-        """(filled, n) prediction of each order, 1 first."""
+        """Extrapolated states (filled, n) of all orders, order 1 first."""
         weights = [_weights(len(self.rows), i + 1, self.newest) for i in range(self.filled)]
         return np.asarray(np.stack(weights).dot(self.rows))
 
     def restart(self) -> None:
-        """Forget all but the newest state: after a jump in a load or a change of support."""
+        """Drops all but the newest state: after a jump in a load or a change of active atoms."""
         self.filled = 1

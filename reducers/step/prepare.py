@@ -1,4 +1,4 @@
-"""Preparation common to all reducers."""
+"""Assembly of the block-wise step solver, common to all reducers."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -28,7 +28,7 @@ from sparsemor.reducers.step.time_tables import TimeTable
 
 
 def constants(layout: Layout, integrator: Integrator, h: float) -> tuple[float, float, float]:
-    """c1, c2 and c1 of first-order unknowns: the same in every step of size h."""
+    """Integrator constants c1, c2, and c1 of first-order unknowns, for steps of size h, s."""
     zero = np.zeros(layout.size)
     state = integrator.start(layout, State(0.0, zero, zero, zero, np.zeros((layout.size, 0))))
     f = integrator.formula(layout, state, h)
@@ -44,12 +44,14 @@ def stepper(
     notes: tuple[Note, ...] = (), tested: Mapping[str, TestedElastic] | None = None,
     facts: Facts | None = None, visited: Mapping[str, int] | None = None,
 ) -> Stepper:
-    """A Stepper with its mechanics set up, and the elements that one step visits.
+    """Block-wise step solver from reduced or full-order blocks, with the elements that one step
+    visits.
 
-    rates: c1 and c2 of its steps; ahead: whether what time alone decides is evaluated now, for all
-    times of given motion and loads; tested: the elastic blocks under their maps, for
-    consistent rates at the start; visited: elements of each thermal block's local terms, where
-    they are not those of `heat`, whose keys are groups of blocks.
+    points: number of past states to extrapolate; rates: c1 and c2 of its steps; ahead: True if
+    functions of time (prescribed motion and loads) are evaluated now for all their times; tested:
+    projected elastic operators, for consistent initial rates; visited: elements of each thermal
+    block's local terms, where these are not those of `heat`, whose keys are groups of coupled
+    blocks.
     """
     # constant matrices were assembled once: only local terms visit elements in a step
     elements = {name: 0 for name in model.reducible()}
@@ -73,14 +75,14 @@ def stepper(
 
 
 def _hot(model: AssembledModel, layout: Layout) -> tuple[tuple[str, slice | IntArray], ...]:
-    """Key and place of each group of thermal blocks."""
+    """Name and unknowns of each group of coupled thermal blocks."""
     at = np.arange(layout.size)
     return tuple((group_name(g), layout[g[0].thermal] if len(g) == 1 else np.concatenate(
         [at[layout[b.thermal]] for b in g])) for g in model.separated.heat_groups)
 
 
 def _times(body: MovingBody) -> FloatArray:
-    """Those at which a body's motion or its loads are tabled."""
+    """Times (T,) at which a body's prescribed motion or its loads are tabulated, s."""
     if body.guide is not None:
         return body.guide.times
     loads = () if body.operators is None else body.operators.tables

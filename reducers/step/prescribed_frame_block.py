@@ -1,11 +1,13 @@
-"""One elastic block on a frame whose motion is prescribed: linear, and nothing rigid to feed.
+"""Elastic block of a body whose frame motion is prescribed: linear, without coupling to rigid
+unknowns.
 
-With D = K + c1 D_m + c2 M constant, its rows times D^-1 read
+With D = K + c1 D_m + c2 M constant (D_m: damping), its rows times D^-1 read
 
     u + sum_g kappa_g D^-1 M_g u = b,   b = -D^-1 (h + P sigma + sum_g mu_g M_g r1),
 
-h the history of the step and loads, P the directions. sigma, kappa and mu follow from the
-time alone (core/protocols/separable.py), so moments and quadratic forms of u are not needed.
+with h the terms of past states and loads, P the columns that couple to the frame, M_g constant
+matrices. sigma, kappa and mu depend on time only (core/protocols/separable.py), so no moments and
+quadratic forms of u are needed.
 """
 
 from abc import abstractmethod
@@ -37,15 +39,18 @@ from sparsemor.reducers.step.operators import TestedElastic
 from sparsemor.reducers.step.time_tables import Moving, TimeTable, along, tabulated
 
 LEADING = 64
-"""Soft modes in which a product is worth a second one."""
+"""Number of leading (soft) modes in which a second product per iteration is worthwhile."""
 
 
 class Past(History):
-    """One step's constants. kappa, mu (g,); u: the last iterate's image, c: that iterate, None at
-    the start; r1: what mu acts on, None when that is done; weights, rates: kappa and mu as arrays;
-    turning: the first and after the last that is not zero; bound: on the factor by which errors
-    shrink; terms: r1, r2 and temperatures of a reduced block's history, and all of b that time
-    alone decides."""
+    """Constants of one step, and its last iterate.
+
+    kappa, mu (g,): factors of the frame's rotation, as lists; weights, rates: the same as arrays;
+    c, u: last iterate (None at the start) and its image; r1: vector that mu multiplies, None when
+    its product has been added; turning: range of the g in which kappa or mu is not zero; bound:
+    upper bound of the contraction factor; terms: r1, r2 and temperatures of a reduced block's
+    history, and the part of b that depends on time only.
+    """
 
     __slots__ = ("bound", "c", "kappa", "mu", "r1", "rates", "terms", "turning", "u", "weights")
 
@@ -66,39 +71,42 @@ class Past(History):
 
 
 class PrescribedBlock(DisplacementBlock):
-    """Displacements on a frame whose motion is prescribed. proved: whether `contraction` is a bound
-    in the Euclidean norm of the unknowns, and not an estimate of one."""
+    """Displacements on a frame whose motion is prescribed. proved: True if `contraction` is an
+    upper bound in the Euclidean norm of the unknowns, False if it is an estimate."""
 
     proved: ClassVar[bool]
 
     @abstractmethod
     def time_table(self, drive: TimeTable) -> TimeTable:
-        """Of kappa, mu and sigma at all times: these, and what else time decides of a step."""
+        """Tabulated functions of time of a step: the frame's kappa, mu and sigma in `drive`, and
+        others that depend on time only."""
 
     @abstractmethod
     def begin(
         self, r1: FloatArray, r2: FloatArray, xT: FloatArray, t: float, table: FloatArray
     ) -> Past:
-        """table: row of `time_table` at t."""
+        """Constants of a step to t, s; xT: temperatures; table: values of `time_table` at t."""
 
     @abstractmethod
     def improve(self, c: FloatArray, past: Past) -> FloatArray:
-        """b - sum_g kappa_g D^-1 M_g c, and the same once more in the lowest modes."""
+        """One iteration: b - sum_g kappa_g D^-1 M_g c, followed by a correction in the lowest
+        modes."""
 
     @abstractmethod
     def contraction(self, past: Past) -> float:
-        """The factor by which `improve` shrinks an error, at most; 0.0 where nothing turns."""
+        """Bound or estimate of the factor by which `improve` reduces an error; 0.0 without
+        rotation."""
 
     @abstractmethod
     def noise(self, c: FloatArray, past: Past, c1: float, c2: float) -> float:
-        """Norm of what rounding the terms of the equations makes of the unknowns c."""
+        """Norm of the errors of the unknowns c due to rounding of the terms of the equations."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FullPrescribed(PrescribedBlock):
-    """Full order: D factorized, one right-hand side an iteration, then its lowest modes. Its
-    contraction is estimated by Ritz values, which are none but lower bounds of what they stand for,
-    times a margin."""
+    """Full order: D factorized, one right-hand side per iteration, and a coarse correction in the
+    lowest modes. Its contraction factor is estimated by Ritz values, which are lower bounds of
+    eigenvalues, times a safety factor."""
 
     proved: ClassVar[bool] = False
     ops: ElasticOperators
@@ -109,7 +117,8 @@ class FullPrescribed(PrescribedBlock):
 
     @classmethod
     def of(cls, ops: ElasticOperators, factor: Factorized, block: str) -> "FullPrescribed":
-        """Raises SolveFailed, naming the block, where an iteration stops short."""
+        """Block with its coarse space. Raises SolveFailed, naming the block, where an iteration
+        does not converge."""
         return cls(ops, factor, CoarseCorrection.of(ops, factor, block),
                    local=FullLocal(ops.local) if ops.local else None)
 
@@ -160,14 +169,15 @@ class FullPrescribed(PrescribedBlock):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CompressedPrescribed(PrescribedBlock):
-    """s active atoms: every operator is dense, small and prepared; no length of the mesh is left.
+    """Reduced block with s active atoms: all operators are dense and small, independent of the
+    mesh.
 
-    What b is made of: inertia and damping times r2 and r1, (s, k) or diagonals,
-    damping None where there is none; coupling (s, kt) times xT; base; E (s, p) times sigma; loads
-    (s, j) times amplitudes, and tables. G (g, k, s): the D^-1 M_g transposed, so that those that
-    act together are one matrix; leading (g r, r): their first rows and columns, of soft modes,
-    r = 0 where some atoms are not active; sizes (g, 3): Frobenius norms of all of each, of these,
-    and of what is beyond.
+    Factors of b: inertia and damping times r2 and r1, (s, k) or diagonals, damping None where there
+    is none; coupling (s, kt) times temperatures; base; E (s, p) times sigma; loads (s, j) times
+    amplitudes, and tabulated loads. G (g, k, s): transposed D^-1 M_g, so that consecutive ones form
+    one matrix; leading (g r, r): their first rows and columns, of soft modes, r = 0 where some
+    atoms are not active; sizes (g, 3): Frobenius norms of each whole matrix, of its leading part,
+    and of the rest.
     """
 
     proved: ClassVar[bool] = True
@@ -189,7 +199,8 @@ class CompressedPrescribed(PrescribedBlock):
     def of(
         cls, b: TestedElastic, left: FloatArray, support: IntArray | None
     ) -> "CompressedPrescribed":
-        """left (s, m): what turns tested rows into D^-1 times the rows, left @ D_S = 1."""
+        """Reduced block from the tested operators; left (s, m): left inverse of the tested D on the
+        support, left @ D_S = 1, which stands for D^-1 in the tested rows."""
         G = np.stack([left @ A for A in b.generators]) if len(b.generators) else np.zeros(
             (0, len(left), b.mass.shape[1]))
         below = np.ascontiguousarray(G.transpose(0, 2, 1))
@@ -211,8 +222,8 @@ class CompressedPrescribed(PrescribedBlock):
         return none if self.damping is None else -dense(self.damping), -dense(self.inertia)
 
     def time_table(self, drive: TimeTable) -> TimeTable:
-        """kappa, mu, sigma, the bound on the contraction, and all of b that does not depend on
-        unknowns."""
+        """kappa, mu, sigma, the bound of the contraction factor, and the part of b that depends on
+        time only."""
         g, n = 2 * len(self.G), 2 * len(self.G) + self.E.shape[1]
 
         def decided(times: FloatArray) -> FloatArray:
@@ -267,13 +278,13 @@ class CompressedPrescribed(PrescribedBlock):
         return new
 
     def _bounds(self, kappa: FloatArray) -> FloatArray:
-        """Of kappa (T, g). With E all of sum_g kappa_g D^-1 M_g and L its leading part:
-        |E - L| + |L| |E|."""
+        """Bounds (T,) of the contraction factor for kappa (T, g): |E - L| + |L| |E| with E = sum_g
+        kappa_g D^-1 M_g and its leading part L."""
         whole, lead, rest = np.abs(kappa).dot(self.sizes).T
         return np.asarray(rest + lead * whole)
 
     def _wide(self, d: FloatArray) -> FloatArray:
-        """Of active unknowns, all of them."""
+        """All unknowns, from the active ones."""
         if self.active is None:
             return d
         wide = np.zeros(self.G.shape[1])
@@ -300,5 +311,5 @@ class CompressedPrescribed(PrescribedBlock):
 
 
 def _beyond(A: FloatArray, r: int) -> float:
-    """Frobenius norm of A (s, s) without its first r rows and columns."""
+    """Frobenius norm of A (s, s) without its leading r rows and columns."""
     return sqrt(float(np.sum(A[r:] ** 2)) + float(np.sum(A[:r, r:] ** 2)))

@@ -1,10 +1,10 @@
-"""The mechanical step where no rigid coordinate and no joint force is unknown.
+"""Mechanical step where no rigid coordinate and no joint force is unknown.
 
-Frames are then prescribed or at rest and bodies decouple: each elastic block is a linear separate
-problem. Its frame is evaluated once a step. What turns with the frame is small relative to the
-constant operator and iterated. Where the factor by which that contracts has a proved bound, no
-iteration is spent on finding that nothing changes any more; else the error that remains is
-estimated by two changes of this step (acceptance.py).
+Frames are then prescribed or at rest and the bodies decouple: each elastic block is a separate
+linear problem. Its frame is evaluated once a step. The terms of the frame's rotation are small
+relative to the constant operator and are iterated. Where the contraction factor has a proved bound
+below 1/2, the error follows from the bound and the last change; otherwise it is estimated by two
+changes of this step (acceptance.py).
 """
 
 from math import inf, sqrt
@@ -31,12 +31,13 @@ NONE = np.zeros(0)
 
 
 class PrescribedFrames(Mechanics):
-    """The bodies one after the other."""
+    """Mechanical equations with prescribed frames, solved one body after the other."""
 
     def solve(
         self, step: StepFormula, x: FloatArray, memory: Scales, work: Workspace
     ) -> tuple[Status, int, str, str]:
-        """Improves x in place from its guess; status, iterations, block, a detail."""
+        """Solves a step in place from the guess x; returns status, number of iterations, block of a
+        failure, and details."""
         work.loop = loop = Loop()
         loop.history, loop.y, loop.dy = [None] * len(self.bodies), NONE, NONE
         if not memory.elastic:
@@ -92,8 +93,9 @@ class PrescribedFrames(Mechanics):
 
 
     def _error(self, change: float, before: float, bound: float, proved: bool) -> float:
-        """Remaining error after this change. A proved bound on the contraction holds after
-        accelerated changes, too; an estimated one only makes the measured ratio larger."""
+        """Estimated error after this change. A proved bound of the contraction factor also holds
+        after accelerated changes; an estimated one is a lower bound of the measured ratio of
+        changes."""
         if proved and bound < TRUSTED:
             return change * bound / (1.0 - bound)
         return estimated_error(change, before, LEAST if proved else max(bound, LEAST))
@@ -103,12 +105,13 @@ def _rounded(
     change: float, c: FloatArray, block: PrescribedBlock, past: Past, step: StepFormula,
     memory: Scales, i: int,
 ) -> bool:
-    """True if a change that no longer falls is round-off."""
+    """True if a change that no longer decreases is round-off."""
     return change * sqrt(memory.elastic[i]) <= MARGIN * block.noise(c, past, step.c1, step.c2)
 
 
 def _change(new: FloatArray, c: FloatArray, scales: list[float], i: int) -> float:
-    """|new - c| over the largest |u| of body i so far, which is kept."""
+    """Change |new - c| relative to the largest |u| of body i so far, which is updated in
+    `scales`."""
     d = new - c
     moved2, size = float(d.dot(d)), float(new.dot(new))
     if not size < inf:

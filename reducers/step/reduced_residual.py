@@ -1,9 +1,8 @@
-"""A model's equations as small dense arrays: bodies taken apart under their maps, and what couples
-them.
+"""Equations of a reduced model as small dense arrays: projected bodies, and terms that couple them.
 
-Elastic and thermal rows come times the left inverse of the block's own operator, so that each block
-of the Jacobian is near the identity. Rigid coordinates, multipliers and terms that no body takes
-apart are added, and the Jacobian is exact.
+Elastic and thermal rows are multiplied by the left inverse of the block's own operator, so that
+each diagonal block of the Jacobian is near the identity. Rows of rigid coordinates and multipliers
+and terms that couple bodies are added, and the Jacobian is exact.
 """
 
 from collections.abc import Sequence
@@ -25,7 +24,7 @@ from sparsemor.reducers.step.time_tables import plus_loads
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DenseHeat:
-    """One thermal block: its rows under the maps, times their left inverse."""
+    """Projected rows of one thermal block, multiplied by the left inverse of its operator."""
 
     at: slice
     tested: TestedHeat
@@ -43,7 +42,8 @@ class DenseHeat:
 
 class DenseBody:
     """One body's rigid coordinates, attachment forces and elastic block; tested: None where it has
-    no elastic block. border (N,): numbers of rigid unknowns and multipliers in the layout."""
+    no elastic block. border (N,): positions of rigid unknowns and multipliers in the vector of
+    unknowns."""
 
     def __init__(self, step: BodyStep, tested: TestedElastic | None, border: IntArray) -> None:
         self.step, self.tested, self.border = step, tested, border
@@ -58,7 +58,7 @@ class DenseBody:
         self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: float, c2: float,
         work: FrameWork,
     ) -> tuple[FloatArray, FloatArray]:
-        """Fills `work`; rates and accelerations of the border."""
+        """Evaluates the frame in `work`; returns first and second rates of the border unknowns."""
         at, T = self.at, self.map
         y, yv, ya = T.dot(x[at]), T.dot(v[at]), T.dot(a[at])
         if self.step.guide is None:
@@ -113,8 +113,12 @@ class DenseBody:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Dense:
-    """`newton.Equations` of a reduced model, or of one without fields. step: the time step, s;
-    work: arrays that each body's frame fills, of one run or one thread (`with_work`)."""
+    """Equations of a whole step for Newton's method, of a reduced model or of rigid bodies.
+
+    step: step size, s; targets: prescribed constraint values; border: positions of rigid unknowns
+    and multipliers; work: working arrays of the bodies' frames, of one run or one thread
+    (`with_work`).
+    """
 
     layout: Layout
     heat: Sequence[DenseHeat]
@@ -140,7 +144,7 @@ class Dense:
         return replace(self, coupled=coupled, work=memory.work)
 
     def with_work(self) -> "Dense":
-        """The same equations with working arrays of their own."""
+        """These equations with new working arrays."""
         return replace(self, work=self.buffers())
 
     def buffers(self) -> list[FrameWork]:
@@ -192,7 +196,7 @@ class Dense:
         return Lu(J)
 
     def time_derivative(self, order: int, t: float) -> "Dense":
-        """The partial derivative by time of the bodies' constraint rows, alone, at t, s."""
+        """Partial time derivative of this order of the bodies' constraint rows, at t, s."""
         frames = ((b, b.step.frame.time_derivative(order, t, self.step)) for b in self.bodies)
         bodies = [DenseBody(replace(b.step, frame=f), b.tested, b.border)
                   for b, f in frames if f is not None]
@@ -200,7 +204,8 @@ class Dense:
 
 
 class Lu:
-    """Dense LU with rows and columns scaled to compare. RuntimeError where it is singular."""
+    """Dense LU factorization with scaled rows and columns. Raises RuntimeError where it is
+    singular."""
 
     __slots__ = ("columns", "lu", "pivots", "rows")
 
@@ -216,7 +221,7 @@ class Lu:
             raise RuntimeError("singular")
 
     def solve(self, r: FloatArray) -> FloatArray:
-        """r (n,) or (n, k)."""
+        """Solution for a right-hand side r (n,) or (n, k)."""
         x = lapack.dgetrs(self.lu, self.pivots, (r.T * self.rows).T)[0]
         return np.asarray((x.T * self.columns).T)
 

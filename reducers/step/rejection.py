@@ -1,4 +1,5 @@
-"""Steps that converged and still are not to be trusted, because a term says so."""
+"""Rejection of converged steps by terms that detect an invalid state, e.g. interpenetrated
+surfaces."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -18,15 +19,15 @@ Checked = tuple[ChecksStep, IntArray]
 
 
 def checked(terms: Iterable[tuple[object, IntArray]]) -> tuple[Checked, ...]:
-    """Those that check steps."""
+    """The terms that can reject steps, each with the numbers of its unknowns."""
     return tuple((t, columns) for t, columns in terms if isinstance(t, ChecksStep))
 
 
 def rejected_step(
     outcome: StepOutcome, terms: Sequence[Checked], step: StepFormula, layout: Layout
 ) -> StepOutcome:
-    """The outcome, or not converged where a term objects to it: it reports, for example, a surface
-    that passed through another one, where no force acts."""
+    """The outcome, or status "not converged" where a term rejects it: for example a surface has
+    passed through another one, where no contact force acts."""
     if not (outcome.status.ok and terms):
         return outcome
     c1, _ = rate_factors(layout, step.c1, step.c2, step.c1_first)

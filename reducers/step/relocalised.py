@@ -1,5 +1,5 @@
-"""Terms evaluated by a lighter copy that is exact near a state, such as a contact with a list of
-neighbours (`RelocatesNear`). The step memory keeps the copies."""
+"""Local copies of terms: cheaper, and exact near a state, such as a contact with a neighbour list
+(`RelocatesNear`). They are kept in the step memory."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -26,10 +26,11 @@ class Relocatable(ReducedTerm, RelocatesNear, Protocol):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Coupled:
-    """A compressed term: `columns` (k,) unknowns that it reads, `rows` (l,) that it adds to.
+    """A projected term: `columns` (k,) unknowns that it depends on, `rows` (l,) that it contributes
+    to.
 
-    checks, relocates: the term itself where it checks steps, and where it has local copies. A step
-    does not ask for these abilities again.
+    checks, relocates: the term itself if it can reject steps and if it offers local copies, else
+    None.
     """
 
     term: ReducedTerm
@@ -44,7 +45,7 @@ class Coupled:
                    term if isinstance(term, Relocatable) else None)
 
     def by_copies(self, number: int, memory: NewtonMemory) -> "Coupled":
-        """The same, evaluated by local copies in `memory` where the term has any."""
+        """The same, evaluated by local copies in `memory` if the term offers any."""
         if self.relocates is None:
             return self
         term = Relocalised(self.relocates, number, memory)
@@ -53,7 +54,7 @@ class Coupled:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Relocalised:
-    """A `ReducedTerm`: the kept copy, or a new one where that is not exact any more."""
+    """A reduced term evaluated by its local copy, which is renewed where it is no longer exact."""
 
     term: Relocatable
     number: int
@@ -72,7 +73,7 @@ class Relocalised:
         return self.term.histories if isinstance(self.term, WrapsTerm) else ()
 
     def at(self, x: FloatArray) -> LocalCopy | None:
-        """The copy for a state; None for numbers that are not finite."""
+        """The local copy for a state; None for a state that is not finite."""
         kept = self.memory.near.get(self.number)
         if isinstance(kept, np.ndarray):  # of a memory that was stored: made there again
             kept = self.memory.near[self.number] = self.term.near(kept)

@@ -1,4 +1,4 @@
-"""One step of a separated model: heat first, then mechanics. Shared by every reducer."""
+"""Block-wise solution of a step: heat first, then mechanics. Shared by all reducers."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -38,14 +38,15 @@ from sparsemor.reducers.step.thermal_block import HeatBlock
 from sparsemor.reducers.step.time_tables import TimeTable
 
 Facts = Mapping[str, Mapping[str, float | int | str]]
-"""Block name -> numbers worth reporting."""
+"""Block name -> numbers to report."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stepper:
-    """StepSolver over prepared blocks. limits: largest |coefficient| of each block that is sane.
+    """Block-wise step solver: heat first, then mechanics.
 
-    heat, elastic: block name -> prepared operators.
+    limits: largest permitted |coefficient| of each block. heat, elastic: block name -> factorized
+    or reduced operators.
     """
 
     layout: Layout
@@ -66,13 +67,13 @@ class Stepper:
     tested: Mapping[str, TestedElastic] = field(default_factory=dict)
     mechanics: Mechanics | None = None
     drives: Mapping[str, TimeTable] = field(default_factory=dict)
-    """Body -> how its frame drives it, where that is given."""
+    """Body -> tabulated factors of its frame, where its motion is prescribed."""
     iterating: bool = False
-    """Whether any elastic block has a linear solver that iterates."""
+    """True if any elastic block has an iterative linear solver."""
     hot: tuple[tuple[str, slice | IntArray], ...] = ()
-    """Key and place of each thermal block, or of several that are solved together."""
+    """Name and unknowns of each thermal block, or of several that are solved together."""
     newton: FullNewton | None = None
-    """What solves a step whose mechanics do not converge."""
+    """Newton's method with the exact Jacobian, for steps whose mechanics do not converge."""
 
     def workspace(self) -> Workspace:
         """Working arrays for one run."""
@@ -88,7 +89,7 @@ class Stepper:
     def with_blocks(
         self, heat: Mapping[str, HeatBlock], elastic: Mapping[str, ElasticBlock | PrescribedBlock]
     ) -> "Stepper":
-        """The same step with some of its blocks replaced by these, by name."""
+        """This step solver with some blocks replaced, by name."""
         made = replace(self, heat={**self.heat, **heat}, elastic={**self.elastic, **elastic})
         if self.mechanics is None or isinstance(self.mechanics, PrescribedFrames):
             return replace(made, mechanics=made.with_mechanics())
@@ -101,7 +102,7 @@ class Stepper:
                                factorizations=self.factorizations)
 
     def reduced(self, state: State) -> State:
-        """A full-order state in this model's unknowns, with consistent rates."""
+        """A full-order state in the unknowns of this model, with consistent rates."""
         reduced = reduce_state(state, self.layout, self.dictionaries)
         if self.dictionaries and self.mechanics is not None:
             tested = [self.tested.get(b.elastic_name) for b in self.mechanics.bodies]
@@ -117,9 +118,9 @@ class Stepper:
     def tried(
         self, step: StepFormula, memory: Memory, guess: FloatArray | None = None
     ) -> StepOutcome:
-        """The step's solution, not yet remembered as a state of the run.
+        """Solution of a step, not yet stored as a past state of the run.
 
-        guess (n,): where the iteration starts; the past states' extrapolation where there is none.
+        guess (n,): initial guess of the iteration; None for the extrapolation of past states.
         """
         x = memory.ring.predict() if guess is None else guess.copy()
         if self.newton is not None and memory.full_newton_next:
@@ -166,7 +167,7 @@ class Stepper:
     def _rescued(
         self, failed: StepOutcome, step: StepFormula, memory: Memory
     ) -> StepOutcome:
-        """The step by Newton's method with the exact Jacobian, or the failure without it where
+        """Solution of the step by Newton's method with the exact Jacobian; the original failure if
         that fails, too."""
         if self.newton is None:
             return failed
@@ -186,14 +187,16 @@ class Stepper:
         return outcome
 
     def accepted(self, outcome: StepOutcome, memory: Memory) -> StepOutcome:
-        """The outcome, remembered; or what is insane in it."""
+        """The outcome, stored as a past state of the run; or a failure where values exceed their
+        limits."""
         bad = self._insane(outcome.x)
         if bad is None:
             memory.ring.push(outcome.x)
         return bad or outcome
 
     def _insane(self, x: FloatArray) -> StepOutcome | None:
-        """A block with a value that is not finite or far beyond the training run."""
+        """Failure of the first block with values that are not finite or exceed their limits; None
+        if there is none."""
         y = x * self.sanity
         if y.dot(y) <= 1.0:
             return None
@@ -201,7 +204,8 @@ class Stepper:
         return next((bad for bad in found if bad is not None), None)
 
     def insane(self, x: FloatArray, block: str) -> StepOutcome | None:
-        """The same for one block."""
+        """Failure of one block with values that are not finite or exceed their limits; None if
+        there is none."""
         top = float(np.abs(x[self.layout[block]]).max())
         if not top < np.inf:
             return StepOutcome(x, Status.NOT_FINITE, 1, block)
@@ -212,8 +216,9 @@ class Stepper:
         return None
 
     def alone(self) -> Mapping[str, FloatArray]:
-        """Reduced elastic block -> (s, 2 s): its active coefficients' own answer to changes of
-        their r1 and r2 with everything else held: [-D^-1 D_m, -D^-1 M] under its maps."""
+        """Reduced elastic block -> (s, 2 s): response of its active coefficients to changes of
+        their r1 and r2 with all other unknowns fixed: [-D^-1 D_m, -D^-1 M] projected, with the
+        damping D_m."""
         found = {}
         for name, block in self.elastic.items():
             at = self.layout[name]
@@ -237,8 +242,8 @@ class Stepper:
 
 
 def _near(precheck_memory: FloatArray, last: FloatArray) -> FloatArray:
-    """The extrapolation, or the last state where that is far off: below 0 K radiation has a second
-    solution."""
+    """The extrapolation, or the last state where these differ much: below 0 K radiation has a
+    second solution."""
     far = float(np.abs(precheck_memory - last).max()) > 0.1 * float(np.abs(last).max())
     return last if far else precheck_memory
 
@@ -267,7 +272,7 @@ def rigid_block(layout: Layout, body: MovingBody) -> str:
 def reduce_state(
     state: State, layout: Layout, dictionaries: Mapping[str, Dictionary]
 ) -> State:
-    """Least-squares coefficients of a full-order state and its rates."""
+    """Least-squares coefficients of a full-order state and its rates on the trial bases."""
     if not dictionaries:
         return state
     full = layout.resized({name: len(d.offset) for name, d in dictionaries.items()})

@@ -1,8 +1,8 @@
-"""One body's thermal block inside a step: C T' + K T - Q(t) + local terms = 0.
+"""Thermal block of one body inside a step: C T' + K T - Q(t) + local terms = 0.
 
-The coupling is one way (T drives u), so it is solved first. Without local terms it is linear and
-one solve; local terms (radiation) are iterated with the constant part's factor, or by Newton's
-method where that contracts poorly.
+The coupling to displacements is one-way (T loads u), so heat is solved first. Without local terms
+the block is linear and takes one solve; local terms (radiation) are iterated with the factorized
+constant part, or by Newton's method where that contracts poorly.
 """
 
 from collections.abc import Sequence
@@ -28,12 +28,13 @@ from sparsemor.reducers.step.operators import TestedHeat
 from sparsemor.reducers.step.time_tables import TimeTable, along, plus_loads, tabulated
 
 STUCK = 1e-7
-"""Newton steps that no longer shrink below this share of the temperatures are round-off: in a
-nearly isothermal body K T cancels to a small part of its terms."""
+"""Relative size of Newton changes below which a change that no longer decreases is round-off: in a
+nearly isothermal body K T is a small difference of its terms."""
 
 
 class HeatOutcome(NamedTuple):
-    """linear: iterations of a linear solver that iterates; detail: what failed, in words."""
+    """Result of a thermal solve. linear: iterations of an iterative linear solver; detail: message
+    of a failure."""
 
     T: FloatArray
     status: Status
@@ -47,7 +48,7 @@ class HeatBlock(Protocol):
     def active(self) -> IntArray | None: ...
     @property
     def elements(self) -> int:
-        """Elements that one evaluation of its local terms visits."""
+        """Number of elements that one evaluation of its local terms visits."""
         ...
 
     def solve(self, r1: FloatArray, t: float, guess: FloatArray) -> HeatOutcome: ...
@@ -55,7 +56,7 @@ class HeatBlock(Protocol):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LocalAt:
-    """A local term of the block: positions of its rows and columns in the block."""
+    """A local term with the positions of its rows and columns in the block."""
 
     term: Term
     rows: IntArray
@@ -64,7 +65,7 @@ class LocalAt:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FullHeat:
-    """Full order: B = c1 C + K factorized."""
+    """Thermal block at full order, with B = c1 C + K factorized."""
 
     heat: HeatBody
     c1: float
@@ -112,7 +113,7 @@ class FullHeat:
         return HeatOutcome(T, Status.NOT_CONVERGED, self.max_iterations, linear)
 
     def _linear(self, b: FloatArray, guess: FloatArray) -> HeatOutcome:
-        """B^-1 b, by iteration from `guess` where the solver iterates."""
+        """Solution B^-1 b; `guess` is the initial guess of an iterative linear solver."""
         if not self.factor.iterative:
             return HeatOutcome(self.factor.solve(b), Status.DONE, 1)
         found = self.factor.outcome(b, guess)
@@ -121,7 +122,7 @@ class FullHeat:
         return HeatOutcome(found.x, found.status, 1, found.iterations, detail)
 
     def _local(self, T: FloatArray, r1: FloatArray, t: float) -> FloatArray:
-        """(n,) local terms at T."""
+        """Local terms (n,) at temperatures T."""
         r = np.zeros(len(T))
         for at in self.local:
             x = T[at.columns]
@@ -131,8 +132,8 @@ class FullHeat:
     def _newton(
         self, b: FloatArray, T: FloatArray, r1: FloatArray, t: float
     ) -> FloatArray | Status:
-        """One Newton step with the whole Jacobian, factorized for it; a status where there is
-        none."""
+        """Temperatures after one Newton iteration with a newly factorized exact Jacobian, or the
+        status of its failure."""
         heat, n = self.heat, len(T)
         J = self.c1 * heat.capacity + heat.conductivity
         r = J @ T - b + self._local(T, r1, t)
@@ -153,8 +154,12 @@ class FullHeat:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CompressedHeat:
-    """s active atoms. The linear solution is past r1 + prescribed(t): past (s, k) or a diagonal
-    (modal_coordinates.py); prescribed: loads, tables of heat that moves, and what is constant."""
+    """Reduced thermal block with s active atoms. The solution without local terms is past r1 +
+    prescribed(t).
+
+    past: (s, k), or a diagonal (modal_coordinates.py); prescribed: tabulated function of time with
+    loads, moving heat sources and constant terms.
+    """
 
     past: FloatArray
     prescribed: TimeTable
@@ -173,7 +178,8 @@ class CompressedHeat:
         cls, b: TestedHeat, left: FloatArray, support: IntArray | None, c1: float,
         local: Sequence[ReducedTerm] = (),
     ) -> "CompressedHeat":
-        """left (s, m) with left @ B_S = 1; local terms come already times `left`."""
+        """Reduced block from the tested operators; left (s, m): left inverse of the tested B on the
+        support, left @ B_S = 1; local terms include the factor `left` already."""
         base, loads, tables = left @ b.constant, left @ b.loads, tabulated(
             b.tables, left, support is None)
 

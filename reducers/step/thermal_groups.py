@@ -1,12 +1,12 @@
-"""Thermal blocks that couplings connect, solved together in each step.
+"""Thermal blocks that are coupled by conduction between bodies, solved together in each step.
 
 With B_i = c1 C_i + K_i of each block and the couplings A_ij T_j + B_ij T_j', the rows of the group
-are one linear system of all its temperatures,
+are one linear system for all its temperatures,
 
     B_i T_i + sum_j (A_ij + c1 B_ij) T_j = q_i(t) - C_i r1_i - sum_j B_ij r1_j - local terms.
 
-Full order factorizes its matrix once. Reduced blocks, whose rows come times the left inverse of
-B_i, invert their small dense matrix once.
+At full order its matrix is factorized once. Reduced blocks, whose rows are multiplied by the left
+inverse of B_i, invert their small dense matrix once.
 """
 
 from collections.abc import Mapping, Sequence
@@ -36,19 +36,20 @@ from sparsemor.reducers.step.thermal_block import CompressedHeat, FullHeat, Loca
 from sparsemor.reducers.step.time_tables import TimeTable
 
 SYMMETRIC = 1e-12
-"""Difference between a matrix and its transpose, as a share of its largest entry, that is
-rounding."""
+"""Largest difference between a symmetric matrix and its transpose due to rounding, relative to its
+largest entry."""
 APART = 1.5
-"""Distance between the nodes of one body and the next, in extents, when a group is ordered."""
+"""Distance between the nodes of one body and the next, as a multiple of the body's extent, where
+the unknowns of a group are ordered."""
 
 
 def group_name(members: Sequence[HeatBody]) -> str:
-    """Key of a group: the names of its blocks."""
+    """Name of a group: the joined names of its blocks."""
     return "+".join(b.thermal for b in members)
 
 
 def starts_of(sizes: Sequence[int]) -> list[slice]:
-    """First index of each of several blocks that follow each other."""
+    """Index ranges of consecutive blocks of these sizes."""
     edges = np.cumsum([0, *sizes]).tolist()
     return [slice(a, b) for a, b in zip(edges, edges[1:], strict=False)]
 
@@ -57,7 +58,8 @@ def starts_of(sizes: Sequence[int]) -> list[slice]:
 
 
 def full_group(model: AssembledModel, members: Sequence[HeatBody], c1: float) -> FullHeat:
-    """The group at full order, its matrix factorized. Raises SolveFailed where it is singular."""
+    """Thermal block of the group at full order, its matrix factorized. Raises SolveFailed where it
+    is singular."""
     heat = _merged(model, members)
     local = []
     for b, here in zip(members, starts_of([len(b.constant) for b in members]), strict=True):
@@ -68,7 +70,7 @@ def full_group(model: AssembledModel, members: Sequence[HeatBody], c1: float) ->
 
 
 def _merged(model: AssembledModel, members: Sequence[HeatBody]) -> HeatBody:
-    """The blocks of a group as one, couplings included."""
+    """The blocks of a group as one thermal block, couplings included."""
     names = {b.thermal: i for i, b in enumerate(members)}
     K: list[list[Csr | None]] = [[None] * len(members) for _ in members]
     C: list[list[Csr | None]] = [[None] * len(members) for _ in members]
@@ -93,19 +95,20 @@ def _merged(model: AssembledModel, members: Sequence[HeatBody]) -> HeatBody:
 
 
 def couplings_of(model: AssembledModel, names: Mapping[str, int]) -> list[HeatCoupling]:
-    """Couplings between the blocks of a group."""
+    """Couplings between the blocks of a group; names: block -> number in the group."""
     return [c for c in model.separated.couplings if c.rows in names]
 
 
 def _widened(load: LoadTable, here: slice, size: int) -> LoadTable:
-    """The load with the rows of the whole group."""
+    """The load with its n rows placed in the rows of the whole group."""
     m = load.columns.tocoo()
     columns = csr_array((m.data, (m.row + here.start, m.col)), shape=(size, m.shape[1]))
     return replace(load, columns=columns)
 
 
 def _factorized(model: AssembledModel, members: Sequence[HeatBody], A: Csr) -> Factorized:
-    """By the linear solver of the first block where the matrix is symmetric, else by SuperLU."""
+    """Factorization by the linear solver of the first block where the matrix is symmetric, else by
+    SuperLU."""
     name = group_name(members)
     if abs(A - A.T).max() <= SYMMETRIC * abs(A).max():
         return model.factorize(name, A, places=_places(model, members))
@@ -117,7 +120,8 @@ def _factorized(model: AssembledModel, members: Sequence[HeatBody], A: Csr) -> F
 
 
 def _places(model: AssembledModel, members: Sequence[HeatBody]) -> DofLocations:
-    """Positions of the unknowns, the bodies side by side: each has axes of its own."""
+    """Positions of the unknowns for ordering, with the bodies placed side by side: each has its own
+    axes."""
     parts = [model.places(b.thermal) for b in members]
     moved, begin = [], 0.0
     for p in parts:
@@ -134,8 +138,8 @@ def _places(model: AssembledModel, members: Sequence[HeatBody]) -> DofLocations:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GroupLocal:
-    """A compressed local term of one member: `at` its unknowns in the group, left (K, s) what turns
-    its rows into rows of the group."""
+    """A projected local term of one member of the group: `at` range of its unknowns in the group;
+    left (K, s): map of its rows to rows of the group."""
 
     term: ReducedTerm
     at: slice
@@ -161,8 +165,9 @@ def compressed_group(
     model: AssembledModel, members: Sequence[HeatBody], blocks: Sequence[CompressedHeat],
     dictionaries: Mapping[str, Dictionary], wide: Mapping[str, FloatArray], c1: float,
 ) -> CompressedHeat:
-    """The group of reduced blocks, all atoms active. wide: block -> (k, n), D^-1 times the map of
-    forces. Raises SolveFailed where the coupled matrix is singular."""
+    """Reduced thermal block of the group, all atoms active. wide: block -> (k, n), left inverse of
+    its operator times the test map of forces. Raises SolveFailed where the coupled matrix is
+    singular."""
     names = {b.thermal: i for i, b in enumerate(members)}
     past = [dense(b.past) for b in blocks]
     at = starts_of([p.shape[0] for p in past])

@@ -1,4 +1,4 @@
-"""Functions of time only: loads of an instant, and tables of values at the times of a run."""
+"""Functions of time: loads at one time, and values tabulated at the times of a run."""
 
 from bisect import bisect_left
 from collections.abc import Callable, Sequence
@@ -19,16 +19,16 @@ from sparsemor.core import (
 )
 
 NEAR = 1e-9
-"""Share of the interval before it by which a time may miss a tabled one: it was summed up
-differently."""
+"""Tolerance of the comparison of a time with tabulated ones, as a fraction of the smallest
+interval: times are sums with different rounding."""
 Source = Callable[[FloatArray], FloatArray]
-"""Times (T,), s -> (T, m)."""
+"""Function of times (T,), s, with values (T, m)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TimeTable:
     """Function of time with tabulated values: rows (T, m) at the increasing `times`; at any other
-    time the source is evaluated. Values must not be written to."""
+    time `source` is evaluated. Returned values are shared and must not be modified."""
 
     source: Source
     times: tuple[float, ...] = ()
@@ -37,14 +37,14 @@ class TimeTable:
 
     @classmethod
     def of(cls, source: Source, times: FloatArray) -> "TimeTable":
-        """`source` at all these times (T,), s."""
+        """Table of `source` at the times (T,), s."""
         if not len(times):
             return cls(source)
         near = NEAR * float(np.diff(times).min()) if len(times) > 1 else 0.0
         return cls(source, tuple(times.tolist()), source(times), near)
 
     def at(self, t: float) -> FloatArray:
-        """(m,)"""
+        """Values (m,) at time t, s."""
         if self.rows is not None:
             i = bisect_left(self.times, t - self.near)
             if i < len(self.times) and self.times[i] - t <= self.near:
@@ -52,14 +52,16 @@ class TimeTable:
         return np.asarray(self.source(np.array([t]))[0])
 
     def along(self, times: FloatArray) -> FloatArray:
-        """(T, m) at times (T,), s; at its own times the rows themselves, not a copy."""
+        """Values (T, m) at times (T,), s; at the tabulated times the rows themselves, not a
+        copy."""
         if self.rows is not None and np.array_equal(times, self.times):
             return self.rows
         return np.array([self.at(t) for t in times.tolist()])
 
 
 class Loaded(Protocol):
-    """Rows (n,) with loads that time alone decides: loads (n, j) times amplitudes, and tables."""
+    """Rows (n,) with loads that depend on time only: loads (n, j) times amplitudes, and tabulated
+    loads."""
 
     @property
     def loads(self) -> FloatArray: ...
@@ -78,27 +80,28 @@ def plus_loads(r: FloatArray, rows: Loaded, t: float, sign: float = 1.0) -> Floa
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TabulatedLoads:
-    """left (s, m) @ table.at(t), for tables (T, m) of tested rows."""
+    """Projected loads left (s, m) @ table.at(t), for tabulated loads (T, m) of the tested rows."""
 
     table: Table
     left: FloatArray
 
     def at(self, t: float) -> FloatArray:
-        """(s,)"""
+        """Loads (s,) at time t, s."""
         return np.asarray(self.left.dot(self.table.at(t)))
 
     def along(self, times: FloatArray) -> FloatArray:
-        """(T, s)"""
+        """Loads (T, s) at times (T,), s."""
         return np.asarray(self.table.along(times).dot(self.left.T))
 
 
 Moving = Table | TabulatedLoads
-"""What has a value (s,) `at` each time."""
+"""Tabulated loads with a value (s,) at each time."""
 
 
 def tabulated(tables: Sequence[Table], left: FloatArray, for_good: bool) -> tuple[Moving, ...]:
-    """Applied to all times at once where the arrays stay for the whole run; a support that may
-    change with the next step does not pay for that."""
+    """Tabulated loads projected by left (s, m): for all times at once if `for_good`, i.e. the
+    projection stays the same in the whole run; otherwise at each evaluation, because the active
+    atoms may change."""
     return tuple(t.through(left) if for_good else TabulatedLoads(t, left) for t in tables)
 
 
@@ -106,8 +109,8 @@ def along(
     base: FloatArray, loads: FloatArray, amplitudes: Sequence[Amplitude],
     tables: Sequence[Moving], times: FloatArray,
 ) -> FloatArray:
-    """(T, s) base, (s,) or (T, s), plus loads (s, j) times amplitudes, and tables, at times (T,).
-    """
+    """Sum (T, s) of base, (s,) or (T, s), loads (s, j) times amplitudes, and tabulated loads, at
+    times (T,), s."""
     rows = np.zeros((len(times), base.shape[-1])) + base
     if amplitudes:
         rows += amplitudes_along(amplitudes, times).dot(loads.T)

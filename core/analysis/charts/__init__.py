@@ -1,4 +1,4 @@
-"""Pictures of runs, drawn with matplotlib's objects only: no window, no global state."""
+"""Charts of runs, drawn with matplotlib objects only: no window, no global state."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -31,7 +31,7 @@ FORMATS = ("png", "svg")
 
 
 class Compared(Protocol):
-    """Runs by name, measured against a reference (`core.analysis.compare`)."""
+    """Comparison of runs with a reference, as the charts need it (`core.analysis.compare`)."""
 
     @property
     def reference(self) -> "RunResult": ...
@@ -50,9 +50,9 @@ def write_charts(
     comparison: Compared, folder: Path, times: Sequence[float] | None = None,
     formats: Sequence[str] = FORMATS,
 ) -> list[Path]:
-    """The pictures that make sense for these runs; returns their paths.
+    """Writes all charts that apply to a comparison of runs; returns their paths.
 
-    `times` (s): when the bodies are drawn.
+    times: times at which the deformed bodies are drawn, s; formats: file formats.
     """
     figures = _of_reference(comparison.reference, times)
     figures["angles"] = angles_figure(comparison.reference, comparison.runs, comparison.name)
@@ -71,7 +71,8 @@ def write_run_charts(
     run: "RunResult", folder: Path, times: Sequence[float] | None = None,
     formats: Sequence[str] = FORMATS,
 ) -> list[Path]:
-    """The same for one run alone: all but errors and costs."""
+    """Writes all charts that apply to a single run (no errors, no costs); arguments as in
+    `write_charts`."""
     figures = _of_reference(run, times)
     figures["angles"] = angles_figure(run, {}, run.reducer)
     figures["active_atoms"] = active_atoms_figure(run, run.reducer)

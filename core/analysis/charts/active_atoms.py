@@ -1,4 +1,4 @@
-"""Chart of the atoms in use over time (as Figs. 6, 13 and 21 of the paper)."""
+"""Chart of the active basis vectors (atoms) over time (as Figs. 6, 13 and 21 of the paper)."""
 
 from typing import TYPE_CHECKING
 
@@ -15,10 +15,11 @@ _MOST_COLUMNS = 120
 
 
 def active_atoms_figure(run: RunResult, name: str) -> "Figure | None":
-    """One panel a block: a dot where an atom is in use. None for runs that neither sample
-    rows nor choose atoms.
+    """Chart with one panel per reduced block and a dot for each active basis vector (atom) at each
+    time.
 
-    Long runs are thinned to every m-th stored step, which the axis says.
+    None for runs without row sampling or selection of basis vectors. Of long runs every m-th stored
+    step is drawn, as the title states.
     """
     blocks = [b for b in run.layout if b.name in run.solver_layout and run.reduced(b.name)]
     blocks = [b for b in blocks if run.rows(b.name).size or not run.support(b.name).all()]

@@ -28,9 +28,12 @@ def error_over_time_figure(
     measured: Mapping[str, Errors], statuses: Mapping[str, Status], kinds: Sequence[FieldKind],
     limit: float = LIMIT,
 ) -> "Figure | None":
-    """One panel a measure, logarithmic, with a line at `limit` where an error is above it; None
-    when there is no error above 0. Fields that are constant in all runs have no panel. kinds: of
-    the runs' fields, in the order of the panels."""
+    """Errors over time on a logarithmic axis, one panel per error measure; None if there is no
+    error above 0.
+
+    A line marks `limit` where an error exceeds it. Fields that are constant in all runs have no
+    panel. measured: run -> errors; kinds: kinds of the runs' fields, in the order of the panels.
+    """
     titles = {"combined": "all unknowns together",
               **{k.name: k.label for k in kinds if k.order > 0}}
     names = [m for m in titles if any(_positive(e, m) for e in measured.values())

@@ -1,4 +1,5 @@
-"""The two fields that bodies are coloured by: their values, units, colours, and magnification."""
+"""Fields that colour the bodies in charts (displacement, temperature): values, units, colours, and
+magnification of the deformation."""
 
 from collections.abc import Sequence
 
@@ -10,17 +11,19 @@ from sparsemor.core.protocols.layout import Quantity
 from sparsemor.core.results.run_result import RunResult
 
 MAPS = {Quantity.DISPLACEMENT: "viridis", Quantity.TEMPERATURE: "YlOrRd"}
-"""The cold inside of a heated body stays light, so that a thin hot layer is visible."""
+"""Colour map of each field. Low temperatures are light, so that a thin hot layer is visible."""
 
 
 def drawn_steps(run: RunResult, times: Sequence[float] | None) -> IntArray:
-    """Stored steps next to `times` (s; default: a third, two, the end)."""
+    """Indices of the stored steps closest to `times` (s; default: one third, two thirds and the
+    end)."""
     end = float(run.times[-1])
     return run.steps_at(times or (end / 3.0, 2.0 * end / 3.0, end))
 
 
 def values_of(run: RunResult, body: str, step: int, quantity: Quantity) -> FloatArray | None:
-    """(N,) |u|, m, or temperature, K; None for a body without the field."""
+    """(N,) nodal values: displacement magnitude |u|, m, or temperature, K; None for a body without
+    the field."""
     if run.layout.of(body, quantity) is None:
         return None
     if quantity is Quantity.TEMPERATURE:
@@ -31,7 +34,7 @@ def values_of(run: RunResult, body: str, step: int, quantity: Quantity) -> Float
 def scale_of(
     run: RunResult, bodies: Sequence[str], steps: Sequence[int], quantity: Quantity
 ) -> tuple[float, str]:
-    """Factor from SI units, and the label of the colour bar."""
+    """Factor from SI units to the unit of the colour bar, and its label."""
     if quantity is Quantity.TEMPERATURE:
         return 1.0, "temperature (K)"
     largest = max(float(np.abs(run.nodal_displacement(b, s)).max()) for b in bodies for s in steps)
@@ -40,7 +43,7 @@ def scale_of(
 
 
 def shades(values: FloatArray, quantity: Quantity) -> tuple[float, float]:
-    """Ends of the colours for these values; displacements start at 0."""
+    """Limits of the colour scale for these values; for displacements the lower limit is 0."""
     low = 0.0 if quantity is Quantity.DISPLACEMENT else float(values.min())
     high = float(values.max())
     # one colour throughout still needs a scale
@@ -48,7 +51,8 @@ def shades(values: FloatArray, quantity: Quantity) -> tuple[float, float]:
 
 
 def magnification(run: RunResult, bodies: Sequence[str], steps: Sequence[int]) -> float:
-    """1, 2 or 5 times a power of ten that makes the largest |u| about 6 % of a body; at least 1."""
+    """Magnification of displacements: 1, 2 or 5 times a power of ten such that the largest |u| is
+    at most 6 % of the size of a body; at least 1."""
     ratio = 0.0
     for body in bodies:
         size = float(np.ptp(run.points(body), axis=0).max())
@@ -61,6 +65,6 @@ def magnification(run: RunResult, bodies: Sequence[str], steps: Sequence[int]) -
 
 
 def round_below(x: float) -> float:
-    """The largest of 1, 2, 5 times a power of ten that is not above x > 0."""
+    """Largest number of the form 1, 2 or 5 times a power of ten that does not exceed x > 0."""
     power = 10.0 ** np.floor(np.log10(x))
     return float(power * max(m for m in (1.0, 2.0, 5.0) if m * power <= x * (1.0 + 1e-12)))

@@ -1,4 +1,4 @@
-"""Labels next to points, placed so that they cover neither points nor each other."""
+"""Placement of labels next to points such that they overlap neither points nor each other."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -20,11 +20,14 @@ def place_labels(
     axes: Any, texts: Sequence[tuple[float, float, str, str]], drop: bool = False,
     lines: Sequence[FloatArray] = (),
 ) -> None:
-    """texts: (x, y, label, colour) in data coordinates; an empty label only keeps its point free.
-    lines: (j, 2) corners of lines that labels keep off. Needs a figure whose layout stands.
+    """Places labels next to points, without overlap where possible.
 
-    Tries places around each point, the farther ones with a leader line, and takes the first free
-    one inside the axes; if none is free, the one with the least overlap, or none with `drop`.
+    texts: (x, y, label, colour) in data coordinates; an empty label only keeps its point free.
+    lines: (j, 2) vertices of polylines that labels avoid. The layout of the figure must be final.
+
+    Positions around each point are tried, the farther ones with a leader line, and the first free
+    one inside the axes is taken; if none is free, the one with the least overlap, or with `drop`
+    none.
     """
     from matplotlib.text import Text
 
@@ -65,19 +68,19 @@ def place_labels(
 
 
 def _along(corners: FloatArray, spacing: float) -> FloatArray:
-    """Points (m, 2) on a line, in pixels, at most `spacing` apart."""
+    """(m, 2) points on a polyline, in pixels, at most `spacing` apart."""
     parts = [np.linspace(a, b, 2 + int(np.hypot(*(b - a)) / spacing))
              for a, b in zip(corners[:-1], corners[1:], strict=True)]
     return np.concatenate([np.zeros((0, 2)), *parts])
 
 
 def _squares(centres: FloatArray, half: float) -> FloatArray:
-    """(m, 4) boxes x0, y0, x1, y1 about centres (m, 2), pixels."""
+    """(m, 4) squares x0, y0, x1, y1 around centres (m, 2), in pixels."""
     return np.hstack([centres - half, centres + half])
 
 
 def _overlap(box: Any, others: FloatArray) -> FloatArray:
-    """Areas (m,) that a box shares with others (m, 4), pixels squared."""
+    """(m,) areas of the intersections of a box with other boxes (m, 4), in square pixels."""
     width = np.minimum(box.x1, others[:, 2]) - np.maximum(box.x0, others[:, 0])
     height = np.minimum(box.y1, others[:, 3]) - np.maximum(box.y0, others[:, 1])
     return np.asarray(np.maximum(0.0, width) * np.maximum(0.0, height))

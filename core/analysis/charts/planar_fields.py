@@ -1,4 +1,4 @@
-"""Bodies where they are, coloured by a field, at three times (as Fig. 5 of the paper)."""
+"""Deformed planar bodies coloured by a field, at three times (as Fig. 5 of the paper)."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
@@ -45,10 +45,10 @@ def drawable_bodies(run: RunResult) -> list[str]:
 def deformation_figure(
     run: RunResult, quantity: Quantity, times: Sequence[float] | None = None
 ) -> "Figure | None":
-    """|u| or temperature on the moved bodies at `times` (s; default: a third, two, the end).
+    """Displacement magnitude |u| or temperature on the deformed bodies at `times`, s.
 
-    Displacements are magnified by a round factor, which the picture states. None when no planar
-    body has the field.
+    Default times: one third, two thirds and the end of the run. Displacements are magnified by a
+    round factor, which the chart states. None if no planar body has the field.
     """
     bodies = drawable_bodies(run)
     if len(run.times) == 0 or not any(
@@ -93,7 +93,8 @@ def deformation_figure(
 
 
 def _panels(count: int, slope: float) -> "tuple[Figure, list[Any]]":
-    """Side by side, or below each other where what is drawn is wide; slope: height by width."""
+    """Figure with `count` panels next to each other, or below each other for wide contents; slope:
+    ratio of height to width of the contents."""
     wide = slope < 0.75
     rows, columns = (count, 1) if wide else (1, count)
     width = 1.35 * COLUMN if wide else PAGE
@@ -119,14 +120,16 @@ def _bounds(
 
 
 def _trace(axes: Any, run: RunResult, body: str, metre: Unit) -> None:
-    """The path of the body frame's origin, which sits at a joint in most scenes."""
+    """Draws the path of the origin of the body's frame, which is located at a joint in most
+    scenes."""
     path = _path(run, body)
     if path is not None:
         axes.plot(*(metre.factor * path.T), color=TRACE, linewidth=0.8, zorder=0)
 
 
 def _path(run: RunResult, body: str) -> FloatArray | None:
-    """(j, 2) where the origin of the body's frame was, solved for or followed; None: it stays."""
+    """(j, 2) path of the origin of the body's frame, computed in the run or prescribed by the rigid
+    pre-simulation; None for a fixed frame."""
     frame = run.layout.of(body, Quantity.POSE)
     if frame is not None:
         return run.block(frame.name)[:, :2]

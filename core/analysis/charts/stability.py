@@ -1,4 +1,5 @@
-"""A map of stability: variants against seeds, coloured by the gated growth."""
+"""Stability map: variants of a reduced model against random seeds, coloured by the excess
+growth."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -13,15 +14,18 @@ if TYPE_CHECKING:
     from sparsemor.core.analysis.stability.survey import Survey
 
 TOP = 3.0
-"""Powers of ten of (excess radius) x steps at which the colours end."""
+"""Upper end of the colour scale: log10 of (excess spectral radius) x (number of steps)."""
 _PANEL = ("sampler", "required", "integrator")
 _LINE = ("rows", "atoms", "step")
 
 
 def stability_figure(found: "Survey") -> "Figure":
-    """One panel a sampler, treatment of required rows and integrator; a line in it for each number
-    of rows, of atoms and step size; a column a seed. Stable cells are pale, the others the darker
-    the faster they grow; a cross is a model without a step.
+    """Stability map of a survey.
+
+    One panel per sampler, treatment of required rows (always sampled or not) and integrator; in it
+    one row per combination of numbers of sampled rows and basis vectors and time step, and one
+    column per seed. Stable cells are pale, unstable ones the darker the faster they grow; a cross
+    marks a model whose time step fails.
     """
     from matplotlib.colors import LinearSegmentedColormap, TwoSlopeNorm
 

@@ -1,4 +1,4 @@
-"""The look of every picture: colours, dashes, sizes. Nothing global is changed."""
+"""Style of all charts: colours, line styles, sizes. No global matplotlib setting is changed."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -15,13 +15,13 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 COLUMN, PAGE = 3.5, 7.2
-"""Widths of a figure in a column and across a page, inches."""
+"""Widths of a figure, inches: one column, and the full page."""
 SMALL, NORMAL = 7.0, 8.0
-"""Sizes of type, points."""
+"""Font sizes, points."""
 REFERENCE_COLOUR = "#b0b0b0"
 TRACE = "#d0d0d0"
 LIMIT_COLOUR = "#8b0000"
-"""Of errors above a limit."""
+"""Colour of errors above a limit."""
 
 # Okabe and Ito's set without its yellow, which is lost on white paper.
 _COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
@@ -33,7 +33,8 @@ _MARKERS = ("o", "s", "^", "D", "v", "P")
 
 @dataclass(frozen=True, slots=True)
 class LineStyle:
-    """Line style of one run in every picture; dashes and markers survive black-and-white print."""
+    """Line style of one run in all charts; dashes and markers distinguish runs in black-and-white
+    print."""
 
     colour: str
     dash: Any
@@ -41,25 +42,25 @@ class LineStyle:
 
 
 def style_of(number: int) -> LineStyle:
-    """The style of run `number`; colours and dashes go round at different lengths."""
+    """Line style of run `number`; repetitions of a colour have other dashes."""
     turn = number // len(_COLOURS)
     return LineStyle(_COLOURS[number % len(_COLOURS)], _DASHES[(number + turn) % len(_DASHES)],
         _MARKERS[(number + turn) % len(_MARKERS)])
 
 
 def plain(text: str) -> str:
-    """A name that is drawn as written: a dollar sign in it begins no formula."""
+    """Text with escaped dollar signs, so that matplotlib does not interpret it as a formula."""
     return text.replace("$", r"\$")
 
 
 def label_of(name: str, status: Status) -> str:
-    """The run's name, with how it ended if it did not end well."""
+    """Name of the run, followed by its status if it did not end successfully."""
     name = plain(name)
     return name if status.ok else f"{name} ({status.value.replace('_', ' ')})"
 
 
 def new_figure(width: float, height: float) -> "Figure":
-    """An empty figure with its own Agg canvas and constrained layout; inches."""
+    """Empty figure with its own Agg canvas and constrained layout; width and height in inches."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -69,7 +70,7 @@ def new_figure(width: float, height: float) -> "Figure":
 
 
 def tidy(axes: "Axes", xlabel: str = "", ylabel: str = "", title: str = "") -> None:
-    """Labels, light grid, no box on the free sides."""
+    """Formats axes: labels and title, light grid, no frame at the top and right."""
     axes.set_xlabel(xlabel, fontsize=NORMAL)
     axes.set_ylabel(ylabel, fontsize=NORMAL)
     if title:
@@ -86,9 +87,12 @@ def tidy(axes: "Axes", xlabel: str = "", ylabel: str = "", title: str = "") -> N
 def time_panels(
     labels: Sequence[tuple[str, str]], end: float, height: float, above: float = 0.55
 ) -> "tuple[Figure, list[Axes], Unit]":
-    """Panels above each other with one time axis, which ends at `end` (s): the figure, its panels,
-    and the unit of time. labels: of the vertical axis, and title, of each; height: of a panel,
-    above: of what is above them, inches."""
+    """Panels above each other with a common time axis up to `end` (s): figure, panels, unit of
+    time.
+
+    labels: (label of the vertical axis, title) of each panel; height: of a panel, above: of the
+    space above the panels, inches.
+    """
     clock, count = unit(end, "s"), len(labels)
     figure = new_figure(COLUMN, above + height * count)
     panels = list(figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0])
@@ -107,20 +111,20 @@ def draw_line(
 
 
 def handles_of(panels: "Iterable[Axes]", labels: Iterable[str]) -> "list[Artist]":
-    """Handles of the lines with these labels, in this order, each once."""
+    """Legend handles of the lines with these labels, in this order, each once."""
     found = {h.get_label(): h for axes in panels for h in axes.get_legend_handles_labels()[0]}
     return [found[label] for label in labels if label in found]
 
 
 def legend_above(figure: "Figure", handles: "Sequence[Artist]", columns: int = 3) -> None:
-    """One legend for all panels, outside them, so that it never covers data."""
+    """Draws one legend for all panels above them, so that it never covers data."""
     figure.legend(
         handles=handles, loc="outside upper left", ncols=min(columns, len(handles)),
         fontsize=SMALL, frameon=False, handlelength=3.2, columnspacing=1.2, borderaxespad=0.2)
 
 
 def save(figure: "Figure", folder: Path, name: str, formats: Iterable[str]) -> list[Path]:
-    """Writes name.png, name.svg, ..; returns their paths."""
+    """Writes the figure as name.png, name.svg, ..; returns the paths."""
     files = []
     for kind in formats:
         file = folder / f"{name}.{kind}"

@@ -1,4 +1,4 @@
-"""Skins of bodies in space, coloured by a field, at some times (as Fig. 19 of the paper)."""
+"""Surfaces of bodies in space, coloured by a field, at several times (as Fig. 19 of the paper)."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -39,7 +39,8 @@ Render = Callable[[Sequence[Surface]], list[NDArray[np.uint8]] | None]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Skin:
-    """One body and field at all drawn times, from each side: surfaces by view, then by time."""
+    """Surface of one body, coloured by one field. surfaces: by view, then by time; factor:
+    magnification of displacements; label: of the colour bar."""
 
     run: RunResult
     body: str
@@ -57,10 +58,12 @@ def solid_bodies(run: RunResult) -> list[str]:
 def surface_figures(
     run: RunResult, times: Sequence[float] | None = None, render: Render = rendered
 ) -> "dict[str, Figure]":
-    """`temperature_BODY` and `deformation_BODY` (|u|) of each body in space, from above and below.
+    """Charts `temperature_BODY` and `deformation_BODY` (|u|) of each body in space, from above and
+    below.
 
-    times: s (default: a third, two, the end). Displacements are magnified by a round factor, which
-    the picture states. render: tried first; what it does not draw, matplotlib draws.
+    times: s (default: one third, two thirds and the end). Displacements are magnified by a round
+    factor, which the chart states. render: preferred renderer; if it returns None, matplotlib
+    draws.
     """
     if len(run.times) == 0:
         return {}
@@ -92,7 +95,8 @@ def _skin_of(run: RunResult, body: str, quantity: Quantity, steps: list[int]) ->
 
 
 def _figure(skin: _Skin, images: Iterator[NDArray[np.uint8] | None]) -> "Figure":
-    """Rows in pairs, from above and from below, of up to three times."""
+    """Figure of one body and field: pairs of rows, views from above and from below, with up to
+    three times per row."""
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize
 
@@ -139,7 +143,7 @@ def _panel(axes: "Axes", surface: Surface, image: NDArray[np.uint8] | None) -> N
 
 
 def _directions(axes: "Axes", view: View, surface: Surface) -> None:
-    """Axes x, y and z, in a corner to the left."""
+    """Draws the directions of the x, y and z axes in a corner on the left."""
     size = 0.16 * float(surface.half.min())
     corner = (surface.half - 1.5 * size) * (-1.0, _emptier(surface, -1.0))
     for name, (dx, dy) in zip("xyz", view.axes[:2].T, strict=True):
@@ -150,7 +154,7 @@ def _directions(axes: "Axes", view: View, surface: Surface) -> None:
 
 
 def _length(axes: "Axes", surface: Surface) -> None:
-    """A bar of round length in a corner to the right."""
+    """Draws a scale bar of round length in a corner on the right."""
     half = surface.half
     length = round_below(0.5 * float(half[0]))
     shown = unit(length, "m")
@@ -162,8 +166,8 @@ def _length(axes: "Axes", surface: Surface) -> None:
 
 
 def _emptier(surface: Surface, side: float) -> float:
-    """-1.0 for the lower corner on the left (side -1) or right (1), 1.0 for the upper one: that
-    with less of the body in it."""
+    """Corner on the left (side -1) or right (1) that contains less of the body: -1.0 for the lower,
+    1.0 for the upper one."""
     x, y = (surface.corners.reshape(-1, 3)[:, :2] / surface.half).T
     inside = [int(np.sum((side * x > 0.5) & (up * y > 0.5))) for up in (-1.0, 1.0)]
     return -1.0 if inside[0] <= inside[1] else 1.0

@@ -1,4 +1,5 @@
-"""Skins drawn by matplotlib alone: the farthest triangles first, shaded, as pixels."""
+"""Surfaces of bodies drawn by matplotlib: shaded triangles in the order of decreasing distance,
+rasterized."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +14,8 @@ if TYPE_CHECKING:
 
 
 def paint(axes: "Axes", surface: Surface) -> None:
-    """Draws it into axes whose data are metres before the eye; 0.7 s for 200 000 triangles."""
+    """Draws a surface into axes with coordinates in metres in the view plane; 0.7 s for 200 000
+    triangles."""
     from matplotlib import colormaps
     from matplotlib.collections import TriMesh
     from matplotlib.tri import Triangulation
@@ -34,7 +36,8 @@ def paint(axes: "Axes", surface: Surface) -> None:
 
 
 def _brightness(corners: FloatArray) -> FloatArray:
-    """(b,) of each flat triangle."""
+    """(b,) brightness of flat triangles with corners (b, 3, 3): diffuse reflection of a distant
+    light."""
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     length = np.linalg.norm(normals, axis=1)
     cosine = normals @ LIGHT / np.where(length > 0.0, length, 1.0)

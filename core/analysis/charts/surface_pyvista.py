@@ -1,8 +1,7 @@
-"""Skins drawn by pyvista (extra `pictures3d`), without a window and in a process of its own.
+"""Surfaces of bodies rendered by pyvista (extra `pictures3d`) off screen, in a separate process.
 
-VTK may end its process where neither a display nor EGL or OSMesa is to be had, and it changes
-things for the whole process. So it gets another one, and a picture that does not come about is
-drawn by `painted`.
+VTK may abort its process if neither a display nor EGL or OSMesa is available, and it changes global
+settings. A picture that it fails to render is drawn by matplotlib (surface_matplotlib.py).
 """
 
 import subprocess
@@ -24,7 +23,8 @@ _WORKER = "sparsemor.core.analysis.charts.surface_pyvista_worker"
 
 
 def rendered(surfaces: Sequence[Surface]) -> list[NDArray[np.uint8]] | None:
-    """An image (h, w, 3) each, which fills its panel; None where pyvista cannot draw."""
+    """Image (h, w, 3) of each surface, which fills its panel; None if pyvista is absent or
+    fails."""
     if not surfaces or find_spec("pyvista") is None:
         return None
     with TemporaryDirectory() as name:

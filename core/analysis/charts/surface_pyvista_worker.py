@@ -1,6 +1,7 @@
-"""The process that draws surfaces with pyvista: `python -m` this module, then FOLDER.
+"""Process that renders surfaces with pyvista: `python -m` this module, with a folder as argument.
 
-Reads FOLDER/0.npz, .. as `rendered` writes them; for each an image 0.npy, .. (h, w, 3) of bytes.
+Reads 0.npz, 1.npz, .. in the folder, as `rendered` writes them, and writes an image (h, w, 3) of
+bytes to 0.npy, 1.npy, .. for each.
 """
 
 import sys
@@ -13,7 +14,7 @@ import numpy as np
 from sparsemor.core.analysis.charts.view import DARKEST, LIGHT
 
 PIXELS = 700
-"""Along the longer side of a panel."""
+"""Number of pixels along the longer side of a panel."""
 
 
 def _render(file: Path) -> None:

@@ -1,4 +1,4 @@
-"""Charts over time: angles and positions of bodies, contact forces, and probes."""
+"""Charts over time: rotations and displacements of bodies, contact forces, and probes."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -26,18 +26,18 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Curves = dict[tuple[str, str], "Curve"]
-"""By body and label of the axis."""
+"""(body, label of the vertical axis) -> curve."""
 Poses = Mapping[str, tuple[FloatArray, FloatArray]]
 """Body -> times (j,), s, and pose (j, 3), (j, 4) or (j, 7), m and rad."""
 FORCES = {"normal": "normal force", "friction": "friction"}
 _AXES = ("x moved", "y moved", "z moved", "turned")
 _STILL = 1e-12
-"""m or rad: a panel in which nothing moves farther is left out."""
+"""Displacement (m) or rotation (rad) below which a panel is omitted."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Curve:
-    """values (j,) at times (j,), s."""
+    """Curve over time: values (j,) at times (j,), s."""
 
     times: FloatArray
     values: FloatArray
@@ -46,10 +46,12 @@ class Curve:
 def angles_figure(
     reference: RunResult, runs: Mapping[str, RunResult], name: str
 ) -> "Figure | None":
-    """Angles of all runs (as Figs. 4 and 17 of the paper): one panel per body that turns by an
-    angle, and one for its angular speed if it only spins; None when nothing turns.
+    """Rotation angles of all runs over time (as Figs. 4 and 17 of the paper); None if no body
+    rotates.
 
-    name: label of the reference, if there are other runs. A cross marks where a run stopped early.
+    One panel per body whose rotation is one angle, and one for the angular velocity of bodies that
+    rotate about a fixed axis in space. name: label of the reference, if there are other runs. A
+    cross marks the end of a run that stopped early.
     """
     shown = turning(reference)
     if not shown:
@@ -83,11 +85,11 @@ def angles_figure(
 
 
 def turning(run: RunResult) -> Curves:
-    """Degrees of bodies in the plane; radians and rad/s of frames that spin about one axis, solved
-    for or prescribed by the rigid stage.
+    """Rotation curves of a run: degrees for planar bodies; rad and rad/s for bodies that rotate
+    about a fixed axis in space, computed in the run or prescribed by the rigid pre-simulation.
 
-    A result holds no rates of unknowns: their speed is the derivative of the parabola through three
-    stored angles. A rigid stage has its own.
+    A result contains no rates of the unknowns: the angular velocity is the derivative of the
+    parabola through three stored angles. The rates of a rigid pre-simulation are stored.
     """
     found: Curves = {}
     if len(run.times) < 2:
@@ -114,13 +116,14 @@ def _spin(body: str, times: FloatArray, angle: FloatArray, rate: FloatArray) -> 
 
 
 def rate_of(times: FloatArray, angle: FloatArray) -> FloatArray:
-    """(j,) derivative of angles (j,), exact for parabolas."""
+    """(j,) time derivative of angles (j,) by second-order differences, exact for parabolas."""
     return np.asarray(np.gradient(angle, times, edge_order=2 if len(times) > 2 else 1))
 
 
 def moving_bodies(run: RunResult) -> Poses:
-    """Frames that a rigid stage moved; without one those that the run solved for: in space, and in
-    a scene with contact."""
+    """Histories of the rigid coordinates of moving bodies: those of the rigid pre-simulation, or
+    without one the unknowns of the run (bodies in space; in the plane only in scenes with
+    contact)."""
     stage = run.stage()
     if stage is not None:
         return {body: (stage.times, stage.frames[body].pose) for body in sorted(stage.moves)}
@@ -130,8 +133,12 @@ def moving_bodies(run: RunResult) -> Poses:
 
 
 def positions_figure(moving: Poses) -> "Figure | None":
-    """Displacement of each frame's origin along the axes, and its turn (as Fig. 11 of the paper), a
-    panel each, as a slider goes millimetres along and micrometres down; None when nothing moves."""
+    """Displacement of each body frame's origin along the axes, and rotation, over time (as Fig. 11
+    of the paper); None if nothing moves.
+
+    One panel per direction, because their magnitudes differ: a slider moves millimetres along and
+    micrometres normal to its path.
+    """
     end = max((float(times[-1]) for times, _ in moving.values() if len(times) > 1), default=0.0)
     rows = {what: shown for what in _AXES if (shown := _moved(moving, what))}
     if end <= 0.0 or not rows:
@@ -151,7 +158,7 @@ def positions_figure(moving: Poses) -> "Figure | None":
 
 
 def _moved(moving: Poses, what: str) -> dict[str, FloatArray]:
-    """Body -> (j,) since the start, m or rad; empty where nothing moves."""
+    """Body -> (j,) displacement (m) or rotation (rad) since the start; empty if nothing moves."""
     found = {}
     for body, (_, pose) in moving.items():
         if what == "turned":
@@ -165,10 +172,11 @@ def _moved(moving: Poses, what: str) -> dict[str, FloatArray]:
 
 
 def contact_forces_figure(contacts: Mapping[str, Mapping[str, FloatArray]]) -> "Figure | None":
-    """Normal force and friction (as Fig. 10 of the paper), one panel per contact; None when there
-    is no contact or no step. contacts: as `RunResult.contacts` returns them.
+    """Normal and friction force over time (as Fig. 10 of the paper), one panel per contact; None if
+    there is no contact or no step.
 
-    The start, at which nothing may press yet, is not drawn.
+    contacts: as `RunResult.contacts` returns them. The initial time, at which contact may not be
+    established, is omitted.
     """
     end = max((float(h["time"][-1]) for h in contacts.values() if len(h["time"]) > 1), default=0.0)
     if end <= 0.0:
@@ -190,16 +198,16 @@ def contact_forces_figure(contacts: Mapping[str, Mapping[str, FloatArray]]) -> "
 
 
 def probe_temperature_figure(run: RunResult) -> "Figure | None":
-    """Temperatures of the probes (as Fig. 18 of the paper), one panel per body; None where no probe
-    has one."""
+    """Temperatures of the probes over time (as Fig. 18 of the paper), one panel per body; None if
+    no probe records a temperature."""
     columns = {name: run.probe_header(name).temperature for name in run.probes}
     return _probes(run, {name: run.probe(name)[:, column] for name, column in columns.items()
                          if column is not None}, "temperature", "K")
 
 
 def probe_displacement_figure(run: RunResult) -> "Figure | None":
-    """|u| of the probes of elastic bodies, in body axes (as Fig. 20 of the paper), one panel per
-    body; None where there is none."""
+    """Displacement magnitude |u| of the probes of elastic bodies over time (as Fig. 20 of the
+    paper), one panel per body; None if no probe records a displacement."""
     columns = {name: run.probe_header(name).displacement for name in run.probes}
     return _probes(run, {
         name: np.asarray(np.linalg.norm(run.probe(name)[:, column], axis=1))
@@ -209,7 +217,8 @@ def probe_displacement_figure(run: RunResult) -> "Figure | None":
 def _probes(
     run: RunResult, shown: Mapping[str, FloatArray], what: str, si: str
 ) -> "Figure | None":
-    """One panel per body, each with its own scale: a pad gets hotter than its disk."""
+    """Chart of the probes, one panel per body, each with its own scale, because magnitudes differ
+    between bodies."""
     if not shown or len(run.times) < 2:
         return None
     bodies: dict[str, list[str]] = {}

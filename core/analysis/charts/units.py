@@ -1,10 +1,10 @@
-"""Units in which a quantity reads well: milliseconds, micrometres, megapascals."""
+"""Units with SI prefixes for axis labels: milliseconds, micrometres, megapascals."""
 
 from typing import NamedTuple
 
 
 class Unit(NamedTuple):
-    """A value in SI units times `factor` is a number of `name`."""
+    """Unit `name`: a value in SI units times `factor` is the value in this unit."""
 
     factor: float
     name: str
@@ -13,11 +13,12 @@ class Unit(NamedTuple):
 _SMALL = ((1e9, "n"), (1e6, "µ"), (1e3, "m"), (1.0, ""))
 _LARGE = ((1e-3, "k"), (1e-6, "M"), (1e-9, "G"))
 _ONLY_SMALL = ("s", "m", "rad")
-"""Units without prefixes for large values, such as kiloseconds or megametres."""
+"""Units without prefixes for large values: no kiloseconds or megametres."""
 
 
 def unit(largest: float, si: str) -> Unit:
-    """The unit in which `largest` (SI, either sign) is between 0.5 and 500, of those in use."""
+    """Unit with the prefix for which `largest` (SI unit `si`, either sign) is between 0.5 and
+    500."""
     sizes = _SMALL if si in _ONLY_SMALL else _SMALL + _LARGE
     if largest == 0.0:
         return Unit(1.0, si)

@@ -1,4 +1,4 @@
-"""Orthographic view of a body in space: lengths across the view are true."""
+"""Orthographic view of a body in space: lengths parallel to the view plane are true."""
 
 from dataclasses import dataclass
 
@@ -9,39 +9,42 @@ from sparsemor.core.arrays import FloatArray, IntArray
 
 @dataclass(frozen=True, slots=True, eq=False)
 class View:
-    """axes (3, 3): to the right, up, and towards who looks, unit vectors in rows."""
+    """View direction. axes (3, 3): unit vectors in rows, to the right, upwards, and towards the
+    viewer."""
 
     name: str
     axes: FloatArray
 
     @classmethod
     def of(cls, name: str, azimuth: float, elevation: float) -> "View":
-        """From where the eye stands: degrees about z from x, and above the plane z = 0."""
+        """View from the direction `azimuth` (about z, from x) and `elevation` (above the plane z =
+        0), degrees."""
         a, e = np.radians([azimuth, elevation])
         right = np.array([-np.sin(a), np.cos(a), 0.0])
         towards = np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
         return cls(name, np.stack([right, np.cross(towards, right), towards]))
 
     def rotated(self, points: FloatArray) -> FloatArray:
-        """(N, 3): to the right, up, and towards the eye, m."""
+        """(N, 3) coordinates of points to the right, upwards, and towards the viewer, m."""
         return np.asarray(points @ self.axes.T)
 
 
 VIEWS = (View.of("from above", -50.0, 40.0), View.of("from below", -50.0, -40.0))
-"""Both, because a contact heats the side that may lie below."""
+"""Views from above and below, because a contact may heat the lower side."""
 LIGHT = np.array([-0.3, 0.3, 0.9]) / np.sqrt(0.99)
-"""From behind the left shoulder of who looks."""
+"""Direction of the light source, a unit vector in view axes: upper left, behind the viewer."""
 DARKEST = 0.7
-"""Brightness of what the light does not reach: colours are numbers, so shades stay weak."""
+"""Brightness of surfaces that no light reaches; close to 1, so that colours remain readable as
+values."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Surface:
-    """Contents of one panel: the visible surface of a body, in colours.
+    """Surface of a body in one panel, with the values that colour it.
 
-    corners (b, 3, 3): triangles as `View.rotated` returns them, about the middle of the panel, m;
-    values (b, 3) in the colour bar's units; low, high: its ends; colours: its name.
-    half (2,): half of the panel's width and height, m.
+    corners (b, 3, 3): corners of the triangles in view axes, relative to the centre of the panel,
+    m; values (b, 3): in the unit of the colour bar; low, high: limits of the colour scale; colours:
+    name of the colour map; half (2,): half of the panel's width and height, m.
     """
 
     corners: FloatArray
@@ -53,18 +56,19 @@ class Surface:
 
 
 def middle(points: FloatArray) -> FloatArray:
-    """(3,) middle of the box around points (N, 3)."""
+    """(3,) centre of the bounding box of points (N, 3)."""
     return np.asarray(0.5 * (points.min(axis=0) + points.max(axis=0)))
 
 
 def half_of(boxes: list[FloatArray]) -> FloatArray:
-    """(2,) half of the width and height that hold each of these clouds of points, with a margin."""
+    """(2,) half of the width and height of a panel that contains each of these point sets, with a
+    margin."""
     spans = np.array([0.5 * np.ptp(points[:, :2], axis=0) for points in boxes])
     return np.asarray(spans.max(axis=0) + 0.06 * spans.max())
 
 
 def skin(points: FloatArray, triangles: IntArray) -> IntArray:
-    """Numbers of the triangles that face the eye, the farthest first."""
+    """Indices of the triangles (E, 3) that face the viewer, in the order of decreasing distance."""
     a, b, c = (points[triangles[:, k]] for k in range(3))
     facing = np.cross(b - a, c - a)[:, 2] > 0.0
     depth = (a + b + c)[:, 2]

@@ -31,16 +31,17 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _NAMED = 6
-"""Most runs that stopped early which are named under the picture."""
+"""Maximum number of runs that stopped early and are named below the chart."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WorkPoint:
-    """One run. method: what is compared; budget: how much of it ("30/20 atoms"), or "".
+    """One run in the work-precision chart.
 
-    ms_per_step: computing time, None when no step was taken; speed_up over the reference, None
-    without a reference; errors: measure (`angle_rad`, a field, `combined`) -> largest
-    error over time; offline_seconds: before the first step.
+    method: name of the line; budget: value that varies along the line ("30/20 atoms"), or "";
+    ms_per_step: computing time, None if no step was taken; speed_up: relative to the reference,
+    None without one; errors: measure (`angle_rad`, a field, `combined`) -> maximum over time;
+    offline_seconds: time before the first step, s.
     """
 
     method: str
@@ -58,7 +59,8 @@ class WorkPoint:
 
 @dataclass(frozen=True, slots=True)
 class _Range:
-    """Limits of one panel: errors low..high between decades, and the edge for stopped runs."""
+    """Vertical limits of one panel. bottom, top: errors at whole decades; edge: position of runs
+    that stopped early."""
 
     bottom: float
     top: float
@@ -69,14 +71,14 @@ def work_precision_figure(
     points: Sequence[WorkPoint], reference: WorkPoint | None, kinds: Sequence[FieldKind],
     limit: float = LIMIT,
 ) -> "Figure | None":
-    """One panel a measure, both axes logarithmic: error against ms/step, and above the panel
-    the speed-up over the reference, whose time is a vertical line. kinds: of the runs' fields;
-    poses have a panel where no body turns by an angle.
+    """Work-precision chart: error against ms/step, both logarithmic, one panel per error measure;
+    None if no run has both a time and an error.
 
-    Points of a method are joined in the order of the numbers in their budgets; the first and the
-    last are labelled. Runs that did not
-    reach their end stand at the upper edge, hollow, and are named below; a cross marks errors above
-    `limit`. None when no run has both a time and an error.
+    The upper axis shows the speed-up over the reference, whose time is a vertical line. Points of a
+    method are joined in the order of the numbers in their budgets; the first and the last are
+    labelled. Runs that stopped early are hollow points at the upper edge, named below the chart; a
+    cross marks errors above `limit`. kinds: kinds of the runs' fields; rigid coordinates have a
+    panel of their own only if there is no error of angles.
     """
     points = [_drawn(p) for p in points]
     reference = None if reference is None else _drawn(reference)
@@ -131,9 +133,10 @@ def _lines(
     axes: Any, measure: str, points: Sequence[WorkPoint], methods: Sequence[str], alone: bool,
     limit: float,
 ) -> tuple[list[tuple[float, float, str, str]], list[FloatArray]]:
-    """Draws the points; returns (ms, error, label, colour) of each, and the lines (j, 2).
+    """Draws points and lines of one panel; returns (ms, error, label, colour) of each point, and
+    the (j, 2) vertices of each line.
 
-    Along a line the first and the last budget are labelled, or there is more text than line.
+    Along a line only the first and the last budget are labelled, to limit the amount of text.
     """
     from matplotlib.ticker import LogLocator, NullLocator
 
@@ -188,9 +191,10 @@ def _budget_order(p: WorkPoint) -> tuple[list[float], float]:
 def _time_axis(
     axes: Any, points: Sequence[WorkPoint], reference: WorkPoint | None, spare: float
 ) -> None:
-    """ms/step below; where the reference has a time, speed-up above and a line there.
+    """Logarithmic time axis (ms/step) and, where the reference has a time, an upper axis for the
+    speed-up and a vertical line at the reference.
 
-    spare: room next to the points, as a share of their span.
+    spare: margin on both sides, as a fraction of the logarithmic span of the points.
     """
     from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 

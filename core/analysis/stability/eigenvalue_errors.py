@@ -1,8 +1,8 @@
-"""Eigenvalue errors of the blocks of a reduced model against those of full order.
+"""Eigenvalue errors of the blocks of a reduced model relative to the full-order model.
 
-Each block alone: free vibration of an elastic block in a frame that stands still, K phi = w^2 M
-phi, and the decay of temperatures, K phi = s C phi. A projected pencil is symmetric, so its
-eigenvalues are real and not below the exact ones; under sampled rows they may lie anywhere.
+Each block alone: free vibration of an elastic block in a fixed frame, K phi = w^2 M phi, and
+thermal decay, K phi = s C phi. The eigenvalues of a Galerkin-projected symmetric pencil are real
+and not below the exact ones; under sampled rows they may lie anywhere in the complex plane.
 """
 
 from collections.abc import Mapping
@@ -20,19 +20,20 @@ from sparsemor.core.simulation.linearization.differences import StepMap
 from sparsemor.core.simulation.linearization.spectrum import ComplexArray, radius
 
 LOWEST = 3
-"""Eigenvalues of each block that are compared."""
+"""Number of lowest eigenvalues of each block that are compared."""
 ZERO = 1e-4
-"""A lowest eigenvalue below this share of the next one is the zero of an unconstrained or insulated
-body."""
+"""Ratio of the two lowest eigenvalues below which the lowest is the zero eigenvalue of an
+unconstrained or insulated body."""
 
 
 @dataclass(frozen=True, slots=True)
 class EigenvalueErrors:
-    """Largest over the blocks, relative; None where it cannot be computed.
+    """Largest relative eigenvalue errors over the blocks; None where they cannot be computed.
 
-    projected: of the LOWEST eigenvalues from those of the Galerkin model of the same atoms: what
-    the test map did. fields: by name, of the lowest eigenvalue that is not zero from full order:
-    what the atoms did, too. imaginary: imaginary part of an eigenvalue.
+    projected: error of the LOWEST eigenvalues relative to the Galerkin model with the same trial
+    basis, which is due to the test basis (row sampling); fields: field name -> error of the lowest
+    nonzero eigenvalue relative to full order, due to the trial and test bases; imaginary: largest
+    |Im| / |eigenvalue|.
     """
 
     projected: float | None
@@ -41,11 +42,11 @@ class EigenvalueErrors:
 
 
 def own_radii(step: StepMap) -> dict[str, float]:
-    """Spectral radius of each field's own map.
+    """Spectral radius of the time-step map of each block or field alone.
 
-    A first-order block: exactly its part of the coupled map; a second-order one in a frame that
-    stands still, where the solver can tell (`alone`); by the name of their kind: all frames, the
-    past of the other fields held.
+    For a first-order (thermal) block, its diagonal part of the coupled map; for an elastic block,
+    its map in a fixed frame, if the solver provides the block's response; under the name of the
+    rigid coordinates, the diagonal part of all frames together.
     """
     alone = _alone(step)
     found = {}
@@ -65,7 +66,11 @@ def own_radii(step: StepMap) -> dict[str, float]:
 def departure(
     step: StepMap, reference: StepMap | None, exact: Mapping[str, FloatArray]
 ) -> EigenvalueErrors:
-    """exact: block -> its lowest eigenvalues in full order, as `exact_values` gives them."""
+    """Eigenvalue errors of a reduced model, linearised as `step`.
+
+    reference: linearised Galerkin model of the same trial basis, None if it is not available;
+    exact: block -> its lowest full-order eigenvalues (`exact_values`).
+    """
     own = {name: _lowest(v) for name, v in own_values(step).items()}
     projected_values = {} if reference is None else {
         name: _lowest(v) for name, v in own_values(reference).items()}
@@ -85,7 +90,8 @@ def departure(
 
 
 def _lowest(values: ComplexArray | FloatArray) -> ComplexArray:
-    """The LOWEST by modulus; an insulated body's zero is left out, in which nothing can depart."""
+    """The LOWEST eigenvalues by modulus, without the zero eigenvalue of an unconstrained or
+    insulated body."""
     ordered = np.asarray(values[np.argsort(np.abs(values))], complex)
     if len(ordered) > 1 and abs(ordered[0]) < ZERO * abs(ordered[1]):
         ordered = ordered[1:]
@@ -93,9 +99,11 @@ def _lowest(values: ComplexArray | FloatArray) -> ComplexArray:
 
 
 def own_values(step: StepMap) -> dict[str, ComplexArray]:
-    """Block -> w^2 (1/s^2) of an elastic, s (1/s) of a thermal block, as reduced.
+    """Block -> eigenvalues of the reduced model: w^2 (1/s^2) of an elastic, s (1/s) of a thermal
+    block.
 
-    From its answer to r1 and r2: -D^-1 D_m and -D^-1 M with D = K + c1 D_m + c2 M.
+    Computed from the derivatives of the block's solution of a step by the right-hand sides r1 and
+    r2 of the integrator: -D^-1 D_m and -D^-1 M, with damping D_m and D = K + c1 D_m + c2 M.
     """
     alone, f, found = _alone(step), step.formula, {}
     for b in step.layout:
@@ -113,7 +121,8 @@ def own_values(step: StepMap) -> dict[str, ComplexArray]:
 
 
 def exact_values(model: Model, count: int = LOWEST + 1) -> dict[str, FloatArray]:
-    """Block -> its `count` lowest eigenvalues in full order, by sparse shift-invert Lanczos."""
+    """Block -> its `count` lowest full-order eigenvalues, by sparse shift-invert Lanczos
+    iteration."""
     found = {}
     for name in model.reducible():
         data = model.block_data(name)
@@ -130,5 +139,6 @@ def exact_values(model: Model, count: int = LOWEST + 1) -> dict[str, FloatArray]
 
 
 def _alone(step: StepMap) -> Mapping[str, FloatArray]:
-    """Response of each elastic block of the solver; {} for a solver without them."""
+    """Elastic block -> derivative of its solution of a step by its own right-hand sides; {} if the
+    solver does not provide it."""
     return step.solver.alone() if isinstance(step.solver, RespondsByBlock) else {}

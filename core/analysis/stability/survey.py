@@ -1,4 +1,5 @@
-"""Stability survey: number of stable seeds of each variant, printed by `sparsemor stability`."""
+"""Stability survey: number of random seeds for which each variant of a reduced model is stable
+(`sparsemor stability`)."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -53,9 +54,12 @@ UNKNOWN = EigenvalueErrors(None, {}, None)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Finding:
-    """One seed of one variant: the worst of its linearisations. own: radius of each field's own map
-    there; missed: loads and joints that act on no sampled row of a block; fields: names of all that
-    are reduced."""
+    """Stability of one variant with one seed: the worst of its linearisations along the run.
+
+    judgement: spectral radius and growth of the coupled time-step map; departure: eigenvalue
+    errors; own: spectral radius of each block or field alone; missed: number of loads and joints
+    that act on no sampled row of a block; fields: names of the reducible fields.
+    """
 
     seed: int
     judgement: Judgement
@@ -65,7 +69,7 @@ class Finding:
     fields: tuple[str, ...]
 
     def as_dict(self) -> dict[str, Any]:
-        """Plain numbers; None for what is infinite or was not computed."""
+        """Plain numbers; None for values that are infinite or were not computed."""
         j, d = self.judgement, self.departure
         numbers = {"radius": j.radius, "reference": j.reference, "growth": j.growth,
                    "gate": j.gate}
@@ -78,7 +82,7 @@ class Finding:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Entry:
-    """One variant over its seeds."""
+    """Stability of one variant for all seeds. settings: option -> value, as text."""
 
     settings: Mapping[str, str]
     findings: Sequence[Finding]
@@ -92,7 +96,7 @@ class Entry:
         return sorted(f.judgement.radius for f in self.findings)
 
     def as_dict(self) -> dict[str, Any]:
-        """Settings and sums over the seeds."""
+        """Settings, and medians and maxima over the seeds."""
         gates = [f.judgement.gate for f in self.findings]
         numbers = {"median_radius": median(self.radii), "worst_radius": max(self.radii),
                    "median_gate": median(gates), "worst_gate": max(gates)}
@@ -108,13 +112,15 @@ class Entry:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Survey:
-    """The table; `str()` prints it with the least rows that are stable for all seeds."""
+    """Stability of all variants; `str()` returns the table and the smallest numbers of sampled rows
+    that are stable for all seeds."""
 
     entries: Sequence[Entry]
 
     def least_rows(self) -> list[dict[str, str]]:
-        """For each combination of the other settings: the fewest rows from which on every
-        requested number of rows is stable for all seeds ("none" if not even the most)."""
+        """For each combination of the other settings: the smallest number of sampled rows such that
+        it and all larger requested numbers are stable for all seeds; "none" if the largest is
+        not."""
         groups: dict[tuple[str, ...], list[Entry]] = {}
         for e in self.entries:
             groups.setdefault(tuple(v for k, v in e.settings.items() if k != "rows"), []).append(e)
@@ -158,10 +164,11 @@ def survey(
     scene: Scene, plan: Plan, *, cache: Cache | None = None, observers: Sequence[object] = (),
     done: Callable[[Entry], None] = lambda entry: None,
 ) -> Survey:
-    """Linearise every seed of every variant. done: called with each entry.
+    """Linearises every variant of a scene with every seed.
 
-    Training runs and bases come from the cache, one for each integrator and step. Raises
-    InputError before anything is computed, SolveFailed where a training run fails.
+    done: called with each entry; observers: receivers of the events of training. Training runs and
+    bases are cached, one for each integrator and time step. Raises InputError before anything is
+    computed, SolveFailed if a training run fails.
     """
     chosen = list(variants(scene, plan))
     model = checked_model(scene)
@@ -196,8 +203,12 @@ def _refuse(v: Variant, model: Model, plan: Plan) -> None:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Case:
-    """Data shared by the variants of one integrator and time step: the model (whose rigid stage
-    they take part in), its offline products, and where and by what they are judged."""
+    """Data shared by the variants of one integrator and time step.
+
+    model: full-order model, with the rigid pre-simulation if there is one; offline: training run
+    and bases; states: full-order states at which variants are linearised; reference: Galerkin
+    models for comparison; exact: block -> lowest full-order eigenvalues.
+    """
 
     model: Model
     offline: Offline
@@ -214,7 +225,11 @@ class _Case:
 def _states(
     scene: Scene, model: Model, offline: Offline, times: Sequence[float] | None
 ) -> list[State]:
-    """States of linearisation: on the run of the projected model with the scene's atoms."""
+    """Full-order states of linearisation, from a run of the Galerkin-projected model with the
+    scene's trial basis.
+
+    times: s; None: as in the check before a run; only zeros: the initial state.
+    """
     start, h, integrator = consistent_state(model), scene.time.step, scene.integrator
     if times is not None and not any(times):
         return [start] * len(times)
@@ -229,7 +244,7 @@ def _states(
 
 
 def _finding(scene: Scene, case: _Case, seed: int) -> Finding:
-    """The worst of one seed's linearisations, with the growth over all of them."""
+    """The worst linearisation of one seed, with the growth summed over all linearisations."""
     h, integrator, steps = scene.time.step, scene.integrator, step_count(scene)
     fields = tuple(k.name for k in case.model.layout.kinds if k.reducible)
     try:
@@ -253,7 +268,7 @@ def _finding(scene: Scene, case: _Case, seed: int) -> Finding:
 
 
 def unsampled(solver: StepSolver) -> int:
-    """Number of loads and joints with no sampled row in a block they act on."""
+    """Number of loads and joints without a sampled row in a block they act on."""
     return sum(note.kind == "unsampled" for note in solver.notes)
 
 

@@ -1,4 +1,5 @@
-"""Variants of a scene in a stability survey."""
+"""Variants of a scene for a stability survey: combinations of integrator, time step, sampler and
+numbers of basis vectors and rows."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -17,17 +18,17 @@ from sparsemor.core.registry.plugin import Plugin
 from sparsemor.core.scene.scene import Scene
 
 Counts = tuple[int, ...]
-"""A number for each field that is reduced, in the order of blocks."""
+"""One number for each reducible field, in the order of the fields."""
 
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """Options that are varied; None keeps that of the scene. rows, atoms: one for each reduced
-    field.
+    """Values of the options that a stability survey varies; None: the value of the scene.
 
-    required: whether the rows of joints and loads are kept; steps: s; integrators: a name or
-    `{use: name, ..}`; seeds: how many, 1, 2, ..; at: times of the linearisations, s (as in `run` by
-    default: from the start to the end).
+    samplers: names; required: whether rows on which joints and localized loads act are always
+    sampled; rows, atoms: numbers of sampled rows and of active basis vectors for each reducible
+    field; steps: time steps, s; integrators: names or `{use: name, option: value}`; seeds: number
+    of seeds 1, 2, ..; at: times of linearisation, s (default: as in the check before a run).
     """
 
     samplers: Sequence[str] | None = None
@@ -42,14 +43,16 @@ class Plan:
 
 @dataclass(frozen=True, slots=True)
 class Variant:
-    """One combination as a scene, and its settings in words (for the columns of the table)."""
+    """One combination of options as a scene, and its settings as text for the columns of the
+    table."""
 
     scene: Scene
     settings: Mapping[str, str]
 
 
 def variants(scene: Scene, plan: Plan) -> Iterator[Variant]:
-    """Every combination, rows and atoms varying fastest. Raises InputError."""
+    """Scenes of every combination of the options; numbers of rows vary fastest, then basis vectors.
+    Raises InputError."""
     fields = reduced_fields(scene)
     axes = (plan.integrators, plan.steps, plan.samplers, plan.required, plan.atoms, plan.rows)
     for integrator, step, sampler, required, atoms, rows in product(*(a or [None] for a in axes)):
@@ -73,12 +76,12 @@ def variants(scene: Scene, plan: Plan) -> Iterator[Variant]:
 
 
 def reduced_fields(scene: Scene) -> tuple[str, ...]:
-    """Names of the fields that bodies of a scene may have and reducers replace."""
+    """Names of the fields that bodies of a scene may have and that can be reduced."""
     return tuple(k.name for k in scene.field_kinds if k.reducible)
 
 
 def settings(scene: Scene) -> dict[str, str]:
-    """Settings that distinguish a variant; "-" where its reducer has no such option."""
+    """Settings of a variant as text; "-" for an option that its reducer does not have."""
     reducer, options = scene.reducer, dict(scene.dump()["integrator"])
     name = options.pop("use")
     words = ", ".join(f"{k} {v:g}" if isinstance(v, float) else f"{k} {v}"
@@ -101,7 +104,8 @@ def settings(scene: Scene) -> dict[str, str]:
 
 
 def _sampler(scene: Scene, name: str | None, required: bool | None) -> Sampler:
-    """The sampler of a variant: the scene's own with its options, another with its defaults."""
+    """Sampler of a variant: the scene's own with its options, or another one with default
+    options."""
     if not isinstance(scene.reducer, SamplesRows):
         raise InputError(f"reducer {scene.reducer_name} takes no rows", "samplers")
     own, registry = scene.reducer.sampler, scene.source.registry

@@ -1,4 +1,5 @@
-"""Studies: one scene under many changes, one table. See docs/studies.md."""
+"""Studies: parameter studies of one scene, with a table of errors and costs. See
+docs/studies.md."""
 
 from sparsemor.core.analysis.study.run import StudyOutcome, run_plan, study
 

@@ -1,4 +1,4 @@
-"""Axes of a study, and the changes of each of its runs."""
+"""Axes of a study, and the changes to the scene in each of its runs."""
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
@@ -21,10 +21,11 @@ LABEL, SEED = "label", "seed"
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """One value of an axis.
+    """One value of an axis of a study.
 
-    columns: its columns of the table; changes: key -> value; owners: key -> path in the file;
-    place: path of the choice itself; details: columns of the changes of a named alternative.
+    columns: column -> value in the table; changes: key of the scene -> value; owners: key of the
+    scene -> its position in the study file; place: position of the value itself; details: columns
+    of the individual changes of a named alternative.
     """
 
     columns: Mapping[str, Any]
@@ -36,7 +37,7 @@ class Choice:
 
 @dataclass(frozen=True, slots=True)
 class Point:
-    """One run: a choice of every axis."""
+    """One combination of axis values, which defines a run."""
 
     choices: tuple[Choice, ...]
 
@@ -61,7 +62,7 @@ Axis = Sequence[Choice]
 
 
 def points_of(study: Study) -> list[Point]:
-    """Every run of a study in order, the last axis fastest. Raises `LocatedError`."""
+    """All runs of a study in order; the last axis varies fastest. Raises `LocatedError`."""
     file = study.file
     axes, findings = _axes(file)
     if file.seeds:
@@ -86,14 +87,14 @@ def points_of(study: Study) -> list[Point]:
 
 
 def setting_columns(points: Sequence[Point]) -> list[str]:
-    """Columns of changes: axes, then details of named alternatives, the seed last; a run need not
-    have them all."""
+    """Columns of the changed options: axes, then details of named alternatives, the seed last; a
+    run may lack some of them."""
     names, details = dict.fromkeys(name for p in points for name in p.settings), _details(points)
     return sorted(names, key=lambda n: (n == SEED, n in details))
 
 
 def axis_columns(points: Sequence[Point]) -> list[str]:
-    """The same without details."""
+    """Columns of the axes, without the details of named alternatives."""
     details = _details(points)
     return [n for n in setting_columns(points) if n not in details]
 
@@ -103,7 +104,7 @@ def _details(points: Sequence[Point]) -> set[str]:
 
 
 def chart_columns(file: StudyFile, points: Sequence[Point]) -> list[str]:
-    """Columns that name a line of the work-precision chart."""
+    """Columns whose values distinguish the lines of the work-precision chart."""
     if file.method:
         return [file.method] if isinstance(file.method, str) else list(file.method)
     names = [n for n in axis_columns(points) if n not in (SEED, file.budget)]
@@ -137,7 +138,7 @@ def _axes(file: StudyFile) -> tuple[list[Axis], list[Finding]]:
 
 
 def _written(file: StudyFile) -> tuple[KeyPath, Mapping[str, Any]]:
-    """Path and content of the axes in the file."""
+    """Position and content of the axes in the study file."""
     if file.grid is not None:
         return ("grid",), file.grid
     return ("random", "axes"), file.random.axes if file.random else {}
@@ -172,7 +173,7 @@ def _named(name: str, label: str, changes: dict[str, Any], place: KeyPath) -> Ch
 
 
 def _number(label: str) -> Any:
-    """`240: {...}` is a number in the table; YAML's keys are all text here."""
+    """Label of a named alternative as a number where possible: YAML keys are read as text."""
     for kind in (int, float):
         try:
             return kind(label)
@@ -195,7 +196,7 @@ def _axis_faults(name: str, values: Any, where: KeyPath) -> list[Finding]:
 
 
 def taken_names(file: StudyFile, columns: Iterable[str]) -> list[Finding]:
-    """Axes of named alternatives that are called as one of these columns of the results."""
+    """Faults of axes with named alternatives whose names equal one of these result columns."""
     where, written = _written(file)
     return [_taken(name, (*where, name)) for name, values in written.items()
             if isinstance(values, dict) and name in set(columns)]

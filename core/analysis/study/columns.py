@@ -1,4 +1,4 @@
-"""Columns of a study's table, and which of them two executions may differ in."""
+"""Columns of a study's table, and the columns that may differ between two executions."""
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
@@ -9,23 +9,24 @@ from sparsemor.core.results.error_norms import measure_names
 
 OUTCOME = ("reducer", "status", "message", "reference_status", "above_limit")
 ERROR = "error_"
-"""Prefix of the columns of errors over the run."""
+"""Prefix of the columns of maximum errors over the run."""
 SERIES = "error_over_time"
-"""Largest errors of the time span by spans of growing length."""
+"""Column of errors over time, reduced to the maxima in intervals of growing length."""
 COUNTS = ("steps", "t_end", "iterations", "atoms_all", "atoms_active", "rows_sampled",
           "factorizations", "support_changes", "elements_touched", "notes", "facts", "constant")
 TIMES = ("ms_per_step", "reference_ms_per_step", "speed_up", "offline_s", "offline_total_s",
          "offline_cache", "online_s", "pays_after", "ms_per_step_solver", "repeats", "workers")
-"""The only columns that may differ between two executions of a study."""
+"""Columns of computing times and of the machine: the only ones that may differ between two
+executions of a study."""
 
 RESERVED = frozenset({"run", *OUTCOME[1:], SERIES, *COUNTS, *TIMES})
-"""No axis may have such a name, nor that of an error. `reducer` and `seed` may be one: it then
-replaces the column."""
+"""Reserved column names, which no axis may have, nor the name of an error column. An axis may be
+named `reducer` or `seed`; it then replaces that column."""
 
 
 def error_columns(fields: Iterable[FieldKind], late: bool = True) -> tuple[str, ...]:
-    """Names of errors of these fields: over the run, from a time on (late), and in the first 2 % of
-    the time span and the rest."""
+    """Names of the error columns of these fields: maximum over the run, from a given time on (with
+    `late`), during the first 2 % of the time span, and after it."""
     prefixes = (ERROR, *(("late_",) if late else ()), "start_up_", "steady_")
     measures = measure_names(fields)
     return tuple(f"{prefix}{m}" for prefix in prefixes for m in measures)
@@ -34,7 +35,7 @@ def error_columns(fields: Iterable[FieldKind], late: bool = True) -> tuple[str, 
 def columns_of(
     settings: Sequence[str], fields: Iterable[FieldKind], late: bool, over_time: bool = False
 ) -> list[str]:
-    """Names in the order of the table."""
+    """Names of all columns in the order of the table; settings: columns of the changed options."""
     first = ["run", *settings]
     own = [*OUTCOME, "seed", *error_columns(fields, late),
            *((SERIES,) if over_time else ()), *COUNTS, *TIMES]
@@ -42,21 +43,21 @@ def columns_of(
 
 
 def cell(value: object) -> str:
-    """A value in CSV: nothing for None, JSON for what is not a number or text."""
+    """CSV text of a value: empty for None, JSON for values other than numbers and text."""
     if value is None:
         return ""
     return value if isinstance(value, str) else json.dumps(value, separators=(",", ":"))
 
 
 def fact_columns(rows: Iterable[Mapping[str, Any]]) -> list[str]:
-    """`fact.NAME` for every number that some block of some run reports."""
+    """Column names `fact.NAME` of all numbers that the step solvers report per block."""
     names = {name for row in rows for facts in (row.get("facts") or {}).values()
              for name, value in facts.items() if _is_number(value)}
     return [f"fact.{name}" for name in sorted(names)]
 
 
 def with_facts(row: Mapping[str, Any], names: Sequence[str]) -> dict[str, Any]:
-    """The row with the largest value over its blocks in each `fact.NAME`."""
+    """Row with an additional column for each `fact.NAME`: the maximum over the blocks."""
     blocks = (row.get("facts") or {}).values()
     added: dict[str, Any] = {}
     for name in names:

@@ -1,4 +1,4 @@
-"""The same jobs through an existing dask.distributed cluster."""
+"""Execution of study jobs on an existing dask.distributed cluster."""
 
 import queue
 from typing import Any, cast
@@ -9,13 +9,14 @@ from sparsemor.core.analysis.study.pools import Ended, Payload
 from sparsemor.core.errors import InputError
 
 SECONDS = 10.0
-"""How long to look for the scheduler."""
+"""Timeout of the connection to the scheduler, s."""
 
 
 class DaskPool:
-    """Jobs as tasks of the cluster at `address`, which itself repeats those whose worker dies.
+    """Pool that executes jobs as tasks of the dask cluster at `address`; dask itself repeats the
+    jobs of a lost worker.
 
-    Raises InputError when there is no scheduler, or no dask.distributed.
+    Raises InputError if no scheduler responds or dask.distributed is not installed.
     """
 
     repeats = 0
@@ -27,7 +28,7 @@ class DaskPool:
 
     @property
     def workers(self) -> int:
-        """Threads in the cluster now."""
+        """Current number of threads in the cluster."""
         return sum(int(n) for n in self._client.nthreads().values())
 
     @property

@@ -1,4 +1,4 @@
-"""The study file: which scene, what is changed, what it is measured against."""
+"""Study file: scene, changes to it that define the runs, and the reference of the errors."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -20,14 +20,14 @@ FULL = {"reducer": FULL_ORDER}
 
 
 class RandomSubset(Plugin):
-    """Some runs of a grid, drawn without repetition."""
+    """Random selection of runs of a grid, without repetition."""
 
     count: int = Field(ge=1)
-    """How many."""
+    """Number of runs."""
     seed: int = Field(default=0, ge=0)
-    """Of the draw; the runs themselves use the scene's seed."""
+    """Seed of the selection; the runs themselves use the scene's seed."""
     axes: dict[str, Any] = Field(min_length=1)
-    """The grid, as in `grid`."""
+    """Axes of the grid, as in `grid`."""
 
 
 class StudyFile(Plugin):
@@ -38,29 +38,31 @@ class StudyFile(Plugin):
     title: str = ""
     """Title of the study, for its report."""
     scene: str = Field(min_length=1)
-    """A packaged scene's name, or a scene file, relative to the study file."""
+    """Name of a packaged scene, or path of a scene file relative to the study file."""
     changes: dict[str, Any] = Field(default={}, alias="set")
-    """Changes to the scene for all runs, the reference included: dotted key -> value."""
+    """Changes to the scene for all runs, including the reference: dotted key -> value."""
     reference: Literal["fixed"] | dict[str, Any] = FULL
-    """What makes a run its own reference: dotted key -> value. `fixed`, or these changes under
+    """Changes that turn a run into its reference: dotted key -> value. `fixed`, or changes under
     the key `fixed`: one reference for all runs."""
     grid: dict[str, Any] | None = Field(default=None, min_length=1)
-    """Axis name -> values of that key, or named alternatives {label: {key: value}}; every
+    """Axis name -> list of values of that key, or named alternatives {label: {key: value}}; every
     combination is a run."""
     listed: list[dict[str, Any]] | None = Field(default=None, alias="list", min_length=1)
-    """Changes of each run, one mapping a run; its key `label` names it."""
+    """Changes to the scene for each run, one mapping per run; its key `label` is the name of the
+    run."""
     random: RandomSubset | None = None
-    """Some runs of a grid."""
+    """Random selection of runs of a grid."""
     seeds: list[int] = []
-    """Each run once with each of these seeds."""
+    """Seeds: each run is repeated with each of them."""
     method: str | list[str] = []
-    """Columns that name a line of the chart; all that vary but `budget` and the seed by default."""
+    """Columns whose values distinguish the lines of the chart; by default all that vary except
+    `budget` and the seed."""
     budget: str = ""
-    """The column along a line of the chart."""
+    """Column that varies along a line of the chart."""
     errors_from: float = Field(default=0.0, ge=0)
-    """From when on the late errors are counted, s."""
+    """Time from which the late errors are evaluated, s."""
     over_time: bool = False
-    """Keep each run's error over time, and draw it: one line a method."""
+    """Store the errors of each run over time, and draw them: one line per method."""
 
     @model_validator(mode="wrap")
     @classmethod
@@ -81,12 +83,13 @@ class StudyFile(Plugin):
 
     @property
     def fixed(self) -> bool:
-        """True if all runs have one reference."""
+        """True if all runs have the same reference."""
         return self.reference == "fixed" or "fixed" in self.reference
 
     @property
     def reference_changes(self) -> dict[str, Any]:
-        """Changes that turn a run into its reference; the reducer is `full` unless set."""
+        """Changes to a run's scene that define its reference; the reducer is `full` (full order)
+        unless set."""
         if isinstance(self.reference, str):
             return FULL
         changes = self.reference.get("fixed", self.reference)
@@ -95,7 +98,7 @@ class StudyFile(Plugin):
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """Something wrong at a place of the study file."""
+    """Fault at a position of the study file."""
 
     path: KeyPath
     message: str
@@ -103,7 +106,7 @@ class Finding:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Study:
-    """A study file that was read."""
+    """Study file after reading and validation of its form."""
 
     file: StudyFile
     source: Source
@@ -114,7 +117,8 @@ class Study:
 
     @classmethod
     def read(cls, study: str | Path, registry: Registry) -> "Study":
-        """A packaged study or a file. Raises `LocatedError` with every fault of its form."""
+        """Reads a packaged study or a study file. Raises `LocatedError` with every fault of its
+        form."""
         source = Source.read(study, registry, "study")
         try:
             read = cls(StudyFile.model_validate(source.tree), source)
@@ -126,7 +130,7 @@ class Study:
         return read
 
     def check(self, findings: Sequence[Finding]) -> None:
-        """Raise what was found, if anything was, in the order of the file."""
+        """Raises `LocatedError` with all faults, in the order of the file, if there are any."""
         if findings:
             raise self.locate(findings)
 

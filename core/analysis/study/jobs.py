@@ -1,6 +1,7 @@
-"""Jobs of a worker: a reference, offline products shared by runs, or one run.
+"""Jobs of a study: a reference run, offline products (training run and bases) shared by runs, or
+one run.
 
-Jobs and answers are plain data, so that they travel to any process or machine.
+Jobs and results are plain data that can be sent to any process or machine.
 """
 
 import logging
@@ -42,13 +43,14 @@ from sparsemor.core.status import SolveFailed, Status
 
 _log = logging.getLogger(__name__)
 REFUSED, BROKEN, DIED = "refused", "error", "worker_died"
-"""How a run can end in addition to the names of `Status`."""
+"""Outcomes of a run in addition to the values of `Status`: invalid input, exception in the code,
+lost worker."""
 
 
 def execute(job: Mapping[str, Any], registry: Registry | None = None) -> dict[str, Any]:
-    """Result of a job; failures in it are returned, not raised.
+    """Executes a job and returns its result; failures are returned in it, not raised.
 
-    Raises KeyboardInterrupt when Ctrl-C was pressed.
+    Raises KeyboardInterrupt if the user interrupts the run.
     """
     try:
         with fixed_threads():
@@ -67,7 +69,7 @@ def execute(job: Mapping[str, Any], registry: Registry | None = None) -> dict[st
 
 
 def scene_of(data: Mapping[str, Any], registry: Registry | None = None) -> Scene:
-    """The scene that `SceneData.plain` described."""
+    """Scene built from the plain data of `SceneData.plain`."""
     tree = dict(data["tree"])
     document = Document(str(data["name"]), tree)
     return build(Source(document, tree, registry or Registry(), Path(data["folder"])))
@@ -85,9 +87,11 @@ def _reference(
 def _products(
     job: Mapping[str, Any], scene: Scene, registry: Registry | None
 ) -> dict[str, Any]:
-    """Training run and bases go to the cache, by preparing one of the runs that need them.
+    """Computes the training run and bases shared by several runs, by preparing one of these runs;
+    they are stored in the cache.
 
-    Only a training run that fails is the others' failure too; the rest each run reports itself.
+    Raises SolveFailed only if the training run fails; other failures are reported by each run
+    itself.
     """
     model, offline = prepared(scene, Cache(), new_manager())
     with np.errstate(all="ignore"):
@@ -123,12 +127,13 @@ _KINDS = {"reference": _reference, "products": _products, "run": _run}
 
 
 def _reference_key(scene: Scene, model: Model) -> str:
-    """Holds identity and meshes, as the key of offline products does."""
+    """Cache key of a reference run: digest of scene, versions of code and input files, and
+    meshes."""
     return digest(scene.digest(), Identity.of(scene).plain(), mesh_content(model))
 
 
 def _remove_damaged(key: str) -> None:
-    """Removes a reference from the cache of which not every byte is as it was written."""
+    """Removes a reference run from the cache if the checksum of one of its files does not match."""
     kept = Cache().root / "reference" / key
     try:
         if (kept / "result.zarr").is_dir():
@@ -139,7 +144,7 @@ def _remove_damaged(key: str) -> None:
 
 
 def _stored_reference(scene: Scene, key: str) -> RunResult:
-    """The reference's run from the cache, or made and kept there; failed ones too."""
+    """Reference run from the cache; computed and cached if absent, also if it fails."""
     kept = Cache().root / "reference" / key
     if (kept / "result.zarr").is_dir():
         return open_result(kept)
@@ -162,7 +167,8 @@ def _stored_reference(scene: Scene, key: str) -> RunResult:
 
 @contextmanager
 def _scratch(folder: str | None) -> Iterator[Path]:
-    """A place for the result of a run, which only its measures outlive."""
+    """Context manager: temporary folder for the result of a run, of which only the error and cost
+    figures are kept."""
     if folder is not None and Path(folder).parent.is_dir():
         place = Path(folder)
         shutil.rmtree(place, ignore_errors=True)  # of an attempt that was killed

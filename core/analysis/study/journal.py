@@ -1,4 +1,4 @@
-"""Folder of a study: rows as they are computed, and the table at the end."""
+"""Output folder of a study: rows, appended as runs end, and the final table."""
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
@@ -18,15 +18,16 @@ ABOUT, LINES, CSV = "study.json", "runs.jsonl", "runs.csv"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Journal:
-    """`runs.jsonl` counts; `runs.csv` is the same for other programs, written again when the study
-    is continued."""
+    """Rows of a study on disk. `runs.jsonl` is authoritative; `runs.csv` is a copy for other
+    programs, rewritten when the study is continued."""
 
     folder: Path
     columns: tuple[str, ...]
 
     @classmethod
     def open(cls, folder: Path, plan: Plan) -> "Journal":
-        """A new study's folder, or that of the same study. Raises InputError for another's."""
+        """Journal in a new folder, or in the folder of the same study. Raises InputError if the
+        folder contains other data."""
         about = folder / ABOUT
         if about.is_file():
             try:
@@ -49,9 +50,10 @@ class Journal:
         return cls(folder, plan.columns)
 
     def rows(self, drop: Sequence[str] = ()) -> list[dict[str, Any]]:
-        """Committed rows, without an incomplete last line and without rows of a status in `drop`.
+        """Committed rows, without an incomplete last line and without rows whose status is in
+        `drop`.
 
-        Writes both files again, so that they agree.
+        Rewrites `runs.jsonl` and `runs.csv` with these rows.
         """
         lines = self.folder / LINES
         found = list(_whole_lines(lines)) if lines.exists() else []
@@ -61,15 +63,16 @@ class Journal:
         return kept
 
     def add(self, row: Mapping[str, Any]) -> None:
-        """Commit one row: on return it is on disk."""
+        """Commits one row: it is on disk when the method returns."""
         full = {name: row.get(name) for name in self.columns}
         append_synced(self.folder / LINES, _line(full).encode())
         line = csv_table(_cells(self.columns, [full]))
         append_synced(self.folder / CSV, line.encode())
 
     def write_table(self, rows: Sequence[Mapping[str, Any]], times: bool) -> list[Path]:
-        """table.csv, table.jsonl and, with pyarrow, runs.parquet: sorted by run, with a column
-        for every number among the facts. Without `times` two executions give the same bytes."""
+        """Writes table.csv, table.jsonl and, with pyarrow, runs.parquet, sorted by run, with a
+        column for every number that the step solvers report; returns their paths. Without `times`,
+        two executions give identical files."""
         facts = fact_columns(rows)
         names = [n for n in (*self.columns, *facts) if times or n not in TIMES]
         ordered = sorted(rows, key=lambda row: int(row["run"]))
@@ -81,7 +84,7 @@ class Journal:
 
 
 def is_study(folder: Path) -> bool:
-    """True if a directory is what an earlier study left."""
+    """True if a directory contains an earlier study."""
     return (folder / ABOUT).is_file()
 
 
@@ -111,7 +114,7 @@ def _replace(path: Path, text: str) -> None:
 def _write_parquet(
     path: Path, names: Sequence[str], rows: Sequence[Mapping[str, Any]]
 ) -> list[Path]:
-    """Numbers as numbers where a column holds nothing else; [] without pyarrow."""
+    """Writes a Parquet file; columns of mixed types become text. Returns [] without pyarrow."""
     try:
         import pyarrow
         from pyarrow import parquet

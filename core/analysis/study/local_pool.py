@@ -1,4 +1,4 @@
-"""Worker processes on this machine; one that dies is replaced."""
+"""Worker processes of a study on this machine; a process that dies is replaced."""
 
 import json
 import os
@@ -26,7 +26,8 @@ class _Worker:
 
 
 class LocalPool:
-    """`workers` fresh processes with one BLAS thread each; `log` gets what they print."""
+    """Pool of `workers` processes with one BLAS thread each; their output is appended to the file
+    `log`."""
 
     repeats = 3
 

@@ -1,4 +1,4 @@
-"""One run in numbers: errors, cost and counts, as the columns of a study's table."""
+"""Errors, cost and counts of one run, as columns of a study's table."""
 
 from collections.abc import Iterable
 from typing import Any
@@ -17,7 +17,11 @@ SPANS = 120
 def measured(
     run: RunResult, reference: RunResult, errors_from: float, failure: str
 ) -> dict[str, Any]:
-    """Columns of `run` against `reference`; failure: why it stopped, "" if it did not."""
+    """Columns of the table for `run`, compared with `reference`.
+
+    errors_from: time from which late errors are evaluated, s; failure: reason why the run stopped
+    early, "" if it did not.
+    """
     facts, base, summary = run_facts(run), run_facts(reference), run.summary
     errors, note, series = _errors(reference, run, errors_from)
     measures = measure_names(reference.layout.kinds)
@@ -64,8 +68,8 @@ def _errors(
 
 
 def thinned(errors: Errors, measures: Iterable[str]) -> dict[str, list[float]]:
-    """Errors over time in at most 120 points: the largest in each of spans that grow, so that the
-    start is seen step by step. `time` (s): the end of each span."""
+    """Errors over time reduced to at most 120 points: the maximum in each of intervals of growing
+    length, which start as single steps. `time` (s): end of each interval."""
     count = len(errors.times)
     ends = np.unique(np.geomspace(1, max(count - 1, 1), SPANS).round().astype(np.int64))
     ends = ends[ends < count]
@@ -78,8 +82,8 @@ def thinned(errors: Errors, measures: Iterable[str]) -> dict[str, list[float]]:
 
 
 def _cost(run: RunResult, facts: RunFacts, base: RunFacts) -> dict[str, Any]:
-    """Times. offline_s: of this run; offline_total_s: with an empty cache; pays_after: online runs
-    after which that is recovered."""
+    """Cost columns. offline_s: offline time of this run; offline_total_s: with an empty cache;
+    pays_after: number of online runs after which the latter is recovered."""
     ms, base_ms, used = facts.ms_per_step, base.ms_per_step, run.summary.get("cache", {})
     return {
         "ms_per_step": ms,

@@ -1,4 +1,5 @@
-"""Every run of a study as a validated scene, what it shares with others, and what is wrong."""
+"""Plan of a study: all runs as validated scenes, the references and offline products they share,
+and faults."""
 
 import json
 from collections.abc import Callable, Mapping
@@ -32,7 +33,7 @@ from sparsemor.core.scene.yaml_reader import KeyPath, LocatedError
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SceneData:
-    """A scene as plain data, which another process can build again."""
+    """Scene as plain data, from which another process can build it."""
 
     tree: Mapping[str, Any]
     name: str
@@ -49,8 +50,10 @@ class SceneData:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Run:
-    """One run. reference, training, products: keys of what it shares ("" for nothing);
-    is_reference: it is its own reference; refused: why there is nothing to run."""
+    """One run of a study. settings: column -> value; reference, training, products: keys of the
+    reference run, training run and bases that it shares with other runs ("" for none);
+    is_reference: True if the run is its own reference; refused: reason why its scene is invalid, ""
+    if it is valid."""
 
     number: int
     settings: Mapping[str, Any]
@@ -66,11 +69,11 @@ class Run:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Plan:
-    """All runs and the references they are measured against, by key.
+    """All runs of a study, and key -> scene of the references they are compared with.
 
-    columns: of the table; settings: those of changes; axes: those without the details of named
-    alternatives; lines: those that name a line of the chart; fields: kinds that the bodies may
-    have.
+    columns: of the table; settings: columns of the changed options; axes: those without the details
+    of named alternatives; lines: columns that distinguish the lines of the chart; digest: of
+    everything that determines the results; fields: kinds of fields that the bodies may have.
     """
 
     study: Study
@@ -85,10 +88,11 @@ class Plan:
 
     @classmethod
     def of(cls, study: str | Path, registry: Registry | None = None) -> "Plan":
-        """Raises `LocatedError` with every fault; nothing is written or run.
+        """Plan of a study file or packaged study. Raises `LocatedError` with every fault; nothing
+        is written or run.
 
-        A choice that no run can take is a fault of the file; one that only some combinations
-        refuse leaves those runs refused.
+        A value that is invalid in every run is a fault of the file; a value that is invalid only in
+        some combinations makes these runs refused.
         """
         plugins = registry or Registry()
         read = Study.read(study, plugins)
@@ -112,7 +116,8 @@ class Plan:
 
 @dataclass(slots=True)
 class _Maker:
-    """Builds runs, remembers what failed where, and builds no reference twice."""
+    """Builder of the runs of a study: collects the faults with their positions and builds each
+    reference once."""
 
     study: Study
     base: Source
@@ -154,13 +159,14 @@ class _Maker:
                    own, training, digest(training, bases) if training else "")
 
     def _followed(self, changes: Mapping[str, Any]) -> dict[str, Any]:
-        """The changes of a run that its reference shares."""
+        """Changes of a run that also apply to its reference."""
         if self.study.file.fixed:
             return {}
         return {k: v for k, v in changes.items() if split(k)[0] not in NOT_PHYSICS}
 
     def _reference(self, number: int, point: Point) -> tuple[str, dict[str, Any]] | str:
-        """(key, dump) of a run's reference, or why there is none."""
+        """(key, scene as plain data) of a run's reference, or the reason why its scene is
+        invalid."""
         owners = point.owners | {
             k: self._reference_place(k) for k in self.study.file.reference_changes}
         source = self.base
@@ -191,7 +197,8 @@ class _Maker:
     def _blame(
         self, number: int, error: InputError, source: Source, owners: Mapping[str, KeyPath]
     ) -> str:
-        """Keeps who is to blame for the faults of a run; returns them in words."""
+        """Records the positions in the study file that cause the faults of a run; returns the
+        faults as text."""
         words = []
         for fault in error.faults:
             label, option = source.origin(fault.key) or ("", "")
@@ -211,7 +218,7 @@ class _Maker:
         return "; ".join(words)
 
     def never_valid(self, points: list[Point]) -> list[Finding]:
-        """Findings at choices that no run could take."""
+        """Faults of axis values that are invalid in every run that uses them."""
         found: dict[KeyPath, list[Finding]] = {}
         for n, findings in self.blamed.items():
             for f in findings:
@@ -225,7 +232,7 @@ class _Maker:
         return never_valid
 
     def check_scene(self, count: int) -> None:
-        """Raise the scene file's own faults when no run got past them."""
+        """Raises the faults of the scene file itself if all runs have them."""
         runs = len(self.scene_lines)
         if runs and runs == count:
             lines = list(dict.fromkeys(x for found in self.scene_lines.values() for x in found))
@@ -233,7 +240,7 @@ class _Maker:
 
 
 def _training_key(scene: Scene) -> str:
-    """Digest of all that the training run of a scene depends on; "" where it has none."""
+    """Digest of all data that determine the training run of a scene; "" if it has none."""
     try:
         training, physics = training_physics(scene)
     except InputError:
@@ -242,13 +249,14 @@ def _training_key(scene: Scene) -> str:
 
 
 def _compared(dump: Mapping[str, Any]) -> dict[str, Any]:
-    """The part of a full-order scene that its unknowns depend on."""
+    """Options of a full-order scene on which its unknowns depend."""
     return {k: v for k, v in dump.items() if k not in NOT_PHYSICS} | {
         "reducer": dump["reducer"], "output": dump["output"]}
 
 
 def _scene_of(study: Study, registry: Registry) -> Source:
-    """The scene with `set` applied; faults at the study's keys."""
+    """Scene of the study with the changes under `set` applied; faults are located at the study's
+    keys."""
     named = study.file.scene
     neighbour = Path(study.source.document.name).parent / named
     if registry.has("scene", named):

@@ -1,4 +1,4 @@
-"""Pools of workers: this process, or others (local_pool.py, dask_pool.py)."""
+"""Worker pools of a study: this process, or other processes (local_pool.py, dask_pool.py)."""
 
 from collections import deque
 from collections.abc import Mapping
@@ -13,7 +13,7 @@ Payload = Mapping[str, Any]
 
 @dataclass(frozen=True, slots=True)
 class Ended:
-    """A job's answer, or how its worker died (then `answer` is None)."""
+    """Result of a job; if its worker died, `answer` is None and `death` the cause."""
 
     name: str
     answer: dict[str, Any] | None
@@ -21,8 +21,11 @@ class Ended:
 
 
 class Pool(Protocol):
-    """workers: how many, as the table says it (0: this process); slots: jobs it takes at a time;
-    repeats: how often a job is given out again whose worker died."""
+    """Workers that execute the jobs of a study.
+
+    workers: number of workers for the table (0: this process); slots: maximum number of submitted
+    jobs; repeats: how often a job is repeated after its worker died.
+    """
 
     @property
     def workers(self) -> int: ...
@@ -32,16 +35,16 @@ class Pool(Protocol):
     def repeats(self) -> int: ...
     def submit(self, name: str, job: Payload) -> None: ...
     def next(self, timeout: float) -> Ended | None:
-        """The next end of a job, or None after `timeout` s."""
+        """Next completed job, or None after `timeout` s."""
         ...
 
     def close(self) -> None:
-        """Stop, with whatever is running."""
+        """Stops all workers, including running jobs."""
         ...
 
 
 class SerialPool:
-    """The jobs run in this process, one after the other."""
+    """Pool without workers: jobs are executed one after the other in this process."""
 
     workers, slots, repeats = 0, 1, 0
 

@@ -1,4 +1,4 @@
-"""Progress of a study on standard error: a bar in a terminal, lines elsewhere."""
+"""Progress of a study on standard error: a progress bar in a terminal, otherwise lines."""
 
 import sys
 from collections.abc import Iterator
@@ -13,7 +13,7 @@ from sparsemor.core.analysis.study.scheduler import Row, State
 
 @contextmanager
 def shown(plan: Plan, quiet: bool) -> Iterator[Watch]:
-    """Receiver of the progress that `run_plan` reports."""
+    """Context manager: callback that displays the progress of a study; silent with `quiet`."""
     if quiet:
         yield lambda state, row: None
     elif sys.stderr.isatty():
@@ -24,7 +24,7 @@ def shown(plan: Plan, quiet: bool) -> Iterator[Watch]:
 
 
 def in_words(state: State) -> str:
-    """`12/216 done, 2 running, 1 failed, 3 min left`."""
+    """Progress as text, such as `12/216 done, 2 running, 1 failed, 3 min left`."""
     parts = [f"{state.done}/{state.total} done", f"{state.running} running",
              f"{state.failed} failed"]
     if state.seconds_left is not None:
@@ -33,7 +33,7 @@ def in_words(state: State) -> str:
 
 
 def duration(seconds: float) -> str:
-    """`40 s`, `12 min`, `3.5 h`."""
+    """Duration as text, such as `40 s`, `12 min`, `3.5 h`."""
     if seconds < 99.5:
         return f"{seconds:.0f} s"
     return f"{seconds / 60:.0f} min" if seconds < 5970 else f"{seconds / 3600:.1f} h"

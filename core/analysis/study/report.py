@@ -1,4 +1,4 @@
-"""A study's table for people: text on the screen, the work-precision chart."""
+"""Report of a study: text table and work-precision chart."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -20,13 +20,13 @@ if TYPE_CHECKING:
     from sparsemor.core.results.error_norms import Errors
 
 SHOWN = 60
-"""Most rows on a screen; the files have all."""
+"""Maximum number of rows of the text table; the files contain all rows."""
 CHART = "work_precision"
 _DECIMAL = {"ms_per_step": ".3g", "speed_up": ".3g"}
 
 
 def in_words(plan: Plan, rows: Sequence[Mapping[str, Any]]) -> str:
-    """The table with the columns that people look at first, and how the runs ended."""
+    """Text table of the most important columns, and numbers of runs by status."""
     errors = _errors(plan)
     names = ["run", *plan.axes, "status", "ms_per_step", "speed_up",
              *(n for n in [*errors][1:] if any(row.get(n) is not None for row in rows))]
@@ -38,7 +38,8 @@ def in_words(plan: Plan, rows: Sequence[Mapping[str, Any]]) -> str:
 
 
 def counted(plan: Plan, rows: Sequence[Mapping[str, Any]]) -> str:
-    """`24 runs: 20 done (2 with an error above 0.1), 3 diverged, 1 refused`."""
+    """Numbers of runs by status, such as `24 runs: 20 done (2 with an error above 0.1), 3 diverged,
+    1 refused`."""
     by_status = Counter(str(row["status"]) for row in rows)
     above = Counter(str(row["status"]) for row in rows if row.get("above_limit"))
     words = [f"{n} {status}" + (
@@ -50,10 +51,10 @@ def counted(plan: Plan, rows: Sequence[Mapping[str, Any]]) -> str:
 
 
 def work_points(plan: Plan, rows: Sequence[Mapping[str, Any]]) -> "list[WorkPoint]":
-    """Points of the work-precision chart; a line is named by the study's `method` columns.
+    """Points of the work-precision chart; the study's `method` columns distinguish the lines.
 
-    Runs that differ in the seed only are one point: median times, largest errors. Those of them
-    that stopped are another, with the status of the first.
+    Runs that differ only in the seed are combined into one point with median times and maximum
+    errors; those of them that stopped early form a separate point with the status of the first.
     """
     statuses = {s.value for s in Status}
     groups: dict[tuple[str, str, bool], list[Mapping[str, Any]]] = {}
@@ -69,7 +70,7 @@ def work_points(plan: Plan, rows: Sequence[Mapping[str, Any]]) -> "list[WorkPoin
 
 
 def _errors(plan: Plan) -> dict[str, str]:
-    """Columns of errors over whole runs -> the measure."""
+    """Column name -> error measure, for the errors over whole runs."""
     return {f"{ERROR}{m}": m for m in measure_names(plan.fields)}
 
 
@@ -89,8 +90,8 @@ def _point(
 
 
 def draw(done: StudyOutcome) -> list[Path]:
-    """work_precision and, where the study asks for it, error_over_time, PNG and SVG, in the study's
-    folder; [] when there is nothing to draw."""
+    """Writes the charts work_precision and, if the study requests it, error_over_time as PNG and
+    SVG to the study's folder; returns their paths."""
     from sparsemor.core.analysis.charts import FORMATS, error_over_time_figure
     from sparsemor.core.analysis.charts.style import save
     from sparsemor.core.analysis.charts.work_precision import work_precision_figure
@@ -107,8 +108,11 @@ def draw(done: StudyOutcome) -> list[Path]:
 def over_time(
     plan: Plan, rows: Sequence[Mapping[str, Any]]
 ) -> "tuple[dict[str, Errors], dict[str, Status]]":
-    """Errors over time and status by method: of runs that differ in the seed only the first that
-    stopped, else the one with the largest combined error."""
+    """Method -> errors over time, and method -> status.
+
+    Of runs that differ only in the seed: the first that stopped early, otherwise the one with the
+    largest combined error.
+    """
     from sparsemor.core.results.error_norms import Errors
 
     chosen: dict[str, Mapping[str, Any]] = {}
@@ -132,7 +136,8 @@ def _rank(row: Mapping[str, Any]) -> tuple[bool, float]:
 
 
 def _reference(rows: Sequence[Mapping[str, Any]]) -> "WorkPoint | None":
-    """The one reference of all rows; several have no one line in the chart."""
+    """Point of the reference in the work-precision chart; None if the runs have several
+    references."""
     from sparsemor.core.analysis.charts.work_precision import WorkPoint
 
     found = {(row["reference_ms_per_step"], row["reference_status"]) for row in rows
@@ -144,7 +149,7 @@ def _reference(rows: Sequence[Mapping[str, Any]]) -> "WorkPoint | None":
 
 
 def _reasons(rows: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Each message once, with the first run that gave it."""
+    """Lines with each distinct message and the first run that returned it."""
     first: dict[str, Any] = {}
     for row in rows:
         if row["message"]:
@@ -155,7 +160,7 @@ def _reasons(rows: Sequence[Mapping[str, Any]]) -> list[str]:
 
 
 def _text(name: str, row: Mapping[str, Any], measure: str | None) -> str:
-    """A cell of the table; measure: of the error in this column."""
+    """Text of a table cell; measure: error measure of the column, None if it is not an error."""
     value = row.get(name)
     if value is None:
         return "-"

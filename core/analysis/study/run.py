@@ -18,12 +18,13 @@ from sparsemor.core.results.output_directory import OutputDirectory
 from sparsemor.core.status import Status
 
 Watch = Callable[[State, Row | None], None]
-"""Called after each run with its row, and with None from time to time."""
+"""Callback for progress: called after each run with its row, and repeatedly with None while jobs
+run."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StudyOutcome:
-    """A study whose every run has its row, sorted by run; `files`: what was written at the end."""
+    """Completed study: one row per run, sorted by run. files: tables written at the end."""
 
     plan: Plan
     folder: Path
@@ -39,12 +40,12 @@ def study(
     file: str | Path, *, out: str | Path | None = None, workers: int = 0, scheduler: str = "",
     times: bool = True, registry: Registry | None = None,
 ) -> list[Row]:
-    """Conduct a study and return its table: one mapping a run, in order.
+    """Executes a study and returns its table: one mapping per run, in order.
 
-    file: a packaged study's name or a path. out: the folder, `runs/NAME` by default; the
-    same call again goes on with what is left. workers: processes on this machine, 0 for none;
-    scheduler: address of a dask.distributed cluster. times: whether the table has the columns
-    that depend on the machine. Raises InputError, before anything is written.
+    file: name of a packaged study, or path; out: output folder, by default `runs/NAME`, where a
+    repeated call continues an incomplete study; workers: number of processes on this machine, 0 for
+    none but this process; scheduler: address of a dask.distributed cluster; times: include the
+    columns that depend on the machine. Raises InputError before anything is written.
     """
     plan = Plan.of(file, registry)
     done = run_plan(plan, out=out, workers=workers, scheduler=scheduler, times=times,
@@ -57,10 +58,10 @@ def run_plan(
     times: bool = True, force: bool = False, registry: Registry | None = None,
     watch: Watch = lambda state, row: None,
 ) -> StudyOutcome:
-    """As `study`, with a plan that was made already, and informed of progress.
+    """Executes a prepared study plan, with a callback for progress; other arguments as in `study`.
 
-    KeyboardInterrupt leaves what was committed; `force` replaces an earlier study. Raises
-    InputError when another run has the folder.
+    After a KeyboardInterrupt the committed rows remain; `force` replaces an earlier study. Raises
+    InputError when another run has locked the folder.
     """
     if workers < 0:
         raise InputError(f"at least 0, for none but this process (got {workers})", "workers")
@@ -98,7 +99,7 @@ def _cluster(address: str) -> Pool:
 def _pool(
     workers: int, cluster: Pool | None, folder: Path, registry: Registry | None
 ) -> Iterator[tuple[Pool, str | None]]:
-    """Pool of workers, and a folder that they share (None: no common one is certain)."""
+    """Context manager: pool of workers, and a folder that they share (None for a cluster)."""
     if cluster is not None:
         yield cluster, None
         return

@@ -1,6 +1,7 @@
-"""Gives out the jobs of a study: references and offline products first, then the runs.
+"""Scheduler of a study's jobs: reference runs and shared offline products first, then the runs.
 
-A run waits for what it shares with others, so that nothing shared is made twice at a time.
+A run waits for the reference and offline products that it shares with others, so that nothing is
+computed twice.
 """
 
 import heapq
@@ -21,7 +22,8 @@ Answer = dict[str, Any]
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """Progress of a study. seconds_left: None while it cannot be estimated."""
+    """Progress of a study: numbers of runs. seconds_left: estimated remaining time, None while it
+    cannot be estimated."""
 
     total: int
     done: int
@@ -35,7 +37,8 @@ Kind = Literal["reference", "products", "run"]
 
 @dataclass(frozen=True, slots=True)
 class _Job:
-    """A job of a kind for the key of what it computes; run: one that needs it."""
+    """Job that computes the item `key` of a kind. after: names of jobs it depends on; run: a run
+    that needs the item."""
 
     kind: Kind
     key: str
@@ -48,8 +51,11 @@ class _Job:
 
 
 class Schedule:
-    """One pass through the runs that are left. `scratch`: a folder for results that only the
-    workers see, or None."""
+    """Execution of the remaining runs of a study, in the order of their dependencies.
+
+    left: runs without a row; earlier: rows of earlier executions; scratch: temporary folder for
+    results that all workers can access, or None.
+    """
 
     def __init__(
         self, plan: Plan, left: Sequence[Run], pool: Pool, earlier: Sequence[Mapping[str, Any]],
@@ -76,8 +82,8 @@ class Schedule:
         return State(len(self._plan.runs), self._done, self._failed, len(self._flying), seconds)
 
     def go(self, commit: Callable[[Row], None], watch: Callable[[State, Row | None], None]) -> None:
-        """Until every run has its row. `commit` gets each row; `watch` is called after it, and
-        from time to time."""
+        """Executes jobs until every run has its row. `commit`: called with each row; `watch`:
+        called with the progress after each row, and repeatedly while jobs run."""
         self._commit, self._watch = commit, watch
         while self._ready or self._flying:
             while self._ready and len(self._flying) < self._pool.slots:
@@ -154,7 +160,8 @@ class Schedule:
         return own | answer | dict(run.settings)
 
     def _spoils(self, name: str) -> Answer | None:
-        """Jobs that cannot run because `name`, which they depend on, failed."""
+        """Result for jobs that depend on the job `name`, if its failure prevents them; otherwise
+        None."""
         answer = self._answers[name]
         kind, status = self._jobs[name].kind, answer["status"]
         if kind == "reference" and "key" not in answer:
@@ -166,7 +173,7 @@ class Schedule:
 
 
 def _jobs_of(runs: Sequence[Run]) -> list[_Job]:
-    """References, then offline products that several runs share, then the runs."""
+    """Jobs in order: reference runs, offline products shared by several runs, runs."""
     possible = [run for run in runs if not run.refused]
     references = {run.reference: run for run in reversed(possible)}
     trained: dict[str, list[Run]] = {}

@@ -1,6 +1,7 @@
-"""Worker process of a study, `python -m` this module: one job per line in, one answer out.
+"""Worker process of a study (`python -m` this module): reads one job per line of its standard input
+and writes one result per line.
 
-It ends when its input does, so it does not outlive the process that started it.
+It exits at the end of its input, and thus with the process that started it.
 """
 
 import json
@@ -12,7 +13,7 @@ import threading
 
 
 def main() -> None:
-    """Answer jobs until the input ends."""
+    """Executes jobs until the end of standard input."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the process that gives out jobs
     answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)  # what plugins print is no answer

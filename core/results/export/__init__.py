@@ -17,7 +17,7 @@ from sparsemor.core.results.run_result import RunResult
 
 
 class Series(Protocol):
-    """The files of one body, written time by time and completed by `close`."""
+    """Writer of the files of one body: `write` for each time, then `close` completes the files."""
 
     file: Path
 
@@ -31,10 +31,8 @@ _WRITERS: Mapping[str, Callable[[Path, str, IntArray], Series]] = {
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Exported:
-    """Written export: body -> the file to open, body -> fields in it, and at which times, s.
-
-    notes: requested fields that a body does not have.
-    """
+    """Files of an export. files: body -> file to open; fields: body -> names of its fields; times:
+    exported times, s; notes: requested fields that a body does not have."""
 
     folder: Path
     files: dict[str, Path]
@@ -48,13 +46,14 @@ def export(
     fields: Sequence[str] | None = None, at: Sequence[float] | None = None, every: int = 1,
     force: bool = False,
 ) -> Exported:
-    """Write the bodies where they are, with displacement (m, space axes) and temperature (K).
+    """Writes the deformed bodies in space, with displacement (m, space axes) and temperature (K) at
+    the nodes.
 
-    One file to open a body: `body.pvd` with a .vtu a time, or `body.xdmf` with raw numbers
-    next to it. Without `at` (s) every stored step is written, or each `every`-th; with it, the
-    stored steps next to these times. One time after the other is held in memory.
-    Raises InputError, having written nothing, for what the run does not have, and where `folder`
-    holds something; `force` replaces an earlier export.
+    One file to open per body: `body.pvd` with one .vtu file per time, or `body.xdmf` with binary
+    data next to it. Every `every`-th stored step is written, or with `at` (s) the stored steps
+    closest to these times. Only one time is in memory at once. `force` replaces an earlier export.
+    Raises InputError, before anything is written, for a format, body, field or time that does not
+    exist and for a `folder` that is not empty.
     """
     plan = plan_export(run, format, bodies, fields, at, every)
     target = Path(folder).absolute()
@@ -84,7 +83,7 @@ def _write(run: RunResult, plan: ExportPlan, body: str, folder: Path) -> str:
 
 
 def _is_export(folder: Path) -> bool:
-    """True if all that is in it are series and their folders."""
+    """True if the folder contains exported time series only."""
     inside = list(folder.iterdir()) if folder.is_dir() else []
     series = {p.stem for p in inside if p.suffix in (".pvd", ".xdmf")}
     return bool(series) and {p.stem for p in inside} == series

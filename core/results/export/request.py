@@ -1,4 +1,4 @@
-"""Request of an export, checked before anything is written."""
+"""Validation of an export request, before anything is written."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -11,12 +11,13 @@ from sparsemor.core.results.run_result import RunResult
 
 FORMATS = ("vtu", "xdmf")
 FIELDS = {q.value: q for q in (Quantity.DISPLACEMENT, Quantity.TEMPERATURE)}
-"""Names of fields in files, and the quantity of the blocks that they are made of."""
+"""Field name in the files -> physical quantity of the unknowns."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ExportPlan:
-    """steps (j,): stored steps, increasing. fields: body -> names of its fields."""
+    """Validated export request. steps (j,): indices of the stored steps, increasing; fields: body
+    -> names of its fields; notes: requested fields that a body does not have."""
 
     format: str
     steps: IntArray
@@ -28,7 +29,8 @@ def plan_export(
     run: RunResult, format: str, bodies: Sequence[str] | None, fields: Sequence[str] | None,
     at: Sequence[float] | None, every: int,
 ) -> ExportPlan:
-    """Raises InputError with every fault found."""
+    """Validated export request; `bodies`, `fields`, `at` (s) None: all. Raises InputError with
+    every fault found."""
     if not run.bodies:
         raise InputError("no body of this run has a mesh: there are no points to write")
     if len(run.times) == 0:
@@ -77,8 +79,10 @@ def _fields(fields: Sequence[str] | None) -> tuple[str, ...]:
 def _by_body(
     run: RunResult, bodies: Sequence[str], wanted: Sequence[str], required: bool
 ) -> tuple[dict[str, tuple[str, ...]], tuple[str, ...]]:
-    """Fields of each body, and a note for each requested one that is absent. required: whether one
-    at least must be there."""
+    """Body -> names of the requested fields that it has, and a note for each field that is absent.
+
+    required: raise InputError if no body has a requested field.
+    """
     found = {body: tuple(f for f in wanted if run.layout.of(body, FIELDS[f]) is not None)
              for body in bodies}
     missing = tuple(f"{body} has no {field}: the run did not solve for it"

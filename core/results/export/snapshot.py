@@ -1,4 +1,5 @@
-"""One body at one time, as other programs take it: three coordinates, space axes."""
+"""Snapshot of one body at one time in three coordinates and space axes, as visualization programs
+require."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -11,15 +12,19 @@ from sparsemor.core.results.run_result import RunResult
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Frame:
-    """points (N, 3): where the points are, m; fields: name -> (N,) or (N, 3)."""
+    """Snapshot of one body. points (N, 3): current node positions, m; fields: name -> (N,) or (N,
+    3) nodal values."""
 
     points: FloatArray
     fields: Mapping[str, FloatArray]
 
 
 def frame_at(run: RunResult, body: str, step: int, fields: Sequence[str]) -> Frame:
-    """Points at R + A (X + u); the displacement is A u, so that what warps points by it magnifies
-    the deformation. Plane bodies lie in z = 0."""
+    """Snapshot of a body: nodes at R + A (X + u), displacement A u in space axes, temperature.
+
+    Warping the points by the displacement field magnifies the deformation. Planar bodies lie in z =
+    0.
+    """
     u = run.nodal_displacement(body, step)
     values: dict[str, FloatArray] = {}
     if "displacement" in fields:
@@ -30,5 +35,5 @@ def frame_at(run: RunResult, body: str, step: int, fields: Sequence[str]) -> Fra
 
 
 def _in_three(vectors: FloatArray) -> FloatArray:
-    """(N, 3) of (N, 2) or (N, 3)."""
+    """(N, 3) vectors: (N, 2) vectors padded by zeros, (N, 3) vectors unchanged."""
     return np.ascontiguousarray(np.pad(vectors, ((0, 0), (0, 3 - vectors.shape[1]))))

@@ -1,4 +1,4 @@
-"""VTK's XML files: an unstructured grid a time, and a collection (.pvd) that names them."""
+"""VTK XML files: one unstructured grid (.vtu) per time, and a collection (.pvd) that lists them."""
 
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
@@ -10,7 +10,7 @@ _NAMES = {3: "triangle", 4: "tetra"}
 
 
 class VtuSeries:
-    """`body.pvd`, and `body/body_STEP.vtu` with float64 numbers, compressed."""
+    """Writer of `body.pvd` and `body/body_STEP.vtu` (compressed float64 data)."""
 
     def __init__(self, folder: Path, body: str, cells: IntArray) -> None:
         self.file = folder / f"{body}.pvd"

@@ -1,7 +1,7 @@
-"""XDMF 3: one text file that says which raw numbers, in files next to it, are what and when.
+"""XDMF 3: a text file that describes binary data files by name, shape and time.
 
-Written here and not by `meshio.xdmf.TimeSeriesWriter`, which keeps the points where they were at
-the start and puts its raw files into the working directory.
+`meshio.xdmf.TimeSeriesWriter` is not used because it keeps the points at their initial positions
+and writes its data files to the working directory.
 """
 
 from pathlib import Path
@@ -16,7 +16,8 @@ _TOPOLOGY = {3: "Triangle", 4: "Tetrahedron"}
 
 
 class XdmfSeries:
-    """`body.xdmf`, and in `body/` little-endian numbers: cells once, the rest for each step."""
+    """Writer of `body.xdmf` and little-endian binary files in `body/`: cells once, points and
+    fields per step."""
 
     def __init__(self, folder: Path, body: str, cells: IntArray) -> None:
         self.file = folder / f"{body}.xdmf"
@@ -45,7 +46,7 @@ class XdmfSeries:
             *self._grids, "</Grid>", "</Domain>", "</Xdmf>", ""]), encoding="utf-8")
 
     def _item(self, name: str, values: NDArray[np.generic]) -> str:
-        """Writes the numbers; returns the element that points at them."""
+        """Writes an array to a binary file and returns the XML element that refers to it."""
         place = f"{self._body}/{name}.bin"
         integers = values.dtype.kind == "i"
         stored = values.astype("<i4" if integers else "<f8")

@@ -1,4 +1,5 @@
-"""Joint forces that alternate from step to step, which is numerical and not physical."""
+"""Joint forces that alternate from step to step, a numerical oscillation without physical
+meaning."""
 
 import numpy as np
 
@@ -8,24 +9,23 @@ from sparsemor.core.protocols.layout import Layout, Quantity
 from sparsemor.core.results.run_result import RunResult
 
 LAST = 20
-"""Steps at the end of a run that are looked at."""
+"""Number of steps at the end of a run that are examined."""
 LIMIT = 0.1
-"""Amplitude, relative to the joint's forces, from which on it is noted."""
+"""Amplitude, relative to the joint's largest force, above which there is a warning."""
 SMALL = 1e-6
 """Joint forces below this share of the largest in the scene are round-off."""
 
 
 def joints_with_forces(layout: Layout) -> tuple[str, ...]:
-    """Names of the joints whose forces are unknowns. The multiplier of a quaternion's length is
-    not a joint's."""
+    """Names of the joints whose constraint forces (Lagrange multipliers) are unknowns. The
+    multiplier that keeps a quaternion at unit length does not belong to a joint."""
     return tuple(b.owner for b in layout
                  if b.kind.order == 0 and layout.of(b.owner, Quantity.POSE) is None)
 
 
 def alternating_forces(result: RunResult) -> tuple[Note, ...]:
-    """A note for each joint whose stored forces alternate about their course over the last steps.
-
-    Nothing where not every step was stored, or too few."""
+    """Warning for each joint whose stored forces alternate about their mean course over the last
+    steps; none if not every step was stored, or too few."""
     if result.scene["output"]["every"] != 1 or len(result.times) < LAST + 3:
         return ()
     last = slice(len(result.times) - LAST - 2, len(result.times))
@@ -42,10 +42,11 @@ def alternating_forces(result: RunResult) -> tuple[Note, ...]:
 
 
 def alternation(forces: FloatArray) -> float:
-    """Largest amplitude of an alternating sequence in forces (m, l) over their largest size.
+    """Largest amplitude of the alternating part of joint forces (m, l) in m steps, relative to
+    their largest absolute value.
 
-    The second differences of a sequence c + (-1)^k A are 4 A in size and change sign in every step;
-    a component counts where all of them do, by their median.
+    The second differences of a sequence c + (-1)^k A are 4 A in size and change sign in every step.
+    A component counts if all its second differences change sign; their median gives its amplitude.
     """
     bends = forces[2:] - 2.0 * forces[1:-1] + forces[:-2]
     flips = np.all(bends[1:] * bends[:-1] < 0.0, axis=0)

@@ -1,6 +1,5 @@
-"""Doubts about a finished run, as notes: surfaces that never met, which is most often a mistake of
-the scene, contact forces that do not settle, joint forces that alternate, and temperatures that
-nothing could cool to."""
+"""Warnings about a finished run: contacts that never closed, which is most often a mistake in the
+scene, chattering contact forces, alternating joint forces, and temperature undershoot."""
 
 import numpy as np
 
@@ -15,9 +14,9 @@ from sparsemor.core.simulation.diagnostics.undershoot import undershoot
 
 
 def contact_warnings(model: Model, result: RunResult) -> tuple[Note, ...]:
-    """Notes on contacts that never closed, by the motion of the rigid stage or the stored steps;
-    whose forces do not settle, or whose surfaces pass each other in too few steps, by all steps;
-    on joints whose forces alternate, and on bodies whose temperature undershoots."""
+    """Warnings about contacts that never closed, evaluated along the rigid-body pre-simulation or
+    the stored steps; about contact forces that chatter and surfaces that pass each other in too few
+    steps, if all steps are available; about alternating joint forces and temperature undershoot."""
     texts = [part.missed(_motion(model, result)) for part in model.parts.values()
             if isinstance(part, ReportsNoContact)]
     if model.stage is not None or result.scene["output"]["every"] == 1:

@@ -1,4 +1,5 @@
-"""Estimated states of a run without training: heat in coarse time steps, static displacements."""
+"""Estimated states of a run without training: coarse transient heat conduction and static
+displacements."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,14 +13,16 @@ from sparsemor.core.protocols.load_tables import LoadTable
 from sparsemor.core.protocols.separable import Amplitude, ElasticOperators, HeatBody
 
 COUNT = 24
-"""Coarse time steps over the run."""
+"""Number of coarse time steps over the run."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ExpectedStates:
-    """states (n, M): the start, then estimates at M - 1 later times. responses (n, j): static
-    displacements under unit loads whose size is not known before the run (inertia and joint
-    forces); names (j,): what these are."""
+    """Estimated states (n, M) of one block: the initial state, then estimates at M - 1 later times.
+
+    responses (n, j): static displacements under unit loads whose size is not known before the run
+    (inertia and joint forces); names (j,): those loads.
+    """
 
     states: FloatArray
     responses: FloatArray
@@ -29,12 +32,14 @@ class ExpectedStates:
 def expected_states(
     model: AssembledModel, name: str, step: StepFactors, end: float
 ) -> ExpectedStates:
-    """Estimated states of one block under the prescribed loads, steps `step.h` up to `end`, s:
+    """Estimated states of block `name` under the prescribed loads, for a run with step size
+    `step.h` up to `end`, s:
 
         (K_T + C / H) T_i = C / H T_(i-1) + q_i      K u_i = f_i + K_fT T_i
 
-    with loads averaged over coarse steps H = end / COUNT; without radiation, contacts in the step
-    and inertia. Raises SolveFailed where a matrix is singular.
+    with conductivity K_T, capacity C, heat loads q, stiffness K, forces f and thermal coupling
+    K_fT. Loads are averaged over coarse steps H = end / COUNT; radiation, contacts that are
+    evaluated in the step, and inertia are neglected. Raises SolveFailed where a matrix is singular.
     """
     times = np.linspace(0.0, end, min(COUNT, max(1, round(end / step.h))) + 1)
     for heat in model.separated.heat:
@@ -48,7 +53,7 @@ def expected_states(
 
 
 def _temperatures(model: AssembledModel, heat: HeatBody, times: FloatArray) -> FloatArray:
-    """(n, M) temperatures at times (M,), s."""
+    """Estimated temperatures (n, M), K, at times (M,), s."""
     H = float(times[1] - times[0])
     carried = heat.capacity / H
     data = model.block_data(heat.thermal)
@@ -87,13 +92,13 @@ def _displacements(
 
 
 def _mean(amplitudes: Sequence[Amplitude], before: float, after: float) -> FloatArray:
-    """(j,) averages of the amplitudes over a coarse step, by eight of its times."""
+    """Averages (j,) of the load amplitudes over a coarse step, from eight times in it."""
     at = before + (np.arange(8) + 0.5) / 8.0 * (after - before)
     return np.array([float(np.mean([f(float(t)) for t in at])) for f in amplitudes])
 
 
 def _moving(tables: Sequence[LoadTable], before: float, after: float, n: int) -> FloatArray:
-    """(n,) average of the moving loads over a coarse step."""
+    """Average (n,) of the moving loads over a coarse step."""
     total = np.zeros(n)
     for load in tables:
         t = load.table.times

@@ -1,7 +1,8 @@
-"""Inputs that are almost surely mistakes: each is a warning with the number that shows it.
+"""Plausibility checks: warnings about admissible inputs that are almost surely mistakes, each with
+the number that shows it.
 
-Everything here is legal, and so never refused. `before_run` looks at the scene and its assembled
-model, `of_solver` at the reduced model, `after_run` at the stored results. Parts report their own
+`before_run` checks the scene and its assembled model, `of_solver` the reduced model, `after_run`
+the stored results. Bodies, joints, contacts and loads report their own notes
 (`protocols.HasNotes`).
 """
 
@@ -22,28 +23,33 @@ from sparsemor.core.simulation.offline import step_count
 from sparsemor.core.simulation.recorder import shapes
 
 OUTSIDE = 1e-2
-"""Distance of a point from the box around a body, relative to the box's diagonal."""
+"""Distance of a point from a body's bounding box, relative to the box's diagonal, above which there
+is a warning."""
 HOTTEST = 1e4
-"""A temperature (K) that no solid has: tungsten melts at 3 695 K."""
+"""Temperature, K, above which there is a warning: no solid is that hot, tungsten melts at 3 695
+K."""
 COLDEST = 50.0
-"""A start (K) above which temperatures are meant to be absolute. From a start at 0 only changes are
-meant, and these are undershot by the discretisation."""
+"""Initial temperature, K, above which temperatures are taken as absolute. Temperatures that start
+at 0 are changes, for which the discretisation may undershoot 0."""
 SHORT = 0.5
-"""Share of the run that a training run covers at least."""
+"""Share of the run that a training run should cover at least."""
 TURNS = 0.55
-"""Changes of direction per step of a function of time; 0.5 are 4 steps per period."""
+"""Changes of direction per step, of a function of time, above which there is a warning; 0.5 are 4
+steps per period."""
 SAMPLES = 12
-"""Samples of a function of time between two steps."""
+"""Number of samples of a function of time per step."""
 WINDOW, WINDOWS = 50, 10
 """Consecutive steps over which a function of time is sampled, and the number of such windows."""
 STEPS = 10**6
-"""Steps up to which a function of time is evaluated at each."""
+"""Largest number of steps for which a function of time is evaluated at every step."""
 STORED, LARGE = 8, 20_000
-"""Stored steps that a block is read at, and unknowns above which it is the last one alone."""
+"""Number of stored steps at which a block is checked, and number of unknowns above which only the
+last one is."""
 
 
 def before_run(scene: Scene, model: Model) -> tuple[Note, ...]:
-    """Warnings that need no step: parts, probes, temperatures, functions of time, training."""
+    """Warnings that need no time step: parts, probes, temperatures, functions of time, training
+    run."""
     parts = [n for part in model.parts.values() if isinstance(part, HasNotes) for n in part.notes]
     return (*scene.notes, *parts, *distant_probes(scene, model), *start_temperatures(model),
             *prescribed_temperatures(scene, model), *functions_of_time(scene),
@@ -51,7 +57,8 @@ def before_run(scene: Scene, model: Model) -> tuple[Note, ...]:
 
 
 def of_solver(scene: Scene, solver: StepSolver) -> tuple[Note, ...]:
-    """Blocks that are reduced to one atom although more were to be had."""
+    """Warnings about blocks that are reduced to one atom (basis vector) although more are
+    available."""
     found = []
     for name, d in solver.dictionaries.items():
         rank = d.info.get("numerical_rank", d.info.get("rank_at_least", 2))
@@ -63,8 +70,8 @@ def of_solver(scene: Scene, solver: StepSolver) -> tuple[Note, ...]:
 
 
 def after_run(model: Model, result: RunResult) -> tuple[Note, ...]:
-    """Results beyond what the equations hold for: temperatures that no solid has, displacements
-    larger than the body is thick."""
+    """Warnings about results outside the validity of the equations: temperatures that no solid has,
+    displacements larger than the body's smallest extent."""
     found: list[Note] = []
     for name, shape in shapes(model).items():
         heated, moved = (result.layout.of(name, q) for q in (
@@ -86,7 +93,7 @@ def after_run(model: Model, result: RunResult) -> tuple[Note, ...]:
 
 
 def distant_probes(scene: Scene, model: Model) -> Iterator[Note]:
-    """Probes whose coordinates are outside the body: the nearest node is recorded instead."""
+    """Warnings about probes outside their body: the nearest node is recorded instead."""
     for name, shape in shapes(model).items():
         for key, probe in scene.probes.items():
             if probe.body == name and not isinstance(probe.at, str):
@@ -94,7 +101,8 @@ def distant_probes(scene: Scene, model: Model) -> Iterator[Note]:
 
 
 def outside_box_notes(key: str, point: Sequence[float], points: FloatArray) -> Iterator[Note]:
-    """A warning when a point (d,) is outside the box around points (N, d), m."""
+    """Warning if a point (d,) is outside the bounding box of points (N, d), m; key: name of the
+    point in the scene."""
     at, low, high = np.asarray(point, dtype=np.float64), points.min(axis=0), points.max(axis=0)
     away = float(np.linalg.norm(at - np.clip(at, low, high)))
     size = float(np.linalg.norm(high - low))
@@ -105,7 +113,7 @@ def outside_box_notes(key: str, point: Sequence[float], points: FloatArray) -> I
 
 
 def start_temperatures(model: Model) -> Iterator[Note]:
-    """Initial temperatures that no solid has."""
+    """Warnings about initial temperatures that no solid has."""
     for block in model.layout:
         if block.kind.quantity is Quantity.TEMPERATURE:
             yield from temperature_notes(
@@ -113,7 +121,8 @@ def start_temperatures(model: Model) -> Iterator[Note]:
 
 
 def prescribed_temperatures(scene: Scene, model: Model) -> Iterator[Note]:
-    """Prescribed temperatures that no solid has, at up to a thousand times of the run."""
+    """Warnings about prescribed temperatures that no solid has, at up to a thousand times of the
+    run."""
     times = np.linspace(0.0, scene.time.end, min(step_count(scene), 1000) + 1)
     for name, shape in shapes(model).items():
         if shape.given:
@@ -122,8 +131,8 @@ def prescribed_temperatures(scene: Scene, model: Model) -> Iterator[Note]:
 
 
 def temperature_notes(what: str, T: FloatArray, undershoot: float = 0.0) -> list[Note]:
-    """Warnings on temperatures (K) that fall below 0 by more than a share of the highest one, or
-    exceed `HOTTEST`."""
+    """Warnings about temperatures T (K) below 0 by more than the share `undershoot` of the highest
+    one, or above `HOTTEST`; what: their name in the text."""
     values = T[np.isfinite(T)]
     if not values.size:
         return []
@@ -139,7 +148,7 @@ def temperature_notes(what: str, T: FloatArray, undershoot: float = 0.0) -> list
 
 
 def short_training(scene: Scene, model: Model) -> Iterator[Note]:
-    """A training run that covers less than half of the run."""
+    """Warning about a training run that covers less than half of the run."""
     share = scene.training_end / scene.time.end
     blocks = {n: 0 for n in model.reducible()}
     if share < SHORT and trains(scene, blocks):
@@ -152,7 +161,8 @@ def short_training(scene: Scene, model: Model) -> Iterator[Note]:
 # ---------------------------------------------------------------------- functions of time
 
 def functions_of_time(scene: Scene) -> Iterator[Note]:
-    """Functions of time that never act at a step, or change faster than the steps follow."""
+    """Warnings about functions of time that are 0 at all steps, or change faster than the steps
+    resolve."""
     count, h = step_count(scene), scene.time.step
     for group in ({"joints": scene.joints}, {"contacts": scene.contacts}, {"loads": scene.loads}):
         for key, function in _functions("", group):
@@ -163,7 +173,7 @@ def functions_of_time(scene: Scene) -> Iterator[Note]:
 
 
 def _functions(key: str, value: object) -> Iterator[tuple[str, TimeFunction]]:
-    """Dotted key and function of every option that is a function of time."""
+    """Dotted key and function of every option in `value` that is a function of time."""
     inside: list[tuple[str, object]] = []
     if isinstance(value, TimeFunction):
         yield key, value
@@ -178,7 +188,8 @@ def _functions(key: str, value: object) -> Iterator[tuple[str, TimeFunction]]:
 
 
 def _never_acts(key: str, function: TimeFunction, count: int, h: float) -> Note | None:
-    """A function that is 0 at every step and something else in between or later."""
+    """Warning about a function that is 0 at all `count` steps of h (s), but not in between or
+    later."""
     if count > STEPS:
         return None
     end = count * h
@@ -198,7 +209,7 @@ def _never_acts(key: str, function: TimeFunction, count: int, h: float) -> Note 
 
 
 def _too_fast(key: str, function: TimeFunction, count: int, h: float) -> Note | None:
-    """A function whose periods take fewer than 4 steps."""
+    """Warning about a function with fewer than 4 steps of h (s) per period."""
     spread = np.sort(np.mod(0.5 + 0.6180339887498949 * np.arange(SAMPLES), 1.0))
     extremes, steps = 0, 0
     first = {0} if count <= WINDOW * WINDOWS else {
@@ -219,7 +230,7 @@ def _too_fast(key: str, function: TimeFunction, count: int, h: float) -> Note | 
 
 
 def _numbers(function: TimeFunction) -> Iterator[float]:
-    """Every number in a function's options from 0 on: its times are among them."""
+    """Nonnegative numbers in a function's options: its characteristic times are among them."""
     pending: list[object] = [dict(function)] if isinstance(function, BaseModel) else []
     while pending:
         value = pending.pop()
@@ -232,7 +243,8 @@ def _numbers(function: TimeFunction) -> Iterator[float]:
 
 
 def _telling(result: RunResult, name: str) -> np.ndarray[tuple[int, ...], np.dtype[np.int64]]:
-    """Stored steps that a block is looked at: of coefficients the largest and the last."""
+    """Stored steps at which a block is checked; for a reduced block those of the largest
+    coefficients and the last."""
     last = len(result.times) - 1
     if result.reduced(name):
         size = np.linalg.norm(result.coefficients(name), axis=1)

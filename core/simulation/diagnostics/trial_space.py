@@ -1,8 +1,9 @@
-"""Checks of the trial space of a reduced run: what the atoms cannot hold of the states that are
-expected, before the run, and which stored states left the range of the training, after it.
+"""Checks of the trial space of a reduced run: projection error of expected states before the run,
+and stored states outside the range of the training after it.
 
-Errors are those of `compare`: |x - P x|(t) / max over t of |x - x(0)|, with P the orthogonal
-projection on the atoms. No reduced run on these atoms can have a smaller one.
+Errors are those of `sparsemor compare`: |x - P x|(t) / max over t of |x - x(0)|, with P the
+orthogonal projection on the atoms (basis vectors). No reduced run on these atoms can have a smaller
+one.
 """
 
 from collections.abc import Iterable, Mapping
@@ -25,20 +26,22 @@ from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.status import SolveFailed
 
 TRIAL_SPACE, BEYOND = "trial_space", "beyond_training"
-"""Kinds of the notes."""
+"""Identifiers of the two kinds of warnings."""
 LIMIT = 0.01
-"""Largest projection error without a note."""
+"""Largest projection error without a warning."""
 BEYOND_LIMIT = 0.05
-"""Largest distance from the range of training, relative to the field's largest change in training,
-without a note."""
+"""Largest distance of a stored state from the range of training, relative to the field's largest
+change in training, without a warning."""
 MARGIN = 0.02
-"""Share of that change by which the range of each coordinate is enlarged."""
+"""Share of the field's largest change in training by which the range of each coordinate is
+enlarged."""
 _DEPENDENT = 1e-12
-"""Relative size of a column, less its part along earlier ones, that is round-off."""
+"""Relative size of a column's part orthogonal to earlier columns, up to which it is round-off."""
 _TURNED = 600
-"""Most atoms for which the coordinates are turned to the principal axes of the training."""
+"""Largest number of atoms for which coordinates are rotated to the principal axes of the
+training."""
 _PIECE = 2**22
-"""Coefficients of stored states that are read at once."""
+"""Number of coefficients of stored states that are read at once."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,11 +49,11 @@ class TrialSpace:
     """Projection error of one block, and the range of its coordinates in training.
 
     error: largest projection error of the expected states, relative to `change`, their largest
-    change (2-norm over the unknowns; 0 for a constant field); load: a static response that is
-    held worse than those, "" for none, and load_error, relative to its own norm. trained: whether
-    the states are training snapshots. axes (r, k): orthonormal coordinates y = axes c of atoms c
-    in the principal axes of the training, (0, k) where y = c; low, high (r,): range of y, both
-    empty without training.
+    change (2-norm over the unknowns; 0 for a constant field); load: the load whose static response
+    has the largest projection error, "" for none, and load_error, that error relative to the
+    response's norm. trained: True if the expected states are training snapshots. axes (r, k):
+    orthonormal coordinates y = axes c, along the principal axes of the training, of coefficients c
+    (k,) of the atoms; (0, k) where y = c; low, high (r,): range of y, both empty without training.
     """
 
     name: str
@@ -65,7 +68,7 @@ class TrialSpace:
     high: FloatArray
 
     def note(self) -> Note | None:
-        """Note on the projection error of the atoms, None where it is below the limit."""
+        """Warning about the projection error of the atoms, None if it is below the limit."""
         who = f"the {self.atoms} atoms of {self.name}"
         if self.error > LIMIT:
             of = "the training run" if self.trained else "an estimate of the run (static " \
@@ -81,7 +84,7 @@ class TrialSpace:
                     "or another basis (reducer.basis, reducer.bases)", TRIAL_SPACE)
 
     def excess(self, c: FloatArray) -> FloatArray:
-        """(j,) distance of coefficients c (j, k) from the range of training, relative to the
+        """Distances (j,) of coefficients c (j, k) from the range of training, relative to the
         largest change in training."""
         y = c if not len(self.axes) else c @ self.axes.T
         spare = MARGIN * self.change
@@ -92,10 +95,10 @@ class TrialSpace:
 def trial_spaces(
     model: Model, offline: Offline, dictionaries: Mapping[str, Dictionary], h: float, end: float
 ) -> tuple[TrialSpace, ...]:
-    """The trial space of each reduced block of a run with steps of h up to `end`, s.
+    """Trial spaces of all reduced blocks of a run with steps of h up to `end`, s.
 
-    Tested against the training snapshots where a basis of the run needs training, else against
-    states that are estimated by static and coarse transient solves; cached.
+    The expected states are the training snapshots if a basis of the run needs training, else
+    estimates by static and coarse transient solves. Results are cached.
     """
     found = []
     for name, d in dictionaries.items():
@@ -149,7 +152,7 @@ def _tested(
 
 
 def _orthogonal(atoms: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Q (n, r) with orthonormal columns that span the atoms (n, k), and Q^T atoms (r, k)."""
+    """Orthonormal basis Q (n, r) of the span of the atoms (n, k), and Q^T atoms (r, k)."""
     if orthonormal(atoms):
         return atoms, np.eye(atoms.shape[1])
     Q, R, _ = qr(atoms, mode="economic", pivoting=True)
@@ -161,8 +164,9 @@ def _orthogonal(atoms: FloatArray) -> tuple[FloatArray, FloatArray]:
 def _projected(
     Q: FloatArray, offset: FloatArray, states: FloatArray
 ) -> tuple[float, float, FloatArray]:
-    """Largest projection error relative to the largest change of states (n, M), the first of which
-    is the start; that change, 0 for a constant field; sum of y y^T, where few enough."""
+    """Largest projection error of states (n, M), the first of which is the initial state, relative
+    to their largest change; that change, 0 for a constant field; and the sum of y y^T over the
+    coordinates y = Q^T (x - offset), (0, 0) for more than `_TURNED` atoms."""
     n, r = Q.shape
     gram = np.zeros((r, r)) if r <= _TURNED else np.zeros((0, 0))
     error = change = size = 0.0
@@ -182,7 +186,8 @@ def _projected(
 
 
 def _worst(Q: FloatArray, responses: FloatArray, names: Iterable[str]) -> tuple[str, float]:
-    """The response (n, j) with the largest projection error relative to its norm."""
+    """Name of the static response, of responses (n, j), with the largest projection error relative
+    to its norm, and that error."""
     norms = np.linalg.norm(responses, axis=0)
     left = np.linalg.norm(responses - Q @ (Q.T @ responses), axis=0)
     ratio = np.divide(left, norms, out=np.zeros_like(left), where=norms > 0.0)
@@ -193,15 +198,15 @@ def _worst(Q: FloatArray, responses: FloatArray, names: Iterable[str]) -> tuple[
 
 
 def space_notes(spaces: Iterable[TrialSpace]) -> tuple[Note, ...]:
-    """Notes before the first step."""
+    """Warnings before the first step about projection errors above the limit."""
     return tuple(note for space in spaces if (note := space.note()) is not None)
 
 
 def beyond_training(
     spaces: Iterable[TrialSpace], result: RunResult, trained_to: float
 ) -> tuple[Note, ...]:
-    """A note for each field whose stored states left the range that they had in training, which
-    ended at `trained_to`, s; the coefficients are read in pieces."""
+    """Warnings about reduced blocks whose stored states left the range that they had in training;
+    trained_to: end time of the training run, s. Coefficients are read in portions."""
     notes, times = [], result.times
     end = float(times[-1]) if len(times) else 0.0
     advice = (f"training ended at {trained_to:.4g} s, the run at {end:.4g} s: train longer "

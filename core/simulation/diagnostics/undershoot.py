@@ -1,4 +1,5 @@
-"""Undershoot: temperatures below all that could cool a body, found in the stored steps of a run."""
+"""Temperature undershoot: stored temperatures below every initial, prescribed and surrounding
+one."""
 
 from collections.abc import Mapping
 
@@ -12,16 +13,16 @@ from sparsemor.core.protocols.separable import HeatBody, amplitudes_along
 from sparsemor.core.results.run_result import RunResult
 
 SHARE, LARGE = 1e-3, 0.1
-"""Undershoot below which nothing is said, as a share of the range of temperatures, and from which
-it is a warning and not information, as a share of the lowest admissible temperature (K)."""
+"""Smallest undershoot that is reported, relative to the range of temperatures; undershoot from
+which it is a warning and not information, relative to the lowest admissible temperature (K)."""
 FIRST, STEPS = 16, 48
-"""Stored steps that are looked at: the first ones, where heat that enters fast is resolved least,
-and others, evenly spread to the end."""
+"""Number of stored steps that are checked: the first ones, where heat that enters fast is resolved
+least, and others, evenly spread over the run."""
 
 
 def undershoot(model: Model, result: RunResult) -> tuple[Note, ...]:
-    """A note for each body whose temperature falls below every initial, prescribed and surrounding
-    one. Bodies that a load may cool further, such as a negative heat flux, are left out."""
+    """Note for each body whose temperature falls below every initial, prescribed and surrounding
+    one; none if any load may cool a body further, such as a negative heat flux."""
     if not model.separated.heat or not len(result.times):
         return ()
     floor = _floor(model, result.times)
@@ -61,7 +62,7 @@ def _looked_at(count: int) -> IntArray:
 
 
 def _floor(model: Model, times: FloatArray) -> float:
-    """The lowest of the temperatures that a body may tend to, K."""
+    """Lowest initial, prescribed or surrounding temperature of the model, K."""
     found = [float(model.x0[model.layout[b.thermal]].min(initial=np.inf))
              for b in model.separated.heat]
     for part in model.parts.values():
@@ -71,7 +72,7 @@ def _floor(model: Model, times: FloatArray) -> float:
 
 
 def _cooled(parts: Mapping[str, Part], b: HeatBody, times: FloatArray) -> bool:
-    """True if something takes heat from a body whatever its temperature, or may."""
+    """True if some load or term may take heat from a body whatever its temperature."""
     if any(not isinstance(term, HasSurroundings) for term in b.local):
         return True
     if any(t.columns.data.min(initial=0.0) < 0.0 or t.table.values.min(initial=0.0) < 0.0

@@ -1,4 +1,4 @@
-"""The coupled time-step map of a reduced model, which predicts instability."""
+"""Linearised time-step map of a coupled reduced model, which predicts instability."""
 
 from sparsemor.core.simulation.linearization.check import (
     LIMIT,

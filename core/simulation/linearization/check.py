@@ -1,9 +1,9 @@
-"""Stability check before a reduced run: growth of its coupled time-step map.
+"""Stability check before a reduced run: growth of its linearised, coupled time-step map.
 
-Gate: (growth a step beyond that of the Galerkin model of the same atoms) x steps <= LIMIT, added up
-over a few states of the run to come. An error multiplies by e^LIMIT = 150 at most; sampled blocks
-of good models do reach 1 + 1e-5 (an insulated body has an eigenvalue exactly 1), so a gate on the
-radius itself would refuse them.
+Criterion: (excess growth per step over the Galerkin model of the same atoms) x steps <= LIMIT,
+accumulated over a few states of the coming run. Errors are then multiplied by e^LIMIT = 150 at
+most. A limit on the spectral radius itself would refuse good models: sampled blocks reach 1 + 1e-5,
+and an insulated body has an eigenvalue exactly 1.
 """
 
 import json
@@ -41,20 +41,21 @@ from sparsemor.core.simulation.time_stepping import started
 from sparsemor.core.status import SolveFailed, Status
 
 LIMIT = 5.0
-"""Largest (excess radius) x steps of a model that is called stable."""
+"""Largest (excess growth per step) x steps of a model that is called stable."""
 ADVICE = ("keep the required rows, sample more rows, or try another seed, sampler or a more damped "
           "integrator (`sparsemor stability` tabulates them)")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Judgement:
-    """One linearisation at time t (s), about to be repeated `steps` times.
+    """Stability of a run of `steps` steps, from one linearisation at time t (s).
 
-    radius: spectral radius of the coupled map; reference: that of the Galerkin model of the same
-    atoms, None where it was not needed or could not be made; excess: growth a step beyond it;
-    block: where the mode that grows most is largest, "" if stable; status: how the step failed, if
-    it did (radius and excess are then infinite); over: excess x steps added up over several
-    states, of which this is the worst, None where it is the only one.
+    radius: spectral radius of the coupled time-step map; reference: that of the Galerkin model of
+    the same atoms, None where it was not needed or could not be computed; excess: growth per step
+    beyond the reference; block: where the mode of largest growth has its largest entry, "" if
+    stable; status: how the step failed, if it did (radius and excess are then infinite); over:
+    excess x steps accumulated over several states, of which this is the worst, None for a single
+    state.
     """
 
     t: float
@@ -73,7 +74,8 @@ class Judgement:
 
     @property
     def gate(self) -> float:
-        """excess x steps, over the run where several states were seen."""
+        """Excess growth exponent of the run: excess x steps, accumulated where there are several
+        states."""
         return self.excess * self.steps if self.over is None else self.over
 
     @property
@@ -81,14 +83,14 @@ class Judgement:
         return self.gate <= LIMIT
 
     def facts(self) -> dict[str, Any]:
-        """For results."""
+        """Numbers that are stored with the results of the run."""
         numbers = {"radius": self.radius, "growth": self.growth, "gate": self.gate}
         finite = {name: v if isfinite(v) else None for name, v in numbers.items()}
         return {"t": self.t, **finite, "stable": self.stable} | (
             {} if self.stable else {"block": self.block})
 
     def in_words(self) -> str:
-        """A sentence for whoever is about to trust the run."""
+        """Warning text about a predicted instability."""
         if not self.status.ok:
             return (f"the reduced model is unstable in {self.block}: its step from t = "
                     f"{self.t:g} s, or from a state near it, ends {self.status.value}; {ADVICE}")
@@ -100,7 +102,8 @@ class Judgement:
 
 
 class Reference:
-    """The Galerkin models of solvers' active atoms: each is made when it is first asked for."""
+    """Galerkin reference models on the active atoms of step solvers, each built when it is first
+    needed."""
 
     def __init__(self, model: Model, registry: Registry | None = None) -> None:
         self.model, self.registry = model, registry
@@ -109,7 +112,8 @@ class Reference:
     def step(
         self, of: StepMap, integrator: Integrator, h: float, full: State
     ) -> StepMap | None:
-        """Its map at a full-order state; None where it has none."""
+        """Time-step map of the Galerkin model at a full-order state, None if it cannot be built.
+        of: map of the reduced model; h: step size, s."""
         solver, supports = of.solver, of.supports
         key = digest(h, full.t, full.x, full.v, integrator, {
             n: [d.atoms, d.offset, supports.get(n)] for n, d in solver.dictionaries.items()})
@@ -126,10 +130,11 @@ def judge(
     solver: StepSolver, integrator: Integrator, h: float, steps: int, full: State,
     reference: Reference,
 ) -> Judgement:
-    """Linearise about a full-order state. The reference is made only where the radius asks for it.
+    """Stability of a step solver linearised about a full-order state, for `steps` steps of h, s.
+    The Galerkin reference is computed only if the spectral radius exceeds the limit.
 
-    A step that fails, there or from a state near it, counts as infinite growth: in all runs that
-    were tried such a model stopped (docs/stability.md).
+    A step that fails, at this state or one near it, counts as infinite growth: all tested models of
+    this kind stopped during the run (docs/stability.md).
     """
     try:
         step = step_map(solver, integrator, h, *started(solver, integrator, full))
@@ -146,13 +151,14 @@ def judge_along(
     solver: StepSolver, integrator: Integrator, h: float, steps: int, states: Sequence[State],
     reference: Reference,
 ) -> Judgement:
-    """The worst of several linearisations, its gate added up over the run: `over_the_run`."""
+    """Worst of several linearisations, with the excess growth accumulated over the run
+    (`over_the_run`)."""
     return over_the_run([judge(solver, integrator, h, steps, s, reference) for s in states])
 
 
 def over_the_run(found: Sequence[Judgement]) -> Judgement:
-    """Judgements in the order of their times. Each counts for the part of the run that lies nearer
-    to it than to its neighbours."""
+    """Worst of several linearisations in the order of their times, with the accumulated excess
+    growth: each counts for the part of the run that lies nearer to its time than to the others."""
     worst, t = max(found, key=lambda j: j.excess), [j.t for j in found]
     if not (worst.excess < inf and t[-1] > t[0]):
         return worst
@@ -164,13 +170,13 @@ def over_the_run(found: Sequence[Judgement]) -> Judgement:
 
 
 def failed(t: float, steps: int, failure: SolveFailed) -> Judgement:
-    """Of a model whose step has no linearisation."""
+    """Judgement of a model whose step cannot be linearised, because it failed."""
     return Judgement(t, steps, inf, None, inf, failure.block or "the whole system",
                      failure.status)
 
 
 def judged(step: StepMap, reference: StepMap | None, t: float, steps: int) -> Judgement:
-    """From the maps themselves."""
+    """Judgement from the time-step maps of a reduced model and of its Galerkin reference."""
     return _judged(step, eigenvalues(step.matrix), reference, t, steps)
 
 
@@ -188,11 +194,11 @@ def _judged(
 def check_run(
     scene: Scene, model: Model, solver: StepSolver, full: State, offline: Offline
 ) -> tuple[tuple[Note, ...], dict[str, Any]]:
-    """Stability check of a run before its first step, from the full-order state `full`: warnings,
-    and numbers to store. The judgement is kept among the offline products.
+    """Stability check of a run before its first step, about the full-order initial state `full`:
+    warnings, and numbers to store. The result is cached with the offline products.
 
-    Full order and the projected model are what others are judged by, and are not asked. Raises
-    InputError (key `check_stability`) where the scene says `refuse`.
+    Full-order and Galerkin models are the reference and are not checked. Raises InputError (key
+    `check_stability`) if the model is unstable and the scene's option is `refuse`.
     """
     projects = scene.reducer_name == PROJECTION
     if scene.check_stability == "off" or not solver.dictionaries or projects:
@@ -218,6 +224,7 @@ def _judged_run(scene: Scene, model: Model, solver: StepSolver, full: State) -> 
 
 
 def _as_arrays(found: Judgement) -> Arrays:
-    """Of a judgement what a run reports: its warning ("" where there is none) and its facts."""
+    """Warning text ("" for a stable model) and stored numbers of a judgement, as arrays for the
+    cache."""
     return {"words": np.array("" if found.stable else found.in_words()),
             "facts": np.array(json.dumps(found.facts()))}

@@ -1,18 +1,17 @@
-"""The time-step map of a step solver with its integrator, linearised by differences.
+"""Time-step map of a step solver with its integrator, linearised by finite differences.
 
-A step takes z = (x, v, a, integrator memory) to the next z in three stages: `formula` gives
-w = (r1, r2), `solve` gives the new x, `advance` gives the new z. Formula and advance are affine in
-z and in x, so unit differences of them are exact: dw = R dz, dz' = P dz + Q dx'. Only the solver's
-response dx' = S dw is nonlinear; it is differenced, column by column, in the solver's own small
-layout. The map is P + Q S R. The solver needs `solve` only, so the map exists for
-every reducer and integrator, third-party ones included. A solver may know its response: one with
-a contact must, because penetrations of 1e-7 m leave differences no room. Multipliers carry no
-state.
+A step takes z = (x, v, a, integrator memory) to the next z in three stages: `formula` gives w =
+(r1, r2), `solve` gives the new x, `advance` gives the new z. Formula and advance are affine in z
+and in x, so unit differences of them are exact: dw = R dz, dz' = P dz + Q dx'. Only the solver's
+response dx' = S dw is nonlinear; it is differenced, column by column, in the reduced unknowns. The
+map is P + Q S R. It needs `solve` only, and so exists for every reducer and integrator, third-party
+ones included. Solvers with contact return their exact response (`RespondsExactly`), because
+penetrations of 1e-7 m are too small for differences. Multipliers carry no state.
 
-Step sizes are those of the blocks' kinds (docs/stability.md): a pair of rigid unknowns is nearly
-defective at eigenvalue 1, so its columns need an error below 1e-10: four points. All other
-unknowns enter almost linearly, and one-sided differences serve them; smaller ones let the solver's
-stopping error (1e-13) through.
+Perturbation sizes belong to the kinds of fields (docs/stability.md): the eigenvalue 1 of rigid
+unknowns is nearly defective, so their columns need an error below 1e-10: four points. All other
+unknowns enter almost linearly, and one-sided differences suffice; smaller perturbations would show
+the solver's stopping error (1e-13).
 """
 
 from collections.abc import Mapping
@@ -38,7 +37,7 @@ from sparsemor.core.status import SolveFailed, Status
 class Affine:
     """Affine map of the integrator: dw = R dz, dz' = P dz + Q dx', w = [r1; r2].
 
-    R (2 n, N), P (N, N), Q (N, n).
+    R (2 n, N), P (N, N), Q (N, n), with n unknowns and N entries of z.
     """
 
     R: FloatArray
@@ -47,7 +46,7 @@ class Affine:
 
     @classmethod
     def of(cls, integrator: Integrator, layout: Layout, state: State, h: float) -> "Affine":
-        """By unit changes of each entry of z and of x: exact, as both maps are affine."""
+        """Map from unit changes of each entry of z and of x, which are exact; h: step size, s."""
         n, z = layout.size, packed(state)
         base = integrator.formula(layout, state, h)
         after = packed(integrator.advance(layout, state, base, state.x, h))
@@ -65,11 +64,12 @@ class Affine:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StepMap:
-    """dz' = matrix dz, z = [x; v; a; memory columns] of the active unknowns.
+    """Linearised time step dz' = matrix dz, z = [x; v; a; integrator memory] of the active
+    unknowns.
 
-    solver: what was differenced, on the `supports` of its selecting blocks; layout: the active
-    unknowns, n of them; matrix (N, N); response (n, 2 n): dx' from [dr1; dr2]; scale (n,): size
-    of each unknown.
+    solver: step solver that was linearised; supports: active atoms of the blocks that select them;
+    layout: the n active unknowns; matrix (N, N); response (n, 2 n): dx' from changes [dr1; dr2] of
+    the step formula; scale (n,): size of each unknown.
     """
 
     solver: StepSolver
@@ -82,25 +82,27 @@ class StepMap:
     scale: FloatArray
 
     def components(self, name: str) -> IntArray:
-        """Positions in z of one block's x, v, a and memory."""
+        """Positions in z of one block's x, v, a and integrator memory."""
         n = self.layout.size
         at = np.arange(n)[self.layout[name]]
         return np.concatenate([at + j * n for j in range(len(self.matrix) // n)])
 
     def own(self, name: str) -> FloatArray:
-        """The block's own part of the map: the past of all others is held, not their present."""
+        """Diagonal submatrix of one block: the others start unperturbed, but respond within the
+        step."""
         here = self.components(name)
         return np.asarray(self.matrix[np.ix_(here, here)])
 
     def alone(self, name: str, response: FloatArray) -> FloatArray:
-        """The map of one block that answers its own [dr1; dr2] by `response` (k, 2 k)."""
+        """Time-step map of one block without the others, whose response to its own [dr1; dr2] is
+        `response` (k, 2 k)."""
         n, here, part = self.layout.size, self.components(name), self.integrator
         at = np.arange(n)[self.layout[name]]
         R = part.R[np.ix_(np.concatenate([at, n + at]), here)]
         return np.asarray(part.P[np.ix_(here, here)] + part.Q[np.ix_(here, at)] @ response @ R)
 
     def block_response(self, name: str) -> FloatArray:
-        """(k, 2 k): dx' of a block from its own dr1 and dr2."""
+        """Response (k, 2 k) of a block to its own changes: dx' from dr1 and dr2."""
         n, at = self.layout.size, np.arange(self.layout.size)[self.layout[name]]
         return np.asarray(self.response[np.ix_(at, np.concatenate([at, n + at]))])
 
@@ -109,11 +111,12 @@ class StepMap:
 def step_map(
     solver: StepSolver, integrator: Integrator, h: float, state: State, memory: StepMemory
 ) -> StepMap:
-    """The step from `state` (in the solver's layout, the integrator's memory set), linearised.
+    """Time step from `state` (unknowns of the solver, integrator memory set), linearised; h: size,
+    s.
 
-    Each solve is given a copy of `memory`. A solver that selects atoms is linearised on the support
-    that it selects in this step (`frozen`, where it offers that); other coefficients carry nothing.
-    Raises SolveFailed when the step fails, or every step from states near it.
+    Each solve gets a copy of `memory`. A solver that selects atoms is linearised on the support
+    that it selects in this step (`frozen`, if it has that method); inactive coefficients carry no
+    state. Raises SolveFailed when the step fails, or every step from states near it.
     """
     formula = integrator.formula(solver.layout, state, h)
     x, memory = _solve(solver, formula, memory.copy())
@@ -145,10 +148,10 @@ def _exact(solver: RespondsExactly, formula: StepFormula, x: FloatArray) -> Floa
 def _response_by_some_change(
     solver: StepSolver, formula: StepFormula, kept: StepMemory, active: IntArray, scale: FloatArray
 ) -> FloatArray:
-    """The response by the usual changes; by smaller ones where a solve near the step fails.
+    """Response by the usual perturbations, or by smaller ones if a solve near the step fails.
 
-    Rows that miss a joint answer a change of the frame by enormous coefficients, which a solver
-    refuses or iterates for in vain.
+    If the sampled rows do not contain those of a joint, a perturbed frame leads to very large
+    coefficients, for which the solver reports a failure or does not converge.
     """
     for shrink in (1.0, 1e-2, 1e-4):
         try:
@@ -159,7 +162,7 @@ def _response_by_some_change(
 
 
 def active_unknowns(layout: Layout, supports: Mapping[str, BoolArray]) -> BoolArray:
-    """(n,) True for every unknown that is no coefficient of an atom out of use."""
+    """Mask (n,): True for every unknown except coefficients of inactive atoms."""
     active = np.ones(layout.size, dtype=np.bool_)
     for name, support in supports.items():
         active[layout[name]] = support
@@ -167,12 +170,13 @@ def active_unknowns(layout: Layout, supports: Mapping[str, BoolArray]) -> BoolAr
 
 
 def packed(state: State) -> FloatArray:
-    """z: x, v, a and the columns of the integrator's memory, one after the other."""
+    """Vector z of a state: x, v, a and the columns of the integrator's memory, one after the
+    other."""
     return np.concatenate([state.x, state.v, state.a, state.memory.T.ravel()])
 
 
 def unpacked(z: FloatArray, like: State) -> State:
-    """The state whose entries are z."""
+    """State with the entries of z; like: a state of the same time and sizes."""
     x, v, a, *memory = z.reshape(-1, like.x.size)
     columns = np.stack(memory, axis=1) if memory else np.zeros((like.x.size, 0))
     return State(like.t, x, v, a, columns)
@@ -181,7 +185,8 @@ def unpacked(z: FloatArray, like: State) -> State:
 def _response(
     solver: StepSolver, formula: StepFormula, kept: StepMemory, active: IntArray, scale: FloatArray
 ) -> FloatArray:
-    """(n, 2 n) dx' of the active unknowns from changes of their own r1 and r2."""
+    """Response (n, 2 n) by differences: dx' of the active unknowns from changes of their own r1 and
+    r2."""
     layout, n = solver.layout, len(active)
     kind_of = [b.kind for b in layout for _ in range(b.size)]
     S = np.zeros((n, 2 * n))
@@ -219,7 +224,8 @@ def _solve(
 
 
 def _sizes(layout: Layout, x: FloatArray) -> FloatArray:
-    """(n,) largest value of each unknown's block, at least the smallest size of its kind."""
+    """Size (n,) of each unknown: largest absolute value in its block, at least `smallest` of its
+    kind."""
     sizes = np.ones(layout.size)
     for b in layout:
         top = float(np.abs(x[layout[b.name]]).max())

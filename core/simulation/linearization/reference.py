@@ -1,7 +1,8 @@
 """Reference of the stability check: the Galerkin model of the same active atoms.
 
-Projection keeps the operators symmetric, so that it adds no growth of its own; what grows there is
-the motion itself. Full order would be the same reference at the cost of its mesh.
+Projection keeps the operators symmetric, so that it adds no growth of its own: any growth of the
+Galerkin model belongs to the motion. The full-order model would be an equivalent reference at a
+higher cost.
 """
 
 from collections.abc import Mapping, Sequence
@@ -29,15 +30,16 @@ from sparsemor.core.simulation.time_stepping import FixedStep, accepted_steps, s
 from sparsemor.core.status import SolveFailed, Status
 
 STATES = 5
-"""States of the run to come that a model is linearised at."""
+"""Number of states along the run about which a model is linearised."""
 AHEAD = 4000
-"""Most steps of the projected model that are taken to get there."""
+"""Largest number of steps of the Galerkin model that are computed to obtain these states."""
 MANY = 400
-"""Atoms from which the projected model is too dear to be run: the start alone is looked at."""
+"""Number of atoms above which the Galerkin model is too expensive to run: only the initial state is
+linearised."""
 
 
 class _Given(Offline):
-    """Offline products that are there already: these dictionaries."""
+    """Offline data with dictionaries that exist already, by block."""
 
     def __init__(self, model: Model, dictionaries: Mapping[str, Dictionary]) -> None:
         super().__init__(model, dict, "", Products(None))
@@ -53,7 +55,7 @@ def projected(
     model: Model, integrator: Integrator, h: float, solver: StepSolver,
     supports: Mapping[str, BoolArray], registry: Registry | None = None,
 ) -> StepSolver:
-    """The Galerkin model on the active atoms, made orthonormal: only their span matters.
+    """Galerkin model on the span of the active atoms, which are orthonormalised.
 
     Raises SolveFailed where the projected blocks are singular.
     """
@@ -70,9 +72,10 @@ def projected(
 def along(
     solver: StepSolver, integrator: Integrator, h: float, start: State, times: Sequence[float],
 ) -> list[State]:
-    """Full-order states of the solver's own run at `times` (s, multiples of h, 0 is the start).
+    """Full-order states at `times` (s, multiples of h, 0 is the start) of a run of the given
+    solver.
 
-    Raises SolveFailed when the run does not get there.
+    Raises SolveFailed when the run stops before the last of them.
     """
     due = {round(t / h) for t in times}
     found = {0: start}
@@ -85,7 +88,8 @@ def along(
 
 
 def linearization_times(h: float, steps: int) -> tuple[float, ...]:
-    """From the start to the end of the run, or as far ahead as is looked."""
+    """Times of the linearisations, s, evenly spread over the run, or over its first `AHEAD`
+    steps."""
     last = min(steps, AHEAD)
     return tuple(h * n for n in sorted({round(i * last / (STATES - 1)) for i in range(STATES)}))
 
@@ -94,11 +98,11 @@ def states_along(
     model: Model, integrator: Integrator, h: float, solver: StepSolver, start: State,
     times: Sequence[float], registry: Registry | None = None,
 ) -> list[State]:
-    """States at `times` of the run of the projected model with the solver's atoms; the start
-    alone where that model cannot be made, does not get there, or is as large as full order.
+    """Full-order states at `times` (s) of a run of the Galerkin model with the solver's atoms; the
+    initial state alone if that model cannot be built, stops early, or has too many atoms.
 
-    The start alone, too, for rules of higher order: they damp little, and frames that swing then
-    grow in each frozen map without growing in the run (docs/stability.md).
+    Also for integrators of higher order only the initial state: they damp little, and oscillating
+    frames then grow in each linearised map without growing in the run (docs/stability.md).
     """
     many = sum(d.atoms.shape[1] for d in solver.dictionaries.values()) > MANY
     if many or integrator.order > 1 or not any(times):
@@ -111,7 +115,7 @@ def states_along(
 
 
 def full_state(solver: StepSolver, state: State) -> State:
-    """The state in full-order unknowns, without the integrator's memory."""
+    """State in full-order unknowns, without the integrator's memory."""
     x, v, a = [], [], []
     for b in solver.layout:
         at, d = solver.layout[b.name], solver.dictionaries.get(b.name)
@@ -123,7 +127,8 @@ def full_state(solver: StepSolver, state: State) -> State:
 
 
 def times_checked(times: Sequence[float], h: float, end: float) -> tuple[float, ...]:
-    """Raises InputError (key `at`) for times that are no step of the run."""
+    """The times (s) as a tuple. Raises InputError (key `at`) for times that are no step of the
+    run."""
     for t in times:
         if not 0.0 <= t <= end * (1 + 1e-9) or abs(round(t / h) * h - t) > 1e-6 * h:
             raise InputError(f"{t:g} s is no time of the run: take multiples of {h:g} s from 0 to "

@@ -1,4 +1,4 @@
-"""Eigenvalues of a time-step map, and what of their growth the reduction has added."""
+"""Eigenvalues of a linearised time-step map, and the excess growth that the reduction adds."""
 
 from collections.abc import Iterator
 
@@ -14,11 +14,11 @@ ComplexArray = NDArray[np.complex128]
 
 
 def eigenvalues(matrix: FloatArray) -> ComplexArray:
-    """(N,) eigenvalues, largest modulus first.
+    """Eigenvalues (N,) of a time-step map, largest modulus first.
 
-    The map is block triangular (heat does not depend on the motion, some entries of z carry
-    nothing), so each strongly connected part is solved by itself: cheaper, and a simple eigenvalue
-    1 of an insulated body is not blurred by the rest.
+    The map is block triangular (heat does not depend on the motion, some entries of z carry no
+    state), so each strongly connected part is solved separately: this is cheaper, and the other
+    parts do not perturb a simple eigenvalue 1 of an insulated body.
     """
     found = np.concatenate([np.zeros(0, complex)] + [
         np.linalg.eigvals(matrix[np.ix_(part, part)]) for part in parts_of(matrix)])
@@ -36,16 +36,17 @@ def parts_of(matrix: FloatArray) -> Iterator[IntArray]:
 
 
 def radius(matrix: FloatArray) -> float:
-    """Spectral radius."""
+    """Spectral radius of a matrix."""
     return float(np.abs(eigenvalues(matrix)).max(initial=0.0))
 
 
 def excess(values: ComplexArray, reference: ComplexArray | None) -> tuple[float, complex]:
-    """Growth a step beyond that of the reference, and the eigenvalue that has it.
+    """Growth per step beyond that of the reference, and the eigenvalue that has it.
 
-    A pendulum away from its rest has growing directions of its own. Each growing eigenvalue of the
-    reference stands against the nearest one of `values`, which counts with the difference of
-    the moduli; every other one counts with modulus - 1. Both arrays largest modulus first.
+    The motion itself may have growing directions, such as a pendulum away from its rest position.
+    Each growing eigenvalue of the reference is matched to the nearest one of `values`, which counts
+    with the difference of the moduli; every other one counts with modulus - 1. Both arrays: largest
+    modulus first.
     """
     charged = np.abs(values) - 1.0
     free = np.ones(len(values), dtype=np.bool_)
@@ -61,7 +62,8 @@ def excess(values: ComplexArray, reference: ComplexArray | None) -> tuple[float,
 
 
 def block_of(step: StepMap, value: complex) -> str:
-    """The block in which the eigenvector of `value` is largest, in units of the blocks' sizes."""
+    """Block in which the eigenvector of `value` is largest, relative to the sizes of the
+    unknowns."""
     part = min(parts_of(step.matrix), key=lambda p: float(
         np.abs(np.linalg.eigvals(step.matrix[np.ix_(p, p)]) - value).min()))
     A = step.matrix[np.ix_(part, part)].astype(complex)

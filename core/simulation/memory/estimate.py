@@ -1,8 +1,8 @@
-"""Estimate of a run's memory before it starts, and refusal where it does not fit.
+"""Memory estimate of a run before it starts, and refusal if the run would not fit.
 
-Counted are the large things: matrices and factors of full order, snapshots, atoms, tables and what
-is stored. What the assembled scene takes is measured, for it is there already; what it will take is
-estimated from counts by `core/simulation/memory/precheck.py`, before it is assembled.
+Large arrays are counted: matrices and factors of full order, snapshots, atoms, tables and stored
+results. The memory of the assembled scene is measured here; `core/simulation/memory/precheck.py`
+estimates it from mesh sizes, before the scene is assembled.
 """
 
 import shutil
@@ -30,28 +30,28 @@ from sparsemor.core.simulation.memory.limits import GIGABYTE, LIMIT, ceiling, re
 from sparsemor.core.simulation.offline import Offline, step_count
 
 ENTRY = 12
-"""Bytes of an entry of a sparse matrix or factor: a number and its place."""
+"""Bytes per entry of a sparse matrix or factor: a value and its index."""
 START = 5
-"""How often each entry of all operators is held next to them while the start is made consistent."""
+"""Additional copies of each operator entry while the consistent initial state is computed."""
 VECTORS = 40
-"""Vectors of all unknowns that a run of full order carries: states, predictor, right-hand sides."""
+"""Number of vectors of all unknowns in a full-order run: states, predictor, right-hand sides."""
 UNKNOWN_ATOMS = 200
 """Assumed number of atoms when the basis does not state one."""
 COPIES = 3
-"""Arrays as large as the snapshots that are held where these are decomposed as a whole."""
+"""Number of arrays of the snapshots' size during a decomposition of all snapshots at once."""
 STEP_RECORD = 50
-"""Bytes of memory that the record of one step takes: its seconds and its iterations."""
+"""Bytes of memory for the record of one step: its wall time and its iterations."""
 STEP_SECONDS = 2.5e-5
-"""Least wall time of a step, of a single rigid body, s."""
+"""Smallest wall time of a step, s: that of a single rigid body."""
 MOST_STEPS = 1e10
-"""Steps beyond which a run is refused whatever memory there is: three days at the least."""
+"""Number of steps above which every run is refused: it would take three days at least."""
 ROUGH = 0.5
-"""Where rough counts stay below this share of what there is, nothing is counted exactly."""
+"""Share of the memory limit up to which a rough estimate is accepted without an exact count."""
 
 
 @dataclass(frozen=True, slots=True)
 class Item:
-    """Something large. advice: what makes it smaller."""
+    """Large item of a run's memory: what it is, its size in bytes, and advice how to reduce it."""
 
     what: str
     size: float
@@ -60,8 +60,11 @@ class Item:
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """base: what is held already; phases: what each holds in addition, not at the same time. Bytes.
-    exact: whether factors were counted, not bounded."""
+    """Memory estimate of a run, bytes.
+
+    base: memory in use already; phases: additional items of each phase; phases do not overlap in
+    time. exact: True if entries of matrix factors were counted, False if they were bounded.
+    """
 
     base: int
     phases: dict[str, tuple[Item, ...]]
@@ -77,8 +80,8 @@ class Estimate:
 
 
 def fitting(scene: Scene, model: Model, offline: Offline) -> Estimate:
-    """The estimate of a run that may start. InputError, in words, for one that would not fit in
-    memory, or whose snapshots would not fit on the disk."""
+    """Memory estimate of a run that fits. Raises InputError for a run that would not fit in memory,
+    or whose snapshots would not fit on the disk."""
     limit = ceiling()
     expected = estimate(scene, model, offline, exact=False)
     if expected.total > ROUGH * limit:
@@ -113,7 +116,7 @@ def trains(scene: Scene, blocks: Mapping[str, int]) -> bool:
 
 
 def _sizes(model: Model) -> dict[str, int]:
-    """Unknowns of each reducible block."""
+    """Number of unknowns of each reducible block."""
     return {n: int(model.layout[n].stop - model.layout[n].start) for n in model.reducible()}
 
 
@@ -126,7 +129,7 @@ def chosen_bases(scene: Scene, blocks: Iterable[str]) -> dict[str, Basis]:
 
 
 def _operators(model: Model) -> Iterator[tuple[str, Csr]]:
-    """The pattern of what a step solves with, by block."""
+    """Matrices with the sparsity pattern of the linear systems of a step, by block."""
     for h in model.separated.heat:
         yield h.thermal, h.capacity + h.conductivity
     for m in model.separated.moving:
@@ -149,7 +152,8 @@ def _full(model: Model, exact: bool) -> list[Item]:
 
 
 def _start(model: Model) -> Item:
-    """Two Jacobians of the whole model and their parts (model/initial_state.py)."""
+    """Memory of the consistent initial state: two Jacobians of the whole model and their parts
+    (model/initial_state.py)."""
     entries = sum(A.nnz for _, A in _operators(model))
     entries += sum(m.operators.coupling.nnz for m in model.separated.moving
                    if m.operators is not None and m.operators.coupling is not None)
@@ -161,7 +165,7 @@ def states(size: int) -> Item:
 
 
 def reduced(scene: Scene, blocks: Mapping[str, int]) -> list[Item]:
-    """Atoms and what the operators make of them while they are projected."""
+    """Memory of the atoms (basis vectors) and of the operators times them during projection."""
     found = []
     for name, basis in chosen_bases(scene, blocks).items():
         n, k = blocks[name], _atoms(basis, blocks[name])
@@ -171,7 +175,8 @@ def reduced(scene: Scene, blocks: Mapping[str, int]) -> list[Item]:
 
 
 def bases(scene: Scene, blocks: Mapping[str, int]) -> list[Item]:
-    """One block at a time: its snapshots, and orthonormal columns while they are found."""
+    """Memory of the computation of bases, block by block: snapshots and atoms of the largest
+    block."""
     largest: list[Item] = []
     M = _count(scene)
     reducer = scene.reducer
@@ -196,7 +201,7 @@ def _held_snapshots(scene: Scene, blocks: Mapping[str, int]) -> list[Item]:
 
 
 def _disk(scene: Scene, model: Model, offline: Offline) -> None:
-    """Snapshots that go to disk must fit there."""
+    """Checks that snapshots that are written to disk fit there. Raises InputError."""
     cache = offline.products.cache
     blocks = _sizes(model)
     if not trains(scene, blocks) or offline.has("training") or cache is None:
@@ -214,7 +219,8 @@ def _disk(scene: Scene, model: Model, offline: Offline) -> None:
 
 
 def grid_refusal(end: float, step: float) -> str:
-    """Why a time grid has too many steps, with their memory and duration; "" where it has not."""
+    """Reason why a time grid of steps of `step` up to `end` (s) has too many steps, with their
+    memory and duration; "" if it is acceptable."""
     steps, limit = end / step, ceiling()
     if steps <= MOST_STEPS and STEP_RECORD * steps <= limit:
         return ""
@@ -226,7 +232,7 @@ def grid_refusal(end: float, step: float) -> str:
 
 
 def room_for_result(scene: Scene, model: Model, out: Path) -> None:
-    """InputError where the stored steps of a run would not fit on the disk of `out`."""
+    """Checks that the stored steps of a run fit on the disk of `out`. Raises InputError."""
     blocks = _sizes(model)
     numbers = model.layout.size - sum(blocks.values()) + 3  # time, iterations and seconds
     numbers += sum(p.displacement.shape[0] if p.displacement is not None else 3
@@ -245,7 +251,7 @@ def room_for_result(scene: Scene, model: Model, out: Path) -> None:
 
 
 def _duration(steps: float) -> str:
-    """The least wall time of so many steps, in words."""
+    """Least wall time of a number of steps, in words."""
     seconds = STEP_SECONDS * steps
     for unit, name in ((365.25 * 86400, "years"), (86400, "days"), (3600, "hours"),
                        (60, "minutes")):
@@ -255,7 +261,7 @@ def _duration(steps: float) -> str:
 
 
 def _count(scene: Scene) -> int:
-    """Snapshots of the training run, at most."""
+    """Upper bound of the number of snapshots of the training run."""
     training = scene.for_training()
     return step_count(training) // scene.training.every + 2
 
@@ -266,7 +272,7 @@ def _atoms(basis: Basis, size: int) -> int:
 
 
 def _matrices(model: Model) -> int:
-    """Bytes of a second model's constant matrices."""
+    """Bytes of the constant matrices of a second model: that of the training run."""
     found = 0
     for h in model.separated.heat:
         found += _bytes(h.capacity) + _bytes(h.conductivity)

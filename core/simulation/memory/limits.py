@@ -9,15 +9,16 @@ from pathlib import Path
 from sparsemor.core.errors import InputError
 
 LIMIT = "SPARSEMOR_MEMORY"
-"""Environment variable: the most that one process of a run may hold, GB."""
+"""Environment variable with the memory limit of one process of a run, GB."""
 GIGABYTE = 1e9
 
 
 def peak() -> int:
-    """The most that this process has held in physical memory since it began, mapped files
-    included; 0 where the system does not say.
+    """Peak resident memory of this process, bytes, mapped files included; 0 if the system does not
+    report it.
 
-    Linux reports it itself; what `getrusage` says there begins with the size of the parent.
+    Linux reports it in /proc; its value from `getrusage` begins with the size of the parent
+    process.
     """
     own = _mentioned("/proc/self/status", "VmHWM", 1024)
     if own is not None:
@@ -31,7 +32,7 @@ def peak() -> int:
 
 
 def resident() -> int:
-    """Resident memory; the peak where the system does not report it."""
+    """Resident memory of this process, bytes; its peak if the system does not report it."""
     try:
         pages = int(Path("/proc/self/statm").read_text().split()[1])
     except (OSError, ValueError, IndexError):
@@ -41,8 +42,8 @@ def resident() -> int:
 
 @contextmanager
 def bounded_address_space(extra: int) -> Iterator[None]:
-    """Limit of the address space of this process to what it has and `extra` bytes, while entered:
-    what asks for more meets a MemoryError. Without effect where the system knows no such limit."""
+    """Context that limits the address space of this process to its present size and `extra` bytes:
+    larger allocations raise MemoryError. Without effect on systems that have no such limit."""
     try:
         import resource
 
@@ -61,7 +62,7 @@ def bounded_address_space(extra: int) -> Iterator[None]:
 
 
 def ceiling() -> int:
-    """Memory limit of this process: resident memory plus the memory still available on the
+    """Memory limit of this process, bytes: resident memory plus the memory still available on the
     machine and in each enclosing control group; at most SPARSEMOR_MEMORY."""
     spare = [_mentioned("/proc/meminfo", "MemAvailable", 1024)]
     spare += [limit - used for limit, used in _groups()]
@@ -73,8 +74,8 @@ def ceiling() -> int:
 
 
 def machine_memory() -> int:
-    """Total memory of the machine or of the control group, at most
-    SPARSEMOR_MEMORY. Unlike `ceiling` it does not change from one moment to the next."""
+    """Total memory of the machine or of the control group, bytes, at most SPARSEMOR_MEMORY. Unlike
+    `ceiling` it does not change from one moment to the next."""
     found = [limit for limit, _ in _groups()]
     given = _given()
     if given is not None:
@@ -102,7 +103,8 @@ def _given() -> int | None:
 
 
 def _groups() -> list[tuple[int, int]]:
-    """(limit, used) of each control group with a limit that this process is in."""
+    """Limit and use, bytes, of each control group (cgroup) of this process that has a memory
+    limit."""
     found = []
     for folder in _folders():
         for limit, used in (("memory.max", "memory.current"),

@@ -1,8 +1,8 @@
 """Lower estimate of a run's memory, from the sizes of its meshes before meshing.
 
-A scene that is refined too far would fill the machine while it is assembled; what is found here is
-refused at once. What can only be determined from matrices (the factors' fill, whether the training
-run is in the cache) is left to `estimate.py`, once the scene is assembled.
+A scene with too fine a mesh would fill the machine during its assembly; it is refused here in
+advance. Sizes that need the matrices (fill of factors) or the cache (whether the training run is in
+it) are left to `estimate.py`, after assembly.
 """
 
 from math import log2
@@ -27,24 +27,25 @@ from sparsemor.core.simulation.memory.estimate import (
 from sparsemor.core.simulation.memory.limits import ceiling, resident
 
 CELL = {2: 400, 3: 500}
-"""Bytes a cell: numbers of its points, facets while the mesh is checked and loads are placed."""
+"""Spatial dimension -> bytes per cell: numbers of its points, and facets during the mesh check and
+the location of loads."""
 HELD = 7
-"""How often each entry of operators on displacements is held: by its body, by terms, taken apart,
-and what the process does not give back of the memory it was made in."""
+"""Copies of each entry of operators on displacements: in the body, in terms, in separated form, and
+memory that the process does not return after assembly."""
 SCALAR = 4
-"""The same of mass, capacity and conduction, the start included."""
+"""Copies of each entry of mass, capacity and conductivity, initial state included."""
 
 
 def check_memory(scene: Scene) -> None:
-    """InputError, in words, where a run would not fit in memory whatever it finds in the cache.
-    Bodies that do not know their size in advance are left out."""
+    """Checks that a run fits in memory, whatever is in the cache. Raises InputError. Bodies that do
+    not know their size in advance are left out."""
     expected, limit = precheck_memory(scene), ceiling()
     if expected is not None and expected.total > limit:
         raise InputError(refusal(expected, limit))
 
 
 def precheck_memory(scene: Scene) -> Estimate | None:
-    """The estimate from counts alone; None where no body knows its size."""
+    """Memory estimate from mesh sizes alone; None if no body knows its size in advance."""
     bodies = {name: size for name, plugin in scene.bodies.items()
               if (size := _size(plugin)) is not None}
     if not bodies:
@@ -78,9 +79,9 @@ def _assembled(name: str, size: BodySize) -> list[Item]:
 
 
 def _factors(scene: Scene, name: str, size: BodySize) -> list[Item]:
-    """The least fill of the factors of those blocks whose solver cannot do without: n log2 n
-    entries in the plane, n^(4/3) in space (Lipton, Rose and Tarjan 1979, doi 10.1137/0716027), with
-    a factor 1 that a long and thin body keeps below, too."""
+    """Least memory of the factors of blocks with a direct solver: n log2 n entries in the plane,
+    n^(4/3) in space (Lipton, Rose and Tarjan 1979, doi 10.1137/0716027), with a constant of 1,
+    small enough for long and thin bodies, which have less fill."""
     found = []
     for field, n in size.unknowns.items():
         block = f"{name}.{field}"

@@ -1,9 +1,9 @@
-"""Sparse non-negative least squares, stopped as soon as the residual is small enough.
+"""Sparse non-negative least squares with early termination at a given residual norm.
 
 The active-set method of Lawson and Hanson (1974, doi 10.1137/1.9781611971217, ch. 23) adds one
-column an iteration, so the fewer iterations, the fewer nonzeros: this is the greedy solver of
-Farhat et al. 2014. scipy.optimize.nnls iterates to optimality and has no such stop. The factors
-of the active columns are updated, not recomputed.
+column per iteration, so that early termination gives few nonzeros: the greedy solver of Farhat et
+al. 2014. scipy.optimize.nnls iterates to optimality and has no such termination. The QR factors of
+the active columns are updated, not recomputed.
 """
 
 from typing import NamedTuple
@@ -14,21 +14,23 @@ from scipy.linalg import qr_delete, solve_triangular
 from sparsemor.core import FloatArray
 
 DEPENDENT = 1e-11
-"""A column of which less than this share is new to the active ones is not added."""
+"""Smallest relative distance of a column from the span of the active columns; columns closer to it
+are not added."""
 
 
 class Weights(NamedTuple):
-    """values (n,) >= 0; residual: |A values - b| as computed from A and b."""
+    """Non-negative solution: values (n,) >= 0 and residual |A values - b|, computed from A and
+    b."""
 
     values: FloatArray
     residual: float
 
 
 def nonnegative(A: FloatArray, b: FloatArray, tolerance: float) -> Weights:
-    """w >= 0 with |A w - b| <= tolerance and few nonzeros; A (m, n), b (m,).
+    """Sparse w >= 0 with |A w - b| <= tolerance; A (m, n), b (m,).
 
-    Where the tolerance is out of reach (no column that is left lowers the residual) the best w
-    found comes back with its residual.
+    Where the tolerance cannot be reached (no remaining column lowers the residual), the last w is
+    returned with its residual.
     """
     n = A.shape[1]
     norms = np.linalg.norm(A, axis=0)
@@ -61,8 +63,9 @@ def _entering(
     A: FloatArray, norms: FloatArray, Q: FloatArray, R: FloatArray, b: FloatArray,
     gain: FloatArray,
 ) -> tuple[int, FloatArray, FloatArray] | None:
-    """The column of largest gain that is new and would get a positive weight, with its part of
-    Q and R; None when no column lowers the residual. Writes to `gain`."""
+    """Column of largest gain that is linearly independent of the active ones and would get a
+    positive weight, with the new column of Q and the new R; None when no column lowers the
+    residual. Writes to `gain`."""
     while True:
         j = int(np.argmax(gain))
         if not gain[j] > 0.0:
@@ -74,7 +77,8 @@ def _entering(
 
 
 def _appended(Q: FloatArray, R: FloatArray, a: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The new orthonormal column, and R with its column; Gram-Schmidt twice is enough."""
+    """New orthonormal column of Q for a column a (m,), and R extended by it; Gram-Schmidt is
+    applied twice against round-off."""
     h = Q.T @ a
     q = a - Q @ h
     again = Q.T @ q
@@ -89,7 +93,8 @@ def _appended(Q: FloatArray, R: FloatArray, a: FloatArray) -> tuple[FloatArray, 
 def _feasible(
     Q: FloatArray, R: FloatArray, active: list[int], b: FloatArray, x: FloatArray
 ) -> tuple[FloatArray, FloatArray, list[int], FloatArray]:
-    """Least squares on the active columns; columns whose weights become negative are dropped."""
+    """Least squares on the active columns; columns with nonpositive weights leave the active
+    set."""
     w = x[active]
     while active:
         z = solve_triangular(R, Q.T @ b)

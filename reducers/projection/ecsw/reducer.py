@@ -57,10 +57,12 @@ class Ecsw(ProjectionReducer):
     """
 
     tau: float = Field(default=1e-6, ge=1e-8, lt=1.0)
-    """Error of the trained forces: of the displacements they cause, relative to those of the
-    training run; of the rates of temperature; of the heat of local terms."""
+    """Relative tolerance of the weights at the training states: errors of projected elastic forces
+    are measured by the displacements they cause, of heat by the rates of temperature, of local
+    terms such as radiation by the heat."""
     states: int = Field(default=200, ge=2)
-    """Most training states, evenly spread, that local terms such as radiation are trained on."""
+    """Largest number of training states, evenly spread, for the weights of local terms such as
+    radiation."""
 
     def check(self, model: AssembledModel) -> Sequence[Fault]:
         faults = [*super().check(model)]
@@ -84,8 +86,8 @@ class Ecsw(ProjectionReducer):
         self, model: AssembledModel, dictionaries: Mapping[str, Dictionary],
         offline: OfflineProducts, h: float
     ) -> tuple[AssembledModel, Mapping[str, Fact]]:
-        """The model with element integrals summed by the ECSW weights, and facts of each block's
-        weights."""
+        """The model with element integrals replaced by ECSW-weighted sums, and facts of each
+        block's weights."""
         training = Training(model, offline, h, self.tau, self.states, dictionaries)
         moving = tuple(training.elastic(m) for m in model.separated.moving)
         heat = tuple(training.heat(b) for b in model.separated.heat)
@@ -108,7 +110,8 @@ class Ecsw(ProjectionReducer):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Training:
-    """Makes the weighted operators of one model, and keeps the facts of each block."""
+    """Computation of the weighted operators of one model; collects the reported facts of each
+    block."""
 
     model: AssembledModel
     offline: OfflineProducts
@@ -152,7 +155,8 @@ class Training:
         return weighted
 
     def _weights(self, name: str, kind: str, G: Equations) -> FloatArray:
-        """(E,) trained (cached), and the facts of the block counted up."""
+        """Weights (E,) of the elements or facets of a block for the equations G w = G 1, cached;
+        adds their number and residual to the block's facts."""
         def make() -> dict[str, Any]:
             found = train(G, self.tau)
             return {"weights": found.values, "residual": np.array(found.residual)}
@@ -172,7 +176,8 @@ class Training:
         return self.trained[name]
 
     def _times(self, M: int) -> FloatArray:
-        """(M,) s: when the snapshots were taken; others are taken for one per step."""
+        """Times (M,) of the snapshots, s; snapshots without recorded times count as one per
+        step."""
         r = self.offline.recording
         t = np.arange(M) * (self.h if r is None else r.step * r.every)
         if r is not None and r.integrator.order > 1:
@@ -204,13 +209,15 @@ def _weigh_heat(
 
 
 def _left_out(g: Integrals, w: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Change by the weights of the constant part (n,) and of the prescribed loads (n, j)."""
+    """Change of the constant forces (n,) and of the prescribed loads (n, j) by the weights w
+    (E,)."""
     change = g.weighted(w - 1.0).toarray()
     return change[:, 0], change[:, 1:]
 
 
 def _weighed(matrix: Csr, g: Integrals, w: FloatArray) -> Csr:
-    """The matrix with its elements weighted; what is not of elements (films) stays as it is."""
+    """The matrix with its element contributions weighted; contributions that are not element
+    integrals (convective films) remain unchanged."""
     other = csr_array(matrix - g.weighted(np.ones(g.count)))
     # rounding of elements that go must not stay behind: it is not positive semidefinite
     other.data[np.abs(other.data) < 1e-11 * np.abs(matrix).max()] = 0.0

@@ -1,14 +1,13 @@
-"""Weights of the elements of one block, trained so that few of them do the work of all.
+"""Training of ECSW: sparse non-negative weights of the elements of one block.
 
-The unknown weights w >= 0 of the E elements are to repeat, at the training snapshots projected on
-the atoms, the projected forces that all elements give with weight 1: G w = G 1, one row of G for
-each atom and snapshot (Farhat, Avery, Chapman, Cortial 2014, doi 10.1002/nme.4668, Eq. 15-19).
-
-Forces of elements are linear in the unknowns here, so 4000 snapshots are first replaced by the few
-combinations of them that have the same products (a QR factorisation, exact), and those in turn by
-the few that matter (`Equations.compressed`). Rows are measured by
-what they do: elastic forces by the displacement they cause in K, heat by the rate of temperature
-it causes in C. Without that the stiff atoms take all the attention, and the elastic error was ten
+The weights w >= 0 of E elements shall reproduce, at the training snapshots projected on the basis,
+the projected forces of all elements with weight 1: G w = G 1, with a row of G for each atom (basis
+vector) and snapshot (Farhat, Avery, Chapman, Cortial 2014, doi 10.1002/nme.4668, Eq. 15-19).
+Element forces are linear in the unknowns here, so the snapshots are first replaced by a few
+combinations with the same Gram matrix (a QR factorisation, exact), and the rows of G by their
+leading left singular directions (`Equations.directions`). Rows are scaled by their physical effect:
+elastic forces by the displacement they cause through K, heat by the rate of temperature it causes
+through C. Without that scaling stiff atoms dominate the training, and the elastic error was ten
 times larger with as many elements.
 """
 
@@ -32,17 +31,19 @@ from sparsemor.reducers.projection.ecsw.nnls import Weights, nonnegative
 from sparsemor.reducers.projection.ecsw.training_matrix import Equations, Part, Rows
 
 LEFT_OUT = (1e-2, 1e-3, 1e-4)
-"""Singular values of G, as shares of tau, below which a direction is left out: tried in turn."""
+"""Thresholds for singular values of G, as fractions of tau, tried in turn: directions below are
+neglected."""
 MET = 1.05
-"""Where tau counts as met, as a multiple of it."""
+"""Residual up to which tau counts as attained, as a multiple of tau."""
 CANDIDATES = 20_000
-"""Elements of a larger mesh among which weights are sought, drawn at random: it bounds the
-memory and time of training. The forces to be reproduced are those of all elements."""
+"""Largest number of candidate elements for nonzero weights; of larger meshes as many are drawn at
+random, which bounds the memory and time of training. The reproduced forces are those of all
+elements."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Trained:
-    """Training coefficients of one block: c (k, M) at times t (M,), s."""
+    """Training coefficients of one block: c (k, M) at the snapshot times t (M,), s."""
 
     dictionary: Dictionary
     c: FloatArray
@@ -50,30 +51,30 @@ class Trained:
 
     @classmethod
     def of(cls, dictionary: Dictionary, snapshots: FloatArray, t: FloatArray) -> "Trained":
-        """From snapshots (n, M): their least-squares projection on the atoms."""
+        """Least-squares coefficients of snapshots (n, M) in the dictionary's atoms."""
         inverse = np.linalg.pinv(dictionary.atoms)
         c = [inverse @ (part - dictionary.offset[:, None]) for _, part in column_chunks(snapshots)]
         return cls(dictionary, np.asarray(np.concatenate(c, axis=1), dtype=np.float64), t)
 
     @property
     def with_offset(self) -> FloatArray:
-        """(n, k + 1): the atoms and the offset, which the last of `homogeneous` multiplies."""
+        """Atoms and offset of the dictionary side by side, (n, k + 1); multiplies `homogeneous`."""
         return np.column_stack([self.dictionary.atoms, self.dictionary.offset])
 
     @property
     def homogeneous(self) -> FloatArray:
-        """(k + 1, M): coefficients and a row of ones."""
+        """Coefficients with an appended row of ones, (k + 1, M)."""
         return np.vstack([self.c, np.ones(len(self.t))])
 
     def rates(self) -> FloatArray:
-        """(k, M'): difference quotients of neighbouring snapshots, those that follow in time."""
+        """Difference quotients (k, M') of consecutive snapshots whose times increase."""
         dt = np.diff(self.t)
         on = dt > 0.0
         return np.asarray(np.diff(self.c, axis=1)[:, on] / dt[on])
 
     def rates_at(self) -> FloatArray:
-        """(k, M): the difference quotient that ends at each snapshot; at the start, and at an
-        extra snapshot made there, the one that begins there. Zero for a single time."""
+        """Backward difference quotient (k, M) at each snapshot; forward at the start, and at an
+        additional snapshot taken there. Zero for a single time."""
         ends = np.flatnonzero(np.diff(self.t) > 0.0) + 1
         found = np.zeros_like(self.c)
         if len(ends):
@@ -86,10 +87,12 @@ class Trained:
 def elastic_equations(
     integrals: ElasticIntegrals, u: Trained, heat: Trained | None, flexibility: FloatArray
 ) -> Equations:
-    """G (m, E): static displacements that stiffness and thermal forces cause, as shares of |c|.
+    """Training matrix G (m, E) of an elastic block: static displacements due to the stiffness and
+    thermal forces of each element, relative to |c|.
 
-    flexibility (k, k): inverse of the projected stiffness. Both parts are trained, not only their
-    sum, which is small: it would be met by a body that is neither stiff nor expands.
+    flexibility (k, k): inverse of the projected stiffness. Both forces are trained separately, not
+    only their sum: the sum is small and would also be reproduced by weights that give a body
+    neither stiffness nor expansion.
     """
     count, size = integrals.stiffness.count, float(np.linalg.norm(u.c))
     if size == 0.0:
@@ -106,8 +109,9 @@ def elastic_equations(
 
 
 def heat_equations(integrals: HeatIntegrals, T: Trained, inertness: FloatArray) -> Equations:
-    """G (m, E): rates of temperature that conduction and changes of heat cause, each as a share of
-    its own. inertness (k, k): inverse of the projected capacity."""
+    """Training matrix G (m, E) of a thermal block: rates of temperature due to conduction and to
+    stored heat of each element, each relative to its sum over all elements. inertness (k, k):
+    inverse of the projected capacity."""
     left = T.dictionary.atoms @ inertness.T
     prescribed = _values_at(integrals.amplitudes, T.t)
     # what conduction and changes are differences of: below its round-off there is nothing to learn
@@ -125,21 +129,22 @@ def heat_equations(integrals: HeatIntegrals, T: Trained, inertness: FloatArray) 
 def local_equations(
     term: WeighsElements, left: FloatArray, x: FloatArray, v: FloatArray, t: FloatArray
 ) -> Equations:
-    """G (m, F) of a local term: left (k, m) times each element's share at states x (n, M) and
-    rates v (n, M)."""
+    """Training matrix G (m, F) of a local term such as radiation: left (k, m) times the
+    contribution of each facet at states x (n, M) and rates v (n, M), at times t (M,), s."""
     shares = term.contributions(left, x, v, t)
     return Equations.of(shares.reshape(len(shares), -1).T, float(np.abs(shares).sum()))
 
 
 def _values_at(amplitudes: Sequence[Callable[[float], float]], t: FloatArray) -> FloatArray:
-    """(1 + j, M): ones, and prescribed functions of time."""
+    """A row of ones and the prescribed functions of time at t, (1 + j, M)."""
     values = [[f(float(s)) for s in t] for f in amplitudes]
     return np.array([np.ones(len(t)), *values])
 
 
 Shares = tuple[FloatArray, Sequence[tuple[Integrals, FloatArray]], FloatArray, float | None]
-"""Rows of G: left (n, k); integrals with what they are applied to, side by side (m, z); what that
-is multiplied by at the snapshots (z, M); and what their sum is made of (see `Rows`)."""
+"""Factors of some rows of G: left (n, k); element integrals with the matrices they are multiplied
+by, side by side (m, z); the factors of these columns at the snapshots (z, M); and the reference
+magnitude of the sums (`Rows.against`)."""
 
 
 def _equations(count: int, shares: Sequence[Shares]) -> Equations:
@@ -156,16 +161,17 @@ def _equations(count: int, shares: Sequence[Shares]) -> Equations:
 def _made(
     left: FloatArray, pairs: Sequence[tuple[Integrals, FloatArray]], few: FloatArray, part: Part
 ) -> FloatArray:
-    """(k r, E'): the columns of some elements."""
+    """Entries (k r, E') of G for some elements."""
     tensor = np.concatenate([g.part(part).projected(left, right) for g, right in pairs], axis=2)
     return np.ascontiguousarray((tensor @ few).reshape(len(tensor), -1).T)
 
 
 def train(equations: Equations, tau: float) -> Weights:
-    """w (E,) >= 0 with |G w - G 1| <= tau, few of them not zero; all 1 where G has no rows.
+    """Sparse weights w (E,) >= 0 with |G w - G 1| <= tau; all 1 where G has no rows.
 
-    Directions in which all elements together cannot differ by what matters are left out; where few
-    weights of a large mesh, which are large, made more of them, fewer are left out.
+    Directions whose singular values are small against tau are neglected. Where the residual of all
+    equations then exceeds tau, as it may for the few, large weights of a large mesh, the threshold
+    is lowered.
     """
     G = equations.scaled().fewer()
     if not G.parts:
@@ -190,7 +196,7 @@ def train(equations: Equations, tau: float) -> Weights:
 
 
 def candidates(count: int) -> IntArray:
-    """Numbers of the elements among which weights are sought, sorted: the same in every call."""
+    """Sorted numbers of the elements that may get a nonzero weight; the same in every call."""
     if count <= CANDIDATES:
         return np.arange(count)
     return np.sort(np.random.default_rng(0).choice(count, CANDIDATES, replace=False))

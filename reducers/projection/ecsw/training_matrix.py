@@ -1,8 +1,8 @@
-"""The equations that weights of elements are trained on, made a few elements at a time.
+"""Training matrix G of ECSW, evaluated for a few elements at a time.
 
 G has one row for each atom and each combination of snapshots, and one column for each element: 2 GB
-for 40 atoms at 81 thousand tetrahedra. It is never held as a whole. Weights are found from U^T G
-alone, with the few eigenvectors U of G G^T that matter; both are assembled block by block.
+for 40 atoms and 81 thousand tetrahedra. It is never stored as a whole. The weights follow from U^T
+G with the few dominant eigenvectors U of G G^T; both are assembled blockwise.
 """
 
 from collections.abc import Callable, Iterator
@@ -16,22 +16,24 @@ from scipy.sparse import csr_array
 from sparsemor.core import FloatArray, IntArray
 
 BLOCK = 4_000_000
-"""Entries of G that are computed at a time: 32 MB, and some more for intermediate arrays."""
+"""Largest number of entries of G that are computed at a time: 32 MB plus intermediate arrays."""
 ROUND_OFF = 1e-11
-"""Forces this much smaller than the sums that they are made of are what is left of rounding."""
+"""Ratio of a sum of forces to its largest terms below which the sum is round-off."""
 MOST = 4000
-"""Equations that weights are sought with: of more, so many random combinations."""
+"""Largest number of equations for the weights; more equations are replaced by as many random
+combinations."""
 SIGNS = 8
-"""Combinations that each equation is a part of."""
+"""Number of random combinations that each equation enters."""
 Part: TypeAlias = slice | IntArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Rows:
-    """Some rows of G. make(elements) -> (count, E'): their columns of a slice or of numbers.
+    """Some rows of G. make(elements) returns their columns (count, E') for a slice or numbers of
+    elements.
 
-    against: None for rows that are scaled already; else they are to be taken as shares of their
-    sum over all elements, and left out where that is round-off of sums of this size.
+    against: None for rows with final scaling; otherwise the rows are to be divided by the norm of
+    their sum over all elements, or dropped where that norm is round-off relative to `against`.
     """
 
     count: int
@@ -42,7 +44,8 @@ class Rows:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Equations:
-    """G w = G 1 for the weights of `count` elements. content: what G is made of, to be digested."""
+    """Linear equations G w = G 1 for the weights w of `count` elements. content: the arrays that
+    determine G, for the key of the cache."""
 
     count: int
     parts: tuple[Rows, ...]
@@ -50,7 +53,7 @@ class Equations:
 
     @classmethod
     def of(cls, G: FloatArray, against: float | None = None) -> "Equations":
-        """Equations (m, E) that are there."""
+        """Equations with an explicit matrix G (m, E); against: see `Rows`."""
         rows = (Rows(len(G), lambda part: np.asarray(G[:, part]), against),) if len(G) else ()
         return cls(G.shape[1], rows, (G, against))
 
@@ -59,18 +62,19 @@ class Equations:
         return sum(p.count for p in self.parts)
 
     def columns(self, part: Part) -> FloatArray:
-        """(m, E'): those of some elements."""
+        """Columns (m, E') of G for some elements."""
         return np.concatenate([p.scale * p.make(part) for p in self.parts])
 
     def _chunks(self, elements: IntArray) -> Iterator[tuple[slice, FloatArray]]:
-        """Columns of some elements, no more at a time than `BLOCK` allows, and which they are."""
+        """Columns of G for some elements in chunks of at most `BLOCK` entries, each with its range
+        in `elements`."""
         step = max(BLOCK // max(self.rows, 1), 1)
         for first in range(0, len(elements), step):
             part = slice(first, first + step)
             yield part, self.columns(elements[part])
 
     def applied(self, w: FloatArray) -> FloatArray:
-        """(m,): G w; elements of weight 0 are not visited."""
+        """Product G w (m,); elements of weight 0 are not visited."""
         used = np.flatnonzero(w)
         sums: FloatArray = np.zeros(self.rows)
         for part, G in self._chunks(used):
@@ -78,12 +82,12 @@ class Equations:
         return sums
 
     def total(self) -> FloatArray:
-        """(m,): G 1."""
+        """Sum G 1 (m,) of the columns of all elements."""
         return self.applied(np.ones(self.count))
 
     def scaled(self) -> "Equations":
-        """The same with rows as shares of their sums, where they are to be; those left out whose
-        sums are round-off."""
+        """The equations with rows divided by the norm of their sums where `Rows.against` requires
+        it; rows whose sums are round-off are dropped."""
         kept = []
         for p in self.parts:
             if p.against is None:
@@ -95,15 +99,17 @@ class Equations:
         return replace(self, parts=tuple(kept))
 
     def fewer(self) -> "Equations":
-        """As many equations as there are weights at most, with the same |G w - G 1|."""
+        """At most as many equations as weights, with the same |G w - G 1|, by a QR
+        factorisation."""
         if self.rows <= 2 * self.count:
             return self
         return Equations.of(np.asarray(np.linalg.qr(self.columns(slice(None)), mode="r")))
 
     def mixed(self) -> "Equations":
-        """At most `MOST` equations: random combinations that keep |G x| for the x (E,) in spaces of
-        fewer dimensions, to a factor near 1 (sparse signs, Martinsson and Tropp 2020, doi
-        10.1017/S0962492920000021, Sec. 9.2). Weights found with them are to be checked with all."""
+        """At most `MOST` equations: random combinations of the rows that preserve |G x| up to a
+        factor near 1 for x (E,) in subspaces of lower dimension (sparse sign embedding, Martinsson
+        and Tropp 2020, doi 10.1017/S0962492920000021, Sec. 9.2). Weights found with them must be
+        verified with all equations."""
         if self.rows <= MOST:
             return self
         rng = np.random.default_rng(0)
@@ -118,8 +124,8 @@ class Equations:
     def directions(
         self, elements: IntArray, total: FloatArray, floor: float
     ) -> tuple[FloatArray, FloatArray]:
-        """Singular values above `floor` (r,), ascending, and left vectors (m, r) of the columns of
-        some elements and of `total` (m,) next to them."""
+        """Singular values above `floor` (r,), ascending, and left singular vectors (m, r) of the
+        columns of some elements and of `total` (m,) side by side."""
         square = np.outer(total, total)
         for _, G in self._chunks(elements):
             square += G @ G.T
@@ -127,7 +133,7 @@ class Equations:
         return np.sqrt(squares), U
 
     def along(self, U: FloatArray, elements: IntArray) -> FloatArray:
-        """(r, E'): U^T G of some elements, U (m, r)."""
+        """Projected columns U^T G (r, E') of some elements, U (m, r)."""
         A: FloatArray = np.zeros((U.shape[1], len(elements)))
         for part, G in self._chunks(elements):
             A[:, part] = U.T @ G

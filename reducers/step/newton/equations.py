@@ -1,4 +1,4 @@
-"""The equations of a whole step that Newton's method solves."""
+"""Protocol of the equations of a whole step, solved by Newton's method."""
 
 from collections.abc import Sequence
 from typing import Protocol, Self
@@ -9,9 +9,10 @@ from sparsemor.reducers.step.rejection import Checked
 
 
 class Equations(Protocol):
-    """One model's equations: n rows for the n unknowns of `layout`.
+    """Equations of one model: n residuals for the n unknowns of `layout`.
 
-    price: of a new factor, in iterations with the old one; 0: a new one in each iteration.
+    price: cost of a new factorization in iterations with the old one; 0: a new one in each
+    iteration.
     """
 
     @property
@@ -20,17 +21,17 @@ class Equations(Protocol):
     def price(self) -> int: ...
     @property
     def named(self) -> Sequence[tuple[str, frozenset[str]]]:
-        """Couplings of blocks: name in the scene, and the blocks."""
+        """Terms that couple blocks: name in the scene, and the coupled blocks."""
         ...
 
     @property
     def terms(self) -> Sequence[tuple[Term | ReducedTerm, IntArray]]:
-        """Terms that are evaluated in each iteration, each with its columns."""
+        """Terms that are evaluated in each iteration, each with the numbers of its unknowns."""
         ...
 
     @property
     def checks(self) -> Sequence[Checked]:
-        """Those of them that check steps."""
+        """Terms that can reject a converged step, each with the numbers of its unknowns."""
         ...
 
     def buffers(self) -> Sequence[FrameWork]:
@@ -38,11 +39,11 @@ class Equations(Protocol):
         ...
 
     def of_run(self, memory: NewtonMemory) -> Self:
-        """The same equations with the working arrays, and the terms' copies, of one run."""
+        """These equations with the working arrays and local copies of terms of one run."""
         ...
 
     def prescribed(self, t: float) -> FloatArray:
-        """(n,) the part of the residual that depends on the time (s) alone."""
+        """The part (n,) of the residual that depends on the time (s) alone."""
         ...
 
     def residual(
@@ -51,9 +52,9 @@ class Equations(Protocol):
     def jacobian(
         self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: FloatArray, c2: FloatArray
     ) -> Matrix:
-        """(n, n), dense or csc; c1, c2 (n,) a unknown."""
+        """Jacobian (n, n), dense or csc, for dv = c1 dx and da = c2 dx; c1, c2 (n,)."""
         ...
 
     def factorize(self, J: Matrix) -> Factor:
-        """Raises RuntimeError when J is singular."""
+        """Factorization of a Jacobian. Raises RuntimeError when it is singular."""
         ...

@@ -1,8 +1,8 @@
-"""A whole step by Newton's method with the exact Jacobian, where a cheaper iteration fails.
+"""Newton's method with the exact Jacobian for a whole step, where a cheaper iteration fails.
 
-The bordered iteration keeps its operators constant; what a soft body's large displacements add to
-the Jacobian may keep it from converging. Such a step is solved with all unknowns together, by the
-equations and the search of iteration.py, which are assembled when the first step needs them.
+The bordered iteration keeps its operators constant; the contribution of a soft body's large
+displacements to the Jacobian may prevent convergence. Such a step is solved for all unknowns
+together by the iteration of iteration.py. Its equations are assembled when they are first needed.
 """
 
 from collections.abc import Callable
@@ -18,12 +18,12 @@ from sparsemor.reducers.step.newton.memory import NewtonMemory
 from sparsemor.reducers.step.predictor import Ring
 
 STEPS = 10
-"""Steps that follow one which needed the exact Jacobian, before the cheaper iteration is tried
+"""Number of steps after one that needed the exact Jacobian before the cheaper iteration is tried
 again."""
 
 
 class FullNewton:
-    """Newton's method for the whole step. make: assembles the equations."""
+    """Newton's method for the whole step. make: function that assembles the equations."""
 
     def __init__(self, make: Callable[[], Equations], tolerances: Tolerances) -> None:
         self.make, self.tolerances = make, tolerances
@@ -33,7 +33,8 @@ class FullNewton:
         return self.make()
 
     def solve(self, step: StepFormula, guess: FloatArray, past: Ring) -> StepOutcome:
-        """From a guess (n,), and where that leads nowhere from the newest state of `past`."""
+        """Solves a step from an initial guess (n,), and if that fails from the newest state in
+        `past`."""
         outcome = self._solved(step, guess, past)
         if outcome.status.ok:
             return outcome

@@ -1,11 +1,11 @@
-"""Newton's method for a whole step at once, with a factor of the Jacobian that is kept.
+"""Simplified Newton method for a whole step, which reuses the factorized Jacobian.
 
-The factor of an earlier state serves as long as each change is a small share of the one before;
-then it is recomputed. Changes are judged by each block's own size, and a block whose residual is
-rounding is not judged at all. Full steps are taken even where they make things worse for a moment,
-as they do at the kinks of a contact; only where that does not end is the residual made to fall, by
-shorter steps. Kept factors and affine invariant tests: Deuflhard 2011,
-doi 10.1007/978-3-642-23899-4, Sec. 2.1.
+The Jacobian of an earlier state is used as long as each change is a small fraction of the previous
+one; then it is recomputed. Changes are measured relative to each block's own size, and blocks whose
+residual is round-off are excluded. Full steps are taken even where they increase the residual for a
+moment, as at the kinks of a contact force; only if that persists is a line search used. Reused
+factors and affine invariant convergence tests: Deuflhard 2011, doi 10.1007/978-3-642-23899-4, Sec.
+2.1.
 """
 
 from math import inf
@@ -18,20 +18,21 @@ from sparsemor.reducers.step.newton.equations import Equations
 from sparsemor.reducers.step.newton.memory import Linearisation, NewtonMemory
 
 NOISE = 1e-9
-"""Relative change below which an iteration is not found to go back and forth."""
+"""Relative change below which the test for a cycle of two iterates is not made."""
 PATIENCE = 6
-"""Full steps that may fail to halve the smallest change before the residual is made to fall."""
+"""Number of full steps that may fail to halve the smallest change before the line search begins."""
 NONE = np.zeros(0)
 SHORTEST = 2.0**-7
-"""Least share of a full step that is tried."""
+"""Smallest step length of the line search, relative to a full step."""
 EXTRAPOLATION_ERROR = 1e-2
-"""Relative error of an extrapolation that is still better than the last state itself."""
+"""Relative error above which an extrapolation is no better a guess than the last state."""
 
 
 def solve(
     equations: Equations, step: StepFormula, memory: NewtonMemory, tolerances: Tolerances
 ) -> StepOutcome:
-    """One step from the extrapolated state; `memory` keeps what the next one needs of it."""
+    """One step from the extrapolated state; `memory` keeps the Jacobian and scales for the next
+    step."""
     search = _Search(equations, step, memory, tolerances)
     outcome = search.run(memory.ring.predict(memory.order))
     if outcome.status.ok:
@@ -40,9 +41,12 @@ def solve(
 
 
 class _At:
-    """An iterate: x (n,) with its rates v, a, its residual r, and after `turn` its change dx;
-    moved (blocks,): how large that is in each block, change: the largest; share: of the change
-    that led here."""
+    """An iterate: x (n,) with rates v, a, residual r, and after `turn` its Newton change dx.
+
+    moved (blocks,): relative size of the change in each block; change: the largest of these; share:
+    step length, relative to a full step, that led to this iterate; fresh: True if the Jacobian is
+    its own.
+    """
 
     __slots__ = ("a", "change", "dx", "fresh", "moved", "r", "share", "v", "x")
 
@@ -112,8 +116,8 @@ class _Search:
             at = new
 
     def _following(self, at: _At, renew: bool) -> _At | None:
-        """The next iterate with its own change: a full step on, or less where full steps lead
-        nowhere; None where no share of the change makes the residual fall."""
+        """Next iterate with its own change: after a full step, or after a line search where full
+        steps do not converge; None where no step length decreases the residual."""
         # wanders, if not in circles
         lost = self.iterations > 2 * PATIENCE and at.change > EXTRAPOLATION_ERROR
         if self.stall <= PATIENCE and not lost:
@@ -125,18 +129,19 @@ class _Search:
         return self._shorter(at)
 
     def _ready(self, at: _At, renew: bool) -> None:
-        """The next change, with the kept factor where there is one for this step's constants."""
+        """Newton change of an iterate, with the kept factorization where it has this step's
+        constants c1, c2."""
         point = self.memory.point
         self.turn(at, renew or point is None or point.c != self.c)
         self.iterations += 1
 
     def _left(self, moved: FloatArray, ratio: FloatArray) -> float:
-        """The change that is left to come, by the ratio of the last two."""
+        """Estimated remaining error, from the ratio of the last two changes of each block."""
         steady = np.clip(ratio, LEAST, 0.5)
         return float((moved * np.where(ratio < 0.5, steady / (1.0 - steady), 1.0)).max())
 
     def _slow(self, change: float, ratio: float) -> bool:
-        """True if a new factor is due: the old one would take longer than its price."""
+        """True if a new factorization is due: iterating with the old one would cost more."""
         return ratio >= 0.5 or change * ratio**self.eq.price > self.tol.remaining
 
     def _watch(self, at: _At, before: _At) -> None:
@@ -150,7 +155,7 @@ class _Search:
             self.cycles, self.stall = True, PATIENCE + 1
 
     def _shorter(self, at: _At) -> _At | None:
-        """Line search: an iterate along the change whose residual is less, with its own change."""
+        """Line search: an iterate along the change with a smaller residual, with its own change."""
         if not at.fresh:
             self.turn(at, renew=True)
         if not len(self.scale):  # one for the whole step: under two, each way may seem to descend
@@ -166,8 +171,8 @@ class _Search:
         return None
 
     def _scales(self, x: FloatArray) -> FloatArray:
-        """(n,) what each row is measured by: the largest terms of its block, of rigid coordinates
-        its own ones, because forces and torques are not to be compared."""
+        """Reference magnitude (n,) of each row: the largest terms of its block; for rigid
+        coordinates the row's own terms, because forces and torques are not comparable."""
         terms = self.memory.magnitudes @ np.abs(x)
         count = np.diff(np.append(self.starts, len(x)))
         of_block = np.repeat(self._largest(terms), count)
@@ -180,12 +185,15 @@ class _Search:
     # ------------------------------------------------------------------ residual and change
 
     def at(self, x: FloatArray) -> _At:
-        """An iterate at x: the first one of the step."""
+        """The first iterate of the step, at x."""
         return self._evaluated(x, self.c1 * x + self.step.r1, self.c2 * x + self.step.r2)
 
     def beyond(self, at: _At, share: float = 1.0) -> _At:
-        """The iterate after a share of the change. Its rates follow from the change, whose digits
-        c2 x + r2 would lose: x of size 1 is rounded to 1e-16, and c2 = 1/(beta h^2) may be 1e10."""
+        """The iterate after a fraction of the change.
+
+        Its rates are updated by the change, because c2 x + r2 would lose digits: x of size 1 is
+        rounded to 1e-16, and c2 = 1/(beta h^2) may be 1e10.
+        """
         d = share * at.dx
         new = self._evaluated(at.x - d, at.v - self.c1 * d, at.a - self.c2 * d)
         new.share = share
@@ -195,7 +203,7 @@ class _Search:
         return _At(x, v, a, self.eq.residual(x, v, a, self.step.t, self.prescribed))
 
     def turn(self, at: _At, renew: bool) -> None:
-        """The change at an iterate; renew: True for the Jacobian there, else with the kept one."""
+        """Newton change at an iterate; renew: True for its own Jacobian, False for the kept one."""
         m = self.memory
         if renew:
             m.point = Linearisation(at.x, at.v, at.a, self.step.t, self.c)
@@ -215,9 +223,9 @@ class _Search:
             at.change = inf
 
     def _rounded(self, at: _At) -> bool:
-        """True if the change is no more than what rounding the terms of the residual makes of the
-        unknowns, in each block that is not converged: J^-1 (eps |J| |x|), with random signs.
-        Constraints subtract positions of size 1 from each other, which |J| |x| may not show."""
+        """True if the change is not above the effect of rounding the terms of the residual, in each
+        block that has not converged: J^-1 (eps |J| |x|), with random signs. Constraints subtract
+        positions of size 1 from each other, which |J| |x| may underestimate."""
         terms = self.memory.magnitudes @ np.abs(at.x)
         count = np.diff(np.append(self.starts, len(terms)))
         terms = np.where(np.repeat(self.judged, count), terms, np.maximum(terms, 1.0))
@@ -228,15 +236,15 @@ class _Search:
         return bool((small | (at.moved <= self.tol.remaining)).all())
 
     def _sizes(self, x: FloatArray) -> FloatArray:
-        """(blocks,) what the residual's terms are as large as: |J| |x|, largest of each block."""
+        """Magnitude (blocks,) of the terms of the residual: largest |J| |x| of each block."""
         return self._largest(self.memory.magnitudes @ np.abs(x))
 
     def _largest(self, x: FloatArray) -> FloatArray:
         return np.maximum.reduceat(np.abs(x), self.starts)
 
     def _moved(self, at: _At) -> FloatArray:
-        """(blocks,) change of each relative to its size; 0 for multipliers, which follow, and where
-        the residual is rounding."""
+        """Relative change (blocks,); 0 for multipliers, which follow from the other unknowns, and
+        where the residual is round-off."""
         judged = self.judged
         if self.eq.price:
             judged = judged & ~(self._largest(at.r) <= self.floor)
@@ -271,7 +279,7 @@ class _Search:
                            self._with_names(how, block))
 
     def _with_names(self, detail: str, block: str) -> str:
-        """With the names of what acts between this block and others."""
+        """The detail, extended by the names of the terms that couple this block to others."""
         names = [n for n, blocks in self.eq.named if n and (not block or block in blocks)]
         if not names:
             return detail

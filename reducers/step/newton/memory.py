@@ -1,4 +1,4 @@
-"""Step memory of Newton's method with a factor of the Jacobian that is kept."""
+"""State between steps of Newton's method with a reused Jacobian."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import astuple, dataclass, field, replace
@@ -21,7 +21,7 @@ class Factor(Protocol):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Linearisation:
-    """Point at which a Jacobian was evaluated; c: c1, c2, c1 of first order."""
+    """State at which a Jacobian was evaluated; c: c1, c2, and c1 of first-order unknowns."""
 
     x: FloatArray
     v: FloatArray
@@ -32,13 +32,14 @@ class Linearisation:
 
 @dataclass(eq=False, kw_only=True)
 class NewtonMemory(RunMemory):
-    """Memory of one run.
+    """State between steps of Newton's method for whole steps.
 
-    point: where the kept factor was made; after a restart it is made there again, so that a
-    resumed run repeats every digit. magnitudes: |J| of it. top (blocks,): largest value of each
-    block so far; order: of the extrapolation that predicted the last step best. near: number of a
-    term -> its copy for states near one (relocalised.py), stored as that state; searches: how many
-    were made. work: arrays that the bodies' frames fill, made by `buffers`.
+    point: state at which the kept Jacobian was evaluated; it is recomputed there after a restart,
+    so that a resumed run repeats every digit. magnitudes: |J| of it. top (blocks,): largest value
+    of each block so far; order: order of the extrapolation with the least error in the last step.
+    near: number of a term -> its local copy (relocalised.py), stored as the state at which it was
+    made; searches: number of such copies so far. work: working arrays of the bodies' frames,
+    allocated by `buffers`.
     """
 
     top: FloatArray
@@ -56,7 +57,8 @@ class NewtonMemory(RunMemory):
         cls, x: FloatArray, points: int, blocks: int,
         buffers: Callable[[], Sequence[FrameWork]] = tuple,
     ) -> Self:
-        """At a state x (n,) of so many blocks. points: of the extrapolation."""
+        """Memory at a state x (n,) with so many blocks; points: number of past states to
+        extrapolate."""
         return cls(ring=Ring(points, x), top=np.zeros(blocks), buffers=buffers, work=buffers())
 
     def __getstate__(self) -> dict[str, object]:
@@ -72,12 +74,14 @@ class NewtonMemory(RunMemory):
             state, point=Linearisation(*point) if isinstance(point, tuple) else None)
 
     def copy(self) -> Self:
-        """The factor and the terms' copies do not change and are shared."""
+        """Independent copy; the factorization and the local copies of terms are immutable and
+        shared."""
         return replace(super().copy(), top=self.top.copy(), near=dict(self.near),
                        work=self.buffers())
 
     def at_newest(self) -> "NewtonMemory":
-        """Separate memory with the same copies of terms, for an evaluation at the last state."""
+        """Independent memory with the same local copies of terms, for an evaluation at the last
+        state."""
         other = NewtonMemory.of(self.newest, 1, len(self.top))
         other.near = dict(self.near)
         return other
@@ -92,5 +96,6 @@ class NewtonMemory(RunMemory):
 
 
 def state_of(kept: LocalCopy | FloatArray) -> FloatArray:
-    """(k,) the state that a copy of a term was made at; that itself in memory that was stored."""
+    """State (k,) at which a local copy of a term was made; in a stored memory the entry is that
+    state."""
     return kept if isinstance(kept, np.ndarray) else kept.at

@@ -1,4 +1,4 @@
-"""A step solver whose unknowns are all solved for together, by Newton's method."""
+"""Step solver that solves for all unknowns together by Newton's method."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -28,8 +28,8 @@ from sparsemor.reducers.step.solver import Facts
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NewtonStepper:
-    """StepSolver over the equations of a whole step. limits: largest |coefficient| of a block that
-    is sane."""
+    """Step solver for the equations of a whole step. limits: largest permitted |coefficient| of a
+    block, beyond which a run counts as divergent."""
 
     equations: Equations
     elements_touched: Mapping[str, int]
