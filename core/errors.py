@@ -55,7 +55,8 @@ class Gather:
     def __call__(
         self, key: str, make: Callable[P, T], *args: P.args, **kwargs: P.kwargs
     ) -> T | None:
-        """Result of `make`, or None when it raised InputError (kept under `key`, if any)."""
+        """Result of `make`, or None when it raised InputError, whose faults are kept under `key`,
+        if given."""
         try:
             return make(*args, **kwargs)
         except InputError as error:

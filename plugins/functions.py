@@ -48,7 +48,7 @@ class Table(PiecewiseLinear):
     values: tuple[float, ...] = Field(min_length=2)
     """Values at these times."""
     outside: Literal["hold", "zero"] = "hold"
-    """Before the first and after the last time: `hold` the nearest value, or `zero`."""
+    """Value before the first and after the last time: `hold` the nearest one, or `zero`."""
 
     @model_validator(mode="after")
     def _matching(self) -> Self:
@@ -85,7 +85,7 @@ class Ramp(PiecewiseLinear):
     """Linear ramp: from one value to another along a straight line, constant before and after."""
 
     start: float = 0.0
-    """Begin of the change, s."""
+    """Start of the change, s."""
     end: float
     """End of the change, s."""
     initial: float = 0.0
@@ -113,9 +113,9 @@ class Pulse(PiecewiseLinear):
     """Rectangular pulse: a value from `start` until `duration` later (end excluded), else zero."""
 
     start: float = 0.0
-    """Begin, s."""
+    """Start time, s."""
     duration: float = Field(gt=0.0)
-    """Length, s."""
+    """Duration, s."""
     level: float
     """Value during the pulse."""
 

@@ -61,7 +61,7 @@ def _words(value: Any) -> str:
 
 
 def described() -> dict[str, Any]:
-    """Processor, system, BLAS libraries and number of threads of a run, for its result."""
+    """Processor, system, BLAS libraries and number of threads of a run, stored with its result."""
     from threadpoolctl import threadpool_info
 
     found = {f"{lib['internal_api']} {lib['version']}" for lib in threadpool_info()

@@ -76,10 +76,10 @@ class Scene(Plugin):
     integrator: Annotated[Integrator, Slot("integrator")] = slot_default("bdf1")
     """Time integrator."""
     linear_solver: Annotated[LinearSolver, Slot("linear_solver")] = slot_default("auto")
-    """Linear solver of the large constant matrices of elastic and thermal blocks: of full order, of
-    training, and of bases that need no training."""
+    """Linear solver of the large constant matrices of displacements and temperatures, in full-order
+    and training runs and in bases that need no training run."""
     linear_solvers: dict[str, Annotated[LinearSolver, Slot("linear_solver")]] = {}
-    """Other linear solvers by block pattern, such as `*.thermal`."""
+    """Other linear solvers, by pattern of block names (`body.field`), such as `*.thermal`."""
     training: Training = Training()
     """Full-order training run of a reduced model."""
     reducer: Annotated[Reducer, Slot("reducer")] = slot_default(FULL_ORDER)

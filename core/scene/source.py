@@ -99,7 +99,8 @@ class Source:
         return list(self.locate(error.faults).lines)
 
     def origin(self, key: str) -> tuple[str, str] | None:
-        """(label, option) of the change that set a dotted key; None where the file has it."""
+        """Label and option of the change that set a dotted key; None where its value is from the
+        file."""
         return self._origin(find(self.tree, key))
 
     def _origin(self, path: KeyPath) -> tuple[str, str] | None:

@@ -43,7 +43,7 @@ class LocatedError(InputError):
 
 @dataclass(frozen=True, slots=True)
 class Document:
-    """A YAML mapping as plain dicts, lists and scalars, with the position of every key and item."""
+    """YAML mapping as plain dicts, lists and scalars, with the position of every key and item."""
 
     name: str
     tree: dict[str, Any]

@@ -42,8 +42,8 @@ class Attachment(Plugin):
     """Number of unit loads per direction along the path of each moving load (hat functions where
     the body is planar); left out: one per node."""
     tabled: int | None = Field(default=None, ge=1)
-    """Number of load shapes instead of unit loads: the largest singular vectors of each load table
-    over all its times. For loads that cover many nodes at once."""
+    """Number of load shapes instead of unit loads: the leading singular vectors of each load table
+    (amplitudes of the load's nodes over time). For loads that cover many nodes at once."""
     thermal: Annotated[Basis, Slot("basis")] | None = None
     """Basis of the body's temperatures (the one of its thermal block): the displacements K^-1 K_fT
     T of each of its vectors T are added. Left out: none are added."""
@@ -57,8 +57,8 @@ class Attachment(Plugin):
     unit heat along the path. Left out: the responses themselves, whose coefficients are the
     loads."""
     rank_rtol: float = Field(default=1e-10, gt=0.0, lt=1.0)
-    """A response is left out when its part outside the span of earlier ones is below this (2-norm,
-    relative)."""
+    """Tolerance of linear dependence: a response is left out when its part outside the span of
+    earlier ones is below this (2-norm, relative)."""
     orthonormal: bool = False
     """Orthogonalise each response against the earlier ones: the same span, well conditioned, for
     reducers that use all atoms, such as `galerkin`."""

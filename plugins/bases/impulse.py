@@ -37,8 +37,8 @@ class Impulse(Plugin):
     """Number of unit loads along the path of each moving load (hat functions where the body is
     planar); left out: one per node."""
     tabled: int | None = Field(default=None, ge=1)
-    """Number of load shapes instead of unit loads: the largest singular vectors of each load table
-    over all its times. For loads that cover many nodes at once."""
+    """Number of load shapes instead of unit loads: the leading singular vectors of each load table
+    (amplitudes of the load's nodes over time). For loads that cover many nodes at once."""
     delays: tuple[int, ...] | None = Field(default=None, min_length=1)
     """Numbers of steps p, increasing. Left out: 0, 1, 2, 4, ... and the length of the load's table,
     because a body stores heat for the whole run."""

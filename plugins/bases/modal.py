@@ -1,4 +1,5 @@
-"""Eigenmodes of one block: vibrations of displacements, decaying shapes of temperatures."""
+"""Eigenmodes of one body's field: vibration modes of displacements, decaying shapes of
+temperatures."""
 
 from typing import Literal
 

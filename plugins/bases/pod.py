@@ -57,7 +57,7 @@ class Pod(Plugin):
     has few shapes within a short time."""
     tolerance: float = Field(default=1e-6, ge=0.0, lt=1.0)
     """Atoms of different windows are merged when the sine of the angle between them is at most
-    this. The first stays and its provenance names those it absorbed."""
+    this. The first stays, and its name lists those it absorbed."""
 
     @model_validator(mode="after")
     def _one_purpose(self) -> Self:

@@ -37,8 +37,8 @@ class Static(Plugin):
     """Rates s, 1/s, of the temperatures (K_T + s C)^-1 f under heat f: 0 gives the steady state,
     1/h the first step of implicit Euler with step h. Displacements are computed at 0 only."""
     rank_rtol: float = Field(default=1e-10, gt=0.0, lt=1.0)
-    """A response is left out when its part outside the span of earlier ones is below this (2-norm,
-    relative)."""
+    """Tolerance of linear dependence: a response is left out when its part outside the span of
+    earlier ones is below this (2-norm, relative)."""
     orthonormal: bool = False
     """Orthogonalise each response against the earlier ones: the same span, well conditioned, for
     `galerkin` with many rates. Otherwise the coefficients are the load amplitudes."""

@@ -70,7 +70,8 @@ class StaticSolver:
     factor: Answers
     uniform: FloatArray | None
     growth: FloatArray
-    """C 1 / (1.C 1), (n,); empty where K is regular."""
+    """Heat C 1 / (1.C 1), (n,), that raises the temperature uniformly, of unit total; empty where K
+    is regular."""
 
     @classmethod
     def of(cls, data: BlockData) -> "StaticSolver":
@@ -85,7 +86,7 @@ class StaticSolver:
         return cls(factorize(pinned, data), one, growth)
 
     def __call__(self, F: FloatArray) -> FloatArray:
-        """Responses (n, j) to the columns of F (n, j)."""
+        """Static responses (n, j) to the columns of F (n, j)."""
         if self.uniform is None:
             return np.asarray(self.factor.solve(np.ascontiguousarray(F)))
         balanced = F - np.outer(self.growth, F.sum(axis=0))

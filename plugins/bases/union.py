@@ -30,10 +30,11 @@ class Overcomplete(Plugin):
 
     bases: list[Annotated[Basis, Slot("basis")]] = Field(
         default=["pod", "modal", "static"], min_length=1, validate_default=True)
-    """Bases, such as `[{use: pod, count: 20}, {use: modal, count: 40}, static]`."""
+    """Bases whose atoms are united, such as `[{use: pod, count: 20}, {use: modal, count: 40},
+    static]`."""
     tolerance: float = Field(default=1e-6, ge=0.0, lt=1.0)
     """Two atoms are merged when the sine of the angle between them is at most this (1e-6: their
-    coherence is 1 to 5e-13). The first stays and its provenance names those it absorbed."""
+    coherence is 1 to 5e-13). The first stays, and its name lists those it absorbed."""
     orthonormal: bool = False
     """Orthogonalise each atom against the earlier ones and drop it below `rank_rtol`: the same span
     without redundancy, for reducers that use all atoms, such as `galerkin`."""

@@ -6,7 +6,7 @@ from sparsemor.core import FloatArray, Plugin
 
 
 class NoPreconditioner(Plugin):
-    """No preconditioning: P = I."""
+    """No preconditioning: P = I, the sampled equations are used as they are."""
 
     def check(self, rows: int, atoms: int) -> str:
         return ""

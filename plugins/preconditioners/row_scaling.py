@@ -8,8 +8,9 @@ from sparsemor.core import FloatArray, Plugin
 class RowScaling(Plugin):
     """Row scaling: P = diag(1 / |row|), so that all sampled equations have equal weight.
 
-    Among all diagonal P the condition number of P A is then at most sqrt(m) times the least
-    (van der Sluis 1969, doi 10.1007/BF02165096, applied to rows). Defined for every shape.
+    Then the condition number of P A is at most sqrt(m) times the least over all diagonal P, A (m,
+    k) the sampled rows (van der Sluis 1969, doi 10.1007/BF02165096, applied to rows). Defined for
+    every shape.
     """
 
     def check(self, rows: int, atoms: int) -> str:

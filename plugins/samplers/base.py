@@ -13,10 +13,10 @@ class RowSampler(Plugin):
     evaluates; a subclass defines `rows_beside`."""
 
     required: Required = True
-    """Keep the rows that joints and localized loads act on (`ring`: also those of all elements
-    along the path of moving loads), and choose the others to complement them. False, with `lhs` the
-    published variant: they are treated like any other, and a run without one of them may be
-    unstable."""
+    """True: keep the rows that joints and localized loads act on (`ring`: also those of all
+    elements along the path of moving loads), and choose the others to complement them. False, with
+    `lhs` the published variant: these rows are sampled like all others, and a run without one of
+    them may be unstable."""
     unit: Unit = "dof"
     """`dof` selects single rows; `node` selects the rows of a node together."""
 

@@ -12,9 +12,10 @@ from sparsemor.plugins.sparse_solvers.penalised import Penalised
 class Cosamp(LinearRecovery):
     """CoSaMP: joins the active columns with twice the budget of new ones, then keeps the largest.
 
-    Sweeps end when the residual no longer falls; the best sweep counts. Where rows are short of
-    three times the budgets, fewer new columns join. Needell and Tropp 2009, Algorithm 1,
-    doi 10.1016/j.acha.2008.07.002.
+    The budget is the largest number of active columns of a group. Sweeps end when the residual no
+    longer falls; the best sweep is the result. If there are fewer rows than three times the
+    budgets, fewer new columns join. Needell and Tropp 2009, Algorithm 1, doi
+    10.1016/j.acha.2008.07.002.
     """
 
     sweeps: int = Field(default=50, ge=1)

@@ -37,8 +37,9 @@ class GreedyGaussNewton(SupportNewton):
     group."""
     candidates: Literal["correlated", "all"] = "all"
     """Candidate atoms: `all` while there are rows for all of them, or `correlated`: those that
-    correlate most with the residual, as published (Eq. 25). Where active columns are nearly
-    parallel to a missing one the residual does not correlate with it, and only `all` finds it."""
+    correlate most with the residual, as published (Liang et al. 2026, Eq. 25). Where active columns
+    are nearly parallel to a missing one, the residual does not correlate with it, and only `all`
+    finds it."""
     gain: float = Field(default=1e-8, ge=0.0, lt=1.0)
     """Fraction by which an exchange must lower the linearised residual norm: prevents
     endless exchanges of atoms that fit round-off."""
