@@ -1,10 +1,10 @@
-"""The extension API: everything that the author of a plugin needs, in one import line.
+"""Extension API: everything that the author of a plugin needs, in one import line.
 
     from sparsemor.core import BlockData, Dictionary, InputError, Plugin
 
-Names are imported when they are asked for, so that importing the package stays quick. Where a name
-is defined may change; its name here does not: tests/laws/test_extension_api.py
-lists them all. Law checks of a plugin are in `sparsemor.core.testing`.
+Names are imported on first use, so that importing the package stays fast. The module that defines a
+name may change; the name here does not: tests/laws/test_extension_api.py lists them all. Law checks
+of a plugin (tests that it satisfies its interface) are in `sparsemor.core.testing`.
 """
 
 from importlib import import_module
@@ -152,7 +152,7 @@ _HOMES = {
     "simulation.memory.limits": ("GIGABYTE", "bounded_address_space", "machine_memory"),
     "status": ("SolveFailed", "Status"),
 }
-"""Module of core -> names; those of `protocols` come from its own list."""
+"""Module of core -> public names that it defines; those of `protocols` are in its `__all__`."""
 
 
 def __getattr__(name: str) -> Any:

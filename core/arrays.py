@@ -1,4 +1,4 @@
-"""Names for the arrays that every contract passes around."""
+"""Type names of arrays in the interfaces of the package."""
 
 from collections.abc import Mapping
 from typing import Any, TypeAlias
@@ -10,8 +10,8 @@ FloatArray: TypeAlias = NDArray[np.float64]
 IntArray: TypeAlias = NDArray[np.int64]
 BoolArray: TypeAlias = NDArray[np.bool_]
 Csr: TypeAlias = Any
-"""A `scipy.sparse.csr_array` of float64 (scipy ships no type information)."""
+"""Sparse matrix: a `scipy.sparse.csr_array` of float64 (scipy ships no type information)."""
 Matrix: TypeAlias = Any
-"""A `Csr`, or a dense array (m, n)."""
+"""Sparse (`Csr`) or dense matrix (m, n)."""
 Arrays: TypeAlias = Mapping[str, NDArray[Any]]
 """Named arrays with entries of any type."""

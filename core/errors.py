@@ -1,4 +1,5 @@
-"""Bad input: one or more faults, each with its place, and no traceback for the user."""
+"""Input errors: one or more faults, each with its location, shown to the user without a
+traceback."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -10,17 +11,17 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """One thing wrong with the input. `key` is a dotted path such as `bodies.link1.thickness`."""
+    """Single fault of the input. `key` is a dotted path such as `bodies.link1.thickness`."""
 
     key: str
     message: str
 
 
 class InputError(ValueError):
-    """The scene, or what it refers to, is wrong. Holds every fault found, not just the first.
+    """Error in the scene or in a file that it names; holds every fault found, not just the first.
 
-    Builders raise it with dotted keys relative to what they were given; callers add their own
-    prefix with `under`, and the scene loader turns keys into `file:line:column`.
+    Keys are dotted paths relative to the part that is built; callers prepend their own prefix with
+    `under`, and the scene loader turns keys into `file:line:column`.
     """
 
     def __init__(self, faults: Sequence[Fault] | str, key: str = "") -> None:
@@ -29,17 +30,18 @@ class InputError(ValueError):
                                    for f in self.faults))
 
     def under(self, prefix: str) -> "InputError":
-        """The same faults with `prefix.` put before each key."""
+        """Error with the same faults, `prefix.` put before each key."""
         return InputError([Fault(f"{prefix}.{f.key}" if f.key else prefix, f.message)
                            for f in self.faults])
 
 
 class Damaged(InputError):
-    """A stored file that is missing, or no longer what was written; the message has its path."""
+    """Error for a stored file that is missing or was altered; the message has its path."""
 
 
 class Gather:
-    """Tries several things and keeps the faults of those that fail, to raise them together.
+    """Collector of faults: calls several functions and raises the errors of those that fail
+    together.
 
         gather = Gather()
         a = gather("a", first, 1.0)
@@ -53,7 +55,8 @@ class Gather:
     def __call__(
         self, key: str, make: Callable[P, T], *args: P.args, **kwargs: P.kwargs
     ) -> T | None:
-        """Result of `make`, or None when it raised InputError (kept under `key`, if any)."""
+        """Result of `make`, or None when it raised InputError, whose faults are kept under `key`,
+        if given."""
         try:
             return make(*args, **kwargs)
         except InputError as error:
@@ -61,6 +64,6 @@ class Gather:
             return None
 
     def check(self) -> None:
-        """Raise InputError with all that was kept, if anything was."""
+        """Raises InputError with all collected faults, if there are any."""
         if self.faults:
             raise InputError(self.faults)

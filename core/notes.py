@@ -17,10 +17,10 @@ class Level(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Note:
-    """One sentence for the user.
+    """Message to the user about a run, one sentence.
 
-    text: the sentence, with the number that shows it; kind: a stable key, such as `unsampled`,
-    that tests and tables select by; level: warning (the default) or information.
+    text: the sentence, with the number that shows it; kind: a stable key, such as `unsampled`, that
+    tests and tables select by; level: warning (the default) or information.
     """
 
     text: str
@@ -32,15 +32,15 @@ class Note:
 
 
 def information(text: str, kind: str = "") -> Note:
-    """A note that casts no doubt on the result."""
+    """Note of level information, which casts no doubt on the result."""
     return Note(text, kind, Level.INFORMATION)
 
 
 def sentences(notes: Iterable[Note], level: Level) -> list[str]:
-    """The texts of one level, each once, in order."""
+    """Texts of the notes of one level, each once, in order."""
     return list(dict.fromkeys(n.text for n in notes if n.level is level))
 
 
 def kinds(notes: Iterable[Note]) -> list[str]:
-    """The kinds of all warnings, each once, in order."""
+    """Kinds of all warnings, each once, in order."""
     return list(dict.fromkeys(n.kind for n in notes if n.kind and n.level is Level.WARNING))

@@ -1,4 +1,4 @@
-"""Status of a solve or run, with advice: a value, never an exception in an inner loop."""
+"""Status of a solve or run, with advice: a return value, not an exception, in inner loops."""
 
 from enum import Enum
 
@@ -22,12 +22,12 @@ class Status(Enum):
 
     @property
     def advice(self) -> str:
-        """Advice for a model whose rows are sampled."""
+        """Advice to the user for a reduced model whose rows (equations) are sampled."""
         return self.advice_for(sampled=True)
 
     def advice_for(self, sampled: bool) -> str:
-        """Advice. sampled: True if the model's rows were drawn by a sampler, so that the advice
-        mentions them."""
+        """Advice to the user. sampled: True if the rows (equations) of the model were drawn by a
+        sampler."""
         return _ADVICE[self] + (_OF_ROWS.get(self, "") if sampled else "")
 
 
@@ -81,7 +81,7 @@ class SolveFailed(RuntimeError):
     """
 
     result: object = None
-    """The `RunResult` up to the failure, if there is one."""
+    """Result (`RunResult`) up to the failure, if there is one."""
 
     def __init__(
         self, status: Status, time: float, block: str = "", detail: str = "", *,

@@ -1,8 +1,8 @@
 """Scalar functions of time, for load amplitudes and prescribed motion.
 
 Where a function has a kink or a jump, `rate` and `curvature`, its first and second derivative, are
-those from the right, without the jump.
-Values have the unit of what they drive; times are in s.
+those from the right, without the jump. Values have the unit of the quantity that the function
+scales or prescribes; times are in s.
 """
 
 import math
@@ -15,12 +15,13 @@ from sparsemor.core import Plugin, TimeFunction
 
 
 def parse(amplitude: float | TimeFunction) -> TimeFunction:
-    """A plain number is the constant function; a function is returned as it is."""
+    """Function of time for an amplitude: a number becomes the constant function."""
     return Constant(level=amplitude) if isinstance(amplitude, int | float) else amplitude
 
 
 class PiecewiseLinear(Plugin):
-    """Function of straight lines, whose second derivative is zero, and here also the first one."""
+    """Piecewise linear function of time: its second derivative is zero; the first is zero unless a
+    subclass defines it."""
 
     def rate(self, t: float) -> float:
         return 0.0
@@ -33,7 +34,7 @@ class Constant(PiecewiseLinear):
     """Constant function: the same value at all times."""
 
     level: float
-    """The value."""
+    """Value of the function."""
 
     def value(self, t: float) -> float:
         return self.level
@@ -45,9 +46,9 @@ class Table(PiecewiseLinear):
     times: tuple[float, ...] = Field(min_length=2)
     """Strictly increasing times, s."""
     values: tuple[float, ...] = Field(min_length=2)
-    """One value a time."""
+    """Values at these times."""
     outside: Literal["hold", "zero"] = "hold"
-    """Before the first and after the last time: `hold` the nearest value, or `zero`."""
+    """Value before the first and after the last time: `hold` the nearest one, or `zero`."""
 
     @model_validator(mode="after")
     def _matching(self) -> Self:
@@ -84,7 +85,7 @@ class Ramp(PiecewiseLinear):
     """Linear ramp: from one value to another along a straight line, constant before and after."""
 
     start: float = 0.0
-    """Begin of the change, s."""
+    """Start of the change, s."""
     end: float
     """End of the change, s."""
     initial: float = 0.0
@@ -112,9 +113,9 @@ class Pulse(PiecewiseLinear):
     """Rectangular pulse: a value from `start` until `duration` later (end excluded), else zero."""
 
     start: float = 0.0
-    """Begin, s."""
+    """Start time, s."""
     duration: float = Field(gt=0.0)
-    """Length, s."""
+    """Duration, s."""
     level: float
     """Value during the pulse."""
 
@@ -126,7 +127,7 @@ class Sine(Plugin):
     """Harmonic function: offset + amplitude sin(2 pi frequency t + phase)."""
 
     amplitude: float
-    """Largest distance from the offset."""
+    """Amplitude: largest deviation from the offset."""
     frequency: float = Field(ge=0.0)
     """Frequency, Hz."""
     phase: float = 0.0

@@ -1,4 +1,4 @@
-"""Coherence of the columns of a matrix."""
+"""Unit columns, mutual coherence and condition number of a matrix."""
 
 import numpy as np
 
@@ -6,15 +6,16 @@ from sparsemor.core.arrays import FloatArray
 
 
 def unit_columns(A: FloatArray) -> FloatArray:
-    """A (m, k) with columns of unit length; columns of zeros stay zero."""
+    """Columns of A (m, k) scaled to unit length; columns of zeros stay zero."""
     norms = np.linalg.norm(A, axis=0)
     return np.asarray(A / np.where(norms > 0.0, norms, 1.0))
 
 
 def oriented_unit_columns(A: FloatArray) -> FloatArray:
-    """A (n, k) with columns of length 1 whose entry of largest size is positive.
+    """Columns of A (n, k) scaled to length 1, with the sign that makes the largest entry positive.
 
-    Of entries equal to 1e-8 the first decides, so that round-off does not turn a symmetric one.
+    Among entries whose magnitudes are equal within 1e-8 the first decides, so that round-off does
+    not change the sign.
     """
     size = np.abs(A)
     first = (size >= (1.0 - 1e-8) * size.max(axis=0)).argmax(axis=0)
@@ -33,7 +34,8 @@ def coherence(A: FloatArray) -> float:
 
 
 def condition_number(A: FloatArray) -> float:
-    """Largest over smallest of the min(m, k) singular values of A; inf when A lacks rank."""
+    """Condition number of A (m, k): largest over smallest of its min(m, k) singular values; inf
+    when A lacks rank."""
     s = np.linalg.svd(A, compute_uv=False)
     if s.size == 0:
         return 1.0

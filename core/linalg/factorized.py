@@ -1,4 +1,4 @@
-"""Shared parts of linear solvers: matrix checks, residual checks, rigid-body modes."""
+"""Common parts of linear solvers: checks of matrices and residuals, rigid-body modes."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,15 +11,20 @@ from sparsemor.core.protocols import DofLocations, LinearOutcome
 from sparsemor.core.status import Status
 
 Column = Callable[[FloatArray, FloatArray | None], tuple[FloatArray, int]]
-"""(b (n,), start (n,) or None) -> x (n,), iterations."""
+"""Iterative solver of one system: right-hand side (n,) and initial guess (n,) or None -> solution
+(n,), iterations."""
 SINGULAR = 1e-6
-"""A direct solver that leaves more than this of a random right-hand side met a singular matrix."""
+"""Relative residual of a direct solution for a random right-hand side, above which the matrix
+counts as singular."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Solved:
-    """A `Factorized` around a function; see there. Direct: `direct` takes b (n, j) as a whole.
-    Iterative: `column` takes one right-hand side at a time, and leaves at most `rtol` of it."""
+    """Result of a factorization (protocol `Factorized`), from a function that solves.
+
+    direct: solves for b (n, j) as a whole; or column: solves iteratively for one right-hand side at
+    a time, to a relative residual of at most `rtol`. memory: bytes of the factors.
+    """
 
     solver: str
     A: Csr
@@ -47,7 +52,8 @@ class Solved:
     def _outcome(
         self, b: FloatArray, start: FloatArray | None
     ) -> tuple[FloatArray, FloatArray, Status, int, float]:
-        """x with columns that are not solved as nan, x, status, iterations, residual."""
+        """Solution with nan in columns that did not converge, solution as computed, status,
+        iterations, largest relative residual."""
         _same_size(self.A, b)
         wide = b.reshape(len(b), -1)
         if not self.status.ok:
@@ -79,15 +85,16 @@ class Solved:
 
 
 def not_solved(solver: str, A: Csr, status: Status, why: str) -> Solved:
-    """A factorization that failed."""
+    """Result of a factorization that failed; why: the reason, in words."""
     return Solved(solver, A, direct=lambda b: np.full_like(b, np.nan), status=status, note=why)
 
 
 def solved_directly(
     solver: str, A: Csr, memory: int, apply: Callable[[FloatArray], FloatArray]
 ) -> Solved:
-    """A factor that was found, unless a random right-hand side shows that A is singular: without
-    pivoting, round-off hides a pivot that should be zero."""
+    """Result of a direct factorization; status SINGULAR if a random right-hand side shows that A is
+    singular or not positive definite: without pivoting, round-off hides a pivot that should be
+    zero."""
     b = np.random.default_rng(0).standard_normal((A.shape[0], 1))
     x = apply(b)
     left = relative_residuals(A, x, b).max(initial=0.0)
@@ -101,8 +108,8 @@ def solved_directly(
 
 
 def unsuitable_matrix(solver: str, A: Csr) -> Solved | None:
-    """Reason why A cannot be factorized; None when it can. InputError when it is not
-    square or not symmetric."""
+    """Failed result that states why A cannot be factorized; None when it can. Raises InputError
+    when A is not square or not symmetric."""
     if A.ndim != 2 or A.shape[0] != A.shape[1]:
         raise InputError(f"{solver} solves square systems, not one of shape {A.shape}")
     if not np.isfinite(A.data).all():
@@ -122,7 +129,8 @@ def unsuitable_matrix(solver: str, A: Csr) -> Solved | None:
 
 
 def relative_residuals(A: Csr, x: FloatArray, b: FloatArray) -> FloatArray:
-    """(j,): norm(b - A x) / norm(b) of each column of x, b (n, j); the norm itself where b is 0."""
+    """Relative residuals (j,): norm(b - A x) / norm(b) of each column of x, b (n, j); norm(b - A x)
+    where b is 0."""
     size = np.linalg.norm(b, axis=0)
     return np.asarray(np.linalg.norm(b - A @ x, axis=0) / np.where(size > 0.0, size, 1.0))
 
@@ -133,10 +141,10 @@ def is_vector_field(places: DofLocations) -> bool:
 
 
 def rigid_motions(places: DofLocations) -> FloatArray:
-    """(n, r): what an operator on these unknowns nearly maps to zero, columns of like size.
+    """Near-null space (n, r) of an operator on these unknowns, columns of similar size.
 
-    Displacements: translations and rotations about the middle, r = 3 (2-D) or 6 (3-D).
-    Temperatures: the constant, r = 1.
+    Displacements: rigid-body modes, translations and rotations about the mean position, r = 3 (2-D)
+    or 6 (3-D). Temperatures: the constant, r = 1.
     """
     n, d = places.coordinates.shape
     if not is_vector_field(places):

@@ -1,16 +1,19 @@
-"""Coefficients of a state under atoms: a product where they are orthonormal, else least squares."""
+"""Coefficients of states in a basis: a product for orthonormal columns, else least squares."""
 
 import numpy as np
 
 from sparsemor.core.arrays import FloatArray
 
 ORTHONORMAL = 1e-14
-"""Size of the entries of A^T A - 1 that rounding leaves of orthonormal atoms."""
+"""Magnitude of the entries of A^T A - I that round-off causes for orthonormal columns."""
 
 
 def orthonormal(A: FloatArray) -> bool:
-    """True if A (n, k) has orthonormal columns, by what A^T A - 1 does to fixed random vectors: of
-    k of them the result is expected to be as large as all its entries. A^T A takes n k^2."""
+    """True if A (n, k) has orthonormal columns, estimated with random vectors.
+
+    The norm of (A^T A - I) z for a Gaussian vector z is expected to be the Frobenius norm of A^T A
+    - I; A^T A itself would take n k^2 operations. The vectors are the same in each call.
+    """
     n, k = A.shape
     if k > n:
         return False
@@ -20,9 +23,10 @@ def orthonormal(A: FloatArray) -> bool:
 
 
 def least_squares_coefficients(A: FloatArray, states: FloatArray) -> FloatArray:
-    """c (k, j) with least |A c - states|, and least |c| among these; A (n, k), states (n, j).
+    """Coefficients c (k, j) with least |A c - states|, and least |c| among these.
 
-    For orthonormal A, c = A^T states: 0.1 s with 7000 columns, where a factorization takes minutes.
+    A (n, k), states (n, j). For orthonormal A, c = A^T states: 0.1 s with 7000 columns, where a
+    factorization takes minutes.
     """
     if orthonormal(A):
         return np.asarray(A.T @ states)

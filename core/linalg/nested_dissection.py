@@ -1,4 +1,4 @@
-"""Nested dissection by position: an order of elimination, and how large the factors will be."""
+"""Nested dissection by node positions: elimination order and number of entries of the factors."""
 
 from dataclasses import dataclass
 
@@ -8,24 +8,29 @@ from sparsemor.core.arrays import BoolArray, Csr, FloatArray, IntArray
 from sparsemor.core.protocols import DofLocations
 
 LEAF = 8
-"""Parts of no more nodes are not cut further: they are counted as dense."""
+"""Number of nodes up to which a subdomain is not divided further: its factor is counted as
+dense."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Dissection:
-    """order (n,): the unknowns in the order of their elimination. entries: those of the Cholesky
-    factor of the matrix in this order, known before it is factorized."""
+    """Elimination order of the unknowns, and number of entries of the Cholesky factor.
+
+    order (n,): unknowns in the order of their elimination; entries: of the factor in this order,
+    known before the factorization.
+    """
 
     order: IntArray
     entries: int
 
 
 def dissect(A: Csr, places: DofLocations) -> Dissection:
-    """Nested dissection of A (n, n): each part is cut in two equal halves across the axis where
-    that takes fewest nodes, and those come after both halves (George 1973, doi 10.1137/0710032).
+    """Nested dissection of A (n, n): subdomains are bisected, separators are eliminated last.
 
-    A separator of s unknowns whose part touches b unknowns of earlier separators fills
-    s (s + 1) / 2 + s b entries. In space that is up to half of what minimum degree fills.
+    Each subdomain is cut in two equal halves across the axis where the separator is smallest
+    (George 1973, doi 10.1137/0710032). A separator of s unknowns whose subdomain touches b unknowns
+    of earlier separators fills s (s + 1) / 2 + s b entries. In 3-D that is up to half of what
+    minimum degree fills.
     """
     node = node_numbers(places)
     first = np.flatnonzero(np.diff(node, prepend=-1))
@@ -39,7 +44,8 @@ def dissect(A: Csr, places: DofLocations) -> Dissection:
 
 
 def factor_entries(A: Csr, places: DofLocations | None) -> int:
-    """Entries of the Cholesky factor; without positions a cautious guess for a compact body."""
+    """Number of entries of the Cholesky factor of A; without positions of the unknowns, a
+    conservative estimate for a compact body."""
     if places is not None:
         return dissect(A, places).entries
     n = A.shape[0]
@@ -47,7 +53,7 @@ def factor_entries(A: Csr, places: DofLocations | None) -> int:
 
 
 def node_numbers(places: DofLocations) -> IntArray:
-    """(n,) node of each unknown, numbered from 0: unknowns of one node follow each other with
+    """Node number (n,) of each unknown, from 0: unknowns of one node follow each other with
     increasing component."""
     new = np.ones(len(places.component), dtype=np.bool_)
     new[1:] = (np.diff(places.component) <= 0) | np.any(
@@ -57,8 +63,11 @@ def node_numbers(places: DofLocations) -> IntArray:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Cuts:
-    """All parts of one depth are cut at once. X (N, d), weight (N,): unknowns of each node; (i, j):
-    edges of the nodes' graph, both ways."""
+    """Nested dissection of the graph of nodes, all subdomains of one level at once.
+
+    X (N, d): positions; weight (N,): number of unknowns of each node; (i, j): edges of the graph,
+    in both directions.
+    """
 
     X: FloatArray
     weight: FloatArray
@@ -66,7 +75,8 @@ class _Cuts:
     j: IntArray
 
     def run(self) -> tuple[IntArray, float]:
-        """(N,) place of each node in the order, and the entries of the factor."""
+        """Position (N,) of each node in the elimination order, and the number of entries of the
+        factor."""
         n = len(self.X)
         part = np.zeros(n, dtype=np.int64)  # number of a node's part, -1 once it has a place
         place, base, entries = np.zeros(n, dtype=np.int64), np.zeros(1, dtype=np.int64), 0.0
@@ -84,7 +94,8 @@ class _Cuts:
         return place, entries
 
     def _cut(self, part: IntArray, parts: int) -> tuple[BoolArray, BoolArray]:
-        """(N,) True in the upper half of its subdomain, and (N,) True for nodes of the separator.
+        """Masks (N,) of the nodes in the upper half of their subdomain, and of the nodes of
+        separators.
 
         Each subdomain is bisected along the axis, and with the separator on the side, that gives
         the fewest separating unknowns; subdomains of at most `LEAF` nodes become separators as a
@@ -108,7 +119,7 @@ class _Cuts:
         return side, cut | (inside & small[part])
 
     def _upper(self, part: IntArray, parts: int, axis: int) -> BoolArray:
-        """(N,) whether a node is in the upper half of its part along an axis."""
+        """Mask (N,) of the nodes in the upper half of their subdomain along an axis."""
         inside = np.flatnonzero(part >= 0)
         order = inside[np.lexsort((self.X[inside, axis], part[inside]))]
         counts = np.bincount(part[inside], minlength=parts)
@@ -117,7 +128,8 @@ class _Cuts:
         return upper
 
     def _border(self, part: IntArray, parts: int) -> FloatArray:
-        """(parts,) unknowns with a place already that touch each part."""
+        """Number (parts,) of unknowns of earlier separators that are connected to each
+        subdomain."""
         out = (part[self.i] >= 0) & (part[self.j] < 0)
         n = np.int64(len(part))
         touching = np.unique(part[self.i[out]] * n + self.j[out])
@@ -126,7 +138,7 @@ class _Cuts:
 
 
 def _rank(groups: IntArray, parts: int) -> IntArray:
-    """(k,) how many earlier members each one's group has."""
+    """Rank (k,) of each entry within its group: the number of earlier entries of the same group."""
     order = np.argsort(groups, kind="stable")
     counts = np.bincount(groups, minlength=parts)
     rank = np.empty(len(groups), dtype=np.int64)
@@ -135,7 +147,7 @@ def _rank(groups: IntArray, parts: int) -> IntArray:
 
 
 def _renumbered(part: IntArray) -> IntArray:
-    """Parts numbered from 0 without gaps; -1 stays."""
+    """Subdomain numbers (N,) from 0 without gaps; -1 stays."""
     inside = part >= 0
     fresh = part.copy()
     fresh[inside] = np.unique(part[inside], return_inverse=True)[1]

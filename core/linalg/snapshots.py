@@ -1,5 +1,5 @@
-"""Snapshots of one block: kept in memory while they are few, else written to disk as they come,
-and read back a stretch of columns at a time."""
+"""Snapshots of one body's field: in memory if they are small, else in a file that is written during
+the run and read by column chunks."""
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -10,19 +10,21 @@ import numpy as np
 from sparsemor.core.arrays import FloatArray
 
 HELD = 2**28
-"""Bytes of one block's snapshots up to which they are held, and decomposed, as a whole."""
+"""Size of a snapshot matrix, bytes, up to which it is held in memory and decomposed as a whole."""
 STRETCH = 2**25
-"""Bytes of the columns that are read at once where the whole is larger."""
+"""Size of the column chunks, bytes, in which a larger matrix is read."""
 
 
 def needs_chunks(A: FloatArray) -> bool:
-    """True if snapshots are more than is held and decomposed as a whole."""
+    """True if a snapshot matrix is larger than those held in memory as a whole."""
     return A.nbytes > HELD
 
 
 class SnapshotWriter:
-    """Takes M rows of n unknowns one after another. folder: where a large array goes; it is not
-    asked for a small one."""
+    """Writer of M snapshots of n unknowns, one after another.
+
+    folder: function that returns the folder for a large array; it is not called for a small one.
+    """
 
     def __init__(self, name: str, M: int, n: int, folder: Callable[[], Path]) -> None:
         self.shape, self._count = (M, n), 0
@@ -43,7 +45,7 @@ class SnapshotWriter:
         self._count += 1
 
     def finished(self) -> FloatArray:
-        """(M, n), read-only where it lies in a file."""
+        """Snapshots (M, n), a read-only memory map if they are in a file."""
         assert self._count == self.shape[0]
         if self._rows is not None:
             return self._rows
@@ -52,15 +54,15 @@ class SnapshotWriter:
         return rows
 
     def close(self) -> None:
-        """After a run that failed."""
+        """Closes the file after a run that failed."""
         if self._rows is None:
             self._file.close()
 
 
 def column_chunks(A: FloatArray) -> Iterator[tuple[slice, FloatArray]]:
-    """A (n, M) by columns: where they are, and their values. All at once where A is small.
+    """Column chunks of A (n, M): the slice and the values of each; one chunk where A is small.
 
-    Snapshots in a file are read, not mapped: what was read is given back.
+    Snapshots in a file are read, not memory-mapped, so that their memory is freed after use.
     """
     n, M = A.shape
     step = max(1, M) if not needs_chunks(A) else max(1, STRETCH // (8 * n))
@@ -79,8 +81,8 @@ def _read(A: FloatArray, columns: slice) -> FloatArray:
 
 
 def _place(A: Any) -> tuple[Path, int] | None:
-    """File and offset (bytes) of A^T where it is all that this file holds, row by row: a slice of a
-    mapped array keeps no place of its own."""
+    """File and offset, bytes, of a memory-mapped A^T that fills the file, row by row; None for
+    other arrays, such as slices, whose offset is unknown."""
     if not isinstance(A, np.memmap) or A.filename is None or not A.T.flags.c_contiguous:
         return None
     file, offset = Path(A.filename), int(A.offset)

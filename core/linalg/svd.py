@@ -1,4 +1,4 @@
-"""Singular values and vectors: one way for all, with a second algorithm behind the first."""
+"""Singular value decomposition with a second algorithm where the first fails."""
 
 import numpy as np
 from scipy import linalg
@@ -8,12 +8,12 @@ from sparsemor.core.errors import InputError
 
 
 def svd(A: FloatArray, full_matrices: bool = False) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """U (m, p), s (p,), Vt (p, n) with A = U diag(s) Vt, p = min(m, n); square U, Vt where full.
+    """Singular value decomposition A = U diag(s) Vt: U (m, p), s (p,), Vt (p, n), p = min(m, n).
 
-    Divide and conquer (LAPACK's gesdd) gives up on some matrices that are harmless: it did so on
-    the force modes of the brake disk's heat at their points, a matrix of condition 4 of which 606
-    of 607 singular values are 1. QR iteration (gesvd) is slower, and is used then.
-    InputError where that fails too, or where A is not finite.
+    U and Vt are square if `full_matrices`. Divide and conquer (LAPACK's gesdd) fails for some
+    well-conditioned matrices: it did for one of condition 4 with 606 of 607 singular values equal
+    to 1. QR iteration (gesvd) is slower, and is used then. Raises InputError where that fails too,
+    or where A is not finite.
     """
     try:
         U, s, Vt = np.linalg.svd(A, full_matrices=full_matrices)

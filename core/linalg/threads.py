@@ -1,8 +1,8 @@
-"""Number of threads of linear algebra, which decides the last digits of what it computes.
+"""Number of threads of linear algebra, which affects the last digits of results.
 
 Sums of a matrix product are split among the threads of BLAS, so another number of threads rounds
-them in another way. Runs and offline products therefore use one thread, or as many as the variable
-SPARSEMOR_THREADS says; the number is part of the key of a cached product and of a result.
+them differently. Runs and offline products therefore use one thread, or as many as the environment
+variable SPARSEMOR_THREADS sets; the number is part of the key of a cached product and of a result.
 """
 
 import os
@@ -19,7 +19,7 @@ VARIABLE = "SPARSEMOR_THREADS"
 
 
 def threads() -> int:
-    """Threads of BLAS and LAPACK in runs. Raises InputError for a SPARSEMOR_THREADS that is no
+    """Number of threads of BLAS and LAPACK in runs. Raises InputError if SPARSEMOR_THREADS is no
     whole number of at least 1."""
     given = os.environ.get(VARIABLE, "1")
     if not given.isdecimal() or not 1 <= len(given) <= 4 or int(given) < 1:
@@ -29,7 +29,7 @@ def threads() -> int:
 
 @contextmanager
 def fixed_threads() -> Iterator[None]:
-    """Inside, BLAS and LAPACK use `threads()` threads, whatever the environment says."""
+    """Context in which BLAS and LAPACK use `threads()` threads, whatever the environment sets."""
     import_module("scipy.linalg")  # loads SciPy's BLAS library, which is limited then
     from threadpoolctl import threadpool_limits
 
@@ -38,14 +38,16 @@ def fixed_threads() -> Iterator[None]:
 
 
 def limit_loaded_libraries() -> None:
-    """The same for libraries that were loaded since, until the surrounding `fixed_threads` ends."""
+    """Limits the threads of BLAS libraries loaded within a `fixed_threads` context, until it
+    ends."""
     from threadpoolctl import threadpool_limits
 
     threadpool_limits(limits=threads(), user_api="blas")
 
 
 def elsewhere(kept: Mapping[str, Any]) -> tuple[Note, ...]:
-    """Information where a run is continued on another processor, system or BLAS than `kept`."""
+    """Note that a run is continued on another processor, system or BLAS than in `kept`, the
+    description stored with it; empty if it is not."""
     here = described()
     names = [n for n in ("machine", "system", "blas") if kept.get(n, here[n]) != here[n]]
     changed = [f"{n} was {_words(kept[n])} and is {_words(here[n])}" for n in names]
@@ -59,7 +61,7 @@ def _words(value: Any) -> str:
 
 
 def described() -> dict[str, Any]:
-    """Processor, system, BLAS libraries and number of threads of a run, for its result."""
+    """Processor, system, BLAS libraries and number of threads of a run, stored with its result."""
     from threadpoolctl import threadpool_info
 
     found = {f"{lib['internal_api']} {lib['version']}" for lib in threadpool_info()

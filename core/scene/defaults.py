@@ -1,8 +1,8 @@
-"""Names of plugins that a scene takes where it names none: the only ones that core knows."""
+"""Default plugins, by name, of scenes that name none: the only plugin names in core."""
 
 FULL_ORDER = "full"
-"""Reducer of training runs, references and rigid stages."""
+"""Reducer of training runs, reference solutions and rigid-body pre-simulations."""
 PROJECTION = "galerkin"
-"""Reducer that projects, by which the stability of others is judged."""
+"""Reducer by Galerkin projection, with which the stability of other reducers is compared."""
 COMPARED = "full,galerkin,sparse"
 """Reducers that `sparsemor compare` runs."""

@@ -1,4 +1,4 @@
-"""Digest of plain data, arrays, sparse matrices and plugins: the key of a cached product."""
+"""Digests of plain data, arrays, sparse matrices and plugins: the keys of cached products."""
 
 import hashlib
 import json
@@ -13,12 +13,11 @@ from sparsemor.core.scene.run_identity import origin
 
 
 def digest(*parts: object) -> str:
-    """A key for what a product depends on: plain data, arrays, sparse matrices, plugins.
+    """Digest of all that a cached product depends on: plain data, arrays, sparse matrices, plugins.
 
-    A plugin of another distribution counts with its version and its sources.
-
-    Mappings count by content, not order; arrays by type, shape and bytes. Raises TypeError for
-    anything whose content cannot be determined.
+    A plugin of another distribution counts with its version and its sources. Mappings count by
+    content, not order; arrays by type, shape and bytes. Raises TypeError for anything whose content
+    cannot be determined.
     """
     state = hashlib.sha256()
     _feed(state, parts)

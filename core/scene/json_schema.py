@@ -1,4 +1,4 @@
-"""The JSON schema of a scene, every slot opened to the plugins installed here."""
+"""JSON schema of a scene, with the options of all installed plugins."""
 
 import copy
 from typing import Any
@@ -14,10 +14,11 @@ _HERE = "#/$defs/"
 
 
 def scene_schema(registry: Registry | None = None) -> dict[str, Any]:
-    """Draft 2020-12, for editors and other programs. Plugins that cannot be imported are left out.
+    """JSON schema (draft 2020-12) of a scene, for editors and other programs.
 
-    A slot takes a plugin's name, when the plugin needs no options, or an object with `use` and
-    the plugin's options; third-party plugins are completed like any other.
+    Where a plugin is chosen (a slot), its name is accepted if it needs no options, or an object
+    with `use` and the plugin's options; third-party plugins are included. Plugins that cannot be
+    imported are left out.
     """
     found = _Definitions(registry or Registry())
     schema = found.of_model(Scene, "Scene")
@@ -30,7 +31,8 @@ def scene_schema(registry: Registry | None = None) -> dict[str, Any]:
 
 
 class _Definitions:
-    """Collects definitions; a slot met in one of them asks for its kind's plugins."""
+    """Collector of schema definitions; each slot that is found in one adds the plugins of its
+    kind."""
 
     def __init__(self, registry: Registry) -> None:
         self.registry = registry
@@ -38,7 +40,7 @@ class _Definitions:
         self._wanted: list[str] = []
 
     def of_model(self, cls: type[BaseModel], prefix: str) -> dict[str, Any]:
-        """The model's own schema; its definitions are filed under `prefix`."""
+        """JSON schema of a pydantic model; its inner definitions are stored under `prefix`."""
         schema = cls.model_json_schema()
         inner = schema.pop("$defs", {})
         for name, definition in inner.items():
@@ -68,7 +70,7 @@ class _Definitions:
         return {"anyOf": choices} if choices else {"not": {}}
 
     def _options_alone(self, kind: str, default: object) -> list[dict[str, Any]]:
-        """A mapping without `use` is read as options of the slot's default plugin."""
+        """Schemas of a mapping without `use`: the options of the slot's default plugin."""
         if not isinstance(default, str):
             return []
         try:

@@ -12,13 +12,13 @@ from sparsemor.core.registry.validation_errors import custom
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 _NAMED = ("bodies", "joints", "contacts", "loads", "probes")
 LONGEST = 100
-"""Characters of a name."""
+"""Largest number of characters of a name."""
 RESERVED = "ground"
-"""The name by which joints call the fixed world."""
+"""Name of the fixed world in joints."""
 
 
 def name_faults(data: Mapping[str, Any]) -> list[InitErrorDetails]:
-    """Every name that breaks a rule, and probes of bodies that do not exist."""
+    """Faults of all names that break a rule, and of probes of bodies that do not exist."""
     owners: dict[object, str] = {}
     lines: list[InitErrorDetails] = []
     groups = {g: data[g] for g in _NAMED if isinstance(data.get(g), Mapping)}

@@ -10,7 +10,7 @@ from sparsemor.core.registry.plugin import Plugin
 from sparsemor.core.scene.overrides import split
 
 _NOT_SIZES = frozenset({"tolerance", "max_halvings", "fields"})
-"""Options of `Control` that are no size of a field."""
+"""Options of `Control` that are not reference sizes of a field."""
 
 
 class Control(Plugin):
@@ -19,22 +19,22 @@ class Control(Plugin):
 
     tolerance: float = Field(gt=0, lt=1)
     """Error tolerance of the whole run; a step of length h may contribute the share h / end.
-    Relative to the root mean square change of a block since its start, or to the sizes below where
-    these are larger."""
+    Relative to the root mean square change of a block (one field of one body) since its start, or
+    to the reference sizes below where these are larger."""
     max_halvings: int = Field(default=8, ge=1, le=24)
     """Largest number of halvings of a step; where more are needed the run ends as
     `step_too_long`."""
     rigid: float = Field(default=1.0, gt=0)
-    """A motion of rigid coordinates that counts as large, m and rad."""
+    """Reference size of changes of rigid coordinates, m and rad."""
     elastic: float = Field(default=1e-3, gt=0)
-    """A displacement that counts as large, m."""
+    """Reference size of displacements, m."""
     thermal: float = Field(default=100.0, gt=0)
-    """A change of temperature that counts as large, K."""
+    """Reference size of temperature changes, K."""
     fields: dict[str, Annotated[float, Field(gt=0)]] = {}
-    """A change of any other field that counts as large, by the field's name."""
+    """Reference sizes of changes of other fields, by the field's name."""
 
     def size_of(self, kind: FieldKind) -> float:
-        """The change of a field that counts as large; the scale of its kind by default."""
+        """Reference size of changes of a field; by default the scale of its kind."""
         own = {name: size for name, size in self if name not in _NOT_SIZES}
         return float({**own, **self.fields}.get(kind.name, kind.scale))
 
@@ -47,7 +47,8 @@ class Time(Plugin):
     step: float = Field(gt=0)
     """Length of a time step, s."""
     control: Control | None = None
-    """Error-controlled substeps; `step` remains the grid of stored states. Fixed steps without."""
+    """Adaptive time stepping; `step` remains the interval of stored states. Left out: fixed
+    steps."""
 
     @model_validator(mode="after")
     def _one_step_fits(self) -> "Time":
@@ -77,11 +78,11 @@ class Training(Plugin):
 
 
 class RigidStage(Plugin):
-    """Rigid-body pre-simulation of the same scene; its histories are prescribed in the flexible
-    run."""
+    """Rigid-body pre-simulation of the same scene; its motion and forces over time are prescribed
+    in the flexible run."""
 
     overrides: dict[str, Any] = {}
-    """Changes to the scene for the rigid stage alone: dotted key -> value."""
+    """Changes to the scene for the pre-simulation alone: dotted key -> value."""
 
 
 class Output(Plugin):
@@ -92,9 +93,9 @@ class Output(Plugin):
 
 
 class Probe(Plugin):
-    """A point whose motion and temperature are recorded."""
+    """Material point whose motion and temperature are recorded."""
 
     body: str
-    """The body's name."""
+    """Name of the body."""
     at: str | Annotated[list[float], Field(min_length=2, max_length=3)]
-    """A point set of the body (the mean of its nodes), or coordinates, m (the nearest node)."""
+    """Point set of the body (the mean of its nodes), or coordinates, m (the nearest node)."""

@@ -1,4 +1,4 @@
-"""Overrides of a scene, applied to its tree as written, before validation."""
+"""Overrides of options of a scene, applied to the parsed file before validation."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -13,7 +13,8 @@ REMOVABLE = ("bodies", "joints", "loads", "contacts", "probes", "linear_solvers"
 
 
 def parse_settings(settings: Sequence[str]) -> dict[str, Any]:
-    """`["time.end=0.5", "reducer={use: full}"]` to overrides; values are YAML."""
+    """Overrides, as a mapping, from settings such as `["time.end=0.5", "reducer={use: full}"]`;
+    values are YAML."""
     parsed: dict[str, Any] = {}
     faults: list[Fault] = []
     for setting in settings:
@@ -31,7 +32,8 @@ def parse_settings(settings: Sequence[str]) -> dict[str, Any]:
 
 
 def split(key: str) -> KeyPath:
-    """`reducer.budgets."*.elastic".rows`: quotes keep a dot inside one part."""
+    """Parts of a dotted key such as `reducer.budgets."*.elastic".rows`; quotes keep a dot inside
+    one part."""
     parts: list[str] = [""]
     quote = ""
     for letter in key:
@@ -48,16 +50,17 @@ def split(key: str) -> KeyPath:
 
 
 def find(tree: object, key: str) -> KeyPath:
-    """The path in `tree` that a dotted key means. Keys that hold dots themselves win."""
+    """Path in `tree` of a dotted key. Existing keys that contain dots themselves take
+    precedence."""
     return _matched(tree, split(key))
 
 
 def apply(tree: Mapping[str, Any], overrides: Mapping[str, Any]) -> tuple[dict[str, Any],
                                                                           dict[KeyPath, str]]:
-    """The changed tree, and for each changed path the override's key.
+    """Changed copy of the tree, and the key of the override for each changed path.
 
-    Their order does not matter: outer keys are applied first, and `use` before the options
-    next to it.
+    The order of the overrides does not matter: outer keys are applied first, and `use` before the
+    options next to it.
     """
     changed = copied(tree)
     origins: dict[KeyPath, str] = {}
@@ -76,7 +79,7 @@ def apply(tree: Mapping[str, Any], overrides: Mapping[str, Any]) -> tuple[dict[s
 
 
 def copied(value: Any) -> Any:
-    """A deep copy of containers; everything in them (plugin instances, say) is shared."""
+    """Deep copy of containers; other objects in them, such as plugin instances, are shared."""
     if isinstance(value, Mapping):
         return {k: copied(v) for k, v in value.items()}
     return [copied(v) for v in value] if isinstance(value, list | tuple) else value

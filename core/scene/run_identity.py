@@ -1,8 +1,8 @@
-"""Everything except the scene's text that the numbers of a run depend on.
+"""Identity of a run: everything except the scene's text that its numbers depend on.
 
 Sources of sparsemor, libraries, plugins of other distributions (name, version, sources), files that
 the scene names, and the number of BLAS threads. It is part of the key of every cached product, and
-a stopped run is continued only where it is the same.
+a stopped run is continued only if it is unchanged.
 """
 
 import hashlib
@@ -28,15 +28,20 @@ PACKAGE = "sparsemor"
 FOLDERS = ("core", "bodies", "reducers", "integrators", "plugins")
 LIBRARIES = ("numpy", "scipy", "scikit-fem", "meshio", "pypardiso", "scikit-sparse", "pyamg",
              "cvxpy", "scikit-learn")
-"""Distributions that compute parts of a product, installed or not: `auto` chooses among them."""
+"""Distributions that compute parts of a product, whether installed or not, because the linear
+solver `auto` chooses among those installed."""
 _SOURCES = (".py", ".so", ".pyd")
 _KNOWN = frozenset({PACKAGE, "pydantic", "typing_extensions", "__main__"}) | sys.stdlib_module_names
 
 
 @dataclass(frozen=True, slots=True)
 class Identity:
-    """code: digest of sparsemor's sources. libraries: distribution -> version. plugins: module ->
-    (distribution and version, digest of its sources). files: path as named -> digest."""
+    """Identity of a run.
+
+    code: digest of sparsemor's sources; libraries: distribution -> version; plugins: module ->
+    (distribution and version, digest of its sources); files: path as named in the scene -> digest;
+    threads: number of BLAS threads.
+    """
 
     code: str
     libraries: Mapping[str, str]
@@ -46,7 +51,7 @@ class Identity:
 
     @classmethod
     def of(cls, scene: "Scene") -> "Identity":
-        """The identity of a run of this scene, here and now."""
+        """Identity of a run of this scene in the present environment."""
         parts = list(_plugins(scene))
         found = {p.partition(".")[0] for part in parts for p in _modules(type(part))}
         return cls(code_digest(), library_versions(),
@@ -54,13 +59,14 @@ class Identity:
                    _files(parts, scene.folder), threads())
 
     def plain(self) -> dict[str, Any]:
-        """For JSON and for keys."""
+        """Identity as plain data, for JSON and for keys."""
         return {"code": self.code, "libraries": dict(self.libraries),
                 "plugins": {n: list(p) for n, p in self.plugins.items()},
                 "files": dict(self.files), "threads": self.threads}
 
     def changes(self, kept: Mapping[str, Any]) -> list[str]:
-        """Differences from what `plain` gave earlier, a clause for each; none where it is equal."""
+        """Differences from an earlier identity (plain data), a clause for each; empty where they
+        are equal."""
         if not kept:
             return ["the code of sparsemor has changed (the result names no identity)"]
         found = []
@@ -87,13 +93,13 @@ def _changed(label: str, then: Mapping[str, Any], now: Mapping[str, Any]) -> lis
 
 
 def environment() -> list[object]:
-    """The part of an identity that does not depend on the scene, for keys of products."""
+    """Part of an identity that does not depend on the scene, for keys of cached products."""
     return [code_digest(), library_versions(), threads()]
 
 
 @cache
 def code_digest() -> str:
-    """sha256 of sparsemor's own sources, read once per process."""
+    """SHA-256 digest of sparsemor's own sources, read once per process."""
     root = Path(__file__).absolute().parents[2]
     return _digest_of([p for folder in FOLDERS for p in sources(root / folder)], root)
 
@@ -111,14 +117,18 @@ def library_versions() -> dict[str, str]:
 
 
 def origin(cls: type) -> list[list[str]]:
-    """For keys: module, distribution and version, and digest of the sources, of each package that
-    is not sparsemor's and defines a plugin's class or one of its bases. First-party: empty."""
+    """Origin of a plugin's class, for keys: module, distribution and version, and digest of the
+    sources.
+
+    One entry for each package other than sparsemor that defines the class or one of its bases;
+    empty for plugins of sparsemor.
+    """
     roots = {m.partition(".")[0] for m in _modules(cls)}
     return [[root, *_origin(root)] for root in sorted(roots)]
 
 
 def _plugins(value: object) -> Iterator[object]:
-    """Every plugin in a scene or in one of its values, itself included."""
+    """Plugins in a scene or in one of its values, including the value itself."""
     if isinstance(value, Mapping):
         for inner in value.values():
             yield from _plugins(inner)
@@ -138,7 +148,8 @@ def _modules(cls: type) -> set[str]:
 
 
 def _origin(root: str) -> tuple[str, str]:
-    """("name version" of the distribution that offers plugins from this package, digest)."""
+    """Pair of "name version" of the distribution that offers plugins from this package, and digest
+    of its sources."""
     try:
         spec = find_spec(root)
     except ValueError:  # a module that was made by hand
@@ -182,7 +193,7 @@ def _file_digest(file: Path) -> str:
 
 @lru_cache(maxsize=4096)
 def _hashed(file: Path, *_version: int) -> str:
-    """sha256 of a file, read once as long as time, size and inode stay the same."""
+    """SHA-256 digest of a file, read once as long as time, size and inode stay the same."""
     with file.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 

@@ -40,17 +40,18 @@ from sparsemor.core.scene.source import Source
 
 
 def _an_integer(value: object) -> object:
-    """The value itself; true and 1.0 are equal to 1 in Python, and no version of a format."""
+    """Version of the format, unchanged. Raises InputError for true and 1.0, which equal 1 in
+    Python."""
     if isinstance(value, bool | float):
         raise InputError(f"the version of the format is the integer 1 (got {shown(value)})")
     return value
 
 
 class Scene(Plugin):
-    """One problem and one way to solve it.
+    """Simulation problem (bodies, joints, loads, time) and the method that solves it.
 
-    Made by `load`, or directly. Keys of its faults are dotted paths of the file; cross references
-    (which joint holds which body) are checked when the parts are built.
+    Created by `load`, or directly. Keys of its faults are dotted paths of the file; cross
+    references (such as the bodies of a joint) are checked when the model is built.
     """
 
     format: Annotated[Literal[1], BeforeValidator(_an_integer)]
@@ -75,10 +76,10 @@ class Scene(Plugin):
     integrator: Annotated[Integrator, Slot("integrator")] = slot_default("bdf1")
     """Time integrator."""
     linear_solver: Annotated[LinearSolver, Slot("linear_solver")] = slot_default("auto")
-    """Linear solver of the large constant matrices of elastic and thermal blocks: of full order, of
-    training, and of bases that need no training."""
+    """Linear solver of the large constant matrices of displacements and temperatures, in full-order
+    and training runs and in bases that need no training run."""
     linear_solvers: dict[str, Annotated[LinearSolver, Slot("linear_solver")]] = {}
-    """Other linear solvers by block pattern, such as `*.thermal`."""
+    """Other linear solvers, by pattern of block names (`body.field`), such as `*.thermal`."""
     training: Training = Training()
     """Full-order training run of a reduced model."""
     reducer: Annotated[Reducer, Slot("reducer")] = slot_default(FULL_ORDER)
@@ -117,17 +118,17 @@ class Scene(Plugin):
 
     @property
     def source(self) -> Source:
-        """The tree it was made from, and where that was written."""
+        """Parsed data from which the scene was made, and their origin."""
         return self._source or Source.of_tree(self.dump())
 
     @property
     def notes(self) -> tuple[Note, ...]:
-        """Warnings on how its names were understood."""
+        """Warnings on how the names of plugins were understood."""
         return self._notes
 
     @property
     def name(self) -> str:
-        """The file's name without its ending; "scene" when there is no file."""
+        """Name of the scene's file without its ending; "scene" when there is no file."""
         return self.source.name
 
     @property
@@ -137,7 +138,8 @@ class Scene(Plugin):
 
     @property
     def folder(self) -> Path:
-        """The file's folder, from which paths in the scene start; else the working directory."""
+        """Folder of the scene's file, from which relative paths start; else the working
+        directory."""
         return self.file_folder or Path.cwd()
 
     @property
@@ -147,25 +149,26 @@ class Scene(Plugin):
 
     @property
     def reducer_name(self) -> str:
-        """Name of its reducer's plugin."""
+        """Name of the reducer's plugin."""
         return self.source.registry.name_of("reducer", type(self.reducer))
 
     @property
     def field_kinds(self) -> tuple[FieldKind, ...]:
-        """Kinds of field that its bodies may have, in the order of blocks and tables."""
+        """Kinds of field (such as elastic, thermal) that the bodies may have, in the order of
+        blocks and tables."""
         return declared_kinds(self.bodies.values())
 
     def using(self, overrides: Mapping[str, Any], *, label: str = "--set") -> "Scene":
-        """The same scene with changes, validated again: `{"reducer.sampler.use": "random"}`.
+        """Scene with changes, validated again: `{"reducer.sampler.use": "random"}`.
 
-        A change acts on the tree as written: a subtree is replaced as a whole, and a new
-        `use` drops the options of the plugin that was there. label: of changed keys in messages.
-        Raises `InputError`.
+        A change acts on the data as written: a subtree is replaced as a whole, and a new `use`
+        (name of a plugin) drops the options of the plugin that was there. label: name of the
+        changes in messages. Raises `InputError`.
         """
         return build(self.source.changed(overrides, label))
 
     def with_reducer(self, reducer: Reducer | Plugin, *, label: str = "--set") -> "Scene":
-        """The same scene with the options of `reducer`, an instance of a registered plugin."""
+        """Scene with another reducer, an instance of a registered plugin, and its options."""
         registry = self.source.registry
         assert isinstance(reducer, Plugin)
         options = reducer.model_dump(mode="json", context={"registry": registry})
@@ -173,7 +176,7 @@ class Scene(Plugin):
         return self.using({"reducer": {"use": name, **options}}, label=label)
 
     def for_training(self) -> "Scene":
-        """The full-order scene that a reduced run is trained on.
+        """Full-order scene of the training run of a reduced model.
 
         It does not depend on the reducer, so its digest shows whether snapshots can be reused.
         """
@@ -183,11 +186,11 @@ class Scene(Plugin):
         return tree.using({"training": {"every": self.training.every}}, label="training")
 
     def locate(self, error: InputError) -> list[str]:
-        """One line a fault, `file:line:column: key: message`, in the file's order."""
+        """Messages, one line per fault, `file:line:column: key: message`, in the file's order."""
         return self.source.lines(error)
 
     def dump(self) -> dict[str, Any]:
-        """Plain data, fit for JSON, that makes this scene again."""
+        """Scene as plain data for JSON, from which it can be made again."""
         registry = self._source.registry if self._source else Registry()
         try:
             return self.model_dump(mode="json", context={"registry": registry})
@@ -195,7 +198,8 @@ class Scene(Plugin):
             raise InputError(str(error).partition("InputError: ")[2] or str(error)) from None
 
     def digest(self, *keys: str) -> str:
-        """sha256 of the canonical JSON of the subtrees at dotted `keys`; of all when none."""
+        """SHA-256 digest of the canonical JSON of the subtrees at dotted `keys`, or of the whole
+        scene."""
         tree = self.dump()
         chosen = {key: _subtree(tree, key) for key in keys} if keys else tree
         text = json.dumps(chosen, sort_keys=True, separators=(",", ":"), allow_nan=False)
@@ -206,7 +210,8 @@ def load(
     scene: str | Path, overrides: Mapping[str, Any] | None = None, *,
     registry: Registry | None = None,
 ) -> Scene:
-    """A packaged scene by its name, or a scene file by its path, with changes as in `using`.
+    """Scene from the name of a packaged scene or the path of a file, with changes as in
+    `Scene.using`.
 
     Raises `LocatedError`, an `InputError` that holds all faults, each with its line and column.
     """
@@ -215,7 +220,7 @@ def load(
 
 
 def build(source: Source) -> Scene:
-    """Validate a source. Raises `LocatedError` with every fault found."""
+    """Scene from a source, validated. Raises `LocatedError` with every fault found."""
     notes: list[Note] = []
     try:
         scene = Scene.model_validate(source.tree, context={**source.context, "notes": notes})

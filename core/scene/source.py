@@ -1,4 +1,4 @@
-"""Source of a scene: its tree as written, its file, and the changes to it."""
+"""Source of a scene: its parsed data, its file, and the changes to it."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
@@ -26,10 +26,10 @@ _LAST = (1 << 30, 0)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Source:
-    """A scene before validation.
+    """Data of a scene before validation.
 
-    `folder` is where the file is, None when there is no file. `origins`: changed path ->
-    (label, the key that was set).
+    document: the parsed file; tree: its data with changes; folder: where the file is, None when
+    there is no file; origins: changed path -> (label of the change, the key that was set).
     """
 
     document: Document
@@ -40,7 +40,7 @@ class Source:
 
     @classmethod
     def read(cls, scene: str | Path, registry: Registry, kind: str = "scene") -> "Source":
-        """Read a packaged scene (or study, with that `kind`) or a file."""
+        """Source from a packaged scene (or study, with that `kind`) or a file."""
         path = _path(scene, registry, kind)
         try:
             if path.stat().st_size > MOST_BYTES:
@@ -62,7 +62,7 @@ class Source:
 
     @classmethod
     def of_tree(cls, tree: dict[str, Any]) -> "Source":
-        """A scene that was never in a file."""
+        """Source of a scene that has no file."""
         return cls(Document("", tree), tree, Registry())
 
     @property
@@ -71,11 +71,11 @@ class Source:
 
     @property
     def context(self) -> dict[str, Any]:
-        """Validation context of slots."""
+        """Context for pydantic's validation, with the registry of plugins."""
         return {"registry": self.registry}
 
     def changed(self, overrides: Mapping[str, Any], label: str) -> "Source":
-        """With overrides applied. Raises `LocatedError` when a key cannot be changed."""
+        """Source with overrides applied. Raises `LocatedError` when a key cannot be changed."""
         try:
             tree, origins = apply(self.tree, overrides)
         except InputError as error:
@@ -86,7 +86,7 @@ class Source:
         return replace(self, tree=tree, origins=kept | named)
 
     def invalid(self, error: ValidationError) -> LocatedError:
-        """pydantic's errors, each with its key and place."""
+        """Error with pydantic's faults, each with its key and position in the file."""
         return self.locate(faults_of(error, self.tree))
 
     def locate(self, faults: Iterable[Fault]) -> LocatedError:
@@ -99,7 +99,8 @@ class Source:
         return list(self.locate(error.faults).lines)
 
     def origin(self, key: str) -> tuple[str, str] | None:
-        """(label, option) of the change that set a dotted key; None where the file has it."""
+        """Label and option of the change that set a dotted key; None where its value is from the
+        file."""
         return self._origin(find(self.tree, key))
 
     def _origin(self, path: KeyPath) -> tuple[str, str] | None:
@@ -155,7 +156,7 @@ def _path(scene: str | Path, registry: Registry, kind: str) -> Path:
 
 
 def packaged(registry: Registry, kind: str) -> list[str]:
-    """Names of the packaged scenes or studies, as they select them."""
+    """Sorted names of the packaged scenes or studies."""
     return sorted(map(registry.spelling, registry.names(kind)))
 
 

@@ -1,4 +1,4 @@
-"""YAML 1.2 as plain values, each with its line and column."""
+"""Reader of YAML 1.2 that yields plain values, each with its line and column."""
 
 import math
 import sys
@@ -21,13 +21,14 @@ _TAG = "tag:yaml.org,2002:"
 _SCALARS = {"null", "bool", "int", "float", "str"}
 _DEEPEST, _LARGEST, MOST_KEYS = 64, 100_000, 20_000
 MOST_BYTES = 1_500_000
-"""Size of a scene or study file beyond which it is refused unread."""
+"""Largest size of a scene or study file that is read, bytes."""
 _MOST_LETTERS = 60
-"""Characters of a value that a message repeats."""
+"""Largest number of characters of a value that a message repeats."""
 
 
 class LocatedError(InputError):
-    """Bad input with its place in a file or option: `lines` are shown to the user."""
+    """Input error with its position in a file or option; `lines`: the messages shown to the
+    user."""
 
     def __init__(self, faults: Sequence[Fault], lines: Sequence[str]) -> None:
         super().__init__(faults)
@@ -42,7 +43,7 @@ class LocatedError(InputError):
 
 @dataclass(frozen=True, slots=True)
 class Document:
-    """A YAML mapping as plain dicts, lists and scalars, with the position of every key and item."""
+    """YAML mapping as plain dicts, lists and scalars, with the position of every key and item."""
 
     name: str
     tree: dict[str, Any]
@@ -56,7 +57,8 @@ class Document:
 
 
 def parse(text: str, name: str, kind: str = "scene") -> Document:
-    """Read a file's text, whose root must be a mapping; `kind` is what messages call it.
+    """Document from a file's text, whose root must be a mapping; kind: type of the file in
+    messages.
 
     Raises `LocatedError` with every fault of form: syntax, duplicate keys, tags, keys that are not
     text, numbers that are not finite, a text that is too long, too deep or of too many values.
@@ -80,7 +82,8 @@ def parse(text: str, name: str, kind: str = "scene") -> Document:
 
 
 def parse_value(text: str, key: str) -> Any:
-    """A scalar or a flow value (`[1, 2]`, `{use: pod}`) by the same rules as in a file."""
+    """Value of a YAML scalar or flow collection (`[1, 2]`, `{use: pod}`), by the same rules as in a
+    file."""
     if len(text) > MOST_BYTES:
         raise InputError(f"a value of {len(text)} characters, and at most {MOST_BYTES} are read",
                          key)
@@ -99,14 +102,14 @@ def parse_value(text: str, key: str) -> Any:
 
 
 def too_large(name: str, kind: str) -> LocatedError:
-    """The refusal of a file that is longer than `MOST_BYTES`."""
+    """Error for a file that is larger than `MOST_BYTES`."""
     return _at(name, [((1, 1), "", f"a {kind} file has at most {MOST_BYTES / 1e6:g} MB: keep large "
                        "data in files of their own, such as a mesh")])
 
 
 def not_finite(value: object, path: KeyPath = ()) -> list[KeyPath]:
-    """Positions in a tree of plain values that hold nan, an infinity, or an integer beyond the
-    range of floating-point numbers."""
+    """Paths in a tree of plain values to nan, infinities, and integers beyond the range of
+    floating-point numbers."""
     if isinstance(value, float):
         return [] if math.isfinite(value) else [path]
     if isinstance(value, int):
@@ -123,7 +126,7 @@ _Finding = tuple[Place, str, str]
 
 
 class _BoundedComposer(Composer):
-    """Nodes of a document, refused as soon as they are nested too deep or too many."""
+    """YAML composer that refuses documents that are nested too deep or have too many nodes."""
 
     def __init__(self, loader: Any = None) -> None:
         super().__init__(loader)
@@ -154,7 +157,7 @@ def _reader() -> YAML:
 
 
 class _Builder:
-    """Nodes to plain values, with their positions and faults."""
+    """Converter of YAML nodes to plain values, which records their positions and faults."""
 
     def __init__(self, reader: YAML) -> None:
         self._construct = reader.constructor.construct_object

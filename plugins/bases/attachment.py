@@ -1,4 +1,4 @@
-"""Attachment modes of loads that move: responses of a block to unit loads along their path."""
+"""Attachment modes of moving loads: static responses of one body to unit loads along their path."""
 
 from typing import Annotated
 
@@ -29,38 +29,39 @@ from sparsemor.plugins.bases.static_response import StaticSolver, factorize
 
 
 class Attachment(Plugin):
-    """Attachment modes of moving loads: K^-1 f for unit loads along their path.
+    """Attachment modes of moving loads: K^-1 f for unit loads f along their path.
 
-    K^-1 K_fT T for thermal atoms T.
-
-    Quasi-static displacements are combinations of these whatever the load does, so that no training
-    run is needed: the coefficients are the loads and the thermal coefficients themselves. An
-    insulated block is answered as by `static`, up to the uniform temperature, which is added.
+    With `thermal`, also the thermoelastic displacements K^-1 K_fT T for basis vectors T of the
+    temperatures. Quasi-static displacements are combinations of these for every load history, so no
+    training run is needed: the coefficients are the load amplitudes and the thermal coefficients.
+    For an insulated body, whose conductivity K is singular, the responses are those of `static`,
+    and the uniform temperature is added.
     """
 
     patches: int | None = Field(default=None, ge=1)
     """Number of unit loads per direction along the path of each moving load (hat functions where
     the body is planar); left out: one per node."""
     tabled: int | None = Field(default=None, ge=1)
-    """Number of load shapes instead of unit loads: the largest singular vectors of each load table
-    over all its times. For loads that cover many nodes at once."""
+    """Number of load shapes instead of unit loads: the leading singular vectors of each load table
+    (amplitudes of the load's nodes over time). For loads that cover many nodes at once."""
     thermal: Annotated[Basis, Slot("basis")] | None = None
-    """Add the displacements of each atom of this basis of the body's temperatures; give the one of
-    the thermal block. Left out: none are added."""
+    """Basis of the body's temperatures (the one of its thermal block): the displacements K^-1 K_fT
+    T of each of its vectors T are added. Left out: none are added."""
     dynamic: bool = False
-    """Add the responses D^-1 of the same loads with the operator D of a step (K + c1 D_m + c2 M, or
-    K_T + c1 C), which contain the inertia of the first steps after a change of load."""
+    """Add the responses D^-1 f to the same loads f, with the operator D of a time step (K + c1 D_m
+    + c2 M, or K_T + c1 C), which contain the inertia of the first steps after a change of load."""
     count: int | None = Field(default=None, ge=1)
-    """Pool the responses to this many orthonormal atoms, in addition to the uniform temperature and
-    the start: the largest singular vectors, mechanical and thermal responses alike in size, and
-    each thermal state as large as unit heat along the path makes it. Left out: the responses
-    themselves, whose coefficients are the loads."""
+    """Number of orthonormal atoms to which the responses are compressed by singular value
+    decomposition, in addition to the uniform temperature and the initial values. Mechanical and
+    thermal responses are scaled to equal norm; each thermal state is weighted by its size under
+    unit heat along the path. Left out: the responses themselves, whose coefficients are the
+    loads."""
     rank_rtol: float = Field(default=1e-10, gt=0.0, lt=1.0)
-    """A response is left out when its part outside the span of earlier ones is below this (2-norm,
-    relative)."""
+    """Tolerance of linear dependence: a response is left out when its part outside the span of
+    earlier ones is below this (2-norm, relative)."""
     orthonormal: bool = False
-    """Orthogonalise each response against the earlier ones: the same span, well conditioned,
-    for reducers that choose no atoms."""
+    """Orthogonalise each response against the earlier ones: the same span, well conditioned, for
+    reducers that use all atoms, such as `galerkin`."""
 
     @model_validator(mode="after")
     def _one_kind(self) -> "Attachment":
@@ -72,17 +73,18 @@ class Attachment(Plugin):
         return self.thermal is not None and self.thermal.needs_snapshots
 
     def most_atoms(self, size: int) -> int | None:
-        """The largest dictionary of a block of this size."""
+        """Upper bound on the number of atoms for `size` unknowns; None: no bound is known."""
         return None if self.count is None else min(size, self.count + 2)
 
     def unfit(self, data: BlockData, snapshots: int) -> str:
-        """Why a block cannot have these responses: neither load nor temperature acts on it."""
+        """Reason why a block cannot have these responses (no moving load and no temperature acts on
+        it); "" if it can."""
         acts = data.moving or (self.thermal is not None and data.coupling is not None)
         return "" if acts else str(refuse_nowhere(data, "attachment"))
 
     def build(self, data: BlockData) -> Dictionary:
-        """Atoms (n, k). Raises InputError where no load moves and no temperature acts, or where
-        `dynamic` is set and the step is not known."""
+        """Dictionary with atoms (n, k). Raises InputError if no load moves and no temperature acts,
+        or if `dynamic` is set and the time step is unknown."""
         families = [f for f in self._forces(data) if f[1]]
         if not families:
             raise refuse_nowhere(data, "attachment")
@@ -116,7 +118,8 @@ class Attachment(Plugin):
     def _independent(
         self, data: BlockData, found: FloatArray, said: list[str]
     ) -> Dictionary:
-        """The columns that add something to those before them."""
+        """Dictionary of the columns of `found` (n, q) that are linearly independent of earlier
+        ones."""
         if not np.isfinite(found).all():
             raise InputError(f"attachment: the responses of {data.name} are not finite: its "
                              "stiffness is nearly singular")
@@ -130,7 +133,8 @@ class Attachment(Plugin):
             {"responses": len(kept), "dependent": found.shape[1] - len(kept)})
 
     def _forces(self, data: BlockData) -> list[tuple[FloatArray, list[str]]]:
-        """Right-hand sides (n, q) and what their responses are called: mechanical, thermal."""
+        """Right-hand sides (n, q) and names of their responses: mechanical loads, then thermal
+        loads."""
         forces, names = moving_loads(data, self.patches, self.tabled)
         found = [(forces, [f"attachment {name}" for name in names])]
         if self.thermal is None or data.heat is None or data.coupling is None:

@@ -1,4 +1,4 @@
-"""Leading left singular vectors of more snapshots than are held at once."""
+"""Leading left singular vectors of snapshot matrices that are too large to hold in memory."""
 
 from dataclasses import dataclass
 
@@ -8,17 +8,18 @@ from sparsemor.core import FloatArray, column_chunks, needs_chunks, svd
 from sparsemor.plugins.bases.randomized_svd import round_off_level
 
 FIRST, EXTRA, PASSES = 64, 16, 12
-"""Columns of the first sketch without a count; columns in addition to those requested; passes at
-most."""
+"""Columns of the first random sketch if no `count` is given; oversampling columns; largest number
+of passes over the snapshots for one sketch size."""
 SETTLED = 1e-4
-"""Share of what the kept columns miss that another pass may still win: then no more are made."""
+"""Subspace iteration ends when a pass gains at most this share of the squared norm that is not
+captured yet."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Snapshots:
-    """(A - offset) / divisors, A (n, M): what is decomposed, by column chunks.
+    """Scaled snapshot matrix (A - offset) / divisors, A (n, M), evaluated by column chunks.
 
-    offset (n,), divisors (M,); total: sum of all squares.
+    offset (n,); divisors (M,), one per column; total: squared Frobenius norm of the scaled matrix.
     """
 
     A: FloatArray
@@ -28,7 +29,8 @@ class Snapshots:
 
     @classmethod
     def of(cls, A: FloatArray, offset: FloatArray, weighted: bool) -> "Snapshots":
-        """weighted: each column divided by the square root of its length."""
+        """Snapshots A (n, M) less `offset` (n,); weighted: each column is divided by the square
+        root of its norm."""
         norms = np.concatenate([
             np.linalg.norm(part - offset[:, None], axis=0) for _, part in column_chunks(A)])
         divisors = np.ones(len(norms))
@@ -37,19 +39,20 @@ class Snapshots:
         return cls(A, offset, divisors, float(np.sum((norms / divisors) ** 2)))
 
     def images(self, X: FloatArray) -> FloatArray:
-        """A X (n, l) of X (M, l), in one pass."""
+        """Product (n, l) of the scaled snapshot matrix with X (M, l), in one pass."""
         Y: FloatArray = np.zeros((len(self.offset), X.shape[1]))
         for at, part in column_chunks(self.A):
             Y += self._changed(at, part) @ X[at]
         return Y
 
     def coefficients(self, Q: FloatArray) -> FloatArray:
-        """A^T Q (M, l) of Q (n, l), in one pass."""
+        """Product (M, l) of the transposed scaled snapshot matrix with Q (n, l), in one pass."""
         return np.concatenate([
             self._changed(at, part).T @ Q for at, part in column_chunks(self.A)])
 
     def missed(self, Q: FloatArray, B: FloatArray) -> float:
-        """Frobenius norm of A - Q B, from the entries, in one pass."""
+        """Frobenius norm of the scaled snapshot matrix less Q B, computed from the entries in one
+        pass."""
         return float(np.linalg.norm([
             np.linalg.norm(self._changed(at, part) - Q @ B[:, at])
             for at, part in column_chunks(self.A)]))
@@ -59,7 +62,7 @@ class Snapshots:
 
 
 def mean(A: FloatArray) -> FloatArray:
-    """(n,) of A (n, M)."""
+    """Mean (n,) of the columns of A (n, M)."""
     if not needs_chunks(A):
         return np.asarray(A.mean(axis=1))
     total: FloatArray = np.zeros(A.shape[0])
@@ -70,7 +73,10 @@ def mean(A: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Leading:
-    """U (n, l) and values (l,), decreasing. complete: what is missing is round-off."""
+    """Leading left singular vectors U (n, l) and singular values (l,), decreasing.
+
+    complete: True if the remainder is round-off; passes: number of passes over the snapshots.
+    """
 
     U: FloatArray
     values: FloatArray
@@ -81,13 +87,16 @@ class Leading:
 def leading(
     snapshots: Snapshots, count: int | None, energy: float | None, level: float
 ) -> Leading | None:
-    """By randomized subspace iteration, orthonormal after each half step: `count` columns, or as
-    many as reach `energy`, the fewer; all above round-off (`level`) where neither option is set,
-    or it comes first. None where they would be more than a third of the snapshots.
+    """Leading left singular vectors by randomized subspace iteration, orthonormal after each half
+    step.
+
+    `count` columns, or as many as reach the share `energy` of the squared norm, whichever is fewer;
+    if neither is set, or round-off is reached first, all above the relative singular value `level`.
+    None if more than about a third of min(n, M) columns would be needed.
 
     Halko, Martinsson and Tropp 2011, doi 10.1137/090771806, algorithm 4.4. Passes end when the kept
-    columns win no more than 1e-4 of the squares that they miss. The sketch comes from a generator
-    that depends on the shape alone: a scene's seed changes rows, and need not change atoms.
+    columns gain at most 1e-4 of the squared norm that they miss. The random sketch depends on the
+    shape of the matrix only, so the seed of a scene does not change the basis.
     """
     n, M = snapshots.A.shape
     rng = np.random.default_rng([n, M])
@@ -113,7 +122,8 @@ def leading(
 def _widened(
     snapshots: Snapshots, Q: FloatArray, size: int, rng: np.random.Generator
 ) -> FloatArray:
-    """Q (n, l) and a sketch of what it misses, `size` orthonormal columns."""
+    """Orthonormal columns (n, size): Q (n, l) and a Gaussian sketch of the remainder outside its
+    span."""
     M = snapshots.A.shape[1]
     Y = snapshots.images(rng.standard_normal((M, size - Q.shape[1])))
     for _ in range(2):  # once leaves what cancellation brings back
@@ -126,7 +136,8 @@ def _settled(
     snapshots: Snapshots, Q: FloatArray, count: int | None, energy: float | None, level: float,
     passes: int,
 ) -> tuple[Leading, int]:
-    """Subspace iteration from Q until the kept columns hardly gain."""
+    """Subspace iteration from Q (n, l) until the captured squared norm stagnates; also the number
+    of passes so far."""
     before = -np.inf
     limit = passes + PASSES
     while True:
@@ -157,6 +168,6 @@ def _kept(s: FloatArray, total: float, count: int | None, energy: float | None) 
 
 
 def _reached(s: FloatArray, total: float, energy: float) -> bool:
-    """By columns that leave room for further ones."""
+    """True if the columns without the last `EXTRA` (oversampling) ones reach the share `energy`."""
     inner = s[: max(len(s) - EXTRA, 1)]
     return bool(total - float(inner @ inner) <= (1.0 - energy) * total)

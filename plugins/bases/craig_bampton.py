@@ -13,11 +13,12 @@ from sparsemor.plugins.bases.static_response import StaticSolver
 class CraigBampton(Plugin):
     """Craig-Bampton basis: fixed-interface modes and static constraint modes of the joints' points.
 
-    A joint here holds the mean s = P^T u of a set of points, such as a rim, not each of them. The
-    constraint modes of that interface minimise u.K u for s = 1 of one of its components, so they
-    are K^-1 P (P^T K^-1 P)^-1: the span of the responses K^-1 P to the joint forces, which are the
-    atoms here. The fixed modes keep s = 0 and are K-orthogonal to them: with all modes the
-    dictionary spans the block, with none it is the static condensation to s. Needs no training.
+    A joint constrains the mean displacement s = P^T u of a set of points, such as a rim, not each
+    of them. The constraint modes of that interface minimise u.K u for s = 1 of one of its
+    components, so they are K^-1 P (P^T K^-1 P)^-1: the span of the responses K^-1 P to the joint
+    forces, which are the atoms here. The fixed-interface modes satisfy s = 0 and are K-orthogonal
+    to them: with all modes the dictionary spans all displacements, with none it is static
+    condensation to s. No training run is needed.
     """
 
     count: int = Field(default=20, ge=0)
@@ -28,11 +29,11 @@ class CraigBampton(Plugin):
         return False
 
     def unfit(self, data: BlockData, snapshots: int) -> str:
-        """Why a block cannot have these modes: no joint acts on it."""
+        """Reason why a block cannot have these modes (no joint acts on it); "" if it can."""
         return "" if len(data.joints) else no_interface(data, "craig_bampton")
 
     def build(self, data: BlockData) -> Dictionary:
-        """Atoms (n, k). Raises InputError for a block on which no joint acts."""
+        """Dictionary with atoms (n, k). Raises InputError for a block on which no joint acts."""
         modes = lowest_modes(data, self.count, joint_columns(data, "craig_bampton"))
         names = [f"fixed mode {i}" for i in range(len(modes.values))]
         pulled = oriented_unit_columns(StaticSolver.of(data)(data.loads[:, data.joints]))

@@ -1,4 +1,4 @@
-"""The lowest eigenmodes of K x = lambda M x, free or with s = P^T x held at zero."""
+"""Lowest eigenmodes of K x = lambda M x, free or under the constraint P^T x = 0."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,24 +12,25 @@ from sparsemor.core import BlockData, Csr, FloatArray, InputError
 from sparsemor.plugins.bases.static_response import factorize
 
 _DENSE = 150
-"""Unknowns up to which the dense solver is faster than Lanczos."""
+"""Number of unknowns up to which the dense solver is faster than Lanczos."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Modes:
-    """values (k,) increasing: rad^2/s^2 of displacements, 1/s of temperatures; shapes (n, k) with
-    shapes^T M shapes = 1."""
+    """Eigenvalues (k,), increasing (rad^2/s^2 for displacements, 1/s for temperatures), and
+    eigenvectors `shapes` (n, k) with shapes^T M shapes = I."""
 
     values: FloatArray
     shapes: FloatArray
 
 
 def lowest_modes(data: BlockData, count: int, held: FloatArray | None = None) -> Modes:
-    """At most `count` modes; held (n, p): independent columns P, modes then keep P^T x = 0.
+    """Lowest eigenmodes, at most `count`; with independent columns P (n, p) in `held`, under P^T x
+    = 0.
 
-    Shift-invert Lanczos about a small negative shift, so that an insulated body's singular K is
-    no special case. With P the inverse is that of the bordered matrix, A^-1 less its part along
-    A^-1 P: its range is where P^T x = 0 and it is symmetric, so Lanczos stays there.
+    Shift-invert Lanczos with a small negative shift, so that the singular K of an insulated body is
+    no special case. With P, the inverse is that of the bordered matrix: A^-1 less its part along
+    A^-1 P. It is symmetric and its range satisfies P^T x = 0, so all Lanczos vectors do.
     """
     n, K, M = data.size, data.stiffness, data.mass
     p = 0 if held is None else held.shape[1]

@@ -1,4 +1,4 @@
-"""Impulse responses of a block to a load that moves, along its path."""
+"""Impulse responses of one body to unit loads along the path of a moving load."""
 
 from collections.abc import Iterator
 
@@ -25,32 +25,35 @@ from sparsemor.plugins.bases.static_response import factorize, is_thermal
 
 
 class Impulse(Plugin):
-    """Impulse responses of heat: (B^-1 c1 C)^p B^-1 g, p steps after unit heat g on a path point.
+    """Thermal impulse responses: (B^-1 c1 C)^p B^-1 g, p steps after unit heat g on a path point.
 
-    Temperatures under heat that moves are sums of these over all positions and delays, so no
-    training run is needed. With B = D and c1 C replaced by D - K, the same holds for displacements.
+    B = K_T + c1 C is the operator of an implicit time step, with conductivity K_T and capacity C.
+    Temperatures under a moving heat source are sums of these responses over all positions and
+    delays p, so no training run is needed. For displacements, the same holds with the operator D of
+    their step for B, and D - K for c1 C.
     """
 
     positions: int | None = Field(default=None, ge=1)
     """Number of unit loads along the path of each moving load (hat functions where the body is
     planar); left out: one per node."""
     tabled: int | None = Field(default=None, ge=1)
-    """Number of load shapes instead of unit loads: the largest singular vectors of each load table
-    over all its times. For loads that cover many nodes at once."""
+    """Number of load shapes instead of unit loads: the leading singular vectors of each load table
+    (amplitudes of the load's nodes over time). For loads that cover many nodes at once."""
     delays: tuple[int, ...] | None = Field(default=None, min_length=1)
     """Numbers of steps p, increasing. Left out: 0, 1, 2, 4, ... and the length of the load's table,
     because a body stores heat for the whole run."""
     substeps: int | None = Field(default=None, ge=1)
-    """Longer steps, this many from one delay to the next where they are more apart: nearly the
-    same temperatures at a fraction of the cost. Left out: the steps of the run."""
+    """Largest number of steps from one delay to the next; where delays are further apart, the steps
+    are longer: nearly the same temperatures at a fraction of the cost. Left out: the steps of the
+    run."""
     count: int | None = Field(default=None, ge=1)
-    """Pool the responses to this many orthonormal atoms, in addition to the uniform temperature and
-    the start: the largest singular vectors, each response standing for the delays around its own.
-    Left out: the responses themselves."""
+    """Number of orthonormal atoms to which the responses are compressed by singular value
+    decomposition, in addition to the uniform temperature and the initial values; each response is
+    weighted by the interval of delays that it represents. Left out: the responses themselves."""
     rank_rtol: float = Field(default=1e-10, gt=0.0, lt=1.0)
-    """A response is left out when its part outside the span of earlier ones is below this (2-norm,
-    relative); pooled, a
-    direction whose singular value is below this share of the largest."""
+    """Tolerance of linear dependence: a response is left out when its part outside the span of
+    earlier ones is below this (2-norm, relative); with `count`, a direction is left out when its
+    singular value is below this share of the largest."""
 
     @field_validator("delays")
     @classmethod
@@ -69,15 +72,16 @@ class Impulse(Plugin):
         return False
 
     def most_atoms(self, size: int) -> int | None:
-        """The largest dictionary of a block of this size."""
+        """Upper bound on the number of atoms for `size` unknowns; None: no bound is known."""
         return None if self.count is None else min(size, self.count + 2)
 
     def unfit(self, data: BlockData, snapshots: int) -> str:
-        """Why a block cannot have these responses: no load moves over it."""
+        """Reason why a block cannot have these responses (no load moves over it); "" if it can."""
         return "" if data.moving else str(refuse_nowhere(data, "impulse"))
 
     def build(self, data: BlockData) -> Dictionary:
-        """Atoms (n, k). Raises InputError where no load moves or the step is not known."""
+        """Dictionary with atoms (n, k). Raises InputError if no load moves or the time step is
+        unknown."""
         forces, names = moving_loads(data, self.positions, self.tabled)
         if not names:
             raise refuse_nowhere(data, "impulse")
@@ -101,10 +105,10 @@ class Impulse(Plugin):
     def _pooled(
         self, first: FloatArray, responses: list[FloatArray], delays: FloatArray
     ) -> tuple[FloatArray, list[str]]:
-        """Orthonormal atoms, those of `first` in front, and the names of the others.
+        """Orthonormal atoms, those that span `first` (n, p) in front, and the names of the others.
 
-        The sum over all delays of x x^T is what unit heat at random times and positions leaves
-        behind; the delays that were kept are nodes of a quadrature of it.
+        The sum of x x^T over all delays is the covariance of temperatures x under unit heat at
+        random times and positions; the computed delays are the nodes of a quadrature of this sum.
         """
         _, Q = independent(first, self.rank_rtol)
         gaps = np.gradient(delays.astype(float)) if len(delays) > 1 else np.ones(1)
@@ -115,8 +119,8 @@ class Impulse(Plugin):
 
 
 def _lasting(data: BlockData) -> tuple[FloatArray, list[str]]:
-    """Directions that impulses need not represent: (n, 1 or 2) unit columns, the uniform
-    temperature and the start."""
+    """Directions that impulse responses need not represent, as unit columns (n, 0 to 2), and their
+    names: the uniform temperature and the initial values."""
     columns, names = [np.zeros((data.size, 0))], []
     if is_thermal(data):
         columns.append(np.full((data.size, 1), data.size**-0.5))
@@ -130,7 +134,7 @@ def _lasting(data: BlockData) -> tuple[FloatArray, list[str]]:
 
 
 def _doubling(data: BlockData) -> list[int]:
-    """0, 1, 2, 4, ... up to the number of steps that the tables last."""
+    """Delays 0, 1, 2, 4, ... steps, up to the number of steps that the load tables cover."""
     last = steps_of(data)
     return [0, *(2**i for i in range(last.bit_length()) if 2**i < last), last]
 
@@ -138,7 +142,8 @@ def _doubling(data: BlockData) -> list[int]:
 def _responses(
     data: BlockData, forces: FloatArray, delays: FloatArray, substeps: int | None
 ) -> Iterator[FloatArray]:
-    """(n, q) at each of the delays: one solve of all columns a step."""
+    """Responses (n, q) at each of the delays, by time stepping: one solve of all q columns per
+    step."""
     first, carried = factorize(data.operator, data), data.operator - data.stiffness
     x, last = np.asarray(first.solve(np.ascontiguousarray(forces))), 0
     for p in delays.tolist():

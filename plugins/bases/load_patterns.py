@@ -1,4 +1,5 @@
-"""Unit loads along the path of loads that move: one a point of the surface, or one a patch."""
+"""Load patterns of moving loads: unit loads on surface points or patches along the path, or leading
+singular vectors of the load tables."""
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -17,11 +18,12 @@ AXES = "xyz"
 
 
 def unit_loads(data: BlockData, patches: int | None) -> tuple[FloatArray, list[str]]:
-    """F (n, q) and what each column is ("sole, node 12, x"): the columns of the moving loads that
-    act at some time, or `patches` combinations of those of each load and direction.
+    """Unit loads F (n, q) along the path of all moving loads, with a name for each column.
 
-    Patches in the plane are hats of equal distance along the path; on a surface in space, the
-    points nearest to centres that are far from each other.
+    A name reads "sole, node 12, x". The columns are those of the moving loads that act at some time
+    or, with `patches`, that many combinations of them for each load and direction. In the plane,
+    patches are hat functions at equal distances along the path; on a surface in space, each patch
+    has the points nearest to one of several centres that are far from each other.
     """
     columns, names = [np.zeros((data.size, 0))], list[str]()
     for load in data.moving:
@@ -35,10 +37,11 @@ def unit_loads(data: BlockData, patches: int | None) -> tuple[FloatArray, list[s
 
 
 def tabled_loads(data: BlockData, count: int) -> tuple[FloatArray, list[str]]:
-    """F (n, q) and names: at most `count` loads for each moving load, the largest singular vectors
-    of what its table says at all its times, each as large as it is there (root of mean square).
+    """Load shapes F (n, q) and their names: leading singular vectors of each moving load's table.
 
-    A load that covers many nodes at once has a shape that unit loads do not know: its sums are few.
+    At most `count` per load, over all its times, scaled by their root mean square over these times.
+    A load that covers many nodes at once is represented by few of them, but by unit loads only with
+    one per node.
     """
     columns, names = [np.zeros((data.size, 0))], list[str]()
     for load in data.moving:
@@ -59,12 +62,14 @@ def tabled_loads(data: BlockData, count: int) -> tuple[FloatArray, list[str]]:
 def moving_loads(
     data: BlockData, patches: int | None, tabled: int | None
 ) -> tuple[FloatArray, list[str]]:
-    """Unit loads, or with `tabled` loads as the tables have them."""
+    """Load patterns F (n, q) and their names: `tabled_loads` if `tabled` is set, else
+    `unit_loads`."""
     return unit_loads(data, patches) if tabled is None else tabled_loads(data, tabled)
 
 
 def refuse_both(points: int | None, tabled: int | None, option: str) -> None:
-    """InputError where unit loads and tabled ones are asked for at once."""
+    """Raises InputError if unit loads (`points`, set by `option`) and tabulated load shapes
+    (`tabled`) are both requested."""
     if points is not None and tabled is not None:
         raise InputError(f"give {option} (unit loads at positions) or tabled (loads as tabulated), "
                          "not both", "tabled")
@@ -78,7 +83,7 @@ def refuse_nowhere(data: BlockData, who: str) -> InputError:
 
 
 def known_step(data: BlockData, who: str) -> None:
-    """InputError where the data come without the step that dynamic responses are made for."""
+    """Raises InputError if the data contain no time step, which dynamic responses need."""
     if not any(data.factors):
         raise InputError(f"{who}: the time step that {data.name} is reduced for is missing: pass "
                          "it to model.block_data(name, step=...)")
@@ -87,7 +92,8 @@ def known_step(data: BlockData, who: str) -> None:
 def _patched(
     data: BlockData, columns: Csr, source: str, count: int
 ) -> tuple[Csr, list[str]]:
-    """`count` combinations of the columns (n, j) of each direction, fewer where it has fewer."""
+    """Patches of the columns (n, j) of one load, at most `count` for each direction, and their
+    names."""
     row = np.asarray(abs(columns).argmax(axis=0)).ravel()  # the unknown that each column acts on
     found, names = list[Csr](), list[str]()
     for axis in np.unique(data.component[row]):
@@ -100,7 +106,7 @@ def _patched(
 
 
 def patch_weights(points: FloatArray, count: int) -> FloatArray:
-    """(j, q), rows that sum to 1, for points (j, d): how much of each belongs to each patch."""
+    """Weights (j, q) of points (j, d) in each of q patches, at most `count`; rows sum to 1."""
     j = len(points)
     if count >= j:
         return np.eye(j)
@@ -116,7 +122,7 @@ def patch_weights(points: FloatArray, count: int) -> FloatArray:
 
 
 def _chain(points: FloatArray) -> IntArray:
-    """The points in the order of a line through them: each time the nearest that is left."""
+    """Order of the points along a curve through them: repeatedly the nearest remaining point."""
     start = int(np.linalg.norm(points - points.mean(axis=0), axis=1).argmax())
     left, order = np.ones(len(points), dtype=bool), [start]
     left[start] = False
@@ -128,7 +134,7 @@ def _chain(points: FloatArray) -> IntArray:
 
 
 def _far_apart(points: FloatArray, count: int) -> IntArray:
-    """Numbers of `count` points, each the farthest from those before it."""
+    """Indices of `count` points, each the farthest from those before it."""
     chosen = [int(np.linalg.norm(points - points.mean(axis=0), axis=1).argmax())]
     away = np.full(len(points), np.inf)
     while len(chosen) < count:

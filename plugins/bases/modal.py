@@ -1,4 +1,5 @@
-"""Eigenmodes of one block: vibrations of displacements, decaying shapes of temperatures."""
+"""Eigenmodes of one body's field: vibration modes of displacements, decaying shapes of
+temperatures."""
 
 from typing import Literal
 
@@ -19,25 +20,26 @@ from sparsemor.plugins.bases.static_response import StaticSolver, is_thermal
 
 FIXED = "modal with interface: fixed"
 REST = 1e-7
-"""Part of a static response, relative to it in the norm of M, that modes count as holding."""
+"""Remainder of a static response outside the span of the modes, relative in the norm of M, up to
+which it is not added."""
 
 
 class Modal(Plugin):
     """Modal basis: the lowest eigenmodes of (K, M), or of (K_T, C) for heat, of unit length.
 
-    Needs no training run. Heat from a surface and forces at joints are held slowly by modes
-    alone: `correction` adds what they miss of the static responses.
+    No training run is needed. Modes alone converge slowly for surface heat and joint forces:
+    `correction` adds the part of the static responses outside their span.
     """
 
     count: int = Field(default=20, ge=1)
     """Number of modes, the lowest ones; all when the block has fewer."""
     interface: Literal["free", "fixed"] = "free"
-    """Points that joints constrain (the mean of a rim, where a joint acts on one): `free` to move
-    in the modes, or `fixed`."""
+    """Motion of the points that joints constrain (the mean displacement of a rim, for a joint that
+    acts on one): `free` in the modes, or `fixed`."""
     correction: bool = False
     """Add the static response to every load, less its projection on the modes (residual attachment
-    modes): then constant loads are answered exactly. An insulated body gets the shape that
-    constant heat tends to."""
+    modes): then responses to constant loads are exact. For an insulated body, the temperature shape
+    that constant heat tends to is added."""
     start: bool = True
     """Add the initial values where the modes do not represent them."""
 
@@ -46,16 +48,18 @@ class Modal(Plugin):
         return False
 
     def most_atoms(self, size: int) -> int | None:
-        """The largest dictionary of a block of this size."""
+        """Upper bound on the number of atoms for `size` unknowns; None: no bound is known."""
         return None if self.correction or self.start else min(self.count, size)
 
     def unfit(self, data: BlockData, snapshots: int) -> str:
-        """Why a block cannot have these modes: a fixed interface without a joint."""
+        """Reason why a block cannot have these modes (a fixed interface without a joint); "" if it
+        can."""
         return "" if self.interface == "free" or len(data.joints) else (
             no_interface(data, FIXED))
 
     def build(self, data: BlockData) -> Dictionary:
-        """Atoms (n, k). Raises InputError for a fixed interface where no joint acts."""
+        """Dictionary with atoms (n, k). Raises InputError for a fixed interface where no joint
+        acts."""
         held = joint_columns(data, FIXED) if (
             self.interface == "fixed") else None
         modes = lowest_modes(data, self.count, held)
@@ -85,7 +89,8 @@ class Modal(Plugin):
 
 
 def mode_info(data: BlockData, modes: Modes) -> dict[str, float | int | str]:
-    """Frequencies in Hz of displacements, rates of decay in 1/s of temperatures."""
+    """Reported values of the modes: frequencies, Hz, of displacements; decay rates, 1/s, of
+    temperatures."""
     if not len(modes.values):
         return {}
     positive = np.maximum(modes.values, 0.0)
@@ -96,13 +101,14 @@ def mode_info(data: BlockData, modes: Modes) -> dict[str, float | int | str]:
 
 
 def no_interface(data: BlockData, who: str) -> str:
-    """The sentence on a block without joints."""
+    """Message that no joint acts on a block, so that it has no interface; who: the basis that needs
+    one."""
     return (f"{who}: no joint acts on the unknowns of {data.name}, so it has no interface; give "
             "this block another basis under reducer.bases, such as modal")
 
 
 def joint_columns(data: BlockData, who: str) -> FloatArray:
-    """P (n, p), independent unit columns: P^T u is how far the joints' points are displaced.
+    """Independent unit columns P (n, p) of the joint forces: P^T u displaces the joints' points.
 
     Raises InputError when no joint acts on the block.
     """
@@ -120,8 +126,9 @@ def load_names(data: BlockData) -> tuple[str, ...]:
 def _beyond(
     X: FloatArray, shapes: FloatArray, data: BlockData
 ) -> tuple[FloatArray, list[int]]:
-    """Remainder of each column of X after projection on M-orthonormal shapes (n, k), M-orthogonal
-    to them and to the ones before; and the numbers of the columns of which enough is left."""
+    """M-orthonormal remainders of the columns of X (n, j) after projection on the M-orthonormal
+    `shapes` (n, k) and on the remainders before, and the indices of the columns whose remainder is
+    significant."""
     basis, kept, rest = shapes, [], []
     for i, x in enumerate(X.T):
         size = float(np.sqrt(x @ (data.mass @ x)))

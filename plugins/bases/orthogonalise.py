@@ -1,4 +1,4 @@
-"""Columns of a dictionary: unit length, one sign, no two the same, none that others make up."""
+"""Linear independence and near-duplicates among the columns of a dictionary."""
 
 from collections.abc import Sequence
 
@@ -8,10 +8,10 @@ from sparsemor.core import FloatArray, IntArray
 
 
 def independent(A: FloatArray, rtol: float) -> tuple[IntArray, FloatArray]:
-    """Numbers of the columns of A (n, k), unit, that add something to those before them, and
-    what each of them adds: orthonormal columns (n, r) of the same span.
+    """Columns of A (n, k) that are linearly independent of earlier ones, and an orthonormal basis.
 
-    A column is left out when what earlier ones leave of it is at most `rtol` long.
+    Returns their indices (r,) and orthonormal columns (n, r) of the same span. A has unit columns;
+    one is left out when its part outside the span of earlier ones has a norm of at most `rtol`.
     """
     n, k = A.shape
     if 0 < k <= n:
@@ -24,8 +24,8 @@ def independent(A: FloatArray, rtol: float) -> tuple[IntArray, FloatArray]:
 
 
 def _one_by_one(A: FloatArray, rtol: float) -> tuple[IntArray, FloatArray]:
-    """The same where some are left out. Projecting twice is enough (Giraud, Langou, Rozloznik
-    2005, doi 10.1016/j.camwa.2005.08.009)."""
+    """Gram-Schmidt version of `independent`, for dependent columns. Projecting twice is enough
+    (Giraud, Langou, Rozloznik 2005, doi 10.1016/j.camwa.2005.08.009)."""
     Q, kept = np.zeros(A.shape), list[int]()
     for i, a in enumerate(A.T):
         basis = Q[:, : len(kept)]
@@ -41,10 +41,12 @@ def _one_by_one(A: FloatArray, rtol: float) -> tuple[IntArray, FloatArray]:
 def merge(
     A: FloatArray, names: Sequence[str], tolerance: float
 ) -> tuple[FloatArray, tuple[str, ...], int]:
-    """Unit columns A (n, k) of which no two are nearer than `tolerance`, sine of their angle.
+    """Unit columns A (n, k) without near-duplicates, their names, and the number of columns
+    removed.
 
-    The first of such a group stays and its name lists which ones it absorbed; also how many went.
-    The sine is the length of a - (b.a) b: from 1 - (b.a)^2 it would be lost below 1e-8.
+    Two columns are near-duplicates if the sine of the angle between them is at most `tolerance`.
+    The first one stays, and its name lists those it absorbed. The sine is computed as the norm of a
+    - (b.a) b: from 1 - (b.a)^2 it would be lost below 1e-8.
     """
     kept: list[int] = []
     absorbed: dict[int, list[str]] = {}

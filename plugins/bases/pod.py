@@ -1,4 +1,5 @@
-"""Proper orthogonal decomposition of one block's snapshots (Eq. 8-12)."""
+"""Proper orthogonal decomposition of the snapshots of one body's field (Liang et al. 2026, Eq.
+8-12)."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -21,18 +22,18 @@ from sparsemor.plugins.bases.orthogonalise import independent, merge
 from sparsemor.plugins.bases.randomized_svd import held, left_singular, round_off_level, weighted
 
 SQUARABLE = 300
-"""Binary exponent, of either sign, from which snapshots are scaled: 2e90 and 5e-91."""
+"""Binary exponent, of either sign, from which snapshots are rescaled before they are squared: 2e90
+and 5e-91."""
 
 
 class Pod(Plugin):
     """Proper orthogonal decomposition: left singular vectors of the snapshots up to their rank.
 
     Snapshots beyond 256 MB are read by column chunks and decomposed by randomized subspace
-    iteration; `count` or `energy` must then say how many columns are kept, unless they are few.
-
-    Where `energy` and `count` are both given, the one that keeps fewer columns decides. The
-    entry of largest size of each atom is positive, so that equal snapshots give equal atoms.
-    With `windows` each stretch of time gets its own POD, with the same options.
+    iteration; `count` or `energy` must then limit the number of columns, unless few are above
+    round-off. If `energy` and `count` are both given, the one that keeps fewer columns decides. The
+    entry of largest magnitude of each atom is positive, so that equal snapshots give equal atoms.
+    With `windows`, each time window gets a separate POD with the same options.
     """
 
     energy: float | None = Field(default=None, gt=0.0, le=1.0)
@@ -40,23 +41,23 @@ class Pod(Plugin):
     count: int | None = Field(default=None, ge=1)
     """Largest number of columns kept."""
     centred: bool = False
-    """Take the snapshot mean away first (Eq. 8) and keep it as the dictionary's offset."""
+    """Subtract the mean of the snapshots first (Eq. 8) and keep it as the dictionary's offset."""
     complete: bool = False
-    """Add orthonormal columns beyond the numerical rank until there are n (or `count`) of them,
-    as the paper's n x n basis has them. They carry no information; n x n numbers are stored."""
+    """Add orthonormal columns beyond the numerical rank until there are n (or `count`) of them, as
+    in the n x n basis of Liang et al. 2026. They carry no information about the snapshots."""
     rank_rtol: float | None = Field(default=None, gt=0.0, lt=1.0)
     """Singular value, relative to the largest, below which a column is round-off. Left out:
     4 (sqrt n + sqrt M) eps for n unknowns and M snapshots, about 1e-13."""
 
     weights: Literal["none", "inverse_sqrt_norm"] = "none"
-    """`inverse_sqrt_norm` divides each snapshot (less the mean) by the square root of its length,
-    so that small ones count more: the start of a run that grows from nothing."""
+    """`inverse_sqrt_norm` divides each snapshot (less the mean) by the square root of its norm, so
+    that small snapshots count more, such as the start of a run from rest."""
     windows: int = Field(default=1, ge=1)
     """Number of equal time windows, each with a separate POD; their atoms are pooled. A moving load
     has few shapes within a short time."""
     tolerance: float = Field(default=1e-6, ge=0.0, lt=1.0)
     """Atoms of different windows are merged when the sine of the angle between them is at most
-    this. The first stays and its provenance names those it absorbed."""
+    this. The first stays, and its name lists those it absorbed."""
 
     @model_validator(mode="after")
     def _one_purpose(self) -> Self:
@@ -72,16 +73,17 @@ class Pod(Plugin):
         return True
 
     def most_atoms(self, size: int) -> int | None:
-        """The largest dictionary of a block of this size."""
+        """Upper bound on the number of atoms for `size` unknowns; None: no bound is known."""
         return None if self.count is None else self.windows * min(self.count, size)
 
     def unfit(self, data: BlockData, snapshots: int) -> str:
-        """Why a block cannot be decomposed: more windows than snapshots."""
+        """Reason why a block cannot be decomposed (more windows than snapshots); "" if it can."""
         return "" if self.windows <= snapshots else (
             too_many_windows(self.windows, snapshots, data.name))
 
     def build(self, data: BlockData) -> Dictionary:
-        """Atoms (n, k). Raises InputError for snapshots that are absent, not finite or all 0."""
+        """Dictionary with atoms (n, k). Raises InputError for snapshots that are absent, not finite
+        or all 0."""
         A = _checked(data)
         offset = mean(A) if self.centred else np.zeros(len(A))
         if self.windows == 1:
@@ -92,7 +94,7 @@ class Pod(Plugin):
             A, offset, self.windows, self.tolerance, data.name)
 
     def _decomposed(self, data: BlockData, A: FloatArray, offset: FloatArray) -> Dictionary:
-        """The POD of A (n, M) about `offset`."""
+        """POD dictionary of the snapshots A (n, M) about `offset` (n,)."""
         if needs_chunks(A):
             return self._by_chunks(data.name, A, offset)
         n, M = A.shape
@@ -129,7 +131,8 @@ class Pod(Plugin):
         })
 
     def _by_chunks(self, block: str, A: FloatArray, offset: FloatArray) -> Dictionary:
-        """The same for more snapshots than are held at once: the leading columns only."""
+        """POD dictionary of snapshots that are too large to hold in memory: leading columns
+        only."""
         n, M = A.shape
         snapshots = Snapshots.of(A, offset, self.weights != "none")
         level = self.rank_rtol or round_off_level(n, M)
@@ -164,8 +167,11 @@ class Pod(Plugin):
     def _cut(
         self, s: FloatArray, rank: int, total: float, beyond: float
     ) -> tuple[int, str]:
-        """Number of columns kept, and the option or limit that decided it. beyond: energy of
-        columns that were not looked for."""
+        """Number of columns to keep, and the option or limit that decided it.
+
+        s: singular values; rank: numerical rank; total: squared norm of the snapshots; beyond: the
+        part of it in singular vectors that were not computed.
+        """
         kept, cut = rank, f"the other columns are round-off: below {s[0]:.3g} x rank_rtol"
         if rank == s.size:
             cut = "none: every column is above round-off"
@@ -190,8 +196,8 @@ class Pod(Plugin):
 
 
 def _squarable(A: FloatArray, offset: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Snapshots and offset times a power of two, which changes no digit of the atoms, where squares
-    of the largest would overflow or vanish."""
+    """Snapshots (n, M) and offset (n,), scaled by a power of two where squares would overflow or
+    underflow; this changes no digit of the atoms."""
     largest = max(float(A.max()), -float(A.min()))
     exponent = int(np.frexp(largest)[1])
     if abs(exponent) < SQUARABLE:
@@ -233,7 +239,7 @@ def _signs(U: FloatArray) -> FloatArray:
 
 
 def too_many_windows(windows: int, snapshots: int, block: str) -> str:
-    """The sentence on windows that would be empty."""
+    """Message that there are more time windows than snapshots."""
     return f"{windows} windows were requested of {snapshots} snapshots of {block}: take fewer"
 
 
@@ -241,10 +247,10 @@ def pooled(
     decomposed: Callable[[FloatArray], Dictionary], A: FloatArray, offset: FloatArray,
     windows: int, tolerance: float, block: str,
 ) -> Dictionary:
-    """Atoms (n, k) of `windows` parts of the snapshots A (n, M), one after another in time.
+    """Dictionary of the atoms of `windows` consecutive parts of the snapshots A (n, M), pooled.
 
-    A window without motion has no atoms. Raises InputError for more windows than snapshots, or
-    where no window has an atom.
+    A window without motion contributes no atoms. Raises InputError for more windows than snapshots,
+    or where no window has an atom.
     """
     M = A.shape[1]
     if windows > M:
@@ -271,7 +277,8 @@ def pooled(
 
 
 def share(A: FloatArray, offset: FloatArray, Q: FloatArray) -> float:
-    """Of the squares of A (n, M) less `offset`, what orthonormal Q (n, k) hold."""
+    """Share of the squared norm of A (n, M) less `offset` in the span of orthonormal columns Q (n,
+    k)."""
     if not needs_chunks(A):
         return held(A - offset[:, None], Q)
     snapshots = Snapshots.of(A, offset, False)

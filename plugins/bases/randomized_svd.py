@@ -1,4 +1,4 @@
-"""Left singular vectors of a snapshot matrix, down to its round-off, at a bounded cost."""
+"""Left singular vectors of a snapshot matrix down to round-off, by a randomized range finder."""
 
 import numpy as np
 
@@ -6,23 +6,23 @@ from sparsemor.core import FloatArray, svd
 
 _FIRST_SKETCH = 64
 _CHUNK = 1 << 22
-"""Entries of the residual held at once: 32 MB, however large the snapshot matrix is."""
+"""Number of entries of the residual that are held in memory at once: 32 MB."""
 
 
 def round_off_level(n: int, M: int) -> float:
     """Relative singular value below which columns of an (n, M) snapshot matrix are noise.
 
     One rounding of each entry adds a random matrix whose norm is at most (sqrt n + sqrt M) eps
-    times the largest singular value. Snapshots that come out of sparse solves were measured at
-    2e-15 (elastic) and 4e-16 (thermal) for n = 1300 and 660, M = 2000, where this
-    level is 7e-14; columns near 1e-13 still carry field errors near 1e-10 and must be kept. The
-    usual max(n, M) eps would drop some of them.
+    times the largest singular value. The noise of snapshots from sparse direct solves was measured
+    as 2e-15 (elastic) and 4e-16 (thermal) for n = 1300 and 660, M = 2000, where this level is
+    7e-14; columns near 1e-13 still carry field errors near 1e-10 and must be kept. The usual max(n,
+    M) eps would drop some of them.
     """
     return float(4.0 * (np.sqrt(n) + np.sqrt(M)) * np.finfo(np.float64).eps)
 
 
 def weighted(A: FloatArray) -> FloatArray:
-    """The columns of A (n, M) divided by the square roots of their lengths; zeros stay zero."""
+    """Columns of A (n, M) divided by the square roots of their norms; zero columns stay zero."""
     norms = np.linalg.norm(A, axis=0)
     return np.asarray(A / np.sqrt(np.where(norms > 0.0, norms, 1.0)))
 
@@ -34,10 +34,11 @@ def held(A: FloatArray, Q: FloatArray) -> float:
 
 
 def left_singular(A: FloatArray, level: float) -> tuple[FloatArray, FloatArray]:
-    """U (n, r) and singular values (r,) of A (n, M), decreasing.
+    """Left singular vectors U (n, r) and singular values (r,), decreasing, of A (n, M).
 
-    All those above `level` times the largest are there, each to a small multiple of round-off of
-    the largest. The method of snapshots (eigenvectors of A^T A) would lose everything below 1e-8.
+    All singular values above `level` times the largest are included, each accurate to a small
+    multiple of round-off of the largest. The method of snapshots (eigenvectors of A^T A) would lose
+    everything below 1e-8.
     """
     n, M = A.shape
     size, largest = _FIRST_SKETCH, min(n, M) // 3
@@ -54,10 +55,10 @@ def left_singular(A: FloatArray, level: float) -> tuple[FloatArray, FloatArray]:
 
 
 def _extend(A: FloatArray, Q: FloatArray, size: int, rng: np.random.Generator) -> FloatArray:
-    """Q (n, l) widened to `size` orthonormal columns by a Gaussian sketch of what it misses.
+    """Orthonormal columns (n, size): Q (n, l) and a Gaussian sketch of the rest of A (n, M).
 
-    Halko, Martinsson and Tropp 2011, doi 10.1137/090771806. Its error is measured afterwards, so
-    nothing rests on probability.
+    Halko, Martinsson and Tropp 2011, doi 10.1137/090771806. The error is measured afterwards, so
+    the accuracy does not rest on probability.
     """
     Y = A @ rng.standard_normal((A.shape[1], size - Q.shape[1]))
     for _ in range(2):  # once leaves what cancellation brings back
@@ -67,7 +68,8 @@ def _extend(A: FloatArray, Q: FloatArray, size: int, rng: np.random.Generator) -
 
 
 def _residual(A: FloatArray, Q: FloatArray, B: FloatArray) -> float:
-    """Frobenius norm of A - Q B, from the entries: a difference of norms stops at 1e-8."""
+    """Frobenius norm of A - Q B, computed from its entries: a difference of norms is lost below
+    1e-8."""
     step = max(1, _CHUNK // A.shape[0])
     parts = [
         np.linalg.norm(A[:, j : j + step] - Q @ B[:, j : j + step])
@@ -77,7 +79,8 @@ def _residual(A: FloatArray, Q: FloatArray, B: FloatArray) -> float:
 
 
 def _dense(A: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Backward stable: Householder QR of the long side, then the SVD of its small factor."""
+    """Left singular vectors and singular values of A by a backward stable method: Householder QR of
+    the long side, then the SVD of the small triangular factor."""
     n, M = A.shape
     if M > n:
         A = np.asarray(np.linalg.qr(A.T, mode="r")).T

@@ -1,4 +1,4 @@
-"""Many responses pooled to few orthonormal atoms: the directions in which they are largest."""
+"""Compression of many responses to few orthonormal atoms: their leading singular vectors."""
 
 import numpy as np
 from scipy import linalg
@@ -12,8 +12,11 @@ from sparsemor.plugins.bases.randomized_svd import left_singular, round_off_leve
 def largest_directions(
     A: FloatArray, first: FloatArray, count: int, rtol: float
 ) -> FloatArray:
-    """(n, k): at most `count` left singular vectors of A (n, j), orthogonal to `first` (n, p) with
-    orthonormal columns, whose singular value is above `rtol` of the largest."""
+    """Leading left singular vectors (n, k), at most `count`, of A (n, j) orthogonal to `first` (n,
+    p).
+
+    `first` has orthonormal columns; singular values must exceed `rtol` times the largest.
+    """
     for _ in range(2):  # once leaves what cancellation brings back
         A = A - first @ (first.T @ A)
     if not A.any():
@@ -24,18 +27,18 @@ def largest_directions(
 
 
 def steps_of(data: BlockData) -> int:
-    """Number of steps covered by the tables of the moving loads."""
+    """Number of time steps that the tables of the moving loads cover; 1 if the step is unknown."""
     span = max(m.table.times[-1] - m.table.times[0] for m in data.moving)
     return max(1, round(float(span) / data.step)) if data.step else 1
 
 
 def likely_states(heat: BlockData, atoms: FloatArray, tabled: int | None = None) -> FloatArray:
-    """X (n, k) with X X^T = sum over p of x_p x_p^T, x_p the temperatures p steps after unit heat
-    on the path (or `tabled` shapes of it), projected on the span of `atoms`: how large each of them
-    gets.
+    """Temperatures X (n, k) with X X^T = sum over p of x_p x_p^T, scaled by how large each becomes.
 
-    The sum (a controllability Gramian) over 2 N delays is that over N, W, and A^N W (A^N)^T. The
-    atoms themselves where no heat moves or the step is not known.
+    x_p are the temperatures p steps after unit heat on the path of a moving heat source (or after
+    one of `tabled` load shapes), projected on the span of `atoms`. The sum (a controllability
+    Gramian) over 2 N delays is W + A^N W (A^N)^T, with W the sum over N delays and A the matrix of
+    one step. Returns `atoms` if no heat source moves or the time step is unknown.
     """
     forces, names = moving_loads(heat, None, tabled)
     if not names or not any(heat.factors):

@@ -1,4 +1,4 @@
-"""Static responses: what the scene's own loads make of a block, without a training run."""
+"""Static responses of one body to the loads of the scene, without a training run."""
 
 from typing import Annotated
 
@@ -21,32 +21,35 @@ from sparsemor.plugins.bases.static_response import StaticSolver, factorize, is_
 
 
 class Static(Plugin):
-    """Static modes: K^-1 f of every load, weight, inertia and joint force; K^-1 K_fT T of heat.
+    """Static modes: K^-1 f for each load, weight, inertia and joint force f, K^-1 K_fT T for heat.
 
-    Quasi-static displacements are combinations of these. Temperatures are answered at `rates`;
-    an insulated body also gets the uniform temperature, and every body its values at the start.
+    Quasi-static displacements are combinations of these; T are basis vectors of the temperatures.
+    Temperatures under heat loads are computed at the rates `rates`; the uniform temperature is
+    added for an insulated body, and the initial values for every body.
     """
 
     thermoelastic: bool = True
-    """Add the displacements K^-1 K_fT T to each atom T of a basis of the body's temperatures."""
+    """Add the displacements K^-1 K_fT T for each vector T of a basis of the body's temperatures."""
     thermal: Annotated[Basis, Slot("basis")] | None = None
-    """That basis; give the one of the thermal block. Left out: `static` with the same rates."""
+    """Basis of the temperatures T (the one of the body's thermal block). Left out: `static` with
+    the same rates."""
     rates: tuple[Annotated[float, Field(ge=0.0)], ...] = Field(default=(0.0,), min_length=1)
-    """Rates s of the responses (K_T + s C)^-1 f to heat, 1/s: 0 the steady shape, 1/h what
-    the first step of implicit Euler gives. Displacements are answered at 0 only."""
+    """Rates s, 1/s, of the temperatures (K_T + s C)^-1 f under heat f: 0 gives the steady state,
+    1/h the first step of implicit Euler with step h. Displacements are computed at 0 only."""
     rank_rtol: float = Field(default=1e-10, gt=0.0, lt=1.0)
-    """A response is left out when its part outside the span of earlier ones is below this (2-norm,
-    relative)."""
+    """Tolerance of linear dependence: a response is left out when its part outside the span of
+    earlier ones is below this (2-norm, relative)."""
     orthonormal: bool = False
-    """Orthogonalise each response against the earlier ones: the same span, well conditioned.
-    For `galerkin` with many rates; as they are, the coefficients are the loads themselves."""
+    """Orthogonalise each response against the earlier ones: the same span, well conditioned, for
+    `galerkin` with many rates. Otherwise the coefficients are the load amplitudes."""
 
     @property
     def needs_snapshots(self) -> bool:
         return False
 
     def unfit(self, data: BlockData, snapshots: int) -> str:
-        """Why a block cannot have these responses: they would need snapshots of temperatures."""
+        """Reason why a block cannot have these responses (the basis of its temperatures needs
+        snapshots); "" if it can."""
         return self._snapshots_needed(data) if self._thermoelastic(data) else ""
 
     def _thermoelastic(self, data: BlockData) -> bool:
@@ -59,7 +62,7 @@ class Static(Plugin):
             "names a basis that needs snapshots: use modal or static there")
 
     def build(self, data: BlockData) -> Dictionary:
-        """Atoms (n, k). Raises InputError when nothing loads the block."""
+        """Dictionary with atoms (n, k). Raises InputError when nothing loads the block."""
         columns, names = self._of_heat(data) if is_thermal(data) else self._of_forces(data)
         found = np.concatenate(columns, axis=1) if columns else np.zeros((data.size, 0))
         seen = np.flatnonzero(np.linalg.norm(found, axis=0) > 0.0)

@@ -1,4 +1,4 @@
-"""Displacements under constant forces, temperatures under constant heat."""
+"""Static responses: displacements under constant forces, temperatures under constant heat."""
 
 from dataclasses import dataclass
 
@@ -19,23 +19,27 @@ from sparsemor.core import (
 from sparsemor.plugins.linear_solvers.auto import Auto
 
 NULL_RTOL = 1e-10
-"""|K 1|, relative to the largest entry of K, below which uniform temperature conducts nothing."""
+"""|K 1| relative to the largest entry of K, below which a uniform temperature causes no heat flow
+(insulated body, singular K)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Answers:
-    """x = A^-1 b of one block, by the linear solver that the scene names for it."""
+    """Factorized matrix A of one block, for x = A^-1 b by the linear solver that the scene
+    selects."""
 
     factor: Factorized
     block: str
 
     def solve(self, b: FloatArray) -> FloatArray:
-        """(n,) or (n, j), as b. Raises SolveFailed where an iteration stops short."""
+        """Solution x of A x = b, (n,) or (n, j) as b. Raises SolveFailed if an iteration does not
+        converge."""
         return solve_or_fail(self.factor, b, self.block)
 
 
 def factorize(matrix: Csr, data: BlockData) -> Answers:
-    """A matrix on the unknowns of `data`. InputError when it is singular."""
+    """Factorization of a matrix on the unknowns of `data`. Raises InputError when it is
+    singular."""
     solvers = BlockSolvers(data.solver or Auto())
     try:
         return Answers(solvers.factorize(data.name, matrix, data.places, "basis"), data.name)
@@ -48,23 +52,26 @@ def factorize(matrix: Csr, data: BlockData) -> Answers:
 
 
 def is_thermal(data: BlockData) -> bool:
-    """Temperatures, or anything else of first order in time."""
+    """True for temperatures, or any other field of first order in time."""
     return data.order == 1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StaticSolver:
-    """x = K^-1 f. An insulated block has K 1 = 0: then x grows uniformly and bends as
+    """Static solver x = K^-1 f, also for the singular conductivity of an insulated body (K 1 = 0).
 
-        K x = f - C 1 (1.f) / (1.C 1),    1.C x = 0,
+    There the temperature grows uniformly under constant heat, and x is the shape that it tends to,
 
-    the shape that constant heat tends to, and `uniform` (n,) is 1; None where K is regular.
+        K x = f - C 1 (1.f) / (1.C 1),    1.C x = 0.
+
+    uniform (n,): the vector 1 in this case; None where K is regular.
     """
 
     factor: Answers
     uniform: FloatArray | None
     growth: FloatArray
-    """C 1 / (1.C 1), (n,); empty where K is regular."""
+    """Heat C 1 / (1.C 1), (n,), that raises the temperature uniformly, of unit total; empty where K
+    is regular."""
 
     @classmethod
     def of(cls, data: BlockData) -> "StaticSolver":
@@ -79,7 +86,7 @@ class StaticSolver:
         return cls(factorize(pinned, data), one, growth)
 
     def __call__(self, F: FloatArray) -> FloatArray:
-        """Responses (n, j) to the columns of F (n, j)."""
+        """Static responses (n, j) to the columns of F (n, j)."""
         if self.uniform is None:
             return np.asarray(self.factor.solve(np.ascontiguousarray(F)))
         balanced = F - np.outer(self.growth, F.sum(axis=0))

@@ -1,4 +1,4 @@
-"""Several bases side by side: more atoms than any one of them, each with its origin."""
+"""Union of several bases in one overcomplete dictionary."""
 
 from collections.abc import Sequence
 from typing import Annotated
@@ -24,33 +24,35 @@ from sparsemor.plugins.bases.orthogonalise import independent, merge
 class Overcomplete(Plugin):
     """Overcomplete dictionary: the atoms of all `bases` in their order, near-duplicates merged.
 
-    Offsets: one that all bases share stays; otherwise each becomes an atom ("pod offset"), so that
-    whatever one of the bases can represent the dictionary can, too.
+    An offset that all bases share is kept; otherwise each offset becomes an atom ("pod offset"), so
+    that the dictionary represents all that one of the bases can.
     """
 
     bases: list[Annotated[Basis, Slot("basis")]] = Field(
         default=["pod", "modal", "static"], min_length=1, validate_default=True)
-    """Bases, such as `[{use: pod, count: 20}, {use: modal, count: 40}, static]`."""
+    """Bases whose atoms are united, such as `[{use: pod, count: 20}, {use: modal, count: 40},
+    static]`."""
     tolerance: float = Field(default=1e-6, ge=0.0, lt=1.0)
     """Two atoms are merged when the sine of the angle between them is at most this (1e-6: their
-    coherence is 1 to 5e-13). The first stays and its provenance names those it absorbed."""
+    coherence is 1 to 5e-13). The first stays, and its name lists those it absorbed."""
     orthonormal: bool = False
     """Orthogonalise each atom against the earlier ones and drop it below `rank_rtol`: the same span
-    without redundancy, for reducers that choose no atoms, such as `galerkin`."""
+    without redundancy, for reducers that use all atoms, such as `galerkin`."""
     rank_rtol: float = Field(default=1e-10, gt=0.0, lt=1.0)
-    """Part of an atom (2-norm) that is round-off; used with `orthonormal` only."""
+    """Part of an atom outside the span of earlier ones (2-norm) below which it counts as dependent;
+    used with `orthonormal` only."""
 
     @property
     def needs_snapshots(self) -> bool:
         return any(b.needs_snapshots for b in self.bases)
 
     def unfit(self, data: BlockData, snapshots: int) -> str:
-        """Why the first of the bases that refuses the block does so."""
+        """Reason of the first of the bases that cannot be built for a block; "" if all can."""
         reasons = (b.unfit(data, snapshots) for b in self.bases if isinstance(b, ChecksBlock))
         return next((why for why in reasons if why), "")
 
     def build(self, data: BlockData) -> Dictionary:
-        """Atoms (n, k), k possibly above n."""
+        """Dictionary with atoms (n, k), k possibly above n."""
         parts = [b.build(data) for b in self.bases]
         offset, extra, extra_names = _offsets(parts, data.size)
         names = [p for part in parts for p in part.provenance] + extra_names
@@ -74,7 +76,7 @@ class Overcomplete(Plugin):
 def _offsets(
     parts: Sequence[Dictionary], n: int
 ) -> tuple[FloatArray, FloatArray, list[str]]:
-    """The common offset (n,), and those that become atoms, (n, j), with their names."""
+    """Common offset (n,), and the offsets that become atoms, (n, j), with their names."""
     first = parts[0].offset
     if all(np.array_equal(p.offset, first) for p in parts):
         return first, np.zeros((n, 0)), []

@@ -1,4 +1,4 @@
-"""The linear solver that suits a matrix, chosen by counting before anything is factorized."""
+"""Automatic choice of a linear solver, from operation counts before a matrix is factorized."""
 
 from dataclasses import replace
 from importlib.util import find_spec
@@ -25,26 +25,27 @@ from sparsemor.plugins.linear_solvers.smoothed_aggregation import SmoothedAggreg
 from sparsemor.plugins.linear_solvers.superlu import ENTRY, Splu
 
 SMALL = 3000
-"""Unknowns up to which SuperLU serves whatever else is installed."""
+"""Number of unknowns up to which SuperLU is used, whatever else is installed."""
 PATIENCE = 300
-"""Iterations of plain conjugate gradients that are accepted where factors do not fit."""
+"""Iterations of conjugate gradients that are accepted if the factors do not fit in memory."""
 
 
 class Auto(Plugin):
     """Automatic choice: sparse direct if the factors fit in memory and pay off, else iterative.
 
-    The factors' size is that of nested dissection, exact before the factorization. Conjugate
-    gradients are tried on one random right-hand side, for as many iterations as cost a solve with
-    factors; all costs are counts of entries visited, so that one machine chooses as another with
-    the same packages and memory. Direct: cholmod, else pardiso, else splu, whichever is installed.
-    Iterative: cg, or amg where cg takes more than 300 iterations.
+    The size of the factors is that of nested dissection, computed before the factorization.
+    Conjugate gradients are tried on one random right-hand side, for at most as many iterations as
+    cost one solve with factors; costs are counted in matrix entries, so that all machines with the
+    same packages and memory choose alike. Direct: `cholmod`, `pardiso` or `splu`, the first that is
+    installed. Iterative: `cg`, or `amg` (if installed) for displacements and where `cg` takes more
+    than 300 iterations.
     """
 
     rtol: float = Field(default=1e-10, gt=0.0, lt=1.0)
-    """Of the iterative solvers: norm of the residual, relative to the right-hand side's."""
+    """Tolerance of the iterative solvers: residual norm relative to that of the right-hand side."""
     memory: float | None = Field(default=None, gt=0.0)
-    """What the factors of one matrix may take, GB; half of the machine's memory, or of
-    SPARSEMOR_MEMORY, if left out."""
+    """Memory limit for the factors of one matrix, GB; if left out, half of the machine's memory, or
+    of the environment variable SPARSEMOR_MEMORY."""
 
     def factorize(self, A: Csr, places: DofLocations | None = None) -> Solved:
         fault = unsuitable_matrix("auto", A)
@@ -55,7 +56,7 @@ class Auto(Plugin):
         return replace(done, note="; ".join(part for part in (note, done.note) if part))
 
     def choose(self, A: Csr, places: DofLocations | None = None) -> tuple[Any, str]:
-        """The solver that is taken for A (n, n), and why, in words."""
+        """Solver chosen for A (n, n), and the reason in words."""
         n = A.shape[0]
         if n <= SMALL:
             return Splu(), f"splu: {n} unknowns are few"
@@ -75,7 +76,7 @@ class Auto(Plugin):
                       f"conjugate gradients take more than {worth} iterations")
 
     def expected(self, A: Csr, places: DofLocations | None = None) -> int:
-        """Bytes that the solver it takes holds while it works."""
+        """Estimated peak memory of the chosen solver, bytes."""
         return int(self.choose(A, places)[0].expected(A, places))
 
     def _iterative(self, A: Csr, places: DofLocations | None, why: str) -> tuple[Any, str]:
@@ -87,7 +88,8 @@ class Auto(Plugin):
         return ConjugateGradients(rtol=self.rtol, max_iterations=20 * PATIENCE), f"cg: {why}{slow}"
 
     def _tried(self, A: Csr, limit: int) -> int | None:
-        """Iterations of conjugate gradients from zero, None when `limit` does not suffice."""
+        """Iterations of conjugate gradients for a random right-hand side; None when `limit` does
+        not suffice."""
         if limit < 1:
             return None
         b = np.random.default_rng(0).standard_normal(A.shape[0])
@@ -96,12 +98,12 @@ class Auto(Plugin):
         return outcome.iterations if outcome.status.ok else None
 
     def _limit(self) -> float:
-        """GB."""
+        """Memory limit for the factors, GB."""
         return 0.5 * machine_memory() / GIGABYTE if self.memory is None else self.memory
 
 
 def _direct() -> tuple[str, Cholmod | Pardiso | Splu]:
-    """The fastest installed direct solver, with its name."""
+    """Name of the fastest installed direct solver, and the solver."""
     if find_spec("sksparse"):
         return "cholmod", Cholmod()
     return ("pardiso", Pardiso()) if find_spec("pypardiso") else ("splu", Splu())

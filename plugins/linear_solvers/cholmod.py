@@ -1,4 +1,4 @@
-"""Cholesky factors by CHOLMOD of SuiteSparse."""
+"""Sparse Cholesky factorization by CHOLMOD of SuiteSparse."""
 
 from typing import ClassVar, Literal
 
@@ -28,7 +28,7 @@ class Cholmod(Plugin):
     direct: ClassVar[bool] = True
 
     ordering: Literal["default", "amd", "metis", "nesdis"] = "default"
-    """Elimination order; default lets CHOLMOD try several."""
+    """Elimination order; `default` lets CHOLMOD try several."""
 
     def factorize(self, A: Csr, places: DofLocations | None = None) -> Solved:
         require("sksparse", "cholmod", "cholmod")
@@ -48,5 +48,6 @@ class Cholmod(Plugin):
         return solved_directly("cholmod", A, 12 * int(factor.L().nnz), factor)
 
     def expected(self, A: Csr, places: DofLocations | None = None) -> int:
-        """Bytes while it works: the factor, and as much again of fronts and copies."""
+        """Estimated peak memory, bytes: the factor, and as much again for frontal matrices and
+        copies."""
         return 2 * 12 * factor_entries(A, places)

@@ -1,4 +1,4 @@
-"""Conjugate gradients, preconditioned by the diagonal."""
+"""Conjugate gradients with Jacobi (diagonal) preconditioning."""
 
 from collections.abc import Callable
 
@@ -15,14 +15,15 @@ RESTARTS = 3
 class ConjugateGradients(Plugin):
     """Conjugate gradients with Jacobi (diagonal) preconditioning, without a factorization.
 
-    For heat with its capacity over the step, whose condition does not grow with the mesh: 10 to 40
-    iterations. Not for elasticity. Hestenes and Stiefel 1952, doi 10.6028/jres.049.044.
+    For implicit heat conduction, K_T + C / h with capacity C and step h, whose condition number
+    does not grow with the mesh: 10 to 40 iterations. Not for elasticity. Hestenes and Stiefel 1952,
+    doi 10.6028/jres.049.044.
     """
 
     rtol: float = Field(default=1e-10, gt=0.0, lt=1.0)
-    """Norm of the residual at which a column is solved, relative to its right-hand side's."""
+    """Convergence tolerance: residual norm of each right-hand side relative to its norm."""
     max_iterations: int = Field(default=1000, ge=1)
-    """Iterations of one column."""
+    """Largest number of iterations for one right-hand side."""
 
     def factorize(self, A: Csr, places: DofLocations | None = None) -> Solved:
         fault = unsuitable_matrix("cg", A)
@@ -36,7 +37,7 @@ class ConjugateGradients(Plugin):
         return Solved("cg", A, inverse.nbytes, column=column, rtol=self.rtol)
 
     def expected(self, A: Csr, places: DofLocations | None = None) -> int:
-        """Bytes while it works: vectors, and a copy of the matrix while it is checked."""
+        """Estimated peak memory, bytes: vectors, and a copy of the matrix while it is checked."""
         return 96 * int(A.shape[0]) + 12 * int(A.nnz)
 
 
@@ -44,10 +45,11 @@ def iterate(
     A: Csr, precondition: Precondition, b: FloatArray, start: FloatArray | None, rtol: float,
     limit: int,
 ) -> tuple[FloatArray, int]:
-    """x (n,) with norm(b - A x) <= rtol norm(b), or the last iterate, and the iterations taken.
+    """Solution x (n,) with norm(b - A x) <= rtol norm(b), or the last iterate; number of
+    iterations.
 
-    The residual that the recurrence carries drifts from the true one; where the true one is still
-    too large, the iteration starts again from there.
+    The residual that is updated by recurrence drifts from the true one; where the true one is still
+    too large, the iteration is restarted.
     """
     x = np.zeros_like(b) if start is None else start.copy()
     target, count = rtol * float(np.linalg.norm(b)), 0
@@ -64,7 +66,8 @@ def iterate(
 def _descend(
     A: Csr, precondition: Precondition, x: FloatArray, r: FloatArray, target: float, limit: int
 ) -> int:
-    """Conjugate gradients from x, whose residual is r; both are written to. The iterations."""
+    """Conjugate gradient iterations from x with residual r, both overwritten; returns their
+    number."""
     z = precondition(r)
     p, rho = z.copy(), float(r @ z)
     for count in range(1, limit + 1):

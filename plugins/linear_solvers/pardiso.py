@@ -1,4 +1,4 @@
-"""Cholesky factors by Intel's PARDISO."""
+"""Sparse Cholesky factorization by Intel's PARDISO."""
 
 import weakref
 from copy import copy
@@ -23,14 +23,15 @@ from sparsemor.core import (
 )
 
 POSITIVE_DEFINITE = 2
-"""PARDISO's number for real, symmetric positive definite matrices."""
+"""PARDISO's matrix type for real, symmetric positive definite matrices."""
 
 
 class Pardiso(Plugin):
     """Multi-threaded supernodal Cholesky factorization by Intel MKL Pardiso: fast to factorize.
 
-    Needs the extra `pardiso`, about 1 GB of Intel's libraries; SPARSEMOR_THREADS says how many
-    threads (1 by default). Schenk and Gaertner 2004, doi 10.1016/j.future.2003.07.011.
+    Needs the extra `pardiso`, about 1 GB of Intel's libraries. The environment variable
+    SPARSEMOR_THREADS sets the number of threads (1 by default). Schenk and Gaertner 2004, doi
+    10.1016/j.future.2003.07.011.
     """
 
     direct: ClassVar[bool] = True
@@ -58,12 +59,14 @@ class Pardiso(Plugin):
         return solved_directly("pardiso", A, held, solve)
 
     def expected(self, A: Csr, places: DofLocations | None = None) -> int:
-        """Bytes while it works: the factor, and as much again of fronts and copies."""
+        """Estimated peak memory, bytes: the factor, and as much again for frontal matrices and
+        copies."""
         return 2 * 12 * factor_entries(A, places)
 
 
 def _engine() -> Any:
-    """A fresh one; the package's constructor would search the disk for the library every time."""
+    """New PARDISO solver object; the package's own constructor would search the disk for the
+    library every time."""
     from pypardiso import ps
 
     limit_loaded_libraries()  # MKL has come with it
@@ -75,7 +78,8 @@ def _engine() -> Any:
 
 
 class _Solve:
-    """PARDISO's factors live outside Python: they are freed with this object."""
+    """Solution by PARDISO's factors, which lie outside Python's memory and are freed with this
+    object."""
 
     def __init__(self, engine: Any, upper: Any) -> None:
         self._engine, self._upper = engine, upper

@@ -1,4 +1,4 @@
-"""Conjugate gradients, preconditioned by algebraic multigrid that knows rigid motions."""
+"""Conjugate gradients preconditioned by algebraic multigrid with rigid-body modes."""
 
 from typing import Any
 
@@ -21,23 +21,25 @@ from sparsemor.core import (
 from sparsemor.plugins.linear_solvers.conjugate_gradients import iterate
 
 WORKING = 10
-"""Matrices as large as the given one that its hierarchy takes while it is made."""
+"""Peak memory of the multigrid setup in multiples of the matrix's memory."""
 
 
 class SmoothedAggregation(Plugin):
     """Conjugate gradients preconditioned by one smoothed-aggregation multigrid cycle.
 
-    For what no direct solver holds in memory. Given the dof locations, it passes rigid motions
-    down to the coarse levels, without which elasticity converges slowly. Needs the extra `amg`.
-    Vanek, Mandel and Brezina 1996, doi 10.1007/BF02238511; PyAMG, doi 10.21105/joss.05495.
+    For matrices whose factors do not fit in memory. Given the positions of the unknowns, the
+    rigid-body modes are passed to the coarse levels, without which elasticity converges slowly.
+    Needs the extra `amg`. Vanek, Mandel and Brezina 1996, doi 10.1007/BF02238511; PyAMG, doi
+    10.21105/joss.05495.
     """
 
     rtol: float = Field(default=1e-10, gt=0.0, lt=1.0)
-    """Norm of the residual at which a column is solved, relative to its right-hand side's."""
+    """Convergence tolerance: residual norm of each right-hand side relative to its norm."""
     max_iterations: int = Field(default=200, ge=1)
-    """Iterations of one column."""
+    """Largest number of iterations for one right-hand side."""
     theta: float = Field(default=0.0, ge=0.0, lt=1.0)
-    """Entries below this share of their diagonal entries count as no connection."""
+    """Strength threshold: matrix entries below this share of their diagonal entries count as no
+    connection."""
 
     def factorize(self, A: Csr, places: DofLocations | None = None) -> Solved:
         require("pyamg", "amg", "amg")
@@ -62,13 +64,17 @@ class SmoothedAggregation(Plugin):
         return Solved("amg", A, _held(levels), column=column, rtol=self.rtol)
 
     def expected(self, A: Csr, places: DofLocations | None = None) -> int:
-        """Bytes while it works: what coarsening makes of the matrix on its way."""
+        """Estimated peak memory of the multigrid setup, bytes."""
         return WORKING * 12 * int(A.nnz)
 
 
 def _hierarchy(whole: Any, motions: FloatArray, theta: float) -> Any:
-    """PyAMG's levels. Chebyshev polynomials are symmetric, as conjugate gradients need it, and with
-    interpolation of least energy take a third of the time of Gauss and Seidel's sweeps."""
+    """PyAMG hierarchy of the matrix `whole`, with the rigid-body modes `motions` as near-null
+    space.
+
+    Chebyshev smoothing is symmetric, as conjugate gradients require, and with interpolation of
+    least energy takes a third of the time of Gauss-Seidel sweeps.
+    """
     import pyamg
 
     relax = ("chebyshev", {"degree": 2})
@@ -85,7 +91,7 @@ def _hierarchy(whole: Any, motions: FloatArray, theta: float) -> Any:
 
 
 def _held(levels: Any) -> int:
-    """Bytes of the hierarchy's matrices."""
+    """Memory of the hierarchy's matrices, bytes."""
     matrices = [level.A for level in levels.levels]
     for level in levels.levels[:-1]:  # the coarsest has no transfer to a coarser one
         matrices += [level.P, level.R]
@@ -93,10 +99,11 @@ def _held(levels: Any) -> int:
 
 
 def _whole_nodes(A: Csr, places: DofLocations | None) -> tuple[Any, IntArray, FloatArray]:
-    """A with all d unknowns of each node, the places of the given ones in it, the rigid motions.
+    """Matrix A extended to all d unknowns of each node, positions of its unknowns, rigid-body
+    modes.
 
-    Blocks of d x d keep a node's displacements in one aggregate. Displacements that are held come
-    back as rows of their own, which nothing couples to.
+    Blocks of d x d keep a node's displacements in one aggregate. Fixed displacements are included
+    as decoupled rows.
     """
     n = A.shape[0]
     if places is None:
@@ -120,6 +127,6 @@ def _whole_nodes(A: Csr, places: DofLocations | None) -> tuple[Any, IntArray, Fl
 
 
 def _short(A: Csr) -> Csr:
-    """A with 32-bit indices: PyAMG's compiled part takes no others."""
+    """Matrix A with 32-bit indices, the only ones that PyAMG's compiled part takes."""
     narrow = (A.data, A.indices.astype(np.int32), A.indptr.astype(np.int32))
     return csr_matrix(narrow, shape=A.shape)

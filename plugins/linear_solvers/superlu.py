@@ -1,4 +1,4 @@
-"""Sparse LU of SciPy (SuperLU), for which the matrix is symmetric positive definite."""
+"""Sparse LU factorization of symmetric positive definite matrices by SuperLU (SciPy)."""
 
 from collections.abc import Callable
 from typing import Any, ClassVar, Literal
@@ -24,12 +24,12 @@ from sparsemor.core import (
 )
 
 ENTRY = 12
-"""Bytes of one entry of the factors: a number and its row."""
+"""Bytes of one entry of the factors: a value and its row index."""
 SUPERLU = {"minimum_degree": "MMD_AT_PLUS_A", "columns": "COLAMD", "dissection": "NATURAL"}
 WORKING = 1.2
-"""Memory while SuperLU factorizes, over that of the factors."""
+"""Peak memory of SuperLU's factorization relative to that of the factors."""
 WORTH = 5000
-"""Unknowns from which on dissection pays in space."""
+"""Number of unknowns from which nested dissection is used in 3-D."""
 
 
 class Splu(Plugin):
@@ -41,11 +41,13 @@ class Splu(Plugin):
     direct: ClassVar[bool] = True
 
     ordering: Literal["best", "dissection", "minimum_degree", "columns"] = "best"
-    """Order of elimination: nested dissection of the nodes' positions; minimum degree on the
-    symmetric pattern; SciPy's own default for columns, which ignores the symmetry; best:
-    dissection in space from 5000 unknowns on, where positions are known, else minimum degree."""
+    """Elimination order. `dissection`: nested dissection by the nodes' positions; `minimum_degree`:
+    minimum degree on the symmetric pattern; `columns`: SciPy's default, which ignores the symmetry;
+    `best`: dissection in 3-D from 5000 unknowns on, where positions are known, else minimum
+    degree."""
     symmetric: bool = True
-    """No pivoting off the diagonal: half the time and fill, and safe for positive definite ones."""
+    """Pivots from the diagonal only: half the time and fill, and safe for positive definite
+    matrices."""
 
     def factorize(self, A: Csr, places: DofLocations | None = None) -> Solved:
         fault = unsuitable_matrix("splu", A)
@@ -72,7 +74,7 @@ class Splu(Plugin):
         return solved_directly("splu", A, ENTRY * int(lu.nnz), _ordered(lu.solve, order))
 
     def expected(self, A: Csr, places: DofLocations | None = None) -> int:
-        """Bytes while it works: SuperLU makes room for more than it fills."""
+        """Estimated peak memory, bytes: SuperLU allocates more than it fills."""
         return int(WORKING * 2 * ENTRY * factor_entries(A, places))
 
     def _ordering(self, A: Csr, places: DofLocations | None) -> str:

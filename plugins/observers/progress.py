@@ -1,4 +1,4 @@
-"""A bar on the terminal: simulated time, steps a second, time left."""
+"""Progress bar on the terminal: simulated time, steps per second, remaining time."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -15,15 +15,15 @@ class ProgressBar(Plugin):
     """Progress bar of a run on standard error."""
 
     refresh: float = Field(default=4.0, gt=0)
-    """How often the bar is redrawn, 1/s."""
+    """Redraws of the bar per second, 1/s."""
 
     def observer(self, console: "Console | None" = None) -> "RunningBar":
-        """A new observer for one run (and its training run)."""
+        """New observer for one run (and its training run)."""
         return RunningBar(self.refresh, console)
 
 
 class RunningBar:
-    """The observer. It owns the terminal's last line from `on_start` to `on_finish`."""
+    """Observer that shows the bar in the terminal's last line from `on_start` to `on_finish`."""
 
     def __init__(self, refresh: float, console: "Console | None") -> None:
         self._refresh, self._console = refresh, console
@@ -52,7 +52,7 @@ class RunningBar:
         self.close()
 
     def close(self) -> None:
-        """Give the terminal back; harmless when nothing is shown."""
+        """Remove the bar from the terminal, if it is shown."""
         if self._bar is not None:
             self._bar.stop()
         self._bar = None

@@ -1,4 +1,4 @@
-"""No preconditioner: the sampled rows stay as they are."""
+"""No preconditioner: the sampled rows of the equations are not combined or scaled."""
 
 import numpy as np
 
@@ -6,11 +6,11 @@ from sparsemor.core import FloatArray, Plugin
 
 
 class NoPreconditioner(Plugin):
-    """No preconditioning: P = I."""
+    """No preconditioning: P = I, the sampled equations are used as they are."""
 
     def check(self, rows: int, atoms: int) -> str:
         return ""
 
     def build(self, A: FloatArray) -> FloatArray:
-        """The identity (m, m) for A (m, k)."""
+        """Identity matrix (m, m) for sampled rows A (m, k)."""
         return np.eye(A.shape[0])

@@ -1,4 +1,4 @@
-"""Parseval frame: rows made orthonormal among themselves."""
+"""Parseval frame preconditioner: orthonormal rows."""
 
 import numpy as np
 
@@ -8,11 +8,11 @@ from sparsemor.core import FloatArray, InputError, Plugin, svd
 class Parseval(Plugin):
     """Parseval frame: P = (A A^T)^(-1/2), so that the rows of P A are orthonormal.
 
-    They are the orthonormal rows nearest to those of A.
-
-    P A is the canonical Parseval frame of A's columns: its singular values are all 1, so the
-    weights of a least-squares fit no longer favour any combination of rows (Casazza and Kutyniok,
-    Finite Frames, 2013, doi 10.1007/978-0-8176-8373-3, Sec. 1.5). Column norms stay unequal.
+    A (m, k) are the sampled rows of the linear equations for k coefficients; the rows of P A are
+    the orthonormal ones nearest to them. P A is the canonical Parseval frame of A's columns: its
+    singular values are all 1, so a least-squares fit weighs all combinations of rows equally
+    (Casazza and Kutyniok, Finite Frames, 2013, doi 10.1007/978-0-8176-8373-3, Sec. 1.5). Column
+    norms stay unequal.
     """
 
     def check(self, rows: int, atoms: int) -> str:
@@ -25,7 +25,8 @@ class Parseval(Plugin):
         )
 
     def build(self, A: FloatArray) -> FloatArray:
-        """P (m, m) for A (m, k), k >= m. InputError when k < m or A lacks row rank."""
+        """Preconditioner P (m, m) for A (m, k), k >= m. Raises InputError when k < m or A lacks row
+        rank."""
         m, k = A.shape
         reason = self.check(m, k)
         if reason:

@@ -1,4 +1,4 @@
-"""Unit-norm tight frame preconditioner (Sec. 3.2, Eq. 29-31)."""
+"""Unit-norm tight frame preconditioner (Liang et al. 2026, Sec. 3.2, Eq. 29-31)."""
 
 import numpy as np
 from pydantic import Field
@@ -10,9 +10,10 @@ from sparsemor.core import FloatArray, InputError, Plugin, condition_number, uni
 class UnitNormTightFrame(Plugin):
     """Unit-norm tight frame: P that makes P B nearly such a frame, of low mutual coherence.
 
-    P is nonsingular, so P B c = P b has the solutions of B c = b; only the order in which a
-    greedy solver picks atoms and the weights of its least squares change. Alternating
-    projections after Tsiligianni, Kondi and Katsaggelos, IEEE Trans. Inf. Theory 60 (2014) 2319.
+    B (m, k) are the sampled rows of the linear equations for k coefficients. P is nonsingular, so P
+    B c = P b has the solutions of B c = b; only the order in which a greedy solver picks atoms
+    (columns) and the weights of its least squares change. Alternating projections after
+    Tsiligianni, Kondi and Katsaggelos, IEEE Trans. Inf. Theory 60 (2014) 2319.
     """
 
     iterations: int = Field(default=20, ge=1, le=1000)
@@ -29,7 +30,8 @@ class UnitNormTightFrame(Plugin):
         )
 
     def build(self, A: FloatArray) -> FloatArray:
-        """P (m, m) for A (m, k), k >= m. InputError when k < m or A lacks row rank."""
+        """Preconditioner P (m, m) for A (m, k), k >= m. Raises InputError when k < m or A lacks row
+        rank."""
         m, k = A.shape
         reason = self.check(m, k)
         if reason:
@@ -59,13 +61,15 @@ class UnitNormTightFrame(Plugin):
 
 
 def _right_inverse(A: FloatArray) -> FloatArray:
-    """B^T (B B^T)^-1 (k, m) by QR of B^T: B B^T would square the condition number."""
+    """Right inverse B^T (B B^T)^-1 (k, m) of B = A, by QR of B^T: B B^T would square the condition
+    number."""
     Q, R = np.linalg.qr(A.T)
     return np.asarray(linalg.solve_triangular(R, Q.T, trans="N", check_finite=False).T)
 
 
 def _shrunk(G: FloatArray, m: int) -> FloatArray:
-    """Cosines above 1/sqrt(m) pulled back to it (Eq. 29); the text's 1/m lost its root."""
+    """Gram matrix (k, k) with cosines clipped to 1/sqrt(m) in magnitude (Eq. 29, which prints 1/m
+    without the root)."""
     bound = 1.0 / np.sqrt(m)
     H = np.clip(G, -bound, bound)
     np.fill_diagonal(H, np.diag(G))
@@ -73,10 +77,10 @@ def _shrunk(G: FloatArray, m: int) -> FloatArray:
 
 
 def _tight_frame(G: FloatArray, m: int) -> FloatArray:
-    """S (m, k): the tight frame nearest to a rank-m square root of the Gram matrix (Eq. 30).
+    """Tight frame S (m, k) nearest to a rank-m square root of the Gram matrix G (Eq. 30).
 
-    With G = U Lambda U^T cut at rank m and S = Lambda^(1/2) U^T, the step sqrt(k/m)
-    (S S^T)^(-1/2) S is sqrt(k/m) U^T: no root of a small or negative eigenvalue is taken.
+    With G = U Lambda U^T cut at rank m and S = Lambda^(1/2) U^T, the step sqrt(k/m) (S S^T)^(-1/2)
+    S is sqrt(k/m) U^T: no root of a small or negative eigenvalue is taken.
     """
     k = G.shape[0]
     _, U = linalg.eigh(G, subset_by_index=(k - m, k - 1), check_finite=False)

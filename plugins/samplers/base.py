@@ -1,4 +1,4 @@
-"""Options and frame of all samplers here: which rows stay unasked, and what is taken at once."""
+"""Base class of row samplers: options for rows that are always kept and for whole nodes."""
 
 from abc import abstractmethod
 
@@ -9,19 +9,21 @@ from sparsemor.plugins.samplers.row_pool import Required, Unit, kept_rows
 
 
 class RowSampler(Plugin):
-    """Keeps rows by option; a subclass fills `rows_beside`."""
+    """Base class of samplers, which select the rows (equations) of a block that a reduced model
+    evaluates; a subclass defines `rows_beside`."""
 
     required: Required = True
-    """Keep the rows that joints and localized loads act on (`ring`: also those of all elements
-    along the path of moving loads), and choose the others to complement them. False, with `lhs` the
-    published variant: they are treated like any other, and a run without one of them may be
-    unstable."""
+    """True: keep the rows that joints and localized loads act on (`ring`: also those of all
+    elements along the path of moving loads), and choose the others to complement them. False, with
+    `lhs` the published variant: these rows are sampled like all others, and a run without one of
+    them may be unstable."""
     unit: Unit = "dof"
-    """`dof` takes single rows; `node` takes the rows of a node together."""
+    """`dof` selects single rows; `node` selects the rows of a node together."""
 
     @property
     def keeps(self) -> RowsKept:
-        """Rows that a sample contains in addition to those drawn."""
+        """Rows that a sample contains in addition to those drawn: of joints and localized loads
+        (`required`), also of elements along the path of moving loads (`ring`), or `none`."""
         return "ring" if self.required == "ring" else "required" if self.required else "none"
 
     def sample(
@@ -32,7 +34,8 @@ class RowSampler(Plugin):
         rng: np.random.Generator,
         required: IntArray,
     ) -> IntArray:
-        """Sorted distinct rows: the required ones and m more. InputError when there are fewer."""
+        """Sorted distinct rows: those always kept and m more. Raises InputError when there are
+        fewer."""
         return self.rows_beside(kept_rows(self.required, block, required), block, m, dictionary,
                                 rng)
 
@@ -41,4 +44,4 @@ class RowSampler(Plugin):
         self, kept: IntArray, block: BlockData, m: int, dictionary: Dictionary,
         rng: np.random.Generator,
     ) -> IntArray:
-        """The rows that are kept and m more, sorted."""
+        """Sorted rows: those in `kept` and m more."""

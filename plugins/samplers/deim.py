@@ -1,4 +1,5 @@
-"""Discrete empirical interpolation points, greedy or by pivoted QR, and GappyPOD+E beyond them."""
+"""Discrete empirical interpolation points, greedy or by pivoted QR, and oversampling by
+GappyPOD+E."""
 
 from typing import Literal
 
@@ -10,7 +11,8 @@ from sparsemor.plugins.samplers.smallest_singular_pair import EPS, RowFactor, Sm
 from sparsemor.plugins.samplers.subspace import SpanSampler
 
 NEW = 1e-8
-"""A row of which less than this is not spanned says nothing new: next to another of its node."""
+"""Norm of a row's component outside the span of the rows taken, below which it adds no information,
+such as another row of the same node."""
 
 
 class Deim(SpanSampler):
@@ -18,12 +20,13 @@ class Deim(SpanSampler):
 
     Points: Chaturantabut and Sorensen 2010, doi 10.1137/090766498 (`greedy`); Drmac and Gugercin
     2016, doi 10.1137/15M1019271 (`qr`, Q-DEIM). Oversampling: Peherstorfer, Drmac and Gugercin
-    2020, doi 10.1137/19M1307391. Nothing is drawn: the seed has no effect.
+    2020, doi 10.1137/19M1307391. Deterministic: the seed has no effect.
     """
 
     method: Literal["qr", "greedy"] = "qr"
-    """`qr` takes the pivots of a column-pivoted QR of the vectors' transpose, whatever their order;
-    `greedy` takes one row a vector, where interpolation by the vectors before it is worst."""
+    """`qr` takes the pivots of a column-pivoted QR of the vectors' transpose, independent of their
+    order; `greedy` takes one row per vector, where its interpolation by the vectors before it has
+    the largest error."""
 
     def choose(self, U: FloatArray, rows: Rows, rng: np.random.Generator) -> None:
         if self.method == "greedy":
@@ -33,10 +36,11 @@ class Deim(SpanSampler):
 
 
 def pivots(U: FloatArray, rows: Rows) -> None:
-    """Rows of U (n, k) with the largest part that the rows taken do not span, until they span all.
+    """Adds the rows of U (n, k) with the largest component outside the span of the rows taken.
 
-    From no rows these are the pivots of LAPACK's column-pivoted QR of U^T. What required rows
-    span is taken away first, so that no pivot repeats them.
+    Ends when they span all columns. From an empty set, these are the pivots of LAPACK's
+    column-pivoted QR of U^T. The span of required rows is projected out first, so that no pivot
+    repeats them.
     """
     _, V, rank = RowFactor(U[rows.taken]).singular(U.shape[1])
     W = U @ V[:, rank:]
@@ -58,10 +62,11 @@ def pivots(U: FloatArray, rows: Rows) -> None:
 
 
 def interpolation_points(U: FloatArray, rows: Rows) -> None:
-    """DEIM's greedy rule on the columns of U (n, k) in their order.
+    """Adds rows by DEIM's greedy rule on the columns of U (n, k) in their order.
 
-    With p rows taken, the next one is where column p + 1 is fitted worst by the p columns before
-    it. Required rows, and all rows of a node, thus stand for as many points of the first columns.
+    With p rows taken, the next one is where the fit of column p + 1 by the p columns before it has
+    the largest error. Required rows, and all rows of a node, thus count as interpolation points of
+    the first columns.
     """
     while rows.left:
         p = int(rows.taken.sum())
@@ -75,11 +80,12 @@ def interpolation_points(U: FloatArray, rows: Rows) -> None:
 
 
 def raise_smallest(U: FloatArray, rows: Rows) -> None:
-    """GappyPOD+E: the row that raises the smallest singular value of the sampled U (n, k) most.
+    """Adds rows by GappyPOD+E: those that most raise the smallest singular value of the sampled U
+    (n, k).
 
-    Score: what the row u adds to s_k^2 at least, times 2, with the two smallest singular values
-    s_k <= s_{k-1}, the right vector w of s_k and g = s_{k-1}^2 - s_k^2:
-    g + |u|^2 - sqrt((g + |u|^2)^2 - 4 g (u w)^2)  (bound of Ipsen and Nadler 2009).
+    Score of a row u: twice a lower bound of the increase of s_k^2, with the two smallest singular
+    values s_k <= s_{k-1}, the right vector w of s_k and g = s_{k-1}^2 - s_k^2: g + |u|^2 - sqrt((g
+    + |u|^2)^2 - 4 g (u w)^2) (bound of Ipsen and Nadler 2009).
     """
     if not rows.left:
         return

@@ -1,4 +1,4 @@
-"""Rows by their leverage: how much each one says about the space of the atoms."""
+"""Leverage-score sampling of rows."""
 
 from typing import Literal
 
@@ -13,14 +13,15 @@ from sparsemor.plugins.samplers.subspace import SpanSampler
 class Leverage(SpanSampler):
     """Leverage-score sampling: rows drawn with probability proportional to score, or the m largest.
 
+    The score of row u of an orthonormal basis U (n, k) of the sampled vectors is |u|^2 or, given
+    required rows R, u (U_R^T U_R + m/n)^-1 u^T, its leverage relative to these and m average rows.
     Mahoney 2011, doi 10.1561/2200000035; the largest: Papailiopoulos, Kyrillidis and Boutsidis
-    2014, doi 10.1145/2623330.2623698. Given required rows R the score of row u is
-    u (U_R^T U_R + m/n)^-1 u^T: what it adds to them and to m average rows; without them, |u|^2.
+    2014, doi 10.1145/2623330.2623698.
     """
 
     method: Literal["random", "top"] = "random"
-    """`random` draws without replacement; `top` takes the m largest scores, which may all sit in
-    one place and miss others."""
+    """`random` draws without replacement; `top` takes the m largest scores, which may cluster in
+    one region and miss others."""
 
     def choose(self, U: FloatArray, rows: Rows, rng: np.random.Generator) -> None:
         if rows.left == 0:
@@ -37,7 +38,8 @@ class Leverage(SpanSampler):
 
 
 def leverage(U: FloatArray, kept: FloatArray, m: int) -> FloatArray:
-    """(n,) scores of the rows of U (n, k), orthonormal columns, given rows `kept` (p, k)."""
+    """Leverage scores (n,) of the rows of U (n, k), orthonormal columns, given rows `kept` (p, k)
+    and m rows to draw."""
     G = kept.T @ kept + m / U.shape[0] * np.eye(U.shape[1])
     W = linalg.solve_triangular(linalg.cholesky(G, lower=True), U.T, lower=True)
     return np.asarray(np.einsum("ij,ij->j", W, W))

@@ -1,4 +1,5 @@
-"""Latin hypercube sampling of rows (Sec. 3.1): one random row from each of m equal strata."""
+"""Latin hypercube sampling of rows: one random row from each of m equal strata (Liang et al. 2026,
+Sec. 3.1)."""
 
 import numpy as np
 
@@ -18,6 +19,7 @@ class LatinHypercube(RowSampler):
 
 
 def one_per_stratum(N: int, m: int, rng: np.random.Generator) -> IntArray:
-    """m increasing integers below N, the i-th from [i N/m, (i+1) N/m) rounded down."""
+    """Increasing random integers below N, m of them: the i-th from [i N/m, (i+1) N/m), edges
+    rounded down."""
     edges = np.arange(m + 1) * N // max(m, 1)
     return rng.integers(edges[:-1], edges[1:]).astype(np.int64)

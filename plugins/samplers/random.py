@@ -1,4 +1,4 @@
-"""Rows drawn uniformly without replacement: the plainest sampler to compare others with."""
+"""Uniform random sampling of rows without replacement, a baseline for other samplers."""
 
 import numpy as np
 
@@ -18,5 +18,5 @@ class Uniform(RowSampler):
 
 
 def without_order(N: int, m: int, rng: np.random.Generator) -> IntArray:
-    """m distinct integers below N, in random order."""
+    """Random order of m distinct random integers below N."""
     return rng.choice(N, size=m, replace=False).astype(np.int64)

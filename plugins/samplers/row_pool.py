@@ -10,20 +10,23 @@ from sparsemor.core import BlockData, BoolArray, FloatArray, InputError, IntArra
 
 Unit = Literal["dof", "node"]
 Required = bool | Literal["ring"]
-"""Which rows are kept unasked: none, those that carry joints and loads, or these with the ring."""
+"""Rows that are always kept. False: none; True: those that joints and localized loads act on;
+`ring`: also those of elements along the path of moving loads."""
 Draw = Callable[[int, int, np.random.Generator], IntArray]
-"""(N, m, rng) -> m distinct integers below N."""
+"""Function of (N, m, rng) that returns m distinct integers below N."""
 
 
 def kept_rows(option: Required, block: BlockData, required: IntArray) -> IntArray:
-    """The rows that a sampler with this option keeps, of those of joints and loads; sorted."""
+    """Rows that a sampler with this option always keeps, sorted; required: rows that joints and
+    localized loads act on."""
     if option == "ring":
         return np.union1d(required, block.ring)
     return required if option else required[:0]
 
 
 def free_rows(n: int, m: int, required: IntArray, name: str) -> BoolArray:
-    """(n,): True for the rows that are not required. InputError when m exceeds their number."""
+    """Mask (n,), True for the rows that are not required. Raises InputError when m exceeds their
+    number; name: of the block."""
     free = ~np.isin(np.arange(n), required)
     left = int(free.sum())
     if not 0 <= m <= left:
@@ -39,7 +42,7 @@ def free_rows(n: int, m: int, required: IntArray, name: str) -> BoolArray:
 def sample_rows(
     draw: Draw, block: BlockData, m: int, kept: IntArray, unit: Unit, rng: np.random.Generator
 ) -> IntArray:
-    """The rows that are kept and m more, sorted."""
+    """Sorted rows: those in `kept` and m more, selected by `draw`."""
     free = free_rows(block.size, m, kept, block.name)
     candidates = np.flatnonzero(free)
     if unit == "dof":
@@ -52,9 +55,10 @@ def sample_rows(
 def _whole_nodes(
     draw: Draw, coordinates: FloatArray, m: int, rng: np.random.Generator
 ) -> IntArray:
-    """m rows on as few nodes as that takes: fewer elements are touched than by single rows.
+    """Positions of m rows on as few nodes as possible: fewer elements are evaluated than by single
+    rows.
 
-    Only the last node drawn may give fewer rows than it has.
+    Only the last node drawn may contribute fewer rows than it has.
     """
     node = node_numbers(coordinates)
     sizes = np.bincount(node)
@@ -64,13 +68,15 @@ def _whole_nodes(
 
 
 def node_numbers(coordinates: FloatArray) -> IntArray:
-    """Number of each row's node, counted as the rows meet them, so that strata follow the rows."""
+    """Node number of each row, in the order of first occurrence, so that strata of nodes follow the
+    rows."""
     _, first, node = np.unique(coordinates, axis=0, return_index=True, return_inverse=True)
     return np.argsort(np.argsort(first))[node.reshape(-1)]
 
 
 def in_order(node: IntArray, order: IntArray, m: int) -> IntArray:
-    """m positions in `node`: whole nodes in the given order, the last one perhaps in part."""
+    """Positions of m rows in `node`, the node number of each row: whole nodes in the given order,
+    the last one perhaps in part."""
     rank = np.empty(order.size, dtype=np.int64)
     rank[order] = np.arange(order.size)
     return np.argsort(rank[node], kind="stable")[:m]
@@ -78,10 +84,10 @@ def in_order(node: IntArray, order: IntArray, m: int) -> IntArray:
 
 @dataclass(slots=True, eq=False)
 class Rows:
-    """Rows of one block while they are chosen, by the best of scores that may change.
+    """Greedy selection of the rows of one block by scores, which may change after each selection.
 
-    taken (n,): chosen so far, the required ones from the start; node (n,): rows of one number are
-    taken together; left: how many are still to be taken.
+    taken (n,): mask of the rows selected so far, initially the required ones; node (n,): rows with
+    the same number are taken together; left: number of rows still to be taken.
     """
 
     taken: BoolArray
@@ -94,7 +100,8 @@ class Rows:
         return cls(~free, node, m)
 
     def take(self, score: FloatArray) -> IntArray:
-        """The best free row of scores (n,), with the others of its node while rows are left."""
+        """Takes the free row with the largest score (n,), with the others of its node while rows
+        are left; returns their numbers."""
         open_score = np.where(self.taken, -np.inf, score)
         node = self.node[open_score.argmax()]
         mates = np.flatnonzero((self.node == node) & ~self.taken)
@@ -104,7 +111,7 @@ class Rows:
         return best
 
     def take_in_order(self, key: FloatArray) -> None:
-        """All rows that are left, whole nodes by increasing key (number of nodes,)."""
+        """Takes all rows that are left, whole nodes by increasing key (number of nodes,)."""
         free = np.flatnonzero(~self.taken)
         order = np.argsort(key, kind="stable")
         self.taken[free[in_order(self.node[free], order, self.left)]] = True

@@ -1,4 +1,4 @@
-"""S-optimal rows: nearly orthogonal sampled columns and a large determinant at once."""
+"""S-optimal selection of rows: nearly orthogonal sampled columns and a large determinant."""
 
 import numpy as np
 
@@ -8,15 +8,15 @@ from sparsemor.plugins.samplers.smallest_singular_pair import LOST, RowFactor
 from sparsemor.plugins.samplers.subspace import SpanSampler
 
 TINY = 1e-300
-"""Below every square that is not zero: logarithms of zero become very small, not infinite."""
+"""Lower bound of squares before logarithms are taken, below every nonzero square."""
 
 
 class SOpt(SpanSampler):
     """S-optimality: greedy rows of largest S = (sqrt det A^T A / prod |a_j|)^(1/k), A the sample.
 
-    S is 1 for orthogonal columns and 0 for dependent ones. Shin and Xiu 2016, SIAM J. Sci. Comput.
-    38, A385; for reduced models: Lauzon et al. 2024, doi 10.1137/22M1484018 (S-OPT).
-    Nothing is drawn: the seed has no effect.
+    A (m, k) are the sampled rows, a_j its columns. S is 1 for orthogonal columns and 0 for
+    dependent ones. Shin and Xiu 2016, SIAM J. Sci. Comput. 38, A385; for reduced models: Lauzon et
+    al. 2024, doi 10.1137/22M1484018 (S-OPT). Deterministic: the seed has no effect.
     """
 
     def choose(self, U: FloatArray, rows: Rows, rng: np.random.Generator) -> None:
@@ -25,7 +25,8 @@ class SOpt(SpanSampler):
 
 
 def s_quantity(A: FloatArray) -> float:
-    """S of A (m, k): 0 when m < k, when the columns depend on each other, or one is zero."""
+    """Criterion S = (sqrt det A^T A / prod |a_j|)^(1/k) of A (m, k): 0 when m < k, when the columns
+    depend on each other, or one is zero."""
     norms = np.linalg.norm(A, axis=0)
     if A.shape[0] < A.shape[1] or not norms.all():
         return 0.0
@@ -34,10 +35,11 @@ def s_quantity(A: FloatArray) -> float:
 
 
 def one_column_a_row(U: FloatArray, rows: Rows) -> None:
-    """While there are fewer rows than columns: p rows are judged by the first p columns.
+    """Adds rows while there are fewer rows than columns: p rows are compared by the first p
+    columns.
 
-    With one row missing, det A^T A of the widened matrix is a constant times (u N)^2, N the
-    direction that the rows do not see; with more missing the part of u in all of them counts.
+    With one row missing, det A^T A after row u is added is a constant times (u N)^2, N the null
+    vector of the rows taken; with more missing, the norm of u in their null space is used.
     """
     k = U.shape[1]
     factor = RowFactor(U[rows.taken])
@@ -56,9 +58,9 @@ def one_column_a_row(U: FloatArray, rows: Rows) -> None:
 
 
 def all_columns(U: FloatArray, rows: Rows) -> None:
-    """Further rows: det(A^T A + u^T u) = det(A^T A) (1 + u (A^T A)^-1 u^T).
+    """Adds further rows by det(A^T A + u^T u) = det(A^T A) (1 + u (A^T A)^-1 u^T) for a row u.
 
-    The second factor minus 1, q, is carried from row to row by rank-one updates.
+    q = u (A^T A)^-1 u^T of all candidates is updated after each row by rank-one updates.
     """
     if not rows.left:
         return
@@ -83,6 +85,7 @@ def all_columns(U: FloatArray, rows: Rows) -> None:
 
 
 def _log_norms(C: FloatArray, A: FloatArray) -> FloatArray:
-    """(n,): sum over columns of log |a_j|^2 after each row of C (n, j) is added to A (p, j)."""
+    """Sums (n,) over the columns of log |a_j|^2, after each row of C (n, j) is appended to A (p,
+    j)."""
     squares = np.einsum("ij,ij->j", A, A) + C * C
     return np.asarray(np.log(np.maximum(squares, TINY)).sum(axis=1))

@@ -1,5 +1,4 @@
-"""The triangular factor of rows that grow, and their smallest singular values without an SVD for
-each row."""
+"""Smallest singular values of a matrix to which rows are added, without an SVD for each row."""
 
 import numpy as np
 
@@ -7,42 +6,45 @@ from sparsemor.core import FloatArray, svd
 
 EPS = float(np.finfo(np.float64).eps)
 LOST = 1e4
-"""What is updated from row to row and has shrunk by this factor has lost four digits of it: it is
-computed afresh."""
+"""Factor by which an updated quantity may shrink before it is computed again: it has lost four
+digits."""
 SMALL = 64
-"""Up to so many columns an SVD a row is as quick as anything else."""
+"""Number of columns up to which an SVD for each row is as fast as updates."""
 ILL = 1e-6
-"""Least singular value, of the largest, from which an inverse of A^T A keeps enough digits."""
+"""Smallest singular value, relative to the largest, from which an inverse of A^T A is accurate
+enough."""
 CLOSE = 1e-6
-"""Least distance of the shift from the smallest eigenvalue of A^T A, relative to that."""
+"""Smallest distance of the shift from the smallest eigenvalue of A^T A, relative to that
+eigenvalue."""
 HELD = 4
-"""Eigenvectors carried from row to row. Of A^T A with a row more, the first two are combinations
-of the first three of before and of the Krylov space of the new row: three would do."""
+"""Number of eigenvectors carried from row to row. With one more row, the first two are combinations
+of the first three before and of the Krylov space of the new row: three would suffice."""
 POWERS = 3
-"""Blocks of the Krylov space that are made of these before it is started again."""
+"""Number of Krylov blocks added before the iteration is restarted."""
 EXACT = 1e-9
-"""Residual of an eigenpair, as a share of its eigenvalue, that counts as exact."""
+"""Residual of an eigenpair, relative to its eigenvalue, at which it counts as converged."""
 CYCLES = 8
-"""Most starts of the Krylov space; then an SVD and a new shift are cheaper."""
+"""Largest number of restarts; then an SVD and a new shift are cheaper."""
 
 
 class RowFactor:
-    """R with R^T R = A^T A for rows A (p, k) that grow; R has at most k rows.
+    """Triangular factor R, R^T R = A^T A, of rows A (p, k) that are added; R has at most k rows.
 
-    Kept by QR, not as A^T A, whose small eigenvalues are lost at 1e-8 of the largest.
+    Updated by QR, not as A^T A, which would lose singular values below 1e-8 of the largest.
     """
 
     def __init__(self, A: FloatArray) -> None:
         self.R = _triangle(A)
 
     def add(self, rows: FloatArray) -> None:
-        """More rows (q, k)."""
+        """Appends rows (q, k)."""
         self.R = _triangle(np.vstack([self.R, rows]))
 
     def singular(self, columns: int) -> tuple[FloatArray, FloatArray, int]:
-        """s, V (j, j) and rank of the first j columns: singular values, right vectors in columns.
+        """Singular values s, right singular vectors V (j, j) and rank of the first j = `columns`
+        columns.
 
-        s has min(p, j) entries; columns of V from `rank` on span what the rows do not see.
+        s has min(p, j) entries; the columns of V from `rank` on span the null space of the rows.
         """
         j = columns
         if self.R.shape[0] == 0:
@@ -56,16 +58,17 @@ def _triangle(A: FloatArray) -> FloatArray:
 
 
 class Smallest:
-    """The two smallest singular values of rows A (p, k), and the right vector of the smallest.
+    """Two smallest singular values of rows A (p, k) that are added, and the right vector of the
+    smallest.
 
     They are the largest eigenpairs of M = (A^T A - shift)^-1, the shift a little below the smallest
-    eigenvalue, which more rows only raise. A new row changes M by a product of two vectors (Sherman
-    and Morrison), and its eigenvectors little: block Krylov iterations with Rayleigh-Ritz from
-    those of before, O(k^2) a row where an SVD takes O(k^3). The SVD of all rows is taken, and a new
-    shift, where the iterations become slow, where M has shrunk so far that its old rounding errors
-    begin to count, and for every row where A is nearly singular.
+    eigenvalue, which more rows only raise. A new row changes M by a rank-one update (Sherman and
+    Morrison) and its eigenvectors little: block Krylov iterations with Rayleigh-Ritz from the
+    previous ones take O(k^2) per row, where an SVD takes O(k^3). The SVD of all rows and a new
+    shift are computed where the iterations become slow, where M has shrunk so far that its
+    accumulated rounding errors matter, and for every row where A is nearly singular.
 
-    s: (s_(k-1), s_k), the first infinite for k = 1; vector (k,): that of s_k.
+    s: (s_(k-1), s_k), the first infinite for k = 1; vector (k,): right singular vector of s_k.
     """
 
     def __init__(self, A: FloatArray) -> None:
@@ -73,7 +76,7 @@ class Smallest:
         self._from_all()
 
     def add(self, rows: FloatArray) -> None:
-        """More rows (q, k)."""
+        """Appends rows (q, k)."""
         self.later.append(rows)
         if self.M is None or not self._updated(self.M, rows):
             self._from_all()
@@ -94,7 +97,8 @@ class Smallest:
             self.first = inverse[-1]
 
     def _updated(self, M: FloatArray, rows: FloatArray) -> bool:
-        """False where the new eigenvectors were not found, or M has lost digits."""
+        """Updates M and its eigenvectors by rows (q, k); False if these did not converge or M has
+        lost digits."""
         new = []
         for u in rows:
             b = M @ u
@@ -110,11 +114,12 @@ class Smallest:
 def largest(
     M: FloatArray, start: FloatArray, count: int
 ) -> tuple[FloatArray, FloatArray, bool]:
-    """The `count` largest eigenvalues, descending, and vectors (k, count) of the symmetric M
-    (k, k), from the span of `start`; and whether the first two are exact.
+    """Largest eigenvalues and eigenvectors of a symmetric matrix M (k, k), by block Krylov
+    iterations.
 
-    Blocks are orthonormal by QR, so that dependent vectors do no harm: their place is taken by
-    others. Saad 2011, doi 10.1137/1.9781611970739, ch. 6.
+    Returns `count` eigenvalues, descending, vectors (k, count) from the span of `start`, and
+    whether the first two have converged. Blocks are orthonormalised by QR, which replaces dependent
+    vectors by others. Saad 2011, doi 10.1137/1.9781611970739, ch. 6.
     """
     X, values = start, np.zeros(count)
     for _ in range(CYCLES):
@@ -129,7 +134,7 @@ def largest(
 
 
 def _krylov(M: FloatArray, X: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Orthonormal Q of X, M X, .. (`POWERS` blocks of them), and M Q."""
+    """Orthonormal basis Q of X, M X, ..., M^p X with p = `POWERS`, and M Q."""
     Q = np.linalg.qr(X)[0]
     images = [M @ Q]
     for _ in range(POWERS):

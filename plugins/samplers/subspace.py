@@ -1,4 +1,5 @@
-"""Target space of row selection: sampled equations must distinguish its vectors."""
+"""Base class of samplers that compare rows of the atoms: sampled equations must distinguish
+these."""
 
 from abc import abstractmethod
 from typing import Literal
@@ -15,15 +16,15 @@ Of = Literal["operator", "atoms"]
 
 
 class SpanSampler(RowSampler):
-    """Options and frame of all samplers that look at the atoms; a subclass fills `choose`."""
+    """Base class of samplers that use the values of the atoms; a subclass defines `choose`."""
 
     of: Of = "operator"
-    """Vectors whose rows are compared: `operator`: D times the atoms, with the operator D of a
+    """Vectors whose rows are compared: `operator`: D times the atoms, with the operator D of a time
     step; `atoms`: the atoms themselves."""
     step: float | None = Field(default=None, gt=0.0)
-    """Step size h in that operator, s: stiffness + mass / h^2 for displacements, conductivity +
-    capacity / h for temperatures. Left out: the operator of the scene's own step and integrator.
-    A tenth or ten times the true one serves nearly as well."""
+    """Step size h in the operator D, s: stiffness + mass / h^2 for displacements, conductivity +
+    capacity / h for temperatures. Left out: the operator of the scene's own step and integrator. A
+    tenth or ten times the true one serves nearly as well."""
 
     def rows_beside(
         self, kept: IntArray, block: BlockData, m: int, dictionary: Dictionary,
@@ -36,10 +37,11 @@ class SpanSampler(RowSampler):
 
     @abstractmethod
     def choose(self, U: FloatArray, rows: Rows, rng: np.random.Generator) -> None:
-        """Take rows until none is `left`. U (n, k): orthonormal columns."""
+        """Takes rows until none is `left` to be taken. U (n, k): orthonormal columns."""
 
     def _vectors(self, block: BlockData, dictionary: Dictionary) -> FloatArray:
-        """(n, k), columns that are only round-off set to zero."""
+        """Vectors (n, k) whose rows are compared; columns that are only round-off are set to
+        zero."""
         T = dictionary.atoms
         if self.of == "atoms":
             return T
@@ -54,7 +56,7 @@ class SpanSampler(RowSampler):
 
 
 def orthonormal(V: FloatArray, name: str) -> FloatArray:
-    """Q (n, r): the first r columns span what the first independent columns of V (n, k) do.
+    """Orthonormal basis Q (n, r): its first columns span the first independent columns of V (n, k).
 
     The order of the atoms is kept, and columns that depend on earlier ones are left out. Raises
     InputError when V is zero.

@@ -1,4 +1,4 @@
-"""Packaged scenes: names that `load` knows."""
+"""Packaged scenes: the names that `load` accepts for them, and their files."""
 
 from pathlib import Path
 

@@ -17,23 +17,25 @@ CONIC = "CLARABEL"
 class BasisPursuit(LinearRecovery):
     """Basis pursuit denoising: least weighted l1 norm with bounded residual, solved by cvxpy.
 
-    min sum_j |x_j| / budget_j  subject to  norm(A x - b) <= tolerance norm(b). Where there are
-    unpenalised columns, rows are those that are left when these are rotated out. Needs the extra
-    `cvx`. Chen, Donoho and Saunders 2001, doi 10.1137/S003614450037906X; with a tolerance
-    Candes, Romberg and Tao 2006, doi 10.1002/cpa.20124; weights as in Eq. 25.
+    min sum_j |x_j| / budget_j subject to norm(A x - b) <= tolerance norm(b), with budget_j the
+    largest number of active columns in the group of column j. Columns without a penalty are first
+    eliminated from the rows by an orthogonal transformation. Needs the extra `cvx`. Chen, Donoho
+    and Saunders 2001, doi 10.1137/S003614450037906X; with a tolerance Candes, Romberg and Tao 2006,
+    doi 10.1002/cpa.20124; weights as in Liang et al. 2026, Eq. 25.
     """
 
     tolerance: float = Field(default=1e-8, ge=0.0, lt=1.0)
-    """Violation of the rows, relative to the right-hand side, in `norm`. 0: the rows hold as
-    equations, and problems with more rows than columns are refused."""
+    """Largest residual in `norm`, relative to the right-hand side. 0: the rows are equality
+    constraints, and problems with more rows than columns are refused."""
     norm: Literal["two", "largest"] = "two"
-    """Of the violation: Euclidean (a cone program), or the largest row (a linear program)."""
+    """Norm of the residual: Euclidean (a cone program), or the largest row (a linear program)."""
     solver: str = CONIC
-    """A solver of cvxpy, such as CLARABEL, SCS, OSQP, HIGHS. The last two take no cone: with them
-    choose `norm: largest`, or `tolerance: 0`."""
+    """Solver of cvxpy, such as CLARABEL, SCS, OSQP, HIGHS. OSQP and HIGHS take no cone constraints:
+    with them choose `norm: largest`, or `tolerance: 0`."""
     cut: float = Field(default=1e-9, ge=0.0, lt=1.0)
-    """Share of the largest coefficient (column-scaled) at or below which one counts as zero:
-    interior points end near zero, not at it. What passes is harmless: it is fitted again."""
+    """Share of the largest coefficient (scaled by column norms) at or below which a coefficient
+    counts as zero: interior-point solutions are near zero, not at it. Coefficients above it are
+    fitted again by least squares."""
 
     @field_validator("solver")
     @classmethod
@@ -55,12 +57,12 @@ class BasisPursuit(LinearRecovery):
 
     @property
     def capabilities(self) -> frozenset[str]:
-        """More rows than columns need a tolerance."""
+        """Supported features of problems; more rows than columns need a tolerance above 0."""
         exact = {"overdetermined"} if self.tolerance == 0.0 else set()
         return frozenset(PROBLEM_FEATURES) - exact
 
     def recover(self, problem: Penalised) -> Recovered:
-        """x (k,), with zeros where the solver's answer is below `cut`."""
+        """Coefficients x (k,), zero where the solution is at or below `cut`."""
         cp = _cvxpy()
         order = 2 if self.norm == "two" else np.inf
         size = float(np.linalg.norm(problem.b, order))
@@ -83,13 +85,13 @@ class BasisPursuit(LinearRecovery):
 _STATUS = {"optimal": Status.DONE, "optimal_inaccurate": Status.DONE,
            "infeasible": Status.INFEASIBLE, "infeasible_inaccurate": Status.INFEASIBLE,
            "infeasible_or_unbounded": Status.INFEASIBLE}
-"""Of cvxpy's words. `optimal_inaccurate` is what some solvers always reach, and others where
-columns are nearly parallel; it serves, because only the support is taken from it. Limits are no
-convergence."""
+"""Statuses of cvxpy. `optimal_inaccurate`, which some solvers always return and others where
+columns are nearly parallel, is accepted, because only the support is used. Iteration limits count
+as not converged."""
 
 
 def _cvxpy() -> Any:
-    """Imported here: it takes a second."""
+    """Module cvxpy, imported on first use because its import takes a second."""
     import cvxpy
 
     return cvxpy

@@ -11,34 +11,39 @@ from sparsemor.plugins.sparse_solvers.newton import LinearRecovery, Recovered
 from sparsemor.plugins.sparse_solvers.penalised import Penalised, weights
 
 _STATUS = {0: Status.DONE, 2: Status.INFEASIBLE}
-"""Of scipy's codes; 1 (limit) and 4 (numerical trouble) are no convergence, 3 cannot be."""
+"""Status codes of scipy.optimize.linprog; 1 (limit) and 4 (numerical trouble) count as not
+converged, 3 (unbounded) cannot occur."""
 
 
 class BasisPursuitLp(LinearRecovery):
     """Basis pursuit: least weighted l1 norm that satisfies every row, a linear program (HiGHS).
 
-    min sum_j |x_j| / budget_j  subject to  |A x - b| <= tolerance max|b| in each row: a linear
-    program in x = p - n with p, n >= 0 and a bounded slack in each row. Where there are
-    unpenalised columns, rows are those that are left when these are rotated out. Chen, Donoho and
-    Saunders 2001, doi 10.1137/S003614450037906X; weights as in Eq. 25.
+    min sum_j |x_j| / budget_j subject to |A x - b| <= tolerance max|b| in each row, with budget_j
+    the largest number of active columns in the group of column j: a linear program in x = p - n
+    with p, n >= 0 and a bounded slack in each row. Columns without a penalty are first eliminated
+    from the rows by an orthogonal transformation. Chen, Donoho and Saunders 2001, doi
+    10.1137/S003614450037906X; weights as in Liang et al. 2026, Eq. 25.
     """
 
     tolerance: float = Field(default=1e-9, ge=0.0, lt=1.0)
-    """Largest violation of a row, relative to the largest right-hand side. 0: the rows hold as
-    equations, and problems with more rows than columns are refused."""
+    """Largest residual of a row, relative to the largest right-hand side. 0: the rows are equality
+    constraints, and problems with more rows than columns are refused."""
     cut: float = Field(default=1e-11, ge=0.0, lt=1.0)
-    """Share of the largest coefficient (column-scaled) at or below which one counts as zero."""
+    """Share of the largest coefficient (scaled by column norms) at or below which a coefficient
+    counts as zero."""
     method: Literal["highs", "highs-ds", "highs-ipm"] = "highs"
-    """Of scipy.optimize.linprog: HiGHS chooses, its dual simplex, or its interior point."""
+    """Method of scipy.optimize.linprog: HiGHS's own choice, its dual simplex, or its interior point
+    method."""
 
     @property
     def capabilities(self) -> frozenset[str]:
-        """More rows than columns need a tolerance."""
+        """Supported features of problems; more rows than columns need a tolerance above 0."""
         exact = {"overdetermined"} if self.tolerance == 0.0 else set()
         return frozenset(PROBLEM_FEATURES) - exact
 
     def recover(self, problem: Penalised) -> Recovered:
-        """x (k,), a vertex: at most as many nonzeros as rows, within what HiGHS resolves."""
+        """Coefficients x (k,) at a vertex: at most as many nonzeros as rows, within the accuracy of
+        HiGHS."""
         size = float(np.abs(problem.b).max())
         A, b = problem.A, problem.b / size
         m, k = A.shape
@@ -58,5 +63,5 @@ class BasisPursuitLp(LinearRecovery):
 
 
 def without_small(x: FloatArray, cut: float) -> FloatArray:
-    """x with zeros where it is at most `cut` of its largest entry."""
+    """Coefficients x with zeros where they are at most `cut` times the largest one in magnitude."""
     return np.where(np.abs(x) > cut * np.abs(x).max(initial=0.0), x, 0.0)

@@ -1,4 +1,4 @@
-"""Candidate columns of a support: those that correlate most with its residual."""
+"""Candidate columns for a support: those that correlate most with its residual."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,8 +13,11 @@ from sparsemor.plugins.sparse_solvers.hard_thresholding import Sizes, Tolerance,
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Others:
-    """Per group the columns outside the support of some that all are seen, and how many of them do
-    not join it."""
+    """Columns outside a support, by group.
+
+    out: number of columns in each group that are not candidates; size: number of all columns, none
+    of which is zero.
+    """
 
     columns: list[IntArray]
     out: list[int]
@@ -29,7 +32,8 @@ class Others:
                    len(support))
 
     def left_out(self, sizes: Sequence[FloatArray], tolerance: Tolerance) -> list[IntArray] | None:
-        """Columns whose sizes (a part a group) are the smallest; None if unsure."""
+        """Columns that are not candidates: those of smallest `sizes` (one array per group); None if
+        a comparison is within the tolerance."""
         found, (relative, absolute) = [], tolerance
         for columns, a, out in zip(self.columns, sizes, self.out, strict=True):
             if not out:
@@ -42,7 +46,8 @@ class Others:
         return found
 
     def union(self, sizes: FloatArray, tolerance: Tolerance) -> BoolArray | None:
-        """The support (k,) and what joins it by its size in `sizes` (k,); None if unsure."""
+        """Mask (k,) of the support and its candidates, chosen by `sizes` (k,); None if a comparison
+        is within the tolerance."""
         out = self.left_out([sizes[c] for c in self.columns], tolerance)
         if out is None:
             return None
@@ -53,7 +58,11 @@ class Others:
 
 
 class Joining:
-    """For problems with these groups and columns. growth: most that may join a group."""
+    """Candidate columns of supports, for problems with given groups of columns.
+
+    seen (k,): columns that are not zero; rows: number of rows; growth: largest number of candidates
+    per group, by default its budget (largest number of active columns).
+    """
 
     def __init__(
         self, groups: Sequence[Group], seen: BoolArray, rows: int, growth: int | None
@@ -62,20 +71,20 @@ class Joining:
         self._others: dict[bytes, Others | None] = {}
 
     def wanted(self) -> list[int]:
-        """Columns that would join each group if there were rows for them."""
+        """Number of candidates of each group if there are enough rows."""
         return [min(g.budget or 0, self.growth or g.budget or 0) for g in self.groups]
 
     def share(self, support: BoolArray) -> float:
-        """Share of the wanted columns that there are rows for."""
+        """Share of the wanted candidates for which there are enough rows."""
         return min(1.0, (self.rows - int(np.count_nonzero(support))) / max(1, sum(self.wanted())))
 
     def counts(self, support: BoolArray) -> list[int]:
-        """Number of columns that may join each group."""
+        """Number of candidates of each group."""
         share = self.share(support)
         return [int(share * n) for n in self.wanted()]
 
     def others(self, support: BoolArray) -> Others | None:
-        """None where some columns are not seen at all."""
+        """Columns outside the support; None where some column is zero."""
         key = support.tobytes()
         if key not in self._others:
             room(self._others)[key] = Others.of(
@@ -83,8 +92,8 @@ class Joining:
         return self._others[key]
 
     def unions(self, left: Sizes, support: BoolArray) -> Sequence[BoolArray] | None:
-        """The support with what joins it, by correlations (k,) that are zero on it: one way, or two
-        where one of them is unsure; None if more."""
+        """Masks (k,) of the support with its candidates, by correlations (k,) that are zero on the
+        support: one, or two where one comparison is uncertain; None if more are."""
         others = self.others(support)
         union = None if others is None else others.union(left.sizes, left.close)
         if union is not None:

@@ -12,16 +12,18 @@ from sparsemor.plugins.sparse_solvers.penalised import Penalised
 class Cosamp(LinearRecovery):
     """CoSaMP: joins the active columns with twice the budget of new ones, then keeps the largest.
 
-    Sweeps end when the residual no longer falls; the best sweep counts. Where rows are short of
-    three times the budgets, fewer new columns join. Needell and Tropp 2009, Algorithm 1,
-    doi 10.1016/j.acha.2008.07.002.
+    The budget is the largest number of active columns of a group. Sweeps end when the residual no
+    longer falls; the best sweep is the result. If there are fewer rows than three times the
+    budgets, fewer new columns join. Needell and Tropp 2009, Algorithm 1, doi
+    10.1016/j.acha.2008.07.002.
     """
 
     sweeps: int = Field(default=50, ge=1)
-    """Exchanges of columns in one linearisation before it is given up as not converged."""
+    """Largest number of exchanges of columns in one linearisation; then the solve ends as not
+    converged."""
 
     def recover(self, problem: Penalised) -> Recovered:
-        """x (k,) with at most `budget` entries a group."""
+        """Coefficients x (k,) with at most `budget` nonzeros per group."""
         A, b, groups = problem.A, problem.b, problem.groups
         best, r = np.zeros(A.shape[1]), b
         least, enough = float(np.linalg.norm(b)), 1e-12 * float(np.linalg.norm(b))
@@ -41,7 +43,8 @@ class Cosamp(LinearRecovery):
         return Recovered(best, Status.NOT_CONVERGED)
 
     def _merged(self, problem: Penalised, active: BoolArray, proxy: FloatArray) -> BoolArray:
-        """The active columns and those of largest proxy, no more than there are rows."""
+        """Mask of the active columns and those of largest correlation `proxy` (k,) with the
+        residual, at most as many as there are rows."""
         merged = active.copy()
         wanted = 2 * sum(g.budget or 0 for g in problem.groups)
         room = problem.size - int(np.count_nonzero(active))

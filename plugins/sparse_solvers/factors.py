@@ -1,4 +1,4 @@
-"""Factors of one Gram matrix, made when they are first asked for."""
+"""Cached factorizations of submatrices of a Gram matrix."""
 
 from typing import TypeVar
 
@@ -9,13 +9,15 @@ from sparsemor.plugins.sparse_solvers.gram import Move, Normal, Part, Swap, gath
 
 T = TypeVar("T")
 KEPT = 256
-"""Lists of positions kept at once; a support or a proposal often comes back."""
+"""Number of cached index lists; supports and proposed supports often recur."""
 
 
 class Factors:
-    """Of the last Gram matrix that was asked about; where columns lie in it is kept longer.
+    """Cholesky factors of submatrices of the latest Gram matrix, computed on first use.
 
-    longest: largest of the lengths that come with it."""
+    Index lists of columns are cached beyond a change of the matrix. longest: largest of the column
+    lengths.
+    """
 
     def __init__(self) -> None:
         self.longest = 0.0
@@ -28,8 +30,8 @@ class Factors:
     def fitted(
         self, at: Quadratic, columns: BoolArray
     ) -> tuple[IntArray, FloatArray, float] | None:
-        """Numbers of these columns, what least squares on them takes off c, and its rounding;
-        None for columns that are nearly dependent."""
+        """Indices of the columns in the mask, the step s of least squares on them (coefficients c -
+        s), and its rounding error; None for nearly dependent columns."""
         self._remember(at)
         key = columns.tobytes()
         if key not in self._parts:
@@ -46,8 +48,8 @@ class Factors:
         return part.columns, step, normal.rounding(step)
 
     def inverse(self, at: Quadratic, columns: BoolArray) -> FloatArray | None:
-        """(k, k) that takes a slope to what least squares on these columns takes off c; None for
-        columns that are nearly dependent."""
+        """Matrix (k, k) that maps a slope (half the gradient of the squared residual) to the step
+        of `fitted`; None for nearly dependent columns."""
         if self.fitted(at, columns) is None:
             return None
         key, whole = columns.tobytes(), np.zeros((len(at.c), len(at.c)))
@@ -57,7 +59,7 @@ class Factors:
         return whole
 
     def move(self, at: Quadratic, support: BoolArray, kept: BoolArray) -> Move | None:
-        """From the support to `kept`; None for columns that are nearly dependent."""
+        """Exchange of the support for `kept`; None for nearly dependent columns."""
         self._remember(at)
         key = support.tobytes() + kept.tobytes()
         if key not in self._moves:
@@ -73,7 +75,7 @@ class Factors:
 
 
 def room(kept: dict[bytes, T]) -> dict[bytes, T]:
-    """The same dictionary, the oldest entry dropped when it is full."""
+    """The same dictionary, without its oldest entry when it is full."""
     if len(kept) >= KEPT:
         kept.pop(next(iter(kept)))
     return kept

@@ -1,4 +1,4 @@
-"""Comparison of least-squares fits of supports."""
+"""Comparison of least-squares fits on two supports."""
 
 from math import sqrt
 
@@ -9,14 +9,16 @@ from sparsemor.plugins.sparse_solvers.factors import Factors
 from sparsemor.plugins.sparse_solvers.least_squares_on_support import EPS
 
 CLOSE = 1e-6
-"""Relative difference of norms that count as equal."""
+"""Relative difference up to which norms count as equal."""
 WORTH = 1e-3
-"""Gain from which it pays to ask if any exchange can bring it."""
+"""Gain from which a bound over all exchanges is worth computing."""
 
 
 class Fits:
-    """Least-squares fits by factors of a Gram matrix; `gain`: fraction by which an exchange has to
-    lower the norm."""
+    """Least-squares fits on supports, compared by factors of a Gram matrix.
+
+    gain, in the methods: fraction by which an exchange of columns must lower the residual norm.
+    """
 
     def __init__(self, factors: Factors) -> None:
         self.factors = factors
@@ -24,7 +26,8 @@ class Fits:
     def never_valid(
         self, at: Quadratic, support: BoolArray, everyone: BoolArray, gain: float
     ) -> bool:
-        """Do not even all columns together lower the norm by this fraction?"""
+        """True if even least squares on all columns (mask `everyone`) does not lower the residual
+        norm by the fraction `gain`, so that no exchange does."""
         own, whole = self.factors.fitted(at, support), self.factors.fitted(at, everyone)
         if gain < WORTH or own is None or whole is None:
             return False
@@ -37,8 +40,8 @@ class Fits:
     def better(
         self, at: Quadratic, support: BoolArray, kept: BoolArray, gain: float
     ) -> BoolArray | None:
-        """`kept` when it lowers the norm by more than this fraction, else `support` itself; None if
-        unsure."""
+        """Mask `kept` if it lowers the residual norm by more than the fraction `gain`, else
+        `support` itself; None if rounding decides."""
         if kept is support or np.array_equal(kept, support):
             return support
         move = self.factors.move(at, support, kept)
@@ -53,8 +56,8 @@ class Fits:
         self, at: Quadratic, support: BoolArray, kept: BoolArray, change: tuple[float, float],
         gain: float,
     ) -> BoolArray | None:
-        """The same from the norms themselves; `kept` leaves the squared norm at `at` and a
-        rise, known up to an error (change)."""
+        """Result of `better` from the residual norms; change: rise of the squared norm from the
+        coefficients of `at` to least squares on `kept`, and its error."""
         rise, error = change
         own = self.factors.fitted(at, support)
         if own is None:

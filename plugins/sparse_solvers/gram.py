@@ -1,4 +1,4 @@
-"""Least squares on some columns, from the Gram matrix of all of them."""
+"""Least squares on subsets of columns, from the Gram matrix of all of them."""
 
 from dataclasses import dataclass
 from math import sqrt
@@ -10,18 +10,22 @@ from sparsemor.core import BoolArray, FloatArray, IntArray, Quadratic
 from sparsemor.plugins.sparse_solvers.least_squares_on_support import EPS
 
 NEARLY = 1e-12
-"""Square of a unit column's distance from the others below which its coefficient is rounding."""
+"""Squared distance of a unit column from the span of the others, at or below which its coefficient
+is dominated by rounding."""
 
 
 OFTEN = 2
-"""Solutions with one factor after which its inverse is made: a product is several times as fast as
-two triangular solves of this size, and as exact as normal equations are."""
+"""Number of solutions with one factor after which its inverse is computed: a product is several
+times as fast as two triangular solves of this size, and as accurate as normal equations are."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Part:
-    """Some columns (s) of k: `flat` (s, s) is where their Gram matrix lies in that of all, upper
-    triangle in Fortran order; None: all columns."""
+    """Subset of s columns out of k.
+
+    flat (s, s): positions of its Gram matrix in that of all columns, upper triangle in Fortran
+    order; None: all columns.
+    """
 
     columns: IntArray
     flat: IntArray | None
@@ -35,8 +39,8 @@ class Part:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Swap:
-    """The columns of a new support, `kept` of them, and behind them those that leave the old one:
-    `flat` as above."""
+    """Columns of a new support, the first `kept` of them, followed by those that leave the old one;
+    flat: positions as in `Part`."""
 
     columns: IntArray
     flat: IntArray
@@ -49,7 +53,7 @@ class Swap:
 
 
 class Normal:
-    """Normal equations factorized: R (s, s) upper, low the smallest squared pivot."""
+    """Cholesky factor R (s, s), upper, of normal equations; low: smallest squared pivot."""
 
     __slots__ = ("R", "inverse", "low", "solved")
 
@@ -59,7 +63,8 @@ class Normal:
 
     @classmethod
     def of(cls, gram: FloatArray, overwrite: bool) -> "Normal | None":
-        """gram (s, s), upper triangle; None where rounding decides."""
+        """Cholesky factorization of a Gram matrix (s, s), upper triangle; None where it is singular
+        to rounding."""
         R, failed = lapack.dpotrf(gram, 0, 0, overwrite)
         if failed:
             return None
@@ -75,7 +80,7 @@ class Normal:
         return np.asarray(blas.dsymv(1.0, self.inverse, right))
 
     def inverted(self) -> FloatArray:
-        """(s, s) the whole inverse."""
+        """Inverse matrix (s, s), both triangles."""
         if self.inverse is None:
             self.inverse = lapack.dpotri(self.R)[0]
         upper = np.triu(self.inverse)
@@ -83,14 +88,17 @@ class Normal:
         return whole
 
     def rounding(self, x: FloatArray) -> float:
-        """Absolute error of the coefficients x that rounding of the Gram matrix makes."""
+        """Absolute error of the coefficients x (s,) due to rounding of the Gram matrix."""
         return EPS * len(x) / self.low * sqrt(float(x.dot(x)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Move:
-    """An exchange of a support: gone (s + d, d) are the columns that leave, in the rows of a Swap
-    with s kept ones; normal: least squares on these."""
+    """Exchange of columns of a support.
+
+    gone (s + d, d): Gram matrix of the d columns that leave, with rows as in `swap`, which has s
+    kept columns; normal: normal equations of the kept columns.
+    """
 
     swap: Swap
     gone: FloatArray
@@ -103,8 +111,8 @@ class Move:
         return None if normal is None else cls(swap, part[:, n:], normal)
 
     def rise(self, at: Quadratic) -> tuple[float, float]:
-        """By how much the squared norm rises from that at c to that of least squares on the new
-        support, and the error of that."""
+        """Increase of the squared residual norm from that at c to that of least squares on the new
+        support, and its error."""
         n, columns = self.swap.kept, self.swap.columns
         slope, c = at.slope.take(columns), at.c.take(columns[n:])
         left = slope - self.gone.dot(c)
@@ -116,7 +124,7 @@ class Move:
 
 
 def positions(rows: IntArray, columns: IntArray, k: int) -> IntArray:
-    """Positions of gram[rows, columns] in the upper triangle (k, k) in Fortran order."""
+    """Positions of gram[rows, columns] in the upper triangle of gram (k, k) in Fortran order."""
     i, j = rows[:, None], columns[None, :]
     found: IntArray = np.minimum(i, j) + k * np.maximum(i, j)
     return found

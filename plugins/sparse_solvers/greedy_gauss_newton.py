@@ -1,4 +1,4 @@
-"""Greedy Gauss-Newton for the sparse step problem (Eq. 25)."""
+"""Greedy Gauss-Newton solver of the sparse problem of a time step (Liang et al. 2026, Eq. 25)."""
 
 from collections.abc import Sequence
 from typing import Literal
@@ -23,21 +23,23 @@ from sparsemor.plugins.sparse_solvers.screen import ExchangeScreen, Rule
 class GreedyGaussNewton(SupportNewton):
     """Greedy Gauss-Newton: every iteration may exchange atoms, as in subspace pursuit.
 
-    1 linearise; 2 least squares on the active columns; 3 join them with the columns of each
-    group that correlate most with what is left, and solve again; 4 keep the `budget` largest of
-    each group and solve on those; 5 take the exchange if it lowers the linearised residual.
-    It ends when neither the support nor c changes: with fewer atoms than rows the residual
+    1 linearise; 2 least squares on the active columns; 3 join them with the columns of each group
+    that correlate most with the residual, and solve again; 4 keep the `budget` largest of each
+    group and solve on those; 5 accept the exchange if it lowers the linearised residual. It ends
+    when neither the support nor the coefficients change: with fewer atoms than rows the residual
     itself does not vanish. Steps 3-4 after Dai and Milenkovic 2009, doi 10.1109/TIT.2009.2016006.
     """
 
     max_iterations: int = Field(default=30, ge=1)
-    """Linearisations before the solve is given up as not converged."""
+    """Largest number of linearisations; then the solve ends as not converged."""
     growth: int | None = Field(default=None, ge=1)
-    """Most atoms that may enter a group in one iteration; left out: as many as its budget."""
+    """Largest number of atoms that may enter a group in one iteration; left out: the budget of the
+    group."""
     candidates: Literal["correlated", "all"] = "all"
     """Candidate atoms: `all` while there are rows for all of them, or `correlated`: those that
-    correlate most with the residual, as published (Eq. 25). Where active columns are nearly
-    parallel to a missing one the residual does not correlate with it, and only `all` finds it."""
+    correlate most with the residual, as published (Liang et al. 2026, Eq. 25). Where active columns
+    are nearly parallel to a missing one, the residual does not correlate with it, and only `all`
+    finds it."""
     gain: float = Field(default=1e-8, ge=0.0, lt=1.0)
     """Fraction by which an exchange must lower the linearised residual norm: prevents
     endless exchanges of atoms that fit round-off."""
@@ -46,7 +48,8 @@ class GreedyGaussNewton(SupportNewton):
     Each exchange is a jump in velocities that takes some steps to decay. 0: `gain` alone."""
 
     def screen(self, groups: Sequence[Group], seen: BoolArray, rows: int) -> ExchangeScreen:
-        """Steps 2 to 5 where the residual is linear (`core.protocols.sparse_solver`)."""
+        """Fast test of steps 2 to 5 where the residual is linear
+        (`core.protocols.sparse_solver`)."""
         everyone = self.candidates == "all" and len(seen) <= rows
         rule = Rule(everyone, self.growth, self.gain, max(self.gain, self.hysteresis),
                     self.max_iterations)
@@ -67,7 +70,8 @@ class GreedyGaussNewton(SupportNewton):
         self, linear: Linearised, support: BoolArray, groups: Sequence[Group], explore: bool,
         gain: float,
     ) -> Fit | None:
-        """Steps 2 to 5 on one linearisation; None when the active columns are dependent."""
+        """Least-squares fit after steps 2 to 5 on one linearisation; None when the active columns
+        are dependent."""
         base = fit(linear, support, self.rank_rtol)
         if base is None or not explore or base.norm <= base.round_off:
             return base
@@ -90,10 +94,10 @@ class GreedyGaussNewton(SupportNewton):
 
 
 def _used(support: BoolArray, groups: Sequence[Group]) -> bool:
-    """Is something active in each group with a budget?"""
+    """True if each group with a budget has an active column."""
     return all(support[g.start : g.stop].any() for g in groups if g.budget)
 
 
 def _visible(linear: Linearised, groups: Sequence[Group]) -> BoolArray:
-    """False for penalised columns of zeros: no row sees them, so they cannot be active."""
+    """Mask (k,), False for penalised columns of zeros, which cannot be active."""
     return (linear.norms > 0.0) | always_active(groups, linear.norms.size)

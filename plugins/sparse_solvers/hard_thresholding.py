@@ -1,4 +1,5 @@
-"""The largest entries of a vector, and whether they are surely the largest."""
+"""Hard thresholding: the largest entries of a vector, and whether they are certainly the largest
+despite errors."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,18 +12,18 @@ from sparsemor.core import BoolArray, FloatArray, Group, IntArray
 
 
 class Tolerance(NamedTuple):
-    """By how much one entry has to exceed another to be surely the larger one."""
+    """Margin by which an entry must exceed another to be certainly the larger one."""
 
     relative: float
     absolute: float = 0.0
 
     def over(self, size: float) -> float:
-        """Norms certain to exceed `size`."""
+        """Value above which an entry is certainly larger than one of the given size."""
         return (1.0 + self.relative) * size + self.absolute
 
 
 class Sizes(NamedTuple):
-    """(k,) sizes of coefficients as they are compared, and how close is too close."""
+    """Sizes (k,) of coefficients that are compared, and the tolerance of the comparisons."""
 
     sizes: FloatArray
     close: Tolerance
@@ -30,8 +31,11 @@ class Sizes(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Largest:
-    """`order` lists each group's active columns, then its other ones; `starts` where each list
-    begins; signs: 1 for active ones, -1 for others."""
+    """Test that the active columns of each group are its largest.
+
+    order: for each group its active columns, then its other ones; starts: where each of these lists
+    begins; signs: 1 for active columns, -1 for others.
+    """
 
     order: IntArray
     starts: IntArray
@@ -39,7 +43,8 @@ class Largest:
 
     @classmethod
     def listed(cls, sides: Sequence[IntArray]) -> "Largest":
-        """Active columns, other columns, active ones of the next group, and so on."""
+        """Test from lists of columns: active and other ones of the first group, of the second, and
+        so on."""
         lengths = [len(side) for side in sides]
         signs = np.repeat(np.resize([1.0, -1.0], len(lengths)), lengths)
         return cls(np.concatenate([np.zeros(0, np.int64), *sides]),
@@ -47,7 +52,8 @@ class Largest:
 
     @classmethod
     def of(cls, support: BoolArray, groups: Sequence[Group]) -> "Largest | None":
-        """None for a support that does not use up every budget, or leaves no one out."""
+        """Test for a support; None where a group does not use its whole budget or has no inactive
+        column."""
         order: list[IntArray] = []
         for g in groups:
             part = support[g.start : g.stop]
@@ -58,7 +64,8 @@ class Largest:
 
     @classmethod
     def among(cls, chosen: BoolArray, of: BoolArray, groups: Sequence[Group]) -> "Largest":
-        """The same for the chosen ones among `of` only, in groups that leave someone out."""
+        """Test for the chosen columns among `of` only, in groups where there are chosen and other
+        ones."""
         order: list[IntArray] = []
         for g in groups:
             part, some = chosen[g.start : g.stop], of[g.start : g.stop]
@@ -68,7 +75,7 @@ class Largest:
         return cls.listed(order)
 
     def holds(self, sizes: FloatArray, tolerance: Tolerance) -> bool:
-        """Are the active entries of each group surely larger than its others?"""
+        """True if the active entries of each group are certainly larger than its others."""
         if not len(self.order):
             return True
         relative, absolute = tolerance
@@ -81,14 +88,15 @@ class Largest:
 
 
 def first(sizes: FloatArray, count: int) -> BoolArray:
-    """The `count` largest entries; of equal ones those in front."""
+    """Mask of the `count` largest entries; of equal entries the first ones."""
     chosen = np.zeros(len(sizes), dtype=np.bool_)
     chosen[np.argsort(-sizes, kind="stable")[:count]] = True
     return chosen
 
 
 def largest(sizes: FloatArray, count: int, tolerance: Tolerance) -> list[BoolArray]:
-    """The `count` largest entries: one way, two where the last one is unsure, none if more."""
+    """Masks of the `count` largest entries: one, two where the last entry is uncertain, none if
+    more are."""
     if count >= len(sizes):
         return [sizes > 0.0]
     order, chosen = (-sizes).argsort(kind="stable"), np.zeros(len(sizes), dtype=np.bool_)
@@ -106,7 +114,7 @@ def largest(sizes: FloatArray, count: int, tolerance: Tolerance) -> list[BoolArr
 
 
 def within_reach(sizes: FloatArray, count: int, tolerance: Tolerance) -> BoolArray:
-    """All entries that may be among the `count` largest."""
+    """Mask of all entries that may be among the `count` largest, within the tolerance."""
     if not 0 < count < len(sizes):
         return np.asarray(sizes > 0.0) if count else np.zeros(len(sizes), dtype=np.bool_)
     last = float(np.partition(sizes, len(sizes) - count)[len(sizes) - count])
@@ -115,8 +123,10 @@ def within_reach(sizes: FloatArray, count: int, tolerance: Tolerance) -> BoolArr
 
 
 def reach(sizes: FloatArray, groups: Sequence[Group], tolerance: Tolerance) -> BoolArray:
-    """The same for each group, as many as it has room for. If all of them together fit no better
-    than a support, no choice of them does."""
+    """Mask (k,) of all columns that may be among the `budget` largest of their group.
+
+    If least squares on all of them fits no better than a support does, no choice among them does.
+    """
     return np.concatenate([within_reach(sizes[g.start : g.stop], g.budget or 0, tolerance)
                            for g in groups])
 
@@ -124,20 +134,23 @@ def reach(sizes: FloatArray, groups: Sequence[Group], tolerance: Tolerance) -> B
 def choices(
     sizes: FloatArray, groups: Sequence[Group], tolerance: Tolerance
 ) -> list[BoolArray]:
-    """The `budget` largest of each group: all ways that may be meant, none if there are many."""
+    """Masks (k,) of the `budget` largest of each group: all combinations within the tolerance, none
+    if there are many."""
     ways = [largest(sizes[g.start : g.stop], g.budget or 0, tolerance) for g in groups]
     return [np.concatenate(parts) for parts in product(*ways)]
 
 
 def within(sizes: FloatArray, count: int, tolerance: Tolerance) -> list[BoolArray] | None:
-    """The same of the entries above zero; None if unsure."""
+    """Masks of the `count` largest entries among those above zero, as in `largest`; None if
+    uncertain."""
     if count >= int(np.count_nonzero(sizes > 0.0)):
         return [sizes > 0.0]
     return largest(sizes, count, tolerance) or None
 
 
 def apart(sizes: FloatArray, others: FloatArray, count: int) -> float:
-    """Largest difference near the threshold that the `count` largest of `sizes` pass, over it."""
+    """Largest difference of `sizes` and `others` near the threshold that the `count` largest of
+    `sizes` exceed, relative to the threshold."""
     if not 0 < count < len(sizes):
         return 0.0
     threshold = float(np.partition(sizes, len(sizes) - count)[len(sizes) - count])

@@ -1,4 +1,4 @@
-"""Shared parts of iterations over supports: start, stopping test, outcome, cycles."""
+"""Common parts of iterations over supports: initial iterate, stopping test, outcome, cycles."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -18,7 +18,7 @@ from sparsemor.plugins.sparse_solvers.least_squares_on_support import EPS, Fit, 
 
 
 def always_active(groups: Sequence[Group], size: int) -> BoolArray:
-    """(k,) True in the groups without a budget."""
+    """Mask (k,), True in the groups without a budget, whose columns are always active."""
     always = np.zeros(size, dtype=np.bool_)
     for g in groups:
         if g.budget is None:
@@ -27,7 +27,8 @@ def always_active(groups: Sequence[Group], size: int) -> BoolArray:
 
 
 def within_budget(problem: SparseProblem, start: SparseStart) -> tuple[FloatArray, BoolArray]:
-    """The start with zeros outside its support and no more active columns than allowed."""
+    """Initial coefficients and support, zero outside the support and with no more active columns
+    than the budgets allow."""
     groups = problem.groups
     support = start.support | always_active(groups, start.c.size)
     c = np.where(support, start.c, 0.0)
@@ -39,7 +40,8 @@ def within_budget(problem: SparseProblem, start: SparseStart) -> tuple[FloatArra
 
 
 def small_step(linear: Linearised, found: Fit, groups: Sequence[Group], rtol: float) -> bool:
-    """Is the step of every group within rtol of the group, or within what rounding allows?"""
+    """True if the step of every group is within `rtol` of the group's norm, or within rounding
+    errors."""
     step = found.z - linear.z
     floor = min(4.0 * EPS / found.rcond, rtol) * float(np.linalg.norm(found.z))
     return all(
@@ -52,7 +54,8 @@ def small_step(linear: Linearised, found: Fit, groups: Sequence[Group], rtol: fl
 def ended(
     problem: SparseProblem, c: FloatArray, good: SparseOutcome, status: Status, iterations: int
 ) -> SparseOutcome:
-    """c with its own residual norm, unless that overflowed: then `good`, and it says so."""
+    """Outcome at the coefficients c with their residual norm; if that overflowed, `good` with
+    status NOT_FINITE."""
     norm = float(np.linalg.norm(problem.residual(c)))
     if not np.isfinite(norm):
         return replace(good, status=Status.NOT_FINITE, iterations=iterations)
@@ -60,14 +63,14 @@ def ended(
 
 
 class Visits:
-    """The supports met during one solve, and the best iterate on each."""
+    """Supports visited during one solve, and the best iterate on each."""
 
     def __init__(self) -> None:
         self._best: dict[bytes, SparseOutcome] = {}
         self._last = b""
 
     def note(self, iterate: SparseOutcome) -> bool:
-        """Records an iterate; True when its support was left before and has come back."""
+        """Records an iterate; True when its support was left before and has returned."""
         key = iterate.support.tobytes()
         cycle = key in self._best and key != self._last
         if key not in self._best or iterate.residual_norm < self._best[key].residual_norm:
@@ -76,5 +79,5 @@ class Visits:
         return cycle
 
     def best(self) -> SparseOutcome:
-        """The iterate of least residual norm (one at least was noted)."""
+        """Recorded iterate of least residual norm."""
         return min(self._best.values(), key=lambda iterate: iterate.residual_norm)

@@ -1,4 +1,4 @@
-"""The lasso path by least-angle regression, with debiasing."""
+"""LASSO path by least-angle regression, with debiasing."""
 
 import warnings
 
@@ -14,17 +14,19 @@ from sparsemor.plugins.sparse_solvers.penalised import Penalised, weights
 class LassoLars(LinearRecovery):
     """LASSO by least-angle regression (LARS): the solution path over all l1 penalties.
 
-    min 1/2 |A x - b|^2 + penalty sum_j |x_j| / budget_j. With `penalty` the solution at that
-    point counts. Without, the path is cut by the budgets: each of its knots is pruned to them and
-    debiased by least squares, as is least squares on all columns of its end; that of least
-    residual counts. Needs the extra `lars` (scikit-learn). Efron et al. 2004, doi
-    10.1214/009053604000000067; weights as in Eq. 25.
+    min 1/2 |A x - b|^2 + penalty sum_j |x_j| / budget_j, with budget_j the largest number of active
+    columns in the group of column j. With `penalty`, the solution at that point of the path is
+    used. Without, each knot of the path is pruned to the budgets and debiased by least squares, as
+    is the least-squares solution on all columns of its end; the one of least residual is used.
+    Needs the extra `lars` (scikit-learn). Efron et al. 2004, doi 10.1214/009053604000000067;
+    weights as in Liang et al. 2026, Eq. 25.
     """
 
     penalty: float | None = Field(default=None, gt=0.0, lt=1.0)
-    """As a share of the least penalty at which no column is active; left out: cut by budgets."""
+    """Penalty, as a share of the least one at which no column is active; left out: the path is cut
+    by the budgets."""
     knots: int = Field(default=500, ge=1)
-    """Most points of the path at which a column enters or leaves."""
+    """Largest number of knots of the path, at which a column enters or leaves."""
 
     @model_validator(mode="after")
     def _possible(self) -> "LassoLars":
@@ -32,14 +34,15 @@ class LassoLars(LinearRecovery):
         return self
 
     def recover(self, problem: Penalised) -> Recovered:
-        """x (k,): of the path's end at `penalty`, or the best that keeps the budgets."""
+        """Coefficients x (k,): of the path's end at `penalty`, or the best that keep the
+        budgets."""
         path = self._path(problem)
         if self.penalty is not None:
             return Recovered(path[:, -1])
         return Recovered(min(_candidates(problem, path), key=problem.left))
 
     def _path(self, problem: Penalised) -> FloatArray:
-        """(k, knots) solutions, from no active column on."""
+        """Solutions (k, knots) along the path, from no active column on."""
         from sklearn.exceptions import ConvergenceWarning
         from sklearn.linear_model import lars_path
 
@@ -55,7 +58,7 @@ class LassoLars(LinearRecovery):
 
 
 def _candidates(problem: Penalised, path: FloatArray) -> list[FloatArray]:
-    """Debiased solutions within the budgets, one for each support that the path proposes."""
+    """Debiased solutions within the budgets, one for each support along the path."""
     kept = {k.tobytes(): k for k in (pruned(x, x != 0.0, problem.groups) for x in path.T)}
     most = max(int(k.sum()) for k in kept.values())
     seen = np.linalg.norm(problem.A, axis=0) > 0.0

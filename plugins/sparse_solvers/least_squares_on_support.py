@@ -1,4 +1,4 @@
-"""Least squares on a chosen set of columns, and how the set is widened and pruned."""
+"""Least squares on a support (set of active columns), and how the support is widened and pruned."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,10 +14,10 @@ EPS = float(np.finfo(np.float64).eps)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Linearised:
-    """residual(c + d) = r + J d, with columns scaled to unit length: z = norms * c.
+    """Linearised residual(c + d) = r + J d, with columns scaled to unit length: z = norms * c.
 
-    J (m, k) unit columns, r (m,), z (k,) where it was linearised, norms (k,); a column of
-    zeros keeps norm 0 and stays zero.
+    J (m, k): unit columns; r (m,): residual; z (k,): scaled coefficients at the linearisation
+    point; norms (k,): column norms, 0 for a column of zeros, which stays zero.
     """
 
     J: FloatArray
@@ -40,7 +40,7 @@ class Linearised:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Fit:
-    """Least squares on `active` (k,): z (k,), zero elsewhere, and the residual left (m,).
+    """Least-squares solution on the `active` columns (k,): z (k,), zero elsewhere; residual (m,).
 
     rcond is the reciprocal condition number of the active unit columns.
     """
@@ -56,12 +56,12 @@ class Fit:
 
     @property
     def round_off(self) -> float:
-        """Norm of a residual that is zero but for rounding in its own terms."""
+        """Residual norm up to which a residual is zero within rounding of its terms."""
         return 100.0 * EPS * float(np.linalg.norm(self.z))
 
 
 def fit(linear: Linearised, active: BoolArray, rank_rtol: float) -> Fit | None:
-    """Least squares on the active columns by QR; None when the rows cannot tell them apart."""
+    """Least squares on the active columns by QR; None when they are linearly dependent."""
     columns = np.flatnonzero(active)
     A, z, r = linear.J[:, columns], np.zeros(linear.z.size), linear.r
     gone = np.flatnonzero(~active & (linear.z != 0.0))
@@ -84,9 +84,10 @@ def fit(linear: Linearised, active: BoolArray, rank_rtol: float) -> Fit | None:
 def widened(
     linear: Linearised, base: Fit, groups: Sequence[Group], growth: int | None
 ) -> BoolArray:
-    """The active set and the columns of each group that correlate most with what it leaves.
+    """Mask of the active columns and those of each group that correlate most with the residual of
+    `base`.
 
-    At most `budget` (or `growth`) new columns a group, in all no more than there are rows.
+    At most `budget` (or `growth`) new columns per group, in total no more than there are rows.
     """
     correlation = np.abs(base.residual @ linear.J)
     correlation[base.active] = 0.0
@@ -102,7 +103,8 @@ def widened(
 
 
 def independent(linear: Linearised, base: BoolArray, wide: BoolArray, rtol: float) -> BoolArray:
-    """`wide` without those new columns that depend on the base or, by pivoted QR, on others."""
+    """Mask `wide` without those new columns that depend on the columns of `base` or, by pivoted QR,
+    on each other."""
     added: IntArray = np.flatnonzero(wide & ~base)
     Q = np.linalg.qr(linear.J[:, base])[0]
     new = linear.J[:, added]
@@ -115,7 +117,7 @@ def independent(linear: Linearised, base: BoolArray, wide: BoolArray, rtol: floa
 
 
 def pruned(z: FloatArray, active: BoolArray, groups: Sequence[Group]) -> BoolArray:
-    """The `budget` active entries of each group that are largest after column scaling."""
+    """Mask of the `budget` active entries of each group that are largest after column scaling."""
     kept = active.copy()
     for g in groups:
         if g.budget is not None:

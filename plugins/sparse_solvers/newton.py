@@ -1,4 +1,4 @@
-"""Newton's method on supports: the loop of all sparse solvers, and linear recovery in it."""
+"""Newton's method with changing supports: base classes of the sparse solvers."""
 
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
@@ -40,7 +40,8 @@ from sparsemor.plugins.sparse_solvers.penalised import Penalised
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Recovered:
-    """x (k,) of a `Penalised` problem, or why there is none. Zero: not active."""
+    """Sparse solution x (k,) of a `Penalised` problem, or the status of a failure. Columns with x =
+    0 are not active."""
 
     x: FloatArray
     status: Status = Status.DONE
@@ -48,14 +49,15 @@ class Recovered:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Support:
-    """The active columns that one linearisation led to."""
+    """Active columns found for one linearisation, and the status of the search."""
 
     linear: Linearised
     active: BoolArray
     status: Status
 
     def holds_for(self, other: Linearised) -> bool:
-        """Is the other the same linear problem? Then there is nothing to recover again."""
+        """True if another linearisation is the same linear problem, so that its support is the
+        same."""
         mine, its = self.linear, other
         if not np.array_equal(mine.J, its.J):
             return False
@@ -64,35 +66,38 @@ class Support:
 
 
 Choose = Callable[[Linearised, BoolArray, bool], Fit | Status]
-"""Least squares on the support of the next iterate, from the linearisation at the present one, its
-support, and whether another support may be chosen; or the status of a failure."""
+"""Function of the linearisation at the present iterate, its support, and whether the support may
+change; returns the least-squares fit on the support of the next iterate, or the status of a
+failure."""
 
 
 class SupportNewton(Plugin):
-    """Newton's method whose every step may change the support.
+    """Newton's method in which every step may change the support (set of active columns).
 
-    It ends when neither the support nor c changes. A support that comes back after it was left is a
-    cycle: from then on plain Gauss-Newton on the best support met.
+    It ends when neither the support nor the coefficients change. A support that returns after it
+    was left is a cycle: from then on, plain Gauss-Newton on the best support found.
     """
 
     rtol: float = Field(default=1e-8, gt=0.0, lt=1.0)
-    """Largest step of each group, relative to the group (both scaled by column norms), that
-    ends the iteration."""
+    """Convergence tolerance: step of each group relative to the group's norm (both scaled by column
+    norms)."""
     max_iterations: int = Field(default=100, ge=1)
-    """Linearisations before the solve is given up as not converged: on a support that leaves much
-    of the residual Gauss-Newton contracts slowly."""
+    """Largest number of linearisations; then the solve ends as not converged. On a support that
+    leaves a large residual, Gauss-Newton contracts slowly."""
     rank_rtol: float = Field(default=1e-12, gt=0.0, lt=1.0)
     """Reciprocal condition number at which active columns count as dependent."""
 
     counts_start: ClassVar[bool] = True
-    """Whether the support of the start takes part in cycles."""
+    """True if the initial support takes part in the detection of cycles."""
 
     @abstractmethod
     def chooser(self, groups: Sequence[Group], support: BoolArray) -> Choose:
-        """The choice of supports during one solve that starts on `support`."""
+        """Function that selects the support of the next iterate, for one solve that starts on
+        `support`."""
 
     def solve(self, problem: SparseProblem, start: SparseStart) -> SparseOutcome:
-        """c (k,) and its support. A failure returns the last iterate that was finite."""
+        """Coefficients c (k,), their support and a status. After a failure, the last finite
+        iterate."""
         with np.errstate(all="ignore"):  # overflow is a status here, not a warning
             return self._iterate(problem, *within_budget(problem, start))
 
@@ -126,31 +131,34 @@ class SupportNewton(Plugin):
 
 
 class LinearRecovery(SupportNewton):
-    """Newton's method whose every step recovers a support again, on the linearised problem.
+    """Newton's method in which every step recovers the support again, from the linearised problem.
 
-    1 linearise, columns scaled to unit length; 2 rotate the unpenalised columns out; 3 recover
-    sparse coefficients (`recover`, the only thing that differs between these solvers); 4 keep the
-    `budget` largest of each group; 5 least squares on them and the unpenalised columns
-    (debiasing); repeat. The start gives the point of the first linearisation; its support does not
-    bias the recovery.
+    1 linearise, columns scaled to unit length; 2 eliminate the unpenalised columns by an orthogonal
+    transformation; 3 recover sparse coefficients (`recover`, defined by each subclass); 4 keep the
+    `budget` largest of each group; 5 least squares on them and the unpenalised columns (debiasing);
+    repeat. The initial iterate is the point of the first linearisation; its support does not bias
+    the recovery.
     """
 
     counts_start: ClassVar[bool] = False
 
     @property
     def capabilities(self) -> frozenset[str]:
-        """Names of `core.protocols.sparse_solver`."""
+        """Supported features of problems, keys of
+        `core.protocols.sparse_solver.PROBLEM_FEATURES`."""
         return frozenset(PROBLEM_FEATURES)
 
     @abstractmethod
     def recover(self, problem: Penalised) -> Recovered:
-        """Sparse x with A x = b; more active columns than the budgets allow are pruned later.
+        """Sparse coefficients x (k,) with A x = b; more active columns than budgeted are pruned
+        later.
 
-        A has a column that is not zero, b is not zero.
+        A has a nonzero column, and b is not zero.
         """
 
     def solve(self, problem: SparseProblem, start: SparseStart) -> SparseOutcome:
-        """As in `SupportNewton`. InputError when the problem needs what this solver has not."""
+        """Solution as in `SupportNewton`. Raises InputError when the problem has a feature that
+        this solver does not support."""
         refused = solver_refusal("this problem", self, problem.needs)
         if refused:
             raise InputError(refused)
@@ -172,7 +180,7 @@ class LinearRecovery(SupportNewton):
         return choose
 
     def _support(self, linear: Linearised, groups: Sequence[Group]) -> Support:
-        """Steps 2 to 4. Columns that depend on others are left out, not solved blindly."""
+        """Support after steps 2 to 4. Columns that depend linearly on others are left out."""
         free = always_active(groups, linear.z.size)
         if fit(linear, free, self.rank_rtol) is None:
             return Support(linear, free, Status.RANK_DEFICIENT)

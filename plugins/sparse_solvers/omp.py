@@ -12,17 +12,17 @@ from sparsemor.plugins.sparse_solvers.penalised import DEPENDENT, Penalised
 class OrthogonalMatchingPursuit(LinearRecovery):
     """Orthogonal matching pursuit: adds the column that correlates most with the residual.
 
-    A group whose budget is spent is closed. Own implementation with an updated QR factorisation:
-    scikit-learn's knows neither budgets by group nor columns that are always active, and works on
-    the Gram matrix, which squares the condition number. Pati, Rezaiifar and Krishnaprasad 1993,
-    doi 10.1109/ACSSC.1993.342465; Tropp 2004, doi 10.1109/TIT.2004.834793.
+    A group with as many active columns as its budget gets no more. Own implementation with an
+    updated QR factorisation: that of scikit-learn has neither budgets by group nor columns that are
+    always active, and works on the Gram matrix, which squares the condition number. Pati, Rezaiifar
+    and Krishnaprasad 1993, doi 10.1109/ACSSC.1993.342465; Tropp 2004, doi 10.1109/TIT.2004.834793.
     """
 
     tolerance: float = Field(default=1e-12, ge=0.0, lt=1.0)
-    """Residual, relative to the right-hand side, at which no more columns are added."""
+    """Residual norm, relative to the right-hand side, at which no more columns are added."""
 
     def recover(self, problem: Penalised) -> Recovered:
-        """x (k,) of least residual on the columns chosen."""
+        """Coefficients x (k,) of least squares on the chosen columns."""
         A, b = problem.A, problem.b
         open_, room = np.linalg.norm(A, axis=0) > 0.0, [g.budget or 0 for g in problem.groups]
         owner = np.repeat(np.arange(len(room)), [g.stop - g.start for g in problem.groups])

@@ -1,5 +1,5 @@
-"""Why a support stays as long as the Gram matrix is the same: functions of slope and c, and
-what steps that follow each other most often refuse alike."""
+"""Certificates that a support stays while the Gram matrix is the same: linear functions of slope
+(half the gradient) and coefficients, and the latest rejected exchanges."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,13 +14,16 @@ from sparsemor.plugins.sparse_solvers.gram import Move
 from sparsemor.plugins.sparse_solvers.hard_thresholding import Largest, Tolerance
 
 KEPT = 4
-"""Reasons kept at once: where two proposals are close to each other, they come in turn."""
+"""Number of rejected exchanges kept: where two proposed supports are close, they alternate."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OfAll:
-    """All columns take part: values (k,) are sizes of their least squares; order: the support's
-    are the largest."""
+    """Certificate of a support if all columns are candidates.
+
+    Values (k,), slope @ (slope of the problem) + c @ (its coefficients), are the least-squares
+    solution on all columns; order: test that the support's entries are the largest.
+    """
 
     slope: FloatArray
     c: FloatArray
@@ -40,9 +43,12 @@ class OfAll:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OfJoined:
-    """Those take part that correlate most with what the support leaves: values are these
-    correlations of all columns outside the support, then sizes of least squares on all columns. On
-    fewer columns they are less by what makes the others vanish: some of the inverse's columns."""
+    """Certificate of a support if the candidates are the columns most correlated with its residual.
+
+    Values: correlations of all columns outside the support, followed by the least-squares solution
+    on all columns. The solution on fewer columns follows by subtracting the columns of the inverse
+    Gram matrix that make the other entries vanish.
+    """
 
     slope: FloatArray
     c: FloatArray
@@ -56,7 +62,8 @@ class OfJoined:
         cls, gram: FloatArray, own: FloatArray, inverse: FloatArray, lengths: FloatArray,
         order: Largest, others: Others,
     ) -> "OfJoined":
-        """gram, own (inverse on the support), inverse (k, k), all in whole."""
+        """Certificate from the Gram matrix, its inverse on the support (`own`) and on all columns,
+        each (k, k) with both triangles."""
         outside, k = np.concatenate(others.columns), len(lengths)
         left = ((np.eye(k) - gram @ own) / lengths[:, None])[outside]
         ends = np.cumsum([0, *map(len, others.columns)]).tolist()
@@ -91,8 +98,10 @@ class OfJoined:
 
 
 class Refusal(NamedTuple):
-    """The columns that are largest (order) in the least squares on all of them are the support's
-    own (move None), or fit no better: `kept`."""
+    """Rejected exchange of a support for `kept`, the columns that `order` tests to be the largest.
+
+    Either `kept` is the support itself (move None), or least squares on it fits no better.
+    """
 
     kept: BoolArray
     order: Largest
@@ -100,7 +109,7 @@ class Refusal(NamedTuple):
 
 
 class Refusals:
-    """The last ones of one support and Gram matrix, the latest first."""
+    """Latest rejected exchanges of one support and Gram matrix, the most recent first."""
 
     def __init__(self) -> None:
         self._at: Quadratic | None = None
@@ -117,6 +126,6 @@ class Refusals:
         self.kept = [why, *self.kept[: KEPT - 1]]
 
     def first(self, why: Refusal) -> None:
-        """It was met again."""
+        """Moves a rejected exchange that recurred to the front."""
         if why is not self.kept[0]:
             self.kept = [why, *(k for k in self.kept if k is not why)]

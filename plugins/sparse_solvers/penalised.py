@@ -1,4 +1,4 @@
-"""A linearised problem without its unpenalised columns, and which of the others stay active."""
+"""Linearised problem after elimination of its unpenalised columns."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,31 +12,33 @@ from sparsemor.plugins.sparse_solvers.iterates import always_active
 from sparsemor.plugins.sparse_solvers.least_squares_on_support import EPS, Linearised
 
 DEPENDENT = 1e-10
-"""Share of a unit column that must be left next to other columns, or it counts as one of them."""
+"""Norm of a unit column's part outside the span of other columns, at or below which it counts as
+dependent."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Penalised:
-    """Find sparse x (k,) with A x = b. A (m, k), b (m,); every group has a budget.
+    """Linear problem whose columns are all penalised: sparse x (k,) with A x = b, A (m, k), b (m,).
 
-    The unpenalised columns J_f = Q [R; 0] are rotated out: A, b are the rows of Q^T J and
-    Q^T (J z - r) below R, so that whatever x is, the free unknowns fit the rows above exactly.
-    Where more rows than columns are left, A = Q [R; 0] once more: R x = Q^T b is the best fit of
-    all columns, and the rest of b is what none of them explains. Neither changes a correlation,
-    nor which x fits better. Columns keep the scale of `Linearised`, unit length before the
-    rotations: what a free column explains as well is worth less. A column that no row sees,
-    that depends on the free ones, or whose group may have no active column, is zero.
+    Every group has a budget, its largest number of active columns. The unpenalised columns J_f = Q
+    [R; 0] are eliminated: A, b are the rows of Q^T J and Q^T (J z - r) below R, so that for every x
+    the unpenalised unknowns satisfy the rows above exactly. Where more rows than columns are left,
+    A = Q [R; 0] is reduced once more: R x = Q^T b is the best fit of all columns, and the rest of b
+    is independent of x. Neither changes a correlation, nor which x fits better. Columns keep the
+    scale of `Linearised`, unit length before the elimination: the part of a column that unpenalised
+    ones explain has no weight. A column of zeros, one that depends on the unpenalised ones, and one
+    whose group has budget 0, is zero.
     """
 
     A: FloatArray
     b: FloatArray
     groups: tuple[Group, ...]
     columns: IntArray
-    """(k,) positions in the whole problem."""
+    """Positions (k,) of the columns in the whole problem."""
 
     @classmethod
     def of(cls, linear: Linearised, groups: Sequence[Group]) -> "Penalised":
-        """The free columns must be independent."""
+        """Penalised part of a linearised problem, whose unpenalised columns must be independent."""
         free = always_active(groups, linear.z.size)
         columns = np.flatnonzero(~free)
         target = linear.J @ linear.z - linear.r
@@ -67,24 +69,26 @@ class Penalised:
 
     @property
     def budgets(self) -> IntArray:
-        """(k,) budget of each column's group."""
+        """Budget (k,) of each column's group."""
         counts = [(g.budget or 0, g.stop - g.start) for g in self.groups]
         return np.repeat([n for n, _ in counts], [w for _, w in counts]).astype(np.int64)
 
     def least_squares(self, active: BoolArray) -> FloatArray:
-        """x (k,) of least residual on the active columns; of least norm where that is not one."""
+        """Least-squares solution x (k,) on the active columns; of least norm where it is not
+        unique."""
         x = np.zeros(active.size)
         if active.any():
             x[active] = np.linalg.lstsq(self.A[:, active], self.b, rcond=DEPENDENT)[0]
         return x
 
     def left(self, x: FloatArray) -> float:
-        """Norm of the residual."""
+        """Norm of the residual b - A x."""
         return float(np.linalg.norm(self.b - self.A @ x))
 
 
 def _best_fit(A: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """As many rows as A has independent columns: A x = b there is least squares in all rows."""
+    """Problem with as many rows as A has independent columns, whose solutions are the least-squares
+    solutions of A x = b."""
     Q, R, order = linalg.qr(A, mode="economic", pivoting=True, check_finite=False)
     rank = int(np.count_nonzero(np.abs(np.diag(R)) > DEPENDENT))
     fitted = np.zeros((rank, A.shape[1]))
@@ -93,5 +97,5 @@ def _best_fit(A: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def weights(problem: Penalised) -> FloatArray:
-    """(k,) of the l1 norm: one over the budget of the column's group, as in Eq. 25."""
+    """Weights (k,) of the l1 norm: 1 / budget of the column's group (Liang et al. 2026, Eq. 25)."""
     return np.asarray(1.0 / np.maximum(problem.budgets, 1))

@@ -1,7 +1,7 @@
-"""The exchange of greedy Gauss-Newton where the residual is linear, from its Gram matrix.
+"""Fast test whether greedy Gauss-Newton exchanges columns, where the residual is linear.
 
-Fits are compared by their difference to the solution of the step, so that squared norms do not
-lose the digits that decide.
+It uses the Gram matrix of the residual's columns. Fits are compared by their difference to the
+solution of the time step, so that squared norms keep the digits that decide.
 """
 
 from collections.abc import Sequence
@@ -34,11 +34,15 @@ from sparsemor.plugins.sparse_solvers.optimality_certificates import (
 
 TINY, UNKNOWN = 1e-300, GramError(np.inf, np.inf)
 FEW_WAYS = 4
-"""Proposals that may be meant and are still tried, all of them."""
+"""Largest number of supports that are all tried where the largest entries are uncertain."""
 
 
 class Rule(NamedTuple):
-    """The options of the solver that decide an exchange."""
+    """Options of the solver that decide an exchange.
+
+    everyone: True if all columns are candidates; growth, gain, hysteresis: as in
+    `GreedyGaussNewton`; exchanges: largest number of exchanges.
+    """
 
     everyone: bool
     growth: int | None
@@ -48,14 +52,15 @@ class Rule(NamedTuple):
 
 
 class Proposal(NamedTuple):
-    """Columns that may be better than the support; order: what makes them the largest."""
+    """Proposed support `kept`; order: test that its entries are the largest, if there is one."""
 
     kept: BoolArray
     order: Largest | None
 
 
 class ExchangeScreen:
-    """Implements `Screen`. What it keeps between steps only saves work."""
+    """Fast test of exchanges (protocol `core.protocols.sparse_solver.Screen`); its caches affect
+    the speed only."""
 
     def __init__(self, rule: Rule, groups: Sequence[Group], seen: BoolArray, rows: int) -> None:
         self.rule, self.groups, self.seen, self.rows = rule, tuple(groups), seen, rows
@@ -66,7 +71,8 @@ class ExchangeScreen:
         self.fits = Fits(self.factors)
 
     def stays(self, at: Quadratic, support: BoolArray) -> bool:
-        """See `core.protocols.sparse_solver.Screen`."""
+        """True if the solver would certainly end on the support (protocol
+        `core.protocols.sparse_solver.Screen`)."""
         if self.stands(at, support):
             return True
         if not self.rule.everyone and self.joining.share(support) < 1.0:
@@ -81,7 +87,8 @@ class ExchangeScreen:
         return True
 
     def reason(self, at: Quadratic, support: BoolArray) -> Reason | None:
-        """See `core.protocols.sparse_solver.Screen`."""
+        """Certificate that the support stays, None if there is none (protocol
+        `core.protocols.sparse_solver.Screen`)."""
         order, others = self._largest(support), self.joining.others(support)
         inverse = self.factors.inverse(at, self.seen)
         if order is None or others is None or inverse is None:
@@ -95,7 +102,8 @@ class ExchangeScreen:
             whole, own, inverse, at.lengths, order, others)
 
     def settle(self, at: Quadratic, support: BoolArray) -> BoolArray | None:
-        """See `core.protocols.sparse_solver.Screen`."""
+        """Support on which the solver would end, None if uncertain (protocol
+        `core.protocols.sparse_solver.Screen`)."""
         if self.stands(at, support):
             return support
         found = self._settled(at, support)
@@ -104,7 +112,9 @@ class ExchangeScreen:
         return found
 
     def unlike(self, old: Quadratic, new: Quadratic, support: BoolArray) -> GramError:
-        """See `Screen`: of sizes near the threshold of each group, and of a rise."""
+        """Bound on the error of `old` for `new`: of sizes near the threshold of each group, and of
+        the rise of the squared norm by an exchange (protocol
+        `core.protocols.sparse_solver.Screen`)."""
         seen: list[list[FloatArray]] = []
         rises: list[tuple[float, float]] = []
         kept = support
@@ -126,7 +136,8 @@ class ExchangeScreen:
             new.error.gram * abs(b - a) / max(error, TINY))
 
     def stands(self, at: Quadratic, support: BoolArray) -> bool:
-        """Is one of the last reasons why the support stays true again?"""
+        """True if one of the latest rejections of an exchange holds again, so that the support
+        stays."""
         reasons = self.refusals.of(at, support)
         found = self._sizes(at, self.seen) if reasons else None
         if found is None:
@@ -144,7 +155,8 @@ class ExchangeScreen:
         return False
 
     def _refused(self, at: Quadratic, support: BoolArray, what: Proposal) -> None:
-        """Steps that follow with the same Gram matrix most often refuse the same."""
+        """Records a rejected exchange: later steps with the same Gram matrix most often reject it
+        again."""
         if not self.rule.everyone or what.order is None:
             return
         same = what.kept is support or np.array_equal(what.kept, support)
@@ -153,7 +165,7 @@ class ExchangeScreen:
             self.refusals.remember(at, support, Refusal(what.kept, what.order, move))
 
     def _settled(self, at: Quadratic, support: BoolArray) -> BoolArray | None:
-        """Subspace pursuit until the support reproduces itself."""
+        """Support on which subspace pursuit ends; None if uncertain."""
         now, rule = support, self.rule
         if rule.everyone and self.fits.never_valid(at, support, self.seen, rule.hysteresis):
             return support
@@ -168,7 +180,7 @@ class ExchangeScreen:
     def _exchange(
         self, at: Quadratic, support: BoolArray, gain: float
     ) -> BoolArray | None:
-        """The support after one exchange, the same object if none is taken, None if unsure.
+        """Support after one exchange, the same object if none is accepted, None if uncertain.
 
         Where an intermediate choice is closer than the tolerance, both branches are followed; they
         have to end on the same support.
@@ -193,7 +205,8 @@ class ExchangeScreen:
     def _proposals(
         self, at: Quadratic, support: BoolArray, found: Sizes, gain: float
     ) -> Sequence[Proposal] | None:
-        """The `budget` largest of each group, in all ways that may be meant; None: too many."""
+        """Supports of the `budget` largest of each group, all that are possible within the
+        tolerance; None: too many."""
         # what was proposed in the last step is most often proposed again
         for likely in (self._proposed, support):
             if likely is not None and self._is_largest(found, likely):
@@ -212,7 +225,7 @@ class ExchangeScreen:
         return [Proposal(way, None) for way in ways]
 
     def _proposal(self, likely: BoolArray) -> Sequence[Proposal]:
-        """The only one."""
+        """Sequence with a single proposed support, which is tried first in the next step."""
         self._proposed = likely
         return (Proposal(likely, self._largest(likely)),)
 
@@ -223,14 +236,15 @@ class ExchangeScreen:
         return self._order[key]
 
     def _is_largest(self, found: Sizes, support: BoolArray) -> bool:
-        """Are the active entries of each group its largest, for sure?"""
+        """True if the active entries of each group are certainly its largest."""
         order = self._largest(support)
         return order is not None and order.holds(found.sizes, found.close)
 
     def _unions(
         self, at: Quadratic, support: BoolArray
     ) -> Sequence[BoolArray] | None:
-        """The support and the columns that correlate most with what it leaves, or all columns."""
+        """Masks of the support and its candidates: all columns, or those that correlate most with
+        its residual; None if uncertain."""
         if self.rule.everyone:
             return (self.seen,)
         found = self._correlations(at, support)
@@ -239,7 +253,8 @@ class ExchangeScreen:
         return self.joining.unions(found, support)
 
     def _correlations(self, at: Quadratic, support: BoolArray) -> Sizes | None:
-        """(k,) of all columns with what least squares on the support leaves, zero on it."""
+        """Correlations (k,) of all columns with the residual of least squares on the support, zero
+        on it; None for nearly dependent columns."""
         own = self.factors.fitted(at, support)
         if own is None:
             return None
@@ -252,7 +267,8 @@ class ExchangeScreen:
             at.error.sizes, EPS * len(full) * sqrt(float(step.dot(step)))))
 
     def _sizes(self, at: Quadratic, union: BoolArray) -> Sizes | None:
-        """Of the coefficients of least squares on `union`, zero elsewhere; c is zero there, too."""
+        """Sizes (k,) of the least-squares coefficients on `union`, zero elsewhere, as c must be;
+        None for nearly dependent columns."""
         own = self.factors.fitted(at, union)
         if own is None:
             return None
@@ -267,7 +283,7 @@ class ExchangeScreen:
 
 
 def _without(at: Quadratic, columns: IntArray) -> Quadratic:
-    """The same where these coefficients are zero."""
+    """Quadratic form `at` after these coefficients are set to zero."""
     c, step = at.c.copy(), np.zeros(len(at.c))
     c[columns], step[columns] = 0.0, -at.c[columns]
     bent = blas.dsymv(1.0, at.gram, step)

@@ -1,4 +1,5 @@
-"""Packaged studies: names that `study` knows. Each sets one part against its alternatives."""
+"""Packaged studies (parameter variations of one scene) by name: each compares the alternatives of
+one component."""
 
 from pathlib import Path
 
