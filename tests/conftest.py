@@ -148,7 +148,7 @@ def pytest_configure(config: pytest.Config) -> None:
         config.pluginmanager.register(CpuLimit(limit), "cpu_limit")
 
 
-def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+def pytest_terminal_summary(terminalreporter: "pytest.TerminalReporter") -> None:
     """Names long files of the product, and fails nothing: a file is one concept, and is looked at
     again where it is long, never cut to fit a number."""
     folders = ("core", "bodies", "integrators", "reducers", "plugins")
