@@ -60,6 +60,7 @@ if TYPE_CHECKING:
     from sparsemor.core.notes import Note as Note
     from sparsemor.core.notes import information as information
     from sparsemor.core.protocols import *
+    from sparsemor.core.protocols.integrator import step_formula as step_formula
     from sparsemor.core.protocols.load_tables import projected_tables as projected_tables
     from sparsemor.core.protocols.load_tables import total_load as total_load
     from sparsemor.core.protocols.load_tables import total_load_along as total_load_along
@@ -75,6 +76,7 @@ if TYPE_CHECKING:
     from sparsemor.core.protocols.separable import amplitudes_along as amplitudes_along
     from sparsemor.core.protocols.separable import evaluate_amplitudes as evaluate_amplitudes
     from sparsemor.core.protocols.sparse_solver import solver_refusal as solver_refusal
+    from sparsemor.core.protocols.step_solver import advanced as advanced
     from sparsemor.core.protocols.step_solver import resultant_sources as resultant_sources
     from sparsemor.core.protocols.step_solver import (
         unavailable_resultants as unavailable_resultants,
@@ -131,13 +133,14 @@ _HOMES = {
     "model.model": ("distinct_names",),
     "model.moving_loads": ("loaded_columns",),
     "notes": ("Note", "information"),
+    "protocols.integrator": ("step_formula",),
     "protocols.load_tables": ("projected_tables", "total_load", "total_load_along"),
     "protocols.poses": ("FREE_POSE", "PLANAR_POSE", "SPINNING_POSE", "points_in_space",
         "vectors_in_space"),
     "protocols.prescribed_quantities": ("derivative_from_right", "time_derivatives"),
     "protocols.separable": ("amplitudes_along", "evaluate_amplitudes"),
     "protocols.sparse_solver": ("solver_refusal",),
-    "protocols.step_solver": ("resultant_sources", "unavailable_resultants"),
+    "protocols.step_solver": ("advanced", "resultant_sources", "unavailable_resultants"),
     "registry.hooks": ("RunStart", "hookimpl"),
     "registry.optional_packages": ("require",),
     "registry.plugin": ("Plugin",),

@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from sparsemor.core import FloatArray, Layout, Plugin, State, StepFormula
+from sparsemor.core import Layout, Plugin, State, UpdateRule, UpdateRules
 
 
 class Bdf1(Plugin):
-    """Implicit Euler (BDF1), first order: v = (x - x0)/h, a = (x - x0 - h v0)/h^2.
+    """Implicit Euler (BDF1), first order: v = v0 + h a, x = x0 + h v with a, v at the new time.
 
     Stable for every step. An oscillation of angular frequency w keeps the fraction
     1/sqrt(1 + w^2 h^2) of its amplitude in each step.
@@ -23,17 +23,8 @@ class Bdf1(Plugin):
         history."""
         return replace(state, memory=np.zeros((state.x.size, 0)))
 
-    def formula(self, layout: Layout, state: State, h: float) -> StepFormula:
-        """Coefficients of v = c1 x + r1 and a = c2 x + r2 at the new time state.t + h; h: step,
-        s."""
-        c1 = 1.0 / h
-        c2 = c1 * c1
-        r1 = -c1 * state.x
-        return StepFormula(state.t + h, c1, c2, c1, r1, c1 * (r1 - state.v))
-
-    def advance(
-        self, layout: Layout, state: State, formula: StepFormula, x: FloatArray, h: float
-    ) -> State:
-        # x - x0 first: c1 x + r1 would round at eps x/h
-        v = (x - state.x) * formula.c1
-        return State(formula.t, x, v, (v - state.v) * formula.c1, state.memory)
+    def rules(self, h: float) -> UpdateRules:
+        """Update rules in x, v, a of a step of size h, s."""
+        return UpdateRules(
+            UpdateRule(np.array([h * h, h, 1.0]), np.array([[1.0, h, 0], [0, 1, 0], [0, 0, 0]])),
+            UpdateRule(np.array([h, 1.0, 0.0]), np.array([[1.0, 0, 0], [0, 0, 0], [0, 0, 0]])))

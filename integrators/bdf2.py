@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from sparsemor.core import FloatArray, Layout, Plugin, State, StepFormula
+from sparsemor.core import FloatArray, Layout, Plugin, State, UpdateRule, UpdateRules
 
 
 class Bdf2(Plugin):
@@ -31,35 +31,21 @@ class Bdf2(Plugin):
         rates."""
         return replace(state, memory=np.zeros((state.x.size, 2)))
 
-    def formula(self, layout: Layout, state: State, h: float) -> StepFormula:
-        """Coefficients of v = c1 x + r1 and a = c2 x + r2 at the new time state.t + h; h: step,
-        s."""
-        c1 = 1.5 / h
-        part = slice(0, layout.algebraic.start)
-        r1, r2 = np.zeros(state.x.size), np.zeros(state.x.size)
-        dx, dv = _differences(state, part, h)
-        r1[part] = -c1 * state.x[part] - dx / (2.0 * h)
-        r2[part] = c1 * (r1[part] - state.v[part]) - dv / (2.0 * h)
-        return StepFormula(state.t + h, c1, c1 * c1, c1, r1, r2)
+    def rules(self, h: float) -> UpdateRules:
+        """Update rules in x, v, a and the two columns of the memory, of a step of size h, s."""
+        x0, v0, a0, m0, m1 = np.eye(5)
+        backward = h * (v0 - 0.5 * h * a0) - m0  # x0 - x_
+        slower = h * a0 - m1  # v0 - v_
+        gain = 2.0 * h / 3.0
 
-    def advance(
-        self, layout: Layout, state: State, formula: StepFormula, x: FloatArray, h: float
-    ) -> State:
-        part = slice(0, layout.algebraic.start)
-        v, a, memory = np.zeros(x.size), np.zeros(x.size), np.zeros((x.size, 2))
-        before, speed = _differences(state, part, h)
-        # differences first: c1 x + r1 would round at eps x/h
-        dx = x[part] - state.x[part]
-        v[part] = (3.0 * dx - before) / (2.0 * h)
-        dv = v[part] - state.v[part]
-        a[part] = (3.0 * dv - speed) / (2.0 * h)
-        memory[part, 0] = h * (v[part] - (0.5 * h) * a[part]) - dx
-        memory[part, 1] = h * a[part] - dv
-        return State(formula.t, x, v, a, memory)
+        def rule(v: FloatArray, dv: float, a: FloatArray, da: float) -> UpdateRule:
+            """Rule for rates v + dv q and a + da q at the new time."""
+            x, dx = x0 + gain * v + backward / 3.0, gain * dv
+            old = np.array([x, v, a, h * (v - 0.5 * h * a) - (x - x0), h * a - (v - v0)])
+            new = np.array([dx, dv, da, h * (dv - 0.5 * h * da) - dx, h * da - dv])
+            return UpdateRule(new, old)
 
-
-def _differences(state: State, part: slice, h: float) -> tuple[FloatArray, FloatArray]:
-    """Backward differences x0 - x_ and v0 - v_ of the unknowns that have rates (not of
-    multipliers)."""
-    v, a, memory = state.v[part], state.a[part], state.memory[part]
-    return h * (v - (0.5 * h) * a) - memory[:, 0], h * a - memory[:, 1]
+        zero = np.zeros(5)
+        second = rule(v0 + slower / 3.0, gain, zero, 1.0)
+        first = rule(zero, 1.0, (-v0 - slower / 3.0) / gain, 1.0 / gain)
+        return UpdateRules(second, first)

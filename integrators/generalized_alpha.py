@@ -7,7 +7,16 @@ from typing import NamedTuple
 import numpy as np
 from pydantic import Field
 
-from sparsemor.core import FloatArray, Layout, Note, Plugin, State, StepFormula, joints_with_forces
+from sparsemor.core import (
+    FloatArray,
+    Layout,
+    Note,
+    Plugin,
+    State,
+    UpdateRule,
+    UpdateRules,
+    joints_with_forces,
+)
 
 UNDAMPED = 0.95
 """Largest rho_inf for which errors of joint forces decay within some hundred steps."""
@@ -70,41 +79,22 @@ class GeneralizedAlpha(Plugin):
         memory[layout.first, 0] = state.v[layout.first]
         return replace(state, memory=memory)
 
-    def formula(self, layout: Layout, state: State, h: float) -> StepFormula:
-        """Coefficients of v = c1 x + r1 and a = c2 x + r2 at the new time state.t + h; h: step,
-        s."""
+    def rules(self, h: float) -> UpdateRules:
+        """Update rules in x, v, a and b (or s), of a step of size h, s."""
         am, af, gamma, beta = self._second()
-        r1, r2 = np.zeros(state.x.size), np.zeros(state.x.size)
-        part = layout.second
-        v, b = state.v[part], state.memory[part, 0]
-        c1, c2 = gamma / (beta * h), (1.0 - am) / ((1.0 - af) * beta * h * h)
-        q = state.x[part] + h * (v + (h * (0.5 - beta)) * b)
-        r1[part] = v + (h * (1.0 - gamma)) * b - c1 * q
-        r2[part] = (am / (1.0 - af)) * b - (af / (1.0 - af)) * state.a[part] - c2 * q
-
+        x, v, a, b = np.eye(4)
+        b1, db = _blended(am, af, a, b)
+        second = UpdateRule(
+            np.array([h * h * beta * db, h * gamma * db, 1.0, db]),
+            np.array([x + h * v + h * h * ((0.5 - beta) * b + beta * b1),
+                      v + h * ((1.0 - gamma) * b + gamma * b1), 0.0 * a, b1]))
         am, af, gamma = self._first()
-        part = layout.first
-        s = state.memory[part, 0]
-        c1_first = (1.0 - am) / ((1.0 - af) * gamma * h)
-        q = state.x[part] + (h * (1.0 - gamma)) * s
-        r1[part] = (am / (1.0 - af)) * s - (af / (1.0 - af)) * state.v[part] - c1_first * q
-        return StepFormula(state.t + h, c1, c2, c1_first, r1, r2)
-
-    def advance(
-        self, layout: Layout, state: State, formula: StepFormula, x: FloatArray, h: float
-    ) -> State:
-        v, a, memory = np.zeros(x.size), np.zeros(x.size), np.zeros((x.size, 1))
-        am, af, _, _ = self._second()
-        part = layout.second
-        v[part] = formula.c1 * x[part] + formula.r1[part]
-        a[part] = formula.c2 * x[part] + formula.r2[part]
-        memory[part, 0] = _blended(am, af, a[part], state.a[part], state.memory[part, 0])
-
-        am, af, _ = self._first()
-        part = layout.first
-        v[part] = formula.c1_first * x[part] + formula.r1[part]
-        memory[part, 0] = _blended(am, af, v[part], state.v[part], state.memory[part, 0])
-        return State(formula.t, x, v, a, memory)
+        b1, db = _blended(am, af, v, b)
+        zero = np.zeros(4)
+        first = UpdateRule(
+            np.array([h * gamma * db, 1.0, 0.0, db]),
+            np.array([x + h * ((1.0 - gamma) * b + gamma * b1), zero, zero, b1]))
+        return UpdateRules(second, first)
 
     def _second(self) -> _Second:
         rho = self.rho_inf
@@ -118,6 +108,9 @@ class GeneralizedAlpha(Plugin):
         return _First(am, af, 0.5 + af - am)
 
 
-def _blended(am: float, af: float, new: FloatArray, old: FloatArray, b: FloatArray) -> FloatArray:
-    """The algorithmic rate b1 at the new time from (1 - am) b1 + am b = (1 - af) new + af old."""
-    return ((1.0 - af) * new + af * old - am * b) / (1.0 - am)
+def _blended(
+    am: float, af: float, old: FloatArray, b: FloatArray
+) -> tuple[FloatArray, float]:
+    """The algorithmic rate b1 at the new time from (1 - am) b1 + am b = (1 - af) q + af old: its
+    part without the new rate q, and the factor of q."""
+    return (af * old - am * b) / (1.0 - am), (1.0 - af) / (1.0 - am)

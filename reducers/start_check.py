@@ -49,8 +49,8 @@ def _objection(model: AssembledModel, h: float, start: State) -> str:
     second[layout.second] = 1.0
     end = x + second * (h * v + 0.5 * h * h * a)
     c1 = 1.0 / h
-    step = StepFormula(start.t + h, c1, 0.0, c1, v + h * a - c1 * end, 0.0 * x)
+    step = StepFormula(start.t + h, c1, c1 * c1, c1, layout, 0.0 * x, 0.0 * x)
     found = rejected_step(
-        StepOutcome(end, Status.DONE, 0), checked((t, t.columns) for t in model.terms), step,
-        layout)
+        StepOutcome(end, Status.DONE, 0, rates=(v + h * a, a)),
+        checked((t, t.columns) for t in model.terms), step)
     return "" if found.status.ok else found.detail

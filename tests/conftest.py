@@ -66,11 +66,8 @@ class Still(Plugin):
     def start(self, layout, state):
         return state
 
-    def formula(self, layout, state, h):
+    def rules(self, h):
         raise NotImplementedError
-
-    def advance(self, layout, state, formula, x, h):
-        return state
 
 
 class Prepares(Plugin):

@@ -112,23 +112,21 @@ class SpatialFrame(ItemFrame[SpatialItem]):
         out.finish(m)
 
     def drive(
-        self, y: FloatArray, v: FloatArray, a: FloatArray, c1: float, c2: float, t: float,
-        work: FrameWork,
+        self, y: FloatArray, v: FloatArray, a: FloatArray, t: float, work: FrameWork
     ) -> None:
         out = work.views
         if not isinstance(out, Sums):
             out = work.views = Sums(work, self.size)
-        m = Motion(self.size, y, v, a, c1, c2, t, derivatives=False)
+        m = Motion(self.size, y, v, a, 0.0, 0.0, t, derivatives=False)
         for item, j in self._pushing():
             item.push(m, j, out)
 
     def drive_along(
-        self, y: FloatArray, v: FloatArray, a: FloatArray, c1: float, c2: float,
-        times: FloatArray,
+        self, y: FloatArray, v: FloatArray, a: FloatArray, times: FloatArray
     ) -> FloatArray:
         """(T, 2 g + p) loads on the displacements under prescribed motion at all times (T,), s, at
         once: as `drive` at each."""
-        m = MotionAtTimes(self.size, y, v, a, c1, times)
+        m = MotionAtTimes(self.size, y, v, a, times)
         out = Pushes(len(times), self.p, self.generators)
         for item, j in self._pushing():
             item.push(m, j, out)

@@ -94,8 +94,7 @@ class Inertia:
         if not m.elastic:
             return self.moment, self.tensor, spin.dot(self.moment), None, 0.0
         first = slice(j, j + FIRST)
-        s, c1, c2 = m.s[first], m.c1, m.c2
-        z, z1, z2 = self.moment + s, c1 * s + m.s1[first], c2 * s + m.s2[first]
+        z, z1, z2 = self.moment + m.s[first], m.s1[first], m.s2[first]
         N, N1, N2 = self._moments(m, j)
         tensor, axial = self.moments.tensor, self.moments.axial
         on_w = 2.0 * tensor.dot(N1)  # as J of (z, z), with the factor of 2 w x u'
@@ -106,10 +105,8 @@ class Inertia:
         """(g,) each: second moments z.M_g z, z.M_g u', z.M_g u''."""
         g, signs = self.moments.count, self.moments.signs
         at = slice(j + FIRST, j + FIRST + g)
-        s, s1, s2, c1, c2 = m.s[at], m.s1[at], m.s2[at], m.c1, m.c2
-        return (self.second + self.moments.symmetric * s + m.form,
-                signs * (c1 * s + s1) + c1 * m.form + m.forms[:g],
-                signs * (c2 * s + s2) + c2 * m.form + m.forms[g:])
+        return (self.second + self.moments.symmetric * m.s[at] + m.form,
+                signs * m.s1[at] + m.forms[:g], signs * m.s2[at] + m.forms[g:])
 
     def push(self, m: Moved, j: int, out: Pushed) -> None:
         """Inertia loads on the displacements, without derivatives."""
@@ -118,7 +115,7 @@ class Inertia:
         out.sigma[..., j:at] = m.in_body(m.acc)
         out.sigma[..., at : at + k.count] = factors
         twice = 2.0 * m.w.dot(k.turn.T)  # 2 w~ as a sum of the B_g
-        out.coefficients[..., : k.count] = factors + m.c1 * twice
+        out.coefficients[..., : k.count] = factors
         out.coefficients[..., k.count : 2 * k.count] = twice
 
     def _on_displacements(

@@ -19,11 +19,11 @@ class MotionAtTimes:
     __slots__ = ("A", "acc", "al", "c1", "times", "w")
 
     def __init__(
-        self, size: int, y: FloatArray, v: FloatArray, a: FloatArray, c1: float, times: FloatArray
+        self, size: int, y: FloatArray, v: FloatArray, a: FloatArray, times: FloatArray
     ) -> None:
         """y, v, a (T, b): rigid coordinates and multipliers with their rates, position first; size:
         number of rigid coordinates."""
-        self.c1, self.times, self.acc, at = c1, times, a[:, :3], slice(3, size)
+        self.times, self.acc, at = times, a[:, :3], slice(3, size)
         turned = _freely if size - 3 == Free.size else _about_z
         self.A, self.w, self.al = turned(y[:, at], v[:, at], a[:, at])
 
@@ -51,7 +51,7 @@ class Pushes:
 
 
 Moved = Motion | MotionAtTimes
-"""Frame motion at one time or at many, with in_body, factor, tabled, w, al, acc, c1."""
+"""Frame motion at one time or at many, with in_body, factor, tabled, w, al, acc."""
 Pushed = Sums | Pushes
 
 

@@ -1,7 +1,7 @@
 """Motion data of one evaluation of a spatial frame, and the arrays to which its items add.
 
 Vectors with the index b are in body axes. Derivatives by the n attitude coordinates q are for fixed
-history terms r1, r2 of the time integration: v = c1 x + r1, a = c2 x + r2.
+step formula of the time integration: dv = c1 dx, da = c2 dx.
 """
 
 import numpy as np

@@ -47,12 +47,11 @@ class PlanarFrame(ItemFrame[PlanarItem]):
         out.write(total)
 
     def drive(
-        self, y: FloatArray, v: FloatArray, a: FloatArray, c1: float, c2: float, t: float,
-        work: FrameWork,
+        self, y: FloatArray, v: FloatArray, a: FloatArray, t: float, work: FrameWork
     ) -> None:
         # its derivatives are a few complex numbers, not worth a second way through the items
         s, form = np.zeros(self.p), np.zeros(self.generators)
-        self.evaluate(y, v, a, c1, c2, s, s, s, form, np.zeros(2 * len(form)), t, work)
+        self.evaluate(y, v, a, 0.0, 0.0, s, s, s, form, np.zeros(2 * len(form)), t, work)
 
     def exact(
         self, v: FloatArray, a: FloatArray, c1: float, c2: float, work: FrameWork

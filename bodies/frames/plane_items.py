@@ -65,13 +65,11 @@ class Inertia:
         turn."""
         if not m.s:
             return self.moment, 0j, 0j, self.inertia, 0.0, 0.0
-        s, c1, c2, form, forms = m.s, m.c1, m.c2, m.form, m.forms
-        a, b = s[j], s[j + 1]
+        s, form, forms = m.s, m.form, m.forms
         return (
-            self.moment + a, c1 * a + m.s1[j], c2 * a + m.s2[j],
-            self.inertia + 2 * b.real + form[0],
-            c1 * (b.real + form[0]) + m.s1[j + 1].real + forms[0],
-            c2 * (b.imag - form[1]) + m.s2[j + 1].imag - forms[3],
+            self.moment + s[j], m.s1[j], m.s2[j],
+            self.inertia + 2 * s[j + 1].real + form[0],
+            m.s1[j + 1].real + forms[0], m.s2[j + 1].imag - forms[3],
         )
 
     def _on_displacements(self, m: Motion, j: int, spin: complex, out: Views) -> None:
@@ -86,7 +84,7 @@ class Inertia:
         tau[0, j], tau[1, j], tau[2, j] = nu, 1j * nu, turn
         tau[2, j + 1] = complex(2 * al + 2 * w * c1, c2)
         on_u = out.coefficients
-        on_u[0], on_u[1], on_u[3] = -w * w, al + 2 * w * c1, 2 * w
+        on_u[0], on_u[1], on_u[3] = -w * w, al, 2 * w
 
 
 @dataclass(frozen=True, slots=True)

@@ -55,12 +55,11 @@ class FrameEquations:
     ) -> FrameWork:
         f = self.frame
         work = FrameWork(f.p, f.border, f.generators)
-        r1, r2 = v - c1 * x, a - c2 * x
         form, forms = np.zeros(f.generators), np.zeros((2, f.generators))
         for g, Q in enumerate(self.Q):
-            form[g], forms[:, g] = x @ (Q @ x), (x @ (Q @ r1), x @ (Q @ r2))
+            form[g], forms[:, g] = x @ (Q @ x), (x @ (Q @ v), x @ (Q @ a))
         f.evaluate(*self._border(x, v, a, t), c1, c2,
-                   self.D @ x, self.D @ r1, self.D @ r2, form, forms.ravel(), t, work)
+                   self.D @ x, self.D @ v, self.D @ a, form, forms.ravel(), t, work)
         return work
 
     def _border(
@@ -100,7 +99,8 @@ class FrameEquations:
             row = row + np.outer(w.quad[:, 0, g], Q @ x + tx)
             row = row + np.outer(w.quad[:, 1, g], Q @ v + k1 * tx)
             row = row + np.outer(w.quad[:, 2, g], Q @ a + k2 * tx)
-        factors = w.coefficients[: len(self.V)].tolist()
+        kappa, mu = w.coefficients[:-1].reshape(2, -1)
+        factors = (kappa + k1 * mu).tolist()
         if self.V:
             factors[0] += k2
         Y, L, H = self.Y, self.L, w.border[:, :-1]

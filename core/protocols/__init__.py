@@ -67,6 +67,8 @@ from sparsemor.core.protocols.integrator import (
     State,
     StepFormula,
     TimeFunction,
+    UpdateRule,
+    UpdateRules,
 )
 from sparsemor.core.protocols.joint import (
     Joint,
@@ -212,6 +214,6 @@ __all__ = [
     "SparseProblem", "SparseSolver", "SparseStart", "Stage", "State", "StatesFillIn",
     "StepFactors", "StepFormula", "StepMemory", "StepOutcome", "StepSolver", "SurfaceLoads",
     "Surfaces", "Table", "TableRecord", "Tabled", "TabledAlong", "Term", "TimeDependent",
-    "TimeFunction", "Trial", "UsesBases", "UsesForceBasis", "VectorRecord", "WeighsElements",
-    "WrapsTerm",
+    "TimeFunction", "Trial", "UpdateRule", "UpdateRules", "UsesBases", "UsesForceBasis",
+    "VectorRecord", "WeighsElements", "WrapsTerm",
 ]

@@ -1,7 +1,9 @@
 """Time integration: states, step formulas of an integrator, and functions of time."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol, runtime_checkable
+
+import numpy as np
 
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.notes import Note
@@ -21,24 +23,132 @@ class State:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class StepFormula:
-    """Step formula of an implicit integrator: v = c1 x + r1, a = c2 x + r2 at the new time t;
-    first-order unknowns (temperatures) use c1_first instead of c1.
+class UpdateRule:
+    """Update of one kind of unknowns in a step of fixed size: with q the highest rate at the new
+    time (second derivative a of second-order unknowns, rate v of first-order ones) and z = [x, v,
+    a, columns of `State.memory`] at the old time,
 
-    r1, r2 (n,): history terms of all unknowns (Eq. 24 of the paper for BDF1).
+        [x, v, a, memory] at the new time = new q + old z.
+
+    new (3 + j,), old (3 + j, 3 + j). An implicit rule has new[0] > 0.
+    """
+
+    new: FloatArray
+    old: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class UpdateRules:
+    """Update rules of an integrator for steps of one size. Algebraic unknowns have no rates, and
+    zeros in their memory."""
+
+    second: UpdateRule
+    first: UpdateRule
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StepFormula:
+    """Unknowns and rates at the end t of a step as functions of the departure d (n,) from the free
+    motion, which has zero second derivatives (rates, for first-order unknowns) at t:
+
+        second order: x = free + d,  v = free_rate + c1 d,  a = c2 d
+        first order:  x = free + d,  v = c1_first d
+        algebraic:    x = d
+
+    free, free_rate (n,). Equivalent are v = c1 x + r1 and a = c2 x + r2 (Eq. 24 of the paper for
+    BDF1), but where c2 = 1/(beta h^2) is large they lose digits: x of size 1 is rounded to 1e-16,
+    c2 x to 1e-16 c2.
     """
 
     t: float
     c1: float
     c2: float
     c1_first: float
-    r1: FloatArray
-    r2: FloatArray
+    layout: Layout
+    free: FloatArray
+    free_rate: FloatArray
+
+    @property
+    def r1(self) -> FloatArray:
+        """History terms (n,) of v = c1 x + r1; zero for algebraic unknowns."""
+        layout, r1 = self.layout, self.free_rate.copy()
+        r1[layout.second] -= self.c1 * self.free[layout.second]
+        r1[layout.first] -= self.c1_first * self.free[layout.first]
+        return r1
+
+    @property
+    def r2(self) -> FloatArray:
+        """History terms (n,) of a = c2 x + r2; zero but for second-order unknowns."""
+        second, r2 = self.layout.second, np.zeros(len(self.free))
+        r2[second] = -self.c2 * self.free[second]
+        return r2
+
+    def with_history(self, r1: FloatArray, r2: FloatArray) -> "StepFormula":
+        """The same formula with other history terms r1, r2 (n,)."""
+        layout = self.layout
+        second, first = layout.second, layout.first
+        free, rate = np.zeros(len(r1)), np.zeros(len(r1))
+        free[second], free[first] = -r2[second] / self.c2, -r1[first] / self.c1_first
+        rate[second] = r1[second] + self.c1 * free[second]
+        return replace(self, free=free, free_rate=rate)
+
+    def at(self, d: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Unknowns x and rates v, a, (n,) each, for the departure d (n,) from the free motion."""
+        second, first = self.layout.second, self.layout.first
+        v, a = self.free_rate.copy(), np.zeros(len(d))
+        v[second] += self.c1 * d[second]
+        a[second] = self.c2 * d[second]
+        v[first] = self.c1_first * d[first]
+        return self.free + d, v, a
+
+    def departure(self, x: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
+        """Departure d (n,) from the free motion of a state x with rates v, a, to the digits of the
+        highest rates."""
+        second, first, d = self.layout.second, self.layout.first, x.copy()
+        d[second], d[first] = a[second] / self.c2, v[first] / self.c1_first
+        return d
+
+
+def step_formula(rules: UpdateRules, layout: Layout, state: State, h: float) -> StepFormula:
+    """Formula of the step of size h (s) from a state."""
+    free, rate = np.zeros(len(state.x)), np.zeros(len(state.x))
+    for at, rule in ((layout.second, rules.second), (layout.first, rules.first)):
+        if at.stop > at.start:
+            free[at] = _combined(rule.old[0], state, at)
+            rate[at] = _combined(rule.old[1], state, at)
+    second, first = rules.second.new, rules.first.new
+    return StepFormula(state.t + h, float(second[1] / second[0]), float(1.0 / second[0]),
+                       float(1.0 / first[0]), layout, free, rate)
+
+
+def new_state(
+    rules: UpdateRules, layout: Layout, state: State, t: float, x: FloatArray, v: FloatArray,
+    a: FloatArray
+) -> State:
+    """State at the end t of a step from `state`, with unknowns x and rates v, a (n,)."""
+    memory, a = np.zeros_like(state.memory), a.copy()
+    for at, rule, q in ((layout.second, rules.second, a), (layout.first, rules.first, v)):
+        if at.stop == at.start:
+            continue
+        if q is v:
+            a[at] = rule.new[2] * q[at] + _combined(rule.old[2], state, at)
+        for j in range(memory.shape[1]):
+            memory[at, j] = rule.new[3 + j] * q[at] + _combined(rule.old[3 + j], state, at)
+    return State(t, x, v, a, memory)
+
+
+def _combined(factors: FloatArray, state: State, at: slice) -> FloatArray:
+    """Sum of the parts of a state, of the unknowns `at`, times their factors."""
+    total = factors[0] * state.x[at] + factors[1] * state.v[at] + factors[2] * state.a[at]
+    for j, factor in enumerate(factors[3:].tolist()):
+        if factor:
+            total += factor * state.memory[at, j]
+    return np.asarray(total)
 
 
 class Integrator(Protocol):
-    """Implicit time integrator that expresses rates as affine functions of the new unknowns.
-    `order`: order of accuracy."""
+    """Implicit time integrator whose steps are linear in the old state and in the highest rates at
+    the new time. `order`: order of accuracy."""
 
     @property
     def order(self) -> int: ...
@@ -46,10 +156,9 @@ class Integrator(Protocol):
         """Initial state with the integrator's history `memory` filled."""
         ...
 
-    def formula(self, layout: Layout, state: State, h: float) -> StepFormula: ...
-    def advance(
-        self, layout: Layout, state: State, formula: StepFormula, x: FloatArray, h: float
-    ) -> State: ...
+    def rules(self, h: float) -> UpdateRules:
+        """Update rules of a step of size h, s."""
+        ...
 
 
 @runtime_checkable

@@ -31,10 +31,9 @@ class FrameWork:
     sigma (b + 1, p): the last row multiplies the directions in the elastic equations, row i is its
     derivative by y_i. border (b, b + 1): H = d rows / dy, and in the last column the rigid and
     attachment equations ("rows"). tau (b, p): d rows = H dy + tau ds with s = directions^T u.
-    coefficients (2 g + 1,) = kappa, mu, 1: forces sum kappa_g M_g u + sum mu_g M_g r1, where u' =
-    c1 u + r1. For the exact Jacobian only: kappa_y, mu_y (b, g) are the derivatives by y of the
-    factors on u and u', quad (b, 3, g) those of the rows by the forms (u.M_g u, u.M_g u', u.M_g
-    u'').
+    coefficients (2 g + 1,) = kappa, mu, 1: forces sum kappa_g M_g u + sum mu_g M_g u'. For the
+    exact Jacobian only: kappa_y, mu_y (b, g) are the derivatives of kappa and mu by y, quad (b, 3,
+    g) those of the rows by the forms (u.M_g u, u.M_g u', u.M_g u'').
     """
 
     __slots__ = ("border", "coefficients", "kappa_y", "mu_y", "quad", "sigma", "tau", "views")
@@ -82,17 +81,16 @@ class Frame(Protocol):
         t: float, work: FrameWork,
     ) -> None:
         """Fills `work` for the inputs y (rigid coordinates and attachment forces), their rates v
-        and second derivatives a, all (b,), at time t, s.
+        and second derivatives a, all (b,), at time t, s; derivatives are for dv = c1 dy, da = c2 dy
+        and likewise for the displacements u.
 
-        The displacements u with u' = c1 u + r1, u'' = c2 u + r2 enter as functionals only: s, s1,
-        s2 (p,) = directions^T (u, r1, r2), form (g,) = u.M_g u, forms (2 g,) = u.M_g r1 and u.M_g
-        r2.
+        These enter as functionals only: s, s1, s2 (p,) = directions^T (u, u', u''), form (g,) =
+        u.M_g u, forms (2 g,) = u.M_g u' and u.M_g u''.
         """
         ...
 
     def drive(
-        self, y: FloatArray, v: FloatArray, a: FloatArray, c1: float, c2: float, t: float,
-        work: FrameWork,
+        self, y: FloatArray, v: FloatArray, a: FloatArray, t: float, work: FrameWork
     ) -> None:
         """Fills the last row of `work.sigma` and `work.coefficients` for a body with prescribed
         motion; these do not depend on displacements. y, v, a (b,): inputs as in `evaluate`; t:
@@ -170,7 +168,7 @@ class EvaluatesManyTimes(Frame, Protocol):
     is called once per time."""
 
     def drive_along(
-        self, y: FloatArray, v: FloatArray, a: FloatArray, c1: float, c2: float, times: FloatArray
+        self, y: FloatArray, v: FloatArray, a: FloatArray, times: FloatArray
     ) -> FloatArray:
         """Coefficients kappa, mu and last row of sigma, side by side, (T, 2 g + p), for inputs,
         rates and second derivatives (T, b) at times (T,), s."""

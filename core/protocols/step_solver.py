@@ -9,7 +9,7 @@ from typing_extensions import TypeVar
 from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
 from sparsemor.core.notes import Note, information
 from sparsemor.core.protocols.block_data import Dictionary
-from sparsemor.core.protocols.integrator import State, StepFormula
+from sparsemor.core.protocols.integrator import State, StepFormula, UpdateRules, new_state
 from sparsemor.core.protocols.layout import Layout
 from sparsemor.core.protocols.term import ReportsResultants, WrapsTerm
 from sparsemor.core.status import Status
@@ -27,15 +27,30 @@ class ResultantSource:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StepOutcome:
-    """Solution x (n,) of one time step in the unknowns of the step solver (reduced ones for a
-    reduced model), and its status. block: name of the block in which the solution failed, if it
-    did."""
+    """Solution of one time step in the unknowns of the step solver (reduced ones for a reduced
+    model), and its status. block: name of the block in which the solution failed, if it did.
+
+    x (n,): unknowns; rates: their rates v and a, which a solver of increments knows to more digits
+    than the step formula gives for x (core/protocols/integrator.py); None: those of the formula.
+    """
 
     x: FloatArray
     status: Status
     iterations: int
     block: str = ""
     detail: str = ""
+    rates: tuple[FloatArray, FloatArray] | None = None
+
+
+def advanced(
+    rules: UpdateRules, layout: Layout, state: State, formula: StepFormula, outcome: StepOutcome
+) -> State:
+    """State at the end of a step from `state`, solved by `outcome`."""
+    if outcome.rates is None:
+        v, a = formula.at(outcome.x - formula.free)[1:]
+    else:
+        v, a = outcome.rates
+    return new_state(rules, layout, state, formula.t, outcome.x, v, a)
 
 
 @runtime_checkable

@@ -56,7 +56,9 @@ def controlled(
 
 def step_of(solver: StepSolver, integrator: Integrator, h: float) -> Step:
     """Step function of a run from one output time to the next, h (s) later."""
-    return solver.step if isinstance(solver, ControlledSteps) else FixedStep(integrator, solver, h)
+    if isinstance(solver, ControlledSteps):
+        return solver.step
+    return FixedStep.of(integrator, solver, h)
 
 
 class ControlMemory:
@@ -239,7 +241,7 @@ class ControlledSteps(AroundSteps[StepSolver]):
         if level != memory.fine:  # a history of other steps: begin again from x, v, a
             state = self.integrator.start(layout, state)
         memory.live = memory.live - {level}  # unless this try is accepted
-        step, iterations = FixedStep(self.integrator, solver, h), 0
+        step, iterations = FixedStep.of(self.integrator, solver, h), 0
         for taken in iterate(step, state, inner, 2**level):
             iterations += taken.outcome.iterations
         memory.levels[level] = taken.memory

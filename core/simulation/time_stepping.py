@@ -9,7 +9,16 @@ from typing import Any, Generic, NamedTuple, TypeAlias
 
 from typing_extensions import TypeVar
 
-from sparsemor.core.protocols import Integrator, State, StepMemory, StepOutcome, StepSolver
+from sparsemor.core.protocols import (
+    Integrator,
+    State,
+    StepMemory,
+    StepOutcome,
+    StepSolver,
+    UpdateRules,
+)
+from sparsemor.core.protocols.integrator import step_formula
+from sparsemor.core.protocols.step_solver import advanced
 from sparsemor.core.status import SolveFailed
 
 M = TypeVar("M", bound=StepMemory, default=Any)
@@ -33,19 +42,23 @@ Step: TypeAlias = Callable[[State, M], tuple[StepOutcome, State, M]]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FixedStep(Generic[M]):
-    """Time step of size h (s): the integrator expresses the rates by the unknowns, then the solver
-    determines the unknowns."""
+    """Time step of size h (s): the integrator's rules express the unknowns by their highest rates,
+    then the solver determines these."""
 
-    integrator: Integrator
+    rules: UpdateRules
     solver: StepSolver[M]
     h: float
 
+    @classmethod
+    def of(cls, integrator: Integrator, solver: StepSolver[M], h: float) -> "FixedStep[M]":
+        return cls(integrator.rules(h), solver, h)
+
     def __call__(self, state: State, memory: M) -> tuple[StepOutcome, State, M]:
-        layout, integrator = self.solver.layout, self.integrator
-        formula = integrator.formula(layout, state, self.h)
+        layout = self.solver.layout
+        formula = step_formula(self.rules, layout, state, self.h)
         outcome, memory = self.solver.solve(formula, memory)
         if outcome.status.ok:
-            state = integrator.advance(layout, state, formula, outcome.x, self.h)
+            state = advanced(self.rules, layout, state, formula, outcome)
         return outcome, state, memory
 
 

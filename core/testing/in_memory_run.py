@@ -62,7 +62,7 @@ def march(
         np.random.default_rng(scene.seed)))
     state, memory = started(solver, integrator, consistent_state(model))
     kept, iterations = [state], []
-    step = FixedStep(integrator, solver, h)
+    step = FixedStep.of(integrator, solver, h)
     for n, taken in enumerate(accepted_steps(step, state, memory, steps, h), 1):
         iterations.append(taken.outcome.iterations)
         if n % every == 0 or n == steps:

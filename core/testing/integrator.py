@@ -5,8 +5,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.protocols import Integrator, State
+from sparsemor.core.protocols import (
+    Integrator,
+    State,
+    StepFormula,
+    StepOutcome,
+    UpdateRules,
+)
+from sparsemor.core.protocols.integrator import step_formula
 from sparsemor.core.protocols.layout import Block, Layout
+from sparsemor.core.protocols.step_solver import advanced
+from sparsemor.core.status import Status
 from sparsemor.core.testing.random_inputs import (
     DISPLACEMENTS,
     FORCES,
@@ -32,10 +41,10 @@ class Run:
 
 
 def check_integrator(integrator: Integrator, seed: int = 0) -> None:
-    """Laws of an integrator: `formula` and `advance` agree, no argument is changed in place, a
-    state of rest persists, and the stated order is observed on damped oscillators (x and v) and
-    exponential decays."""
-    _formula_and_advance_agree(integrator, seed)
+    """Laws of an integrator: its rules are those of an implicit method, `start` changes nothing but
+    the memory, a state of rest persists, and the stated order is observed on damped oscillators (x
+    and v) and exponential decays."""
+    _rules_are_implicit(integrator, seed)
     _rest_stays_rest(integrator)
     coarse, fine = (integrate(integrator, steps).errors for steps in (320, 640))
     observed = np.log2(coarse / fine)
@@ -48,16 +57,16 @@ def check_integrator(integrator: Integrator, seed: int = 0) -> None:
 def integrate(integrator: Integrator, steps: int, end: float = 2.0) -> Run:
     """Solves the test equations above from t = 0 to `end` (s) in `steps` steps."""
     h = end / steps
-    x, v, a = exact(0.0)
+    rules, (x, v, a) = integrator.rules(h), exact(0.0)
     state = integrator.start(LAYOUT, State(0.0, x, v, a, np.zeros((5, 0))))
     for _ in range(steps):
-        f = integrator.formula(LAYOUT, state, h)
+        f = step_formula(rules, LAYOUT, state, h)
         new = np.zeros(5)
         left = f.c2 + DAMPING * f.c1 + STIFFNESS
         new[:2] = -(f.r2[:2] + DAMPING * f.r1[:2]) / left
         new[2:4] = -f.r1[2:4] / (f.c1_first + DECAY)
         new[4] = new[0]
-        state = integrator.advance(LAYOUT, state, f, new, h)
+        state = _advanced(rules, state, f, new)
     x, v, _ = exact(state.t)
     errors = [state.x[:2] - x[:2], state.v[:2] - v[:2], state.x[2:4] - x[2:4]]
     return Run(state, np.array([np.linalg.norm(e) for e in errors]))
@@ -77,27 +86,28 @@ def exact(t: float) -> tuple[FloatArray, FloatArray, FloatArray]:
     return x, v, a
 
 
-def _formula_and_advance_agree(integrator: Integrator, seed: int) -> None:
+def _advanced(rules: UpdateRules, state: State, formula: StepFormula, x: FloatArray) -> State:
+    return advanced(rules, LAYOUT, state, formula, StepOutcome(x, Status.DONE, 1))
+
+
+def _rules_are_implicit(integrator: Integrator, seed: int) -> None:
     rng, h = np.random.default_rng(seed), 0.01
     state = _random_state(integrator, rng)
+    columns, rules = 3 + state.memory.shape[1], integrator.rules(h)
+    for kind, rule, highest in (("second", rules.second, 2), ("first", rules.first, 1)):
+        law(rule.new.shape == (columns,) and rule.old.shape == (columns, columns),
+            f"the rule of {kind} order must have shapes ({columns},) and ({columns}, {columns})")
+        law(bool(np.isfinite(rule.new).all() and np.isfinite(rule.old).all()),
+            f"the rule of {kind} order has entries that are not finite")
+        law(rule.new[0] > 0, f"the rule of {kind} order is not implicit: new[0] must be > 0")
+        law(rule.new[highest] == 1.0 and not rule.old[highest].any(),
+            f"the rule of {kind} order must give the highest rate q itself in row {highest}")
+    law(rules.second.new[1] > 0, "the rule of second order does not change v with a")
     for trial in range(10):
         x, where = rng.standard_normal(5), f"(seed {seed}, trial {trial})"
-        before = copied(state)
-        f = integrator.formula(LAYOUT, state, h)
-        law(f.r1.shape == (5,) and f.r2.shape == (5,), f"r1 and r2 must have shape (n,) {where}")
-        law(abs(f.t - state.t - h) < 1e-12, f"the formula is for t = {f.t}, not t + h {where}")
-        law(f.c1 > 0 and f.c2 > 0 and f.c1_first > 0, f"c1, c2, c1_first must be > 0 {where}")
-        new = integrator.advance(LAYOUT, state, f, x, h)
-        law(unchanged(state, before), f"the old state was written to {where}")
-        law(np.array_equal(new.x, x) and new.t == f.t, f"advance changed x or t {where}")
-        law(new.memory.ndim == 2 and new.memory.shape[0] == 5, f"memory must be (n, j) {where}")
-        for name, got, want in (
-            ("v of second order", new.v[:2], f.c1 * x[:2] + f.r1[:2]),
-            ("a of second order", new.a[:2], f.c2 * x[:2] + f.r2[:2]),
-            ("v of first order", new.v[2:4], f.c1_first * x[2:4] + f.r1[2:4]),
-        ):
-            close = np.allclose(got, want, rtol=1e-9, atol=1e-9 * f.c2)
-            law(close, f"advance and formula give a different {name} {where}")
+        f = step_formula(rules, LAYOUT, state, h)
+        new = _advanced(rules, state, f, x)
+        law(np.isfinite(new.memory).all(), f"the memory is not finite {where}")
         state = new
 
 
@@ -117,7 +127,7 @@ def _rest_stays_rest(integrator: Integrator) -> None:
     x, zero = np.arange(1.0, 6.0), np.zeros(5)
     state = integrator.start(LAYOUT, State(0.0, x, zero, zero, np.zeros((5, 0))))
     for h in (1e-3, 0.1, 10.0):
-        f = integrator.formula(LAYOUT, state, h)
-        new = integrator.advance(LAYOUT, state, f, x, h)
+        rules = integrator.rules(h)
+        new = _advanced(rules, state, step_formula(rules, LAYOUT, state, h), x)
         still = np.abs(new.v[:4]).max() * h + np.abs(new.a[:2]).max() * h * h
         law(still < 1e-12, f"a body at rest that stays where it is gets a speed (h = {h} s)")

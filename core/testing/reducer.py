@@ -63,7 +63,7 @@ def check_reducer(scene: Scene, seed: int = 0, steps: int = 6) -> None:
         resumed = _march(scene, model, solver, steps, how)
         law(np.array_equal(first, resumed),
             f"a run that is continued from its {how} memory differs (seed {seed})")
-    one, other = two_runs(FixedStep(scene.integrator, solver, scene.time.step),
+    one, other = two_runs(FixedStep.of(scene.integrator, solver, scene.time.step),
                           *started(solver, scene.integrator, consistent_state(model)), steps)
     alone, both = (one(), other()), in_two_threads(one, other)
     law(all(np.array_equal(*pair) for pair in zip(alone, both, strict=True)),
@@ -151,7 +151,7 @@ def _march(scene: Scene, model: Model, solver: StepSolver, steps: int, how: str 
     written as plain data and read again; "copied": a copy made before a step is tried with the
     original; "": the memory itself."""
     h, kept = scene.time.step, list[FloatArray]()
-    step = FixedStep(scene.integrator, solver, h)
+    step = FixedStep.of(scene.integrator, solver, h)
     state, memory = started(solver, scene.integrator, consistent_state(model))
     for count in (steps // 2, steps - steps // 2):
         for taken in iterate(step, state, memory, count):
@@ -177,9 +177,10 @@ class _Checked(AroundSteps[StepSolver]):
         return reduced, memory
 
     def solve(self, step: StepFormula, memory: StepMemory) -> tuple[StepOutcome, StepMemory]:
-        before = step.r1.copy(), step.r2.copy()
+        before = step.free.copy(), step.free_rate.copy()
         outcome, memory = self.base.solve(step, memory)
-        law(all(np.array_equal(a, b) for a, b in zip(before, (step.r1, step.r2), strict=True)),
+        after = step.free, step.free_rate
+        law(all(np.array_equal(a, b) for a, b in zip(before, after, strict=True)),
             "solve wrote to its argument `step`")
         law(outcome.x.shape == (self.layout.size,), f"x has shape {outcome.x.shape}")
         law(not outcome.status.ok or bool(np.isfinite(outcome.x).all()),

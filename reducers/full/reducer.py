@@ -60,7 +60,7 @@ class Full(Plugin):
                 return reduced_general(ProjectedModel(model), tol, self.predictor)
             names = ", ".join(sorted({n for n, _ in coupling(model) if n})) or "a term"
             return self._whole(model, 6, f"{names} couples blocks inside the step")
-        c1, c2, c1_first = constants(model.layout, integrator, h)
+        c1, c2, c1_first = constants(integrator, h)
         heat: dict[str, HeatBlock] = {}
         elastic: dict[str, ElasticBlock | PrescribedBlock] = {}
         kind = FullElastic if model.separated.border_size else FullPrescribed
@@ -77,7 +77,7 @@ class Full(Plugin):
                 elastic[m.elastic] = kind.of(o, model.factorize(m.elastic, D), m.elastic)
                 done += 1
         made = stepper(model, model.layout, {}, {}, heat, elastic, tol, self.predictor, done,
-                       (c1, c2), notes=local_heat_notes(model), visited={
+                       c1, notes=local_heat_notes(model), visited={
                            b.thermal: sum(t.elements for t in b.local)
                            for b in model.separated.heat})
         if made.iterating:  # chosen where a factor is too large

@@ -174,7 +174,7 @@ class ProjectionReducer(Plugin, ABC):
         the scene, SolveFailed for linearly dependent atoms."""
         model, integrator, h = problem.model, problem.integrator, problem.step
         offline, rng = problem.offline, problem.rng
-        c1, c2, c1_first = constants(model.layout, integrator, h)
+        c1, c2, c1_first = constants(integrator, h)
         dictionaries, limits = trial_bases(
             offline, {n: matched_option(n, self.bases, self.basis) for n in model.reducible()},
             StepFactors(h, c1, c2, c1_first))
@@ -225,7 +225,7 @@ def fast(
 
     rates: c1, c2, and c1 of first-order unknowns; points: number of past states to extrapolate.
     """
-    (c1, c2, c1_first), heat, model = rates, {}, projected.model
+    (c1, _, c1_first), heat, model = rates, {}, projected.model
     for b in model.separated.heat:
         n, p = b.thermal, projected.heat[b.thermal]
         local = local_terms(model, b, projected.dictionaries[n], projected.wide(n)) if (
@@ -237,7 +237,7 @@ def fast(
     made = stepper(
         model, projected.layout, projected.dictionaries, projected.rows,
         heat_groups(model, heat, projected.dictionaries, wide, c1_first), elastic, tolerances,
-        points, len(heat) + len(elastic), (c1, c2), True, limits, notes,
+        points, len(heat) + len(elastic), c1, True, limits, notes,
         {n: p.tested for n, p in projected.elastic.items()}, facts,
         {n: block.elements for n, block in heat.items()})
     # made here, so that what steps does not hold the model

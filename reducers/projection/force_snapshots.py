@@ -23,9 +23,13 @@ from sparsemor.core import (
     Recording,
     Sampler,
     State,
+    Status,
+    StepOutcome,
+    advanced,
     built_dictionary,
     consistent_state,
     sampled_rows,
+    step_formula,
     svd,
 )
 from sparsemor.reducers.projection.base import Reducible
@@ -84,19 +88,20 @@ def replayable(block: Reducible, X: FloatArray, taken: Recording) -> bool:
 
 
 def replayed(block: Reducible, X: FloatArray, taken: Recording) -> tuple[FloatArray, FloatArray]:
-    """Rates and accelerations (n, M) that the integrator computed for X (n, M), bitwise the
-    same."""
+    """Rates and accelerations (n, M) that the integrator computed for X (n, M), up to the
+    rounding of c2 X."""
     model, at = block.model, block.model.layout[block.name]
     own = model.layout.block(block.name)
     layout = Layout([own])
     first = consistent_state(model)
     state = State(0.0, X[:, 0], first.v[at], first.a[at], np.zeros((own.size, 0)))
-    state = taken.integrator.start(layout, state)
+    state, rules = taken.integrator.start(layout, state), taken.integrator.rules(taken.step)
     V, A = np.empty_like(X), np.empty_like(X)
     V[:, 0], A[:, 0] = state.v, state.a
     for j in range(1, X.shape[1]):
-        formula = taken.integrator.formula(layout, state, taken.step)
-        state = taken.integrator.advance(layout, state, formula, X[:, j], taken.step)
+        formula = step_formula(rules, layout, state, taken.step)
+        state = advanced(
+            rules, layout, state, formula, StepOutcome(X[:, j], Status.DONE, 1))
         V[:, j], A[:, j] = state.v, state.a
     return V, A
 

@@ -199,7 +199,7 @@ class Build:
         base = stepper(
             self.model, self.model.layout.resized(sizes), self.dictionaries, rows, groups,
             fixed_elastic, o.tolerances, o.predictor, len(fixed_heat) + len(fixed_elastic),
-            (self.step.c1, self.step.c2), fixed and self.offline is not None, self.limits,
+            self.step.c1, fixed and self.offline is not None, self.limits,
             (*unsampled_loads(self.model, plain), *notes),
             {n: e.tested for n, e in elastic.items()}, facts, visited)
         if fixed:

@@ -130,7 +130,8 @@ class RowsAtSolution:
     ) -> None:
         loop = work.loop
         assert loop is not None
-        self.screen, self.work, self.t, self.y = screen, work, step.t, loop.y
+        self.screen, self.work, self.t = screen, work, step.t
+        self.c1, self.y = step.c1, loop.predicted + loop.d
         self.r = np.concatenate([s.residual(step, x, mechanics, work) for s in screen.bodies])
         self.c = x[screen.columns] * screen.still.lengths
 
@@ -156,7 +157,7 @@ class RowsAtSolution:
         row, screen = 0, self.screen
         for s, g in zip(screen.bodies, screen.groups, strict=True):
             own, rows = slice(g.start, g.stop), slice(row, row + s.first)
-            near, far = (A / screen.still.lengths[own] for A in s.turning(self.work))
+            near, far = (A / screen.still.lengths[own] for A in s.turning(self.work, self.c1))
             part = screen.still.Bt[own, rows].dot(near)
             gram[own, own] += part + part.T
             slope[own] += self.r[rows].dot(near) + s.rest(self.t).dot(far)

@@ -146,7 +146,7 @@ class MechanicsProblem:
                 continue
             t, B = p.few
             kappa, mu = w.coefficients[:-1].reshape(2, -1)
-            D = B + np.tensordot(kappa, t.generators, 1)
+            D = B + np.tensordot(kappa + step.c1 * mu, t.generators, 1)
             past = np.tensordot(mu, t.generators, 1) @ step.r1[p.body.elastic]
             r[p.rows] = p.scale * (D @ c[p.columns] + p.fixed + past + t.directions @ w.sigma[-1])
             J[p.rows, p.columns] = p.scale * D
@@ -164,11 +164,11 @@ class MechanicsProblem:
         yb = T @ y + motion[0]
         v, a = T @ (c1 * y + rates[0]) + motion[1], T @ (c2 * y + rates[1]) + motion[2]
         if not self.border:  # nothing rigid to solve for, and so no equations of it
-            p.body.frame.drive(yb, v, a, c1, c2, step.t, w)
+            p.body.frame.drive(yb, v, a, step.t, w)
             return w
         at = p.body.elastic
-        p.body.evaluate(yb, v, a, c1, c2, None if p.few is None else p.few[0], c, step.r1[at],
-                        step.r2[at], step.t, w)
+        p.body.evaluate(yb, v, a, c1, c2, None if p.few is None else p.few[0], c,
+                        c1 * c + step.r1[at], c2 * c + step.r2[at], step.t, w)
         return w
 
 

@@ -83,7 +83,7 @@ class Sparse(SparseOptions):
         if faults:
             raise InputError(faults).under("reducer")
         budgets = {n: matched_option(n, self.budgets, Budget()) for n in model.reducible()}
-        step = StepFactors(h, *constants(model.layout, problem.integrator, h))
+        step = StepFactors(h, *constants(problem.integrator, h))
         dictionaries, limits = trial_bases(
             offline, {n: matched_option(n, self.bases, self.basis) for n in model.reducible()},
             step)

@@ -94,7 +94,7 @@ class Resampled(AroundSteps[StepSolver]):
                 self._change(memory)
             solver = self.at_rows(memory)
         except SolveFailed as error:
-            x = memory.inner.ring.predict()
+            x = step.free + memory.inner.past.guess(step)
             return StepOutcome(x, error.status, 0, error.block, error.detail), memory
         memory.step += 1
         outcome, memory.inner = solver.solve(step, memory.inner)

@@ -56,7 +56,9 @@ class SampledBody:
         if self.still:
             G[0] = 0.0
         else:
-            np.dot(w.coefficients[:-1].reshape(2, -1).T, pair, out=G)
+            factors = w.coefficients[:-1].reshape(2, -1).copy()
+            factors[0] += step.c1 * factors[1]
+            np.dot(factors.T, pair, out=G)
         G[0] += step.r2[b.elastic]
         if self.damping is not None:
             u[self.damping] = pair[1]
@@ -76,10 +78,13 @@ class SampledBody:
         far: FloatArray = self.far.dot(self.past)
         return far - total_load(self.tables, t)[self.first :] if self.tables else far
 
-    def turning(self, work: Workspace) -> tuple[FloatArray, FloatArray]:
+    def turning(self, work: Workspace, c1: float) -> tuple[FloatArray, FloatArray]:
         """Frame-rotation terms sum_g kappa_g M_g, which B neglects: matrices (first, k) of the
         `near` rows and of the `far` rows."""
-        kappa = work.frames[self.number].coefficients[: len(self.combined)]
+        g = len(self.combined)
+        kappa, mu = work.frames[self.number].coefficients[: 2 * g].reshape(2, g) if (
+            not self.still) else np.zeros((2, g))
+        kappa = kappa + c1 * mu
         factors = 0.0 * kappa if self.still else kappa
         near, far = (np.tensordot(
             A[:, : self.combined.size].reshape(len(A), *self.combined.shape), factors, (1, 0))

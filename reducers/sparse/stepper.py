@@ -30,8 +30,9 @@ from sparsemor.reducers.sparse.sampled_block import (
     SampledHeat,
     numbers,
 )
-from sparsemor.reducers.step.predictor import Ring
+from sparsemor.reducers.step.predictor import Past, block_starts
 from sparsemor.reducers.step.solver import Stepper
+from sparsemor.reducers.step.step_unknowns import StepUnknowns
 
 T = TypeVar("T")
 
@@ -60,7 +61,8 @@ class SparseStepper(AroundSteps[Stepper]):
         reduced = self.base.reduced(state)
         blocks = [h.block for h in self.heat.values()] + [e.block for e in self.elastic.values()]
         return reduced, SparseMemory(
-            ring=Ring(self.base.points, reduced.x), work=self.base.workspace(),
+            past=Past(self.base.points, reduced.x, block_starts(self.layout)),
+            work=self.base.workspace(),
             factorizations=self.base.factorizations,
             supports={b.name: np.zeros(b.atoms, dtype=np.bool_) for b in blocks})
 
@@ -76,11 +78,11 @@ class SparseStepper(AroundSteps[Stepper]):
                 if not found.status.ok:
                     return found, memory
                 if not self.polish and self.elastic:  # else the mechanics are not solved yet
-                    return self.base.accepted(found, memory), memory
+                    return self.base.accepted(found, step, memory), memory
             if memory.current is None:
                 memory.current = self._prepared(memory, memory.supports)
         except SolveFailed as error:
-            x = memory.ring.predict()
+            x = step.free + memory.past.guess(step)
             return StepOutcome(x, error.status, 0, error.block, error.detail), memory
         outcome, _ = memory.current.solve(step, memory)
         return outcome, memory
@@ -104,14 +106,16 @@ class SparseStepper(AroundSteps[Stepper]):
             bent = self._elastic_supports(step, tried, now, memory)
             found = None if bent is None else {**found, **bent}
         if found is not None and not found:
-            return self._named(self.base.accepted(tried, memory))
+            return self._named(self.base.accepted(tried, step, memory))
         memory.scales = scales  # as if the carried support had not been tried
         if found is None:
             return None
         self._take(found, memory)  # changes at the threshold: the past remains a guide
         memory.current = self._prepared(memory, memory.supports)
         outcome = memory.current.tried(step, memory, tried.x)
-        return self._named(self.base.accepted(outcome, memory)) if outcome.status.ok else outcome
+        if not outcome.status.ok:
+            return outcome
+        return self._named(self.base.accepted(outcome, step, memory))
 
     def _heat_supports(
         self, step: StepFormula, tried: StepOutcome, memory: SparseMemory
@@ -187,11 +191,12 @@ class SparseStepper(AroundSteps[Stepper]):
     def _select(self, step: StepFormula, memory: SparseMemory) -> StepOutcome:
         """New supports for this step with the solution of the sparse solver; heat first, because
         its temperatures load the bodies."""
-        x, iterations = memory.ring.predict(), 0
+        now, iterations = StepUnknowns(step, memory.past.guess(step)), 0
+        x = now.x
         found: dict[str, BoolArray] = {}
         for name, at in self.base.hot:
             if name not in self.heat:
-                x[at] = self.base.heat[name].solve(step.r1[at], step.t, x[at]).T
+                now.move(at, None, self.base.heat[name].solve(x[at], now.v[at], step.t).d, False)
                 continue
             out = self._heat_solved(name, step, x, self._first(memory.supports[name]))
             if not out.status.ok:
@@ -208,8 +213,8 @@ class SparseStepper(AroundSteps[Stepper]):
                 return mechanics
             iterations = mechanics.iterations
         if self._take(found, memory):
-            memory.ring.restart()  # coefficients may have jumped: the past is no guide
-        return StepOutcome(x, Status.DONE, iterations)
+            memory.past.restart()  # coefficients may have jumped: the past is no guide
+        return StepOutcome(x, Status.DONE, iterations, rates=step.at(x - step.free)[1:])
 
     def _take(self, found: Mapping[str, BoolArray], memory: SparseMemory) -> bool:
         """Replaces the supports in `memory`; True if one of them has changed."""

@@ -55,18 +55,30 @@ class Tolerances:
     max_iterations: int = 30
 
 
+ACCELERATION_ERROR = 1e3
+"""Tolerance of the relative error of accelerations, as a multiple of `remaining`."""
+
+
+def reference(size: float, acceleration: float, c2: float, remaining: float) -> float:
+    """Reference magnitude of changes of unknowns of this size: the size itself, or less where an
+    error of `remaining` times it would dominate the accelerations c2 x, but not below round-off."""
+    return min(size, max(ACCELERATION_ERROR * acceleration / c2, 4 * EPS * size / remaining))
+
+
 @dataclass(slots=True)
 class Scales:
     """Reference magnitudes of the changes, from the steps so far; part of the state between steps.
 
-    elastic: largest |u|^2 of each body; floor: |du|^2 of each body due to rounding of rigid
+    elastic, bending: largest |u|^2 and |u''|^2 of each body; floor: |du|^2 of each body due to
+    rounding of rigid
     coordinates of size 1; acceleration: largest norm of the rigid accelerations of a solved step.
     """
 
     elastic: list[float] = field(default_factory=list)
+    bending: list[float] = field(default_factory=list)
     floor: list[float] = field(default_factory=list)
     acceleration: float = 0.0
 
     def copy(self) -> "Scales":
         """Independent copy."""
-        return Scales(self.elastic[:], self.floor[:], self.acceleration)
+        return Scales(self.elastic[:], self.bending[:], self.floor[:], self.acceleration)

@@ -1,13 +1,16 @@
 """Elastic block of one body inside a step, with its elimination from the bordered Newton system.
 
-With D = K + c1 D_m + c2 M constant (D_m: damping), the elastic rows times D^-1 read
+The unknown is the increment d of the displacements from a prediction: u = u0 + d, u' = v0 + c1 d,
+u'' = a0 + c2 d. With D = K + c1 D_m + c2 M constant (D_m: damping), the elastic rows times D^-1
+read
 
-    u + z + E sigma = 0,   z = D^-1 (h + sum_g kappa_g M_g u + mu_g M_g r1),   E = D^-1 P,
+    d + z + E sigma = 0,   z = D^-1 (h + sum_g kappa_g M_g u + mu_g M_g u'),   E = D^-1 P,
 
-with h the terms of past states and loads, P the columns that couple to the frame ("directions"),
-M_g constant matrices, and the scalars sigma, kappa, mu of the frame's motion. Full order solves
-with the factorized D; a reduced block has D^-1 applied to all matrices in advance. The iteration is
-the same for both.
+with h = M a0 + D_m v0 + K u0 less loads, P the columns that couple to the frame ("directions"), M_g
+constant matrices, and the scalars sigma, kappa, mu of the frame's motion. Increments keep the
+digits of accelerations: c2 is 1/(beta h^2) (Bottasso, Bauchau and Cardona 2007, doi
+10.1137/050638503). Full order solves with the factorized D; a reduced block has D^-1 applied to all
+matrices in advance. The iteration is the same for both.
 """
 
 from abc import ABC, abstractmethod
@@ -38,43 +41,48 @@ from sparsemor.reducers.step.elastic_local import (
     StepForces,
 )
 from sparsemor.reducers.step.operators import TestedElastic
+from sparsemor.reducers.step.predictor import Prediction
 from sparsemor.reducers.step.time_tables import Moving, plus_loads, tabulated
 
 
 class History:
     """Constants of one elastic block in a step.
 
-    h: terms of past states and loads; stack: their products for the sum over g; quad: rows M_g r1,
-    then M_g r2; s1 = P^T r1, s2 = P^T r2; parts: r1, r2, temperatures and amplitudes of a reduced
-    block; local: local terms, None where there are none. Of an iterative linear solver: its number
-    of iterations in this step, its residual relative to the right-hand side, and status and message
-    of a solve that did not converge.
+    at: the prediction, u (s,) the predicted displacements of its active unknowns; h: terms of the
+    prediction and loads; products: rows M_g u0, then M_g v0, and their products with D^-1 where
+    reduced; quad (3, g, s): M_g (u0, v0, a0) as factors of quadratic forms; s (3, p) = P^T (u0, v0,
+    a0); stack: rows of the sum over g at the last iterate; local: local terms, None where there are
+    none. Of an iterative linear solver: its number of iterations in this step, its residual
+    relative to the right-hand side, and status and message of a solve that did not converge.
     """
 
-    __slots__ = (
-        "failure", "h", "iterations", "local", "parts", "quad", "residual", "s1", "s2", "stack")
+    __slots__ = ("at", "c1", "c2", "failure", "h", "iterations", "local", "products", "quad",
+                 "residual", "s", "stack", "u")
 
-    def __init__(self) -> None:
+    def __init__(self, at: Prediction, c1: float, c2: float) -> None:
+        self.at, self.c1, self.c2 = at, c1, c2
         self.iterations, self.residual = 0, 0.0
         self.local: StepForces | None = None
         self.failure: tuple[Status, str] | None = None
 
     h: FloatArray
-    parts: FloatArray
-    stack: FloatArray
+    products: FloatArray
     quad: FloatArray
-    s1: FloatArray
-    s2: FloatArray
+    s: FloatArray
+    stack: FloatArray
+    u: FloatArray
 
 
 class Functionals(NamedTuple):
-    """Products of the displacements u: s (p,) = P^T u, form (g,) = u.M_g u, forms (2 g,) = u.M_g
-    (r1, r2), and M_g u at full order."""
+    """Products of the displacements u with rates at an iterate: d = P^T of the increment; s, s1, s2
+    (p,) = P^T (u, u', u''); form (g,) = u.M_g u; forms (2 g,) = u.M_g (u', u'')."""
 
+    d: FloatArray
     s: FloatArray
+    s1: FloatArray
+    s2: FloatArray
     form: FloatArray
     forms: FloatArray
-    products: FloatArray | None
 
 
 class DisplacementBlock(ABC):
@@ -91,7 +99,7 @@ class DisplacementBlock(ABC):
 
     def rates(self, k: int) -> tuple[FloatArray, FloatArray] | None:
         """D^-1 D_m and D^-1 M on k atoms, (s, k) each for s active ones: minus the block's response
-        to r1 and r2 without other terms; None at full order."""
+        to the history terms r1 and r2 of the step formula; None at full order."""
         return None
 
 
@@ -101,30 +109,27 @@ class ElasticBlock(DisplacementBlock):
     G: FloatArray
 
     @abstractmethod
-    def begin(self, r1: FloatArray, r2: FloatArray, xT: FloatArray, t: float) -> History:
-        """Constants of a step to t (s); xT: temperatures."""
+    def begin(self, at: Prediction, c1: float, c2: float) -> History:
+        """Constants of a step from the prediction."""
 
     @abstractmethod
-    def functionals(self, c: FloatArray, history: History) -> Functionals:
-        """Products of the unknowns c with P and M_g."""
+    def functionals(self, d: FloatArray, history: History) -> Functionals:
+        """Products of the displacements with P and M_g at the increment d (s,)."""
 
     @abstractmethod
     def combine(
-        self, of: Functionals, history: History, factors: FloatArray, c: FloatArray,
-        sigma: FloatArray,
+        self, history: History, factors: FloatArray, d: FloatArray, sigma: FloatArray,
     ) -> tuple[FloatArray, FloatArray]:
-        """z and P^T z; factors (2 g + 1,) = [kappa, mu, 1]. -(c + E sigma) is the initial guess of
-        an iterative linear solver."""
+        """z and P^T z after `functionals`; factors (2 g + 1,) = [kappa, mu, 1]. -(d + E sigma) is
+        the initial guess of an iterative linear solver."""
 
     @abstractmethod
     def update(self, z: FloatArray, sigma: FloatArray) -> FloatArray:
-        """Unknowns of the block, -(z + E sigma)."""
+        """Increment of the block, -(z + E sigma)."""
 
     @abstractmethod
-    def noise(
-        self, c: FloatArray, history: History, factors: FloatArray, c1: float, c2: float
-    ) -> float:
-        """Norm of the errors of the unknowns c due to rounding of the terms of the elastic rows;
+    def noise(self, d: FloatArray, history: History, factors: FloatArray) -> float:
+        """Norm of the errors of the increment d due to rounding of the terms of the elastic rows;
         factors as in `combine`."""
 
 
@@ -153,31 +158,34 @@ class FullElastic(ElasticBlock):
     def iterates(self) -> bool:
         return self.factor.iterative
 
-    def begin(self, r1: FloatArray, r2: FloatArray, xT: FloatArray, t: float) -> History:
-        o, s = self.ops, History()
-        Mr1, Mr2 = each(o.generators, r1), each(o.generators, r2)
-        own = len(Mr2) and o.generators[0] is o.mass
-        s.h = forces_of_history(o, Mr2[0] if own else o.mass @ r2, r1, xT, t)
-        s.stack, s.quad = Mr1, np.concatenate([Mr1, Mr2])
-        s.s1, s.s2 = o.directions.T @ r1, o.directions.T @ r2
+    def begin(self, at: Prediction, c1: float, c2: float) -> History:
+        o, s = self.ops, History(at, c1, c2)
+        values = np.stack([at.x, at.v, at.a])
+        s.u = at.x
+        s.quad = np.stack([each(o.generators, y) for y in values])
+        s.products = s.quad[:2].reshape(-1, len(at.x))
+        own = len(o.generators) and o.generators[0] is o.mass
+        s.h = predicted_forces(o, s.quad[2, 0] if own else o.mass @ at.a, at)
+        s.s = values @ o.directions
         return s
 
-    def functionals(self, c: FloatArray, history: History) -> Functionals:
-        products = each(self.ops.generators, c)
+    def functionals(self, d: FloatArray, history: History) -> Functionals:
+        q, c1, c2 = history.quad, history.c1, history.c2
+        u, P = history.u + d, self.ops.directions.T @ d
+        products, s = each(self.ops.generators, d), history.s
+        history.stack = np.concatenate((q[0] + products, q[1] + c1 * products))
+        forms = np.concatenate(((q[1] + c1 * products) @ u, (q[2] + c2 * products) @ u))
         return Functionals(
-            self.ops.directions.T @ c, products @ c, history.quad @ c, products)
+            P, s[0] + P, s[1] + c1 * P, s[2] + c2 * P, (q[0] + products) @ u, forms)
 
     def combine(
-        self, of: Functionals, history: History, factors: FloatArray, c: FloatArray,
-        sigma: FloatArray,
+        self, history: History, factors: FloatArray, d: FloatArray, sigma: FloatArray,
     ) -> tuple[FloatArray, FloatArray]:
-        g = len(self.ops.generators)
-        assert of.products is not None
-        right = history.h + factors[:g] @ of.products + factors[g:-1] @ history.stack
+        right = history.h + factors[:-1] @ history.stack
         if history.local is not None:
-            right = right + history.local.rows(c)
+            right = right + history.local.rows(d)
         if self.factor.iterative:
-            z = self._iterated(right, -(c + self.E @ sigma), history)
+            z = self._iterated(right, -(d + self.E @ sigma), history)
         else:
             z = self.factor.solve(right)
         return z, self.ops.directions.T @ z
@@ -197,26 +205,26 @@ class FullElastic(ElasticBlock):
     def update(self, z: FloatArray, sigma: FloatArray) -> FloatArray:
         return -(z + self.E @ sigma)
 
-    def noise(
-        self, c: FloatArray, history: History, factors: FloatArray, c1: float, c2: float
-    ) -> float:
-        return rounded(self.ops, self.factor, c, history, c1, c2)
+    def noise(self, d: FloatArray, history: History, factors: FloatArray) -> float:
+        return rounded(self.ops, self.factor, d, history)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CompressedElastic(ElasticBlock):
-    """Reduced elastic block with s active atoms: all operators are dense and small (s + p rows, not
-    n).
+    """Reduced elastic block with s active of k atoms: all operators are dense and small (s + p
+    rows, not n).
 
-    Vectors are stacked as [z; P^T z], so that one product gives both. H, base: matrix (rows, k + k
-    + kt + j) and constant part of the step's history for inputs r1, r2, temperatures and load
-    amplitudes; S (rows, s): products with u. tables: tabulated (for example moving) loads,
+    Vectors are stacked as [z; P^T z], so that one product gives both. H (s + p, 3 k + kt + j):
+    matrix of h for the inputs u0, v0, a0, temperatures and load amplitudes; base (s + p,): its
+    constant part. S (g (s + p) + g s + p, k): D^-1 M_g, M_g in the active rows, and P^T as factors
+    of coefficients; active_S: its active columns. tables: tabulated (for example moving) loads,
     projected on s + p rows.
     """
 
     H: FloatArray
     base: FloatArray
     S: FloatArray
+    active_S: FloatArray
     E: FloatArray
     G: FloatArray
     active: IntArray | None
@@ -233,68 +241,63 @@ class CompressedElastic(ElasticBlock):
         support, left @ D_S = 1, as D^-1 in the tested rows."""
         k, p, g = b.mass.shape[1], b.functional.shape[0], len(b.generators)
         use = np.arange(k) if support is None else support
-        s, kt, j = len(use), b.coupling.shape[1], b.loads.shape[1]
-        F, w = b.functional[:, use], len(use) + p
+        s, F = len(use), b.functional[:, use]
         both = np.concatenate([left, F @ left])  # [D^-1; P^T D^-1] of tested rows
-        gen = (both @ b.generators).reshape(g * w, k)
-        quad = b.quadratic[:, use, :].reshape(g * s, k)
         rows = both @ np.hstack([
-            b.damping, b.mass, -b.coupling, -b.loads, b.directions, b.constant[:, None]])
-        # rows of the history: M_g r1 | h | u.M_g r1, u.M_g r2 | P^T r1, P^T r2
-        sizes = (g * w, w, g * s, g * s, p, p)
-        H, base = np.zeros((sum(sizes), 2 * k + kt + j)), np.zeros(sum(sizes))
-        at = np.cumsum(sizes).tolist()
-        H[: at[0], :k] = gen
-        H[at[0] : at[1]] = rows[:, : H.shape[1]]
-        base[at[0] : at[1]] = rows[:, -1]
-        H[at[1] : at[2], :k] = H[at[2] : at[3], k : 2 * k] = quad
-        H[at[3] : at[4], :k] = H[at[4] :, k : 2 * k] = b.functional
-        S = np.concatenate([gen[:, use], F, quad[:, use]])
-        E = rows[:, H.shape[1] : -1]
-        return cls(H, base, S, np.ascontiguousarray(E[:s]), np.ascontiguousarray(E[s:]), support,
+            b.stiffness, b.damping, b.mass, -b.coupling, -b.loads, b.directions,
+            b.constant[:, None]])
+        inputs = 3 * k + b.coupling.shape[1] + b.loads.shape[1]
+        S = np.concatenate([(both @ b.generators).reshape(g * (s + p), k),
+                            b.quadratic[:, use, :].reshape(g * s, k), b.functional])
+        E = rows[:, inputs:-1]
+        return cls(np.ascontiguousarray(rows[:, :inputs]), rows[:, -1].copy(), S,
+                   S if support is None else np.ascontiguousarray(S[:, use]),
+                   np.ascontiguousarray(E[:s]), np.ascontiguousarray(E[s:]), support,
                    b.amplitudes, (s, p, g), tabulated(b.tables, both, support is None),
                    ReducedLocal.of(b.local, both))
 
     def rates(self, k: int) -> tuple[FloatArray, FloatArray]:
-        s, p, g = self.sizes
-        rows = self.H[g * (s + p) : g * (s + p) + s]
-        return rows[:, :k], rows[:, k : 2 * k]
+        rows = self.H[: self.sizes[0]]
+        return rows[:, k : 2 * k], rows[:, 2 * k : 3 * k]
 
-    def begin(self, r1: FloatArray, r2: FloatArray, xT: FloatArray, t: float) -> History:
-        parts = [r1, r2, xT]
+    def begin(self, at: Prediction, c1: float, c2: float) -> History:
+        parts = [at.x, at.v, at.a, at.T]
         if self.amplitudes:
-            parts.append(evaluate_amplitudes(self.amplitudes, t))
-        s, p, g = self.sizes
-        w, h = s + p, History()
-        h.parts = np.concatenate(parts)
-        out = self.H.dot(h.parts)
-        out += self.base
+            parts.append(evaluate_amplitudes(self.amplitudes, at.t))
+        inputs = np.concatenate(parts)
+        (s, p, g), k, h = self.sizes, len(at.x), History(at, c1, c2)
+        h.h = self.H.dot(inputs)
+        h.h += self.base
         if self.tables:
-            out[g * w : (g + 1) * w] -= total_load(self.tables, t)
-        # rows kappa_g | mu_g | 1 of the combination; the first g are filled at each iterate
+            h.h -= total_load(self.tables, at.t)
+        out = inputs[: 3 * k].reshape(3, k).dot(self.S.T)
+        n, w = g * (s + p), s + p
+        h.products = out[:2, :n].reshape(2 * g, w)
+        h.quad, h.s = out[:, n : n + g * s].reshape(3, g, s), out[:, n + g * s :]
+        h.u = at.x if self.active is None else at.x[self.active]
         h.stack = np.empty((2 * g + 1, w))
-        h.stack[g:] = out[: (g + 1) * w].reshape(g + 1, w)
-        a = (g + 1) * w
-        h.quad = out[a : a + 2 * g * s].reshape(2 * g, s)
-        a += 2 * g * s
-        h.s1, h.s2 = out[a : a + p], out[a + p :]
+        h.stack[-1] = h.h
         return h
 
-    def functionals(self, c: FloatArray, history: History) -> Functionals:
-        s, p, g = self.sizes
-        out = self.S.dot(c)
-        n = g * (s + p)
-        history.stack[:g] = out[:n].reshape(g, s + p)
-        form = out[n + p :].reshape(g, s).dot(c)
-        return Functionals(out[n : n + p], form, history.quad.dot(c), None)
+    def functionals(self, d: FloatArray, history: History) -> Functionals:
+        (s, p, g), c1, c2 = self.sizes, history.c1, history.c2
+        out, n, u = self.active_S.dot(d), g * (s + p), history.u + d
+        products = out[:n].reshape(g, s + p)
+        history.stack[:g] = products
+        np.multiply(products, c1, out=history.stack[g:-1])
+        history.stack[:-1] += history.products
+        form, P, past = out[n : n + g * s].reshape(g, s).dot(u), out[n + g * s :], history.s
+        f = history.quad.dot(u)
+        return Functionals(
+            P, past[0] + P, past[1] + c1 * P, past[2] + c2 * P, f[0] + form,
+            np.concatenate((f[1] + c1 * form, f[2] + c2 * form)))
 
     def combine(
-        self, of: Functionals, history: History, factors: FloatArray, c: FloatArray,
-        sigma: FloatArray,
+        self, history: History, factors: FloatArray, d: FloatArray, sigma: FloatArray,
     ) -> tuple[FloatArray, FloatArray]:
         z: FloatArray = factors.dot(history.stack)
         if history.local is not None:
-            z = z + history.local.rows(c)
+            z = z + history.local.rows(d)
         s = self.sizes[0]
         return z[:s], z[s:]
 
@@ -302,45 +305,43 @@ class CompressedElastic(ElasticBlock):
         new: FloatArray = -(z + self.E.dot(sigma))
         return new
 
-    def noise(
-        self, c: FloatArray, history: History, factors: FloatArray, c1: float, c2: float
-    ) -> float:
+    def noise(self, d: FloatArray, history: History, factors: FloatArray) -> float:
         s, p, g = self.sizes
-        w = s + p
+        at = history.at
+        inputs = np.concatenate([at.x, at.v, at.a, at.T])
+        terms = np.abs(self.H[:, : len(inputs)]) @ np.abs(inputs) + np.abs(self.base)
         kappa, mu = np.abs(factors[:-1]).reshape(2, g)
-        turned = (np.abs(self.S[: g * w]) @ np.abs(c)).reshape(g, w)
-        past = (np.abs(self.H[: (g + 1) * w]) @ np.abs(history.parts)).reshape(g + 1, w)
-        terms = kappa @ turned + mu @ past[:g] + past[g] + np.abs(self.base[g * w : (g + 1) * w])
+        turned = (kappa + history.c1 * mu) @ (np.abs(
+            self.active_S[: g * (s + p)]) @ np.abs(d)).reshape(g, s + p)
+        terms += turned + np.abs(factors[:-1]) @ np.abs(history.products)
         return EPS * float(np.linalg.norm(terms[:s]))
 
 
 def rounded(
-    ops: ElasticOperators, factor: Factorized, u: FloatArray, history: History, c1: float, c2: float
+    ops: ElasticOperators, factor: Factorized, d: FloatArray, history: History
 ) -> float:
-    """Norm of D^-1 e, with e of random signs and of the size of the round-off in the terms of D u,
-    or of the residual of an iterative solver."""
-    size, v = np.abs(u), rounding(len(u))
-    terms = abs(ops.stiffness) @ size + c2 * (abs(ops.mass) @ size)
+    """Norm of D^-1 e, with e of random signs and of the size of the round-off in the terms of the
+    elastic rows, or of the residual of an iterative solver."""
+    at, v = history.at, rounding(len(d))
+    terms = abs(ops.stiffness) @ np.abs(at.x) + abs(ops.mass) @ np.abs(at.a)
     if ops.damping.nnz:
-        terms += c1 * (abs(ops.damping) @ size)
+        terms += abs(ops.damping) @ np.abs(at.v)
     terms += np.abs(history.h)
     if factor.iterative:
-        left = history.residual * float(np.linalg.norm(history.h)) / np.sqrt(len(u))
+        left = history.residual * float(np.linalg.norm(history.h)) / np.sqrt(len(d))
         terms += left / EPS
     return float(np.linalg.norm(factor.solve(v * terms)))
 
 
-def forces_of_history(
-    ops: ElasticOperators, inertia: FloatArray, r1: FloatArray, xT: FloatArray, t: float
-) -> FloatArray:
-    """Terms (n,) that are constant in a step: M r2 (`inertia`) + D_m r1 less constant forces,
-    thermal forces and loads at t, s."""
-    h = inertia - ops.constant
+def predicted_forces(ops: ElasticOperators, inertia: FloatArray, at: Prediction) -> FloatArray:
+    """Terms (n,) of a prediction: M a0 (`inertia`) + D_m v0 + K u0 less constant forces, thermal
+    forces and loads."""
+    h = inertia - ops.constant + ops.stiffness @ at.x
     if ops.damping.nnz:
-        h = h + ops.damping @ r1
+        h = h + ops.damping @ at.v
     if ops.coupling is not None:
-        h = h - ops.coupling @ xT
-    return plus_loads(h, ops, t, -1.0)
+        h = h - ops.coupling @ at.T
+    return plus_loads(h, ops, at.t, -1.0)
 
 
 def each(generators: Sequence[Csr], x: FloatArray) -> FloatArray:

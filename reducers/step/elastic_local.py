@@ -8,8 +8,9 @@ from typing import Protocol
 
 import numpy as np
 
-from sparsemor.core import ElasticLocal, FloatArray, StepFormula
+from sparsemor.core import ElasticLocal, FloatArray, IntArray
 from sparsemor.reducers.step.operators import TestedLocal, TestMap
+from sparsemor.reducers.step.predictor import Prediction
 
 GROWN = 10.0
 """Ratio of consecutive changes from which the iteration counts as divergent: local terms outweigh
@@ -80,24 +81,22 @@ class ReducedLocal:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StepForces:
-    """Local terms of a block in one step, as a function of its displacements alone."""
+    """Local terms of a block in one step, as a function of the increment of its displacements
+    alone. active: numbers of the unknowns that are solved for, None for all."""
 
     forces: LocalForces
-    step: StepFormula
-    at: slice
-    T: FloatArray
+    at: Prediction
     rate: FloatArray
+    c1: float
+    c2: float
+    active: IntArray | None
 
-    @classmethod
-    def of(
-        cls, forces: LocalForces, step: StepFormula, at: slice, thermal: slice, x: FloatArray
-    ) -> "StepForces":
-        """Local terms for the step's unknowns x with final temperatures; at, thermal: ranges of
-        displacements and temperatures in x."""
-        T = x[thermal]
-        return cls(forces, step, at, T, step.c1_first * T + step.r1[thermal])
-
-    def rows(self, u: FloatArray) -> FloatArray:
-        s, at = self.step, self.at
+    def rows(self, d: FloatArray) -> FloatArray:
+        """Forces at the increment d of the active unknowns."""
+        at = self.at
+        if self.active is not None:
+            wide = np.zeros(len(at.x))
+            wide[self.active] = d
+            d = wide
         return self.forces.rows(
-            u, s.c1 * u + s.r1[at], s.c2 * u + s.r2[at], self.T, self.rate, s.t)
+            at.x + d, at.v + self.c1 * d, at.a + self.c2 * d, at.T, self.rate, at.t)

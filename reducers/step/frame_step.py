@@ -51,18 +51,18 @@ class BodyStep:
 
     def evaluate(
         self, y: FloatArray, v: FloatArray, a: FloatArray, c1: float, c2: float,
-        tested: TestedElastic | None, c: FloatArray, r1: FloatArray, r2: FloatArray, t: float,
+        tested: TestedElastic | None, c: FloatArray, cv: FloatArray, ca: FloatArray, t: float,
         work: FrameWork,
     ) -> None:
         """Evaluates the frame at border unknowns y and rates v, a (b,), for elastic coefficients c
-        (k,) with their r1, r2; tested: projected elastic operators, None for a rigid body."""
+        (k,) with rates cv, ca; tested: projected elastic operators, None for a rigid body."""
         if tested is None:
             self.frame.evaluate(y, v, a, c1, c2, NONE, NONE, NONE, NONE, NONE, t, work)
             return
         F, Q = tested.functional, tested.quadratic
-        form, forms = Q.dot(c).dot(c), np.concatenate((Q.dot(r1).dot(c), Q.dot(r2).dot(c)))
+        form, forms = Q.dot(c).dot(c), np.concatenate((Q.dot(cv).dot(c), Q.dot(ca).dot(c)))
         self.frame.evaluate(
-            y, v, a, c1, c2, F.dot(c), F.dot(r1), F.dot(r2), form, forms, t, work)
+            y, v, a, c1, c2, F.dot(c), F.dot(cv), F.dot(ca), form, forms, t, work)
 
     def border_motion(self, t: float) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Prescribed part of the border unknowns and of their first and second rates at t (s), (b,)
@@ -97,20 +97,18 @@ class BodyStep:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PrescribedFactors:
-    """Factors kappa, mu, sigma (T, 2 g + p) of a prescribed frame at times (T,), for steps with
-    these c1 and c2; they do not depend on displacements (core/protocols/separable.py)."""
+    """Factors kappa, mu, sigma (T, 2 g + p) of a prescribed frame at times (T,), which do not
+    depend on displacements (core/protocols/separable.py)."""
 
     body: BodyStep
-    c1: float
-    c2: float
 
     def __call__(self, times: FloatArray) -> FloatArray:
         frame = self.body.frame
         if len(times) == 1 or not isinstance(frame, EvaluatesManyTimes):
             work, = buffers([frame])
             return np.array([self._at(t, work) for t in times.tolist()])
-        return frame.drive_along(*self.body.border_motion_along(times), self.c1, self.c2, times)
+        return frame.drive_along(*self.body.border_motion_along(times), times)
 
     def _at(self, t: float, work: FrameWork) -> FloatArray:
-        self.body.frame.drive(*self.body.border_motion(t), self.c1, self.c2, t, work)
+        self.body.frame.drive(*self.body.border_motion(t), t, work)
         return np.concatenate((work.coefficients[:-1], work.sigma[-1]))

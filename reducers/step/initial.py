@@ -80,7 +80,7 @@ def _prescribed_start(
     for body, t in zip(mechanics.bodies, tested, strict=True):
         if t is not None:
             w, = buffers([body.frame])
-            body.frame.drive(*body.border_motion(state.t), 0.0, 0.0, state.t, w)
+            body.frame.drive(*body.border_motion(state.t), state.t, w)
             rows = _elastic_rows(body, t, w, state)
             a[body.elastic] = -np.linalg.lstsq(t.mass, rows, rcond=None)[0]
     return replace(state, a=a)
@@ -131,10 +131,10 @@ def _border(
 def _evaluate(
     body: BodyStep, t: TestedElastic | None, y: FloatArray, v: FloatArray, c2: float, state: State
 ) -> FrameWork:
-    """Frame equations at zero unknown accelerations: u'' = c2 u + r2 with r2 = -c2 u."""
+    """Frame equations at zero unknown accelerations."""
     (w,), c = buffers([body.frame]), state.x[body.elastic]
     body.evaluate(y, v, body.border_motion(state.t)[2], 0.0, c2, t, c, state.v[body.elastic],
-                  -c2 * c, state.t, w)
+                  np.zeros(len(c)), state.t, w)
     return w
 
 

@@ -1,14 +1,13 @@
 """State and working arrays of the bordered Newton iteration within one step, and its round-off."""
 
 from collections.abc import Sequence
-from math import sqrt
 from typing import Protocol
 
 import numpy as np
 from scipy.linalg.lapack import dgesv
 
-from sparsemor.core import FloatArray, Frame, StepFormula
-from sparsemor.reducers.step.acceptance import EPS, MARGIN, Scales, Tolerances
+from sparsemor.core import BoolArray, FloatArray, Frame
+from sparsemor.reducers.step.acceptance import EPS, MARGIN, Tolerances
 from sparsemor.reducers.step.elastic_block import History
 from sparsemor.reducers.step.frame_step import BodyStep, buffers
 
@@ -16,28 +15,32 @@ from sparsemor.reducers.step.frame_step import BodyStep, buffers
 class Loop:
     """State of one step between its iterations.
 
-    targets: prescribed values of the constraints; velocity, acceleration: rates of the stacked
-    border unknowns at y = 0; origin: their prescribed part; y, dy: border unknowns of the model and
-    their last change; matrix: bordered matrix; c, z, sigma: of each body, elastic unknowns, z
+    targets: prescribed values of the constraints; predicted, d (N,): border unknowns of the model
+    and their increments, dy: last change of these; acceleration: predicted rigid accelerations
+    over c2;
+    border: stacked border unknowns of the bodies with first and second rates at d = 0; matrix:
+    bordered matrix; u, z, sigma: of each body, increments of the elastic unknowns, z
     (elastic_block.py) and factors of the frame directions. changes: relative change of the rigid
     coordinates, then |du| of each body relative to its largest |u|; size: reference magnitude of
-    the former.
+    the
+    former, reference: of the latter.
     """
 
-    __slots__ = ("acceleration", "c", "changes", "dy", "history", "matrix", "origin",
-                 "sigma", "size", "targets", "velocity", "y", "z")
+    __slots__ = ("acceleration", "border", "changes", "d", "dy", "history", "matrix", "predicted",
+                 "reference", "sigma", "size", "targets", "u", "z")
 
     history: list[History | None]
     targets: FloatArray
-    origin: FloatArray
-    velocity: FloatArray
     acceleration: FloatArray
-    y: FloatArray
+    predicted: FloatArray
+    border: tuple[FloatArray, FloatArray, FloatArray]
+    d: FloatArray
     dy: FloatArray
     matrix: FloatArray
     changes: list[float]
     size: float
-    c: list[FloatArray]
+    reference: list[float]
+    u: list[FloatArray]
     z: list[FloatArray]
     sigma: list[FloatArray]
 
@@ -77,34 +80,42 @@ class Bordered(Protocol):
     @property
     def n_rigid(self) -> int: ...
     @property
+    def turning(self) -> BoolArray:
+        """(n_rigid,) True for rigid coordinates that are no positions."""
+        ...
+    @property
     def tol(self) -> Tolerances: ...
 
 
 def rounded_off(
-    equations: Bordered, step: StepFormula, loop: Loop, scales: Scales, work: Workspace
+    equations: Bordered, loop: Loop, work: Workspace
 ) -> bool:
     """True if a change that no longer decreases is round-off: not above the effect of rounding the
-    terms on the border unknowns, |B^-1| eps |B| |y| with the bordered matrix B, and through these
-    on the displacements."""
-    nr, y, tol = equations.n_rigid, np.abs(loop.y), equations.tol.remaining
-    size = max(1.0, sqrt(float(y[:nr].dot(y[:nr]))))
-    y[:nr] = size
+    terms on the border unknowns, |B^-1| eps |terms| with the bordered matrix B, and through these
+    on the displacements.
+
+    Forces are as large as those of the accelerations and multipliers; constraints subtract
+    positions from each other, each exact to eps of its size.
+    """
+    nr, tol = equations.n_rigid, equations.tol.remaining
+    B, y = np.abs(loop.matrix), np.abs(loop.predicted + loop.d)
     inverse = dgesv(loop.matrix, np.eye(len(y)))[2]
-    terms = np.abs(loop.matrix) @ y
-    terms[nr:] = np.maximum(terms[nr:], size)  # constraints subtract positions from each other
+    moved = float(np.linalg.norm(loop.acceleration)) + float(np.linalg.norm(loop.d[:nr]))
+    terms = B[:, :nr].sum(axis=1) * moved + B[:, nr:] @ y[nr:]
+    terms[nr:] = B[nr:, :nr] @ np.where(equations.turning, 1.0, y[:nr])
     border = EPS * (np.abs(inverse) @ terms)
     if loop.changes[0] > tol and (
             loop.changes[0] * loop.size > MARGIN * float(np.linalg.norm(border[:nr]))):
         return False
-    parts = zip(equations.bodies, work.frames, loop.history, loop.c, loop.changes[1:],
-                scales.elastic, strict=True)
-    for b, w, past, c, change, scale in parts:
+    parts = zip(equations.bodies, work.frames, loop.history, loop.u, loop.changes[1:],
+                loop.reference, strict=True)
+    for b, w, past, d, change, scale in parts:
         if b.block is None or past is None or change <= tol:
             continue
-        noise = b.block.noise(c, past, w.coefficients, step.c1, step.c2)
+        noise = b.block.noise(d, past, w.coefficients)
         bent = sum(at * np.abs(b.block.update(np.zeros(1), sigma)) for at, sigma in zip(
             np.abs(b.to_border) @ border, w.sigma[:-1], strict=True))
         noise += float(np.linalg.norm(bent))
-        if change * sqrt(scale) > MARGIN * noise:
+        if change * scale > MARGIN * noise:
             return False
     return True

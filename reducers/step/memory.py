@@ -3,36 +3,33 @@
 from dataclasses import dataclass, field, replace
 from typing import Self
 
-import numpy as np
-
 from sparsemor.core import BoolArray, FloatArray
 from sparsemor.reducers.step.acceptance import Scales
 from sparsemor.reducers.step.iteration_state import Workspace
-from sparsemor.reducers.step.predictor import Ring
+from sparsemor.reducers.step.predictor import Past
 
 
 @dataclass(eq=False, kw_only=True)
 class RunMemory:
-    """State between steps common to all step solvers: past states, counters, and active atoms of
-    blocks.
+    """State between steps common to all step solvers: past states with their departures from the
+    free motion (predictor.py), counters, and active atoms of blocks.
 
     It is stored as plain data (core/results/saved_state.py) without working arrays and whatever can
     be recomputed: `__getstate__` leaves these out.
     """
 
-    ring: Ring
+    past: Past
     factorizations: int = 0
     support_changes: int = 0
     supports: dict[str, BoolArray] = field(default_factory=dict)
 
     def copy(self) -> Self:
         """Independent copy of the state."""
-        return replace(self, ring=self.ring.copy(), supports=dict(self.supports))
+        return replace(self, past=self.past.copy(), supports=dict(self.supports))
 
     def moved(self, x: FloatArray) -> None:
         """Continues from the state x, after steps of another size by another step solver."""
-        self.ring.push(x)
-        self.ring.restart()
+        self.past.moved(x)
 
     def rows_changed(self, fresh: bool) -> None:
         """Another set of sampled rows is in use from the next step on; fresh: True if the previous
@@ -41,7 +38,7 @@ class RunMemory:
     @property
     def newest(self) -> FloatArray:
         """The last state (n,)."""
-        return np.asarray(self.ring.rows[self.ring.newest])
+        return self.past.newest
 
 
 @dataclass(eq=False, kw_only=True)

@@ -1,12 +1,26 @@
-"""Initial guess of a step: polynomial extrapolation of the last states."""
+"""Initial guess of a step: polynomial extrapolation of the last states, or of their departures from
+the free motion (core/protocols/integrator.py), which for smooth motion are accelerations."""
 
+from collections.abc import Sequence
 from copy import copy
 from functools import cache
 from math import comb
+from typing import NamedTuple
 
 import numpy as np
 
-from sparsemor.core import FloatArray
+from sparsemor.core import BoolArray, FloatArray, IntArray, Layout, StepFormula
+
+
+class Prediction(NamedTuple):
+    """Predicted displacements of a block with their rates, (n,) each, the temperatures of its body,
+    and the time, s."""
+
+    x: FloatArray
+    v: FloatArray
+    a: FloatArray
+    T: FloatArray
+    t: float
 
 
 @cache
@@ -52,3 +66,61 @@ class Ring:
     def restart(self) -> None:
         """Drops all but the newest state: after a jump in a load or a change of active atoms."""
         self.filled = 1
+
+
+def block_starts(layout: Layout) -> list[int]:
+    """First unknown of each block."""
+    return [layout[b.name].start for b in layout]
+
+
+class Past:
+    """Past states x and their departures d from the free motion of their step, and which of the two
+    extrapolations was closer in the last step.
+
+    With frequency w the extrapolation of d has (w h)^2 beta of the error of that of x: it is better
+    for steps that resolve the motion, and worse for quasi-static ones. starts (blocks,): first
+    unknown of each block, which are compared one by one; by_departure (n,): True where d is
+    extrapolated.
+    """
+
+    def __init__(
+        self, points: int, x: FloatArray, starts: Sequence[int] | IntArray
+    ) -> None:
+        self.ring = Ring(points, np.concatenate((x, np.zeros(len(x)))))
+        self.starts, self.n = np.array(starts, dtype=np.int64), len(x)
+        self.by_departure: BoolArray = np.zeros(self.n, dtype=np.bool_)
+
+    def copy(self) -> "Past":
+        """Independent copy."""
+        other = copy(self)
+        other.ring, other.by_departure = self.ring.copy(), self.by_departure.copy()
+        return other
+
+    @property
+    def newest(self) -> FloatArray:
+        """The last state (n,)."""
+        return np.asarray(self.ring.rows[self.ring.newest][: self.n])
+
+    def guess(self, step: StepFormula) -> FloatArray:
+        """Extrapolated departure (n,) from the free motion of a step."""
+        x, d = self.ring.predict().reshape(2, self.n)
+        return np.where(self.by_departure, d, x - step.free)
+
+    def push(self, x: FloatArray, d: FloatArray) -> None:
+        """Stores an accepted state x and its departure d, (n,) each."""
+        new = np.concatenate((x, d))
+        missed = np.abs(self.ring.predict() - new).reshape(2, self.n)
+        worst = np.maximum.reduceat(missed, self.starts, axis=1)
+        better = worst[1] < worst[0]
+        self.by_departure = np.repeat(better, np.diff(np.append(self.starts, self.n)))
+        self.ring.push(new)
+
+    def moved(self, x: FloatArray) -> None:
+        """Continues from the state x alone: nothing is known of the past."""
+        self.ring.push(np.concatenate((x, np.zeros(self.n))))
+        self.restart()
+
+    def restart(self) -> None:
+        """Drops all but the newest state: after a jump in a load or a change of active atoms."""
+        self.ring.restart()
+        self.by_departure = np.zeros(self.n, dtype=np.bool_)

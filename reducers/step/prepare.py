@@ -14,7 +14,6 @@ from sparsemor.core import (
     Layout,
     MovingBody,
     Note,
-    State,
 )
 from sparsemor.reducers.step.acceptance import Tolerances
 from sparsemor.reducers.step.elastic_block import ElasticBlock
@@ -27,19 +26,18 @@ from sparsemor.reducers.step.thermal_groups import group_name
 from sparsemor.reducers.step.time_tables import TimeTable
 
 
-def constants(layout: Layout, integrator: Integrator, h: float) -> tuple[float, float, float]:
+def constants(integrator: Integrator, h: float) -> tuple[float, float, float]:
     """Integrator constants c1, c2, and c1 of first-order unknowns, for steps of size h, s."""
-    zero = np.zeros(layout.size)
-    state = integrator.start(layout, State(0.0, zero, zero, zero, np.zeros((layout.size, 0))))
-    f = integrator.formula(layout, state, h)
-    return f.c1, f.c2, f.c1_first
+    rules = integrator.rules(h)
+    second, first = rules.second.new, rules.first.new
+    return float(second[1] / second[0]), float(1.0 / second[0]), float(1.0 / first[0])
 
 
 def stepper(
     model: AssembledModel, layout: Layout, dictionaries: Mapping[str, Dictionary],
     rows: Mapping[str, IntArray], heat: Mapping[str, HeatBlock],
     elastic: Mapping[str, ElasticBlock | PrescribedBlock], tol: Tolerances,
-    points: int, factorizations: int, rates: tuple[float, float], ahead: bool = True,
+    points: int, factorizations: int, c1: float, ahead: bool = True,
     limits: Mapping[str, float] | None = None,
     notes: tuple[Note, ...] = (), tested: Mapping[str, TestedElastic] | None = None,
     facts: Facts | None = None, visited: Mapping[str, int] | None = None,
@@ -47,7 +45,7 @@ def stepper(
     """Block-wise step solver from reduced or full-order blocks, with the elements that one step
     visits.
 
-    points: number of past states to extrapolate; rates: c1 and c2 of its steps; ahead: True if
+    points: number of past states to extrapolate; c1: factor dv = c1 dx of its steps; ahead: True if
     functions of time (prescribed motion and loads) are evaluated now for all their times; tested:
     projected elastic operators, for consistent initial rates; visited: elements of each thermal
     block's local terms, where these are not those of `heat`, whose keys are groups of coupled
@@ -64,12 +62,12 @@ def stepper(
     frames = {m.name: tested[m.elastic].frame for m in model.separated.moving
               if tested and m.elastic in tested}
     s = Stepper(layout, dictionaries, rows, elements, model.separated, heat, elastic, frames, tol,
-                points, factorizations, limits or {}, sanity, notes, facts or {},
+                points, factorizations, c1, limits or {}, sanity, notes, facts or {},
                 tested or {}, hot=_hot(model, layout), iterating=any(
                     b.iterates for b in elastic.values()))
     if not model.separated.border_size:
         s = replace(s, drives={
-            b.name: TimeTable.of(PrescribedFactors(b, *rates), _times(m) if ahead else np.zeros(0))
+            b.name: TimeTable.of(PrescribedFactors(b), _times(m) if ahead else np.zeros(0))
             for b, m in zip(bodies(s), model.separated.moving, strict=True) if b.elastic_name})
     return replace(s, mechanics=s.with_mechanics())
 

@@ -1,11 +1,13 @@
 """Elastic block of a body whose frame motion is prescribed: linear, without coupling to rigid
 unknowns.
 
-With D = K + c1 D_m + c2 M constant (D_m: damping), its rows times D^-1 read
+With D = K + c1 D_m + c2 M constant (D_m: damping) and the increment d from a prediction u0, v0, a0
+(elastic_block.py), its rows times D^-1 read
 
-    u + sum_g kappa_g D^-1 M_g u = b,   b = -D^-1 (h + P sigma + sum_g mu_g M_g r1),
+    d + sum_g (kappa_g + c1 mu_g) D^-1 M_g d = b,
+    b = -D^-1 (h + P sigma + sum_g kappa_g M_g u0 + mu_g M_g v0),
 
-with h the terms of past states and loads, P the columns that couple to the frame, M_g constant
+with h the terms of the prediction and loads, P the columns that couple to the frame, M_g constant
 matrices. sigma, kappa and mu depend on time only (core/protocols/separable.py), so no moments and
 quadratic forms of u are needed.
 """
@@ -31,11 +33,12 @@ from sparsemor.reducers.step.acceptance import EPS, LEAST
 from sparsemor.reducers.step.elastic_block import (
     DisplacementBlock,
     History,
-    forces_of_history,
+    predicted_forces,
     rounded,
 )
 from sparsemor.reducers.step.elastic_local import FullLocal, LocalForces, ReducedLocal
 from sparsemor.reducers.step.operators import TestedElastic
+from sparsemor.reducers.step.predictor import Prediction
 from sparsemor.reducers.step.time_tables import Moving, TimeTable, along, tabulated
 
 LEADING = 64
@@ -45,29 +48,27 @@ LEADING = 64
 class Past(History):
     """Constants of one step, and its last iterate.
 
-    kappa, mu (g,): factors of the frame's rotation, as lists; weights, rates: the same as arrays;
-    c, u: last iterate (None at the start) and its image; r1: vector that mu multiplies, None when
-    its product has been added; turning: range of the g in which kappa or mu is not zero; bound:
-    upper bound of the contraction factor; terms: r1, r2 and temperatures of a reduced block's
-    history, and the part of b that depends on time only.
+    kappa, mu (g,): factors of the frame's rotation; weights = kappa + c1 mu (g,); d, image: last
+    iterate (None at the start) and its image; turning: range of the g in which kappa or mu is not
+    zero; bound: upper bound of the contraction factor; rest: the part of b that depends on time
+    only.
     """
 
-    __slots__ = ("bound", "c", "kappa", "mu", "r1", "rates", "terms", "turning", "u", "weights")
+    __slots__ = ("bound", "d", "image", "kappa", "mu", "rest", "turning", "weights")
 
-    def __init__(self, table: FloatArray, g: int, r1: FloatArray) -> None:
-        super().__init__()
-        self.kappa, self.mu = table[:g].tolist(), table[g : 2 * g].tolist()
-        self.r1: FloatArray | None = r1
-        self.c: FloatArray | None = None
+    def __init__(
+        self, at: Prediction, c1: float, c2: float, table: FloatArray, g: int
+    ) -> None:
+        super().__init__(at, c1, c2)
+        self.kappa, self.mu = table[:g], table[g : 2 * g]
+        self.weights = self.kappa + c1 * self.mu
+        acts = np.flatnonzero((self.kappa != 0.0) | (self.mu != 0.0)).tolist()
+        self.turning = (acts[0], acts[-1] + 1) if acts else (0, 0)
+        self.d: FloatArray | None = None
 
-    kappa: list[float]
-    mu: list[float]
-    u: FloatArray
-    weights: FloatArray
-    rates: FloatArray
-    turning: tuple[int, int]
+    image: FloatArray
     bound: float
-    terms: tuple[FloatArray, FloatArray, FloatArray, FloatArray]
+    rest: FloatArray
 
 
 class PrescribedBlock(DisplacementBlock):
@@ -77,20 +78,18 @@ class PrescribedBlock(DisplacementBlock):
     proved: ClassVar[bool]
 
     @abstractmethod
-    def time_table(self, drive: TimeTable) -> TimeTable:
-        """Tabulated functions of time of a step: the frame's kappa, mu and sigma in `drive`, and
-        others that depend on time only."""
+    def time_table(self, drive: TimeTable, c1: float) -> TimeTable:
+        """Tabulated functions of time of a step with factor c1: the frame's kappa, mu and sigma in
+        `drive`, and others that depend on time only."""
 
     @abstractmethod
-    def begin(
-        self, r1: FloatArray, r2: FloatArray, xT: FloatArray, t: float, table: FloatArray
-    ) -> Past:
-        """Constants of a step to t, s; xT: temperatures; table: values of `time_table` at t."""
+    def begin(self, at: Prediction, c1: float, c2: float, table: FloatArray) -> Past:
+        """Constants of a step from the prediction; table: values of `time_table` at its time."""
 
     @abstractmethod
-    def improve(self, c: FloatArray, past: Past) -> FloatArray:
-        """One iteration: b - sum_g kappa_g D^-1 M_g c, followed by a correction in the lowest
-        modes."""
+    def improve(self, d: FloatArray, past: Past) -> FloatArray:
+        """One iteration: b - sum_g (kappa_g + c1 mu_g) D^-1 M_g d, followed by a correction in the
+        lowest modes."""
 
     @abstractmethod
     def contraction(self, past: Past) -> float:
@@ -98,8 +97,8 @@ class PrescribedBlock(DisplacementBlock):
         rotation."""
 
     @abstractmethod
-    def noise(self, c: FloatArray, past: Past, c1: float, c2: float) -> float:
-        """Norm of the errors of the unknowns c due to rounding of the terms of the equations."""
+    def noise(self, d: FloatArray, past: Past) -> float:
+        """Norm of the errors of the increment d due to rounding of the terms of the equations."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -126,33 +125,33 @@ class FullPrescribed(PrescribedBlock):
     def iterates(self) -> bool:
         return self.factor.iterative
 
-    def time_table(self, drive: TimeTable) -> TimeTable:
+    def time_table(self, drive: TimeTable, c1: float) -> TimeTable:
         return drive
 
-    def begin(
-        self, r1: FloatArray, r2: FloatArray, xT: FloatArray, t: float, table: FloatArray
-    ) -> Past:
+    def begin(self, at: Prediction, c1: float, c2: float, table: FloatArray) -> Past:
         o, g = self.ops, len(self.ops.generators)
-        past = Past(table, g, r1)
-        h = forces_of_history(o, o.mass @ r2, r1, xT, t)
+        past = Past(at, c1, c2, table, g)
+        h = predicted_forces(o, o.mass @ at.a, at)
         sigma = table[2 * g :]
         if sigma.any():
             h += o.directions @ sigma
-        for M, mu in zip(o.generators, past.mu, strict=True):
-            if mu:
-                h += M @ (mu * r1)
-        past.h = h
+        for M, kappa, mu in zip(o.generators, past.kappa, past.mu, strict=True):
+            if kappa or mu:
+                h += M @ (kappa * at.x + mu * at.v)
+        past.h, past.u = h, at.x
         return past
 
-    def improve(self, c: FloatArray, past: Past) -> FloatArray:
-        right = past.h if past.local is None else past.h + past.local.rows(c)
-        for M, kappa in zip(self.ops.generators, past.kappa, strict=True):
-            if kappa:
-                right = right + M @ (kappa * c)
+    def improve(self, d: FloatArray, past: Past) -> FloatArray:
+        right = past.h if past.local is None else past.h + past.local.rows(d)
+        for M, weight in zip(self.ops.generators, past.weights, strict=True):
+            if weight:
+                right = right + M @ (weight * d)
         if not self.factor.iterative:
-            u = -self.factor.solve(right)
-            return u + self.coarse.correction(u - c, past.kappa) if any(past.kappa) else u
-        found = self.factor.outcome(right, -c)
+            new = -self.factor.solve(right)
+            if not past.weights.any():
+                return new
+            return new + self.coarse.correction(new - d, past.weights.tolist())
+        found = self.factor.outcome(right, -d)
         past.iterations, past.residual = past.iterations + found.iterations, found.residual
         if found.status.ok:
             return -found.x
@@ -160,11 +159,11 @@ class FullPrescribed(PrescribedBlock):
         return np.full(len(right), np.nan)
 
     def contraction(self, past: Past) -> float:
-        turning = self.coarse.left * sum(map(abs, past.kappa))
+        turning = self.coarse.left * float(np.abs(past.weights).sum())
         return turning if self.local is None else max(turning, LEAST)
 
-    def noise(self, c: FloatArray, past: Past, c1: float, c2: float) -> float:
-        return rounded(self.ops, self.factor, c, past, c1, c2)
+    def noise(self, d: FloatArray, past: Past) -> float:
+        return rounded(self.ops, self.factor, d, past)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -172,16 +171,17 @@ class CompressedPrescribed(PrescribedBlock):
     """Reduced block with s active atoms: all operators are dense and small, independent of the
     mesh.
 
-    Factors of b: inertia and damping times r2 and r1, (s, k) or diagonals, damping None where there
-    is none; coupling (s, kt) times temperatures; base; E (s, p) times sigma; loads (s, j) times
-    amplitudes, and tabulated loads. G (g, k, s): transposed D^-1 M_g, so that consecutive ones form
-    one matrix; leading (g r, r): their first rows and columns, of soft modes, r = 0 where some
-    atoms are not active; sizes (g, 3): Frobenius norms of each whole matrix, of its leading part,
-    and of the rest.
+    Factors of b: stiffness, damping and inertia times u0, v0 and a0, (s, k) or diagonals, damping
+    None where there is none; coupling (s, kt) times temperatures; base; E (s, p) times sigma; loads
+    (s, j) times amplitudes, and tabulated loads. G (g, k, s): transposed D^-1 M_g, so that
+    consecutive ones form one matrix; leading (g r, r): their first rows and columns, of soft modes,
+    r = 0 where some atoms are not active; sizes (g, 3): Frobenius norms of each whole matrix, of
+    its leading part, and of the rest.
     """
 
     proved: ClassVar[bool] = True
     inertia: FloatArray
+    stiffness: FloatArray
     damping: FloatArray | None
     coupling: FloatArray
     base: FloatArray
@@ -210,7 +210,8 @@ class CompressedPrescribed(PrescribedBlock):
             all_of_it, lead = float(np.sum(A**2)), float(np.sum(A[:r, :r] ** 2))
             sizes.append((sqrt(all_of_it), sqrt(lead), _beyond(A, r)))
         return cls(
-            carried(-left @ b.mass), carried(-left @ b.damping) if b.damping.any() else None,
+            carried(-left @ b.mass), carried(-left @ b.stiffness),
+            carried(-left @ b.damping) if b.damping.any() else None,
             np.ascontiguousarray(left @ b.coupling), -left @ b.constant, -left @ b.directions,
             left @ b.loads, below, G[:, :r, :r].reshape(len(G) * r, r),
             np.array(sizes).reshape(len(G), 3), support,
@@ -221,16 +222,17 @@ class CompressedPrescribed(PrescribedBlock):
         none = np.zeros((len(self.base), k))
         return none if self.damping is None else -dense(self.damping), -dense(self.inertia)
 
-    def time_table(self, drive: TimeTable) -> TimeTable:
+    def time_table(self, drive: TimeTable, c1: float) -> TimeTable:
         """kappa, mu, sigma, the bound of the contraction factor, and the part of b that depends on
         time only."""
-        g, n = 2 * len(self.G), 2 * len(self.G) + self.E.shape[1]
+        g = len(self.G)
+        n = 2 * g + self.E.shape[1]
 
         def decided(times: FloatArray) -> FloatArray:
             rows = np.empty((len(times), n + 1 + len(self.base)))
             rows[:, :n] = drive.along(times)
-            rows[:, n] = self._bounds(rows[:, : len(self.G)])
-            rows[:, n + 1 :] = along(rows[:, g:n].dot(self.E.T) + self.base, self.loads,
+            rows[:, n] = self._bounds(rows[:, :g] + c1 * rows[:, g : 2 * g])
+            rows[:, n + 1 :] = along(rows[:, 2 * g : n].dot(self.E.T) + self.base, self.loads,
                                      self.amplitudes, self.tables, times)
             return rows
 
@@ -239,43 +241,40 @@ class CompressedPrescribed(PrescribedBlock):
             return TimeTable(decided)
         return TimeTable.of(decided, np.array(drive.times))
 
-    def begin(
-        self, r1: FloatArray, r2: FloatArray, xT: FloatArray, t: float, table: FloatArray
-    ) -> Past:
+    def begin(self, at: Prediction, c1: float, c2: float, table: FloatArray) -> Past:
         g = len(self.G)
-        past, n = Past(table, g, r1), 2 * g + self.E.shape[1]
-        past.weights, past.rates, past.bound = table[:g], table[g : 2 * g], float(table[n])
-        acts = [i for i, k in enumerate(zip(past.kappa, past.mu, strict=True)) if any(k)]
-        past.turning = (acts[0], acts[-1] + 1) if acts else (0, 0)
-        past.terms = r1, r2, xT, table[n + 1 :]
-        past.u = times(self.inertia, r2)
-        past.u += table[n + 1 :]
+        past, n = Past(at, c1, c2, table, g), 2 * g + self.E.shape[1]
+        past.bound, past.rest = float(table[n]), table[n + 1 :]
+        image = times(self.inertia, at.a)
+        image += times(self.stiffness, at.x)
+        image += past.rest
         if self.damping is not None:
-            past.u += times(self.damping, r1)
-        if len(xT):
-            past.u += self.coupling.dot(xT)
+            image += times(self.damping, at.v)
+        if len(at.T):
+            image += self.coupling.dot(at.T)
+        past.image, past.u = image, at.x if self.active is None else at.x[self.active]
         return past
 
-    def improve(self, c: FloatArray, past: Past) -> FloatArray:
-        force = 0.0 if past.local is None else past.local.rows(self._wide(c))
-        if not past.bound and not any(past.mu):  # nothing turns
-            return past.u - force
-        d = c if past.c is None else c - past.c  # only what is new is multiplied
-        lo, hi = past.turning
-        push = np.multiply.outer(past.weights[lo:hi], self._wide(d))
-        if past.r1 is not None:
-            push += np.multiply.outer(past.rates[lo:hi], past.r1)
+    def improve(self, d: FloatArray, past: Past) -> FloatArray:
+        force = 0.0 if past.local is None else past.local.rows(d)
+        (lo, hi), at = past.turning, past.at
+        if hi == lo:  # nothing turns
+            return past.image - force
+        new = d if past.d is None else d - past.d  # only what is new is multiplied
+        push = np.multiply.outer(past.weights[lo:hi], self._wide(new))
+        if past.d is None:
+            push += np.multiply.outer(past.kappa[lo:hi], at.x)
+            push += np.multiply.outer(past.mu[lo:hi], at.v)
         turned: FloatArray = push.ravel().dot(self.G[lo:hi].reshape(push.size, -1))
-        u = past.u - turned
-        past.c, past.u, past.r1 = c, u, None
-        u = u - force
+        past.d, past.image = d, past.image - turned
+        image: FloatArray = past.image - force
         r = self.leading.shape[1]
         if not r:
-            return u
-        new = u.copy()
-        new[:r] -= past.weights.dot(self.leading.dot(u[:r] - c[:r])
+            return image
+        found = image.copy()
+        found[:r] -= past.weights.dot(self.leading.dot(image[:r] - d[:r])
                                       .reshape(len(self.G), r))
-        return new
+        return found
 
     def _bounds(self, kappa: FloatArray) -> FloatArray:
         """Bounds (T,) of the contraction factor for kappa (T, g): |E - L| + |L| |E| with E = sum_g
@@ -294,18 +293,20 @@ class CompressedPrescribed(PrescribedBlock):
     def contraction(self, past: Past) -> float:
         return past.bound if self.local is None else max(past.bound, LEAST)
 
-    def noise(self, c: FloatArray, past: Past, c1: float, c2: float) -> float:
-        r1, r2, xT, rest = map(np.abs, past.terms)
-        size = times(np.abs(self.inertia), r2) + rest
+    def noise(self, d: FloatArray, past: Past) -> float:
+        at = past.at
+        size = times(np.abs(self.inertia), np.abs(at.a)) + np.abs(past.rest)
+        size += times(np.abs(self.stiffness), np.abs(at.x))
         if self.damping is not None:
-            size += times(np.abs(self.damping), r1)
-        if len(xT):
-            size += np.abs(self.coupling) @ xT
+            size += times(np.abs(self.damping), np.abs(at.v))
+        if len(at.T):
+            size += np.abs(self.coupling) @ np.abs(at.T)
         if past.local is not None:
-            size += np.abs(past.local.rows(self._wide(c)))
+            size += np.abs(past.local.rows(d))
         if len(self.G):
-            turned = np.multiply.outer(np.abs(past.weights), self._wide(np.abs(c)))
-            turned += np.multiply.outer(np.abs(past.rates), r1)
+            turned = np.multiply.outer(np.abs(past.kappa), np.abs(at.x))
+            turned += np.multiply.outer(np.abs(past.mu), np.abs(at.v))
+            turned += np.multiply.outer(np.abs(past.weights), self._wide(np.abs(d)))
             size += turned.ravel() @ np.abs(self.G).reshape(turned.size, -1)
         return EPS * float(np.linalg.norm(size))
 

@@ -11,7 +11,7 @@ from math import inf, sqrt
 
 import numpy as np
 
-from sparsemor.core import FloatArray, IntArray, Status, StepFormula
+from sparsemor.core import FloatArray, Status, StepFormula
 from sparsemor.reducers.step.acceptance import (
     LEAST,
     MARGIN,
@@ -22,10 +22,11 @@ from sparsemor.reducers.step.acceptance import (
 )
 from sparsemor.reducers.step.anderson import Anderson
 from sparsemor.reducers.step.condensed_newton import SLOW, Mechanics
-from sparsemor.reducers.step.elastic_local import GROWN, StepForces
+from sparsemor.reducers.step.elastic_local import GROWN
 from sparsemor.reducers.step.frame_step import BodyStep
 from sparsemor.reducers.step.iteration_state import Loop, Workspace
 from sparsemor.reducers.step.prescribed_frame_block import Past, PrescribedBlock
+from sparsemor.reducers.step.step_unknowns import StepUnknowns
 
 NONE = np.zeros(0)
 
@@ -34,42 +35,44 @@ class PrescribedFrames(Mechanics):
     """Mechanical equations with prescribed frames, solved one body after the other."""
 
     def solve(
-        self, step: StepFormula, x: FloatArray, memory: Scales, work: Workspace
+        self, step: StepFormula, now: StepUnknowns, memory: Scales, work: Workspace
     ) -> tuple[Status, int, str, str]:
-        """Solves a step in place from the guess x; returns status, number of iterations, block of a
-        failure, and details."""
+        """Solves a step in place from the prediction `now`; returns status, number of iterations,
+        block of a failure, and details."""
         work.loop = loop = Loop()
-        loop.history, loop.y, loop.dy = [None] * len(self.bodies), NONE, NONE
+        loop.history, loop.dy = [None] * len(self.bodies), NONE
+        loop.predicted = loop.d = NONE
         if not memory.elastic:
             memory.elastic, memory.floor = [0.0] * len(self.bodies), [0.0] * len(self.bodies)
+            memory.bending = memory.elastic[:]
         most = 1
         for i, (b, w) in enumerate(zip(self.bodies, work.frames, strict=True)):
             if b.prescribed is None or b.table is None:  # a rigid body: carried along
                 continue
-            at, table, g = b.elastic, b.table.at(step.t), len(w.coefficients) - 1
+            table, g = b.table.at(step.t), len(w.coefficients) - 1
             w.coefficients[:g], w.sigma[-1] = table[:g], table[g : g + w.sigma.shape[1]]
-            past = b.prescribed.begin(step.r1[at], step.r2[at], x[b.thermal], step.t, table)
-            if b.prescribed.local is not None:
-                past.local = StepForces.of(b.prescribed.local, step, at, b.thermal, x)
+            at = now.prediction(b, b.prescribed.active)
+            past = b.prescribed.begin(at, step.c1, step.c2, table)
+            past.local = now.local_forces(b, b.prescribed, at)
             loop.history[i] = past
-            status, n, detail = self._body(i, b, b.prescribed, past, x, memory, step)
+            status, n, detail = self._body(i, b, b.prescribed, past, now, memory)
             most = max(most, n)
             if not status.ok:
                 return status, n, b.elastic_name, detail
         return Status.DONE, most, "", ""
 
     def _body(
-        self, i: int, b: BodyStep, block: PrescribedBlock, past: Past, x: FloatArray,
-        memory: Scales, step: StepFormula,
+        self, i: int, b: BodyStep, block: PrescribedBlock, past: Past, now: StepUnknowns,
+        memory: Scales,
     ) -> tuple[Status, int, str]:
-        c = x[b.elastic] if block.active is None else x[b.elastic][block.active]
+        d = np.zeros(len(past.u))
         bound, last, slow, before = block.contraction(past), inf, None, inf
         for iteration in range(1, self.tol.max_iterations + 1):
-            new = block.improve(c, past)
+            new = block.improve(d, past)
             if bound == 0.0 and past.failure is None:  # nothing turns: that was all
-                _put(new, b.elastic, block.active, x)
+                now.move(b.elastic, block.active, new)
                 return Status.DONE, iteration, ""
-            change = _change(new, c, memory.elastic, i)
+            change = _change(new, d, past.u, memory.elastic, i)
             if not change < inf:
                 status, detail = past.failure or (Status.NOT_FINITE, "")
                 return status, iteration, detail
@@ -77,20 +80,19 @@ class PrescribedFrames(Mechanics):
                 break
             proved = block.proved and block.local is None
             if self._error(change, before, bound, proved) <= self.tol.remaining or (
-                    change >= STALLED * last and _rounded(change, c, block, past, step, memory, i)):
-                _put(new, b.elastic, block.active, x)
+                    change >= STALLED * last and _rounded(change, d, block, past, memory, i)):
+                now.move(b.elastic, block.active, new)
                 return Status.DONE, iteration, ""
             before = change
             if slow is None and change > SLOW * last:
                 slow = Anderson()
             if slow is None:
-                c = new
+                d = new
             else:
-                c, before = slow.mix(c, new, np.ones(len(c))), inf
+                d, before = slow.mix(d, new, np.ones(len(d))), inf
             last = change
         detail = f"last relative change {last:.1e} after {iteration} iterations"
         return Status.NOT_CONVERGED, iteration, detail
-
 
     def _error(self, change: float, before: float, bound: float, proved: bool) -> float:
         """Estimated error after this change. A proved bound of the contraction factor also holds
@@ -102,29 +104,20 @@ class PrescribedFrames(Mechanics):
 
 
 def _rounded(
-    change: float, c: FloatArray, block: PrescribedBlock, past: Past, step: StepFormula,
-    memory: Scales, i: int,
+    change: float, d: FloatArray, block: PrescribedBlock, past: Past, memory: Scales, i: int
 ) -> bool:
     """True if a change that no longer decreases is round-off."""
-    return change * sqrt(memory.elastic[i]) <= MARGIN * block.noise(c, past, step.c1, step.c2)
+    return change * sqrt(memory.elastic[i]) <= MARGIN * block.noise(d, past)
 
 
-def _change(new: FloatArray, c: FloatArray, scales: list[float], i: int) -> float:
-    """Change |new - c| relative to the largest |u| of body i so far, which is updated in
-    `scales`."""
-    d = new - c
-    moved2, size = float(d.dot(d)), float(new.dot(new))
+def _change(new: FloatArray, d: FloatArray, u0: FloatArray, scales: list[float], i: int) -> float:
+    """Change |new - d| of the increment relative to the largest |u| = |u0 + new| of body i so far,
+    which is updated in `scales`."""
+    change, u = new - d, u0 + new
+    moved2, size = float(change.dot(change)), float(u.dot(u))
     if not size < inf:
         return inf
     scales[i] = max(scales[i], size)
     if scales[i] == 0.0:
         return 0.0 if moved2 == 0.0 else inf
     return sqrt(moved2 / scales[i])
-
-
-def _put(new: FloatArray, at: slice, active: IntArray | None, x: FloatArray) -> None:
-    if active is None:
-        x[at] = new
-    else:
-        x[at] = 0.0
-        x[at.start + active] = new

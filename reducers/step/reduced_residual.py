@@ -68,7 +68,7 @@ class DenseBody:
             y, yv, ya = y + motion[0], yv + motion[1], ya + motion[2]
         e = self.step.elastic
         c = x[e]
-        self.step.evaluate(y, yv, ya, c1, c2, self.tested, c, v[e] - c1 * c, a[e] - c2 * c, t, work)
+        self.step.evaluate(y, yv, ya, c1, c2, self.tested, c, v[e], a[e], t, work)
         return yv, ya
 
     def residual(
@@ -105,8 +105,9 @@ class DenseBody:
         row = w.tau @ b.functional + np.tensordot(w.quad, forms, 2)
         J[e, self.at] += column @ T
         J[self.at, e] += T.T @ row
+        kappa, mu = w.coefficients[:-1].reshape(2, -1)
         J[e, e] += (b.stiffness + c1 * b.damping + c2 * b.mass
-                    + np.tensordot(w.coefficients[: len(G)], G, 1))
+                    + np.tensordot(kappa + c1 * mu, G, 1))
         if b.coupling.size:
             J[e, self.step.thermal] -= b.coupling
 

@@ -7,11 +7,9 @@ from dataclasses import replace
 from sparsemor.core import (
     ChecksStep,
     IntArray,
-    Layout,
     Status,
     StepFormula,
     StepOutcome,
-    rate_factors,
 )
 
 Checked = tuple[ChecksStep, IntArray]
@@ -24,14 +22,14 @@ def checked(terms: Iterable[tuple[object, IntArray]]) -> tuple[Checked, ...]:
 
 
 def rejected_step(
-    outcome: StepOutcome, terms: Sequence[Checked], step: StepFormula, layout: Layout
+    outcome: StepOutcome, terms: Sequence[Checked], step: StepFormula
 ) -> StepOutcome:
     """The outcome, or status "not converged" where a term rejects it: for example a surface has
     passed through another one, where no contact force acts."""
     if not (outcome.status.ok and terms):
         return outcome
-    c1, _ = rate_factors(layout, step.c1, step.c2, step.c1_first)
-    v = c1 * outcome.x + step.r1
+    rates = outcome.rates or step.at(outcome.x - step.free)[1:]
+    v = rates[0]
     for term, columns in terms:
         why = term.check_step(outcome.x[columns], v[columns], step.t, 1.0 / step.c1)
         if why:

@@ -31,9 +31,10 @@ from sparsemor.reducers.step.iteration_state import Workspace
 from sparsemor.reducers.step.memory import Memory
 from sparsemor.reducers.step.newton.fallback import STEPS, FullNewton
 from sparsemor.reducers.step.operators import TestedElastic
-from sparsemor.reducers.step.predictor import Ring
+from sparsemor.reducers.step.predictor import Past, block_starts
 from sparsemor.reducers.step.prescribed_frame_block import PrescribedBlock
 from sparsemor.reducers.step.prescribed_frames import PrescribedFrames
+from sparsemor.reducers.step.step_unknowns import StepUnknowns
 from sparsemor.reducers.step.thermal_block import HeatBlock
 from sparsemor.reducers.step.time_tables import TimeTable
 
@@ -45,7 +46,8 @@ Facts = Mapping[str, Mapping[str, float | int | str]]
 class Stepper:
     """Block-wise step solver: heat first, then mechanics.
 
-    limits: largest permitted |coefficient| of each block. heat, elastic: block name -> factorized
+    c1: factor of the step formula, dv = c1 dx; limits: largest permitted |coefficient| of each
+    block. heat, elastic: block name -> factorized
     or reduced operators.
     """
 
@@ -60,6 +62,7 @@ class Stepper:
     tolerances: Tolerances
     points: int
     factorizations: int
+    c1: float
     limits: Mapping[str, float] = field(default_factory=dict)
     sanity: FloatArray = field(default_factory=lambda: np.zeros(0))
     notes: tuple[Note, ...] = ()
@@ -98,8 +101,9 @@ class Stepper:
 
     def start(self, state: State) -> tuple[State, Memory]:
         reduced = self.reduced(state)
-        return reduced, Memory(ring=Ring(self.points, reduced.x), work=self.workspace(),
-                               factorizations=self.factorizations)
+        return reduced, Memory(
+            past=Past(self.points, reduced.x, block_starts(self.layout)), work=self.workspace(),
+            factorizations=self.factorizations)
 
     def reduced(self, state: State) -> State:
         """A full-order state in the unknowns of this model, with consistent rates."""
@@ -113,56 +117,63 @@ class Stepper:
 
     def solve(self, step: StepFormula, memory: Memory) -> tuple[StepOutcome, Memory]:
         outcome = self.tried(step, memory)
-        return (self.accepted(outcome, memory) if outcome.status.ok else outcome), memory
+        return (self.accepted(outcome, step, memory) if outcome.status.ok else outcome), memory
 
     def tried(
         self, step: StepFormula, memory: Memory, guess: FloatArray | None = None
     ) -> StepOutcome:
         """Solution of a step, not yet stored as a past state of the run.
 
-        guess (n,): initial guess of the iteration; None for the extrapolation of past states.
+        guess (n,): unknowns near the solution; None for the extrapolation of past states.
         """
-        x = memory.ring.predict() if guess is None else guess.copy()
         if self.newton is not None and memory.full_newton_next:
-            outcome = self._full_newton(self.newton, step, x, memory)
+            outcome = self._full_newton(self.newton, step, memory)
             memory.full_newton_next -= 1
             if outcome.status.ok:
                 return outcome
             memory.full_newton_next = 0
+        now = StepUnknowns(
+            step, memory.past.guess(step) if guess is None else guess - step.free)
         iterations = 0
         for name, at in self.hot:
-            block = self.heat[name]
-            active = block.active
-            here = x[at]
-            if block.elements:
-                here = _near(here, memory.newest[at])
-            guess = here if active is None else here[active]
-            T, status, n, linear, detail = block.solve(step.r1[at], step.t, guess)
-            if linear:
-                memory.counted(name, linear)
+            status, n, detail = self._heated(name, at, now, memory)
             if not status.ok:
-                return StepOutcome(x, status, n, name, detail)
-            if active is None or not isinstance(at, slice):
-                x[at] = T
-            else:
-                x[at] = 0.0
-                x[at.start + active] = T
+                return now.outcome(status, n, name, detail)
             iterations = max(iterations, n)
         if self.mechanics is not None and self.mechanics.bodies:
             scales = memory.scales.copy() if self.separated.elastic_local else None
-            status, n, block_name, detail = self.mechanics.solve(
-                step, x, memory.scales, memory.work)
-            iterations = n
+            status, iterations, block, detail = self.mechanics.solve(
+                step, now, memory.scales, memory.work)
             if self.iterating:
                 for name, count in memory.work.linear_iterations(
                         self.mechanics.bodies).items():
                     memory.counted(name, count)
             if not status.ok:
-                failed = StepOutcome(x, status, n, block_name, detail)
                 # iterates that went away from the solution are no sizes of the unknowns
                 memory.scales = scales or memory.scales
-                return self._rescued(failed, step, memory)
-        return StepOutcome(x, Status.DONE, iterations)
+                return self._rescued(
+                    now.outcome(status, iterations, block, detail), step, memory)
+        return now.outcome(Status.DONE, iterations)
+
+    def _heated(
+        self, name: str, at: slice | IntArray, now: StepUnknowns, memory: Memory
+    ) -> tuple[Status, int, str]:
+        """Solves one thermal block, or several that are coupled, in place; returns status, number
+        of iterations and details."""
+        block = self.heat[name]
+        if isinstance(at, slice):
+            now.only(at, block.active, False)
+        if block.elements:
+            last = memory.newest[at]
+            far = float(np.abs(now.x[at] - last).max()) > 0.1 * float(np.abs(last).max())
+            if far:  # below 0 K radiation has a second solution
+                now.move(at, None, last - now.x[at], False)
+        d, status, n, linear, detail = block.solve(now.x[at], now.v[at], now.step.t)
+        if linear:
+            memory.counted(name, linear)
+        if status.ok:
+            now.move(at, block.active, d, False)
+        return status, n, detail
 
     def _rescued(
         self, failed: StepOutcome, step: StepFormula, memory: Memory
@@ -171,7 +182,7 @@ class Stepper:
         that fails, too."""
         if self.newton is None:
             return failed
-        outcome = self._full_newton(self.newton, step, memory.ring.predict(), memory)
+        outcome = self._full_newton(self.newton, step, memory)
         spent = failed.iterations + outcome.iterations
         if not outcome.status.ok:
             return replace(failed, iterations=spent)
@@ -179,19 +190,22 @@ class Stepper:
         return replace(outcome, iterations=spent)
 
     def _full_newton(
-        self, newton: FullNewton, step: StepFormula, x: FloatArray, memory: Memory
+        self, newton: FullNewton, step: StepFormula, memory: Memory
     ) -> StepOutcome:
-        outcome = newton.solve(step, x, memory.ring)
+        outcome = newton.solve(step, memory.past)
         if outcome.status.ok:
             memory.full_newton_steps += 1
         return outcome
 
-    def accepted(self, outcome: StepOutcome, memory: Memory) -> StepOutcome:
+    def accepted(
+        self, outcome: StepOutcome, step: StepFormula, memory: Memory
+    ) -> StepOutcome:
         """The outcome, stored as a past state of the run; or a failure where values exceed their
         limits."""
         bad = self._insane(outcome.x)
         if bad is None:
-            memory.ring.push(outcome.x)
+            x, rates = outcome.x, outcome.rates
+            memory.past.push(x, x - step.free if rates is None else step.departure(x, *rates))
         return bad or outcome
 
     def _insane(self, x: FloatArray) -> StepOutcome | None:
@@ -241,13 +255,6 @@ class Stepper:
                 "full_newton_steps": memory.full_newton_steps}
 
 
-def _near(precheck_memory: FloatArray, last: FloatArray) -> FloatArray:
-    """The extrapolation, or the last state where these differ much: below 0 K radiation has a
-    second solution."""
-    far = float(np.abs(precheck_memory - last).max()) > 0.1 * float(np.abs(last).max())
-    return last if far else precheck_memory
-
-
 def bodies(s: Stepper) -> Sequence[BodyStep]:
     none, found = slice(0, 0), []
     for m in s.separated.moving:
@@ -259,7 +266,8 @@ def bodies(s: Stepper) -> Sequence[BodyStep]:
             s.layout[m.elastic] if m.elastic else none,
             s.layout[m.thermal] if m.thermal in s.layout else none, m.elastic, m.guide,
             rigid_block(s.layout, m), prescribed,
-            prescribed.time_table(drive) if prescribed is not None and drive is not None else None))
+            prescribed.time_table(drive, s.c1)
+            if prescribed is not None and drive is not None else None))
     return found
 
 

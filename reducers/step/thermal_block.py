@@ -1,4 +1,5 @@
-"""Thermal block of one body inside a step: C T' + K T - Q(t) + local terms = 0.
+"""Thermal block of one body inside a step: C T' + K T - Q(t) + local terms = 0, solved for the
+increment d from a prediction: T = T0 + d, T' = T0' + c1 d.
 
 The coupling to displacements is one-way (T loads u), so heat is solved first. Without local terms
 the block is linear and takes one solve; local terms (radiation) are iterated with the factorized
@@ -33,10 +34,10 @@ nearly isothermal body K T is a small difference of its terms."""
 
 
 class HeatOutcome(NamedTuple):
-    """Result of a thermal solve. linear: iterations of an iterative linear solver; detail: message
-    of a failure."""
+    """Result of a thermal solve. d: increments of the (active) unknowns from their prediction;
+    linear: iterations of an iterative linear solver; detail: message of a failure."""
 
-    T: FloatArray
+    d: FloatArray
     status: Status
     iterations: int
     linear: int = 0
@@ -51,7 +52,9 @@ class HeatBlock(Protocol):
         """Number of elements that one evaluation of its local terms visits."""
         ...
 
-    def solve(self, r1: FloatArray, t: float, guess: FloatArray) -> HeatOutcome: ...
+    def solve(self, T: FloatArray, rate: FloatArray, t: float) -> HeatOutcome:
+        """Increments of the temperatures from a prediction T (k,) with its rate, at t, s."""
+        ...
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,38 +82,38 @@ class FullHeat:
     def elements(self) -> int:
         return sum(at.term.elements for at in self.local)
 
-    def _right(self, r1: FloatArray, t: float) -> FloatArray:
-        return plus_loads(self.heat.constant - self.heat.capacity @ r1, self.heat, t)
-
-    def solve(self, r1: FloatArray, t: float, guess: FloatArray) -> HeatOutcome:
-        b = self._right(r1, t)
+    def solve(self, T: FloatArray, rate: FloatArray, t: float) -> HeatOutcome:
+        heat = self.heat
+        b = plus_loads(
+            heat.constant - heat.capacity @ rate - heat.conductivity @ T, heat, t)
         if not self.local:
-            return self._linear(b, guess)
-        T, last, exact, linear = guess.copy(), np.inf, False, 0
+            return self._linear(b, np.zeros(len(T)))
+        d, last, exact, linear = np.zeros(len(T)), np.inf, False, 0
         for i in range(1, self.max_iterations + 1):
+            now, rates = T + d, rate + self.c1 * d
             if exact:
-                turned = self._newton(b, T, r1, t)
+                turned = self._newton(b, d, now, rates, t)
                 if isinstance(turned, Status):
-                    return HeatOutcome(T, turned, i, linear)
+                    return HeatOutcome(d, turned, i, linear)
                 new = turned
             else:
-                one = self._linear(b - self._local(T, r1, t), T)
-                new, linear = one.T, linear + one.linear
+                one = self._linear(b - self._local(now, rates, t), d)
+                new, linear = one.d, linear + one.linear
                 if not one.status.ok:
-                    return HeatOutcome(T, one.status, i, linear, one.detail)
-            step, size = float(np.abs(new - T).max()), float(np.abs(new).max())
+                    return HeatOutcome(d, one.status, i, linear, one.detail)
+            step, size = float(np.abs(new - d).max()), float(np.abs(T + new).max())
             stuck = step >= 0.5 * last and step <= (STUCK if exact else 1e3 * self.rtol) * size
             if step <= self.rtol * size or stuck:
                 return HeatOutcome(new, Status.DONE, i, linear)
             if not exact and not step <= 0.1 * last:
                 # long steps: local terms outweigh the constant part, whose factor then misleads
-                T, last, exact = guess.copy(), np.inf, True
+                d, last, exact = np.zeros(len(T)), np.inf, True
                 continue
             if not np.isfinite(step):
-                return HeatOutcome(T, Status.NOT_FINITE, i, linear)
-            T = new
+                return HeatOutcome(d, Status.NOT_FINITE, i, linear)
+            d = new
             last = step
-        return HeatOutcome(T, Status.NOT_CONVERGED, self.max_iterations, linear)
+        return HeatOutcome(d, Status.NOT_CONVERGED, self.max_iterations, linear)
 
     def _linear(self, b: FloatArray, guess: FloatArray) -> HeatOutcome:
         """Solution B^-1 b; `guess` is the initial guess of an iterative linear solver."""
@@ -121,47 +124,47 @@ class FullHeat:
             self.factor, found.residual, found.iterations)
         return HeatOutcome(found.x, found.status, 1, found.iterations, detail)
 
-    def _local(self, T: FloatArray, r1: FloatArray, t: float) -> FloatArray:
-        """Local terms (n,) at temperatures T."""
+    def _local(self, T: FloatArray, rate: FloatArray, t: float) -> FloatArray:
+        """Local terms (n,) at temperatures T with their rate."""
         r = np.zeros(len(T))
         for at in self.local:
             x = T[at.columns]
-            r[at.rows] += at.term.residual(x, self.c1 * x + r1[at.columns], np.zeros(len(x)), t)
+            r[at.rows] += at.term.residual(x, rate[at.columns], np.zeros(len(x)), t)
         return r
 
     def _newton(
-        self, b: FloatArray, T: FloatArray, r1: FloatArray, t: float
+        self, b: FloatArray, d: FloatArray, T: FloatArray, rate: FloatArray, t: float
     ) -> FloatArray | Status:
-        """Temperatures after one Newton iteration with a newly factorized exact Jacobian, or the
-        status of its failure."""
+        """Increments after one Newton iteration with a newly factorized exact Jacobian at T and its
+        rate, or the status of its failure."""
         heat, n = self.heat, len(T)
         J = self.c1 * heat.capacity + heat.conductivity
-        r = J @ T - b + self._local(T, r1, t)
+        r = J @ d - b + self._local(T, rate, t)
         for at in self.local:
             x, k = T[at.columns], len(at.columns)
             c1, zero = np.full(k, self.c1), np.zeros(k)
-            local = coo_array(at.term.jacobian(
-                x, self.c1 * x + r1[at.columns], zero, t, c1, zero))
+            local = coo_array(at.term.jacobian(x, rate[at.columns], zero, t, c1, zero))
             J = J + csr_array((local.data, (at.rows[local.row], at.columns[local.col])),
                               shape=(n, n))
         if not (np.isfinite(r).all() and np.isfinite(J.data).all()):
             return Status.NOT_FINITE
         try:
-            return np.asarray(T - factorize(J).solve(r))
+            return np.asarray(d - factorize(J).solve(r))
         except RuntimeError:
             return Status.SINGULAR
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CompressedHeat:
-    """Reduced thermal block with s active atoms. The solution without local terms is past r1 +
-    prescribed(t).
+    """Reduced thermal block with s of k active atoms. Without local terms the increment is by_rate
+    T' + by_value T + prescribed(t), with T the prediction and T' its rate.
 
-    past: (s, k), or a diagonal (modal_coordinates.py); prescribed: tabulated function of time with
-    loads, moving heat sources and constant terms.
+    by_rate, by_value: (s, k), or a diagonal (modal_coordinates.py); prescribed: tabulated function
+    of time with loads, moving heat sources and constant terms.
     """
 
-    past: FloatArray
+    by_rate: FloatArray
+    by_value: FloatArray
     prescribed: TimeTable
     active: IntArray | None
     local: tuple[ReducedTerm, ...]
@@ -189,35 +192,36 @@ class CompressedHeat:
         # a support that may change with the next step does not pay for all times
         times = b.tables[0].times if b.tables and support is None else np.zeros(0)
         return cls(
-            carried(-left @ b.capacity), TimeTable.of(prescribed, times), support, tuple(local), c1)
+            carried(-left @ b.capacity), carried(-left @ b.conductivity),
+            TimeTable.of(prescribed, times), support, tuple(local), c1)
 
-    def solve(self, r1: FloatArray, t: float, guess: FloatArray) -> HeatOutcome:
-        base = times(self.past, r1)
+    def solve(self, T: FloatArray, rate: FloatArray, t: float) -> HeatOutcome:
+        base = times(self.by_rate, rate)
+        base += times(self.by_value, T)
         base += self.prescribed.at(t)
         if not self.local:
             return HeatOutcome(base, Status.DONE, 1)
-        return self._iterate(base, r1, t, guess)
+        return self._iterate(base, T, rate, t)
 
     def _iterate(
-        self, base: FloatArray, r1: FloatArray, t: float, guess: FloatArray
+        self, base: FloatArray, T: FloatArray, rate: FloatArray, t: float
     ) -> HeatOutcome:
         use = slice(None) if self.active is None else self.active
-        full = np.zeros(len(r1))
-        c, one = guess.copy(), np.eye(len(base))
-        zero, c1 = np.zeros(len(r1)), np.full(len(r1), self.c1)
+        d, one, full = np.zeros(len(base)), np.eye(len(base)), np.zeros(len(T))
+        zero, c1 = np.zeros(len(T)), np.full(len(T), self.c1)
         for i in range(1, self.max_iterations + 1):
-            full[use] = c
-            r, J, rates = c - base, one, self.c1 * full + r1
+            full[use] = d
+            now, rates, r, J = T + full, rate + self.c1 * full, d - base, one
             for term in self.local:
-                r = r + term.residual(full, rates, zero, t)
-                J = J + term.jacobian(full, rates, zero, t, c1, zero)[:, use]
+                r = r + term.residual(now, rates, zero, t)
+                J = J + term.jacobian(now, rates, zero, t, c1, zero)[:, use]
             if not (np.isfinite(r).all() and np.isfinite(J).all()):
-                return HeatOutcome(c, Status.NOT_FINITE, i)
+                return HeatOutcome(d, Status.NOT_FINITE, i)
             try:
                 step = np.linalg.solve(J, r)
             except np.linalg.LinAlgError:
-                return HeatOutcome(c, Status.SINGULAR, i)
-            c = c - step
-            if float(np.abs(step).max()) <= self.rtol * float(np.abs(c).max()):
-                return HeatOutcome(c, Status.DONE, i)
-        return HeatOutcome(c, Status.NOT_CONVERGED, self.max_iterations)
+                return HeatOutcome(d, Status.SINGULAR, i)
+            d = d - step
+            if float(np.abs(step).max()) <= self.rtol * float(np.abs(now).max()):
+                return HeatOutcome(d, Status.DONE, i)
+        return HeatOutcome(d, Status.NOT_CONVERGED, self.max_iterations)

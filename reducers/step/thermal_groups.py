@@ -3,7 +3,10 @@
 With B_i = c1 C_i + K_i of each block and the couplings A_ij T_j + B_ij T_j', the rows of the group
 are one linear system for all its temperatures,
 
-    B_i T_i + sum_j (A_ij + c1 B_ij) T_j = q_i(t) - C_i r1_i - sum_j B_ij r1_j - local terms.
+    B_i d_i + sum_j (A_ij + c1 B_ij) d_j
+        = q_i(t) - C_i T_i' - K_i T_i - sum_j (A_ij T_j + B_ij T_j') - local terms,
+
+with increments d from the predictions T, T'.
 
 At full order its matrix is factorized once. Reduced blocks, whose rows are multiplied by the left
 inverse of B_i, invert their small dense matrix once.
@@ -169,13 +172,12 @@ def compressed_group(
     its operator times the test map of forces. Raises SolveFailed where the coupled matrix is
     singular."""
     names = {b.thermal: i for i, b in enumerate(members)}
-    past = [dense(b.past) for b in blocks]
-    at = starts_of([p.shape[0] for p in past])
+    at = starts_of([b.by_rate.shape[0] for b in blocks])
     size = at[-1].stop
     A, B, fixed = np.zeros((size, size)), np.zeros((size, size)), np.zeros(size)
-    carry = np.zeros((size, size))
-    for here, p in zip(at, past, strict=True):
-        carry[here, here] = p
+    by_rate, by_value = np.zeros((size, size)), np.zeros((size, size))
+    for here, block in zip(at, blocks, strict=True):
+        by_rate[here, here], by_value[here, here] = dense(block.by_rate), dense(block.by_value)
     for c in couplings_of(model, names):
         i, j, d = at[names[c.rows]], at[names[c.columns]], dictionaries[c.columns]
         left = wide[c.rows]
@@ -198,7 +200,8 @@ def compressed_group(
     local = tuple(GroupLocal(t, here, inverse[:, here])
                   for b, here in zip(blocks, at, strict=True) for t in b.local)
     return CompressedHeat(
-        carried(inverse @ (carry - B)), TimeTable.of(prescribed, times), None, local, c1,
+        carried(inverse @ (by_rate - B)), carried(inverse @ (by_value - A)),
+        TimeTable.of(prescribed, times), None, local, c1,
         blocks[0].rtol, blocks[0].max_iterations)
 
 

@@ -39,7 +39,7 @@ def fill(
     for case, (scene, truth) in cases.items():
         model, offline = prepared(scene.using({"reducer": packaged}), Cache(), new_manager())
         step = StepFactors(scene.time.step, *constants(
-            model.layout, scene.integrator, scene.time.step))
+            scene.integrator, scene.time.step))
         states = {b: truth.block(b, slice(None)) for b in (*POD, "pad.thermal")}
         for block, atoms, basis, counts in wanted(packaged, beside):
             made = scene.using({"reducer": basis}).reducer

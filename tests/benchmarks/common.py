@@ -86,7 +86,7 @@ class Stepping:
         Raises SolveFailed.
         """
         h = self.scene.time.step
-        step = FixedStep(self.scene.integrator, self.solver, h)
+        step = FixedStep.of(self.scene.integrator, self.solver, h)
         taken = next(accepted_steps(step, self.state, self.memory, 1, h))
         self.state, self.memory = taken.state, taken.memory
         return taken.seconds, taken.outcome.iterations

@@ -24,7 +24,7 @@ def projections(
     displacements, also in the energy of a step; of the disk's temperatures, by shapes of the table
     and number of pulses."""
     h = scene.time.step
-    step = StepFactors(h, *constants(model.layout, scene.integrator, h))
+    step = StepFactors(h, *constants(scene.integrator, h))
     own, found = scene.dump()["reducer"], dict[str, float]()
     for block in model.reducible():
         if block != "disk.thermal":

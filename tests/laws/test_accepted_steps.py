@@ -10,6 +10,8 @@ from sparsemor.core import ReducedProblem
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.equations import rate_factors
 from sparsemor.core.model.initial_state import consistent_state
+from sparsemor.core.protocols.integrator import step_formula
+from sparsemor.core.protocols.step_solver import advanced
 from sparsemor.core.scene.scene import Scene, load
 from sparsemor.core.simulation.offline import Offline, step_count
 from sparsemor.core.simulation.simulate import simulate
@@ -63,21 +65,21 @@ def corrections(scene: Scene, every: int) -> list[float]:
         model, integrator, h, Offline.of(model, {}), np.random.default_rng(0)))
     state, memory = solver.start(consistent_state(model))
     state, found = integrator.start(solver.layout, state), []
-    top = np.zeros(model.layout.size)
+    top, rules = np.zeros(model.layout.size), integrator.rules(h)
     for n in range(step_count(scene)):
-        step = integrator.formula(solver.layout, state, h)
+        step = step_formula(rules, solver.layout, state, h)
         outcome, memory = solver.solve(step, memory)
         assert outcome.status.ok, outcome
         x, top = outcome.x, np.maximum(top, np.abs(outcome.x))
         if n % every == every - 1:
             c1, c2 = rate_factors(model.layout, step.c1, step.c2, step.c1_first)
-            at = x, c1 * x + step.r1, c2 * x + step.r2, step.t
+            at = x, *(outcome.rates or step.at(x - step.free)[1:]), step.t
             r = equations.residual(*at, equations.prescribed(step.t))
             dx = equations.factorize(equations.jacobian(*at, c1, c2)).solve(r)
             found.append(max(
                 float(np.abs(dx[at]).max() / top[at].max())
                 for b in model.layout if b.field != "multiplier" for at in [model.layout[b.name]]))
-        state = integrator.advance(solver.layout, state, step, x, h)
+        state = advanced(rules, solver.layout, state, step, outcome)
     return found
 
 

@@ -20,7 +20,9 @@ from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.initial_state import consistent_state
 from sparsemor.core.model.model import Model
 from sparsemor.core.protocols import State, StepSolver
+from sparsemor.core.protocols.integrator import step_formula
 from sparsemor.core.protocols.load_tables import LoadTable, Table
+from sparsemor.core.protocols.step_solver import advanced
 from sparsemor.core.registry.hooks import new_manager
 from sparsemor.core.scene.scene import Scene, load
 from sparsemor.core.simulation.linearization.check import Reference, judge
@@ -130,12 +132,12 @@ def run(scene: Scene, given: Trained, stepper: StepSolver) -> None:
     state, memory = stepper.start(given.start)
     state = integrator.start(stepper.layout, state)
     for _ in range(STEPS):
-        formula = integrator.formula(stepper.layout, state, h)
+        formula = step_formula(integrator.rules(h), stepper.layout, state, h)
         found, memory = stepper.solve(formula, memory)
         if not found.status.ok:
             raise SolveFailed(found.status, formula.t, found.block, found.detail)
         assert np.isfinite(found.x).all()
-        state = integrator.advance(stepper.layout, state, formula, found.x, h)
+        state = advanced(integrator.rules(h), stepper.layout, state, formula, found)
 
 
 def pairs() -> list[Any]:

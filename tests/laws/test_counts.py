@@ -14,6 +14,8 @@ from sparsemor.core import ReducedProblem
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.initial_state import consistent_state
 from sparsemor.core.model.model import Model
+from sparsemor.core.protocols.integrator import step_formula
+from sparsemor.core.protocols.step_solver import advanced
 from sparsemor.core.scene.scene import Scene, load
 from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.testing.in_memory_run import march
@@ -65,10 +67,10 @@ class Run:
         solver = self.solver if solver is None else solver
         h, integrator = self.scene.time.step, self.scene.integrator
         for _ in range(count):
-            formula = integrator.formula(solver.layout, self.state, h)
+            formula = step_formula(integrator.rules(h), solver.layout, self.state, h)
             outcome, self.memory = solver.solve(formula, self.memory)
             assert outcome.status.ok, outcome
-            self.state = integrator.advance(solver.layout, self.state, formula, outcome.x, h)
+            self.state = advanced(integrator.rules(h), solver.layout, self.state, formula, outcome)
         return self.state.x
 
 

@@ -266,7 +266,7 @@ def test_memory_that_was_stored_repeats_every_digit(reducer: str) -> None:
         state, memory = started(solver, scene.integrator, consistent_state(model))
         for count in (9, 11):
             *_, last = accepted_steps(
-                FixedStep(scene.integrator, solver, 1e-3), state, memory, count, 1e-3)
+                FixedStep.of(scene.integrator, solver, 1e-3), state, memory, count, 1e-3)
             state, memory = last.state, last.memory
             if stored:
                 fresh = solver.start(consistent_state(model))[1]

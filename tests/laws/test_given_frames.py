@@ -150,7 +150,7 @@ def test_a_frame_gives_the_same_with_and_without_derivatives(make, size) -> None
     rng, g, known = np.random.default_rng(0), f.generators, guide.at(3 * H)
     s, forms = rng.standard_normal((3, f.p)), rng.standard_normal(3 * g)
     f.evaluate(*known, 1e3, 1e6, *s, forms[:g], forms[g:], 3 * H, one)
-    f.drive(*known, 1e3, 1e6, 3 * H, other)
+    f.drive(*known, 3 * H, other)
     assert one.sigma[-1].any() and one.coefficients[:-1].any()
     assert np.array_equal(one.sigma[-1], other.sigma[-1])
     assert np.array_equal(one.coefficients, other.coefficients)
@@ -181,7 +181,8 @@ def test_coordinates_change_nothing_in_the_span(full, monkeypatch) -> None:
     assert isinstance(turned.solver, Stepper)
     elastic, heat = (turned.solver.elastic["bar.elastic"], turned.solver.heat["bar.thermal"])
     assert isinstance(elastic, CompressedPrescribed) and isinstance(heat, CompressedHeat)
-    assert elastic.inertia.ndim == heat.past.ndim == 1
+    assert elastic.inertia.ndim == elastic.stiffness.ndim == 1
+    assert heat.by_rate.ndim == heat.by_value.ndim == 1
     monkeypatch.setattr(Galerkin, "in_modes", lambda *given: {})
     plain = reduced(full, POD)
     assert isinstance(plain.solver, Stepper)

@@ -74,7 +74,7 @@ def blocks(name: str) -> dict[str, Reducible]:
     """All reducible blocks of a trained scene, as `ProjectionReducer.maps` gets them."""
     scene, full, snapshots = trained(name)
     model, h = full.model, scene.time.step
-    factors = constants(model.layout, scene.integrator, h)
+    factors = constants(scene.integrator, h)
     sources = {b.thermal: b for b in model.separated.heat} | {
         m.elastic: m for m in model.separated.moving if m.operators is not None}
     offline, rng = Offline.of(model, snapshots), np.random.default_rng(0)

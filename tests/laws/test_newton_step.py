@@ -41,8 +41,8 @@ class Scalar:
         return Lu(J)
 
     def solved(self, start: float) -> StepOutcome:
-        step = StepFormula(0.0, 0.0, 0.0, 0.0, np.zeros(1), np.zeros(1))
-        return solve(self, step, NewtonMemory.of(np.array([start]), 6, 1), Tolerances())
+        step = StepFormula(0.0, 0.0, 0.0, 0.0, self.layout, np.zeros(1), np.zeros(1))
+        return solve(self, step, NewtonMemory.of(np.array([start]), 6, [0]), Tolerances())
 
 
 def test_a_kink_is_crossed() -> None:
@@ -115,6 +115,7 @@ class Apart:
 def test_a_slow_block_is_not_hidden_by_a_quick_one() -> None:
     """The change that is left is estimated block by block."""
     zero = np.zeros(2)
-    start = NewtonMemory.of(np.array([5.0, 1.0 + 1e-6]), 6, 2)
-    out = solve(Apart(), StepFormula(0.0, 0.0, 0.0, 0.0, zero, zero), start, Tolerances())
+    start = NewtonMemory.of(np.array([5.0, 1.0 + 1e-6]), 6, [0, 1])
+    step = StepFormula(0.0, 0.0, 0.0, 0.0, Apart().layout, zero, zero)
+    out = solve(Apart(), step, start, Tolerances())
     assert out.status is Status.DONE and abs(out.x[1] - 1.0) < 5e-9

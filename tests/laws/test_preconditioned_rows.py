@@ -17,7 +17,9 @@ from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.initial_state import consistent_state
 from sparsemor.core.model.model import Model, StepFactors
 from sparsemor.core.protocols import Dictionary
+from sparsemor.core.protocols.integrator import step_formula
 from sparsemor.core.protocols.load_tables import LoadTable, Table
+from sparsemor.core.protocols.step_solver import advanced
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.simulation.offline_cache import Products
@@ -186,10 +188,10 @@ def test_prepared_rows_come_back_without_being_prepared_again(
     state, memory = solver.start(consistent_state(model))
     state = integrator.start(solver.layout, state)
     for _ in range(24):
-        formula = integrator.formula(solver.layout, state, h)
+        formula = step_formula(integrator.rules(h), solver.layout, state, h)
         outcome, memory = solver.solve(formula, memory)
         assert outcome.status.ok
-        state = integrator.advance(solver.layout, state, formula, outcome.x, h)
+        state = advanced(integrator.rules(h), solver.layout, state, formula, outcome)
     assert solver.counters(memory)["resamplings"] == 11
     assert len(made) == len(set(made))
     assert bool(made) == (budgets is BUDGETS)

@@ -36,7 +36,7 @@ class Going:
 
     def steps(self, count: int) -> "Going":
         h = self.scene.time.step
-        step = FixedStep(self.scene.integrator, self.solver, h)
+        step = FixedStep.of(self.scene.integrator, self.solver, h)
         for taken in accepted_steps(step, self.state, self.memory, count, h):
             self.state, self.memory = taken.state, taken.memory
             if isinstance(self.solver, RedrawsRows):

@@ -14,6 +14,7 @@ from sparsemor.core.linalg.coherence import coherence, condition_number, unit_co
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.initial_state import consistent_state
 from sparsemor.core.protocols import SparseOutcome
+from sparsemor.core.protocols.integrator import step_formula
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.status import Status
@@ -238,7 +239,8 @@ def test_a_stepper_with_other_blocks_is_one_made_of_them() -> None:
     for stepper in (one, other):
         state, memory = stepper.start(consistent_state(model))
         state = scene.integrator.start(stepper.layout, state)
-        formula = scene.integrator.formula(stepper.layout, state, scene.time.step)
+        rules, h = scene.integrator.rules(scene.time.step), scene.time.step
+        formula = step_formula(rules, stepper.layout, state, h)
         found.append(stepper.tried(formula, memory).x)
     assert np.abs(found[0]).max() > 0.0
     np.testing.assert_array_equal(*found)
@@ -273,6 +275,7 @@ def test_a_selection_that_fails_stops_the_step_and_names_its_block() -> None:
         np.random.default_rng(0)))
     state, memory = solver.start(consistent_state(full().model))
     state = scene.integrator.start(solver.layout, state)
-    formula = scene.integrator.formula(solver.layout, state, scene.time.step)
+    rules, h = scene.integrator.rules(scene.time.step), scene.time.step
+    formula = step_formula(rules, solver.layout, state, h)
     outcome, _ = solver.solve(formula, memory)
     assert outcome.status is Status.NOT_CONVERGED and outcome.block == "bar.thermal"

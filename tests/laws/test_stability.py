@@ -11,6 +11,8 @@ from small_pendulum import small
 from sparsemor.core import ReducedProblem
 from sparsemor.core.model.initial_state import consistent_state
 from sparsemor.core.protocols import StepSolver
+from sparsemor.core.protocols.integrator import step_formula
+from sparsemor.core.protocols.step_solver import advanced
 from sparsemor.core.registry.hooks import new_manager
 from sparsemor.core.results.saved_state import Saved
 from sparsemor.core.scene.scene import Scene
@@ -74,10 +76,10 @@ def test_the_map_moves_small_changes_as_a_step_does(integrator: str, reducer: st
 
     def after(dz: Any) -> Any:
         moved = unpacked(packed(state) + dz, state)
-        formula = rule.formula(layout, moved, h)
+        formula = step_formula(rule.rules(h), layout, moved, h)
         outcome, _ = solver.solve(formula, memory.copy())
         assert outcome.status.ok
-        return packed(rule.advance(layout, moved, formula, outcome.x, h))
+        return packed(advanced(rule.rules(h), layout, moved, formula, outcome))
 
     dz = 1e-6 * rng.standard_normal(len(size)) * size
     multipliers = np.concatenate([step.components(b.name) for b in layout

@@ -102,14 +102,14 @@ def steps(
 class SharedScratch(AroundSteps[Any]):
     """A step solver with the fault that the law is for: an array that every step writes to."""
 
-    r1: FloatArray
+    free: FloatArray
 
     def start(self, state: State) -> Any:
         return self.base.start(state)
 
     def solve(self, step: StepFormula, memory: Any) -> Any:
-        self.r1[:] = step.r1
-        return self.base.solve(replace(step, r1=self.r1), memory)
+        self.free[:] = step.free
+        return self.base.solve(replace(step, free=self.free), memory)
 
 
 def runs(scene: Scene, model: Model, solver: Any) -> tuple[Run, Run]:

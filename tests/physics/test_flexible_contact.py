@@ -11,6 +11,8 @@ from sparsemor.core.arrays import FloatArray
 from sparsemor.core.model.equations import rate_factors
 from sparsemor.core.model.model import Model
 from sparsemor.core.protocols import StepFormula
+from sparsemor.core.protocols.integrator import step_formula
+from sparsemor.core.protocols.step_solver import advanced
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.status import SolveFailed, Status
 from sparsemor.core.testing.in_memory_run import march
@@ -87,7 +89,7 @@ def test_exact_jacobians_converge_quadratically_and_a_kept_one_linearly() -> Non
     run = full()
     integrator = scene(BOTH).integrator
     state = integrator.start(run.model.layout, run.end)
-    step = integrator.formula(run.model.layout, state, STEP)
+    step = step_formula(integrator.rules(STEP), run.model.layout, state, STEP)
     x = 2 * run.x[-1] - run.x[-2]
     x[run.model.layout["plate.elastic"]] *= 1.005
     newton = changes(run.model, step, x, exact=True, count=3)
@@ -106,11 +108,11 @@ def test_few_factors_serve_many_steps() -> None:
     state = integrator.start(solver.layout, state)
     iterations = 0
     for _ in range(20):
-        formula = integrator.formula(solver.layout, state, STEP)
+        formula = step_formula(integrator.rules(STEP), solver.layout, state, STEP)
         outcome, memory = solver.solve(formula, memory)
         assert outcome.status.ok
         iterations += outcome.iterations
-        state = integrator.advance(solver.layout, state, formula, outcome.x, STEP)
+        state = advanced(integrator.rules(STEP), solver.layout, state, formula, outcome)
     assert solver.counters(memory)["factorizations"] <= 8 and iterations <= 160
 
 

@@ -12,6 +12,8 @@ from reduced_runs import decoded, learnt
 from sparsemor.core.analysis.charts import write_run_charts
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.model.initial_state import consistent_state
+from sparsemor.core.protocols.integrator import step_formula
+from sparsemor.core.protocols.step_solver import advanced
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.simulation.simulate import simulate
 from sparsemor.core.testing.in_memory_run import March, march
@@ -103,9 +105,10 @@ def test_a_reduced_step_evaluates_the_facets_near_the_contact() -> None:
         integrator = scene(["elastic"]).integrator
         state = integrator.start(solver.layout, state)
         for _ in range(40):
-            formula = integrator.formula(solver.layout, state, STEP)
+            formula = step_formula(integrator.rules(STEP), solver.layout, state, STEP)
             outcome, memory = solver.solve(formula, memory)
-            state = integrator.advance(solver.layout, state, formula, outcome.x, STEP)
+            state = advanced(
+                integrator.rules(STEP), solver.layout, state, formula, outcome)
         counted.append((facets(near.some.term), memory.counters()["searches"]))
         # 0.15 mm of travel; a new list once a margin
         assert memory.counters()["searches"] <= 2 + 40 * 1.1 * STEP / term.margin

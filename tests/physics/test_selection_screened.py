@@ -11,7 +11,13 @@ from sparsemor.core.arrays import BoolArray, FloatArray
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.initial_state import consistent_state
 from sparsemor.core.model.model import Model
-from sparsemor.core.protocols import SparseOutcome, SparseProblem, SparseStart
+from sparsemor.core.protocols import (
+    SparseOutcome,
+    SparseProblem,
+    SparseStart,
+)
+from sparsemor.core.protocols.integrator import step_formula
+from sparsemor.core.protocols.step_solver import advanced
 from sparsemor.core.scene.scene import Scene, load
 from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.testing.in_memory_run import march
@@ -72,11 +78,11 @@ def run(
     state = scene.integrator.start(stepper.layout, state)
     x, supports = [], []
     for _ in range(round(end / scene.time.step)):
-        formula = scene.integrator.formula(stepper.layout, state, scene.time.step)
+        rules, h = scene.integrator.rules(scene.time.step), scene.time.step
+        formula = step_formula(rules, stepper.layout, state, h)
         outcome, memory = stepper.solve(formula, memory)
         assert outcome.status.ok, outcome
-        state = scene.integrator.advance(
-            stepper.layout, state, formula, outcome.x, scene.time.step)
+        state = advanced(rules, stepper.layout, state, formula, outcome)
         x.append(state.x)
         supports.append({n: s.copy() for n, s in stepper.supports(memory).items()})
     return np.array(x), supports
@@ -148,11 +154,12 @@ def test_the_border_is_eliminated(still: bool) -> None:
     state, memory = stepper.start(consistent_state(model))
     state = scene.integrator.start(stepper.layout, state)
     for _ in range(3 if still else 60):
-        formula = scene.integrator.formula(stepper.layout, state, scene.time.step)
+        rules, h = scene.integrator.rules(scene.time.step), scene.time.step
+        formula = step_formula(rules, stepper.layout, state, h)
         outcome, memory = stepper.solve(formula, memory)
-        state = scene.integrator.advance(
-            stepper.layout, state, formula, outcome.x, scene.time.step)
-    formula = scene.integrator.formula(stepper.layout, state, scene.time.step)
+        state = advanced(rules, stepper.layout, state, formula, outcome)
+    rules, h = scene.integrator.rules(scene.time.step), scene.time.step
+    formula = step_formula(rules, stepper.layout, state, h)
     now, screens = memory.current, stepper.screens_of(memory)
     assert now is not None and now.mechanics is not None and screens is not None
     x, screen = now.tried(formula, memory).x, screens.elastic

@@ -13,6 +13,8 @@ from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.initial_state import consistent_state
 from sparsemor.core.model.model import Model
 from sparsemor.core.protocols import Trial
+from sparsemor.core.protocols.integrator import step_formula
+from sparsemor.core.protocols.step_solver import advanced
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.testing.in_memory_run import march, scene_of
 
@@ -72,10 +74,11 @@ def pushed(columns: int) -> tuple[Any, FloatArray, int]:
     state, memory = solver.start(consistent_state(short.model))
     state = few.integrator.start(solver.layout, state)
     for step in range(STEPS):
-        formula = few.integrator.formula(solver.layout, state, STEP)
+        formula = step_formula(few.integrator.rules(STEP), solver.layout, state, STEP)
         outcome, memory = solver.solve(formula, memory)
         assert outcome.status.ok
-        state = few.integrator.advance(solver.layout, state, formula, outcome.x, STEP)
+        state = advanced(
+                few.integrator.rules(STEP), solver.layout, state, formula, outcome)
         if step == STEPS // 2:
             x = state.x[coupled.columns]
     return coupled.term, x, memory.counters()["searches"]

@@ -51,9 +51,8 @@ CASES = {
         "    def most_atom(self, size): ...",
         "most_atom is not looked for: did you mean most_atoms?"),
     "no solve": ("sparse_solver", "", "lacks solve(problem, start)"),
-    "no formula": ("integrator", "order: int = 1\n    def start(self, layout, state): ...\n"
-                   "    def advance(self, layout, state, formula, x, h): ...",
-                   "lacks formula(layout, state, h)"),
+    "no rules": ("integrator", "order: int = 1\n    def start(self, layout, state): ...",
+                 "lacks rules(h)"),
     "no prepare": ("reducer", "", "lacks prepare(problem)"),
     "no value": ("function", "def rate(self, t): ...", "lacks value(t)"),
     "no build of a mesh": ("mesh", "", "lacks build(base)"),

@@ -15,7 +15,7 @@ the solver's stopping error (1e-13).
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -27,9 +27,12 @@ from sparsemor.core.protocols import (
     State,
     StepFormula,
     StepMemory,
+    StepOutcome,
     StepSolver,
 )
+from sparsemor.core.protocols.integrator import step_formula
 from sparsemor.core.protocols.layout import Layout
+from sparsemor.core.protocols.step_solver import advanced
 from sparsemor.core.status import SolveFailed, Status
 
 
@@ -47,18 +50,23 @@ class Affine:
     @classmethod
     def of(cls, integrator: Integrator, layout: Layout, state: State, h: float) -> "Affine":
         """Map from unit changes of each entry of z and of x, which are exact; h: step size, s."""
-        n, z = layout.size, packed(state)
-        base = integrator.formula(layout, state, h)
-        after = packed(integrator.advance(layout, state, base, state.x, h))
+        n, z, rules = layout.size, packed(state), integrator.rules(h)
+        base = step_formula(rules, layout, state, h)
+
+        def next_state(state: State, formula: StepFormula, x: FloatArray) -> FloatArray:
+            outcome = StepOutcome(x, Status.DONE, 1)
+            return packed(advanced(rules, layout, state, formula, outcome))
+
+        after = next_state(state, base, state.x)
         R, P, Q = np.zeros((2 * n, len(z))), np.zeros((len(z), len(z))), np.zeros((len(z), n))
         for i in range(len(z)):
             moved = unpacked(z + _unit(len(z), i), state)
-            f = integrator.formula(layout, moved, h)
+            f = step_formula(rules, layout, moved, h)
             R[:n, i], R[n:, i] = f.r1 - base.r1, f.r2 - base.r2
-            P[:, i] = packed(integrator.advance(layout, moved, f, state.x, h)) - after
+            P[:, i] = next_state(moved, f, state.x) - after
         for i in range(n):
             x = state.x + _unit(n, i)
-            Q[:, i] = packed(integrator.advance(layout, state, base, x, h)) - after
+            Q[:, i] = next_state(state, base, x) - after
         return cls(R, P, Q)
 
 
@@ -118,7 +126,7 @@ def step_map(
     that it selects in this step (`frozen`, if it has that method); inactive coefficients carry no
     state. Raises SolveFailed when the step fails, or every step from states near it.
     """
-    formula = integrator.formula(solver.layout, state, h)
+    formula = step_formula(integrator.rules(h), solver.layout, state, h)
     x, memory = _solve(solver, formula, memory.copy())
     if isinstance(solver, FreezesSupport):
         solver, memory = solver.frozen(memory)
@@ -193,10 +201,9 @@ def _response(
     base, _ = _solve(solver, formula, kept.copy())
 
     def moved(which: str, i: int, by: float) -> FloatArray:
-        r = np.array(getattr(formula, which))
-        r[i] += by
-        changed = replace(formula, r1=r) if which == "r1" else replace(formula, r2=r)
-        return _solve(solver, changed, kept.copy())[0]
+        r1, r2 = formula.r1, formula.r2
+        (r1 if which == "r1" else r2)[i] += by
+        return _solve(solver, formula.with_history(r1, r2), kept.copy())[0]
 
     for j, i in enumerate(active.tolist()):
         if i >= layout.algebraic.start:

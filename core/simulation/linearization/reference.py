@@ -80,7 +80,7 @@ def along(
     due = {round(t / h) for t in times}
     found = {0: start}
     state, memory = started(solver, integrator, start)
-    step = FixedStep(integrator, solver, h)
+    step = FixedStep.of(integrator, solver, h)
     for n, taken in enumerate(accepted_steps(step, state, memory, max(due), h), 1):
         if n in due:
             found[n] = full_state(solver, taken.state)

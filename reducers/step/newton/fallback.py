@@ -6,6 +6,7 @@ together by the iteration of iteration.py. Its equations are assembled when they
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -15,7 +16,7 @@ from sparsemor.reducers.step.acceptance import Tolerances
 from sparsemor.reducers.step.newton.equations import Equations
 from sparsemor.reducers.step.newton.iteration import solve
 from sparsemor.reducers.step.newton.memory import NewtonMemory
-from sparsemor.reducers.step.predictor import Ring
+from sparsemor.reducers.step.predictor import Past, block_starts
 
 STEPS = 10
 """Number of steps after one that needed the exact Jacobian before the cheaper iteration is tried
@@ -32,21 +33,20 @@ class FullNewton:
     def equations(self) -> Equations:
         return self.make()
 
-    def solve(self, step: StepFormula, guess: FloatArray, past: Ring) -> StepOutcome:
-        """Solves a step from an initial guess (n,), and if that fails from the newest state in
-        `past`."""
-        outcome = self._solved(step, guess, past)
+    def solve(self, step: StepFormula, past: Past) -> StepOutcome:
+        """Solves a step from the extrapolation of past states, and if that fails from the newest
+        one."""
+        outcome = self._solved(step, step.free + past.guess(step), past)
         if outcome.status.ok:
             return outcome
-        second = self._solved(step, past.rows[past.newest], past)
-        spent = outcome.iterations + second.iterations
-        return StepOutcome(second.x, second.status, spent, second.block, second.detail)
+        second = self._solved(step, past.newest, past)
+        return replace(second, iterations=outcome.iterations + second.iterations)
 
     def _solved(
-        self, step: StepFormula, guess: FloatArray, past: Ring
+        self, step: StepFormula, guess: FloatArray, past: Past
     ) -> StepOutcome:
         layout = self.equations.layout
-        memory = NewtonMemory.of(guess, 1, len(layout.blocks), self.equations.buffers)
-        sizes = np.abs(past.rows).max(axis=0)
+        memory = NewtonMemory.of(guess, 1, block_starts(layout), self.equations.buffers)
+        sizes = np.abs(past.ring.rows[:, : past.n]).max(axis=0)
         memory.top = np.array([sizes[layout[b.name]].max(initial=0.0) for b in layout])
         return solve(self.equations.of_run(memory), step, memory, self.tolerances)

@@ -12,7 +12,14 @@ from math import inf
 
 import numpy as np
 
-from sparsemor.core import FloatArray, Quantity, Status, StepFormula, StepOutcome, rate_factors
+from sparsemor.core import (
+    FloatArray,
+    Quantity,
+    Status,
+    StepFormula,
+    StepOutcome,
+    rate_factors,
+)
 from sparsemor.reducers.step.acceptance import EPS, LEAST, MARGIN, STALLED, Tolerances, rounding
 from sparsemor.reducers.step.newton.equations import Equations
 from sparsemor.reducers.step.newton.memory import Linearisation, NewtonMemory
@@ -34,9 +41,9 @@ def solve(
     """One step from the extrapolated state; `memory` keeps the Jacobian and scales for the next
     step."""
     search = _Search(equations, step, memory, tolerances)
-    outcome = search.run(memory.ring.predict(memory.order))
+    outcome = search.run(memory.past.ring.predict(memory.order)[: memory.past.n])
     if outcome.status.ok:
-        search.remember(outcome.x)
+        search.remember(outcome)
     return outcome
 
 
@@ -92,7 +99,7 @@ class _Search:
             if at.change == inf:
                 return self.failed(at, Status.NOT_FINITE)
             if at.change <= self.tol.remaining:
-                return StepOutcome(at.x - at.dx, Status.DONE, self.iterations)
+                return self.done(at, at.dx)
             if self.iterations >= self.tol.max_iterations:
                 return self.unfinished(at)
             new = self._following(at, renew=always)
@@ -104,10 +111,10 @@ class _Search:
             # the textbook method, a check, trusts no ratio: it goes on until nothing changes
             full = not always and new.share == 1.0  # a shortened change says nothing of the next
             if full and self._left(new.moved, ratio) <= self.tol.remaining:
-                return StepOutcome(new.x - new.dx, Status.DONE, self.iterations)
+                return self.done(new, new.dx)
             stalled = new.change >= STALLED * at.change
             if (at.fresh or always) and stalled and self._rounded(new):
-                return StepOutcome(new.x, Status.DONE, self.iterations)
+                return self.done(new, 0.0 * new.dx)
             if not (always or new.fresh) and self._slow(new.change, new.change / at.change):
                 if new.change >= at.change and not at.fresh:
                     new = at  # an old factor led astray
@@ -186,7 +193,12 @@ class _Search:
 
     def at(self, x: FloatArray) -> _At:
         """The first iterate of the step, at x."""
-        return self._evaluated(x, self.c1 * x + self.step.r1, self.c2 * x + self.step.r2)
+        return self._evaluated(*self.step.at(x - self.step.free))
+
+    def done(self, at: _At, d: FloatArray) -> StepOutcome:
+        """The solution of the step, a change d beyond an iterate."""
+        return StepOutcome(at.x - d, Status.DONE, self.iterations,
+                           rates=(at.v - self.c1 * d, at.a - self.c2 * d))
 
     def beyond(self, at: _At, share: float = 1.0) -> _At:
         """The iterate after a fraction of the change.
@@ -256,12 +268,13 @@ class _Search:
 
     # ------------------------------------------------------------------ how it ends
 
-    def remember(self, x: FloatArray) -> None:
-        m = self.memory
+    def remember(self, outcome: StepOutcome) -> None:
+        m, x = self.memory, outcome.x
         m.top = np.maximum(m.top, self._largest(x))
-        off = np.maximum.reduceat(np.abs(m.ring.guesses() - x), self.starts, axis=1)
+        guesses = m.past.ring.guesses()[:, : len(x)]
+        off = np.maximum.reduceat(np.abs(guesses - x), self.starts, axis=1)
         missed = (off / np.maximum(m.top, 1e-300))[:, self.judged].max(axis=1, initial=0.0)
-        m.ring.push(x)
+        m.past.push(x, x - self.step.free)
         # a motion that no order came close to is not extrapolated
         m.order = int(missed.argmin()) + 1 if missed.min() <= EXTRAPOLATION_ERROR else 1
 

@@ -6,9 +6,9 @@ from typing import Protocol, Self, TypeAlias
 
 import numpy as np
 
-from sparsemor.core import Csr, FloatArray, FrameWork, LocalCopy
+from sparsemor.core import Csr, FloatArray, FrameWork, IntArray, LocalCopy
 from sparsemor.reducers.step.memory import RunMemory
-from sparsemor.reducers.step.predictor import Ring
+from sparsemor.reducers.step.predictor import Past
 
 Matrix: TypeAlias = FloatArray | Csr
 
@@ -54,12 +54,13 @@ class NewtonMemory(RunMemory):
 
     @classmethod
     def of(
-        cls, x: FloatArray, points: int, blocks: int,
+        cls, x: FloatArray, points: int, starts: Sequence[int] | IntArray,
         buffers: Callable[[], Sequence[FrameWork]] = tuple,
     ) -> Self:
-        """Memory at a state x (n,) with so many blocks; points: number of past states to
-        extrapolate."""
-        return cls(ring=Ring(points, x), top=np.zeros(blocks), buffers=buffers, work=buffers())
+        """Memory at a state x (n,) with blocks that begin at `starts`; points: number of past
+        states to extrapolate."""
+        return cls(past=Past(points, x, starts), top=np.zeros(len(starts)), buffers=buffers,
+                   work=buffers())
 
     def __getstate__(self) -> dict[str, object]:
         state = {**vars(self), "factor": None, "magnitudes": None,
@@ -82,7 +83,7 @@ class NewtonMemory(RunMemory):
     def at_newest(self) -> "NewtonMemory":
         """Independent memory with the same local copies of terms, for an evaluation at the last
         state."""
-        other = NewtonMemory.of(self.newest, 1, len(self.top))
+        other = NewtonMemory.of(self.newest, 1, self.past.starts)
         other.near = dict(self.near)
         return other
 

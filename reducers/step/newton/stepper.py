@@ -22,6 +22,7 @@ from sparsemor.reducers.step.acceptance import Tolerances
 from sparsemor.reducers.step.newton.equations import Equations
 from sparsemor.reducers.step.newton.iteration import solve
 from sparsemor.reducers.step.newton.memory import NewtonMemory
+from sparsemor.reducers.step.predictor import block_starts
 from sparsemor.reducers.step.rejection import rejected_step
 from sparsemor.reducers.step.solver import Facts
 
@@ -47,12 +48,12 @@ class NewtonStepper:
 
     def start(self, state: State) -> tuple[State, NewtonMemory]:
         return state, NewtonMemory.of(
-            state.x, self.points, len(self.layout.blocks), self.equations.buffers)
+            state.x, self.points, block_starts(self.layout), self.equations.buffers)
 
     def solve(self, step: StepFormula, memory: NewtonMemory) -> tuple[StepOutcome, NewtonMemory]:
         equations = self.equations.of_run(memory)
         outcome = solve(equations, step, memory, self.tolerances)
-        outcome = rejected_step(outcome, equations.checks, step, self.layout)
+        outcome = rejected_step(outcome, equations.checks, step)
         return (self._sane(outcome) if outcome.status.ok else outcome), memory
 
     def _sane(self, outcome: StepOutcome) -> StepOutcome:

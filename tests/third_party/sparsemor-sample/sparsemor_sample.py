@@ -24,7 +24,8 @@ from sparsemor.core import (
     SparseStart,
     State,
     Status,
-    StepFormula,
+    UpdateRule,
+    UpdateRules,
     slot_default,
 )
 from sparsemor.reducers import Maps, ProjectionReducer, Reducible, TestMap
@@ -60,20 +61,13 @@ class Trapezoidal(Plugin):
     def start(self, layout: Layout, state: State) -> State:
         return replace(state, memory=np.zeros((state.x.size, 0)))
 
-    def formula(self, layout: Layout, state: State, h: float) -> StepFormula:
-        c1, rated = 2.0 / h, np.arange(state.x.size) < layout.algebraic.start
-        r1 = np.where(rated, -c1 * state.x - state.v, 0.0)
-        r2 = np.where(rated, c1 * (r1 - state.v) - state.a, 0.0)
-        return StepFormula(state.t + h, c1, c1 * c1, c1, r1, r2)
-
-    def advance(
-        self, layout: Layout, state: State, formula: StepFormula, x: FloatArray, h: float
-    ) -> State:
-        v, a = np.zeros(x.size), np.zeros(x.size)
-        rated, second = slice(0, layout.algebraic.start), layout.second
-        v[rated] = formula.c1 * (x - state.x)[rated] - state.v[rated]
-        a[second] = formula.c1 * (v - state.v)[second] - state.a[second]
-        return State(formula.t, x, v, a, state.memory)
+    def rules(self, h: float) -> UpdateRules:
+        x, v, a = np.eye(3)
+        half = 0.5 * h
+        return UpdateRules(
+            UpdateRule(np.array([half * half, half, 1.0]), np.array([
+                x + half * (2.0 * v + half * a), v + half * a, 0.0 * a])),
+            UpdateRule(np.array([half, 1.0, 0.0]), np.array([x + half * v, 0.0 * v, 0.0 * a])))
 
 
 class PowerLaw(Plugin):
