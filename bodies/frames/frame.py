@@ -95,8 +95,7 @@ class SpatialFrame(ItemFrame[SpatialItem]):
 
     def evaluate(
         self, y: FloatArray, v: FloatArray, a: FloatArray, c1: float, c2: float,
-        s: FloatArray, s1: FloatArray, s2: FloatArray, form: FloatArray, forms: FloatArray,
-        t: float, work: FrameWork,
+        s: FloatArray, forms: FloatArray, t: float, work: FrameWork,
     ) -> None:
         out = work.views
         if not isinstance(out, Sums):
@@ -105,7 +104,7 @@ class SpatialFrame(ItemFrame[SpatialItem]):
         m = Motion(self.size, y, v, a, c1, c2, t)
         m.elastic = self.elastic
         if self.elastic:
-            m.s, m.s1, m.s2, m.form, m.forms = s, s1, s2, form, forms
+            m.s, m.s1, m.s2, m.forms = *s, forms
             work.tau[3 : self.size] = 0.0
         for item, (j, o, k) in zip(self.items, self.starts, strict=True):
             item.evaluate(m, j, o, k, out)

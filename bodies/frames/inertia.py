@@ -105,8 +105,8 @@ class Inertia:
         """(g,) each: second moments z.M_g z, z.M_g u', z.M_g u''."""
         g, signs = self.moments.count, self.moments.signs
         at = slice(j + FIRST, j + FIRST + g)
-        return (self.second + self.moments.symmetric * m.s[at] + m.form,
-                signs * m.s1[at] + m.forms[:g], signs * m.s2[at] + m.forms[g:])
+        return (self.second + self.moments.symmetric * m.s[at] + m.forms[:g],
+                signs * m.s1[at] + m.forms[g : 2 * g], signs * m.s2[at] + m.forms[2 * g :])
 
     def push(self, m: Moved, j: int, out: Pushed) -> None:
         """Inertia loads on the displacements, without derivatives."""

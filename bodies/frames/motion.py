@@ -14,13 +14,12 @@ class Motion:
     """State of one body frame in space. y: rigid coordinates and multipliers; R (m): position;
     turn: attitude (attitude.py), whose coordinates are at `at` in y; A: its rotation matrix; w, al:
     angular velocity and acceleration in body axes with derivatives dw, dal (3, n) by q; acc: R''
-    and acc_b = A^T R'' with dacc_b (3, n); s, s1, s2, form, forms: functionals of u (see
+    and acc_b = A^T R'' with dacc_b (3, n); s, s1, s2, forms: functionals of u (see
     `BodyFrame.evaluate`)."""
 
     __slots__ = ("A", "R", "acc", "acc_b", "al", "at", "c1", "c2", "dacc_b", "dal", "dw",
-                 "elastic", "form", "forms", "s", "s1", "s2", "t", "turn", "w", "y")
+                 "elastic", "forms", "s", "s1", "s2", "t", "turn", "w", "y")
 
-    form: FloatArray
     forms: FloatArray
     s: FloatArray
     s1: FloatArray

@@ -29,8 +29,7 @@ class PlanarFrame(ItemFrame[PlanarItem]):
 
     def evaluate(
         self, y: FloatArray, v: FloatArray, a: FloatArray, c1: float, c2: float,
-        s: FloatArray, s1: FloatArray, s2: FloatArray, form: FloatArray, forms: FloatArray,
-        t: float, work: FrameWork,
+        s: FloatArray, forms: FloatArray, t: float, work: FrameWork,
     ) -> None:
         out = work.views
         if not isinstance(out, Views):
@@ -38,9 +37,8 @@ class PlanarFrame(ItemFrame[PlanarItem]):
         yl, vl, al = y.tolist(), v.tolist(), a.tolist()
         m = Motion(yl, vl[2], complex(al[0], al[1]), al[2], c1, c2, t)
         if self.elastic:
-            m.s = s.view("c16").tolist()
-            m.s1, m.s2 = s1.view("c16").tolist(), s2.view("c16").tolist()
-            m.form, m.forms = form.tolist(), forms.tolist()
+            m.s, m.s1, m.s2 = s.view("c16").tolist()
+            m.forms = forms.tolist()
         total = [0.0] * 9
         for item, j, o, k in self.evaluated:
             item.evaluate(m, j, o, k, total, out)
@@ -50,8 +48,8 @@ class PlanarFrame(ItemFrame[PlanarItem]):
         self, y: FloatArray, v: FloatArray, a: FloatArray, t: float, work: FrameWork
     ) -> None:
         # its derivatives are a few complex numbers, not worth a second way through the items
-        s, form = np.zeros(self.p), np.zeros(self.generators)
-        self.evaluate(y, v, a, 0.0, 0.0, s, s, s, form, np.zeros(2 * len(form)), t, work)
+        s, forms = np.zeros((3, self.p)), np.zeros(3 * self.generators)
+        self.evaluate(y, v, a, 0.0, 0.0, s, forms, t, work)
 
     def exact(
         self, v: FloatArray, a: FloatArray, c1: float, c2: float, work: FrameWork

@@ -65,11 +65,11 @@ class Inertia:
         turn."""
         if not m.s:
             return self.moment, 0j, 0j, self.inertia, 0.0, 0.0
-        s, form, forms = m.s, m.form, m.forms
+        s, forms = m.s, m.forms
         return (
             self.moment + s[j], m.s1[j], m.s2[j],
-            self.inertia + 2 * s[j + 1].real + form[0],
-            m.s1[j + 1].real + forms[0], m.s2[j + 1].imag - forms[3],
+            self.inertia + 2 * s[j + 1].real + forms[0],
+            m.s1[j + 1].real + forms[2], m.s2[j + 1].imag - forms[5],
         )
 
     def _on_displacements(self, m: Motion, j: int, spin: complex, out: Views) -> None:

@@ -21,9 +21,9 @@ class Motion:
     """State of one body in the plane. y: rigid coordinates and multipliers; r (m), e = exp(i
     theta), ec its conjugate; w, al: angular velocity and acceleration (1/s, 1/s^2); acc: R''
     (m/s^2); s, s1, s2: functionals of u, u' and u'', one complex number per pair;
-    form, forms: quadratic forms of u (see `BodyFrame.evaluate`)."""
+    forms: quadratic forms of u (see `BodyFrame.evaluate`)."""
 
-    __slots__ = ("acc", "al", "c1", "c2", "e", "ec", "form", "forms", "r", "s", "s1", "s2", "t",
+    __slots__ = ("acc", "al", "c1", "c2", "e", "ec", "forms", "r", "s", "s1", "s2", "t",
                  "w", "y")
 
     def __init__(
@@ -36,7 +36,6 @@ class Motion:
         self.s: list[complex] = []
         self.s1: list[complex] = []
         self.s2: list[complex] = []
-        self.form: list[float] = []
         self.forms: list[float] = []
 
 

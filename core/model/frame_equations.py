@@ -55,11 +55,10 @@ class FrameEquations:
     ) -> FrameWork:
         f = self.frame
         work = FrameWork(f.p, f.border, f.generators)
-        form, forms = np.zeros(f.generators), np.zeros((2, f.generators))
-        for g, Q in enumerate(self.Q):
-            form[g], forms[:, g] = x @ (Q @ x), (x @ (Q @ v), x @ (Q @ a))
-        f.evaluate(*self._border(x, v, a, t), c1, c2,
-                   self.D @ x, self.D @ v, self.D @ a, form, forms.ravel(), t, work)
+        states = np.stack([x, v, a])
+        forms = np.array([states @ (Q.T @ x) for Q in self.Q]).reshape(f.generators, 3)
+        s = np.stack([self.D @ values for values in states])
+        f.evaluate(*self._border(x, v, a, t), c1, c2, s, forms.T.ravel(), t, work)
         return work
 
     def _border(

@@ -1,6 +1,8 @@
 """Time integration: states, step formulas of an integrator, and functions of time."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -22,7 +24,7 @@ class State:
     memory: FloatArray
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class UpdateRule:
     """Update of one kind of unknowns in a step of fixed size: with q the highest rate at the new
     time (second derivative a of second-order unknowns, rate v of first-order ones) and z = [x, v,
@@ -35,6 +37,12 @@ class UpdateRule:
 
     new: FloatArray
     old: FloatArray
+
+    @cached_property
+    def terms(self) -> tuple[tuple[tuple[int, float], ...], ...]:
+        """For each row the numbers and factors of the entries of [z, q] that are not zero."""
+        rows = np.column_stack((self.old, self.new)).tolist()
+        return tuple(tuple((i, f) for i, f in enumerate(row) if f) for row in rows)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -97,8 +105,8 @@ class StepFormula:
         second, first = self.layout.second, self.layout.first
         v, a = self.free_rate.copy(), np.zeros(len(d))
         v[second] += self.c1 * d[second]
-        a[second] = self.c2 * d[second]
-        v[first] = self.c1_first * d[first]
+        np.multiply(d[second], self.c2, out=a[second])
+        np.multiply(d[first], self.c1_first, out=v[first])
         return self.free + d, v, a
 
     def departure(self, x: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
@@ -111,11 +119,12 @@ class StepFormula:
 
 def step_formula(rules: UpdateRules, layout: Layout, state: State, h: float) -> StepFormula:
     """Formula of the step of size h (s) from a state."""
+    parts: list[FloatArray | None] = [state.x, state.v, state.a, *state.memory.T, None]
     free, rate = np.zeros(len(state.x)), np.zeros(len(state.x))
     for at, rule in ((layout.second, rules.second), (layout.first, rules.first)):
         if at.stop > at.start:
-            free[at] = _combined(rule.old[0], state, at)
-            rate[at] = _combined(rule.old[1], state, at)
+            _add(rule.terms[0], parts, at, free)
+            _add(rule.terms[1], parts, at, rate)
     second, first = rules.second.new, rules.first.new
     return StepFormula(state.t + h, float(second[1] / second[0]), float(1.0 / second[0]),
                        float(1.0 / first[0]), layout, free, rate)
@@ -126,24 +135,27 @@ def new_state(
     a: FloatArray
 ) -> State:
     """State at the end t of a step from `state`, with unknowns x and rates v, a (n,)."""
-    memory, a = np.zeros_like(state.memory), a.copy()
-    for at, rule, q in ((layout.second, rules.second, a), (layout.first, rules.first, v)):
-        if at.stop == at.start:
-            continue
-        if q is v:
-            a[at] = rule.new[2] * q[at] + _combined(rule.old[2], state, at)
-        for j in range(memory.shape[1]):
-            memory[at, j] = rule.new[3 + j] * q[at] + _combined(rule.old[3 + j], state, at)
+    memory, old = np.zeros(state.memory.shape), (state.x, state.v, state.a, *state.memory.T)
+    if layout.first.stop > layout.first.start and rules.first.terms[2]:
+        a = a.copy()
+        _add(rules.first.terms[2], (*old, v), layout.first, a)
+    for j in range(memory.shape[1]):
+        _add(rules.second.terms[3 + j], (*old, a), layout.second, memory[:, j])
+        _add(rules.first.terms[3 + j], (*old, v), layout.first, memory[:, j])
     return State(t, x, v, a, memory)
 
 
-def _combined(factors: FloatArray, state: State, at: slice) -> FloatArray:
-    """Sum of the parts of a state, of the unknowns `at`, times their factors."""
-    total = factors[0] * state.x[at] + factors[1] * state.v[at] + factors[2] * state.a[at]
-    for j, factor in enumerate(factors[3:].tolist()):
-        if factor:
-            total += factor * state.memory[at, j]
-    return np.asarray(total)
+def _add(
+    terms: Sequence[tuple[int, float]], parts: Sequence[FloatArray | None], at: slice,
+    total: FloatArray
+) -> None:
+    """Adds the numbered parts times their factors in the unknowns `at` to `total`; a part that is
+    None is left out."""
+    into = total[at]
+    for i, factor in terms:
+        part = parts[i]
+        if part is not None:
+            into += part[at] if factor == 1.0 else factor * part[at]
 
 
 class Integrator(Protocol):

@@ -77,15 +77,14 @@ class Frame(Protocol):
     def generators(self) -> int: ...
     def evaluate(
         self, y: FloatArray, v: FloatArray, a: FloatArray, c1: float, c2: float,
-        s: FloatArray, s1: FloatArray, s2: FloatArray, form: FloatArray, forms: FloatArray,
-        t: float, work: FrameWork,
+        s: FloatArray, forms: FloatArray, t: float, work: FrameWork,
     ) -> None:
         """Fills `work` for the inputs y (rigid coordinates and attachment forces), their rates v
         and second derivatives a, all (b,), at time t, s; derivatives are for dv = c1 dy, da = c2 dy
         and likewise for the displacements u.
 
-        These enter as functionals only: s, s1, s2 (p,) = directions^T (u, u', u''), form (g,) =
-        u.M_g u, forms (2 g,) = u.M_g u' and u.M_g u''.
+        These enter as functionals only: s (3, p) = directions^T (u, u', u''), and forms (3 g,) =
+        u.M_g u, u.M_g u', u.M_g u''.
         """
         ...
 

@@ -77,7 +77,7 @@ class Full(Plugin):
                 elastic[m.elastic] = kind.of(o, model.factorize(m.elastic, D), m.elastic)
                 done += 1
         made = stepper(model, model.layout, {}, {}, heat, elastic, tol, self.predictor, done,
-                       c1, notes=local_heat_notes(model), visited={
+                       notes=local_heat_notes(model), visited={
                            b.thermal: sum(t.elements for t in b.local)
                            for b in model.separated.heat})
         if made.iterating:  # chosen where a factor is too large

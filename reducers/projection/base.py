@@ -225,19 +225,19 @@ def fast(
 
     rates: c1, c2, and c1 of first-order unknowns; points: number of past states to extrapolate.
     """
-    (c1, _, c1_first), heat, model = rates, {}, projected.model
+    (c1, c2, c1_first), heat, model = rates, {}, projected.model
     for b in model.separated.heat:
         n, p = b.thermal, projected.heat[b.thermal]
         local = local_terms(model, b, projected.dictionaries[n], projected.wide(n)) if (
             b.local) else []
         heat[n] = CompressedHeat.of(p.tested, p.left, None, c1_first, local)
     kind = CompressedElastic if model.separated.border_size else CompressedPrescribed
-    elastic = {n: kind.of(p.tested, p.left, None) for n, p in projected.elastic.items()}
+    elastic = {n: kind.of(p.tested, p.left, None, c1, c2) for n, p in projected.elastic.items()}
     wide = {c.rows: projected.wide(c.rows) for c in model.separated.couplings}
     made = stepper(
         model, projected.layout, projected.dictionaries, projected.rows,
         heat_groups(model, heat, projected.dictionaries, wide, c1_first), elastic, tolerances,
-        points, len(heat) + len(elastic), c1, True, limits, notes,
+        points, len(heat) + len(elastic), True, limits, notes,
         {n: p.tested for n, p in projected.elastic.items()}, facts,
         {n: block.elements for n, block in heat.items()})
     # made here, so that what steps does not hold the model

@@ -114,7 +114,8 @@ class Build:
                                    self.dictionaries.get(m.thermal), self._map(n, rows[n]),
                                    rigid=self.model.separated.rigid_equations))
             block, facts[n] = self._block(n, rows[n], te.block(c1, c2), notes)
-            elastic[n] = SampledElastic.of(block, te.under(TestMap(left=block.weight)), prescribed)
+            elastic[n] = SampledElastic.of(
+                block, te.under(TestMap(left=block.weight)), prescribed, self.step)
         sampled = [*(h.block for h in heat.values()), *(e.block for e in elastic.values())]
         choosing = {block.name for block in sampled if block.selects}
         if self.model.separated.other or choosing & unselectable_blocks(self.model):
@@ -199,7 +200,7 @@ class Build:
         base = stepper(
             self.model, self.model.layout.resized(sizes), self.dictionaries, rows, groups,
             fixed_elastic, o.tolerances, o.predictor, len(fixed_heat) + len(fixed_elastic),
-            self.step.c1, fixed and self.offline is not None, self.limits,
+            fixed and self.offline is not None, self.limits,
             (*unsampled_loads(self.model, plain), *notes),
             {n: e.tested for n, e in elastic.items()}, facts, visited)
         if fixed:

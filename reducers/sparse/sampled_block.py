@@ -82,7 +82,7 @@ class SampledElastic:
     compressed rows (row_compression.py) where atoms are selected; first: number of these rows in
     which B or the frame directions are nonzero; reached: the rows of `few` in which B is nonzero,
     the only ones that affect a least-squares solution. prescribed: True if the motion of all frames
-    is prescribed.
+    is prescribed; step: step size and factors.
     """
 
     block: Sampled
@@ -91,19 +91,24 @@ class SampledElastic:
     first: int
     reached: tuple[TestedElastic, FloatArray]
     prescribed: bool
+    step: StepFactors
 
     @classmethod
-    def of(cls, block: Sampled, tested: TestedElastic, prescribed: bool) -> "SampledElastic":
+    def of(
+        cls, block: Sampled, tested: TestedElastic, prescribed: bool, step: StepFactors
+    ) -> "SampledElastic":
         if not block.selects:
             whole = tested, block.B
-            return cls(block, tested, whole, len(block.B), whole, prescribed)
+            return cls(block, tested, whole, len(block.B), whole, prescribed, step)
         t, B, reach, first = compact_elastic(tested, block.B)
         near = np.arange(reach)
-        return cls(block, tested, (t, B), first, (t.under(TestMap(near)), B[near]), prescribed)
+        return cls(block, tested, (t, B), first, (t.under(TestMap(near)), B[near]), prescribed,
+                   step)
 
     def prepared(self, support: IntArray | None) -> CompressedElastic | CompressedPrescribed:
         kind, (t, B) = CompressedPrescribed if self.prescribed else CompressedElastic, self.reached
-        return kind.of(t, on_support(self.block.name, B, support), support)
+        left = on_support(self.block.name, B, support)
+        return kind.of(t, left, support, self.step.c1, self.step.c2)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

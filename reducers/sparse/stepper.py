@@ -196,7 +196,7 @@ class SparseStepper(AroundSteps[Stepper]):
         found: dict[str, BoolArray] = {}
         for name, at in self.base.hot:
             if name not in self.heat:
-                now.move(at, None, self.base.heat[name].solve(x[at], now.v[at], step.t).d, False)
+                now.heat(at, None, self.base.heat[name].solve(x[at], now.v[at], step.t).d)
                 continue
             out = self._heat_solved(name, step, x, self._first(memory.supports[name]))
             if not out.status.ok:

@@ -169,18 +169,17 @@ class Mechanics:
     def _move(self, now: StepUnknowns, loop: Loop, memory: Scales) -> None:
         """Adds the increments of a solved step to its unknowns, and updates the reference magnitude
         of accelerations."""
-        nr = self.n_rigid
-        now.move(slice(0, nr), None, loop.d[:nr])
-        now.x[self.algebraic] += loop.d[nr:]
-        for i, (b, d) in enumerate(zip(self.bodies, loop.u, strict=True)):
-            if b.block is not None:
-                now.move(b.elastic, b.block.active, d)
-                a = now.a[b.elastic]
-                memory.bending[i] = max(memory.bending[i], float(a.dot(a)))
-        a = now.a[:nr]
-        size = sqrt(float(a.dot(a)))
-        if size > memory.acceleration:
-            memory.acceleration = size
+        nr, d, c2 = self.n_rigid, now.d, now.step.c2
+        d[:nr] += loop.d[:nr]
+        d[self.algebraic] += loop.d[nr:]
+        for i, (b, u) in enumerate(zip(self.bodies, loop.u, strict=True)):
+            if b.block is None:
+                continue
+            now.move(b.elastic, b.block.active, u)
+            own = d[b.elastic]
+            memory.bending[i] = max(memory.bending[i], c2 * c2 * float(own.dot(own)))
+        own = d[:nr]
+        memory.acceleration = max(memory.acceleration, c2 * sqrt(float(own.dot(own))))
 
     def _iterate(
         self, step: StepFormula, loop: Loop, memory: Scales, work: Workspace
@@ -193,14 +192,12 @@ class Mechanics:
         for i, (b, w, past, at) in enumerate(
                 zip(self.bodies, work.frames, loop.history, self.at, strict=True)):
             if b.block is None or past is None:
-                b.frame.evaluate(y[at], v[at], a[at], c1, c2, _NONE, _NONE, _NONE, _NONE, _NONE,
-                                 step.t, w)
+                b.frame.evaluate(y[at], v[at], a[at], c1, c2, _NONE_OF, _NONE, step.t, w)
                 H[at, at], rows[at] = w.border[:, :-1], w.border[:, -1]
                 continue
             d = loop.u[i]
             of = b.block.functionals(d, past)
-            b.frame.evaluate(y[at], v[at], a[at], c1, c2, of.s, of.s1, of.s2, of.form, of.forms,
-                             step.t, w)
+            b.frame.evaluate(y[at], v[at], a[at], c1, c2, of.s, of.forms, step.t, w)
             z, Pz = b.block.combine(past, w.coefficients, d, w.sigma[-1])
             # border minus tau D^-1 (elastic columns and residual): the Schur complement
             Gs = b.block.G.dot(w.sigma.T)
@@ -272,7 +269,7 @@ class Mechanics:
 
 SLOW = 0.2
 """Ratio of consecutive changes above which the iteration is accelerated."""
-_NONE, _ZERO = np.zeros(0), np.zeros(1)
+_NONE, _NONE_OF, _ZERO = np.zeros(0), np.zeros((3, 0)), np.zeros(1)
 
 
 def _positions(body: BodyStep) -> int:

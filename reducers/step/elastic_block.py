@@ -46,18 +46,18 @@ from sparsemor.reducers.step.time_tables import Moving, plus_loads, tabulated
 
 
 class History:
-    """Constants of one elastic block in a step.
+    """Constants of one elastic block in a step, from its prediction.
 
-    at: the prediction, u (s,) the predicted displacements of its active unknowns; h: terms of the
-    prediction and loads; products: rows M_g u0, then M_g v0, and their products with D^-1 where
-    reduced; quad (3, g, s): M_g (u0, v0, a0) as factors of quadratic forms; s (3, p) = P^T (u0, v0,
-    a0); stack: rows of the sum over g at the last iterate; local: local terms, None where there are
-    none. Of an iterative linear solver: its number of iterations in this step, its residual
-    relative to the right-hand side, and status and message of a solve that did not converge.
+    at: the prediction; u (s,): predicted displacements of the active unknowns; h: terms of the
+    prediction and loads; products: values of the products of `functionals` at the prediction, in
+    one vector if reduced; stack: rows M_g u, then M_g u', at the last iterate, times D^-1 if
+    reduced; local: local terms, None where there are none. Of an iterative linear solver: its
+    number of iterations in this step, its residual relative to the right-hand side, and status and
+    message of a solve that did not converge.
     """
 
-    __slots__ = ("at", "c1", "c2", "failure", "h", "iterations", "local", "products", "quad",
-                 "residual", "s", "stack", "u")
+    __slots__ = ("at", "c1", "c2", "failure", "h", "iterations", "local", "products", "residual",
+                 "s", "stack", "u")
 
     def __init__(self, at: Prediction, c1: float, c2: float) -> None:
         self.at, self.c1, self.c2 = at, c1, c2
@@ -67,21 +67,17 @@ class History:
 
     h: FloatArray
     products: FloatArray
-    quad: FloatArray
     s: FloatArray
     stack: FloatArray
     u: FloatArray
 
 
 class Functionals(NamedTuple):
-    """Products of the displacements u with rates at an iterate: d = P^T of the increment; s, s1, s2
-    (p,) = P^T (u, u', u''); form (g,) = u.M_g u; forms (2 g,) = u.M_g (u', u'')."""
+    """Products of the displacements u with rates at an iterate: d (p,) = P^T of the increment; s
+    (3, p) = P^T (u, u', u''); forms (3 g,) = u.M_g (u, u', u'')."""
 
     d: FloatArray
     s: FloatArray
-    s1: FloatArray
-    s2: FloatArray
-    form: FloatArray
     forms: FloatArray
 
 
@@ -162,21 +158,18 @@ class FullElastic(ElasticBlock):
         o, s = self.ops, History(at, c1, c2)
         values = np.stack([at.x, at.v, at.a])
         s.u = at.x
-        s.quad = np.stack([each(o.generators, y) for y in values])
-        s.products = s.quad[:2].reshape(-1, len(at.x))
+        s.products = np.stack([each(o.generators, y) for y in values])
         own = len(o.generators) and o.generators[0] is o.mass
-        s.h = predicted_forces(o, s.quad[2, 0] if own else o.mass @ at.a, at)
+        s.h = predicted_forces(o, s.products[2, 0] if own else o.mass @ at.a, at)
         s.s = values @ o.directions
         return s
 
     def functionals(self, d: FloatArray, history: History) -> Functionals:
-        q, c1, c2 = history.quad, history.c1, history.c2
-        u, P = history.u + d, self.ops.directions.T @ d
-        products, s = each(self.ops.generators, d), history.s
-        history.stack = np.concatenate((q[0] + products, q[1] + c1 * products))
-        forms = np.concatenate(((q[1] + c1 * products) @ u, (q[2] + c2 * products) @ u))
-        return Functionals(
-            P, s[0] + P, s[1] + c1 * P, s[2] + c2 * P, (q[0] + products) @ u, forms)
+        rates = np.array([1.0, history.c1, history.c2])[:, None]
+        P, products = self.ops.directions.T @ d, each(self.ops.generators, d)
+        rows = history.products + rates[:, None] * products
+        history.stack = rows[:2].reshape(-1, len(d))
+        return Functionals(P, history.s + rates * P, (rows @ (history.u + d)).ravel())
 
     def combine(
         self, history: History, factors: FloatArray, d: FloatArray, sigma: FloatArray,
@@ -217,14 +210,15 @@ class CompressedElastic(ElasticBlock):
     Vectors are stacked as [z; P^T z], so that one product gives both. H (s + p, 3 k + kt + j):
     matrix of h for the inputs u0, v0, a0, temperatures and load amplitudes; base (s + p,): its
     constant part. S (g (s + p) + g s + p, k): D^-1 M_g, M_g in the active rows, and P^T as factors
-    of coefficients; active_S: its active columns. tables: tabulated (for example moving) loads,
+    of coefficients; step_S: the active columns of these for increments, times 1, c1 and c2 where
+    rates need them. tables: tabulated (for example moving) loads,
     projected on s + p rows.
     """
 
     H: FloatArray
     base: FloatArray
     S: FloatArray
-    active_S: FloatArray
+    step_S: FloatArray
     E: FloatArray
     G: FloatArray
     active: IntArray | None
@@ -235,10 +229,10 @@ class CompressedElastic(ElasticBlock):
 
     @classmethod
     def of(
-        cls, b: TestedElastic, left: FloatArray, support: IntArray | None
+        cls, b: TestedElastic, left: FloatArray, support: IntArray | None, c1: float, c2: float
     ) -> "CompressedElastic":
-        """Reduced block from the tested operators; left (s, m): left inverse of the tested D on the
-        support, left @ D_S = 1, as D^-1 in the tested rows."""
+        """Reduced block from the tested operators, for steps with c1 and c2; left (s, m): left
+        inverse of the tested D on the support, left @ D_S = 1, as D^-1 in the tested rows."""
         k, p, g = b.mass.shape[1], b.functional.shape[0], len(b.generators)
         use = np.arange(k) if support is None else support
         s, F = len(use), b.functional[:, use]
@@ -247,14 +241,17 @@ class CompressedElastic(ElasticBlock):
             b.stiffness, b.damping, b.mass, -b.coupling, -b.loads, b.directions,
             b.constant[:, None]])
         inputs = 3 * k + b.coupling.shape[1] + b.loads.shape[1]
-        S = np.concatenate([(both @ b.generators).reshape(g * (s + p), k),
-                            b.quadratic[:, use, :].reshape(g * s, k), b.functional])
+        turned = (both @ b.generators).reshape(g * (s + p), k)
+        forms = b.quadratic[:, use, :].reshape(g * s, k)
+        S = np.concatenate([turned, forms, b.functional])
+        each_rate = [np.concatenate([c * A for c in (1.0, c1, c2)])
+                     for A in (forms, b.functional)]
+        step_S = np.concatenate([turned, c1 * turned, *each_rate])[:, use]
         E = rows[:, inputs:-1]
         return cls(np.ascontiguousarray(rows[:, :inputs]), rows[:, -1].copy(), S,
-                   S if support is None else np.ascontiguousarray(S[:, use]),
-                   np.ascontiguousarray(E[:s]), np.ascontiguousarray(E[s:]), support,
-                   b.amplitudes, (s, p, g), tabulated(b.tables, both, support is None),
-                   ReducedLocal.of(b.local, both))
+                   np.ascontiguousarray(step_S), np.ascontiguousarray(E[:s]),
+                   np.ascontiguousarray(E[s:]), support, b.amplitudes, (s, p, g),
+                   tabulated(b.tables, both, support is None), ReducedLocal.of(b.local, both))
 
     def rates(self, k: int) -> tuple[FloatArray, FloatArray]:
         rows = self.H[: self.sizes[0]]
@@ -271,31 +268,26 @@ class CompressedElastic(ElasticBlock):
         if self.tables:
             h.h -= total_load(self.tables, at.t)
         out = inputs[: 3 * k].reshape(3, k).dot(self.S.T)
-        n, w = g * (s + p), s + p
-        h.products = out[:2, :n].reshape(2 * g, w)
-        h.quad, h.s = out[:, n : n + g * s].reshape(3, g, s), out[:, n + g * s :]
+        n, m = g * (s + p), g * (2 * s + p)
+        h.products = np.concatenate(
+            (out[0, :n], out[1, :n], out[:, n:m].ravel(), out[:, m:].ravel()))
         h.u = at.x if self.active is None else at.x[self.active]
-        h.stack = np.empty((2 * g + 1, w))
-        h.stack[-1] = h.h
         return h
 
     def functionals(self, d: FloatArray, history: History) -> Functionals:
-        (s, p, g), c1, c2 = self.sizes, history.c1, history.c2
-        out, n, u = self.active_S.dot(d), g * (s + p), history.u + d
-        products = out[:n].reshape(g, s + p)
-        history.stack[:g] = products
-        np.multiply(products, c1, out=history.stack[g:-1])
-        history.stack[:-1] += history.products
-        form, P, past = out[n : n + g * s].reshape(g, s).dot(u), out[n + g * s :], history.s
-        f = history.quad.dot(u)
-        return Functionals(
-            P, past[0] + P, past[1] + c1 * P, past[2] + c2 * P, f[0] + form,
-            np.concatenate((f[1] + c1 * form, f[2] + c2 * form)))
+        s, p, g = self.sizes
+        change = self.step_S.dot(d)
+        out, n = change + history.products, 2 * g * (s + p)
+        m = n + 3 * g * s
+        history.stack = out[:n].reshape(2 * g, s + p)
+        forms: FloatArray = out[n:m].reshape(3 * g, s).dot(history.u + d)
+        return Functionals(change[m : m + p], out[m:].reshape(3, p), forms)
 
     def combine(
         self, history: History, factors: FloatArray, d: FloatArray, sigma: FloatArray,
     ) -> tuple[FloatArray, FloatArray]:
-        z: FloatArray = factors.dot(history.stack)
+        z: FloatArray = factors[:-1].dot(history.stack)
+        z += history.h
         if history.local is not None:
             z = z + history.local.rows(d)
         s = self.sizes[0]
@@ -310,10 +302,9 @@ class CompressedElastic(ElasticBlock):
         at = history.at
         inputs = np.concatenate([at.x, at.v, at.a, at.T])
         terms = np.abs(self.H[:, : len(inputs)]) @ np.abs(inputs) + np.abs(self.base)
-        kappa, mu = np.abs(factors[:-1]).reshape(2, g)
-        turned = (kappa + history.c1 * mu) @ (np.abs(
-            self.active_S[: g * (s + p)]) @ np.abs(d)).reshape(g, s + p)
-        terms += turned + np.abs(factors[:-1]) @ np.abs(history.products)
+        turned = np.abs(self.step_S[: 2 * g * (s + p)]) @ np.abs(d) + np.abs(
+            history.products[: 2 * g * (s + p)])
+        terms += np.abs(factors[:-1]) @ turned.reshape(2 * g, s + p)
         return EPS * float(np.linalg.norm(terms[:s]))
 
 

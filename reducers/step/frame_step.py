@@ -11,7 +11,7 @@ from sparsemor.reducers.step.operators import TestedElastic
 from sparsemor.reducers.step.prescribed_frame_block import PrescribedBlock
 from sparsemor.reducers.step.time_tables import TimeTable
 
-NONE = np.zeros(0)
+NONE = np.zeros((3, 0))
 
 
 def buffers(frames: Sequence[Frame]) -> list[FrameWork]:
@@ -57,12 +57,12 @@ class BodyStep:
         """Evaluates the frame at border unknowns y and rates v, a (b,), for elastic coefficients c
         (k,) with rates cv, ca; tested: projected elastic operators, None for a rigid body."""
         if tested is None:
-            self.frame.evaluate(y, v, a, c1, c2, NONE, NONE, NONE, NONE, NONE, t, work)
+            self.frame.evaluate(y, v, a, c1, c2, NONE, NONE[0], t, work)
             return
-        F, Q = tested.functional, tested.quadratic
-        form, forms = Q.dot(c).dot(c), np.concatenate((Q.dot(cv).dot(c), Q.dot(ca).dot(c)))
+        values = np.stack([c, cv, ca])
+        forms = (tested.quadratic.dot(values.T) * c[:, None]).sum(axis=1).T.ravel()
         self.frame.evaluate(
-            y, v, a, c1, c2, F.dot(c), F.dot(cv), F.dot(ca), form, forms, t, work)
+            y, v, a, c1, c2, values.dot(tested.functional.T), forms, t, work)
 
     def border_motion(self, t: float) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Prescribed part of the border unknowns and of their first and second rates at t (s), (b,)

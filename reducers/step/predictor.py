@@ -80,20 +80,20 @@ class Past:
     With frequency w the extrapolation of d has (w h)^2 beta of the error of that of x: it is better
     for steps that resolve the motion, and worse for quasi-static ones. starts (blocks,): first
     unknown of each block, which are compared one by one; by_departure (n,): True where d is
-    extrapolated.
+    extrapolated, None while nothing has been compared.
     """
 
-    def __init__(
-        self, points: int, x: FloatArray, starts: Sequence[int] | IntArray
-    ) -> None:
-        self.ring = Ring(points, np.concatenate((x, np.zeros(len(x)))))
-        self.starts, self.n = np.array(starts, dtype=np.int64), len(x)
-        self.by_departure: BoolArray = np.zeros(self.n, dtype=np.bool_)
+    def __init__(self, points: int, x: FloatArray, starts: Sequence[int] | IntArray) -> None:
+        self.n, self.starts = len(x), np.array(starts, dtype=np.int64)
+        self.both = np.concatenate((self.starts, self.n + self.starts))
+        self.counts = np.diff(np.append(self.starts, self.n))
+        self.ring = Ring(points, np.concatenate((x, np.zeros(self.n))))
+        self.by_departure: BoolArray | None = None
 
     def copy(self) -> "Past":
         """Independent copy."""
         other = copy(self)
-        other.ring, other.by_departure = self.ring.copy(), self.by_departure.copy()
+        other.ring = self.ring.copy()
         return other
 
     @property
@@ -103,16 +103,18 @@ class Past:
 
     def guess(self, step: StepFormula) -> FloatArray:
         """Extrapolated departure (n,) from the free motion of a step."""
-        x, d = self.ring.predict().reshape(2, self.n)
-        return np.where(self.by_departure, d, x - step.free)
+        both = self.ring.predict()
+        d = both[: self.n] - step.free
+        if self.by_departure is not None:
+            np.copyto(d, both[self.n :], where=self.by_departure)
+        return d
 
     def push(self, x: FloatArray, d: FloatArray) -> None:
         """Stores an accepted state x and its departure d, (n,) each."""
         new = np.concatenate((x, d))
-        missed = np.abs(self.ring.predict() - new).reshape(2, self.n)
-        worst = np.maximum.reduceat(missed, self.starts, axis=1)
-        better = worst[1] < worst[0]
-        self.by_departure = np.repeat(better, np.diff(np.append(self.starts, self.n)))
+        worst = np.maximum.reduceat(np.abs(self.ring.predict() - new), self.both)
+        count = len(self.starts)
+        self.by_departure = (worst[count:] < worst[:count]).repeat(self.counts)
         self.ring.push(new)
 
     def moved(self, x: FloatArray) -> None:
@@ -123,4 +125,4 @@ class Past:
     def restart(self) -> None:
         """Drops all but the newest state: after a jump in a load or a change of active atoms."""
         self.ring.restart()
-        self.by_departure = np.zeros(self.n, dtype=np.bool_)
+        self.by_departure = None

@@ -37,7 +37,7 @@ def stepper(
     model: AssembledModel, layout: Layout, dictionaries: Mapping[str, Dictionary],
     rows: Mapping[str, IntArray], heat: Mapping[str, HeatBlock],
     elastic: Mapping[str, ElasticBlock | PrescribedBlock], tol: Tolerances,
-    points: int, factorizations: int, c1: float, ahead: bool = True,
+    points: int, factorizations: int, ahead: bool = True,
     limits: Mapping[str, float] | None = None,
     notes: tuple[Note, ...] = (), tested: Mapping[str, TestedElastic] | None = None,
     facts: Facts | None = None, visited: Mapping[str, int] | None = None,
@@ -45,7 +45,7 @@ def stepper(
     """Block-wise step solver from reduced or full-order blocks, with the elements that one step
     visits.
 
-    points: number of past states to extrapolate; c1: factor dv = c1 dx of its steps; ahead: True if
+    points: number of past states to extrapolate; ahead: True if
     functions of time (prescribed motion and loads) are evaluated now for all their times; tested:
     projected elastic operators, for consistent initial rates; visited: elements of each thermal
     block's local terms, where these are not those of `heat`, whose keys are groups of coupled
@@ -62,7 +62,7 @@ def stepper(
     frames = {m.name: tested[m.elastic].frame for m in model.separated.moving
               if tested and m.elastic in tested}
     s = Stepper(layout, dictionaries, rows, elements, model.separated, heat, elastic, frames, tol,
-                points, factorizations, c1, limits or {}, sanity, notes, facts or {},
+                points, factorizations, limits or {}, sanity, notes, facts or {},
                 tested or {}, hot=_hot(model, layout), iterating=any(
                     b.iterates for b in elastic.values()))
     if not model.separated.border_size:

@@ -78,9 +78,9 @@ class PrescribedBlock(DisplacementBlock):
     proved: ClassVar[bool]
 
     @abstractmethod
-    def time_table(self, drive: TimeTable, c1: float) -> TimeTable:
-        """Tabulated functions of time of a step with factor c1: the frame's kappa, mu and sigma in
-        `drive`, and others that depend on time only."""
+    def time_table(self, drive: TimeTable) -> TimeTable:
+        """Tabulated functions of time of a step: the frame's kappa, mu and sigma in `drive`, and
+        others that depend on time only."""
 
     @abstractmethod
     def begin(self, at: Prediction, c1: float, c2: float, table: FloatArray) -> Past:
@@ -125,7 +125,7 @@ class FullPrescribed(PrescribedBlock):
     def iterates(self) -> bool:
         return self.factor.iterative
 
-    def time_table(self, drive: TimeTable, c1: float) -> TimeTable:
+    def time_table(self, drive: TimeTable) -> TimeTable:
         return drive
 
     def begin(self, at: Prediction, c1: float, c2: float, table: FloatArray) -> Past:
@@ -190,6 +190,7 @@ class CompressedPrescribed(PrescribedBlock):
     G: FloatArray
     leading: FloatArray
     sizes: FloatArray
+    c1: float
     active: IntArray | None
     amplitudes: tuple[Amplitude, ...]
     tables: tuple[Moving, ...] = ()
@@ -197,10 +198,10 @@ class CompressedPrescribed(PrescribedBlock):
 
     @classmethod
     def of(
-        cls, b: TestedElastic, left: FloatArray, support: IntArray | None
+        cls, b: TestedElastic, left: FloatArray, support: IntArray | None, c1: float, c2: float
     ) -> "CompressedPrescribed":
-        """Reduced block from the tested operators; left (s, m): left inverse of the tested D on the
-        support, left @ D_S = 1, as D^-1 in the tested rows."""
+        """Reduced block from the tested operators, for steps with c1 and c2; left (s, m): left
+        inverse of the tested D on the support, left @ D_S = 1, as D^-1 in the tested rows."""
         G = np.stack([left @ A for A in b.generators]) if len(b.generators) else np.zeros(
             (0, len(left), b.mass.shape[1]))
         below = np.ascontiguousarray(G.transpose(0, 2, 1))
@@ -214,7 +215,7 @@ class CompressedPrescribed(PrescribedBlock):
             carried(-left @ b.damping) if b.damping.any() else None,
             np.ascontiguousarray(left @ b.coupling), -left @ b.constant, -left @ b.directions,
             left @ b.loads, below, G[:, :r, :r].reshape(len(G) * r, r),
-            np.array(sizes).reshape(len(G), 3), support,
+            np.array(sizes).reshape(len(G), 3), c1, support,
             b.amplitudes, tabulated(b.tables, left, support is None),
             ReducedLocal.of(b.local, left))
 
@@ -222,7 +223,7 @@ class CompressedPrescribed(PrescribedBlock):
         none = np.zeros((len(self.base), k))
         return none if self.damping is None else -dense(self.damping), -dense(self.inertia)
 
-    def time_table(self, drive: TimeTable, c1: float) -> TimeTable:
+    def time_table(self, drive: TimeTable) -> TimeTable:
         """kappa, mu, sigma, the bound of the contraction factor, and the part of b that depends on
         time only."""
         g = len(self.G)
@@ -231,7 +232,7 @@ class CompressedPrescribed(PrescribedBlock):
         def decided(times: FloatArray) -> FloatArray:
             rows = np.empty((len(times), n + 1 + len(self.base)))
             rows[:, :n] = drive.along(times)
-            rows[:, n] = self._bounds(rows[:, :g] + c1 * rows[:, g : 2 * g])
+            rows[:, n] = self._bounds(rows[:, :g] + self.c1 * rows[:, g : 2 * g])
             rows[:, n + 1 :] = along(rows[:, 2 * g : n].dot(self.E.T) + self.base, self.loads,
                                      self.amplitudes, self.tables, times)
             return rows

@@ -46,8 +46,7 @@ Facts = Mapping[str, Mapping[str, float | int | str]]
 class Stepper:
     """Block-wise step solver: heat first, then mechanics.
 
-    c1: factor of the step formula, dv = c1 dx; limits: largest permitted |coefficient| of each
-    block. heat, elastic: block name -> factorized
+    limits: largest permitted |coefficient| of each block. heat, elastic: block name -> factorized
     or reduced operators.
     """
 
@@ -62,7 +61,6 @@ class Stepper:
     tolerances: Tolerances
     points: int
     factorizations: int
-    c1: float
     limits: Mapping[str, float] = field(default_factory=dict)
     sanity: FloatArray = field(default_factory=lambda: np.zeros(0))
     notes: tuple[Note, ...] = ()
@@ -162,17 +160,17 @@ class Stepper:
         of iterations and details."""
         block = self.heat[name]
         if isinstance(at, slice):
-            now.only(at, block.active, False)
+            now.cool(at, block.active)
         if block.elements:
             last = memory.newest[at]
             far = float(np.abs(now.x[at] - last).max()) > 0.1 * float(np.abs(last).max())
             if far:  # below 0 K radiation has a second solution
-                now.move(at, None, last - now.x[at], False)
+                now.heat(at, None, last - now.x[at])
         d, status, n, linear, detail = block.solve(now.x[at], now.v[at], now.step.t)
         if linear:
             memory.counted(name, linear)
         if status.ok:
-            now.move(at, block.active, d, False)
+            now.heat(at, block.active, d)
         return status, n, detail
 
     def _rescued(
@@ -266,7 +264,7 @@ def bodies(s: Stepper) -> Sequence[BodyStep]:
             s.layout[m.elastic] if m.elastic else none,
             s.layout[m.thermal] if m.thermal in s.layout else none, m.elastic, m.guide,
             rigid_block(s.layout, m), prescribed,
-            prescribed.time_table(drive, s.c1)
+            prescribed.time_table(drive)
             if prescribed is not None and drive is not None else None))
     return found
 

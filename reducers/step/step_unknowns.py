@@ -10,33 +10,28 @@ from sparsemor.reducers.step.predictor import Prediction
 
 
 class StepUnknowns:
-    """Unknowns x and rates v, a (n,) at the end of a step, consistent with its formula: an
-    increment d of unknowns changes v by c1 d and a by c2 d."""
+    """Unknowns x and rates v, a (n,) at the end of a step: those of the prediction until `outcome`,
+    which adds all increments at once; temperatures are changed as they are solved for.
 
-    __slots__ = ("a", "step", "v", "x")
+    d (n,): departure from the free motion (core/protocols/integrator.py), to which increments are
+    added.
+    """
+
+    __slots__ = ("a", "d", "step", "v", "x")
 
     def __init__(self, step: StepFormula, d: FloatArray) -> None:
-        """d (n,): departure from the free motion."""
-        self.step = step
+        self.step, self.d = step, d
         self.x, self.v, self.a = step.at(d)
-
-    def only(self, at: slice, active: IntArray | None, second: bool) -> None:
-        """Sets the inactive unknowns of a block to zero."""
-        if active is None:
-            return
-        out = np.ones(at.stop - at.start, dtype=np.bool_)
-        out[active] = False
-        idle = at.start + np.flatnonzero(out)
-        self._add(idle, -self.x[idle], second)
-        self.x[idle] = 0.0
 
     def prediction(self, body: BodyStep, active: IntArray | None) -> Prediction:
         """Predicted displacements of a body; inactive atoms have the coefficient zero."""
-        at = body.elastic
-        self.only(at, active, True)
-        return Prediction(
-            self.x[at].copy(), self.v[at].copy(), self.a[at].copy(), self.x[body.thermal],
-            self.step.t)
+        at, step = body.elastic, self.step
+        if active is not None:
+            idle = at.start + inactive(at, active)
+            self.d[idle] = -step.free[idle]
+            self.x[idle], self.v[idle] = 0.0, step.free_rate[idle] + step.c1 * self.d[idle]
+            self.a[idle] = step.c2 * self.d[idle]
+        return Prediction(self.x[at], self.v[at], self.a[at], self.x[body.thermal], step.t)
 
     def local_forces(
         self, body: BodyStep, block: DisplacementBlock, at: Prediction
@@ -47,24 +42,37 @@ class StepUnknowns:
         return StepForces(block.local, at, self.v[body.thermal], self.step.c1, self.step.c2,
                           block.active)
 
-    def move(
-        self, at: slice | IntArray, active: IntArray | None, d: FloatArray, second: bool = True
-    ) -> None:
-        """Adds the increment d of the active unknowns (None: all) among those numbered `at`."""
+    def move(self, at: slice | IntArray, active: IntArray | None, d: FloatArray) -> None:
+        """Adds increments d of the active unknowns (None: all) among those numbered `at`."""
         if active is not None and isinstance(at, slice):
             at = at.start + active
-        self._add(at, d, second)
+        self.d[at] += d
+
+    def heat(self, at: slice | IntArray, active: IntArray | None, d: FloatArray) -> None:
+        """Adds increments d of temperatures, which are final."""
+        if active is not None and isinstance(at, slice):
+            at = at.start + active
+        self.d[at] += d
+        self.x[at] += d
+        self.v[at] += self.step.c1_first * d
+
+    def cool(self, at: slice, active: IntArray | None) -> None:
+        """Sets the inactive coefficients of a thermal block to zero."""
+        if active is not None:
+            idle = at.start + inactive(at, active)
+            self.heat(idle, None, -self.x[idle])
+            self.x[idle] = 0.0
 
     def outcome(
         self, status: Status, iterations: int, block: str = "", detail: str = ""
     ) -> StepOutcome:
         """The unknowns and their rates as the solution of the step."""
-        return StepOutcome(self.x, status, iterations, block, detail, (self.v, self.a))
+        x, v, a = self.step.at(self.d)
+        return StepOutcome(x, status, iterations, block, detail, (v, a))
 
-    def _add(self, at: slice | IntArray, d: FloatArray, second: bool) -> None:
-        self.x[at] += d
-        if second:
-            self.v[at] += self.step.c1 * d
-            self.a[at] += self.step.c2 * d
-        else:
-            self.v[at] += self.step.c1_first * d
+
+def inactive(at: slice, active: IntArray) -> IntArray:
+    """Numbers within the range `at` of the unknowns that are not active."""
+    out = np.ones(at.stop - at.start, dtype=np.bool_)
+    out[active] = False
+    return np.flatnonzero(out)

@@ -26,7 +26,13 @@ from sparsemor.core import (
 from sparsemor.reducers.full.superlu import factorize
 from sparsemor.reducers.projection.modal_coordinates import carried, times
 from sparsemor.reducers.step.operators import TestedHeat
-from sparsemor.reducers.step.time_tables import TimeTable, along, plus_loads, tabulated
+from sparsemor.reducers.step.time_tables import (
+    TimeTable,
+    along,
+    plus_amplitudes,
+    plus_loads,
+    tabulated,
+)
 
 STUCK = 1e-7
 """Relative size of Newton changes below which a change that no longer decreases is round-off: in a
@@ -189,11 +195,14 @@ class CompressedHeat:
         def prescribed(times: FloatArray) -> FloatArray:
             return along(base, loads, b.amplitudes, tables, times)
 
+        def at(t: float) -> FloatArray:
+            return plus_amplitudes(base, loads, b.amplitudes, tables, t)
+
         # a support that may change with the next step does not pay for all times
         times = b.tables[0].times if b.tables and support is None else np.zeros(0)
         return cls(
             carried(-left @ b.capacity), carried(-left @ b.conductivity),
-            TimeTable.of(prescribed, times), support, tuple(local), c1)
+            TimeTable.of(prescribed, times, at), support, tuple(local), c1)
 
     def solve(self, T: FloatArray, rate: FloatArray, t: float) -> HeatOutcome:
         base = times(self.by_rate, rate)

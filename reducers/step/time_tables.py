@@ -34,14 +34,19 @@ class TimeTable:
     times: tuple[float, ...] = ()
     rows: FloatArray | None = None
     near: float = 0.0
+    single: Callable[[float], FloatArray] | None = None
+    """The same function at one time, where that is cheaper."""
 
     @classmethod
-    def of(cls, source: Source, times: FloatArray) -> "TimeTable":
+    def of(
+        cls, source: Source, times: FloatArray,
+        single: Callable[[float], FloatArray] | None = None,
+    ) -> "TimeTable":
         """Table of `source` at the times (T,), s."""
         if not len(times):
-            return cls(source)
+            return cls(source, single=single)
         near = NEAR * float(np.diff(times).min()) if len(times) > 1 else 0.0
-        return cls(source, tuple(times.tolist()), source(times), near)
+        return cls(source, tuple(times.tolist()), source(times), near, single)
 
     def at(self, t: float) -> FloatArray:
         """Values (m,) at time t, s."""
@@ -49,7 +54,8 @@ class TimeTable:
             i = bisect_left(self.times, t - self.near)
             if i < len(self.times) and self.times[i] - t <= self.near:
                 return np.asarray(self.rows[i])
-        return np.asarray(self.source(np.array([t]))[0])
+        return np.asarray(self.source(np.array([t]))[0]) if self.single is None else (
+            self.single(t))
 
     def along(self, times: FloatArray) -> FloatArray:
         """Values (T, m) at times (T,), s; at the tabulated times the rows themselves, not a
@@ -103,6 +109,15 @@ def tabulated(tables: Sequence[Table], left: FloatArray, for_good: bool) -> tupl
     projection stays the same in the whole run; otherwise at each evaluation, because the active
     atoms may change."""
     return tuple(t.through(left) if for_good else TabulatedLoads(t, left) for t in tables)
+
+
+def plus_amplitudes(
+    base: FloatArray, loads: FloatArray, amplitudes: Sequence[Amplitude],
+    tables: Sequence[Moving], t: float,
+) -> FloatArray:
+    """Sum (s,) of base (s,), loads (s, j) times amplitudes, and tabulated loads, at t, s."""
+    r = base + loads.dot(evaluate_amplitudes(amplitudes, t)) if amplitudes else base
+    return r + total_load(tables, t) if tables else r
 
 
 def along(

@@ -13,7 +13,7 @@ from sparsemor.core.errors import InputError
 from sparsemor.core.linalg.coherence import coherence, condition_number, unit_columns
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.initial_state import consistent_state
-from sparsemor.core.protocols import SparseOutcome
+from sparsemor.core.protocols import SparseOutcome, StepFactors
 from sparsemor.core.protocols.integrator import step_formula
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.offline import Offline
@@ -211,11 +211,11 @@ def test_prepared_arrays_need_only_the_turned_rows_that_the_operator_reaches() -
     t, B, rows = elastic()
     d = prepared(reduced()).dictionaries["bar.elastic"]
     block = Sampled("bar.elastic", d, rows, 6, B, None)
-    sampled = SampledElastic.of(block, t, False)
+    sampled = SampledElastic.of(block, t, False, StepFactors(1e-3, 1e3, 1e6, 1e3))
     assert len(sampled.reached[1]) == min(B.shape)
     for support in (np.arange(6), np.array([0, 3, 4, 7, 9, 13])):
         one = sampled.prepared(support)
-        all_rows = CompressedElastic.of(t, block.left(support), support)
+        all_rows = CompressedElastic.of(t, block.left(support), support, 1e3, 1e6)
         assert isinstance(one, CompressedElastic) and one.sizes == all_rows.sizes
         for name in ("H", "base", "S", "E", "G"):
             a, b = getattr(one, name), getattr(all_rows, name)
