@@ -135,7 +135,8 @@ def new_state(
     a: FloatArray
 ) -> State:
     """State at the end t of a step from `state`, with unknowns x and rates v, a (n,)."""
-    memory, old = np.zeros(state.memory.shape), (state.x, state.v, state.a, *state.memory.T)
+    memory = np.zeros((len(x), state.memory.shape[1]))
+    old = state.x, state.v, state.a, *state.memory.T
     if layout.first.stop > layout.first.start and rules.first.terms[2]:
         a = a.copy()
         _add(rules.first.terms[2], (*old, v), layout.first, a)
