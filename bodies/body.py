@@ -248,7 +248,7 @@ class Body:
         if self.mesh is None:
             return None
         e, h = self.elasticity, self.heat
-        return BodyShape(self.mesh.points, self.mesh.cells, None if e is None else e.free,
+        return BodyShape(self.mesh.points, self.mesh.nodes, None if e is None else e.free,
                          None if h is None else h.free, pose=self.pose,
                          given=() if h is None else h.prescribed)
 

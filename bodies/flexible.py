@@ -1,5 +1,5 @@
-"""Flexible body in a floating frame of reference: linear triangles or tetrahedra, elastic and
-thermal fields.
+"""Flexible body in a floating frame of reference: linear or quadratic triangles or tetrahedra,
+elastic and thermal fields.
 
 The mesh determines the dimension: triangles make a planar body, tetrahedra a body in space.
 """
@@ -20,6 +20,7 @@ from sparsemor.bodies.material import require
 from sparsemor.bodies.mesh.check import check_mesh
 from sparsemor.bodies.mesh.expression import FormulaText, evaluate_formula
 from sparsemor.bodies.mesh.plausibility import mesh_notes
+from sparsemor.bodies.mesh.quadratic import with_midpoints
 from sparsemor.bodies.mesh.sets import PointSet, with_sets
 from sparsemor.bodies.pose import Pose
 from sparsemor.bodies.reference import Reference
@@ -76,6 +77,10 @@ class Flexible(Plugin):
     """Mesh plugin."""
     sets: dict[str, PointSet] = {}
     """Additional named point sets."""
+    order: Literal[1, 2] = 1
+    """Polynomial degree of displacements and temperatures in each element. 2: a further node in the
+    middle of each edge; sets, which are found among the corners, contain the midpoints of their
+    edges."""
     thickness: float | None = Field(default=None, gt=0)
     """Thickness of a planar body, m."""
     material: Annotated[Material, Slot("material")] = slot_default("isotropic")
@@ -107,8 +112,9 @@ class Flexible(Plugin):
         estimate it."""
         if not isinstance(self.mesh, EstimatesMeshSize):
             return None
-        return body_size(
-            self.mesh.expected(), ELASTIC.name in self.fields, THERMAL.name in self.fields)
+        mesh = self.mesh.expected()
+        return body_size(mesh.quadratic() if self._quadratic else mesh,
+                         ELASTIC.name in self.fields, THERMAL.name in self.fields)
 
     def build(self, name: str, base: Path) -> Body:
         gather = Gather()
@@ -133,6 +139,11 @@ class Flexible(Plugin):
             T_ref=np.full(len(mesh.points), self.reference_temperature),
             notes=mesh_notes(name, mesh, self.sets))
 
+    @property
+    def _quadratic(self) -> bool:
+        """True if the elements are quadratic: a rigid body has no field to interpolate."""
+        return self.order == 2 and bool(self.fields)
+
     def _mesh(self, base: Path) -> Mesh:
         try:
             mesh = checked_return(self.mesh.build(base), Mesh, self.mesh, "build")
@@ -140,9 +151,10 @@ class Flexible(Plugin):
             raise error.under("mesh") from None
         check_mesh(mesh)  # its faults have the key "mesh"
         try:
-            return with_sets(mesh, self.sets)
+            mesh = with_sets(mesh, self.sets)
         except InputError as error:
             raise error.under("sets") from None
+        return with_midpoints(mesh) if self._quadratic else mesh
 
     def _check_options(self, gather: Gather) -> None:
         """Checks that need no mesh."""
@@ -154,6 +166,10 @@ class Flexible(Plugin):
             gather("material", require, self.material, ("E", "nu"), "elastic")
         if "thermal" in self.fields:
             gather("material", require, self.material, ("k", "c"), "thermal")
+            if self._quadratic and self.capacity == "lumped":
+                gather.faults.append(Fault(
+                    "capacity", "row sums of quadratic elements vanish or are negative at their "
+                    "corners: take consistent, or order: 1"))
 
     def _check_dimension(self, mesh: Mesh, gather: Gather) -> None:
         """Checks that depend on the dimension of the mesh."""

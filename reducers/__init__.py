@@ -3,22 +3,36 @@
     from sparsemor.reducers import Maps, ProjectionReducer, TestMap
 
 A projection-based reducer derives from `ProjectionReducer` and returns the test maps (left
-projections) of each block of unknowns.
+projections) of each block of unknowns; one that evaluates forces at few points derives from
+`Interpolating`. The reducers `galerkin`, `deim`, `ecsw`, `lspg` and `gnat` use these names only.
 """
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from sparsemor.reducers.projection.base import Approximation as Approximation
     from sparsemor.reducers.projection.base import Linear as Linear
     from sparsemor.reducers.projection.base import Maps as Maps
     from sparsemor.reducers.projection.base import ProjectionReducer as ProjectionReducer
     from sparsemor.reducers.projection.base import Reducible as Reducible
+    from sparsemor.reducers.projection.force_snapshots import choose_points as choose_points
+    from sparsemor.reducers.projection.force_snapshots import force_modes as force_modes
+    from sparsemor.reducers.projection.force_snapshots import force_snapshots as force_snapshots
+    from sparsemor.reducers.projection.force_snapshots import interpolation as interpolation
+    from sparsemor.reducers.projection.interpolation import Interpolating as Interpolating
+    from sparsemor.reducers.projection.modal_coordinates import (
+        modal_coordinates as modal_coordinates,
+    )
     from sparsemor.reducers.step.left_inverse import left_inverse as left_inverse
     from sparsemor.reducers.step.operators import TestMap as TestMap
 
 _HOMES = {
-    "projection.base": ("Linear", "Maps", "ProjectionReducer", "Reducible"),
+    "projection.base": ("Approximation", "Linear", "Maps", "ProjectionReducer", "Reducible"),
+    "projection.force_snapshots": (
+        "choose_points", "force_modes", "force_snapshots", "interpolation"),
+    "projection.interpolation": ("Interpolating",),
+    "projection.modal_coordinates": ("modal_coordinates",),
     "step.left_inverse": ("left_inverse",),
     "step.operators": ("TestMap",),
 }

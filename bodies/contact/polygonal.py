@@ -97,6 +97,10 @@ class Polygonal(Plugin):
                 raise InputError(
                     f"{text!r}: body {body.name!r} has no mesh, so it has no surface that "
                     "could touch; give its shape as a flexible body with `fields: []`", key)
+            if body.mesh.order == 2:
+                raise InputError(
+                    f"{text!r}: contact surfaces are facets of linear elements, and body "
+                    f"{body.name!r} has quadratic ones: take order: 1 for it", key)
             return body, target.facets(key)
 
         gather = Gather()

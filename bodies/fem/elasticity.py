@@ -1,4 +1,4 @@
-"""Isotropic thermoelasticity of linear simplices, in plane stress, plane strain and 3-D.
+"""Isotropic thermoelasticity of linear or quadratic simplices: plane stress, plane strain, 3-D.
 
 sigma = lam tr(eps) I + 2 mu eps - beta dT I, with constants that depend on the model.
 """
@@ -9,7 +9,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from sparsemor.bodies.material import require
-from sparsemor.bodies.mesh.simplices import gradients
+from sparsemor.bodies.mesh.simplices import at_centroids
 from sparsemor.core import Csr, FloatArray, InputError, Material, Mesh
 
 Model: TypeAlias = Literal["plane_stress", "plane_strain", "solid"]
@@ -62,8 +62,8 @@ def elastic_stiffness(
 def thermoelastic_coupling(
     mesh: Mesh, material: Material, thickness: float = 1.0, model: Model = "plane_stress"
 ) -> Csr:
-    """Coupling matrix K_fT (d N, N), N/K: nodal thermal forces are K_fT (T - T_ref), T linear in
-    each cell."""
+    """Coupling matrix K_fT (d N, N), N/K: nodal thermal forces are K_fT (T - T_ref), T of the
+    elements' order in each cell."""
     from sparsemor.bodies.fem import forms
 
     _check_model(mesh, model)
@@ -80,10 +80,11 @@ def stress(
     """
     _check_model(mesh, model)
     s, d = law(material, model), mesh.dimension
-    grad_u = np.einsum("ecj,eci->eij", gradients(mesh), u.reshape(-1, d)[mesh.cells])
+    values, slopes = at_centroids(mesh)
+    grad_u = np.einsum("ecj,eci->eij", slopes, u.reshape(-1, d)[mesh.nodes])
     strain = (grad_u + grad_u.transpose(0, 2, 1)) / 2
     spread = np.trace(strain, axis1=1, axis2=2)
-    warm = dT[mesh.cells].mean(axis=1)
+    warm = dT[mesh.nodes] @ values
     sigma = np.zeros((len(mesh.cells), 3, 3))
     sigma[:, :d, :d] = 2 * s.mu * strain
     sigma[:, range(d), range(d)] += (s.lam * spread - s.beta * warm)[:, None]

@@ -30,14 +30,14 @@ def elastic_integrals(body: HasFields) -> ElasticIntegrals:
     Kt = forms.elements(forms.expansion, mesh, 1, rows=True, weight=t * e.law.beta)
     n = len(e.free)
     d = mesh.dimension
-    corners = d * mesh.cells[:, :, None] + np.arange(d)
-    rows = _positions(e.free, d * len(mesh.points))[corners.reshape(len(mesh.cells), -1)]
+    dofs = d * mesh.nodes[:, :, None] + np.arange(d)
+    rows = _positions(e.free, d * len(mesh.points))[dofs.reshape(len(mesh.cells), -1)]
     assert body.T0 is not None and body.T_ref is not None
     stiffness = Integrals(rows, rows, K, (n, n))
     if body.heat is None:
         return ElasticIntegrals(
             stiffness, None, _columns(rows, n, [_applied(Kt, mesh, body.T0 - body.T_ref)]), ())
-    nodes = _positions(body.heat.free, len(mesh.points))[mesh.cells]
+    nodes = _positions(body.heat.free, len(mesh.points))[mesh.nodes]
     vectors, amplitudes = [-_applied(Kt, mesh, body.T_ref)], []
     for held, function in body.heat.prescribed:
         vectors.append(_applied(Kt, mesh, _indicator(mesh, held)))
@@ -59,7 +59,7 @@ def heat_integrals(body: HasFields) -> HeatIntegrals:
         C = C.sum(axis=2)[:, :, None] * np.eye(C.shape[1])
     K = forms.elements(forms.conduction, mesh, 0, weight=conductivity)
     n = len(h.free)
-    nodes = _positions(h.free, len(mesh.points))[mesh.cells]
+    nodes = _positions(h.free, len(mesh.points))[mesh.nodes]
     vectors, amplitudes = _prescribed(h, mesh, C, K)
     return HeatIntegrals(
         Integrals(nodes, nodes, C, (n, n)), Integrals(nodes, nodes, K, (n, n)),
@@ -71,7 +71,7 @@ def _prescribed(
 ) -> tuple[list[FloatArray], tuple[Amplitude, ...]]:
     """Element vectors and amplitudes of the contribution of prescribed temperatures and their rates
     to the remaining rows."""
-    columns, amplitudes = [np.zeros(mesh.cells.shape)], []
+    columns, amplitudes = [np.zeros(mesh.nodes.shape)], []
     for held, function in h.prescribed:
         there = _indicator(mesh, held)
         columns += [-_applied(K, mesh, there), -_applied(C, mesh, there)]
@@ -93,8 +93,8 @@ def _indicator(mesh: Mesh, nodes: IntArray) -> FloatArray:
 
 
 def _applied(matrices: FloatArray, mesh: Mesh, nodal: FloatArray) -> FloatArray:
-    """(E, p) products of element matrices (E, p, d + 1) with nodal values (N,)."""
-    return np.asarray(np.einsum("epc,ec->ep", matrices, nodal[mesh.cells]))
+    """(E, p) products of element matrices (E, p, q) with nodal values (N,)."""
+    return np.asarray(np.einsum("epc,ec->ep", matrices, nodal[mesh.nodes]))
 
 
 def _columns(rows: IntArray, n: int, vectors: Sequence[FloatArray]) -> Integrals:

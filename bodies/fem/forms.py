@@ -20,12 +20,18 @@ from skfem.helpers import ddot, div, dot, grad, sym_grad
 from sparsemor.core import BoolArray, Csr, FloatArray, IntArray, Mesh
 
 CHUNK = 1 << 15
-"""Number of cells assembled at a time, which limits additional memory to about 100 MB."""
+"""Number of linear cells assembled at a time, which limits additional memory to about 100 MB; a
+quarter as many quadratic ones."""
 ROUND_OFF = 1e-14
 """Entries no larger than this, relative to the largest of their row and column, are cancelled sums.
 """
 _MESHES = {2: skfem.MeshTri, 3: skfem.MeshTet}
-_ELEMENTS = {2: skfem.ElementTriP1, 3: skfem.ElementTetP1}
+_ELEMENTS = {(2, 1): skfem.ElementTriP1, (3, 1): skfem.ElementTetP1,
+             (2, 2): skfem.ElementTriP2, (3, 2): skfem.ElementTetP2}
+"""Scalar elements by dimension and order. Numbers of unknowns are those of the nodes, because
+midpoints are numbered as scikit-fem numbers edges (`edges`)."""
+_FACET_EDGES = {2: np.array([[0, 1]]), 3: np.array([[0, 1], [1, 2], [0, 2]])}
+"""Local corners of the edges of a facet, by dimension."""
 
 
 def mass(u: Any, v: Any, w: Any) -> Any:
@@ -56,7 +62,8 @@ def matrix(
     form: Any, mesh: Mesh, order: int, *, rows: bool = False, columns: bool = False,
     **weights: float,
 ) -> Csr:
-    """Matrix of a bilinear form on all cells; integrands of degree `order` are exact.
+    """Matrix of a bilinear form on all cells; order: degree of the integrand with linear elements,
+    for which it is exact; so it is with quadratic ones.
 
     rows, columns: the test or trial function is a vector: d N unknowns instead of N. Entries that
     cancel to round-off are dropped, so that a symmetric form has a symmetric pattern.
@@ -77,10 +84,10 @@ def elements(
     form: Any, mesh: Mesh, order: int, *, rows: bool = False, columns: bool = False,
     **weights: float,
 ) -> FloatArray:
-    """(E, p, q) element matrices of a bilinear form; unknown number is d * corner + component for
-    vectors."""
-    d, corners = mesh.dimension, mesh.cells.shape[1]
-    p, q = (corners * d if vector else corners for vector in (rows, columns))
+    """(E, p, q) element matrices of a bilinear form; unknown number is d * node + component for
+    vectors, with the nodes of a cell in the order of `mesh.nodes`."""
+    d, nodes = mesh.dimension, mesh.nodes.shape[1]
+    p, q = (nodes * d if vector else nodes for vector in (rows, columns))
     return np.concatenate([  # scikit-fem keeps its entries by trial, test function and cell
         part.data.reshape(q, p, -1).transpose(2, 1, 0)
         for part in _chunks(form, mesh, order, rows, columns, weights)])
@@ -125,39 +132,63 @@ def _without_round_off(A: Csr) -> Csr:
     return A
 
 
+def edges(mesh: Mesh) -> tuple[IntArray, IntArray]:
+    """Edges of a mesh: corners (M, 2), and (E, 3 or 6) numbers of the edges of each cell, (0, 1),
+    (1, 2), (0, 2), (0, 3), (1, 3), (2, 3)."""
+    whole = _mesh(mesh)
+    ends, of = (whole.facets, whole.t2f) if mesh.dimension == 2 else (whole.edges, whole.t2e)
+    return np.asarray(ends.T, np.int64), np.asarray(of.T, np.int64)
+
+
 def _on(mesh: Mesh, facets: IntArray) -> BoolArray:
-    """(N,) True for points of the facets."""
+    """(N,) True for nodes of the facets."""
     found: BoolArray = np.zeros(len(mesh.points), dtype=np.bool_)
     found[facets] = True
+    if mesh.order == 2:
+        ends, corners = np.sort(edges(mesh)[0], axis=1), len(mesh.corners)
+        sides = facets[:, _FACET_EDGES[mesh.dimension]].reshape(-1, 2)
+        keys, sought = (a @ np.array([corners, 1]) for a in (ends, np.sort(sides, axis=1)))
+        found[corners:] = np.isin(keys, sought)
     return found
 
 
 def _chunks(
     form: Any, mesh: Mesh, order: int, rows: bool, columns: bool, weights: dict[str, float]
 ) -> Iterator[Any]:
-    whole = _mesh(mesh)
-    for start in range(0, len(mesh.cells), CHUNK):
-        cells = np.arange(start, min(start + CHUNK, len(mesh.cells)))
-        scalar = skfem.Basis(whole, _ELEMENTS[mesh.dimension](), intorder=max(order, 1),
+    whole, some = _mesh(mesh), CHUNK // mesh.order**2
+    for start in range(0, len(mesh.cells), some):
+        cells = np.arange(start, min(start + some, len(mesh.cells)))
+        scalar = skfem.Basis(whole, _element(mesh), intorder=max(_degree(mesh, order), 1),
                              elements=cells)
-        vector = scalar.with_element(skfem.ElementVector(_ELEMENTS[mesh.dimension]()))
+        vector = scalar.with_element(skfem.ElementVector(_element(mesh)))
         trial, test = (vector if columns else scalar), (vector if rows else scalar)
         yield skfem.BilinearForm(form).coo_data(trial, test, **weights)
 
 
+def _element(mesh: Mesh) -> Any:
+    return _ELEMENTS[mesh.dimension, mesh.order]()
+
+
+def _degree(mesh: Mesh, degree: int) -> int:
+    """Degree of an integrand on this mesh that has the given one with linear elements: each of two
+    shape functions, or their gradients, has one more with quadratic elements."""
+    return degree if mesh.order == 1 else max(degree + 2, 2 * degree)
+
+
 def _mesh(mesh: Mesh) -> Any:
     return _MESHES[mesh.dimension](
-        np.ascontiguousarray(mesh.points.T), np.ascontiguousarray(mesh.cells.T), sort_t=False)
+        np.ascontiguousarray(mesh.corners.T), np.ascontiguousarray(mesh.cells.T), sort_t=False)
 
 
 def _facet_basis(mesh: Mesh, facets: IntArray, vector: bool) -> Any:
     """scikit-fem basis on given boundary facets, identified by their sorted points."""
     whole, wanted = _mesh(mesh), np.sort(facets, axis=1)
     own = whole.facets.T
-    keys, sought = (np.ravel_multi_index(a.T, (len(mesh.points),) * mesh.dimension)
+    keys, sought = (np.ravel_multi_index(a.T, (len(mesh.corners),) * mesh.dimension)
                     for a in (own, wanted))
     order = np.argsort(keys)
     found = order[np.searchsorted(keys, sought, sorter=order)]
-    element = _ELEMENTS[mesh.dimension]()
+    element = _element(mesh)
     return skfem.FacetBasis(
-        whole, skfem.ElementVector(element) if vector else element, facets=found, intorder=2)
+        whole, skfem.ElementVector(element) if vector else element, facets=found,
+        intorder=_degree(mesh, 2))

@@ -1,6 +1,6 @@
-"""Boundary facets of linear simplices, and integrals over them.
+"""Boundary facets of simplices, and integrals over them.
 
-A facet is a row of d point numbers, ordered for an outward normal.
+A facet is a row of d corner numbers, ordered for an outward normal.
 """
 
 import numpy as np

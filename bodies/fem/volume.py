@@ -1,4 +1,4 @@
-"""Scalar matrices of linear simplices: mass, capacity, conductivity."""
+"""Scalar matrices of linear and quadratic simplices: mass, capacity, conductivity."""
 
 import numpy as np
 from scipy.sparse import csr_array, diags_array

@@ -21,6 +21,7 @@ from sparsemor.core import (
     Effect,
     Equations,
     FloatArray,
+    InputError,
     IntArray,
     Part,
     Plugin,
@@ -176,6 +177,10 @@ class Radiation(Plugin):
 
     def build(self, name: str, parts: Mapping[str, Part]) -> LoadPart:
         surfaces = find_surfaces(parts, self.on, "thermal")
+        for body, mesh, _ in surfaces:
+            if mesh.order == 2:
+                raise InputError(f"radiation is integrated over linear elements, and body "
+                                 f"{body.name!r} has quadratic ones: take order: 1 for it", "on")
 
         def write(equations: Equations) -> None:
             for body, mesh, facets in surfaces:

@@ -13,7 +13,7 @@ from pydantic import Field
 
 from sparsemor.bodies.mesh.check import check_mesh, some
 from sparsemor.bodies.mesh.groups import SIMPLEX, dimension_of, named_points
-from sparsemor.bodies.mesh.simplices import signed_measures
+from sparsemor.bodies.mesh.simplices import EDGES, signed_measures
 from sparsemor.core import FloatArray, InputError, IntArray, Mesh, Plugin, bounded_address_space
 
 FORMATS = {
@@ -21,6 +21,10 @@ FORMATS = {
     ".fem": "nastran", ".nas": "nastran", ".mesh": "medit", ".meshb": "medit", ".med": "med"}
 """File name extensions, and meshio's name of their format. meshio supports more formats, but their
 readers do not terminate on some damaged files, or they contain neither triangles nor tetrahedra."""
+QUADRATIC = {2: "triangle6", 3: "tetra10"}
+STRAIGHT = 1e-3
+"""Distance of a quadratic cell's node from the middle of its edge, relative to the edge, up to
+which the edge is straight: files may have few digits."""
 BASE, PER_BYTE = 2**28, 200
 """Memory limit for reading a file: a constant, bytes, and bytes per byte of the file."""
 _MOST_LETTERS = 200
@@ -35,7 +39,9 @@ class MeshFile(Plugin):
 
     The simplices of the highest dimension become the body; all other cells and groups in the file
     only name sets of points: physical groups and tags, cell sets, point sets. Unused points are
-    dropped. If all cells are inverted, they are reoriented; if only some are, the mesh is rejected.
+    dropped. Quadratic triangles and tetrahedra are read by their corners if their edges are
+    straight; the order of the elements is an option of the body. If all cells are inverted, they
+    are reoriented; if only some are, the mesh is rejected.
     """
 
     path: str = Field(min_length=1)
@@ -126,8 +132,10 @@ def _arrays(raw: Any) -> _Content:
         if not len(block.data):
             continue
         d, data = dimension_of(block.type), np.asarray(block.data, dtype=np.int64)
-        if d in SIMPLEX and block.type == SIMPLEX[d] and data.shape[1:] != (d + 1,):
-            raise ValueError(f"cells of shape {data.shape}, where (n, {d + 1}) is expected")
+        count = d + 1 if block.type == SIMPLEX.get(d) else (
+            (d + 1) * (d + 2) // 2 if block.type == QUADRATIC.get(d) else None)
+        if count is not None and data.shape[1:] != (count,):
+            raise ValueError(f"cells of shape {data.shape}, where (n, {count}) is expected")
         cells.append((str(block.type), d, data))
     sets = {name: numbers.ravel() for name, numbers in named_points(raw).items()}
     for name, numbers in sets.items():
@@ -150,17 +158,32 @@ def _clean(content: _Content, scale: float) -> Mesh:
 
 def _simplices(content: _Content, d: int) -> IntArray:
     kinds = {kind for kind, dimension, _ in content.cells if dimension == d}
-    if d not in SIMPLEX or kinds != {SIMPLEX[d]}:
+    if d not in SIMPLEX or not kinds <= {SIMPLEX[d], QUADRATIC[d]}:
         found = ", ".join(sorted(kinds)) or "no cells"
         raise InputError(
-            f"its highest cells are {found}; a body is made of linear triangles (2-D) or "
-            "tetrahedra (3-D) only: mesh it with those"
+            f"its highest cells are {found}; a body is made of triangles (2-D) or tetrahedra "
+            "(3-D) only, linear or quadratic: mesh it with those"
         )
-    cells = np.concatenate([numbers for kind, _, numbers in content.cells if kind == SIMPLEX[d]])
-    bad = np.flatnonzero(((cells < 0) | (cells >= len(content.points))).any(axis=1))
-    if bad.size:
-        raise InputError(f"{bad.size} cells name points that do not exist: {some(bad)}")
-    return cells
+    blocks = [numbers for _, dimension, numbers in content.cells if dimension == d]
+    for cells in blocks:
+        bad = np.flatnonzero(((cells < 0) | (cells >= len(content.points))).any(axis=1))
+        if bad.size:
+            raise InputError(f"{bad.size} cells name points that do not exist: {some(bad)}")
+        _check_straight(content.points, cells[:, : d + 1], cells[:, d + 1 :])
+    return np.concatenate([cells[:, : d + 1] for cells in blocks])
+
+
+def _check_straight(points: FloatArray, cells: IntArray, midpoints: IntArray) -> None:
+    """InputError if the nodes (E, 0, 3 or 6) of quadratic cells are not in the middle of their
+    edges."""
+    first, second = (points[cells[:, ends]] for ends in EDGES[:, : midpoints.shape[1]])
+    away = np.linalg.norm(points[midpoints] - (first + second) / 2, axis=2)
+    bent = np.flatnonzero((away > STRAIGHT * np.linalg.norm(second - first, axis=2)).any(axis=1))
+    if bent.size:
+        raise InputError(
+            f"{bent.size} of {len(cells)} quadratic cells have curved edges, or nodes that are not "
+            f"in their middle: {some(bent)}; write linear cells, or a finer mesh with straight "
+            "edges")
 
 
 def _coordinates(points: FloatArray, cells: IntArray, d: int) -> FloatArray:

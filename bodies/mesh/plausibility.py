@@ -22,7 +22,7 @@ def mesh_notes(name: str, mesh: Mesh, sets: Mapping[str, PointSet]) -> tuple[Not
     """Warnings about coincident nodes that are not shared, and about sets far from the mesh."""
     found = [note for key, one in sets.items() if one.nearest is not None
              for note in outside_box_notes(f"bodies.{name}.sets.{key}", one.nearest, mesh.points)]
-    count = coincident_nodes(mesh.points)
+    count = coincident_nodes(mesh.corners)
     if count:
         found.append(Note(
             f"{count} nodes of {name} coincide with another node but are not shared: the mesh is "

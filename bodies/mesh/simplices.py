@@ -1,10 +1,14 @@
-"""Measures and gradients of linear simplices, in 2-D and 3-D."""
+"""Measures of simplices and gradients of their shape functions, in 2-D and 3-D."""
 
 from math import factorial
 
 import numpy as np
 
 from sparsemor.core import FloatArray, IntArray, Mesh
+
+EDGES = np.array([[0, 1, 0, 0, 1, 2], [1, 2, 2, 3, 3, 3]])
+"""Local corners of the edges of a simplex, in the order of midpoints; a triangle has the first
+three."""
 
 
 def edge_vectors(points: FloatArray, cells: IntArray) -> FloatArray:
@@ -28,3 +32,17 @@ def gradients(mesh: Mesh) -> FloatArray:
     """(E, d + 1, d) gradient of each corner's linear shape function, 1/m, constant in a cell."""
     inner = np.linalg.inv(edge_vectors(mesh.points, mesh.cells)).transpose(0, 2, 1)
     return np.concatenate([-inner.sum(axis=1, keepdims=True), inner], axis=1)
+
+
+def at_centroids(mesh: Mesh) -> tuple[FloatArray, FloatArray]:
+    """Shape functions (p,) of the p nodes of a cell at its centroid, and their gradients (E, p, d),
+    1/m."""
+    slopes, share = gradients(mesh), 1.0 / (mesh.dimension + 1)
+    corners = np.full(mesh.dimension + 1, share)
+    if mesh.order == 1:
+        return corners, slopes
+    # N_i = L_i (2 L_i - 1) at corners, 4 L_i L_j at midpoints, in barycentric coordinates L
+    i, j = EDGES[:, : mesh.midpoints.shape[1]]
+    values = np.concatenate([corners * (2 * share - 1), np.full(len(i), 4 * share**2)])
+    return values, np.concatenate(
+        [(4 * share - 1) * slopes, 4 * share * (slopes[:, i] + slopes[:, j])], axis=1)

@@ -11,6 +11,23 @@ FACETS = {
 }
 """Local corner numbers of the facets of a positively oriented simplex, ordered for outward
 normals."""
+PARTS = {
+    6: ((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)),
+    10: ((0, 4, 6, 7), (4, 1, 5, 8), (6, 5, 2, 9), (7, 8, 9, 3),
+         (4, 8, 5, 6), (4, 8, 6, 7), (9, 5, 8, 6), (9, 8, 7, 6)),
+}
+"""Local nodes of the linear simplices that a quadratic triangle (6 nodes) or tetrahedron (10) is
+divided into."""
+
+
+def subdivided(cells: IntArray) -> IntArray:
+    """Linear simplices (E', d + 1) on the nodes of cells (E, p): 4 for each quadratic triangle, 8
+    for each quadratic tetrahedron; linear cells as they are."""
+    parts = PARTS.get(cells.shape[1])
+    if parts is None:
+        return cells
+    divided: IntArray = cells[:, np.array(parts)].reshape(-1, len(parts[0]))
+    return divided
 
 
 def cell_facets(cells: IntArray) -> IntArray:

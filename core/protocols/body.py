@@ -64,12 +64,13 @@ class ProbePlace:
 class BodyShape:
     """Mesh of one body, and the nodes of its unknowns.
 
-    points (N, d): reference positions, m; cells (E, d + 1). elastic_dofs (n,): `d * node +
-    component` of each elastic unknown; thermal_nodes (n,): node of each temperature unknown; None
-    without such a field. Nodes without unknowns have the displacement `eliminated_displacement` (N,
-    d), m, or 0, and the temperature `eliminated_temperature` (N,), K, or 0, or one that is
-    prescribed in `given`: nodes and their function of time. pose: initial rigid coordinates of the
-    frame, constant unless the frame has unknowns or a prescribed motion.
+    points (N, d): reference positions, m; cells (E, 3, 4, 6 or 10): nodes of linear or quadratic
+    triangles or tetrahedra. elastic_dofs (n,): `d * node + component` of each elastic unknown;
+    thermal_nodes (n,): node of each temperature unknown; None without such a field. Nodes without
+    unknowns have the displacement `eliminated_displacement` (N, d), m, or 0, and the temperature
+    `eliminated_temperature` (N,), K, or 0, or one that is prescribed in `given`: nodes and their
+    function of time. pose: initial rigid coordinates of the frame, constant unless the frame has
+    unknowns or a prescribed motion.
     """
 
     points: FloatArray

@@ -1,45 +1,81 @@
-"""Meshes of linear simplices with named point sets; interface of mesh plugins; mesh sizes."""
+"""Meshes of simplices with named point sets; interface of mesh plugins; mesh sizes."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Protocol, runtime_checkable
+from typing import Literal, Protocol, runtime_checkable
+
+import numpy as np
 
 from sparsemor.core.arrays import FloatArray, IntArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Mesh:
-    """Mesh of linear triangles (2-D) or tetrahedra (3-D).
+    """Mesh of triangles (2-D) or tetrahedra (3-D) with straight edges.
 
-    points: (N, d) reference positions, m. cells: (E, d + 1) point numbers, positively oriented.
-    point_sets: name -> sorted point numbers. A surface (line in 2-D) is also a point set; its
-    facets are the boundary facets with all points in the set.
+    points: (N, d) reference positions, m. cells: (E, d + 1) point numbers of the corners,
+    positively oriented. point_sets: name -> sorted point numbers. A surface (line in 2-D) is also a
+    point set; its facets are the boundary facets with all corners in the set. midpoints: (E, 3 or
+    6) point numbers of the edges' midpoints of quadratic elements, edges (0, 1), (1, 2), (0, 2),
+    (0, 3), (1, 3), (2, 3) of the corners, numbered after all corners; (E, 0) for linear elements.
+    Mesh plugins return linear ones.
     """
 
     points: FloatArray
     cells: IntArray
     point_sets: Mapping[str, IntArray] = field(default_factory=dict)
+    midpoints: IntArray = field(default_factory=lambda: np.zeros((0, 0), np.int64))
 
     @property
     def dimension(self) -> int:
         return int(self.points.shape[1])
 
+    @property
+    def order(self) -> Literal[1, 2]:
+        """Polynomial degree of the shape functions: 1 or 2."""
+        return 2 if self.midpoints.size else 1
+
+    @property
+    def corners(self) -> FloatArray:
+        """(n, d) positions of the corners, which are the first n points, m."""
+        return self.points[: int(self.midpoints.min())] if self.midpoints.size else self.points
+
+    @property
+    def nodes(self) -> IntArray:
+        """(E, 3, 4, 6 or 10) point numbers of all nodes of each cell: corners, then midpoints."""
+        return np.hstack([self.cells, self.midpoints]) if self.midpoints.size else self.cells
+
 
 @dataclass(frozen=True, slots=True)
 class MeshSize:
-    """Number of points and cells of a mesh, and its dimension (2 or 3)."""
+    """Number of nodes and cells of a mesh, its dimension (2 or 3) and the order (1 or 2) of its
+    elements."""
 
     points: int
     cells: int
     dimension: int
+    order: Literal[1, 2] = 1
+
+    def quadratic(self) -> "MeshSize":
+        """Size of this mesh of linear elements with a further node on each edge: one edge for each
+        corner and each cell, by Euler's formula without the boundary's share."""
+        return replace(self, points=2 * self.points + self.cells, order=2)
 
     @property
     def pairs(self) -> int:
         """Lower bound of the number of nonzeros of a finite-element matrix with one unknown per
-        node: diagonal entries and two per edge. It follows from Euler's formula without the
-        boundary's share of the edges."""
-        return 3 * self.points + 2 * self.cells
+        node: diagonal entries and two for each pair of nodes of a cell.
+
+        Linear elements have a pair per edge, and one edge for each corner and each cell.
+        Quadratic ones have 3 pairs per edge; triangles 6 more inside; tetrahedra 6 more per face,
+        of which there are two or more per cell, and 3 inside.
+        """
+        if self.order == 1:
+            return 3 * self.points + 2 * self.cells
+        edges = (self.points + self.cells) // 2
+        inside = 6 if self.dimension == 2 else 15
+        return self.points + 2 * (3 * edges + inside * self.cells)
 
 
 @dataclass(frozen=True, slots=True)

@@ -192,7 +192,8 @@ class RunResult:
         return self._array(self._of_body(body, "points"))
 
     def cells(self, body: str) -> IntArray:
-        """(E, d + 1) node numbers of each element (triangles or tetrahedra)."""
+        """(E, 3, 4, 6 or 10) node numbers of each element: linear or quadratic triangles or
+        tetrahedra, corners first."""
         return self._array(self._of_body(body, "cells"))
 
     def nodal_displacement(self, body: str, step: int) -> FloatArray:

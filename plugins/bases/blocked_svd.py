@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sparsemor.core import FloatArray, column_chunks, needs_chunks, svd
+from sparsemor.plugins.bases.inner_product import InnerProduct
 from sparsemor.plugins.bases.randomized_svd import round_off_level
 
 FIRST, EXTRA, PASSES = 64, 16, 12
@@ -19,24 +20,28 @@ captured yet."""
 class Snapshots:
     """Scaled snapshot matrix (A - offset) / divisors, A (n, M), evaluated by column chunks.
 
-    offset (n,); divisors (M,), one per column; total: squared Frobenius norm of the scaled matrix.
+    offset (n,); divisors (M,), one per column; total: sum of the squared norms of its columns;
+    product: inner product (of matrix X) in which norms and orthogonality are meant.
     """
 
     A: FloatArray
     offset: FloatArray
     divisors: FloatArray
     total: float
+    product: InnerProduct
 
     @classmethod
-    def of(cls, A: FloatArray, offset: FloatArray, weighted: bool) -> "Snapshots":
+    def of(
+        cls, A: FloatArray, offset: FloatArray, weighted: bool, product: InnerProduct
+    ) -> "Snapshots":
         """Snapshots A (n, M) less `offset` (n,); weighted: each column is divided by the square
         root of its norm."""
         norms = np.concatenate([
-            np.linalg.norm(part - offset[:, None], axis=0) for _, part in column_chunks(A)])
+            product.norms(part - offset[:, None]) for _, part in column_chunks(A)])
         divisors = np.ones(len(norms))
         if weighted:
             divisors = np.sqrt(np.where(norms > 0.0, norms, 1.0))
-        return cls(A, offset, divisors, float(np.sum((norms / divisors) ** 2)))
+        return cls(A, offset, divisors, float(np.sum((norms / divisors) ** 2)), product)
 
     def images(self, X: FloatArray) -> FloatArray:
         """Product (n, l) of the scaled snapshot matrix with X (M, l), in one pass."""
@@ -46,15 +51,17 @@ class Snapshots:
         return Y
 
     def coefficients(self, Q: FloatArray) -> FloatArray:
-        """Product (M, l) of the transposed scaled snapshot matrix with Q (n, l), in one pass."""
+        """Inner products (M, l) of the scaled snapshots with the columns of Q (n, l), in one
+        pass."""
+        XQ = self.product.times(Q)
         return np.concatenate([
-            self._changed(at, part).T @ Q for at, part in column_chunks(self.A)])
+            self._changed(at, part).T @ XQ for at, part in column_chunks(self.A)])
 
     def missed(self, Q: FloatArray, B: FloatArray) -> float:
-        """Frobenius norm of the scaled snapshot matrix less Q B, computed from the entries in one
-        pass."""
+        """Norm of the scaled snapshot matrix less Q B (root of the summed squares of its columns),
+        computed from the entries in one pass."""
         return float(np.linalg.norm([
-            np.linalg.norm(self._changed(at, part) - Q @ B[:, at])
+            self.product.norm(self._changed(at, part) - Q @ B[:, at])
             for at, part in column_chunks(self.A)]))
 
     def _changed(self, at: slice, part: FloatArray) -> FloatArray:
@@ -126,9 +133,10 @@ def _widened(
     span."""
     M = snapshots.A.shape[1]
     Y = snapshots.images(rng.standard_normal((M, size - Q.shape[1])))
+    XQ = snapshots.product.times(Q)
     for _ in range(2):  # once leaves what cancellation brings back
-        Y -= Q @ (Q.T @ Y)
-        Y = np.linalg.qr(Y)[0]
+        Y -= Q @ (XQ.T @ Y)
+        Y = snapshots.product.qr(Y)[0]
     return np.hstack([Q, Y])
 
 
@@ -142,12 +150,12 @@ def _settled(
     limit = passes + PASSES
     while True:
         Z = snapshots.coefficients(Q)
-        W, s, Vt = svd(Z)  # Z^T = Q^T A
+        W, s, Vt = svd(Z)  # Z^T = Q^T X A
         U, passes = Q @ Vt.T, passes + 1
         kept = _kept(s, snapshots.total, count, energy)
         held = float(s[:kept] @ s[:kept])
         rest = max(snapshots.total - held, 0.0)
-        noise = min(level, round_off_level(*snapshots.A.shape)) * s[0]
+        noise = min(level, round_off_level(*snapshots.A.shape)) * snapshots.product.amplified(U, s)
         if rest <= 1e-12 * snapshots.total:  # a difference of squares tells no more than this
             passes += 1
             if snapshots.missed(U, s[:, None] * W.T) <= 0.5 * noise:
@@ -156,7 +164,7 @@ def _settled(
         if every or held - before <= SETTLED * rest or passes >= limit:
             return Leading(U, s, False, passes), passes
         before, passes = held, passes + 1
-        Q = np.linalg.qr(snapshots.images(W))[0]
+        Q = snapshots.product.qr(snapshots.images(W))[0]
 
 
 def _kept(s: FloatArray, total: float, count: int | None, energy: float | None) -> int:

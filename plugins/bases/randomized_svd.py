@@ -3,6 +3,7 @@
 import numpy as np
 
 from sparsemor.core import FloatArray, svd
+from sparsemor.plugins.bases.inner_product import InnerProduct
 
 _FIRST_SKETCH = 64
 _CHUNK = 1 << 22
@@ -21,15 +22,16 @@ def round_off_level(n: int, M: int) -> float:
     return float(4.0 * (np.sqrt(n) + np.sqrt(M)) * np.finfo(np.float64).eps)
 
 
-def weighted(A: FloatArray) -> FloatArray:
-    """Columns of A (n, M) divided by the square roots of their norms; zero columns stay zero."""
-    norms = np.linalg.norm(A, axis=0)
+def weighted(A: FloatArray, norms: FloatArray) -> FloatArray:
+    """Columns of A (n, M) divided by the square roots of their norms (M,); zero columns stay
+    zero."""
     return np.asarray(A / np.sqrt(np.where(norms > 0.0, norms, 1.0)))
 
 
-def held(A: FloatArray, Q: FloatArray) -> float:
-    """Share of the squared entries of A (n, M) in the span of orthonormal columns Q (n, k)."""
-    missed = _residual(A, Q, Q.T @ A) / float(np.linalg.norm(A))
+def held(A: FloatArray, Q: FloatArray, product: InnerProduct) -> float:
+    """Share of the summed squared norms of the columns of A (n, M) in the span of columns Q (n, k),
+    orthonormal in the product."""
+    missed = _residual(A, Q, product.times(Q).T @ A, product) / product.norm(A)
     return 1.0 - missed * missed
 
 
@@ -48,7 +50,7 @@ def left_singular(A: FloatArray, level: float) -> tuple[FloatArray, FloatArray]:
         Q = _extend(A, Q, size, rng)
         B = Q.T @ A
         U, s = _dense(B)
-        if _residual(A, Q, B) <= 0.5 * min(level, round_off_level(n, M)) * s[0]:
+        if _residual(A, Q, B, InnerProduct()) <= 0.5 * min(level, round_off_level(n, M)) * s[0]:
             return Q @ U, s
         size *= 2
     return _dense(A)
@@ -67,12 +69,12 @@ def _extend(A: FloatArray, Q: FloatArray, size: int, rng: np.random.Generator) -
     return np.hstack([Q, Y])
 
 
-def _residual(A: FloatArray, Q: FloatArray, B: FloatArray) -> float:
-    """Frobenius norm of A - Q B, computed from its entries: a difference of norms is lost below
-    1e-8."""
+def _residual(A: FloatArray, Q: FloatArray, B: FloatArray, product: InnerProduct) -> float:
+    """Norm of A - Q B (root of the summed squares of its columns), computed from its entries: a
+    difference of norms is lost below 1e-8."""
     step = max(1, _CHUNK // A.shape[0])
     parts = [
-        np.linalg.norm(A[:, j : j + step] - Q @ B[:, j : j + step])
+        product.norm(A[:, j : j + step] - Q @ B[:, j : j + step])
         for j in range(0, A.shape[1], step)
     ]
     return float(np.linalg.norm(parts))

@@ -125,9 +125,27 @@ class Maps:
         return self.test if self.force is None else self.force
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Approximation:
+    """Model whose operators are projected, where some of them may be replaced by cheaper ones
+    (hyper-reduction).
+
+    facts: numbers to report, by block; elements: number of elements by block that the replaced
+    operators contain; notes: warnings about the replacement.
+    """
+
+    model: AssembledModel
+    facts: Mapping[str, Mapping[str, float | int | str]] = field(default_factory=dict)
+    elements: Mapping[str, int] = field(default_factory=dict)
+    notes: tuple[Note, ...] = ()
+
+
 class ProjectionReducer(Plugin, ABC):
     """Base class of projection-based reducers: their common options and the assembly of reduced
-    blocks."""
+    blocks.
+
+    A subclass defines `maps`; `approximation` and `in_modes` may stay as they are.
+    """
 
     basis: Annotated[Basis, Slot("basis")] = slot_default("pod")
     """Basis of every elastic and thermal block."""
@@ -146,13 +164,13 @@ class ProjectionReducer(Plugin, ABC):
     def maps(self, block: Reducible) -> Maps:
         """Test maps of one block. Raises InputError or SolveFailed where they do not exist."""
 
-    def projected_model(
+    def approximation(
         self, model: AssembledModel, dictionaries: Mapping[str, Dictionary],
         offline: OfflineProducts, h: float
-    ) -> tuple[AssembledModel, Mapping[str, Mapping[str, float | int | str]]]:
-        """The model whose equations are projected, and facts of its blocks; a subclass may replace
-        operators by cheaper ones (hyper-reduction)."""
-        return model, {}
+    ) -> Approximation:
+        """The model whose equations are projected, by default the full one; a subclass may replace
+        operators by cheaper ones. dictionaries: trial bases by block; h: step, s."""
+        return Approximation(model)
 
     def in_modes(
         self, model: AssembledModel, dictionaries: Mapping[str, Dictionary]
@@ -181,7 +199,8 @@ class ProjectionReducer(Plugin, ABC):
         modes = self.in_modes(model, dictionaries)
         dictionaries |= {n: d for n, (d, _) in modes.items()}
         limits = {n: top * modes[n][1] if n in modes else top for n, top in limits.items()}
-        model, own_facts = self.projected_model(model, dictionaries, offline, h)
+        approximation = self.approximation(model, dictionaries, offline, h)
+        model = approximation.model
         own = dict(zip(dictionaries, rng.spawn(len(dictionaries)), strict=True))
         maps: dict[str, Maps] = {}
         heat, elastic = {}, {}
@@ -209,12 +228,15 @@ class ProjectionReducer(Plugin, ABC):
             elastic[n] = ProjectedBlock(te, left_inverse(n, te.block(c1, c2)), m.forces)
         rows = {n: m.rows for n, m in maps.items() if m.rows is not None}
         notes = (*shadowed_basis(self, model, self.bases),
-                 *(note for m in maps.values() for note in m.notes))
-        facts = {**own_facts, **{n: m.facts for n, m in maps.items() if m.facts}}
+                 *(note for m in maps.values() for note in m.notes), *approximation.notes)
+        facts = {**approximation.facts, **{n: m.facts for n, m in maps.items() if m.facts}}
         projected = ProjectedModel(model, dictionaries, rows, heat, elastic)
         made = reduced_general if model.separated.other else partial(fast, (c1, c2, c1_first))
-        return made(projected, Tolerances(self.remaining, self.max_iterations), self.predictor,
-                    limits, notes, facts)
+        solver = made(projected, Tolerances(self.remaining, self.max_iterations), self.predictor,
+                      limits, notes, facts)
+        touched = solver.elements_touched
+        return replace(solver, elements_touched={
+            **touched, **{n: touched[n] + e for n, e in approximation.elements.items()}})
 
 
 def fast(

@@ -4,10 +4,15 @@ Chaturantabut and Sorensen 2010, doi 10.1137/090766498; choice of points by pivo
 Gugercin 2016, doi 10.1137/15M1019271.
 """
 
-from sparsemor.reducers.projection.base import Maps, Reducible
-from sparsemor.reducers.projection.force_snapshots import choose_points, force_modes, interpolation
-from sparsemor.reducers.projection.interpolation import Interpolating
-from sparsemor.reducers.step.operators import TestMap
+from sparsemor.reducers import (
+    Interpolating,
+    Maps,
+    Reducible,
+    TestMap,
+    choose_points,
+    force_modes,
+    interpolation,
+)
 
 
 class Deim(Interpolating):

@@ -4,9 +4,7 @@ offline."""
 from collections.abc import Mapping
 
 from sparsemor.core import AssembledModel, Dictionary
-from sparsemor.reducers.projection.base import Maps, ProjectionReducer, Reducible
-from sparsemor.reducers.projection.modal_coordinates import modal_coordinates
-from sparsemor.reducers.step.operators import TestMap
+from sparsemor.reducers import Maps, ProjectionReducer, Reducible, TestMap, modal_coordinates
 
 
 class Galerkin(ProjectionReducer):

@@ -10,12 +10,25 @@ from typing import Literal
 
 import numpy as np
 
-from sparsemor.core import Dictionary, FloatArray, InputError, solve_or_fail, svd
-from sparsemor.reducers.projection.base import Maps, ProjectionReducer, Reducible
-from sparsemor.reducers.projection.force_snapshots import choose_points, force_modes, interpolation
-from sparsemor.reducers.projection.interpolation import Interpolating
-from sparsemor.reducers.step.left_inverse import deficient
-from sparsemor.reducers.step.operators import TestMap
+from sparsemor.core import (
+    Dictionary,
+    FloatArray,
+    InputError,
+    SolveFailed,
+    Status,
+    solve_or_fail,
+    svd,
+)
+from sparsemor.reducers import (
+    Interpolating,
+    Maps,
+    ProjectionReducer,
+    Reducible,
+    TestMap,
+    choose_points,
+    force_modes,
+    interpolation,
+)
 
 Norm = Literal["rows", "energy"]
 
@@ -73,7 +86,8 @@ def _images(block: Reducible) -> FloatArray:
     B = np.asarray(block.linear.operator @ block.dictionary.atoms)
     norms = np.linalg.norm(B, axis=0)
     if not norms.all():
-        raise deficient(block.name, f"{int((norms == 0).sum())} atoms have no residual")
+        raise SolveFailed(Status.RANK_DEFICIENT, 0.0, block.name,
+                          f"{int((norms == 0).sum())} atoms have no residual")
     return np.asarray(B / norms)
 
 

@@ -294,3 +294,12 @@ def test_an_interrupted_benchmark_prints_what_it_has(tmp_path: Path) -> None:
     assert process.returncode == 130
     assert printed.startswith("accuracy: INTERRUPTED")
     assert json.loads(out.read_text())["interrupted"] is True
+
+
+def test_a_third_party_reducer_is_timed_beside_galerkin(run: Run) -> None:
+    found = run("third_party_reducer")
+    rows = {row["method"]: row for row in rows_of(found, "CPU milliseconds per step")}
+    assert set(rows) == {"galerkin", "oblique"}
+    assert len({(row["atoms"], row["solver"]) for row in rows.values()}) == 1
+    assert all(0 < row["least"] <= row["ms"] <= row["most"] for row in rows.values())
+    assert len(found["targets"]) == 1

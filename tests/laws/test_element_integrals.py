@@ -6,13 +6,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from small_scenes import coarse_pendulum, everything, everything_assembled
+from small_scenes import SCENES, coarse_pendulum, everything, everything_assembled
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.protocols.element_integrals import WeighsElements
-from sparsemor.core.scene.scene import Scene
+from sparsemor.core.scene.scene import Scene, load
 
 
-@pytest.mark.parametrize("scene", [everything, coarse_pendulum])
+def quadratic() -> Scene:
+    """The heated bar on a hinge with quadratic elements."""
+    return load(SCENES / "tiny.yaml", {"bodies.bar.order": 2})
+
+
+@pytest.mark.parametrize("scene", [everything, coarse_pendulum, quadratic])
 def test_element_integrals_sum_up_to_the_operators(scene: Callable[[], Scene]) -> None:
     model = assemble(scene())
     seen = 0
@@ -38,7 +43,7 @@ def test_element_integrals_sum_up_to_the_operators(scene: Callable[[], Scene]) -
         rest = abs(b.conductivity - h.conductivity.weighted(one)).toarray()
         assert (rest.max(axis=1) > 1e-9 * abs(b.conductivity).max()).sum() <= len(rest) / 2
         seen += 1
-    assert seen == (7 if scene is everything else 4)
+    assert seen == {everything: 7, coarse_pendulum: 4, quadratic: 2}[scene]
 
 
 def close(one: Any, other: Any) -> None:

@@ -62,7 +62,11 @@ BODIES = {
     "constant", "find_body",
     "find_surfaces", "find_target", "need_field",
 }
-REDUCERS = {"Linear", "Maps", "ProjectionReducer", "Reducible", "TestMap", "left_inverse"}
+REDUCERS = {
+    "Approximation", "Interpolating", "Linear", "Maps", "ProjectionReducer", "Reducible", "TestMap",
+    "choose_points", "force_modes", "force_snapshots", "interpolation", "left_inverse",
+    "modal_coordinates",
+}
 
 
 def test_public_names_of_bodies_and_reducers_are_these_lists() -> None:

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from public_names import PUBLIC, ours
+
 ROOT = Path(__file__).parents[2]
 FOLDERS = ("core", "bodies", "integrators", "reducers", "plugins")
 LAYERS = ("arrays", "errors", "notes", "status", "protocols", "registry", "linalg", "scene",
@@ -123,6 +125,16 @@ def test_plugins_import_what_third_parties_may(folder: str) -> None:
     found = {path: names for path in FILES if path.relative_to(ROOT).parts[0] == folder
              if (names := private(ast.parse(path.read_text(encoding="utf-8"))))}
     assert not found
+
+
+@pytest.mark.parametrize("module", [
+    "galerkin", "deim", "least_squares", "ecsw/reducer", "ecsw/training", "ecsw/training_matrix",
+    "ecsw/nnls"])
+def test_projecting_reducers_import_what_third_parties_may(module: str) -> None:
+    """Public names of core and of reducers; besides, modules of a method's own folder."""
+    path = ROOT / "reducers" / "projection" / f"{module}.py"
+    own = module_of(path.parent) + "." if "/" in module else "sparsemor.core"
+    assert {m for m in ours(path.read_text(encoding="utf-8")) if not m.startswith(own)} <= PUBLIC
 
 
 def test_the_check_sees_a_private_import() -> None:

@@ -24,7 +24,7 @@ from sparsemor.core.analysis.charts.style import (
 )
 from sparsemor.core.analysis.charts.units import Unit, unit
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.model.facets import outer_facets
+from sparsemor.core.model.facets import outer_facets, subdivided
 from sparsemor.core.protocols.layout import Quantity
 from sparsemor.core.protocols.mesh import Mesh
 from sparsemor.core.protocols.poses import PLANAR_POSE
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 def drawable_bodies(run: RunResult) -> list[str]:
     """Planar bodies with a mesh of triangles."""
     return [body for body in run.bodies
-            if run.points(body).shape[1] == 2 and run.cells(body).shape[1:] == (3,)
+            if run.points(body).shape[1] == 2 and run.cells(body).shape[1:] in ((3,), (6,))
             and ((frame := run.layout.of(body, Quantity.POSE)) is None
                  or frame.size == PLANAR_POSE)]
 
@@ -72,7 +72,7 @@ def deformation_figure(
         for body, values in zip(bodies, row, strict=True):
             _trace(axes, run, body, metre)
             x, y = metre.factor * run.positions(body, step, factor).T
-            cells = run.cells(body)
+            cells = subdivided(run.cells(body))
             if values is not None:
                 drawn = axes.tripcolor(x, y, cells, values * scale, shading="gouraud",
                                        rasterized=True, vmin=low, vmax=high, cmap=MAPS[quantity])

@@ -22,7 +22,7 @@ from sparsemor.core.analysis.charts.surface_matplotlib import paint
 from sparsemor.core.analysis.charts.surface_pyvista import rendered
 from sparsemor.core.analysis.charts.units import unit
 from sparsemor.core.analysis.charts.view import VIEWS, Surface, View, half_of, middle
-from sparsemor.core.model.facets import outer_facets
+from sparsemor.core.model.facets import outer_facets, subdivided
 from sparsemor.core.protocols.layout import Quantity
 from sparsemor.core.protocols.mesh import Mesh
 from sparsemor.core.results.run_result import RunResult
@@ -52,7 +52,7 @@ class _Skin:
 
 def solid_bodies(run: RunResult) -> list[str]:
     """Bodies with a mesh of tetrahedra."""
-    return [body for body in run.bodies if run.cells(body).shape[1:] == (4,)]
+    return [body for body in run.bodies if run.cells(body).shape[1:] in ((4,), (10,))]
 
 
 def surface_figures(
@@ -80,7 +80,7 @@ def surface_figures(
 def _skin_of(run: RunResult, body: str, quantity: Quantity, steps: list[int]) -> _Skin:
     factor = magnification(run, [body], steps)
     scale, label = scale_of(run, [body], steps, quantity)
-    triangles = outer_facets(Mesh(run.points(body), run.cells(body)))
+    triangles = outer_facets(Mesh(run.points(body), subdivided(run.cells(body))))
     fields = [values_of(run, body, step, quantity) for step in steps]
     values = [scale * field[triangles] for field in fields if field is not None]
     low, high = shades(np.concatenate(values), quantity)

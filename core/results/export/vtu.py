@@ -6,7 +6,7 @@ from xml.sax.saxutils import quoteattr
 from sparsemor.core.arrays import IntArray
 from sparsemor.core.results.export.snapshot import Frame
 
-_NAMES = {3: "triangle", 4: "tetra"}
+_NAMES = {3: "triangle", 4: "tetra", 6: "triangle6", 10: "tetra10"}
 
 
 class VtuSeries:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from sparsemor.core.arrays import IntArray
 from sparsemor.core.results.export.snapshot import Frame
 
-_TOPOLOGY = {3: "Triangle", 4: "Tetrahedron"}
+_TOPOLOGY = {3: "Triangle", 4: "Tetrahedron", 6: "Triangle_6", 10: "Tetrahedron_10"}
 
 
 class XdmfSeries:

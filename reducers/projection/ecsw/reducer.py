@@ -23,11 +23,17 @@ from sparsemor.core import (
     MovingBody,
     Note,
     OfflineProducts,
-    ReducedProblem,
     Term,
     WeighsElements,
 )
-from sparsemor.reducers.projection.base import Maps, ProjectionReducer, Reducible
+from sparsemor.reducers import (
+    Approximation,
+    Maps,
+    ProjectionReducer,
+    Reducible,
+    TestMap,
+    left_inverse,
+)
 from sparsemor.reducers.projection.ecsw.training import (
     Trained,
     elastic_equations,
@@ -36,10 +42,6 @@ from sparsemor.reducers.projection.ecsw.training import (
     train,
 )
 from sparsemor.reducers.projection.ecsw.training_matrix import Equations
-from sparsemor.reducers.step.coupled_reduced import ReducedGeneral
-from sparsemor.reducers.step.left_inverse import left_inverse
-from sparsemor.reducers.step.operators import TestMap
-from sparsemor.reducers.step.solver import Stepper
 
 Fact = dict[str, float | int | str]
 
@@ -82,30 +84,24 @@ class Ecsw(ProjectionReducer):
     def maps(self, block: Reducible) -> Maps:
         return Maps(TestMap(left=block.dictionary.atoms.T))
 
-    def projected_model(
+    def approximation(
         self, model: AssembledModel, dictionaries: Mapping[str, Dictionary],
         offline: OfflineProducts, h: float
-    ) -> tuple[AssembledModel, Mapping[str, Fact]]:
+    ) -> Approximation:
         """The model with element integrals replaced by ECSW-weighted sums, and facts of each
         block's weights."""
         training = Training(model, offline, h, self.tau, self.states, dictionaries)
         moving = tuple(training.elastic(m) for m in model.separated.moving)
         heat = tuple(training.heat(b) for b in model.separated.heat)
         weighed = replace(model.separated, moving=moving, heat=heat)
-        return model.with_separated(weighed), training.facts
-
-    def prepare(self, problem: ReducedProblem) -> Stepper | ReducedGeneral:
-        solver = super().prepare(problem)
-        elements = {n: solver.elements_touched[n] + int(f["elements_kept"])
-                    for n, f in solver.facts.items()}
+        facts = training.facts
         notes = tuple(
             Note(f"{n}: no choice of elements repeats the training forces to {self.tau:g}, the "
                  f"best comes to {f['residual']:.1e}", "ecsw_training")
-            for n, f in solver.facts.items()
-            if float(f["residual"]) > 1.05 * self.tau)
-        return replace(
-            solver, elements_touched={**solver.elements_touched, **elements},
-            notes=(*solver.notes, *notes))
+            for n, f in facts.items() if float(f["residual"]) > 1.05 * self.tau)
+        return Approximation(
+            model.with_separated(weighed), facts,
+            {n: int(f["elements_kept"]) for n, f in facts.items()}, notes)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
