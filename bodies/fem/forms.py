@@ -9,6 +9,7 @@ unknown number d * node + component. Import this module only for assembly: the i
 takes longer than reading a scene.
 """
 
+import math
 from collections.abc import Iterator
 from typing import Any
 
@@ -54,9 +55,10 @@ def normal(v: Any, w: Any) -> Any:
 
 def matrix(
     form: Any, mesh: Mesh, order: int, *, rows: bool = False, columns: bool = False,
-    **weights: float,
+    cells: IntArray | None = None, **weights: float,
 ) -> Csr:
-    """Matrix of a bilinear form on all cells; integrands of degree `order` are exact.
+    """Matrix of a bilinear form on all cells, or on those with the given numbers; integrands of
+    degree `order` are exact.
 
     rows, columns: the test or trial function is a vector: d N unknowns instead of N. Entries that
     cancel to round-off are dropped, so that a symmetric form has a symmetric pattern.
@@ -64,7 +66,7 @@ def matrix(
     d, n = mesh.dimension, len(mesh.points)
     shape = (d * n if rows else n, d * n if columns else n)
     whole = csr_array(shape)
-    for part in _chunks(form, mesh, order, rows, columns, weights):
+    for part in _chunks(form, mesh, order, rows, columns, cells, weights):
         chunk = csr_array(part.tocsr())
         chunk.sum_duplicates()
         chunk.eliminate_zeros()
@@ -75,15 +77,15 @@ def matrix(
 
 def elements(
     form: Any, mesh: Mesh, order: int, *, rows: bool = False, columns: bool = False,
-    **weights: float,
+    cells: IntArray | None = None, **weights: float,
 ) -> FloatArray:
-    """(E, p, q) element matrices of a bilinear form; unknown number is d * corner + component for
-    vectors."""
+    """(E, p, q) element matrices of a bilinear form on all cells, or on those with the given
+    numbers; unknown number is d * corner + component for vectors."""
     d, corners = mesh.dimension, mesh.cells.shape[1]
     p, q = (corners * d if vector else corners for vector in (rows, columns))
     return np.concatenate([  # scikit-fem keeps its entries by trial, test function and cell
         part.data.reshape(q, p, -1).transpose(2, 1, 0)
-        for part in _chunks(form, mesh, order, rows, columns, weights)])
+        for part in _chunks(form, mesh, order, rows, columns, cells, weights)])
 
 
 def facet_matrix(form: Any, mesh: Mesh, facets: IntArray, **weights: float) -> Csr:
@@ -133,16 +135,39 @@ def _on(mesh: Mesh, facets: IntArray) -> BoolArray:
 
 
 def _chunks(
-    form: Any, mesh: Mesh, order: int, rows: bool, columns: bool, weights: dict[str, float]
+    form: Any, mesh: Mesh, order: int, rows: bool, columns: bool, cells: IntArray | None,
+    weights: dict[str, float],
 ) -> Iterator[Any]:
-    whole = _mesh(mesh)
-    for start in range(0, len(mesh.cells), CHUNK):
-        cells = np.arange(start, min(start + CHUNK, len(mesh.cells)))
+    whole, chosen = _mesh(mesh), np.arange(len(mesh.cells)) if cells is None else cells
+    for start in range(0, len(chosen), CHUNK):
         scalar = skfem.Basis(whole, _ELEMENTS[mesh.dimension](), intorder=max(order, 1),
-                             elements=cells)
+                             elements=chosen[start : start + CHUNK])
         vector = scalar.with_element(skfem.ElementVector(_ELEMENTS[mesh.dimension]()))
         trial, test = (vector if columns else scalar), (vector if rows else scalar)
         yield skfem.BilinearForm(form).coo_data(trial, test, **weights)
+
+
+def cell_basis(
+    mesh: Mesh, order: int, cells: IntArray | None = None, at_nodes: bool = False
+) -> Any:
+    """Scalar scikit-fem basis on all cells, or on those with the given numbers, with quadrature of
+    degree `order`. at_nodes: the points are the nodes of the cell, with equal weights."""
+    whole, element = _mesh(mesh), _ELEMENTS[mesh.dimension]()
+    chosen = np.arange(len(mesh.cells)) if cells is None else cells
+    if order > 1 and not at_nodes:
+        return skfem.Basis(whole, element, intorder=order, elements=chosen)
+    points = np.array(element.doflocs).T
+    if not at_nodes:  # one point is exact for linear integrands; scikit-fem takes three or more
+        points = points.mean(axis=1, keepdims=True)
+    count = points.shape[1]
+    weights = np.full(count, 1.0 / (math.factorial(mesh.dimension) * count))
+    return skfem.Basis(whole, element, elements=chosen, quadrature=(points, weights))
+
+
+def facet_basis(mesh: Mesh, facets: IntArray, degree: int) -> Any:
+    """Scalar scikit-fem basis on boundary facets (F, d) of point numbers, in their order, with
+    quadrature of this degree."""
+    return _facet_basis(mesh, facets, False, degree)
 
 
 def _mesh(mesh: Mesh) -> Any:
@@ -150,7 +175,7 @@ def _mesh(mesh: Mesh) -> Any:
         np.ascontiguousarray(mesh.points.T), np.ascontiguousarray(mesh.cells.T), sort_t=False)
 
 
-def _facet_basis(mesh: Mesh, facets: IntArray, vector: bool) -> Any:
+def _facet_basis(mesh: Mesh, facets: IntArray, vector: bool, degree: int = 2) -> Any:
     """scikit-fem basis on given boundary facets, identified by their sorted points."""
     whole, wanted = _mesh(mesh), np.sort(facets, axis=1)
     own = whole.facets.T
@@ -160,4 +185,4 @@ def _facet_basis(mesh: Mesh, facets: IntArray, vector: bool) -> Any:
     found = order[np.searchsorted(keys, sought, sorter=order)]
     element = _ELEMENTS[mesh.dimension]()
     return skfem.FacetBasis(
-        whole, skfem.ElementVector(element) if vector else element, facets=found, intorder=2)
+        whole, skfem.ElementVector(element) if vector else element, facets=found, intorder=degree)
