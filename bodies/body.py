@@ -17,9 +17,15 @@ from sparsemor.bodies.frames.items import Attachment, BodyForce, SpaceForce, Uni
 from sparsemor.bodies.frames.moments import MassProperties, moments_of
 from sparsemor.bodies.frames.plane import PlanarFrame
 from sparsemor.bodies.frames.rotation import torque
-from sparsemor.bodies.terms.body_terms import write_conduction, write_elasticity, write_film
+from sparsemor.bodies.terms.body_terms import (
+    write_conduction,
+    write_elasticity,
+    write_film,
+    write_law,
+)
 from sparsemor.bodies.terms.field_kinds import ELASTIC, MULTIPLIER, RIGID, THERMAL
 from sparsemor.bodies.terms.inertia import directions, generator
+from sparsemor.bodies.terms.pointwise_law import PointwiseLaw
 from sparsemor.bodies.terms.surface_loads import write_surface_loads
 from sparsemor.core import (
     FREE_POSE,
@@ -224,6 +230,14 @@ class Body:
         N), W/K."""
         assert self.heat is not None
         write_film(self.name, equations, self.heat, vector, amplitude, film)
+
+    def law(
+        self, equations: Equations, law: PointwiseLaw, *, facets: IntArray | None = None,
+        cells: IntArray | None = None,
+    ) -> None:
+        """Adds a pointwise law over boundary facets (F, d) of point numbers, or over cells given by
+        their numbers, all of them if neither is given."""
+        write_law(self, equations, law, facets, cells)
 
     def surface_loads(
         self, equations: Equations, loads: SurfaceLoads, times: FloatArray

@@ -5,7 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from sparsemor.bodies.fem.fields import Elasticity, HasFields, Heat
-from sparsemor.core import Amplitude, Csr, Equations, FloatArray
+from sparsemor.bodies.fem.quadrature import Quadrature, on_cells, on_facets
+from sparsemor.bodies.terms.pointwise_law import PointwiseLaw
+from sparsemor.bodies.terms.weak_term import NodalField, WeakTerm
+from sparsemor.core import Amplitude, Csr, Equations, FloatArray, IntArray, Quantity
 
 
 def write_elasticity(body: HasFields, equations: Equations, e: Elasticity) -> None:
@@ -46,6 +49,74 @@ def write_film(
     equations.matrix(block, block, A=mine[:, free])
     for nodes, function in heat.prescribed:
         equations.vector(block, -_row_sums(mine[:, nodes]), function.value, "prescribed")
+
+
+def write_law(
+    body: HasFields, equations: Equations, law: PointwiseLaw, facets: IntArray | None,
+    cells: IntArray | None,
+) -> None:
+    """Adds a pointwise law over boundary facets (F, d) of point numbers, or over cells by their
+    numbers, all if None; times the thickness of the body."""
+    assert body.mesh is not None
+    steep = any(v.axis is not None for v in (*law.reads, *law.tests))
+    points = on_cells(body.mesh, law.degree, cells, gradients=steep) if facets is None else (
+        on_facets(body.mesh, facets, law.degree, gradients=steep))
+    term, blocks = law_term(body, equations, law, points)
+    if len(term.rows):
+        equations.local(blocks, term)
+
+
+def law_term(
+    body: HasFields, equations: Equations, law: PointwiseLaw, quadrature: Quadrature
+) -> tuple[WeakTerm, list[str]]:
+    """Weak term of a law, and the blocks that it reads and adds to.
+
+    A field that is no unknown of the body has its initial value: zero displacement, temperatures
+    T0.
+    """
+    row_quantity, read = law.tests[0].quantity, {v.quantity for v in law.reads}
+    names = {Quantity.DISPLACEMENT: f"{body.name}.elastic",
+             Quantity.TEMPERATURE: f"{body.name}.thermal"}
+    numbers = {q: equations.numbers(name) for q, name in names.items()}
+    columns = np.unique(np.concatenate([numbers[q] for q in read]))
+    fields, row_of = {}, np.zeros((0, 1), np.int64)
+    for quantity in {row_quantity, *read}:
+        whole, unknowns = _field(body, quantity, quadrature), numbers[quantity]
+        free = whole.column_of >= 0
+        if quantity is row_quantity:
+            row_of = whole.column_of
+        at = np.searchsorted(columns, unknowns) if quantity in read else np.full(len(unknowns), -1)
+        column_of = np.full(whole.column_of.shape, -1, np.int64)
+        column_of[free] = at[whole.column_of[free]]
+        fields[quantity] = NodalField(
+            whole.shape, column_of, whole.constant, whole.prescribed)
+    term = WeakTerm(numbers[row_quantity], columns, law, fields, row_of,
+                    quadrature.weights * body.thickness, quadrature.coordinates)
+    here = np.unique(row_of[fields[row_quantity].shape.nodes])
+    blocks = [n for q, n in names.items() if len(numbers[q]) and q in {row_quantity, *read}]
+    return term.restrict(here[here >= 0]), blocks
+
+
+def _field(body: HasFields, quantity: Quantity, quadrature: Quadrature) -> NodalField:
+    """A field of the body at all its nodes; `column_of`: positions among its free unknowns."""
+    assert body.mesh is not None
+    N, d = body.mesh.points.shape
+    if quantity is Quantity.DISPLACEMENT:
+        free = np.zeros(0, np.int64) if body.elasticity is None else body.elasticity.free
+        return NodalField(quadrature.shape, _numbered(free, N * d).reshape(N, d), np.zeros((N, d)))
+    T0 = np.zeros(N) if body.T0 is None else body.T0
+    if body.heat is None:
+        return NodalField(quadrature.shape, _numbered(np.zeros(0, np.int64), N)[:, None],
+                          T0[:, None])
+    return NodalField(quadrature.shape, _numbered(body.heat.free, N)[:, None],
+                      np.zeros((N, 1)), body.heat.prescribed)
+
+
+def _numbered(free: IntArray, size: int) -> IntArray:
+    """(size,) position of each number in `free`, -1 for the others."""
+    found = np.full(size, -1, np.int64)
+    found[free] = np.arange(len(free))
+    return found
 
 
 def _row_sums(matrix: Csr) -> FloatArray:
