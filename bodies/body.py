@@ -66,7 +66,8 @@ class Body:
     moments about the frame origin, None for a massless frame; mass_matrix (N, N): scalar, kg, None
     for a rigid body without mesh. moves: True if the rigid coordinates are unknowns; otherwise the
     frame is fixed, or follows the prescribed motion `guide`. T0, T_ref (N,): initial and
-    stress-free temperature, K; thickness, m, of a planar body. notes: warnings about its mesh and
+    stress-free temperature, K; thickness, m, of a planar body. temperature_limits: property
+    -> temperatures, K, between which it is defined. notes: warnings about its mesh and
     sets. kernel: class that evaluates its frame equations.
     """
 
@@ -85,6 +86,7 @@ class Body:
     T0: FloatArray | None = None
     T_ref: FloatArray | None = None
     guide: FrameHistory | None = None
+    temperature_limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     notes: tuple[Note, ...] = ()
     kernel: type[PlanarFrame] | type[SpatialFrame] = field(init=False)
 

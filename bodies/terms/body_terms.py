@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from sparsemor.bodies.fem.fields import Elasticity, HasFields, Heat
 from sparsemor.bodies.fem.quadrature import Quadrature, on_cells, on_facets
@@ -16,6 +17,8 @@ def write_elasticity(body: HasFields, equations: Equations, e: Elasticity) -> No
     F, Kt = e.free, e.coupling[e.free]
     block, thermal = f"{body.name}.elastic", f"{body.name}.thermal"
     equations.matrix(block, block, A=e.stiffness[F][:, F], B=e.damping[F][:, F])
+    for law, cells in e.laws:
+        _write_stress(body, equations, law, cells)
     assert body.T0 is not None and body.T_ref is not None
     if body.heat is None:
         equations.vector(block, np.asarray(Kt @ (body.T0 - body.T_ref)))
@@ -30,6 +33,9 @@ def write_conduction(body: HasFields, equations: Equations, h: Heat) -> None:
     """Adds conduction and capacity of the free temperatures."""
     block, free = f"{body.name}.thermal", h.free
     equations.matrix(block, block, A=h.conductivity[free][:, free], B=h.capacity[free][:, free])
+    for law, cells in h.laws:
+        stored = any(v.rate for v in law.reads)
+        write_law(body, equations, law, None, cells, at_nodes=stored and h.lumped)
     for nodes, function in h.prescribed:
         for matrix, f in ((h.conductivity, function.value), (h.capacity, function.rate)):
             equations.vector(block, -_row_sums(matrix[free][:, nodes]), f, "prescribed")
@@ -51,15 +57,37 @@ def write_film(
         equations.vector(block, -_row_sums(mine[:, nodes]), function.value, "prescribed")
 
 
+def _write_stress(
+    body: HasFields, equations: Equations, law: PointwiseLaw, cells: IntArray | None
+) -> None:
+    """Adds a stress law; where the body's temperatures are no unknowns it is linear, and becomes a
+    stiffness matrix and a constant force."""
+    if body.heat is not None:
+        write_law(body, equations, law, None, cells)
+        return
+    assert body.mesh is not None
+    term, (block,) = law_term(body, equations, law, on_cells(body.mesh, law.degree, cells))
+    n, first = equations.size(block), int(equations.numbers(block)[0])
+    zero = np.zeros(len(term.columns))
+    force = np.zeros(n)
+    force[term.rows - first] = term.residual(zero, zero, zero, 0.0)
+    K = term.jacobian(zero, zero, zero, 0.0, zero, zero).tocoo()
+    at = term.rows[K.row] - first, term.columns[K.col] - first
+    equations.matrix(block, block, A=csr_array((K.data, at), shape=(n, n)))
+    equations.vector(block, -force)
+
+
 def write_law(
     body: HasFields, equations: Equations, law: PointwiseLaw, facets: IntArray | None,
-    cells: IntArray | None,
+    cells: IntArray | None, *, at_nodes: bool = False,
 ) -> None:
     """Adds a pointwise law over boundary facets (F, d) of point numbers, or over cells by their
-    numbers, all if None; times the thickness of the body."""
+    numbers, all if None; times the thickness of the body. at_nodes: quadrature at the nodes of the
+    cells, as for a lumped capacity matrix."""
     assert body.mesh is not None
     steep = any(v.axis is not None for v in (*law.reads, *law.tests))
-    points = on_cells(body.mesh, law.degree, cells, gradients=steep) if facets is None else (
+    points = on_cells(
+        body.mesh, law.degree, cells, gradients=steep, at_nodes=at_nodes) if facets is None else (
         on_facets(body.mesh, facets, law.degree, gradients=steep))
     term, blocks = law_term(body, equations, law, points)
     if len(term.rows):

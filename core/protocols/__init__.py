@@ -23,9 +23,11 @@ from sparsemor.core.protocols.body import (
     HasPose,
     HasProbes,
     HasShape,
+    LimitsTemperature,
     Material,
     ProbePlace,
     SelectsFields,
+    TemperatureProperty,
 )
 from sparsemor.core.protocols.capabilities import CAPABILITIES
 from sparsemor.core.protocols.contact import (
@@ -199,11 +201,11 @@ __all__ = [
     "HasConstantMatrices", "HasCurvature", "HasMesh", "HasNotes", "HasPose", "HasProbes",
     "HasShape", "HasSurroundings", "HeatBody", "HeatCoupling", "HeatIntegrals", "Held",
     "HoldsSnapshots", "ImportsMotion", "Integrals", "Integrator", "Joint", "JointPlugin",
-    "Layout", "LimitsProblems", "LinearOutcome", "LinearSolver", "Linearizes", "Load",
-    "LoadColumn", "LoadPlugin", "LoadTable", "LocalCopy", "LocalRecord", "LocalizesRows",
-    "Material", "MatrixRecord", "Mesh", "MeshPlugin", "MeshSize", "MovesOverBody",
-    "MovingBody", "NamesMultipliers", "NamesSides", "NamesSource", "NormalLaw",
-    "OfflineProducts", "Origin", "PROBLEM_FEATURES", "Part", "PassesReactionsOn",
+    "Layout", "LimitsProblems", "LimitsTemperature", "LinearOutcome", "LinearSolver",
+    "Linearizes", "Load", "LoadColumn", "LoadPlugin", "LoadTable", "LocalCopy", "LocalRecord",
+    "LocalizesRows", "Material", "MatrixRecord", "Mesh", "MeshPlugin", "MeshSize",
+    "MovesOverBody", "MovingBody", "NamesMultipliers", "NamesSides", "NamesSource",
+    "NormalLaw", "OfflineProducts", "Origin", "PROBLEM_FEATURES", "Part", "PassesReactionsOn",
     "Preconditioner", "Prescribed", "PrescribesReactions", "ProbePlace", "Quadratic",
     "Quantity", "ReadsFiles", "Reason", "Recording", "Records", "RedrawsRows",
     "ReducedProblem", "ReducedTerm", "Reducer", "RelocatesNear", "ReportsChatter",
@@ -213,6 +215,7 @@ __all__ = [
     "SelectsFields", "Separated", "SharesOptions", "SparseOutcome", "SparseProblem",
     "SparseSolver", "SparseStart", "Stage", "State", "StatesFillIn", "StepFactors",
     "StepFormula", "StepMemory", "StepOutcome", "StepSolver", "SurfaceLoads", "Surfaces",
-    "Table", "TableRecord", "Tabled", "TabledAlong", "Term", "TimeDependent", "TimeFunction",
-    "Trial", "UsesBases", "UsesForceBasis", "VectorRecord", "WeighsElements", "WrapsTerm",
+    "Table", "TableRecord", "Tabled", "TabledAlong", "TemperatureProperty", "Term",
+    "TimeDependent", "TimeFunction", "Trial", "UsesBases", "UsesForceBasis", "VectorRecord",
+    "WeighsElements", "WrapsTerm",
 ]

@@ -51,7 +51,7 @@ _CONNECTOR = (part.LocalizesRows, part.MovesOverBody, body.ChangesBodies, part.H
               *_ANY_PART)
 BUILT: Mapping[str, tuple[type, ...]] = {
     "body": (body.HasProbes, body.HasMesh, body.HasShape, body.CopiesRigidly, body.HasPose,
-             body.FollowsMotion, body.CarriesSurfaceLoads, *_ANY_PART),
+             body.FollowsMotion, body.CarriesSurfaceLoads, body.LimitsTemperature, *_ANY_PART),
     "contact": (contact.ImportsMotion, contact.ConductsHeat, contact.ReportsNoContact,
                 contact.ReportsChatter, contact.ReportsPassage, *_CONNECTOR),
     "joint": (joint.NamesMultipliers, joint.PrescribesReactions,

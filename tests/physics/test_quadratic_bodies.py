@@ -172,6 +172,30 @@ def test_radiation_of_a_quadratic_temperature_is_exact(kind: str) -> None:
     assert found == pytest.approx(want, rel=1e-12)
 
 
+def kirchhoff_error(columns: int) -> float:
+    """Error of theta = integral of k dT, relative to its range, in steady conduction from 900 to
+    300 K with k = 20 + 0.04 (T - 300) W/(m K): theta is linear along the slab."""
+    slab = {"use": "flexible", "order": 2, "frame": "fixed", "fields": ["thermal"],
+            "thickness": 0.02, "reference_temperature": 300.0,
+            "mesh": {"use": "rectangle", "size": [0.1, 0.01], "divisions": [columns, 1]},
+            "material": {"rho": 1000.0, "c": 500.0, "k": {
+                "polynomial": [20.0, 0.04], "origin": 300.0, "range": [200.0, 2000.0]}}}
+    held = {side: {**COLD, "on": [f"slab:{side}"], "temperature": T}
+            for side, T in (("left", 900.0), ("right", 300.0))}
+    run = march(scene_of({"bodies": {"slab": slab}, "joints": held,
+                          "time": {"end": 4e7, "step": 1e7}}))
+    body = the(run, "slab")
+    assert body.heat is not None
+    T = run.block("slab.thermal")[-1] - 300.0
+    want = (20.0 * 600.0 + 0.02 * 600.0**2) * (1.0 - body.X[body.heat.free, 0] / 0.1)
+    return float(np.abs(20.0 * T + 0.02 * T**2 - want).max() / want.max())
+
+
+def test_conductivity_that_depends_on_temperature_follows_kirchhoff() -> None:
+    coarse, fine = kirchhoff_error(10), kirchhoff_error(20)
+    assert fine < 1e-5 and coarse > 4.0 * fine  # linear elements: 4e-5, a ratio of 3.4
+
+
 # ---------------------------------------------------------------------- reduced models
 
 REDUCED = {"basis": {"use": "pod", "count": 10}, "bases": {"*.thermal": {"use": "pod", "count": 7}}}
