@@ -50,8 +50,9 @@ def _note(body: str, T: float, t: float, floor: float, top: float) -> Note:
         f"every initial, prescribed and surrounding one (at least {floor:.4g} K), "
         f"{100 * share:.2g} % of the range of temperatures. A consistent capacity matrix causes "
         "this where heat enters faster than the elements resolve: use "
-        f"bodies.{body}.capacity: lumped (linear elements only), a finer mesh where heat enters, or "
-        "a longer time.step; in a reduced run it may be the basis: take more atoms of its temperatures")
+        f"bodies.{body}.capacity: lumped (linear elements only), a finer mesh where heat enters, "
+        "or a longer time.step; in a reduced run it may be the basis: take more atoms of its "
+        "temperatures")
     large = floor > 0.0 and floor - T >= LARGE * floor
     return Note(text, "undershoot") if large else information(text, "undershoot")
 
