@@ -32,6 +32,15 @@ if TYPE_CHECKING:
     from sparsemor.bodies.terms.field_kinds import MULTIPLIER as MULTIPLIER
     from sparsemor.bodies.terms.field_kinds import RIGID as RIGID
     from sparsemor.bodies.terms.field_kinds import THERMAL as THERMAL
+    from sparsemor.bodies.terms.pointwise_law import TEMPERATURE as TEMPERATURE
+    from sparsemor.bodies.terms.pointwise_law import TEMPERATURE_RATE as TEMPERATURE_RATE
+    from sparsemor.bodies.terms.pointwise_law import PointwiseLaw as PointwiseLaw
+    from sparsemor.bodies.terms.pointwise_law import Response as Response
+    from sparsemor.bodies.terms.pointwise_law import Variable as Variable
+    from sparsemor.bodies.terms.pointwise_law import (
+        displacement_gradient as displacement_gradient,
+    )
+    from sparsemor.bodies.terms.pointwise_law import temperature_gradient as temperature_gradient
 
 _HOMES = {
     "body": ("Body",),
@@ -47,6 +56,9 @@ _HOMES = {
     "targets": ("Target", "find_body", "find_surfaces", "find_target", "need_field"),
     "terms.dense": ("DenseTerm",),
     "terms.field_kinds": ("BODY_KINDS", "ELASTIC", "MULTIPLIER", "RIGID", "THERMAL"),
+    "terms.pointwise_law": (
+        "PointwiseLaw", "Response", "TEMPERATURE", "TEMPERATURE_RATE", "Variable",
+        "displacement_gradient", "temperature_gradient"),
 }
 """Module -> its public names, imported on first access."""
 

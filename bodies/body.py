@@ -17,9 +17,15 @@ from sparsemor.bodies.frames.items import Attachment, BodyForce, SpaceForce, Uni
 from sparsemor.bodies.frames.moments import MassProperties, moments_of
 from sparsemor.bodies.frames.plane import PlanarFrame
 from sparsemor.bodies.frames.rotation import torque
-from sparsemor.bodies.terms.body_terms import write_conduction, write_elasticity, write_film
+from sparsemor.bodies.terms.body_terms import (
+    write_conduction,
+    write_elasticity,
+    write_film,
+    write_law,
+)
 from sparsemor.bodies.terms.field_kinds import ELASTIC, MULTIPLIER, RIGID, THERMAL
 from sparsemor.bodies.terms.inertia import directions, generator
+from sparsemor.bodies.terms.pointwise_law import PointwiseLaw
 from sparsemor.bodies.terms.surface_loads import write_surface_loads
 from sparsemor.core import (
     FREE_POSE,
@@ -60,7 +66,8 @@ class Body:
     moments about the frame origin, None for a massless frame; mass_matrix (N, N): scalar, kg, None
     for a rigid body without mesh. moves: True if the rigid coordinates are unknowns; otherwise the
     frame is fixed, or follows the prescribed motion `guide`. T0, T_ref (N,): initial and
-    stress-free temperature, K; thickness, m, of a planar body. notes: warnings about its mesh and
+    stress-free temperature, K; thickness, m, of a planar body. temperature_limits: property
+    -> temperatures, K, between which it is defined. notes: warnings about its mesh and
     sets. kernel: class that evaluates its frame equations.
     """
 
@@ -79,6 +86,7 @@ class Body:
     T0: FloatArray | None = None
     T_ref: FloatArray | None = None
     guide: FrameHistory | None = None
+    temperature_limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     notes: tuple[Note, ...] = ()
     kernel: type[PlanarFrame] | type[SpatialFrame] = field(init=False)
 
@@ -224,6 +232,14 @@ class Body:
         N), W/K."""
         assert self.heat is not None
         write_film(self.name, equations, self.heat, vector, amplitude, film)
+
+    def law(
+        self, equations: Equations, law: PointwiseLaw, *, facets: IntArray | None = None,
+        cells: IntArray | None = None,
+    ) -> None:
+        """Adds a pointwise law over boundary facets (F, d) of point numbers, or over cells given by
+        their numbers, all of them if neither is given."""
+        write_law(self, equations, law, facets, cells)
 
     def surface_loads(
         self, equations: Equations, loads: SurfaceLoads, times: FloatArray

@@ -4,11 +4,12 @@ elastic and thermal fields.
 The mesh determines the dimension: triangles make a planar body, tetrahedra a body in space.
 """
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import BeforeValidator, Field
 from scipy.sparse import csr_array
 
 from sparsemor.bodies.body import Body
@@ -16,7 +17,7 @@ from sparsemor.bodies.fem.elasticity import Model, elastic_stiffness, law, therm
 from sparsemor.bodies.fem.fields import Elasticity, Heat
 from sparsemor.bodies.fem.volume import capacity, conductivity, lumped, scalar_mass
 from sparsemor.bodies.frames.moments import MassProperties
-from sparsemor.bodies.material import require
+from sparsemor.bodies.material import Region, constants_at, curves, regions_of, require, summed
 from sparsemor.bodies.mesh.check import check_mesh
 from sparsemor.bodies.mesh.expression import FormulaText, evaluate_formula
 from sparsemor.bodies.mesh.plausibility import mesh_notes
@@ -26,6 +27,7 @@ from sparsemor.bodies.pose import Pose
 from sparsemor.bodies.reference import Reference
 from sparsemor.bodies.terms.field_kinds import BODY_KINDS, ELASTIC, THERMAL
 from sparsemor.bodies.terms.inertia import generator
+from sparsemor.bodies.terms.material_laws import heat_laws, stress_laws
 from sparsemor.core import (
     BodySize,
     EstimatesMeshSize,
@@ -44,6 +46,14 @@ from sparsemor.core import (
     checked_return,
     slot_default,
 )
+
+
+def _isotropic(materials: Any) -> Any:
+    """Materials by set, those without `use` as isotropic ones."""
+    if not isinstance(materials, Mapping):
+        return materials
+    return {name: {"use": "isotropic", **m} if isinstance(m, Mapping) else m
+            for name, m in materials.items()}
 
 
 class Damping(Plugin):
@@ -84,7 +94,10 @@ class Flexible(Plugin):
     thickness: float | None = Field(default=None, gt=0)
     """Thickness of a planar body, m."""
     material: Annotated[Material, Slot("material")] = slot_default("isotropic")
-    """Material, by its constants or by a plugin that provides them."""
+    """Material, by its properties or by a plugin that provides them."""
+    materials: Annotated[
+        dict[str, Annotated[Material, Slot("material")]], BeforeValidator(_isotropic)] = {}
+    """Other materials by set: of the cells with all points in the set."""
     model: Literal["plane_stress", "plane_strain", "solid"] | None = None
     """Elastic model: plane stress in the plane when not given, `solid` in space."""
     fields: list[Literal["elastic", "thermal"]]
@@ -102,7 +115,8 @@ class Flexible(Plugin):
     """Heat capacity matrix. `lumped`: row sums on the diagonal, which avoids temperature
     undershoots under fast heating if no angle of the mesh is obtuse."""
     reference_temperature: float = 293.15
-    """Stress-free temperature, K."""
+    """Stress-free temperature, K. Matrices of a body are constant, with the properties at this
+    temperature; properties that depend on temperature add pointwise laws for the difference."""
     initial_temperature: float | FormulaText | None = None
     """Initial temperature, K, a number or a formula in x, y (and z); the reference temperature when
     not given."""
@@ -125,17 +139,20 @@ class Flexible(Plugin):
         self._check_dimension(mesh, gather)
         held = gather("", self._held, mesh)
         T0 = gather("", self._initial_temperature, mesh)
+        regions = gather("materials", regions_of, mesh, self.material, self.materials,
+                         self.reference_temperature)
         gather.check()
-        assert T0 is not None
+        assert T0 is not None and regions is not None
         d, thickness, heats = mesh.dimension, self._thickness(mesh), THERMAL.name in self.fields
-        m = scalar_mass(mesh, self.material.rho * thickness)
+        m = summed(regions, lambda r: scalar_mass(mesh, r.constants.rho * thickness, r.cells))
         pose, velocity = self.pose.start(d, self.frame == "spinning")
         return Body(
             name=name, X=mesh.points, inertia=MassProperties.of_mesh(m, mesh.points), pose=pose,
             velocity=velocity, moves=self.frame != "fixed", points=mesh.point_sets, mesh=mesh,
             thickness=thickness, mass_matrix=m,
-            elasticity=None if held is None else self._elasticity(mesh, m, held),
-            heat=self._heat(mesh) if heats else None, T0=T0,
+            elasticity=None if held is None else self._elasticity(mesh, m, held, regions),
+            heat=self._heat(mesh, regions) if heats else None, T0=T0,
+            temperature_limits=self._limits(),
             T_ref=np.full(len(mesh.points), self.reference_temperature),
             notes=mesh_notes(name, mesh, self.sets))
 
@@ -163,13 +180,28 @@ class Flexible(Plugin):
                 gather.faults.append(Fault(
                     "reference", "missing: the elastic field needs a reference condition, such as "
                     "{clamp: left} or {chord: [a, b]}, or its displacements hold rigid motion"))
-            gather("material", require, self.material, ("E", "nu"), "elastic")
-        if "thermal" in self.fields:
-            gather("material", require, self.material, ("k", "c"), "thermal")
-            if self._quadratic and self.capacity == "lumped":
-                gather.faults.append(Fault(
-                    "capacity", "row sums of quadratic elements vanish or are negative at their "
-                    "corners: take consistent, or order: 1"))
+        needed = {"elastic": ("E", "nu"), "thermal": ("k", "c")}
+        for key, material in self._materials().items():
+            for field in ("elastic", "thermal"):
+                if field in self.fields:
+                    gather(key, require, constants_at(material, self.reference_temperature),
+                           needed[field], field)
+        if self._quadratic and THERMAL.name in self.fields and self.capacity == "lumped":
+            gather.faults.append(Fault(
+                "capacity", "row sums of quadratic elements vanish or are negative at their "
+                "corners: take consistent, or order: 1"))
+
+    def _materials(self) -> dict[str, Material]:
+        """Materials by their input keys."""
+        return {"material": self.material,
+                **{f"materials.{name}": m for name, m in self.materials.items()}}
+
+    def _limits(self) -> dict[str, tuple[float, float]]:
+        """Temperatures, K, between which each property in use is defined, by input key."""
+        used = {"E", "alpha"} if "elastic" in self.fields else set[str]()
+        used |= {"k", "c"} if "thermal" in self.fields else set()
+        return {f"{key}.{name}": curve.limits for key, material in self._materials().items()
+                for name, curve in curves(material).items() if name in used}
 
     def _check_dimension(self, mesh: Mesh, gather: Gather) -> None:
         """Checks that depend on the dimension of the mesh."""
@@ -205,23 +237,34 @@ class Flexible(Plugin):
                              "refine the mesh, or leave `elastic` out of fields", "reference")
         return held
 
-    def _elasticity(self, mesh: Mesh, m: Any, held: IntArray) -> Elasticity:
+    def _elasticity(
+        self, mesh: Mesh, m: Any, held: IntArray, regions: Sequence[Region]
+    ) -> Elasticity:
         d, thickness, model = mesh.dimension, self._thickness(mesh), self._model(mesh)
-        K = elastic_stiffness(mesh, self.material, thickness, model)
+        K = summed(regions, lambda r: elastic_stiffness(
+            mesh, r.constants, thickness, model, r.cells))
         M = generator(m, np.eye(d))
         return Elasticity(
             free=np.setdiff1d(np.arange(d * len(mesh.points)), held), stiffness=K,
             damping=csr_array(self.damping.mass * M + self.damping.stiffness * K),
-            coupling=thermoelastic_coupling(mesh, self.material, thickness, model),
-            law=law(self.material, model))
+            coupling=summed(regions, lambda r: thermoelastic_coupling(
+                mesh, r.constants, thickness, model, r.cells)),
+            regions=tuple((r.cells, law(r.constants, model)) for r in regions),
+            laws=tuple((one, r.cells) for r in regions
+                       for one in stress_laws(r, model, d, self.reference_temperature)))
 
-    def _heat(self, mesh: Mesh) -> Heat:
-        (k, c), thickness = require(self.material, ("k", "c"), "thermal"), self._thickness(mesh)
-        C, is_lumped = capacity(mesh, self.material.rho, c, thickness), self.capacity == "lumped"
+    def _heat(self, mesh: Mesh, regions: Sequence[Region]) -> Heat:
+        thickness, is_lumped = self._thickness(mesh), self.capacity == "lumped"
+        C = summed(regions, lambda r: capacity(
+            mesh, r.constants.rho, _thermal(r)[1], thickness, r.cells))
         return Heat(
             free=np.arange(len(mesh.points)), capacity=lumped(C) if is_lumped else C,
-            conductivity=conductivity(mesh, k, thickness),
-            constants=(self.material.rho * c * thickness, k * thickness), lumped=is_lumped)
+            conductivity=summed(regions, lambda r: conductivity(
+                mesh, _thermal(r)[0], thickness, r.cells)),
+            regions=tuple((r.cells, (r.constants.rho * _thermal(r)[1] * thickness,
+                                     _thermal(r)[0] * thickness)) for r in regions),
+            lumped=is_lumped,
+            laws=tuple((one, r.cells) for r in regions for one in heat_laws(r, mesh.dimension)))
 
     def _initial_temperature(self, mesh: Mesh) -> FloatArray:
         T0 = self.initial_temperature
@@ -231,3 +274,8 @@ class Flexible(Plugin):
         if isinstance(T0, str):
             return evaluate_formula(T0, mesh.points, "initial_temperature")
         return np.full(n, float(T0))
+
+
+def _thermal(region: Region) -> tuple[float, ...]:
+    """Conductivity, W/(m K), and specific heat, J/(kg K), at the reference temperature."""
+    return require(region.constants, ("k", "c"), "thermal")

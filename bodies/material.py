@@ -1,29 +1,70 @@
-"""Materials of flexible bodies: linear thermoelastic, with constants independent of temperature."""
+"""Materials of flexible bodies: isotropic, linear thermoelastic, constant or functions of
+temperature."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Annotated
 
-from pydantic import Field
+import numpy as np
+from pydantic import AfterValidator, Discriminator, Field, Tag
 
-from sparsemor.core import Fault, InputError, Material, Plugin
+from sparsemor.bodies.temperature_curve import TemperatureCurve
+from sparsemor.core import (
+    Csr,
+    Fault,
+    InputError,
+    IntArray,
+    Material,
+    Mesh,
+    Plugin,
+    TemperatureProperty,
+    suggestions,
+)
+
+
+def _positive(curve: TemperatureCurve) -> TemperatureCurve:
+    if not curve.least > 0.0:
+        raise InputError(f"must be positive at all temperatures (its smallest value is "
+                         f"{curve.least:g})")
+    return curve
+
+
+def _kind(value: object) -> str:
+    """Branch of a property: its tags are no option names, so that errors have the key of the
+    property."""
+    return "a curve" if isinstance(value, Mapping | TemperatureCurve) else "a number"
+
+
+Positive = Annotated[
+    Annotated[float, Field(gt=0), Tag("a number")]
+    | Annotated[TemperatureCurve, AfterValidator(_positive), Tag("a curve")],
+    Discriminator(_kind)]
+"""A positive number, or a positive function of temperature."""
+Property = Annotated[
+    Annotated[float, Tag("a number")] | Annotated[TemperatureCurve, Tag("a curve")],
+    Discriminator(_kind)]
+"""A number, or a function of temperature."""
 
 
 class Isotropic(Plugin):
-    """Isotropic material by its constants; a scene gives those that its fields need.
+    """Isotropic material; a scene gives the properties that its fields need.
 
-    Rigid motion needs rho; the elastic field E, nu, rho; the thermal field rho, k, c.
+    Rigid motion needs rho; the elastic field E, nu, rho; the thermal field rho, k, c. E, alpha, k
+    and c are numbers or functions of temperature (a table, or a polynomial).
     """
 
     rho: float = Field(gt=0)
-    """Density, kg/m3."""
-    E: float | None = Field(default=None, gt=0)
+    """Density in the reference shape, kg/m3."""
+    E: Positive | None = None
     """Young's modulus, Pa."""
     nu: float | None = Field(default=None, gt=-1, lt=0.5)
     """Poisson's ratio."""
-    alpha: float = 0.0
-    """Coefficient of linear thermal expansion, 1/K."""
-    k: float | None = Field(default=None, gt=0)
+    alpha: Property = 0.0
+    """Mean coefficient of linear thermal expansion between the reference temperature of the body
+    and T, 1/K: the thermal strain is alpha(T) (T - T_ref)."""
+    k: Positive | None = None
     """Thermal conductivity, W/(m K)."""
-    c: float | None = Field(default=None, gt=0)
+    c: Positive | None = None
     """Specific heat, J/(kg K)."""
 
 
@@ -31,15 +72,101 @@ _MEANING = {
     "rho": "density, kg/m3", "E": "Young's modulus, Pa", "nu": "Poisson's ratio",
     "alpha": "thermal expansion, 1/K", "k": "conductivity, W/(m K)", "c": "specific heat, J/(kg K)",
 }
+_CURVES = ("E", "alpha", "k", "c")
+
+
+@dataclass(frozen=True, slots=True)
+class Constants:
+    """Properties of a material at one temperature; `Material` without functions of temperature."""
+
+    rho: float
+    E: float | None
+    nu: float | None
+    alpha: float
+    k: float | None
+    c: float | None
+
+
+def constants_at(material: Material, temperature: float) -> Constants:
+    """Properties of a material at a temperature, K."""
+    def value(of: float | TemperatureProperty | None) -> float | None:
+        if isinstance(of, TemperatureProperty):
+            return float(of.at(np.array([temperature]))[0][0])
+        return None if of is None else float(of)
+
+    alpha = value(material.alpha)
+    return Constants(float(material.rho), value(material.E), material.nu,
+                     0.0 if alpha is None else alpha, value(material.k), value(material.c))
+
+
+def curves(material: Material) -> dict[str, TemperatureProperty]:
+    """Properties of a material that are functions of temperature, by name."""
+    values = {"E": material.E, "alpha": material.alpha, "k": material.k, "c": material.c}
+    return {n: v for n, v in values.items() if isinstance(v, TemperatureProperty)}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Region:
+    """Cells of a body with one material, None for all. name: their set, "" for the others;
+    constants: properties at the reference temperature."""
+
+    material: Material
+    constants: Constants
+    cells: IntArray | None = None
+    name: str = ""
+
+
+def regions_of(
+    mesh: Mesh, material: Material, others: Mapping[str, Material], temperature: float
+) -> tuple[Region, ...]:
+    """Materials of all cells: `others` in the cells with all points in the set of that name,
+    `material` elsewhere. temperature: reference temperature, K.
+
+    InputError under the name of a set that does not exist, contains no cell, or shares cells with
+    another one.
+    """
+    if not others:
+        return (Region(material, constants_at(material, temperature)),)
+    owner, found = np.zeros(len(mesh.cells), np.int64), list[Region]()
+    faults = []
+    for number, (name, other) in enumerate(others.items(), 1):
+        if name not in mesh.point_sets:
+            faults.append(Fault(name, f"the mesh has no set {name!r}: "
+                                f"{suggestions(name, sorted(mesh.point_sets), 'sets')}"))
+            continue
+        inside = np.isin(mesh.cells, mesh.point_sets[name]).all(axis=1)
+        if not inside.any():
+            faults.append(Fault(name, "no cell of the mesh has all its points in this set"))
+        shared = np.unique(owner[inside])
+        if shared.any():
+            before = list(others)[int(shared.max()) - 1]
+            faults.append(Fault(name, f"{int(np.count_nonzero(owner[inside]))} cells are in the "
+                                f"set {before!r} as well: a cell has one material"))
+        owner[inside] = number
+        found.append(Region(other, constants_at(other, temperature), np.flatnonzero(inside), name))
+    if faults:
+        raise InputError(faults)
+    rest = np.flatnonzero(owner == 0)
+    first = [Region(material, constants_at(material, temperature), rest)] if len(rest) else []
+    return (*first, *found)
+
+
+def summed(regions: Sequence[Region], make: Callable[[Region], Csr]) -> Csr:
+    """Sum of the matrices of all regions."""
+    total = make(regions[0])
+    for region in regions[1:]:
+        total = total + make(region)
+    return total
 
 
 def require(material: Material, names: Sequence[str], field: str) -> tuple[float, ...]:
     """Values of the constants `names`; InputError that names all missing ones."""
-    values = {name: getattr(material, name) for name in names}
-    missing = [name for name, value in values.items() if value is None]
+    values = {"rho": material.rho, "E": material.E, "nu": material.nu, "alpha": material.alpha,
+              "k": material.k, "c": material.c}
+    missing = [name for name in names if values[name] is None]
     if missing:
         raise InputError(
             [Fault(name, f"missing: the {field} field needs it ({_MEANING[name]})")
              for name in missing]
         )
-    return tuple(float(value) for value in values.values())
+    return tuple(float(v) for name in names if isinstance(v := values[name], int | float))

@@ -81,6 +81,17 @@ def find_surfaces(
     return [f for f in found if f is not None]
 
 
+def joined_surfaces(
+    surfaces: Sequence[tuple[Body, Mesh, IntArray]]
+) -> list[tuple[Body, IntArray]]:
+    """Bodies with their boundary facets (F, d) in all surfaces, one entry for each body."""
+    found: dict[str, tuple[Body, IntArray]] = {}
+    for body, _, facets in surfaces:
+        before = found[body.name][1] if body.name in found else facets[:0]
+        found[body.name] = body, np.concatenate([before, facets])
+    return list(found.values())
+
+
 def need_field(target: Target, field: str, key: str) -> None:
     """InputError when the body does not have the field on which a load acts."""
     body = target.body

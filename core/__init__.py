@@ -55,6 +55,8 @@ if TYPE_CHECKING:
     from sparsemor.core.model.factorizations import solve_or_fail as solve_or_fail
     from sparsemor.core.model.factorizations import unconverged_note as unconverged_note
     from sparsemor.core.model.initial_state import consistent_state as consistent_state
+    from sparsemor.core.model.linearized_term import Linearized as Linearized
+    from sparsemor.core.model.linearized_term import linearization as linearization
     from sparsemor.core.model.model import distinct_names as distinct_names
     from sparsemor.core.model.moving_loads import loaded_columns as loaded_columns
     from sparsemor.core.notes import Note as Note
@@ -131,6 +133,7 @@ _HOMES = {
     "model.factorizations": ("BlockSolvers", "solve_or_fail", "unconverged_note"),
     "model.initial_state": ("consistent_state",),
     "model.model": ("distinct_names",),
+    "model.linearized_term": ("Linearized", "linearization"),
     "model.moving_loads": ("loaded_columns",),
     "notes": ("Note", "information"),
     "protocols.integrator": ("step_formula",),

@@ -154,7 +154,13 @@ def _dimension(first: Body, second: Body) -> int:
 
 
 def effusivity(body: Body) -> float:
-    """Thermal effusivity sqrt(k rho c), W s^(1/2) / (m2 K)."""
-    assert body.heat is not None and body.heat.constants is not None
-    stored, conducted = body.heat.constants
-    return float(np.sqrt(stored * conducted)) / body.thickness
+    """Thermal effusivity sqrt(k rho c), W s^(1/2) / (m2 K), at the reference temperature;
+    InputError for a body of several materials."""
+    assert body.heat is not None
+    found = {float(np.sqrt(stored * conducted)) / body.thickness
+             for _, (stored, conducted) in body.heat.regions}
+    if len(found) > 1:
+        raise InputError(f"body {body.name!r} has several materials, so its effusivity differs "
+                         "from place to place: give the first body's share as a number",
+                         "heat.share")
+    return found.pop()

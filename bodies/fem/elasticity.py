@@ -10,7 +10,7 @@ import numpy as np
 
 from sparsemor.bodies.material import require
 from sparsemor.bodies.mesh.simplices import at_centroids
-from sparsemor.core import Csr, FloatArray, InputError, Material, Mesh
+from sparsemor.core import Csr, FloatArray, InputError, IntArray, Material, Mesh
 
 Model: TypeAlias = Literal["plane_stress", "plane_strain", "solid"]
 
@@ -31,6 +31,12 @@ class Law:
     beta_out: float
 
 
+def expansion_factor(nu: float, model: Model) -> float:
+    """Ratio beta / (E alpha) of the thermal stress in the directions of the law: 1 / (1 - nu) in
+    plane stress, 1 / (1 - 2 nu) otherwise."""
+    return 1.0 / (1.0 - nu) if model == "plane_stress" else 1.0 / (1.0 - 2.0 * nu)
+
+
 def law(material: Material, model: Model) -> Law:
     """Constants of the thermoelastic law of a material; InputError when E or nu is missing."""
     E, nu, alpha = require(material, ("E", "nu", "alpha"), "elastic")
@@ -44,10 +50,11 @@ def law(material: Material, model: Model) -> Law:
 
 
 def elastic_stiffness(
-    mesh: Mesh, material: Material, thickness: float = 1.0, model: Model = "plane_stress"
+    mesh: Mesh, material: Material, thickness: float = 1.0, model: Model = "plane_stress",
+    cells: IntArray | None = None,
 ) -> Csr:
     """Stiffness matrix (d N, d N), N/m; unknown number is d * node + component. thickness in m, 1
-    in 3-D.
+    in 3-D. cells: numbers of the cells to integrate over, None for all.
 
     Singular: contains the rigid-body modes.
     """
@@ -55,12 +62,13 @@ def elastic_stiffness(
 
     _check_model(mesh, model)
     s = law(material, model)
-    return forms.matrix(forms.stiffness, mesh, 0, rows=True, columns=True,
+    return forms.matrix(forms.stiffness, mesh, 0, rows=True, columns=True, cells=cells,
                         lam=thickness * s.lam, mu=thickness * s.mu)
 
 
 def thermoelastic_coupling(
-    mesh: Mesh, material: Material, thickness: float = 1.0, model: Model = "plane_stress"
+    mesh: Mesh, material: Material, thickness: float = 1.0, model: Model = "plane_stress",
+    cells: IntArray | None = None,
 ) -> Csr:
     """Coupling matrix K_fT (d N, N), N/K: nodal thermal forces are K_fT (T - T_ref), T of the
     elements' order in each cell."""
@@ -68,7 +76,7 @@ def thermoelastic_coupling(
 
     _check_model(mesh, model)
     weight = thickness * law(material, model).beta
-    return forms.matrix(forms.expansion, mesh, 1, rows=True, weight=weight)
+    return forms.matrix(forms.expansion, mesh, 1, rows=True, cells=cells, weight=weight)
 
 
 def stress(

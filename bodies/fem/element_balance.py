@@ -24,10 +24,13 @@ def elastic_integrals(body: HasFields) -> ElasticIntegrals:
     from sparsemor.bodies.fem import forms
 
     e, mesh, t = body.elasticity, body.mesh, body.thickness
-    assert e is not None and e.law is not None and mesh is not None
-    K = forms.elements(forms.stiffness, mesh, 0, rows=True, columns=True,
-                       lam=t * e.law.lam, mu=t * e.law.mu)
-    Kt = forms.elements(forms.expansion, mesh, 1, rows=True, weight=t * e.law.beta)
+    assert e is not None and mesh is not None
+    K = _by_region(mesh, [(cells, forms.elements(
+        forms.stiffness, mesh, 0, rows=True, columns=True, cells=cells,
+        lam=t * law.lam, mu=t * law.mu)) for cells, law in e.regions])
+    Kt = _by_region(mesh, [(cells, forms.elements(
+        forms.expansion, mesh, 1, rows=True, cells=cells, weight=t * law.beta))
+        for cells, law in e.regions])
     n = len(e.free)
     d = mesh.dimension
     dofs = d * mesh.nodes[:, :, None] + np.arange(d)
@@ -52,18 +55,32 @@ def heat_integrals(body: HasFields) -> HeatIntegrals:
     from sparsemor.bodies.fem import forms
 
     h, mesh = body.heat, body.mesh
-    assert h is not None and h.constants is not None and mesh is not None
-    capacity, conductivity = h.constants
-    C = forms.elements(forms.mass, mesh, 2, weight=capacity)
+    assert h is not None and mesh is not None
+    C = _by_region(mesh, [(cells, forms.elements(
+        forms.mass, mesh, 2, cells=cells, weight=stored)) for cells, (stored, _) in h.regions])
     if h.lumped:
         C = C.sum(axis=2)[:, :, None] * np.eye(C.shape[1])
-    K = forms.elements(forms.conduction, mesh, 0, weight=conductivity)
+    K = _by_region(mesh, [(cells, forms.elements(
+        forms.conduction, mesh, 0, cells=cells, weight=conducted))
+        for cells, (_, conducted) in h.regions])
     n = len(h.free)
     nodes = _positions(h.free, len(mesh.points))[mesh.nodes]
     vectors, amplitudes = _prescribed(h, mesh, C, K)
     return HeatIntegrals(
         Integrals(nodes, nodes, C, (n, n)), Integrals(nodes, nodes, K, (n, n)),
         _columns(nodes, n, vectors), amplitudes)
+
+
+def _by_region(
+    mesh: Mesh, parts: Sequence[tuple[IntArray | None, FloatArray]]
+) -> FloatArray:
+    """Element matrices (E, p, q) of all cells, from those of each region."""
+    if len(parts) == 1:
+        return parts[0][1]
+    found = np.zeros((len(mesh.cells), *parts[0][1].shape[1:]))
+    for cells, values in parts:
+        found[cells] = values
+    return found
 
 
 def _prescribed(

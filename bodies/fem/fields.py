@@ -1,10 +1,14 @@
 """Constant finite-element matrices of a body's elastic and thermal fields."""
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, TypeAlias
 
 from sparsemor.bodies.fem.elasticity import Law
+from sparsemor.bodies.terms.pointwise_law import PointwiseLaw
 from sparsemor.core import Csr, FloatArray, IntArray, Mesh, TimeFunction
+
+Cells: TypeAlias = IntArray | None
+"""Numbers of cells, None for all cells of a body."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -12,15 +16,17 @@ class Elasticity:
     """Constant matrices of an elastic body over all d N displacements; `free` (n,): numbers of the
     unknown ones.
 
-    coupling (d N, N): thermal forces K_fT; damping: Rayleigh, a mass + b stiffness. law: constants
-    of the element matrices, for reducers that weight elements.
+    coupling (d N, N): thermal forces K_fT; damping: Rayleigh, a mass + b stiffness. regions: cells
+    of each material, with the constants of their element matrices. laws: stress beyond that of
+    constant properties, where they depend on temperature, and its cells.
     """
 
     free: IntArray
     stiffness: Csr
     damping: Csr
     coupling: Csr
-    law: Law | None = None
+    regions: tuple[tuple[Cells, Law], ...] = ()
+    laws: tuple[tuple[PointwiseLaw, Cells], ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -28,17 +34,19 @@ class Heat:
     """Capacity and conductivity matrices over all N temperatures; `free` (m,): numbers of the
     unknown ones.
 
-    prescribed: pairs (nodes, function) of prescribed temperatures. constants: rho c thickness,
-    J/(m2 K), and k thickness, W/K, for element matrices. lumped: True for a diagonal capacity
-    matrix (row sums).
+    prescribed: pairs (nodes, function) of prescribed temperatures. regions: cells of each material,
+    with rho c thickness, J/(m2 K), and k thickness, W/K, of their element matrices. lumped: True
+    for a diagonal capacity matrix (row sums). laws: heat flux and stored heat beyond those of
+    constant properties, where they depend on temperature, and their cells.
     """
 
     free: IntArray
     capacity: Csr
     conductivity: Csr
     prescribed: tuple[tuple[IntArray, TimeFunction], ...] = ()
-    constants: tuple[float, float] | None = None
+    regions: tuple[tuple[Cells, tuple[float, float]], ...] = ()
     lumped: bool = False
+    laws: tuple[tuple[PointwiseLaw, Cells], ...] = ()
 
 
 class HasFields(Protocol):

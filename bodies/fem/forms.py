@@ -9,6 +9,7 @@ unknown number d * node + component. Import this module only for assembly: the i
 takes longer than reading a scene.
 """
 
+import math
 from collections.abc import Iterator
 from typing import Any
 
@@ -60,10 +61,10 @@ def normal(v: Any, w: Any) -> Any:
 
 def matrix(
     form: Any, mesh: Mesh, order: int, *, rows: bool = False, columns: bool = False,
-    **weights: float,
+    cells: IntArray | None = None, **weights: float,
 ) -> Csr:
-    """Matrix of a bilinear form on all cells; order: degree of the integrand with linear elements,
-    for which it is exact; so it is with quadratic ones.
+    """Matrix of a bilinear form on all cells, or on those with the given numbers; order: degree of
+    the integrand with linear elements, for which it is exact; so it is with quadratic ones.
 
     rows, columns: the test or trial function is a vector: d N unknowns instead of N. Entries that
     cancel to round-off are dropped, so that a symmetric form has a symmetric pattern.
@@ -71,7 +72,7 @@ def matrix(
     d, n = mesh.dimension, len(mesh.points)
     shape = (d * n if rows else n, d * n if columns else n)
     whole = csr_array(shape)
-    for part in _chunks(form, mesh, order, rows, columns, weights):
+    for part in _chunks(form, mesh, order, rows, columns, cells, weights):
         chunk = csr_array(part.tocsr())
         chunk.sum_duplicates()
         chunk.eliminate_zeros()
@@ -82,15 +83,16 @@ def matrix(
 
 def elements(
     form: Any, mesh: Mesh, order: int, *, rows: bool = False, columns: bool = False,
-    **weights: float,
+    cells: IntArray | None = None, **weights: float,
 ) -> FloatArray:
-    """(E, p, q) element matrices of a bilinear form; unknown number is d * node + component for
-    vectors, with the nodes of a cell in the order of `mesh.nodes`."""
+    """(E, p, q) element matrices of a bilinear form on all cells, or on those with the given
+    numbers; unknown number is d * node + component for vectors, with the nodes of a cell in the
+    order of `mesh.nodes`."""
     d, nodes = mesh.dimension, mesh.nodes.shape[1]
     p, q = (nodes * d if vector else nodes for vector in (rows, columns))
     return np.concatenate([  # scikit-fem keeps its entries by trial, test function and cell
         part.data.reshape(q, p, -1).transpose(2, 1, 0)
-        for part in _chunks(form, mesh, order, rows, columns, weights)])
+        for part in _chunks(form, mesh, order, rows, columns, cells, weights)])
 
 
 def facet_matrix(form: Any, mesh: Mesh, facets: IntArray, **weights: float) -> Csr:
@@ -153,13 +155,14 @@ def _on(mesh: Mesh, facets: IntArray) -> BoolArray:
 
 
 def _chunks(
-    form: Any, mesh: Mesh, order: int, rows: bool, columns: bool, weights: dict[str, float]
+    form: Any, mesh: Mesh, order: int, rows: bool, columns: bool, cells: IntArray | None,
+    weights: dict[str, float],
 ) -> Iterator[Any]:
-    whole, some = _mesh(mesh), CHUNK // mesh.order**2
-    for start in range(0, len(mesh.cells), some):
-        cells = np.arange(start, min(start + some, len(mesh.cells)))
+    whole, chosen = _mesh(mesh), np.arange(len(mesh.cells)) if cells is None else cells
+    some = CHUNK // mesh.order**2
+    for start in range(0, len(chosen), some):
         scalar = skfem.Basis(whole, _element(mesh), intorder=max(_degree(mesh, order), 1),
-                             elements=cells)
+                             elements=chosen[start : start + some])
         vector = scalar.with_element(skfem.ElementVector(_element(mesh)))
         trial, test = (vector if columns else scalar), (vector if rows else scalar)
         yield skfem.BilinearForm(form).coo_data(trial, test, **weights)
@@ -175,12 +178,37 @@ def _degree(mesh: Mesh, degree: int) -> int:
     return degree if mesh.order == 1 else max(degree + 2, 2 * degree)
 
 
+def cell_basis(
+    mesh: Mesh, order: int, cells: IntArray | None = None, at_nodes: bool = False
+) -> Any:
+    """Scalar scikit-fem basis on all cells, or on those with the given numbers; order: degree of
+    the integrand with linear elements, for which the quadrature is exact; so it is with quadratic
+    ones. at_nodes: the points are the nodes of the cell, with equal weights."""
+    whole, element, degree = _mesh(mesh), _element(mesh), _degree(mesh, order)
+    chosen = np.arange(len(mesh.cells)) if cells is None else cells
+    if degree > 1 and not at_nodes:
+        return skfem.Basis(whole, element, intorder=degree, elements=chosen)
+    points = np.array(element.doflocs).T
+    if not at_nodes:  # one point is exact for linear integrands; scikit-fem takes three or more
+        points = points.mean(axis=1, keepdims=True)
+    count = points.shape[1]
+    weights = np.full(count, 1.0 / (math.factorial(mesh.dimension) * count))
+    return skfem.Basis(whole, element, elements=chosen, quadrature=(points, weights))
+
+
+def facet_basis(mesh: Mesh, facets: IntArray, degree: int) -> Any:
+    """Scalar scikit-fem basis on boundary facets (F, d) of corner numbers, in their order, with
+    quadrature that is exact for integrands of this degree with linear elements, and for theirs with
+    quadratic ones."""
+    return _facet_basis(mesh, facets, False, degree)
+
+
 def _mesh(mesh: Mesh) -> Any:
     return _MESHES[mesh.dimension](
         np.ascontiguousarray(mesh.corners.T), np.ascontiguousarray(mesh.cells.T), sort_t=False)
 
 
-def _facet_basis(mesh: Mesh, facets: IntArray, vector: bool) -> Any:
+def _facet_basis(mesh: Mesh, facets: IntArray, vector: bool, degree: int = 2) -> Any:
     """scikit-fem basis on given boundary facets, identified by their sorted points."""
     whole, wanted = _mesh(mesh), np.sort(facets, axis=1)
     own = whole.facets.T
@@ -191,4 +219,4 @@ def _facet_basis(mesh: Mesh, facets: IntArray, vector: bool) -> Any:
     element = _element(mesh)
     return skfem.FacetBasis(
         whole, skfem.ElementVector(element) if vector else element, facets=found,
-        intorder=_degree(mesh, 2))
+        intorder=_degree(mesh, degree))

@@ -3,23 +3,26 @@
 import numpy as np
 from scipy.sparse import csr_array, diags_array
 
-from sparsemor.core import Csr, Mesh
+from sparsemor.core import Csr, IntArray, Mesh
 
 
-def scalar_mass(mesh: Mesh, weight: float) -> Csr:
+def scalar_mass(mesh: Mesh, weight: float, cells: IntArray | None = None) -> Csr:
     """Scalar mass matrix (N, N): integral of weight * phi_i * phi_j, consistent (not lumped).
 
     weight: rho * thickness (kg/m2) in 2-D, rho (kg/m3) in 3-D, for the mass of one displacement
-    component; times the specific heat (J/(kg K)) for the heat capacity (J/K).
+    component; times the specific heat (J/(kg K)) for the heat capacity (J/K). cells: numbers of the
+    cells to integrate over, None for all.
     """
     from sparsemor.bodies.fem import forms
 
-    return forms.matrix(forms.mass, mesh, 2, weight=weight)
+    return forms.matrix(forms.mass, mesh, 2, cells=cells, weight=weight)
 
 
-def capacity(mesh: Mesh, rho: float, c: float, thickness: float = 1.0) -> Csr:
+def capacity(
+    mesh: Mesh, rho: float, c: float, thickness: float = 1.0, cells: IntArray | None = None
+) -> Csr:
     """Heat capacity matrix (N, N), J/K: integral of rho c phi_i phi_j. thickness in m, 1 in 3-D."""
-    return scalar_mass(mesh, rho * c * thickness)
+    return scalar_mass(mesh, rho * c * thickness, cells)
 
 
 def lumped(matrix: Csr) -> Csr:
@@ -29,9 +32,11 @@ def lumped(matrix: Csr) -> Csr:
     return csr_array(diags_array(sums))
 
 
-def conductivity(mesh: Mesh, k: float, thickness: float = 1.0) -> Csr:
+def conductivity(
+    mesh: Mesh, k: float, thickness: float = 1.0, cells: IntArray | None = None
+) -> Csr:
     """Conductivity matrix (N, N), W/K: integral of k grad phi_i . grad phi_j. thickness in m, 1 in
     3-D."""
     from sparsemor.bodies.fem import forms
 
-    return forms.matrix(forms.conduction, mesh, 0, weight=k * thickness)
+    return forms.matrix(forms.conduction, mesh, 0, cells=cells, weight=k * thickness)

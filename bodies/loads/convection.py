@@ -1,15 +1,42 @@
-"""Convection: heat exchange with a fluid of prescribed temperature."""
+"""Convective heat exchange with a fluid."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
+import numpy as np
 from pydantic import Field
 
+from sparsemor.bodies.body import Body
 from sparsemor.bodies.fem.surface import surface_load, surface_mass
 from sparsemor.bodies.loads.amplitude import NumberOrFunction
 from sparsemor.bodies.loads.part import LoadPart
+from sparsemor.bodies.material import Positive
 from sparsemor.bodies.targets import find_surfaces
-from sparsemor.core import Effect, Equations, Part, Plugin
+from sparsemor.bodies.temperature_curve import TemperatureCurve
+from sparsemor.bodies.terms.pointwise_law import TEMPERATURE, Response, Variable
+from sparsemor.core import Amplitude, Effect, Equations, FloatArray, Part, Plugin
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Film:
+    """Heat flux (h(T) - h_0) (T - T_fluid(t)), W/m2, of a film coefficient that depends on the
+    temperature of the surface, beyond its constant part h_0."""
+
+    h: TemperatureCurve
+    h_0: float
+    fluid: Amplitude
+    reads: ClassVar[Sequence[Variable]] = (TEMPERATURE,)
+    tests: ClassVar[Sequence[Variable]] = (TEMPERATURE,)
+
+    @property
+    def degree(self) -> int:
+        return self.h.degree + 2
+
+    def __call__(self, z: Sequence[FloatArray], x: FloatArray, t: float) -> Response:
+        (h, slope), rise = self.h.at(z[0]), z[0] - self.fluid(t)
+        change = h - self.h_0
+        return Response([change * rise], {(0, 0): slope * rise + change})
 
 
 class Convection(Plugin):
@@ -19,20 +46,31 @@ class Convection(Plugin):
 
     on: Annotated[list[str], Field(min_length=1)]
     """Surfaces `body:set`."""
-    film: float = Field(gt=0)
-    """Film coefficient h, W/(m^2 K)."""
+    film: Positive
+    """Film coefficient h, W/(m^2 K), a number or a function of the temperature of the surface."""
     temperature: NumberOrFunction
     """Temperature of the fluid, K, a number or a function of time."""
 
     def build(self, name: str, parts: Mapping[str, Part]) -> LoadPart:
         loads = []
         for body, mesh, facets in find_surfaces(parts, self.on, "thermal"):
-            h = self.film * body.thickness
-            loads.append((body, h * surface_load(mesh, facets, 1.0),
+            h_0 = self._constant(body)
+            h = h_0 * body.thickness
+            loads.append((body, facets, h_0, h * surface_load(mesh, facets, 1.0),
                           surface_mass(mesh, facets, h)))
 
         def write(equations: Equations) -> None:
-            for b, w, S in loads:
-                b.heat_load(equations, w, self.temperature.value, S)
+            for body, facets, h_0, w, S in loads:
+                body.heat_load(equations, w, self.temperature.value, S)
+                if isinstance(self.film, TemperatureCurve):
+                    body.law(equations, Film(self.film, h_0, self.temperature.value),
+                             facets=facets)
 
         return LoadPart(name, write, surroundings=self.temperature.value)
+
+    def _constant(self, body: Body) -> float:
+        """Film coefficient at the reference temperature of the body."""
+        if isinstance(self.film, TemperatureCurve):
+            assert body.T_ref is not None
+            return float(self.film.at(np.array([body.T_ref.mean()]))[0][0])
+        return self.film

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from sparsemor.bodies.fem.fields import Elasticity, HasFields, Heat
-from sparsemor.core import Amplitude, Csr, Equations, FloatArray
+from sparsemor.bodies.fem.quadrature import Quadrature, on_cells, on_facets
+from sparsemor.bodies.terms.pointwise_law import PointwiseLaw
+from sparsemor.bodies.terms.weak_term import NodalField, WeakTerm
+from sparsemor.core import Amplitude, Csr, Equations, FloatArray, IntArray, Quantity
 
 
 def write_elasticity(body: HasFields, equations: Equations, e: Elasticity) -> None:
@@ -13,6 +17,8 @@ def write_elasticity(body: HasFields, equations: Equations, e: Elasticity) -> No
     F, Kt = e.free, e.coupling[e.free]
     block, thermal = f"{body.name}.elastic", f"{body.name}.thermal"
     equations.matrix(block, block, A=e.stiffness[F][:, F], B=e.damping[F][:, F])
+    for law, cells in e.laws:
+        _write_stress(body, equations, law, cells)
     assert body.T0 is not None and body.T_ref is not None
     if body.heat is None:
         equations.vector(block, np.asarray(Kt @ (body.T0 - body.T_ref)))
@@ -27,6 +33,9 @@ def write_conduction(body: HasFields, equations: Equations, h: Heat) -> None:
     """Adds conduction and capacity of the free temperatures."""
     block, free = f"{body.name}.thermal", h.free
     equations.matrix(block, block, A=h.conductivity[free][:, free], B=h.capacity[free][:, free])
+    for law, cells in h.laws:
+        stored = any(v.rate for v in law.reads)
+        write_law(body, equations, law, None, cells, at_nodes=stored and h.lumped)
     for nodes, function in h.prescribed:
         for matrix, f in ((h.conductivity, function.value), (h.capacity, function.rate)):
             equations.vector(block, -_row_sums(matrix[free][:, nodes]), f, "prescribed")
@@ -46,6 +55,96 @@ def write_film(
     equations.matrix(block, block, A=mine[:, free])
     for nodes, function in heat.prescribed:
         equations.vector(block, -_row_sums(mine[:, nodes]), function.value, "prescribed")
+
+
+def _write_stress(
+    body: HasFields, equations: Equations, law: PointwiseLaw, cells: IntArray | None
+) -> None:
+    """Adds a stress law; where the body's temperatures are no unknowns it is linear, and becomes a
+    stiffness matrix and a constant force."""
+    if body.heat is not None:
+        write_law(body, equations, law, None, cells)
+        return
+    assert body.mesh is not None
+    term, (block,) = law_term(body, equations, law, on_cells(body.mesh, law.degree, cells))
+    n, first = equations.size(block), int(equations.numbers(block)[0])
+    zero = np.zeros(len(term.columns))
+    force = np.zeros(n)
+    force[term.rows - first] = term.residual(zero, zero, zero, 0.0)
+    K = term.jacobian(zero, zero, zero, 0.0, zero, zero).tocoo()
+    at = term.rows[K.row] - first, term.columns[K.col] - first
+    equations.matrix(block, block, A=csr_array((K.data, at), shape=(n, n)))
+    equations.vector(block, -force)
+
+
+def write_law(
+    body: HasFields, equations: Equations, law: PointwiseLaw, facets: IntArray | None,
+    cells: IntArray | None, *, at_nodes: bool = False,
+) -> None:
+    """Adds a pointwise law over boundary facets (F, d) of point numbers, or over cells by their
+    numbers, all if None; times the thickness of the body. at_nodes: quadrature at the nodes of the
+    cells, as for a lumped capacity matrix."""
+    assert body.mesh is not None
+    steep = any(v.axis is not None for v in (*law.reads, *law.tests))
+    points = on_cells(
+        body.mesh, law.degree, cells, gradients=steep, at_nodes=at_nodes) if facets is None else (
+        on_facets(body.mesh, facets, law.degree, gradients=steep))
+    term, blocks = law_term(body, equations, law, points)
+    if len(term.rows):
+        equations.local(blocks, term)
+
+
+def law_term(
+    body: HasFields, equations: Equations, law: PointwiseLaw, quadrature: Quadrature
+) -> tuple[WeakTerm, list[str]]:
+    """Weak term of a law, and the blocks that it reads and adds to.
+
+    A field that is no unknown of the body has its initial value: zero displacement, temperatures
+    T0.
+    """
+    row_quantity, read = law.tests[0].quantity, {v.quantity for v in law.reads}
+    names = {Quantity.DISPLACEMENT: f"{body.name}.elastic",
+             Quantity.TEMPERATURE: f"{body.name}.thermal"}
+    numbers = {q: equations.numbers(name) for q, name in names.items()}
+    columns = np.unique(np.concatenate([numbers[q] for q in read]))
+    fields, row_of = {}, np.zeros((0, 1), np.int64)
+    for quantity in {row_quantity, *read}:
+        whole, unknowns = _field(body, quantity, quadrature), numbers[quantity]
+        free = whole.column_of >= 0
+        if quantity is row_quantity:
+            row_of = whole.column_of
+        at = np.searchsorted(columns, unknowns) if quantity in read else np.full(len(unknowns), -1)
+        column_of = np.full(whole.column_of.shape, -1, np.int64)
+        column_of[free] = at[whole.column_of[free]]
+        fields[quantity] = NodalField(
+            whole.shape, column_of, whole.constant, whole.prescribed)
+    term = WeakTerm(numbers[row_quantity], columns, law, fields, row_of,
+                    quadrature.weights * body.thickness, quadrature.coordinates)
+    here = np.unique(row_of[fields[row_quantity].shape.nodes])
+    blocks = [n for q, n in names.items() if len(numbers[q]) and q in {row_quantity, *read}]
+    return term.restrict(here[here >= 0]), blocks
+
+
+def _field(body: HasFields, quantity: Quantity, quadrature: Quadrature) -> NodalField:
+    """A field of the body at all its nodes; `column_of`: positions among its free unknowns."""
+    assert body.mesh is not None
+    N, d = body.mesh.points.shape
+    if quantity is Quantity.DISPLACEMENT:
+        free = np.zeros(0, np.int64) if body.elasticity is None else body.elasticity.free
+        return NodalField(quadrature.shape, _numbered(free, N * d).reshape(N, d), np.zeros((N, d)))
+    T0 = np.zeros(N) if body.T0 is None else body.T0
+    if body.heat is None:
+        return NodalField(quadrature.shape, _numbered(np.zeros(0, np.int64), N)[:, None],
+                          T0[:, None])
+    return NodalField(quadrature.shape, _numbered(body.heat.free, N)[:, None],
+                      np.zeros((N, 1)), body.heat.prescribed)
+
+
+def _numbered(free: IntArray, size: int) -> IntArray:
+    """(size,) position of each number in `free`, -1 for the others."""
+    found = np.full(size, -1, np.int64)
+    found[free] = np.arange(len(free))
+    return found
 
 
 def _row_sums(matrix: Csr) -> FloatArray:

@@ -17,26 +17,45 @@ from sparsemor.core.protocols.part import Part
 from sparsemor.core.protocols.prescribed_motion import FrameHistory, SurfaceLoads
 
 
+@runtime_checkable
+class TemperatureProperty(Protocol):
+    """A material property as a function of temperature.
+
+    limits: temperatures, K, between which it is defined; constant outside. degree: polynomial
+    degree, or that of its pieces, for the choice of quadrature points.
+    """
+
+    @property
+    def limits(self) -> tuple[float, float]: ...
+    @property
+    def degree(self) -> int: ...
+    def at(self, T: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Values and derivatives by temperature, of the shape of the temperatures T, K."""
+        ...
+
+
 class Material(Protocol):
-    """Isotropic linear thermoelastic material with temperature-independent constants.
+    """Isotropic linear thermoelastic material; properties are constants or functions of
+    temperature.
 
     rho: density, kg/m3; E: Young's modulus, Pa, and nu: Poisson's ratio, for elastic fields; alpha:
-    linear thermal expansion, 1/K; k: conductivity, W/(m K), and c: specific heat, J/(kg K), for
-    thermal fields. None for an undefined constant; a body whose fields need it is refused.
+    mean coefficient of linear thermal expansion from the reference temperature on, 1/K; k:
+    conductivity, W/(m K), and c: specific heat, J/(kg K), for thermal fields. None for an undefined
+    property; a body whose fields need it is refused.
     """
 
     @property
     def rho(self) -> float: ...
     @property
-    def E(self) -> float | None: ...
+    def E(self) -> float | TemperatureProperty | None: ...
     @property
     def nu(self) -> float | None: ...
     @property
-    def alpha(self) -> float: ...
+    def alpha(self) -> float | TemperatureProperty: ...
     @property
-    def k(self) -> float | None: ...
+    def k(self) -> float | TemperatureProperty | None: ...
     @property
-    def c(self) -> float | None: ...
+    def c(self) -> float | TemperatureProperty | None: ...
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -207,6 +226,16 @@ class FollowsMotion(HasPose, Protocol):
     def immobile(self) -> bool: ...
     def with_motion(self, motion: FrameHistory) -> Body:
         """Copy of the body whose frame follows the prescribed motion and has no unknowns."""
+        ...
+
+
+@runtime_checkable
+class LimitsTemperature(Protocol):
+    """A built body with material properties that are defined in a range of temperatures."""
+
+    @property
+    def temperature_limits(self) -> Mapping[str, tuple[float, float]]:
+        """Name of each property -> lowest and highest temperature, K."""
         ...
 
 

@@ -51,7 +51,7 @@ _CONNECTOR = (part.LocalizesRows, part.MovesOverBody, body.ChangesBodies, part.H
               *_ANY_PART)
 BUILT: Mapping[str, tuple[type, ...]] = {
     "body": (body.HasProbes, body.HasMesh, body.HasShape, body.CopiesRigidly, body.HasPose,
-             body.FollowsMotion, body.CarriesSurfaceLoads, *_ANY_PART),
+             body.FollowsMotion, body.CarriesSurfaceLoads, body.LimitsTemperature, *_ANY_PART),
     "contact": (contact.ImportsMotion, contact.ConductsHeat, contact.ReportsNoContact,
                 contact.ReportsChatter, contact.ReportsPassage, *_CONNECTOR),
     "joint": (joint.NamesMultipliers, joint.PrescribesReactions,
@@ -63,7 +63,8 @@ BUILT: Mapping[str, tuple[type, ...]] = {
 OTHERS: Mapping[str, tuple[type, ...]] = {
     "term": (term.HasConstantMatrices, term.NamesSource, term.ChecksStep, term.ReportsResultants,
              term.TimeDependent, part.HasSurroundings, element_integrals.WeighsElements),
-    "reduced term": (term.WrapsTerm, term.RelocatesNear, term.ChecksStep, term.ReportsResultants),
+    "reduced term": (term.WrapsTerm, term.Linearizes, term.RelocatesNear, term.ChecksStep,
+                     term.ReportsResultants),
     "step solver": (step_solver.RedrawsRows, step_solver.FreezesSupport,
                     step_solver.RespondsByBlock, step_solver.RespondsExactly,
                     step_solver.CountsLinearIterations, step_solver.ReportsTerms),

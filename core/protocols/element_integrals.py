@@ -99,11 +99,14 @@ class WeighsElements(Protocol):
     residuals times w.
     """
 
+    @property
+    def elements(self) -> int: ...
     def contributions(
-        self, left: FloatArray, x: FloatArray, v: FloatArray, t: FloatArray
+        self, left: FloatArray, x: FloatArray, v: FloatArray, t: FloatArray,
+        elements: IntArray | None = None,
     ) -> FloatArray:
-        """Projected residual of each element, (F, l, M): left (l, m) times its residual at states
-        x, rates v (n, M) and times t (M,), s."""
+        """Projected residual of each element, or of those with the given numbers, (F, l, M): left
+        (l, m) times its residual at states x, rates v (n, M) and times t (M,), s."""
         ...
 
     def weighted(self, weights: FloatArray) -> Term:

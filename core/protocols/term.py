@@ -154,6 +154,16 @@ class ReducedTerm(Protocol):
     ) -> FloatArray: ...
 
 
+@runtime_checkable
+class Linearizes(Protocol):
+    """A reduced term that returns its residual (l,) and Jacobian (l, k) from one evaluation, equal
+    to those of `residual` and `jacobian`."""
+
+    def linearized(
+        self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: FloatArray, c2: FloatArray
+    ) -> tuple[FloatArray, FloatArray]: ...
+
+
 class LocalCopy(ReducedTerm, ChecksStep, Protocol):
     """Cheaper copy of a reduced term for states near `at` (k,), at which it was made."""
 

@@ -15,9 +15,10 @@ def type_in_words(option: Mapping[str, Any]) -> str:
         return f"{option[Slot.MARK]} plugin"
     if "$ref" in option:
         return "mapping"
-    if "anyOf" in option:
+    choices = option.get("anyOf", option.get("oneOf"))
+    if choices is not None:
         return " or ".join(dict.fromkeys(
-            type_in_words(c) for c in option["anyOf"] if c.get("type") != "null"))
+            type_in_words(c) for c in choices if c.get("type") != "null"))
     if "enum" in option or "const" in option:
         return " or ".join(f"`{v}`" for v in option.get("enum", [option.get("const")]))
     bounds = ", ".join(text.format(option[b]) for b, text in _BOUNDS.items() if b in option)

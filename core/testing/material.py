@@ -2,25 +2,62 @@
 
 import numpy as np
 
-from sparsemor.core.protocols import Material
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.protocols import Material, TemperatureProperty
 from sparsemor.core.testing.random_inputs import law
 
-CONSTANTS = ("rho", "E", "nu", "alpha", "k", "c")
+PROPERTIES = ("rho", "E", "nu", "alpha", "k", "c")
+CURVES = ("E", "alpha", "k", "c")
+SIGNED = ("nu", "alpha")
 
 
 def check_material(material: Material) -> None:
-    """Laws of a material: finite positive constants, or None where that is allowed; -1 < nu <
+    """Laws of a material: finite positive properties, or None where that is allowed; -1 < nu <
     1/2, so that the elastic energy is positive, alpha of either sign; equal values at every
-    evaluation."""
-    first, again = ({n: getattr(material, n) for n in CONSTANTS} for _ in range(2))
-    law(first == again, "two evaluations differ: a constant is a constant")
+    evaluation. Functions of temperature are defined in an interval, constant outside, and have the
+    derivatives that they return."""
+    first, again = ({n: getattr(material, n) for n in PROPERTIES} for _ in range(2))
     for name, value in first.items():
-        if value is None:
-            law(name not in ("rho", "alpha"), f"{name} is None: every material has it")
-            continue
-        law(isinstance(value, int | float) and not isinstance(value, bool),
-            f"{name} is no number: {value!r}")
-        law(bool(np.isfinite(value)), f"{name} is not finite")
-        law(value > 0 or name in ("nu", "alpha"), f"{name} is not positive: {value:g}")
-    law(first["nu"] is None or -1.0 < first["nu"] < 0.5, f"nu = {first['nu']}: -1 < nu < 1/2")
-    law((first["E"] is None) is (first["nu"] is None), "E without nu, or nu without E")
+        if isinstance(value, TemperatureProperty):
+            law(name in CURVES, f"{name} depends on temperature: it is a constant")
+            _curve(name, value, again[name])
+        else:
+            law(value == again[name], "two evaluations differ: a constant is a constant")
+            _number(name, value)
+    nu = first["nu"]
+    law(nu is None or -1.0 < nu < 0.5, f"nu = {nu}: -1 < nu < 1/2")
+    law((first["E"] is None) is (nu is None), "E without nu, or nu without E")
+
+
+def _number(name: str, value: object) -> None:
+    if value is None:
+        law(name not in ("rho", "alpha"), f"{name} is None: every material has it")
+        return
+    law(isinstance(value, int | float) and not isinstance(value, bool),
+        f"{name} is no number: {value!r}")
+    number = float(value)  # type: ignore[arg-type]
+    law(bool(np.isfinite(number)), f"{name} is not finite")
+    law(number > 0 or name in SIGNED, f"{name} is not positive: {number:g}")
+
+
+def _curve(name: str, curve: TemperatureProperty, again: object) -> None:
+    low, high = curve.limits
+    law(bool(np.isfinite([low, high]).all() and low < high), f"limits of {name}: {low} to {high} K")
+    law(curve.degree >= 0, f"degree of {name}: {curve.degree}")
+    T: FloatArray = low + (high - low) * (np.arange(400.0).reshape(100, 4) + 0.5) / 400.0
+    (values, slopes), step = curve.at(T), 1e-4 * (high - low)
+    law(values.shape == slopes.shape == T.shape, f"{name}: values and derivatives of shape T")
+    law(isinstance(again, TemperatureProperty) and np.array_equal(again.at(T)[0], values),
+        "two evaluations differ: a property is a function of temperature")
+    law(bool(np.isfinite(values).all()), f"{name} is not finite")
+    law(bool((values > 0).all()) or name in SIGNED,
+        f"{name} is not positive: {values.min():g}")
+    quotient = (curve.at(T + step)[0] - curve.at(T - step)[0]) / (2 * step)
+    size = np.abs(quotient).max() + np.abs(values).max() / (high - low)
+    # a table has kinks, at each of which one difference quotient is that of two pieces
+    wrong = np.abs(slopes - quotient) > 1e-3 * size
+    law(np.count_nonzero(wrong) <= 0.1 * T.size, f"{name}: derivatives differ from its values")
+    beyond = np.array([low - 50.0, high + 50.0])
+    ends, flat = curve.at(beyond)
+    law(np.allclose(ends, curve.at(np.array([low, high]))[0]) and not flat.any(),
+        f"{name} is not constant outside its limits")

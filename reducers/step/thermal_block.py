@@ -7,7 +7,7 @@ constant part, or by Newton's method where that contracts poorly.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -18,9 +18,11 @@ from sparsemor.core import (
     FloatArray,
     HeatBody,
     IntArray,
+    Linearized,
     ReducedTerm,
     Status,
     Term,
+    linearization,
     unconverged_note,
 )
 from sparsemor.reducers.full.superlu import factorize
@@ -177,6 +179,10 @@ class CompressedHeat:
     c1: float
     rtol: float = 1e-13
     max_iterations: int = 50
+    evaluated: tuple[Linearized, ...] = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "evaluated", tuple(linearization(t) for t in self.local))
 
     @property
     def elements(self) -> int:
@@ -221,9 +227,10 @@ class CompressedHeat:
         for i in range(1, self.max_iterations + 1):
             full[use] = d
             now, rates, r, J = T + full, rate + self.c1 * full, d - base, one
-            for term in self.local:
-                r = r + term.residual(now, rates, zero, t)
-                J = J + term.jacobian(now, rates, zero, t, c1, zero)[:, use]
+            for evaluate in self.evaluated:
+                added, slope = evaluate(now, rates, zero, t, c1, zero)
+                r = r + added
+                J = J + slope[:, use]
             if not (np.isfinite(r).all() and np.isfinite(J).all()):
                 return HeatOutcome(d, Status.NOT_FINITE, i)
             try:

@@ -31,6 +31,7 @@ from sparsemor.core import (
     ReducedTerm,
     SolveFailed,
     Status,
+    linearization,
     solved_directly,
 )
 from sparsemor.reducers.full.superlu import factorize
@@ -159,9 +160,16 @@ class GroupLocal:
     def jacobian(
         self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: FloatArray, c2: FloatArray
     ) -> FloatArray:
+        return self.linearized(x, v, a, t, c1, c2)[1]
+
+    def linearized(
+        self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: FloatArray, c2: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Residual and Jacobian from one evaluation of the term."""
         at, J = self.at, np.zeros((len(self.left), len(x)))
-        J[:, at] = self.left @ self.term.jacobian(x[at], v[at], a[at], t, c1[at], c2[at])
-        return J
+        r, slope = linearization(self.term)(x[at], v[at], a[at], t, c1[at], c2[at])
+        J[:, at] = self.left @ slope
+        return np.asarray(self.left @ r), J
 
 
 def compressed_group(

@@ -125,10 +125,10 @@ def test_few_facets_radiate_for_all_and_no_more_on_a_finer_mesh() -> None:
         runs = [march(scene.using({"reducer": {"use": use, "basis": {"use": "pod", "count": 10}}}),
                       model=reference.model, snapshots=snapshots) for use in ("galerkin", "ecsw")]
         fact = runs[1].solver.facts["plate.thermal"]
-        assert runs[0].solver.elements_touched["plate.thermal"] == fact["facets"]
-        assert fact["facets"] == 2 * divisions[0]
+        assert runs[0].solver.elements_touched["plate.thermal"] == fact["local_elements"]
+        assert fact["local_elements"] == 2 * divisions[0]
         assert errors(runs[1], reference)["plate.thermal"] < 1e-5
-        visited.append(int(fact["facets_kept"]))
+        visited.append(int(fact["local_elements_kept"]))
         solver: Any = runs[1].solver
         assert solver.heat["plate.thermal"].elements == visited[-1]
         kept.append(int(fact["elements_kept"]))

@@ -13,7 +13,7 @@ from sparsemor.core import protocols
 
 NAMES = {
     "BlockSolvers", "BoolArray", "CONSTANT_CHANGE", "CompressedLocal", "Csr", "FREE_POSE",
-    "Fault", "FloatArray", "GIGABYTE", "Gather", "InputError", "IntArray", "Note",
+    "Fault", "FloatArray", "GIGABYTE", "Gather", "InputError", "IntArray", "Linearized", "Note",
     "PLANAR_POSE", "Plugin", "Registry", "RunStart", "SPINNING_POSE", "Slot", "SolveFailed",
     "Solved", "Status", "advanced", "amplitudes_along", "bounded_address_space", "built_dictionary",
     "built_weights", "cell_facets", "checked_return", "coherence", "column_chunks",
@@ -21,8 +21,8 @@ NAMES = {
     "dissect", "distinct_names", "evaluate_amplitudes", "expected_states", "facet_numbers",
     "factor_entries", "group_equal_rows", "hookimpl", "information", "is_vector_field",
     "joints_with_forces", "least_squares_coefficients", "limit_loaded_libraries",
-    "loaded_columns", "machine_memory", "matched_option", "motion_step", "needs_chunks",
-    "not_solved", "oriented_unit_columns", "outer_facets", "outside_box_notes",
+    "linearization", "loaded_columns", "machine_memory", "matched_option", "motion_step",
+    "needs_chunks", "not_solved", "oriented_unit_columns", "outer_facets", "outside_box_notes",
     "points_in_space", "projected_tables", "rate_factors", "require", "resultant_sources",
     "rigid_motions", "sampled_rows", "slot_default", "solve_or_fail", "solved_directly",
     "step_formula",
@@ -57,10 +57,11 @@ def test_each_name_is_there(name: str) -> None:
 
 BODIES = {
     "BODY_KINDS", "Between", "Body", "Conditions", "DenseTerm", "ELASTIC", "Isotropic",
-    "JointPart", "LoadPart", "MULTIPLIER", "MassProperties", "NumberOrFunction", "Pose", "RIGID",
-    "THERMAL", "Target", "amplitude", "components", "conditions_between", "conditions_on",
-    "constant", "find_body",
-    "find_surfaces", "find_target", "need_field",
+    "JointPart", "LoadPart", "MULTIPLIER", "MassProperties", "NumberOrFunction",
+    "PointwiseLaw", "Pose", "RIGID", "Response", "TEMPERATURE", "TEMPERATURE_RATE", "THERMAL",
+    "Target", "Variable", "amplitude", "components", "conditions_between", "conditions_on",
+    "constant", "displacement_gradient", "find_body", "find_surfaces", "find_target",
+    "need_field", "temperature_gradient",
 }
 REDUCERS = {
     "Approximation", "Interpolating", "Linear", "Maps", "ProjectionReducer", "Reducible", "TestMap",

@@ -1,9 +1,11 @@
 """Materials: the default by its constants, others by their names, and what is refused."""
 
+from pathlib import Path
 from typing import Any
 
 import pytest
 
+from sparsemor import simulate
 from sparsemor.bodies import Isotropic
 from sparsemor.core import InputError, Plugin
 from sparsemor.core.model.assembly import assemble
@@ -66,3 +68,80 @@ def test_laws_that_a_material_breaks(change: dict[str, Any], message: str) -> No
     check_material(Dry())
     with pytest.raises(AssertionError, match=message):
         check_material(Dry(**change))
+
+
+CURVE = {"temperatures": [293.15, 600.0], "values": [50.0, 30.0]}
+
+
+@pytest.mark.parametrize("changes,message", [
+    ({"k": {"temperatures": [300, 400], "values": [1, -1]}},
+     "k: must be positive at all temperatures"),
+    ({"E": {"polynomial": [1.0, -0.1, 1e-3], "range": [0, 100]}}, "smallest value is -1.5"),
+    ({"k": {"temperatures": [300, 300], "values": [1, 1]}}, "temperatures: 300 K after 300 K"),
+    ({"c": {"temperatures": [300, 400, 500], "values": [1, 1]}}, "values: 2 values for 3"),
+    ({"c": {"polynomial": [400, 0.1]}}, "range: is missing"),
+    ({"c": {"polynomial": [400, 0.1], "range": [300, 300]}}, "range: give .low, high"),
+    ({"k": {"polynomial": [1], "range": [1, 2], "values": [1, 2]}}, "k: give a table .* not both"),
+    ({"k": {"temperatures": [1, 2], "values": [1, 2], "origin": 2.0}}, "belong to a polynomial"),
+    ({"k": {"tabel": 1}}, "k.tabel: no such option"),
+    ({"alpha": {}}, "alpha: give a table"),
+    ({"k": "steel"}, "k: Input should be a valid number"),
+])
+def test_curves_that_are_refused(changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError, match=f"bodies.bar.material.*{message}"):
+        scene({**STEEL, **changes})
+
+
+def two(**changes: Any) -> Any:
+    bar = {"use": "flexible", "thickness": 0.01, "fields": ["elastic", "thermal"],
+           "mesh": {"use": "rectangle", "size": [0.2, 0.1], "divisions": [2, 2]},
+           "sets": {"half": {"where": "x < 0.11"}, "low": {"where": "y < 0.06"}},
+           "reference": {"clamp": "left"}, "material": STEEL, **changes}
+    return assemble(scene_of({"bodies": {"bar": bar}, "time": {"end": 1.0, "step": 0.1}}))
+
+
+@pytest.mark.parametrize("materials,message", [
+    ({"nowhere": STEEL}, "materials.nowhere: the mesh has no set 'nowhere'"),
+    ({"left": STEEL}, "materials.left: no cell of the mesh has all its points in this set"),
+    ({"half": STEEL, "low": STEEL}, "materials.low: 2 cells are in the set 'half' as well"),
+    ({"half": {"rho": 1.0, "E": 1.0}}, "materials.half.nu: missing: the elastic field needs it"),
+    ({"half": {**STEEL, "rho": -1}}, "materials.half.rho: Input should be greater than 0"),
+])
+def test_materials_by_set_that_are_refused(materials: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        two(materials=materials)
+
+
+def test_equal_materials_by_set_are_one_material() -> None:
+    one, several = two().separated, two(materials={"half": STEEL}).separated
+    a, b = one.moving[0].operators, several.moving[0].operators
+    assert a is not None and b is not None
+    for x, y in ((a.stiffness, b.stiffness), (a.mass, b.mass), (a.coupling, b.coupling),
+                 (one.heat[0].capacity, several.heat[0].capacity),
+                 (one.heat[0].conductivity, several.heat[0].conductivity)):
+        assert abs(x - y).max() <= 1e-13 * abs(x).max()
+    assert not one.heat[0].local and not a.local
+
+
+def test_constant_matrices_have_the_properties_at_the_reference_temperature() -> None:
+    """The rest is a pointwise law: none for constants."""
+    curved = two(material={**STEEL, "k": CURVE}, reference_temperature=446.575)
+    (heat,), (plain,) = curved.separated.heat, two(material={**STEEL, "k": 40.0}).separated.heat
+    assert abs(heat.conductivity - plain.conductivity).max() < 1e-12 * abs(plain.conductivity).max()
+    assert len(heat.local) == 1 and not plain.local
+    assert curved.parts["bar"].temperature_limits == {"material.k": (293.15, 600.0)}
+
+
+def test_a_run_outside_the_range_of_a_property_has_a_warning(tmp_path: Path) -> None:
+    bar = {"use": "flexible", "thickness": 0.01, "fields": ["thermal"], "frame": "fixed",
+           "mesh": {"use": "rectangle", "size": [0.2, 0.1], "divisions": [2, 1]},
+           "material": {**STEEL, "k": CURVE}}
+    found = {}
+    for start in (400.0, 650.0):
+        run = simulate(scene_of({"bodies": {"bar": {**bar, "initial_temperature": start}},
+                                 "time": {"end": 1.0, "step": 0.5}}), out=tmp_path / str(start))
+        found[start] = [n for n in run.summary["notes"] if "is defined from" in n]
+    assert found[400.0] == []
+    (text,) = found[650.0]
+    assert text == ("bodies.bar.material.k is defined from 293.15 to 600 K, and temperatures of "
+                    "bar reach 650 K: it is constant outside")

@@ -5,7 +5,7 @@ import pytest
 
 from small_scenes import everything, everything_assembled
 from sparsemor.bodies.frames.plane import PlanarFrame
-from sparsemor.bodies.loads.radiation import RadiationTerm
+from sparsemor.bodies.terms.weak_term import WeakTerm
 from sparsemor.core.model.assembled_term import AssembledTerm
 from sparsemor.core.model.equations import system_jacobian, system_residual
 from sparsemor.core.model.frame_equations import FrameEquations
@@ -42,12 +42,12 @@ def test_every_term_of(model: Model, part: str) -> None:
 
 def test_the_scene_has_terms_of_every_kind(model: Model) -> None:
     found = [equations_of(t) for t in model.terms]
-    assert {type(e) for e in found} == {FrameEquations, LinearEquations, RadiationTerm}
+    assert {type(e) for e in found} == {FrameEquations, LinearEquations, WeakTerm}
     items = {type(i).__name__ for e in found if isinstance(e, FrameEquations)
              and isinstance(e.frame, PlanarFrame) for i in e.frame.items}
     assert items == {"Inertia", "BodyForce", "SpaceForce", "Attachment", "Rotation"}
-    partly_given = [t for t in model.terms if isinstance(t, RadiationTerm) and t.prescribed]
-    assert any(0 < len(at) < len(t.column_of) for t in partly_given for at, _ in t.prescribed)
+    given = [f for t in model.terms if isinstance(t, WeakTerm) for f in t.fields.values()]
+    assert any(0 < len(at) < len(f.column_of) for f in given for at, _ in f.prescribed)
 
 
 def test_every_term_has_one_owner_in_the_fast_step(model: Model) -> None:

@@ -144,6 +144,58 @@ def test_heat_that_enters_stays_in_an_insulated_body() -> None:
     assert stored == pytest.approx(5e3 * 1.0 * 0.01 * run.t[-1], rel=1e-10)
 
 
+GLOW = {"use": "radiation", "on": ["bar:top", "bar:right"], "emissivity": 0.9,
+        "surroundings": 250.0}
+
+
+@pytest.mark.parametrize("kind", ["plane", "space"])
+def test_radiation_of_a_quadratic_temperature_is_exact(kind: str) -> None:
+    """Sum over nodes: eps sigma integral (T^4 - T_inf^4), T quadratic along x."""
+    scene = tiny(**{"bodies.bar.fields": ["thermal"], "bodies.bar.frame": "fixed",
+                    "bodies.bar.reference": None, "joints.pin": None, "loads": {"glow": GLOW},
+                    "reducer": "full"}) if kind == "plane" else scene_of({
+        "bodies": {"bar": {**SPACE, "fields": ["thermal"], "frame": "fixed"}},
+        "loads": {"glow": GLOW}, "time": {"end": 1e-3, "step": 1e-3}})
+    model = assemble(scene)
+    body, (term,) = model.parts["bar"], model.by_part["glow"]
+    assert isinstance(body, Body)
+    x, low, L = body.X[:, 0], body.X[:, 0].min(), float(np.ptp(body.X[:, 0]))
+    across = 0.02 if kind == "plane" else 0.1
+    end = 0.02 * 0.1 if kind == "plane" else 0.1 * 0.06
+    T = 300.0 + 400.0 * ((x - low) / L) ** 2
+    s = np.polynomial.Polynomial([300.0, 0.0, 400.0])
+    top = across * L * ((s**4).integ()(1.0) - 250.0**4)
+    want = 0.9 * 5.670374419e-8 * (top + end * (700.0**4 - 250.0**4))
+    zero = np.zeros(len(term.columns))
+    local = T[np.searchsorted(np.arange(len(T)), term.columns - model.layout["bar.thermal"].start)]
+    found = term.residual(local, zero, zero, 0.0).sum()
+    assert found == pytest.approx(want, rel=1e-12)
+
+
+def kirchhoff_error(columns: int) -> float:
+    """Error of theta = integral of k dT, relative to its range, in steady conduction from 900 to
+    300 K with k = 20 + 0.04 (T - 300) W/(m K): theta is linear along the slab."""
+    slab = {"use": "flexible", "order": 2, "frame": "fixed", "fields": ["thermal"],
+            "thickness": 0.02, "reference_temperature": 300.0,
+            "mesh": {"use": "rectangle", "size": [0.1, 0.01], "divisions": [columns, 1]},
+            "material": {"rho": 1000.0, "c": 500.0, "k": {
+                "polynomial": [20.0, 0.04], "origin": 300.0, "range": [200.0, 2000.0]}}}
+    held = {side: {**COLD, "on": [f"slab:{side}"], "temperature": T}
+            for side, T in (("left", 900.0), ("right", 300.0))}
+    run = march(scene_of({"bodies": {"slab": slab}, "joints": held,
+                          "time": {"end": 4e7, "step": 1e7}}))
+    body = the(run, "slab")
+    assert body.heat is not None
+    T = run.block("slab.thermal")[-1] - 300.0
+    want = (20.0 * 600.0 + 0.02 * 600.0**2) * (1.0 - body.X[body.heat.free, 0] / 0.1)
+    return float(np.abs(20.0 * T + 0.02 * T**2 - want).max() / want.max())
+
+
+def test_conductivity_that_depends_on_temperature_follows_kirchhoff() -> None:
+    coarse, fine = kirchhoff_error(10), kirchhoff_error(20)
+    assert fine < 1e-5 and coarse > 4.0 * fine  # linear elements: 4e-5, a ratio of 3.4
+
+
 # ---------------------------------------------------------------------- reduced models
 
 REDUCED = {"basis": {"use": "pod", "count": 10}, "bases": {"*.thermal": {"use": "pod", "count": 7}}}
@@ -272,13 +324,6 @@ def test_what_quadratic_elements_cannot_do_is_refused_at_its_option() -> None:
         refused.value.faults[0].key.endswith("between.0"))
     with pytest.raises(InputError, match="order"):
         tiny(**{"bodies.bar.order": 3})
-
-
-def test_radiation_from_quadratic_elements_is_refused() -> None:
-    with pytest.raises(InputError, match="has quadratic ones: take order: 1") as refused:
-        assemble(tiny(**{"loads.glow": {"use": "radiation", "on": ["bar:top"], "emissivity": 0.9,
-                                        "surroundings": 293.15}}))
-    assert refused.value.faults[0].key == "loads.glow.on"
 
 
 def test_a_rigid_body_of_a_mesh_has_no_order() -> None:

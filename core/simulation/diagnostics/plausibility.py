@@ -14,7 +14,13 @@ from pydantic import BaseModel
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.model.model import Model
 from sparsemor.core.notes import Note
-from sparsemor.core.protocols import HasNotes, StepSolver, TimeFunction
+from sparsemor.core.protocols import (
+    HasNotes,
+    LimitsTemperature,
+    Part,
+    StepSolver,
+    TimeFunction,
+)
 from sparsemor.core.protocols.layout import Quantity
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.scene.scene import Scene
@@ -42,6 +48,8 @@ WINDOW, WINDOWS = 50, 10
 """Consecutive steps over which a function of time is sampled, and the number of such windows."""
 STEPS = 10**6
 """Largest number of steps for which a function of time is evaluated at every step."""
+ROUND = 1e-6
+"""Temperature difference, K, by which a property's range may be exceeded without a warning."""
 STORED, LARGE = 8, 20_000
 """Number of stored steps at which a block is checked, and number of unknowns above which only the
 last one is."""
@@ -80,6 +88,7 @@ def after_run(model: Model, result: RunResult) -> tuple[Note, ...]:
             T = result.block(heated.name, _telling(result, heated.name))
             absolute = bool((np.abs(model.x0[model.layout[heated.name]]) > COLDEST).any())
             found += temperature_notes(f"temperatures of {name}", T, 0.0 if absolute else 1.0)
+            found += property_notes(model.parts[name], T)
         if moved is not None:
             largest = max(float(np.linalg.norm(result.nodal_displacement(name, int(i)), axis=1)
                                 .max()) for i in _telling(result, moved.name))
@@ -90,6 +99,20 @@ def after_run(model: Model, result: RunResult) -> tuple[Note, ...]:
                     f"its smallest extent of {extent:.3g} m: linear elasticity does not hold "
                     "there; check E, the thickness and the loads", "large_displacement"))
     return tuple(found)
+
+
+def property_notes(body: Part, T: FloatArray) -> Iterator[Note]:
+    """Warnings about temperatures T (K) outside the range in which a material property of the body
+    is defined."""
+    limits = body.temperature_limits if isinstance(body, LimitsTemperature) else {}
+    values = T[np.isfinite(T)]
+    for key, (low, high) in limits.items() if values.size else ():
+        coldest, hottest = float(values.min()), float(values.max())
+        worst = hottest if hottest - high > low - coldest else coldest
+        if coldest < low - ROUND or hottest > high + ROUND:
+            yield Note(f"bodies.{body.name}.{key} is defined from {low:g} to {high:g} K, and "
+                       f"temperatures of {body.name} reach {worst:.5g} K: it is constant outside",
+                       "property_range")
 
 
 def distant_probes(scene: Scene, model: Model) -> Iterator[Note]:

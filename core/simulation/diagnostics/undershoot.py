@@ -8,7 +8,7 @@ import numpy as np
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.model.model import Model
 from sparsemor.core.notes import Note, information
-from sparsemor.core.protocols import HasSurroundings, Part
+from sparsemor.core.protocols import HasSurroundings, NamesSource, Part
 from sparsemor.core.protocols.separable import HeatBody, amplitudes_along
 from sparsemor.core.results.run_result import RunResult
 
@@ -74,7 +74,7 @@ def _floor(model: Model, times: FloatArray) -> float:
 
 def _cooled(parts: Mapping[str, Part], b: HeatBody, times: FloatArray) -> bool:
     """True if some load or term may take heat from a body whatever its temperature."""
-    if any(not isinstance(term, HasSurroundings) for term in b.local):
+    if any(_may_cool(parts, b, term) for term in b.local):
         return True
     if any(t.columns.data.min(initial=0.0) < 0.0 or t.table.values.min(initial=0.0) < 0.0
            for t in b.tables):
@@ -87,3 +87,12 @@ def _cooled(parts: Mapping[str, Part], b: HeatBody, times: FloatArray) -> bool:
                 (b.loads[:, i].min(), b.loads[:, i].max()), amounts[:, i]).min() < 0.0:
             return True
     return False
+
+
+def _may_cool(parts: Mapping[str, Part], b: HeatBody, term: object) -> bool:
+    """True unless a local term belongs to the body itself, such as its conductivity, or to a load
+    that ties it to an ambient temperature."""
+    part = parts.get(term.source) if isinstance(term, NamesSource) else None
+    if isinstance(part, HasSurroundings):
+        return part.surroundings is None
+    return part is None or part.name != b.name

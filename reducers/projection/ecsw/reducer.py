@@ -13,11 +13,13 @@ from sparsemor.core import (
     Csr,
     Dictionary,
     ElasticIntegrals,
+    ElasticLocal,
     ElasticOperators,
     Fault,
     FloatArray,
     HeatBody,
     HeatIntegrals,
+    IntArray,
     Integrals,
     LoadColumn,
     MovingBody,
@@ -64,7 +66,7 @@ class Ecsw(ProjectionReducer):
     terms such as radiation by the heat."""
     states: int = Field(default=200, ge=2)
     """Largest number of training states, evenly spread, for the weights of local terms such as
-    radiation."""
+    radiation or temperature-dependent conductivity."""
 
     def check(self, model: AssembledModel) -> Sequence[Fault]:
         faults = [*super().check(model)]
@@ -127,7 +129,9 @@ class Training:
         A = u.dictionary.atoms
         flexibility = left_inverse(body.elastic, A.T @ (ops.stiffness @ A))
         w = self._weights(body.elastic, "elements", elastic_equations(g, u, T, flexibility))
-        return replace(body, operators=_weigh_elastic(ops, g, w))
+        local = [self._elastic_local(body.elastic, one, u, T, flexibility) for one in ops.local]
+        return replace(body, operators=replace(
+            _weigh_elastic(ops, g, w), local=tuple(local)))
 
     def heat(self, body: HeatBody) -> HeatBody:
         if body.integrals is None:
@@ -140,15 +144,36 @@ class Training:
         return _weigh_heat(body, g, w, local)
 
     def _local(self, name: str, term: Any, T: Trained, left: FloatArray) -> Term:
-        at, d = self.model.layout[name].start, T.dictionary
-        M = len(T.t)
-        chosen = np.unique(np.linspace(0, M - 1, min(self.states, M)).round().astype(np.int64))
-        columns = term.columns - at
-        x = d.offset[columns, None] + d.atoms[columns] @ T.c[:, chosen]
-        v = d.atoms[columns] @ T.rates_at()[:, chosen]
+        at, chosen = self.model.layout[name].start, self._chosen(len(T.t))
+        x, v = T.states(term.columns - at, chosen)
         G = local_equations(term, left[:, term.rows - at], x, v, T.t[chosen])
-        weighted: Term = term.weighted(self._weights(name, "facets", G))
+        weighted: Term = term.weighted(self._weights(name, "local_elements", G))
         return weighted
+
+    def _elastic_local(
+        self, name: str, local: ElasticLocal, u: Trained, T: Trained | None,
+        flexibility: FloatArray,
+    ) -> ElasticLocal:
+        """A local term of displacements with element weights, which repeat the displacements that
+        it causes; terms without element contributions remain whole."""
+        term = local.term
+        if not isinstance(term, WeighsElements):
+            return local
+        chosen, n = self._chosen(len(u.t)), len(local.columns)
+        x, v = np.zeros((n, len(chosen))), np.zeros((n, len(chosen)))
+        x[~local.hot], v[~local.hot] = u.states(local.columns[~local.hot], chosen)
+        if T is not None and local.hot.any():
+            x[local.hot], v[local.hot] = T.states(local.columns[local.hot], chosen)
+        left = flexibility @ u.dictionary.atoms[local.rows].T
+        some = term.weighted(self._weights(name, "local_elements", local_equations(
+            term, left, x, v, u.t[chosen])))
+        at = np.searchsorted(term.columns, some.columns)
+        return ElasticLocal(some, local.rows[np.searchsorted(term.rows, some.rows)],
+                            local.columns[at], local.hot[at])
+
+    def _chosen(self, M: int) -> IntArray:
+        """Numbers of the training states, evenly spread, at which local terms are evaluated."""
+        return np.unique(np.linspace(0, M - 1, min(self.states, M)).round().astype(np.int64))
 
     def _weights(self, name: str, kind: str, G: Equations) -> FloatArray:
         """Weights (E,) of the elements or facets of a block for the equations G w = G 1, cached;

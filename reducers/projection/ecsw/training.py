@@ -28,7 +28,7 @@ from sparsemor.core import (
     column_chunks,
 )
 from sparsemor.reducers.projection.ecsw.nnls import Weights, nonnegative
-from sparsemor.reducers.projection.ecsw.training_matrix import Equations, Part, Rows
+from sparsemor.reducers.projection.ecsw.training_matrix import BLOCK, Equations, Part, Rows
 
 LEFT_OUT = (1e-2, 1e-3, 1e-4)
 """Thresholds for singular values of G, as fractions of tau, tried in turn: directions below are
@@ -65,6 +65,13 @@ class Trained:
     def homogeneous(self) -> FloatArray:
         """Coefficients with an appended row of ones, (k + 1, M)."""
         return np.vstack([self.c, np.ones(len(self.t))])
+
+    def states(self, unknowns: IntArray, chosen: IntArray) -> tuple[FloatArray, FloatArray]:
+        """Values and rates (n, M') of some unknowns of the block at the chosen snapshots."""
+        d = self.dictionary
+        atoms = d.atoms[unknowns]
+        x = d.offset[unknowns, None] + atoms @ self.c[:, chosen]
+        return np.asarray(x), np.asarray(atoms @ self.rates_at()[:, chosen])
 
     def rates(self) -> FloatArray:
         """Difference quotients (k, M') of consecutive snapshots whose times increase."""
@@ -129,10 +136,29 @@ def heat_equations(integrals: HeatIntegrals, T: Trained, inertness: FloatArray) 
 def local_equations(
     term: WeighsElements, left: FloatArray, x: FloatArray, v: FloatArray, t: FloatArray
 ) -> Equations:
-    """Training matrix G (m, F) of a local term such as radiation: left (k, m) times the
-    contribution of each facet at states x (n, M) and rates v (n, M), at times t (M,), s."""
-    shares = term.contributions(left, x, v, t)
-    return Equations.of(shares.reshape(len(shares), -1).T, float(np.abs(shares).sum()))
+    """Training matrix G (m, F) of a local term such as radiation or k(T): left (k, m) times the
+    contribution of each element at states x (n, M) and rates v (n, M), at times t (M,), s.
+
+    G is evaluated for a few elements at a time. It is identified in the cache by its products with
+    three vectors.
+    """
+    count = term.elements
+
+    def make(part: Part) -> FloatArray:
+        shares = term.contributions(left, x, v, t, np.arange(count)[part])
+        return np.ascontiguousarray(shares.reshape(len(shares), -1).T)
+
+    rows = len(left) * len(t)
+    probes = np.random.default_rng(0).standard_normal((count, 2))
+    sums, size = np.zeros((rows, 3)), 0.0
+    for first in range(0, count, step := max(BLOCK // max(rows, 1), 1)):
+        part = slice(first, first + step)
+        G = make(part)
+        sums[:, 0] += G.sum(axis=1)
+        sums[:, 1:] += G @ probes[part]
+        size += float(np.abs(G).sum())
+    parts = (Rows(rows, make, size),) if rows else ()
+    return Equations(count, parts, (sums, size))
 
 
 def _values_at(amplitudes: Sequence[Callable[[float], float]], t: FloatArray) -> FloatArray:

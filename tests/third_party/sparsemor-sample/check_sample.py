@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 from alloys import TABLE, Alloy
+from calm_air import CalmAir
 from sparsemor_sample import EveryNth, HardThresholding, PowerLaw, Trapezoidal
 from sparsemor_sample_parts import Gear, Ring, Spring
 from thermal_contact import ContactResistance
@@ -64,6 +65,23 @@ def test_laws_of_loads_on_flexible_bodies() -> None:
     bodies = scene("bars").bodies
     check_load(Spring(on="hot:right", to=(0.5, 0.1), stiffness=50.0), bodies)
     check_load(ContactResistance(between=("hot:left", "cold:right"), conductance=5.0), bodies)
+
+
+def test_laws_of_a_pointwise_law() -> None:
+    check_load(CalmAir(on=["plate:top"], C=20.0, temperature=300.0), scene("plate").bodies)
+
+
+@pytest.mark.parametrize("reducer", ["full", "galerkin", "deim", "gnat", "lspg", "ecsw"])
+def test_a_plate_in_calm_air_cools_as_one_lump(reducer: str) -> None:
+    """s' = -(C / (rho c H)) s^(5/4) with s = T - T_air: s^(-1/4) grows linearly."""
+    chosen = {"use": "full"} if reducer == "full" else {
+        "use": reducer, "basis": {"use": "pod", "count": 2}}
+    run = simulate(scene("plate", reducer=chosen))
+    rate = 20.0 / (1000 * 500 * 0.01)
+    want = 300.0 + (200.0**-0.25 + 0.25 * rate * 50.0) ** -4
+    T = run.nodal_temperature("plate", -1)
+    assert want < 450.0
+    assert abs(T - want).max() < 0.2
 
 
 def test_laws_of_the_reducer() -> None:

@@ -1,0 +1,167 @@
+"""Projected term of the weak form, evaluated at quadrature points.
+
+With reduced unknowns c, the variables of the law at all points are z = P c + o(t), and rates z' =
+P c' + o'(t). The projected residual and its Jacobian are
+
+    r = L y(z, t),      J = (L dy/dz) P,
+
+so that a step costs points x atoms. P (points, k), o and L (l, points) are constant but for
+prescribed temperatures, which add columns times functions of time to o.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from sparsemor.bodies.terms.pointwise_law import PointwiseLaw, Response, Variable
+from sparsemor.core import FloatArray, TimeFunction
+
+
+class Projected(NamedTuple):
+    """A variable on the trial basis: P (E, R, k), offset (E, R) with R = Q points, or 1 where it is
+    constant in each element; parts: effect (E, R) of each prescribed function of time."""
+
+    P: FloatArray
+    offset: FloatArray
+    parts: Sequence[tuple[FloatArray, TimeFunction]]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PointTerm:
+    """Projected weak term: residual L y(P c + o) of l rows in k reduced unknowns.
+
+    law: pointwise law; weights (E, Q) of the points; coordinates (d, E, Q), m. P (p, k), offset
+    (p,): the variables one after the other, those of `spans` (range in P, points per element).
+    parts: (column (p,), function) of prescribed temperatures. reads: index in `spans` of each
+    variable that the law reads, and True for its rate. tests: L (l, E Q) for each y, with the
+    weights, or (l, E) where the test function's derivative is constant in each element.
+    """
+
+    law: PointwiseLaw
+    weights: FloatArray
+    coordinates: FloatArray
+    P: FloatArray
+    offset: FloatArray
+    parts: tuple[tuple[FloatArray, TimeFunction], ...]
+    spans: tuple[tuple[slice, int], ...]
+    reads: tuple[tuple[int, bool], ...]
+    tests: tuple[FloatArray, ...]
+    rates: bool
+    source: str = ""
+
+    @classmethod
+    def of(
+        cls, law: PointwiseLaw, weights: FloatArray, coordinates: FloatArray,
+        variables: Sequence[Variable], projections: Sequence[Projected],
+        tests: Sequence[FloatArray], source: str,
+    ) -> PointTerm:
+        """Term from each variable on the trial basis and each test function under the left
+        projection, (l, E, Q or 1)."""
+        k = projections[0].P.shape[2]
+        spans, first = [], 0
+        for one in projections:
+            spans.append((slice(first, first + one.offset.size), one.offset.shape[1]))
+            first += one.offset.size
+        columns: list[tuple[FloatArray, TimeFunction]] = []
+        for (at, _), one in zip(spans, projections, strict=True):
+            for effect, function in one.parts:
+                column = next((c for c, f in columns if f is function), None)
+                if column is None:
+                    column = np.zeros(first)
+                    columns.append((column, function))
+                column[at] += effect.ravel()
+        at_variable = {v: i for i, v in enumerate(variables)}
+        reads = tuple(
+            (at_variable[Variable(v.quantity, v.component, v.axis)], v.rate) for v in law.reads)
+        Q = weights.shape[1]
+        flat = tuple(np.ascontiguousarray(
+            (L * weights if L.shape[2] == Q else L).reshape(len(L), -1)) for L in tests)
+        return cls(
+            law, weights, coordinates,
+            np.concatenate([one.P.reshape(-1, k) for one in projections]),
+            np.concatenate([one.offset.ravel() for one in projections]),
+            tuple(columns), tuple(spans), reads, flat,
+            any(rate for _, rate in reads), source)
+
+    @property
+    def elements(self) -> int:
+        return len(self.weights)
+
+    def residual(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> FloatArray:
+        return self._rows(self._response(x, v, t))
+
+    def jacobian(
+        self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: FloatArray, c2: FloatArray
+    ) -> FloatArray:
+        return self._slopes(self._response(x, v, t), c1)
+
+    def linearized(
+        self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: FloatArray, c2: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Residual and Jacobian with one evaluation of the law."""
+        response = self._response(x, v, t)
+        return self._rows(response), self._slopes(response, c1)
+
+    def _response(self, x: FloatArray, v: FloatArray, t: float) -> Response:
+        z = self.P.dot(x)
+        z += self.offset
+        for column, f in self.parts:
+            z += f.value(t) * column
+        w = z
+        if self.rates:
+            w = self.P.dot(v)
+            for column, f in self.parts:
+                w += f.rate(t) * column
+        values = []
+        for i, rate in self.reads:
+            at, width = self.spans[i]
+            values.append((w if rate else z)[at].reshape(-1, width))
+        return self.law(values, self.coordinates, t)
+
+    def _rows(self, response: Response) -> FloatArray:
+        """L y (l,)."""
+        E, Q = self.weights.shape
+        found = np.zeros(len(self.tests[0]))
+        for L, y in zip(self.tests, response.y, strict=True):
+            if L.shape[1] == E * Q:
+                found += L.dot(_full(y, E, Q).ravel())
+            else:
+                found += L.dot((y * self.weights).sum(axis=1))
+        return found
+
+    def _slopes(self, response: Response, c1: FloatArray) -> FloatArray:
+        """(L dy/dz) P (l, k)."""
+        E, Q = self.weights.shape
+        rows, k = len(self.tests[0]), self.P.shape[1]
+        sums: dict[tuple[int, bool], FloatArray] = {}
+        for (i, j), derivative in response.derivatives.items():
+            L, (variable, rate) = self.tests[i], self.reads[j]
+            width = self.spans[variable][1]
+            D = np.asarray(derivative)
+            if L.shape[1] == E * Q and width == Q:
+                part = L * _full(D, E, Q).ravel()
+            elif L.shape[1] == E * Q:
+                part = (L.reshape(rows, E, Q) * _full(D, E, Q)).sum(axis=2)
+            elif width == 1:
+                part = L * (D * self.weights).sum(axis=1)
+            else:
+                part = (L[:, :, None] * (D * self.weights)).reshape(rows, E * Q)
+            key = variable, rate
+            if key in sums:
+                sums[key] += part
+            else:
+                sums[key] = part
+        J = np.zeros((rows, k))
+        for (variable, rate), left in sums.items():
+            product = left.dot(self.P[self.spans[variable][0]])
+            J += product * c1 if rate else product
+        return J
+
+
+def _full(y: FloatArray, E: int, Q: int) -> FloatArray:
+    """y as an array (E, Q)."""
+    return y if y.shape == (E, Q) else np.broadcast_to(y, (E, Q))

@@ -1,0 +1,274 @@
+"""Term of the weak form with a pointwise law over cells or boundary facets.
+
+    r_a = sum over elements and points of  w  y_i(z, x, t)  D_i phi_a
+
+The law is evaluated at the quadrature points of each element (pointwise_law.py). Restriction to
+rows, element weights and projection are the same for all laws, dimensions and finite elements.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from sparsemor.bodies.fem.quadrature import ShapeFunctions
+from sparsemor.bodies.terms.point_term import PointTerm, Projected
+from sparsemor.bodies.terms.pointwise_law import PointwiseLaw, Response, Variable
+from sparsemor.core import (
+    Csr,
+    FloatArray,
+    IntArray,
+    Quantity,
+    TimeFunction,
+    Trial,
+)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NodalField:
+    """A field at the nodes of the elements of a term.
+
+    column_of (N, m): column of the term for each of m components at each node, -1 where the
+    component is no unknown. constant (N, m): its value there, K or m. prescribed: pairs (nodes,
+    function of time) of prescribed temperatures.
+    """
+
+    shape: ShapeFunctions
+    column_of: IntArray
+    constant: FloatArray
+    prescribed: tuple[tuple[IntArray, TimeFunction], ...] = ()
+
+    def nodal(self, x: FloatArray, t: float | None) -> FloatArray:
+        """Nodal values (N, m) for unknowns x (n,) at the columns; t None: without constants and
+        prescribed values."""
+        free = self.column_of >= 0
+        found = self.constant.copy() if t is not None else np.zeros(self.column_of.shape)
+        found[free] = x[self.column_of[free]]
+        if t is not None:
+            for at, f in self.prescribed:
+                found[at, 0] = f.value(t)
+        return found
+
+    def rates(self, v: FloatArray, t: float) -> FloatArray:
+        """Rates (N, m) of the nodal values for rates v (n,) at the columns."""
+        found = self.nodal(v, None)
+        for at, f in self.prescribed:
+            found[at, 0] = f.rate(t)
+        return found
+
+    def part(self, elements: IntArray) -> tuple[NodalField, IntArray]:
+        """The field at the nodes of some elements, and the numbers of these nodes."""
+        shape = self.shape.part(elements)
+        used = np.unique(shape.nodes)
+        place = np.full(len(self.column_of), -1, np.int64)
+        place[used] = np.arange(len(used))
+        prescribed = tuple((place[at][place[at] >= 0], f) for at, f in self.prescribed)
+        return NodalField(shape.renumbered(used), self.column_of[used], self.constant[used],
+                          tuple((at, f) for at, f in prescribed if len(at))), used
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WeakTerm:
+    """Residual of a pointwise law over E elements with Q quadrature points each.
+
+    rows (m,), columns (n,): positions in the state vector. fields: field of each quantity; row_of
+    (N, components): position in `rows` of each component at each node of the field that the law
+    tests, -1 for none. weights (E, Q): quadrature weights, times the thickness of a planar body;
+    coordinates (d, E, Q), m.
+    """
+
+    rows: IntArray
+    columns: IntArray
+    law: PointwiseLaw
+    fields: Mapping[Quantity, NodalField]
+    row_of: IntArray
+    weights: FloatArray
+    coordinates: FloatArray
+    source: str = ""
+
+    @property
+    def elements(self) -> int:
+        return len(self.weights)
+
+    @property
+    def tested(self) -> NodalField:
+        """Field whose test functions multiply the law."""
+        return self.fields[self.law.tests[0].quantity]
+
+    # ------------------------------------------------------------------ evaluation
+
+    def residual(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> FloatArray:
+        loads, at = self._loads(x, v, t), self.row_of[self.tested.shape.nodes]
+        kept = at >= 0
+        return np.bincount(at[kept], loads[kept], minlength=len(self.rows)).astype(np.float64)
+
+    def _response(self, x: FloatArray, v: FloatArray, t: float) -> Response:
+        nodal: dict[tuple[Quantity, bool], FloatArray] = {}
+        z = []
+        for variable in self.law.reads:
+            field, key = self.fields[variable.quantity], (variable.quantity, variable.rate)
+            if key not in nodal:
+                nodal[key] = field.rates(v, t) if variable.rate else field.nodal(x, t)
+            z.append(interpolated(field.shape, nodal[key][:, variable.component], variable.axis))
+        return self.law(z, self.coordinates, t)
+
+    def _loads(self, x: FloatArray, v: FloatArray, t: float) -> FloatArray:
+        """(E, n, components) contribution of each element to its nodes."""
+        shape = self.tested.shape
+        loads = np.zeros((*shape.nodes.shape, self.row_of.shape[1]))
+        response = self._response(x, v, t)
+        for test, y in zip(self.law.tests, response.y, strict=True):
+            loads[:, :, test.component] += tested(shape, y, self.weights, test.axis)
+        return loads
+
+    def jacobian(
+        self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: FloatArray, c2: FloatArray
+    ) -> Csr:
+        data, i, j = [np.zeros(0)], [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
+        for test, variable, local in self._local_matrices(self._response(x, v, t)):
+            field = self.fields[variable.quantity]
+            rows = self.row_of[self.tested.shape.nodes, test][:, :, None]
+            columns = field.column_of[field.shape.nodes, variable.component][:, None, :]
+            kept = (rows >= 0) & (columns >= 0)
+            to = np.broadcast_to(columns, kept.shape)[kept]
+            values = local[kept]
+            data.append(values * c1[to] if variable.rate else values)
+            i.append(np.broadcast_to(rows, kept.shape)[kept])
+            j.append(to)
+        return csr_array((np.concatenate(data), (np.concatenate(i), np.concatenate(j))),
+                         shape=(len(self.rows), len(self.columns)))
+
+    def _local_matrices(self, response: Response) -> Iterator[tuple[int, Variable, FloatArray]]:
+        """Component of the test functions, variable, and element matrices (E, n, n') of each pair
+        for which some derivative is not zero."""
+        tests, reads, found = self.law.tests, self.law.reads, dict[tuple[int, Variable], Any]()
+        for (i, j), derivative in response.derivatives.items():
+            rows = self.tested.shape.along(tests[i].axis)
+            columns = self.fields[reads[j].quantity].shape.along(reads[j].axis)
+            factors = np.broadcast_to(derivative, self.weights.shape) * self.weights
+            if rows.shape[2] == columns.shape[2] == 1:
+                local = factors.sum(axis=1)[:, None, None] * rows * columns.transpose(0, 2, 1)
+            else:
+                local = (rows * factors[:, None]) @ np.broadcast_to(
+                    columns, (*columns.shape[:2], factors.shape[1])).transpose(0, 2, 1)
+            key = tests[i].component, replace(reads[j], axis=None)
+            found[key] = local if key not in found else found[key] + local
+        return ((test, variable, local) for (test, variable), local in found.items())
+
+    # ------------------------------------------------------------------ reduction
+
+    def restrict(self, keep: IntArray) -> WeakTerm:
+        """Term with the rows `keep` only: the elements that contribute to them."""
+        new = np.full(len(self.rows) + 1, -1, np.int64)
+        new[keep] = np.arange(len(keep))
+        new[-1] = -1
+        row_of = new[self.row_of]
+        used = np.unique([test.component for test in self.law.tests])
+        acts = row_of[:, used][self.tested.shape.nodes] >= 0
+        return self._part(np.flatnonzero(acts.any(axis=(1, 2))), self.rows[keep], row_of)
+
+    def _part(self, elements: IntArray, rows: IntArray, row_of: IntArray) -> WeakTerm:
+        """Term of some elements, with the columns that these read."""
+        fields, read = {}, {v.quantity for v in self.law.reads}
+        used = [np.zeros(0, np.int64)]
+        for quantity, field in self.fields.items():
+            fields[quantity], nodes = field.part(elements)
+            if field is self.tested:
+                row_of = row_of[nodes]
+            if quantity in read:
+                at = fields[quantity].column_of
+                used.append(at[at >= 0])
+        columns = np.unique(np.concatenate(used))
+        back = np.full(len(self.columns) + 1, -1, np.int64)
+        back[columns] = np.arange(len(columns))
+        back[-1] = -1
+        return replace(
+            self, rows=rows, columns=self.columns[columns], row_of=row_of,
+            fields={q: replace(f, column_of=back[f.column_of]) for q, f in fields.items()},
+            weights=self.weights[elements], coordinates=self.coordinates[:, elements])
+
+    def weighted(self, weights: FloatArray) -> WeakTerm:
+        """Term with element weights (E,) >= 0, as in ECSW; elements of weight 0, and rows without a
+        remaining element, are dropped."""
+        some = replace(self, weights=self.weights * weights[:, None])
+        some = some._part(np.flatnonzero(weights), self.rows, self.row_of)
+        rows = np.unique(some.row_of[some.tested.shape.nodes])
+        return some.restrict(rows[rows >= 0])
+
+    def contributions(
+        self, left: FloatArray, x: FloatArray, v: FloatArray, t: FloatArray,
+        elements: IntArray | None = None,
+    ) -> FloatArray:
+        """(F, l, M) contribution of each element, or of those with the given numbers, projected by
+        left (l, m), at states x and rates v (n, M) and times t (M,), s."""
+        here = self if elements is None else self._part(elements, self.rows, self.row_of)
+        there = np.searchsorted(self.columns, here.columns)
+        at = here.row_of[here.tested.shape.nodes]
+        seen = np.where(at >= 0, left[:, at], 0.0).reshape(len(left), len(at), -1)
+        found = np.zeros((len(at), len(left), len(t)))
+        for i, time in enumerate(t.tolist()):
+            loads = here._loads(x[there, i], v[there, i], time)
+            found[:, :, i] = np.einsum("lfi,fi->fl", seen, loads.reshape(len(at), seen.shape[2]))
+        return found
+
+    def compress(self, trial: Trial, left: FloatArray) -> PointTerm:
+        """Term projected on a trial basis, evaluated at the quadrature points."""
+        used = np.flatnonzero(np.any(left != 0, axis=0))
+        few = self.restrict(used)
+        at = np.searchsorted(self.columns, few.columns)
+        return few._projected(Trial(trial.atoms[at], trial.offset[at]), left[:, used])
+
+    def _projected(self, trial: Trial, left: FloatArray) -> PointTerm:
+        padded = np.concatenate([trial.atoms, np.zeros((1, trial.atoms.shape[1]))])
+        reads, projections = [], []
+        for variable in dict.fromkeys(replace(v, rate=False) for v in self.law.reads):
+            field = self.fields[variable.quantity]
+            axis, nodes = variable.axis, field.shape.nodes
+            columns = field.column_of[:, variable.component]
+            offset = np.concatenate([trial.offset, [0.0]])[columns]
+            offset = np.where(columns >= 0, offset, field.constant[:, variable.component])
+            parts = []
+            for held, function in field.prescribed:
+                offset[held] = 0.0
+                there = np.zeros(len(columns))
+                there[held] = 1.0
+                parts.append((interpolated(field.shape, there, axis), function))
+            P = np.einsum("enk,enq->eqk", padded[columns[nodes]],
+                          np.broadcast_to(field.shape.along(axis), (
+                              *nodes.shape, field.shape.along(axis).shape[2])), optimize=True)
+            reads.append(variable)
+            projections.append(Projected(P, interpolated(field.shape, offset, axis), parts))
+        shape, wide = self.tested.shape, np.concatenate([left, np.zeros((len(left), 1))], axis=1)
+        tests = []
+        for test in self.law.tests:
+            seen = wide[:, self.row_of[shape.nodes, test.component]]  # (l, E, n)
+            functions = shape.along(test.axis)
+            L = np.einsum("len,enq->leq", seen, np.broadcast_to(
+                functions, (*shape.nodes.shape, functions.shape[2])), optimize=True)
+            tests.append(L)
+        return PointTerm.of(self.law, self.weights, self.coordinates, reads, projections, tests,
+                            self.source)
+
+
+def interpolated(shape: ShapeFunctions, nodal: FloatArray, axis: int | None) -> FloatArray:
+    """Values (E, Q), or derivatives along an axis (E, Q or 1), of a nodal field (N,)."""
+    functions, u = shape.along(axis), nodal[shape.nodes]
+    if len(functions) == 1 and len(u) != 1:
+        return np.asarray(u @ functions[0])
+    return np.asarray((u[:, None, :] @ functions)[:, 0])
+
+
+def tested(
+    shape: ShapeFunctions, y: FloatArray, weights: FloatArray, axis: int | None
+) -> FloatArray:
+    """(E, n) sums over the points of weights (E, Q) y times each test function or derivative."""
+    functions, flux = shape.along(axis), y * weights
+    if functions.shape[2] == 1:
+        return np.asarray(functions[:, :, 0] * flux.sum(axis=1)[:, None])
+    if len(functions) == 1:
+        return np.asarray(flux @ functions[0].T)
+    return np.asarray((functions @ flux[:, :, None])[:, :, 0])
