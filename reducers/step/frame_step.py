@@ -11,7 +11,7 @@ from sparsemor.reducers.step.operators import TestedElastic
 from sparsemor.reducers.step.prescribed_frame_block import PrescribedBlock
 from sparsemor.reducers.step.time_tables import TimeTable
 
-NONE = np.zeros((3, 0))
+NONE = np.zeros(0)
 
 
 def buffers(frames: Sequence[Frame]) -> list[FrameWork]:
@@ -57,7 +57,7 @@ class BodyStep:
         """Evaluates the frame at border unknowns y and rates v, a (b,), for elastic coefficients c
         (k,) with rates cv, ca; tested: projected elastic operators, None for a rigid body."""
         if tested is None:
-            self.frame.evaluate(y, v, a, c1, c2, NONE, NONE[0], t, work)
+            self.frame.evaluate(y, v, a, c1, c2, np.zeros((3, 0)), NONE, t, work)
             return
         values = np.stack([c, cv, ca])
         forms = (tested.quadratic.dot(values.T) * c[:, None]).sum(axis=1).T.ravel()

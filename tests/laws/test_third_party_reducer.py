@@ -60,7 +60,7 @@ class Counted:
             np.random.default_rng(0)))
         state, memory = started(self.solver, scene.integrator, consistent_state(model))
         h = scene.time.step
-        step = FixedStep(scene.integrator, self.solver, h)
+        step = FixedStep.of(scene.integrator, self.solver, h)
         taken = list(accepted_steps(step, state, memory, 8, h))[-1]
         self.end: State = taken.state
         self.iterations = taken.outcome.iterations
