@@ -52,8 +52,8 @@ class History:
     prediction and loads; products: values of the products of `functionals` at the prediction, in
     one vector if reduced; stack: rows M_g u, then M_g u', at the last iterate, times D^-1 if
     reduced; local: local terms, None where there are none. Of an iterative linear solver: its
-    number of iterations in this step, its residual relative to the right-hand side, and status and
-    message of a solve that did not converge.
+    number of iterations in this step, the norm of its residual, and status and message of a solve
+    that did not converge.
     """
 
     __slots__ = ("at", "c1", "c2", "failure", "h", "iterations", "local", "products", "residual",
@@ -186,14 +186,7 @@ class FullElastic(ElasticBlock):
     def _iterated(self, right: FloatArray, guess: FloatArray, history: History) -> FloatArray:
         """Solution of an iterative linear solver; nan where it does not converge: the step then
         fails with the status in `history`."""
-        found = self.factor.outcome(right, guess)
-        history.iterations, history.residual = (
-            history.iterations + found.iterations, found.residual)
-        if found.status.ok:
-            return found.x
-        history.failure = found.status, unconverged_note(
-            self.factor, found.residual, found.iterations)
-        return np.full(len(right), np.nan)
+        return solved_by_iteration(self.ops, self.factor, right, guess, history)
 
     def update(self, z: FloatArray, sigma: FloatArray) -> FloatArray:
         return -(z + self.E @ sigma)
@@ -308,6 +301,24 @@ class CompressedElastic(ElasticBlock):
         return EPS * float(np.linalg.norm(terms[:s]))
 
 
+def solved_by_iteration(
+    ops: ElasticOperators, factor: Factorized, right: FloatArray, guess: FloatArray,
+    history: History
+) -> FloatArray:
+    """Solution z of D z = right by an iterative linear solver, nan where it does not converge. Its
+    tolerance is relative to the right-hand side of the whole displacements, D (z - u0) = right - D
+    u0: that of an increment may be round-off."""
+    u = history.u
+    whole = right - ops.stiffness @ u - history.c1 * (ops.damping @ u) - history.c2 * (ops.mass @ u)
+    found = factor.outcome(whole, guess - u)
+    history.iterations += found.iterations
+    history.residual = found.residual * float(np.linalg.norm(whole))
+    if found.status.ok:
+        return np.asarray(found.x + u)
+    history.failure = found.status, unconverged_note(factor, found.residual, found.iterations)
+    return np.full(len(right), np.nan)
+
+
 def rounded(
     ops: ElasticOperators, factor: Factorized, d: FloatArray, history: History
 ) -> float:
@@ -319,8 +330,7 @@ def rounded(
         terms += abs(ops.damping) @ np.abs(at.v)
     terms += np.abs(history.h)
     if factor.iterative:
-        left = history.residual * float(np.linalg.norm(history.h)) / np.sqrt(len(d))
-        terms += left / EPS
+        terms += history.residual / np.sqrt(len(d)) / EPS
     return float(np.linalg.norm(factor.solve(v * terms)))
 
 

@@ -25,7 +25,6 @@ from sparsemor.core import (
     Factorized,
     FloatArray,
     IntArray,
-    unconverged_note,
 )
 from sparsemor.reducers.full.coarse_correction import CoarseCorrection
 from sparsemor.reducers.projection.modal_coordinates import carried, dense, times
@@ -35,6 +34,7 @@ from sparsemor.reducers.step.elastic_block import (
     History,
     predicted_forces,
     rounded,
+    solved_by_iteration,
 )
 from sparsemor.reducers.step.elastic_local import FullLocal, LocalForces, ReducedLocal
 from sparsemor.reducers.step.operators import TestedElastic
@@ -151,12 +151,7 @@ class FullPrescribed(PrescribedBlock):
             if not past.weights.any():
                 return new
             return new + self.coarse.correction(new - d, past.weights.tolist())
-        found = self.factor.outcome(right, -d)
-        past.iterations, past.residual = past.iterations + found.iterations, found.residual
-        if found.status.ok:
-            return -found.x
-        past.failure = found.status, unconverged_note(self.factor, found.residual, found.iterations)
-        return np.full(len(right), np.nan)
+        return -solved_by_iteration(self.ops, self.factor, right, -d, past)
 
     def contraction(self, past: Past) -> float:
         turning = self.coarse.left * float(np.abs(past.weights).sum())

@@ -95,7 +95,7 @@ class FullHeat:
         b = plus_loads(
             heat.constant - heat.capacity @ rate - heat.conductivity @ T, heat, t)
         if not self.local:
-            return self._linear(b, np.zeros(len(T)))
+            return self._linear(b, np.zeros(len(T)), T)
         d, last, exact, linear = np.zeros(len(T)), np.inf, False, 0
         for i in range(1, self.max_iterations + 1):
             now, rates = T + d, rate + self.c1 * d
@@ -105,7 +105,7 @@ class FullHeat:
                     return HeatOutcome(d, turned, i, linear)
                 new = turned
             else:
-                one = self._linear(b - self._local(now, rates, t), d)
+                one = self._linear(b - self._local(now, rates, t), d, T)
                 new, linear = one.d, linear + one.linear
                 if not one.status.ok:
                     return HeatOutcome(d, one.status, i, linear, one.detail)
@@ -123,14 +123,16 @@ class FullHeat:
             last = step
         return HeatOutcome(d, Status.NOT_CONVERGED, self.max_iterations, linear)
 
-    def _linear(self, b: FloatArray, guess: FloatArray) -> HeatOutcome:
-        """Solution B^-1 b; `guess` is the initial guess of an iterative linear solver."""
+    def _linear(self, b: FloatArray, guess: FloatArray, T: FloatArray) -> HeatOutcome:
+        """Increment B^-1 b from the prediction T; `guess`: initial guess of an iterative linear
+        solver, whose tolerance is relative to the right-hand side of the temperatures."""
         if not self.factor.iterative:
             return HeatOutcome(self.factor.solve(b), Status.DONE, 1)
-        found = self.factor.outcome(b, guess)
+        whole = b + self.c1 * (self.heat.capacity @ T) + self.heat.conductivity @ T
+        found = self.factor.outcome(whole, T + guess)
         detail = "" if found.status.ok else unconverged_note(
             self.factor, found.residual, found.iterations)
-        return HeatOutcome(found.x, found.status, 1, found.iterations, detail)
+        return HeatOutcome(found.x - T, found.status, 1, found.iterations, detail)
 
     def _local(self, T: FloatArray, rate: FloatArray, t: float) -> FloatArray:
         """Local terms (n,) at temperatures T with their rate."""
