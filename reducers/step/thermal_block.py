@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple, Protocol
 
 import numpy as np
+from scipy.linalg.lapack import dgesv
 from scipy.sparse import coo_array, csr_array
 
 from sparsemor.core import (
@@ -171,9 +172,11 @@ class CompressedHeat:
     rtol: float = 1e-13
     max_iterations: int = 50
     evaluated: tuple[Linearized, ...] = field(init=False)
+    identity: FloatArray = field(init=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "evaluated", tuple(linearization(t) for t in self.local))
+        object.__setattr__(self, "identity", np.eye(len(self.past) if self.local else 0))
 
     @property
     def elements(self) -> int:
@@ -207,24 +210,23 @@ class CompressedHeat:
     def _iterate(
         self, base: FloatArray, r1: FloatArray, t: float, guess: FloatArray
     ) -> HeatOutcome:
-        use = slice(None) if self.active is None else self.active
-        full = np.zeros(len(r1))
-        c, one = guess.copy(), np.eye(len(base))
-        zero, c1 = np.zeros(len(r1)), np.full(len(r1), self.c1)
+        n, c = len(r1), guess.copy()
+        full, zero, c1 = np.zeros(n), np.zeros(n), np.full(n, self.c1)
         for i in range(1, self.max_iterations + 1):
-            full[use] = c
-            r, J, rates = c - base, one, self.c1 * full + r1
+            full = c if self.active is None else full
+            if self.active is not None:
+                full[self.active] = c
+            r, J, rates = c - base, self.identity, self.c1 * full + r1
             for evaluate in self.evaluated:
                 added, slope = evaluate(full, rates, zero, t, c1, zero)
                 r = r + added
-                J = J + slope[:, use]
-            if not (np.isfinite(r).all() and np.isfinite(J).all()):
-                return HeatOutcome(c, Status.NOT_FINITE, i)
-            try:
-                step = np.linalg.solve(J, r)
-            except np.linalg.LinAlgError:
-                return HeatOutcome(c, Status.SINGULAR, i)
+                J = J + (slope if self.active is None else slope[:, self.active])
+            step, info = dgesv(J, r)[2:]
+            change = float(abs(step).max())
+            if not change < np.inf or info > 0:
+                finite = np.isfinite(r).all() and np.isfinite(J).all()
+                return HeatOutcome(c, Status.SINGULAR if finite else Status.NOT_FINITE, i)
             c = c - step
-            if float(np.abs(step).max()) <= self.rtol * float(np.abs(c).max()):
+            if change <= self.rtol * float(abs(c).max()):
                 return HeatOutcome(c, Status.DONE, i)
         return HeatOutcome(c, Status.NOT_CONVERGED, self.max_iterations)
