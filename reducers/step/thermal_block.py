@@ -26,13 +26,18 @@ from sparsemor.core import (
     unconverged_note,
 )
 from sparsemor.reducers.full.superlu import factorize
-from sparsemor.reducers.projection.modal_coordinates import carried, times
+from sparsemor.reducers.projection.modal_coordinates import carried, dense, times
 from sparsemor.reducers.step.operators import TestedHeat
 from sparsemor.reducers.step.time_tables import TimeTable, along, plus_loads, tabulated
 
 STUCK = 1e-7
 """Relative size of Newton changes below which a change that no longer decreases is round-off: in a
 nearly isothermal body K T is a small difference of its terms."""
+
+
+START_ITERATIONS = 5
+"""Largest number of Newton iterations for consistent initial rates, which capacities enter
+linearly."""
 
 
 class HeatOutcome(NamedTuple):
@@ -55,6 +60,9 @@ class HeatBlock(Protocol):
         ...
 
     def solve(self, r1: FloatArray, t: float, guess: FloatArray) -> HeatOutcome: ...
+    def start_rates(self, x: FloatArray, v: FloatArray, t: float) -> FloatArray:
+        """Rates at the unknowns x that satisfy the equations of the block at t, s; v: a guess."""
+        ...
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -81,6 +89,10 @@ class FullHeat:
     @property
     def elements(self) -> int:
         return sum(at.term.elements for at in self.local)
+
+    def start_rates(self, x: FloatArray, v: FloatArray, t: float) -> FloatArray:
+        """The given rates: those of the initial state are consistent at full order."""
+        return v
 
     def _right(self, r1: FloatArray, t: float) -> FloatArray:
         return plus_loads(self.heat.constant - self.heat.capacity @ r1, self.heat, t)
@@ -199,6 +211,29 @@ class CompressedHeat:
         times = b.tables[0].times if b.tables and support is None else np.zeros(0)
         return cls(
             carried(-left @ b.capacity), TimeTable.of(prescribed, times), support, tuple(local), c1)
+
+    def start_rates(self, x: FloatArray, v: FloatArray, t: float) -> FloatArray:
+        """Rates with x - past (v - c1 x) - prescribed(t) + local terms = 0, by Newton's method; v
+        where only some atoms are active.
+
+        Projected rates of the full-order start would not satisfy the reduced equations: heat that
+        enters through a surface changes the temperatures of its nodes alone at first.
+        """
+        if self.active is not None or not len(x):
+            return v
+        past, zero, one, rates = dense(self.past), np.zeros(len(x)), np.ones(len(x)), v.copy()
+        for _ in range(START_ITERATIONS):
+            r = x - past @ (rates - self.c1 * x) - self.prescribed.at(t)
+            J = -past
+            for term in self.local:
+                r = r + term.residual(x, rates, zero, t)
+                J = J + term.jacobian(x, rates, zero, t, one, zero) - term.jacobian(
+                    x, rates, zero, t, zero, zero)
+            change = np.linalg.lstsq(J, r, rcond=None)[0]
+            rates = rates - change
+            if np.abs(change).max() <= 1e-12 * np.abs(rates).max():
+                break
+        return rates if np.isfinite(rates).all() else v
 
     def solve(self, r1: FloatArray, t: float, guess: FloatArray) -> HeatOutcome:
         base = times(self.past, r1)
