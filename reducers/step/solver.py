@@ -104,8 +104,8 @@ class Stepper:
     def reduced(self, state: State) -> State:
         """A full-order state in the unknowns of this model, with consistent rates."""
         reduced = reduce_state(state, self.layout, self.dictionaries)
-        if self.dictionaries:
-            for name, at in self.hot:
+        for name, at in self.hot:
+            if self.dictionaries and name in self.heat:  # not where atoms are selected
                 reduced.v[at] = self.heat[name].start_rates(
                     reduced.x[at], reduced.v[at], reduced.t)
         if self.dictionaries and self.mechanics is not None:
