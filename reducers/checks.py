@@ -120,9 +120,9 @@ def resampling_faults(
                       "they are drawn again (resample)")] if row_sets is not None else []
     local = [b.thermal for b in model.separated.heat if b.local]
     if row_sets is None and local:
-        return [Fault("row_sets", f"rows of {', '.join(local)} have radiation, whose elements are "
-                      "found on the mesh: give a number of row sets, which are prepared in "
-                      "advance")]
+        return [Fault("row_sets", f"rows of {', '.join(local)} have local terms such as "
+                      "radiation, whose elements are found on the mesh: give a number of row sets, "
+                      "which are prepared in advance")]
     return []
 
 

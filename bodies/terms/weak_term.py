@@ -95,6 +95,14 @@ class WeakTerm:
         return len(self.weights)
 
     @property
+    def point_values(self) -> int:
+        """Numbers per atom that the projection holds: variables and test functions at points."""
+        variables = {replace(v, rate=False) for v in self.law.reads}
+        widths = [self.fields[v.quantity].shape.along(v.axis).shape[2]
+                  for v in (*variables, *self.law.tests)]
+        return self.elements * int(sum(widths))
+
+    @property
     def tested(self) -> NodalField:
         """Field whose test functions multiply the law."""
         return self.fields[self.law.tests[0].quantity]

@@ -62,7 +62,8 @@ BUILT: Mapping[str, tuple[type, ...]] = {
 
 OTHERS: Mapping[str, tuple[type, ...]] = {
     "term": (term.HasConstantMatrices, term.NamesSource, term.ChecksStep, term.ReportsResultants,
-             term.TimeDependent, part.HasSurroundings, element_integrals.WeighsElements),
+             term.TimeDependent, part.HasSurroundings, term.HasPoints,
+             element_integrals.WeighsElements),
     "reduced term": (term.WrapsTerm, term.Linearizes, term.RelocatesNear, term.ChecksStep,
                      term.ReportsResultants),
     "step solver": (step_solver.RedrawsRows, step_solver.FreezesSupport,

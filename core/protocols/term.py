@@ -111,6 +111,17 @@ class WrapsTerm(Protocol):
 
 
 @runtime_checkable
+class HasPoints(Protocol):
+    """A term whose projection holds its variables and test functions at quadrature points.
+
+    point_values: largest number of values per atom.
+    """
+
+    @property
+    def point_values(self) -> int: ...
+
+
+@runtime_checkable
 class RelocatesNear(Protocol):
     """A reduced term that can make a cheaper copy, exact near a given state, such as a contact with
     a neighbour list."""

@@ -106,6 +106,10 @@ class Stepper:
     def reduced(self, state: State) -> State:
         """A full-order state in the unknowns of this model, with consistent rates."""
         reduced = reduce_state(state, self.layout, self.dictionaries)
+        for name, at in self.hot:
+            if self.dictionaries and name in self.heat:  # not where atoms are selected
+                reduced.v[at] = self.heat[name].start_rates(
+                    reduced.x[at], reduced.v[at], reduced.t)
         if self.dictionaries and self.mechanics is not None:
             tested = [self.tested.get(b.elastic_name) for b in self.mechanics.bodies]
             h = self.separated.step

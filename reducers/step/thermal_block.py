@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple, Protocol
 
 import numpy as np
+from scipy.linalg.lapack import dgesv
 from scipy.sparse import coo_array, csr_array
 
 from sparsemor.core import (
@@ -26,7 +27,7 @@ from sparsemor.core import (
     unconverged_note,
 )
 from sparsemor.reducers.full.superlu import factorize
-from sparsemor.reducers.projection.modal_coordinates import carried, times
+from sparsemor.reducers.projection.modal_coordinates import carried, dense, times
 from sparsemor.reducers.step.operators import TestedHeat
 from sparsemor.reducers.step.time_tables import (
     TimeTable,
@@ -39,6 +40,11 @@ from sparsemor.reducers.step.time_tables import (
 STUCK = 1e-7
 """Relative size of Newton changes below which a change that no longer decreases is round-off: in a
 nearly isothermal body K T is a small difference of its terms."""
+
+
+START_ITERATIONS = 5
+"""Largest number of Newton iterations for consistent initial rates, which capacities enter
+linearly."""
 
 
 class HeatOutcome(NamedTuple):
@@ -62,6 +68,9 @@ class HeatBlock(Protocol):
 
     def solve(self, T: FloatArray, rate: FloatArray, t: float) -> HeatOutcome:
         """Increments of the temperatures from a prediction T (k,) with its rate, at t, s."""
+        ...
+    def start_rates(self, x: FloatArray, v: FloatArray, t: float) -> FloatArray:
+        """Rates at the unknowns x that satisfy the equations of the block at t, s; v: a guess."""
         ...
 
 
@@ -89,6 +98,10 @@ class FullHeat:
     @property
     def elements(self) -> int:
         return sum(at.term.elements for at in self.local)
+
+    def start_rates(self, x: FloatArray, v: FloatArray, t: float) -> FloatArray:
+        """The given rates: those of the initial state are consistent at full order."""
+        return v
 
     def solve(self, T: FloatArray, rate: FloatArray, t: float) -> HeatOutcome:
         heat = self.heat
@@ -182,9 +195,11 @@ class CompressedHeat:
     rtol: float = 1e-13
     max_iterations: int = 50
     evaluated: tuple[Linearized, ...] = field(init=False)
+    identity: FloatArray = field(init=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "evaluated", tuple(linearization(t) for t in self.local))
+        object.__setattr__(self, "identity", np.eye(len(self.by_rate) if self.local else 0))
 
     @property
     def elements(self) -> int:
@@ -212,6 +227,28 @@ class CompressedHeat:
             carried(-left @ b.capacity), carried(-left @ b.conductivity),
             TimeTable.of(prescribed, times, at), support, tuple(local), c1)
 
+    def start_rates(self, x: FloatArray, v: FloatArray, t: float) -> FloatArray:
+        """Rates that satisfy the equations, by Newton's method; v where only some atoms are active.
+
+        Projected rates of the full-order start would not satisfy the reduced equations: heat that
+        enters through a surface changes the temperatures of its nodes alone at first.
+        """
+        if self.active is not None or not len(x):
+            return v
+        capacity, zero, one, rates = -dense(self.by_rate), np.zeros(len(x)), np.ones(len(x)), v
+        known = times(self.by_value, x) + self.prescribed.at(t)
+        for _ in range(START_ITERATIONS):
+            r, J = capacity @ rates - known, capacity
+            for term in self.local:
+                r = r + term.residual(x, rates, zero, t)
+                J = J + term.jacobian(x, rates, zero, t, one, zero) - term.jacobian(
+                    x, rates, zero, t, zero, zero)
+            change = np.linalg.lstsq(J, r, rcond=None)[0]
+            rates = rates - change
+            if np.abs(change).max() <= 1e-12 * np.abs(rates).max():
+                break
+        return rates if np.isfinite(rates).all() else v
+
     def solve(self, T: FloatArray, rate: FloatArray, t: float) -> HeatOutcome:
         base = times(self.by_rate, rate)
         base += times(self.by_value, T)
@@ -223,23 +260,23 @@ class CompressedHeat:
     def _iterate(
         self, base: FloatArray, T: FloatArray, rate: FloatArray, t: float
     ) -> HeatOutcome:
-        use = slice(None) if self.active is None else self.active
-        d, one, full = np.zeros(len(base)), np.eye(len(base)), np.zeros(len(T))
-        zero, c1 = np.zeros(len(T)), np.full(len(T), self.c1)
+        n, d, now = len(T), np.zeros(len(base)), T
+        full, zero, c1 = np.zeros(n), np.zeros(n), np.full(n, self.c1)
         for i in range(1, self.max_iterations + 1):
-            full[use] = d
-            now, rates, r, J = T + full, rate + self.c1 * full, d - base, one
+            full = d if self.active is None else full
+            if self.active is not None:
+                full[self.active] = d
+            now, rates, r, J = T + full, rate + self.c1 * full, d - base, self.identity
             for evaluate in self.evaluated:
                 added, slope = evaluate(now, rates, zero, t, c1, zero)
                 r = r + added
-                J = J + slope[:, use]
-            if not (np.isfinite(r).all() and np.isfinite(J).all()):
-                return HeatOutcome(d, Status.NOT_FINITE, i)
-            try:
-                step = np.linalg.solve(J, r)
-            except np.linalg.LinAlgError:
-                return HeatOutcome(d, Status.SINGULAR, i)
+                J = J + (slope if self.active is None else slope[:, self.active])
+            step, info = dgesv(J, r)[2:]
+            change = float(abs(step).max())
+            if not change < np.inf or info > 0:
+                finite = np.isfinite(r).all() and np.isfinite(J).all()
+                return HeatOutcome(d, Status.SINGULAR if finite else Status.NOT_FINITE, i)
             d = d - step
-            if float(np.abs(step).max()) <= self.rtol * float(np.abs(now).max()):
+            if change <= self.rtol * float(abs(now).max()):
                 return HeatOutcome(d, Status.DONE, i)
         return HeatOutcome(d, Status.NOT_CONVERGED, self.max_iterations)

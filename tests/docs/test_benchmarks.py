@@ -162,6 +162,18 @@ def test_hyper_reduction_reaches_full_order(run: Run) -> None:
 
 
 @pytest.mark.slow
+def test_nonlinear_heat_measures_every_reducer(run: Run) -> None:
+    found = run("nonlinear_heat")
+    for title in ("k(T)", "k(T) and c(T)", "Radiating plate, 200 triangles"):
+        rows = {row["reducer"]: row for row in rows_of(found, title)}
+        assert {"full", "galerkin", "lspg", "deim", "gnat", "ecsw", "sparse"} <= set(rows)
+        assert max(row["error"] for row in rows.values()) < 1e-2
+        for row in rows.values():
+            assert row["full_to_this"] == pytest.approx(rows["full"]["ms"] / row["ms"])
+        assert rows["ecsw"]["elements"] < rows["full"]["elements"]
+
+
+@pytest.mark.slow
 def test_stability_sets_every_prediction_beside_a_run(run: Run) -> None:
     found = run("stability")
     assert {t["verdict"] for t in found["targets"]} == {"met"}

@@ -20,6 +20,7 @@ from sparsemor.core.protocols import (
     Basis,
     BoundsAtoms,
     EstimatesMemory,
+    HasPoints,
     HoldsSnapshots,
     UsesBases,
     UsesForceBasis,
@@ -96,7 +97,8 @@ def estimate(scene: Scene, model: Model, offline: Offline, exact: bool) -> Estim
     blocks = _sizes(model)
     trained, own = trains(scene, blocks), is_full_order(scene.reducer)
     start = _start(model)
-    phases = {"steps": (*_full(model, exact), start) if own else tuple(reduced(scene, blocks))}
+    phases = {"steps": (*_full(model, exact), start) if own else (
+        *reduced(scene, blocks), *_points(scene, model, blocks))}
     if not own:
         phases["start"] = (start,)
     if trained and not offline.has("training"):
@@ -172,6 +174,17 @@ def reduced(scene: Scene, blocks: Mapping[str, int]) -> list[Item]:
         found.append(Item(f"{k} atoms of {name}, and operators times them", 8 * 12 * n * k,
                           "fewer atoms (count), or a coarser mesh"))
     return found
+
+
+def _points(scene: Scene, model: Model, blocks: Mapping[str, int]) -> Iterator[Item]:
+    """Memory of the atoms at the quadrature points of local terms, all elements counted."""
+    for name, basis in chosen_bases(scene, blocks).items():
+        k, at = _atoms(basis, blocks[name]), model.layout[name]
+        values = sum(t.point_values for t in model.terms if isinstance(t, HasPoints)
+                     and ((t.columns >= at.start) & (t.columns < at.stop)).any())
+        if values:
+            yield Item(f"{k} atoms of {name} at the quadrature points", 8 * values * k,
+                       "fewer atoms (count), or a coarser mesh")
 
 
 def bases(scene: Scene, blocks: Mapping[str, int]) -> list[Item]:
