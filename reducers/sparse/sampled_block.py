@@ -18,6 +18,7 @@ from sparsemor.core import (
     IntArray,
     OfflineProducts,
     Preconditioner,
+    ReducedTerm,
     Sampler,
     StepFactors,
     built_weights,
@@ -108,14 +109,13 @@ class SampledElastic:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SampledHeat:
-    """Sampled rows of a thermal block and their compressions; tested, few, first, reached: see
-    `SampledElastic`. turn (m, first): basis of the rows of `reached` in the sampled rows, None
-    where they are the same."""
+    """Sampled rows of a thermal block and their compressions; tested, few, reached: see
+    `SampledElastic`. turn (m, l): basis of the rows of `few` in the sampled rows, None where they
+    are the same."""
 
     block: Sampled
     tested: TestedHeat
     few: tuple[TestedHeat, FloatArray]
-    first: int
     reached: tuple[TestedHeat, FloatArray]
     turn: FloatArray | None
     model: AssembledModel
@@ -128,23 +128,29 @@ class SampledHeat:
     ) -> "SampledHeat":
         if not block.selects:
             whole = tested, block.B
-            return cls(block, tested, whole, len(block.B), whole, None, model, body, c1)
-        t, B, turn = compact_heat(tested, block.B)
-        near = np.arange(turn.shape[1])
-        return cls(block, tested, (t, B), len(near), (t.under(TestMap(near)), B[near]), turn, model,
-                   body, c1)
+            return cls(block, tested, whole, whole, None, model, body, c1)
+        t, B, turn, reach = compact_heat(tested, block.B, bool(body.local))
+        near = np.arange(reach)
+        return cls(block, tested, (t, B), (t.under(TestMap(near)), B[near]), turn, model, body, c1)
 
     def prepared(self, support: IntArray | None) -> CompressedHeat:
         t, B = self.reached
         left = on_support(self.block.name, B, support)
-        local = []
-        if self.body.local:
-            rows = left if self.turn is None else left @ self.turn.T
-            wide = np.zeros((len(left), self.block.dictionary.atoms.shape[0]))
-            P = self.block.weight
-            wide[:, self.block.rows] = rows if P is None else rows @ P
-            local = local_terms(self.model, self.body, self.block.dictionary, wide)
-        return CompressedHeat.of(t, left, support, self.c1, local)
+        rows = left if self.turn is None else left @ self.turn[:, : len(B)].T
+        return CompressedHeat.of(t, left, support, self.c1, self._local(rows))
+
+    def local_rows(self) -> list[ReducedTerm]:
+        """Local terms in the rows of `few`."""
+        return self._local(np.eye(len(self.block.rows)) if self.turn is None else self.turn.T)
+
+    def _local(self, rows: FloatArray) -> list[ReducedTerm]:
+        """Local terms in combinations `rows` (l, m) of the sampled rows."""
+        if not self.body.local:
+            return []
+        wide = np.zeros((len(rows), self.block.dictionary.atoms.shape[0]))
+        P = self.block.weight
+        wide[:, self.block.rows] = rows if P is None else rows @ P
+        return local_terms(self.model, self.body, self.block.dictionary, wide)
 
 
 def choose_rows(
