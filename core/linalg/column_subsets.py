@@ -60,6 +60,17 @@ class ColumnSubsets:
             x[subset] = self._inverse(subset.tobytes()).dot(b)
         return x
 
+    def left_inverse(self, subset: BoolArray) -> FloatArray | None:
+        """Matrix (s, m) that maps b to the s nonzero entries of the least-squares solution; None
+        for linearly dependent columns."""
+        f = self._factors(subset.tobytes())
+        if f is None:
+            return None
+        s = len(f.columns)
+        if not s:
+            return np.zeros((0, len(self.A)))
+        return np.asarray(lapack.dtrtrs(f.packed[:s], lapack.dorgqr(f.packed, f.tau)[0].T)[0])
+
     def squared_residual(self, subset: BoolArray, b: FloatArray) -> float | None:
         """|A x - b|^2 of the least-squares solution x; None for linearly dependent columns."""
         f = self._factors(subset.tobytes())

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import sqrt
 from typing import Literal
 
 import numpy as np
@@ -20,7 +19,6 @@ from sparsemor.core import (
 )
 from sparsemor.plugins.sparse_solvers.iterates import always_active
 from sparsemor.plugins.sparse_solvers.least_squares_on_support import (
-    EPS,
     Fit,
     Linearised,
     fit,
@@ -115,8 +113,7 @@ class GreedyRecovery:
     inverse: FloatArray | None
 
     def select(self, r: FloatArray, c: FloatArray, support: BoolArray) -> Selection:
-        """Support after exchanges that each lower the norm of the residual by the fraction `gain`
-        of the solver."""
+        """Support after the exchanges of steps 2 to 5."""
         if not float(r.dot(r) + c.dot(c)) < np.inf:
             return Selection(support, Status.NOT_FINITE)
         if self.inverse is not None:
@@ -136,21 +133,14 @@ class GreedyRecovery:
         self, r: FloatArray, c: FloatArray, support: BoolArray, inverse: FloatArray
     ) -> Selection:
         """Support of the largest coefficients of least squares on all columns, which do not depend
-        on the support: one exchange is all."""
+        on the support: one exchange is all, and the caller compares its residual norm."""
         z, columns = c - inverse.dot(r), self.columns
         kept = largest(np.abs(z), self.groups[0].budget or 0)
         if (kept == support).all():
             return Selection(support)
         if not columns.independent(kept):
             kept = independent(columns.A, support & kept, kept, self.solver.rank_rtol)
-        if np.count_nonzero(support) > (self.groups[0].budget or 0):
-            return Selection(kept)
-        gone = (support & ~kept).nonzero()[0]
-        new = columns.squared_residual(kept, r - columns.A[:, gone].dot(c[gone]))
-        base, floor = sqrt(float(r.dot(r))), 100.0 * EPS * sqrt(float(z.dot(z)))
-        least = base - max(self.solver.gain * base, floor)
-        better = new is not None and base > floor and sqrt(new) < least
-        return Selection(kept if better else support)
+        return Selection(kept)
 
 
 def largest(sizes: FloatArray, count: int) -> BoolArray:

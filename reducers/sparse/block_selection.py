@@ -37,7 +37,6 @@ from sparsemor.reducers.sparse.supported_steps import (
     SupportedSteps,
     reselected_step,
 )
-from sparsemor.reducers.step.left_inverse import SAMPLED_RTOL, squares
 
 DEPENDENT = 1e-8
 """Distance of a unit column from the span of others below which the rows do not distinguish its
@@ -49,24 +48,23 @@ zero within rounding of its terms."""
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BlockSelection:
-    """Constant data of the selection in one block. lengths (k,): column lengths of B, with which
-    its columns are scaled to unit length, 1 for a column of zeros; weight: 1 / length^2 of the
-    longest column, by which squared residuals of several blocks are made comparable; columns: the
-    scaled columns with factors of subsets."""
+    """Constant data of the selection in one block. weight: 1 / length^2 of the longest column of B,
+    by which squared residuals of several blocks are made comparable."""
 
     rows: HeldRows
-    lengths: FloatArray
     weight: float
     recovery: Recovery
-    columns: ColumnSubsets
 
     @classmethod
     def of(cls, rows: HeldRows, solver: SparseSolver) -> "BlockSelection":
-        size = np.sqrt(squares(rows.B))
-        lengths = np.where(size > 0.0, size, 1.0)
-        columns = ColumnSubsets(np.ascontiguousarray(rows.B / lengths), SAMPLED_RTOL)
-        return cls(rows, lengths, float(lengths.max(initial=1e-300)) ** -2,
-                   prepared_recovery(solver, columns, rows.budget), columns)
+        columns = rows.columns
+        return cls(rows, float(columns.lengths.max(initial=1e-300)) ** -2,
+                   prepared_recovery(solver, columns.unit, rows.budget))
+
+    @property
+    def columns(self) -> ColumnSubsets:
+        """Columns of B scaled to unit length."""
+        return self.rows.columns.unit
 
     @property
     def widest(self) -> BoolArray:
@@ -83,10 +81,11 @@ class BlockSelection:
     def at(self, r: FloatArray, c: FloatArray, support: BoolArray) -> "AtSolution":
         """The block at coefficients c (k,) with the residual r (l,) of all compressed rows, which
         they minimise on `support`."""
-        near, rest = r[: len(self.rows.B)], r[len(self.rows.B) :]
+        count = len(self.columns.A)
+        near, rest = r[:count], r[count:]
         beyond = self.weight * float(rest.dot(rest))
         now = beyond + self.weight * float(near.dot(near))
-        return AtSolution(self, near, self.lengths * c, support, beyond, now)
+        return AtSolution(self, near, self.rows.columns.lengths * c, support, beyond, now)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -29,7 +29,6 @@ from sparsemor.reducers.sparse.sampled_block import (
     SampledElastic,
     SampledHeat,
     inverse_rows,
-    on_support,
     row_facts,
     weigh,
 )
@@ -224,7 +223,7 @@ class Build:
         the sampled rows times their test map."""
         block = source.block
         m, P = self._map(block.name, block.rows), block.weight
-        left = on_support(block.name, source.reached[1], None)
+        left = source.columns.left(None)
         return m.times(left if P is None else left @ P, len(block.dictionary.offset))
 
     def _refuse(

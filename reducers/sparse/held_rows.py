@@ -21,7 +21,7 @@ from sparsemor.core import (
     evaluate_amplitudes,
     total_load,
 )
-from sparsemor.reducers.sparse.sampled_block import SampledElastic, SampledHeat
+from sparsemor.reducers.sparse.sampled_block import ReachedColumns, SampledElastic, SampledHeat
 from sparsemor.reducers.step.condensed_newton import Mechanics
 from sparsemor.reducers.step.iteration_state import Workspace
 from sparsemor.reducers.step.solver import Stepper
@@ -30,8 +30,8 @@ ONE = np.ones(1)
 
 
 class HeldRows(Protocol):
-    """Compressed sampled rows of one block; at: its unknowns; B (j, k): the rows of the operator on
-    its coefficients, without those in which it is zero."""
+    """Compressed sampled rows of one block; at: its unknowns; columns: the operator B (j, k) on its
+    coefficients, without the rows in which it is zero."""
 
     @property
     def name(self) -> str: ...
@@ -40,7 +40,7 @@ class HeldRows(Protocol):
     @property
     def budget(self) -> int: ...
     @property
-    def B(self) -> FloatArray: ...
+    def columns(self) -> ReachedColumns: ...
     def residual(
         self, step: StepFormula, x: FloatArray, now: Stepper, work: Workspace
     ) -> FloatArray:
@@ -77,7 +77,7 @@ class ThermalRows:
     name: str
     at: slice
     budget: int
-    B: FloatArray
+    columns: ReachedColumns
     rows: "SplitRows"
     amplitudes: Sequence[Amplitude]
     tables: tuple[Table, ...]
@@ -87,8 +87,8 @@ class ThermalRows:
     @classmethod
     def of(cls, s: SampledHeat, at: slice) -> "ThermalRows":
         T, B = s.few
-        rows = SplitRows.of([T.capacity, -T.loads, -T.constant[:, None]], [B], len(s.reached[1]))
-        return cls(s.block.name, at, s.block.budget, s.reached[1], rows, T.amplitudes, T.tables,
+        rows = SplitRows.of([T.capacity, -T.loads, -T.constant[:, None]], [B], len(s.columns.B))
+        return cls(s.block.name, at, s.block.budget, s.columns, rows, T.amplitudes, T.tables,
                    tuple(s.local_rows()), s.c1)
 
     def residual(
@@ -117,7 +117,7 @@ class ElasticRows:
     name: str
     at: slice
     budget: int
-    B: FloatArray
+    columns: ReachedColumns
     rows: "SplitRows"
     amplitudes: Sequence[Amplitude]
     tables: tuple[Table, ...]
@@ -133,7 +133,7 @@ class ElasticRows:
         rows = SplitRows.of([
             *(T.generators if g else [T.mass]), *([T.damping] if damped else []), -T.coupling,
             -T.loads, T.constant[:, None]], [T.directions, B], s.first)
-        return cls(s.block.name, at, s.block.budget, s.reached[1], rows, T.amplitudes, T.tables,
+        return cls(s.block.name, at, s.block.budget, s.columns, rows, T.amplitudes, T.tables,
                    number, thermal, g, damped)
 
     def residual(
@@ -142,10 +142,9 @@ class ElasticRows:
         assert now.mechanics is not None
         sigma, coefficients = self._frame(now.mechanics, work)
         c, r1 = x[self.at], step.r1[self.at]
-        inertia = step.r2[self.at].copy()
+        inertia = step.r2[self.at]
         if self.generators:
-            g = self.generators
-            turned = np.outer(coefficients[:g], c) + np.outer(coefficients[g : 2 * g], r1)
+            turned = coefficients[:-1].reshape(2, -1).T.dot(np.array((c, r1)))
             turned[0] += inertia
             inertia = turned.ravel()
         parts = [inertia, r1] if self.damped else [inertia]

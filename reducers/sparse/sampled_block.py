@@ -10,6 +10,7 @@ from scipy.sparse import eye_array
 from sparsemor.core import (
     AssembledModel,
     BoolArray,
+    ColumnSubsets,
     Csr,
     Dictionary,
     FloatArray,
@@ -30,7 +31,7 @@ from sparsemor.core import (
 )
 from sparsemor.reducers.sparse.row_compression import compact_elastic, compact_heat
 from sparsemor.reducers.step.elastic_block import CompressedElastic
-from sparsemor.reducers.step.left_inverse import left_inverse
+from sparsemor.reducers.step.left_inverse import SAMPLED_RTOL, left_inverse, squares
 from sparsemor.reducers.step.operators import TestedElastic, TestedHeat, TestMap
 from sparsemor.reducers.step.prescribed_frame_block import CompressedPrescribed
 from sparsemor.reducers.step.thermal_block import CompressedHeat
@@ -76,47 +77,77 @@ def on_support(name: str, B: FloatArray, support: IntArray | None) -> FloatArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class ReachedColumns:
+    """Columns of B (j, k) in the compressed rows where B is nonzero. lengths (k,): their lengths, 1
+    for a column of zeros; unit: the columns scaled to unit length, with factors of subsets."""
+
+    name: str
+    B: FloatArray
+    lengths: FloatArray
+    unit: ColumnSubsets
+
+    @classmethod
+    def of(cls, name: str, B: FloatArray) -> "ReachedColumns":
+        size = np.sqrt(squares(B))
+        lengths = np.where(size > 0.0, size, 1.0)
+        return cls(name, B, lengths, ColumnSubsets(np.ascontiguousarray(B / lengths), SAMPLED_RTOL))
+
+    def left(self, support: IntArray | None) -> FloatArray:
+        """Left inverse (s, j) of the columns on the support, by least squares. Raises
+        SolveFailed."""
+        mask = np.zeros(self.B.shape[1], dtype=np.bool_)
+        mask[slice(None) if support is None else support] = True
+        left = self.unit.left_inverse(mask)
+        if left is None:
+            return on_support(self.name, self.B, support)  # which reports why
+        return np.asarray(left / self.lengths[mask][:, None])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class SampledElastic:
     """Sampled rows of an elastic block and their compressions.
 
     tested: operators in the sampled rows, including the preconditioner. few: operators and B in the
     compressed rows (row_compression.py) where atoms are selected; first: number of these rows in
     which B or the frame directions are nonzero; reached: the rows of `few` in which B is nonzero,
-    the only ones that affect a least-squares solution. prescribed: True if the motion of all frames
-    is prescribed.
+    the only ones that affect a least-squares solution; columns: B in these rows. prescribed: True
+    if the motion of all frames is prescribed.
     """
 
     block: Sampled
     tested: TestedElastic
     few: tuple[TestedElastic, FloatArray]
     first: int
-    reached: tuple[TestedElastic, FloatArray]
+    reached: TestedElastic
+    columns: ReachedColumns
     prescribed: bool
 
     @classmethod
     def of(cls, block: Sampled, tested: TestedElastic, prescribed: bool) -> "SampledElastic":
         if not block.selects:
-            whole = tested, block.B
-            return cls(block, tested, whole, len(block.B), whole, prescribed)
+            return cls(block, tested, (tested, block.B), len(block.B), tested,
+                       ReachedColumns.of(block.name, block.B), prescribed)
         t, B, reach, first = compact_elastic(tested, block.B)
         near = np.arange(reach)
-        return cls(block, tested, (t, B), first, (t.under(TestMap(near)), B[near]), prescribed)
+        return cls(block, tested, (t, B), first, t.under(TestMap(near)),
+                   ReachedColumns.of(block.name, B[near]), prescribed)
 
     def prepared(self, support: IntArray | None) -> CompressedElastic | CompressedPrescribed:
-        kind, (t, B) = CompressedPrescribed if self.prescribed else CompressedElastic, self.reached
-        return kind.of(t, on_support(self.block.name, B, support), support)
+        kind = CompressedPrescribed if self.prescribed else CompressedElastic
+        return kind.of(self.reached, self.columns.left(support), support)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SampledHeat:
-    """Sampled rows of a thermal block and their compressions; tested, few, reached: see
+    """Sampled rows of a thermal block and their compressions; tested, few, reached, columns: see
     `SampledElastic`. turn (m, l): basis of the rows of `few` in the sampled rows, None where they
     are the same."""
 
     block: Sampled
     tested: TestedHeat
     few: tuple[TestedHeat, FloatArray]
-    reached: tuple[TestedHeat, FloatArray]
+    reached: TestedHeat
+    columns: ReachedColumns
     turn: FloatArray | None
     model: AssembledModel
     body: HeatBody
@@ -127,17 +158,17 @@ class SampledHeat:
         cls, block: Sampled, tested: TestedHeat, model: AssembledModel, body: HeatBody, c1: float
     ) -> "SampledHeat":
         if not block.selects:
-            whole = tested, block.B
-            return cls(block, tested, whole, whole, None, model, body, c1)
+            return cls(block, tested, (tested, block.B), tested,
+                       ReachedColumns.of(block.name, block.B), None, model, body, c1)
         t, B, turn, reach = compact_heat(tested, block.B, bool(body.local))
         near = np.arange(reach)
-        return cls(block, tested, (t, B), (t.under(TestMap(near)), B[near]), turn, model, body, c1)
+        return cls(block, tested, (t, B), t.under(TestMap(near)),
+                   ReachedColumns.of(block.name, B[near]), turn, model, body, c1)
 
     def prepared(self, support: IntArray | None) -> CompressedHeat:
-        t, B = self.reached
-        left = on_support(self.block.name, B, support)
-        rows = left if self.turn is None else left @ self.turn[:, : len(B)].T
-        return CompressedHeat.of(t, left, support, self.c1, self._local(rows))
+        left = self.columns.left(support)
+        rows = left if self.turn is None else left @ self.turn[:, : left.shape[1]].T
+        return CompressedHeat.of(self.reached, left, support, self.c1, self._local(rows))
 
     def local_rows(self) -> list[ReducedTerm]:
         """Local terms in the rows of `few`."""

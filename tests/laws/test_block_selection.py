@@ -23,6 +23,7 @@ from sparsemor.core.testing.problems import one_group
 from sparsemor.reducers.sparse.block_selection import AtSolution, BlockSelection, exchanged
 from sparsemor.reducers.sparse.block_selection import BlockwiseSelection as Blockwise
 from sparsemor.reducers.sparse.joint_problem import HeatProblem, MechanicsProblem
+from sparsemor.reducers.sparse.sampled_block import ReachedColumns
 from sparsemor.reducers.sparse.stepper import SparseStepper
 from tiers import quick
 from tiny_scene import BUDGETS
@@ -90,12 +91,12 @@ def test_the_residuals_of_blocks_are_those_of_the_joint_problem(kind: str) -> No
     for block, want in zip((*chosen.heat, *chosen.bodies), expected, strict=True):
         rows = block.rows
         r, c = rows.residual(step, x, now, memory.work), x[rows.at]
-        size, terms = np.linalg.norm(r), np.linalg.norm(block.lengths * c)
+        size, terms = np.linalg.norm(r), np.linalg.norm(rows.columns.lengths * c)
         np.testing.assert_allclose(r, want, atol=1e-6 * size)
         support = memory.supports[rows.name]
         assert 0 < support.sum() < support.size
-        J = (rows.B / block.lengths)[:, support]
-        assert np.abs(J.T @ r[: len(rows.B)]).max() < 1e-6 * size
+        J = rows.columns.unit.A[:, support]
+        assert np.abs(J.T @ r[: len(J)]).max() < 1e-6 * size
         assert size > 1e-9 * terms, "few atoms leave a residual above rounding"
 
 
@@ -122,10 +123,10 @@ def test_radiation_is_held_at_its_value_in_the_step() -> None:
     (block,), now = solver.selection.heat, solver.steps.current(memory)
     rows, support = block.rows, memory.supports[hot]
     r = rows.residual(formula, outcome.x, now, memory.work)
-    J = (rows.B / block.lengths)[:, support]
-    size = np.abs(rows.B @ outcome.x[rows.at]).max()
+    J = rows.columns.unit.A[:, support]
+    size = np.abs(rows.columns.B @ outcome.x[rows.at]).max()
     assert support.sum() == 4
-    assert np.abs(J.T @ r[: len(rows.B)]).max() < 1e-10 * size < np.linalg.norm(r)
+    assert np.abs(J.T @ r[: len(J)]).max() < 1e-10 * size < np.linalg.norm(r)
     assert len(r) == len(solver.rows[hot]), "all sampled rows: radiation has no known span"
 
 
@@ -169,7 +170,8 @@ class Rows:
     """Sampled rows of a block without physics."""
 
     def __init__(self, B: FloatArray, budget: int) -> None:
-        self.B, self.budget, self.name, self.at = B, budget, "block", slice(0, B.shape[1])
+        self.columns, self.budget = ReachedColumns.of("block", B), budget
+        self.name, self.at = "block", slice(0, B.shape[1])
 
     def residual(self, step: Any, x: FloatArray, now: Any, work: Any) -> FloatArray:
         raise NotImplementedError
@@ -182,7 +184,7 @@ def made(B: FloatArray, budget: int, solver: Any) -> BlockSelection:
 def minimised(block: BlockSelection, b: FloatArray, support: BoolArray) -> AtSolution:
     """The block at its least-squares solution on a support, for right-hand sides b (l,) of all
     rows."""
-    B = block.rows.B
+    B = block.rows.columns.B
     c = np.zeros(B.shape[1])
     c[support] = np.linalg.lstsq(B[:, support], b[: len(B)])[0]
     r = -b.copy()
@@ -200,7 +202,8 @@ def test_a_support_is_left_only_for_one_that_is_better_by_the_hysteresis(name: s
         A = rng.standard_normal((12, 12)) * 10.0 ** rng.uniform(-2.0, 2.0, 12)
         A += 1.5 * np.roll(A, 1, axis=1)
         block = made(A, 3, SOLVERS[name])
-        b = np.concatenate((A @ (rng.standard_normal(12) / block.lengths), [0.1 * seed]))
+        c = rng.standard_normal(12) / block.rows.columns.lengths
+        b = np.concatenate((A @ c, [0.1 * seed]))
         support = np.zeros(12, dtype=np.bool_)
         support[rng.choice(12, 3, replace=False)] = True
         at = minimised(block, b, support)
@@ -223,7 +226,7 @@ def test_blocks_decide_together_by_the_norm_of_all() -> None:
     """A block whose residual is small against another's keeps its support."""
     rng = np.random.default_rng(0)
     block = made(rng.standard_normal((12, 6)), 2, SOLVERS["greedy_gauss_newton"])
-    b = block.rows.B @ np.array([1.0, 1.0, 0.0, 0.0, 0.0, 0.0])
+    b = block.rows.columns.B @ np.array([1.0, 1.0, 0.0, 0.0, 0.0, 0.0])
     wrong = minimised(block, b, np.arange(6) >= 4)
     right = minimised(block, b + 10.0 * rng.standard_normal(12), np.arange(6) < 2)
     assert exchanged([wrong], 0.3) and not exchanged([wrong, right], 0.3)

@@ -213,7 +213,7 @@ def test_prepared_arrays_need_only_the_turned_rows_that_the_operator_reaches() -
     d = prepared(reduced()).dictionaries["bar.elastic"]
     block = Sampled("bar.elastic", d, rows, 6, B, None)
     sampled = SampledElastic.of(block, t, False)
-    assert len(sampled.reached[1]) == min(B.shape)
+    assert len(sampled.columns.B) == min(B.shape)
     for support in (np.arange(6), np.array([0, 3, 4, 7, 9, 13])):
         one = sampled.prepared(support)
         all_rows = CompressedElastic.of(t, block.left(support), support)
