@@ -37,7 +37,7 @@ class GeneralizedAlpha(Plugin):
 
     With the algorithmic acceleration b (kept in memory) and the true acceleration a: q1 = q + h v +
     h^2 ((1/2 - beta) b + beta b1), v1 = v + h ((1 - gamma) b + gamma b1), (1 - am) b1 + am b = (1 -
-    af) a1 + af a. First-order unknowns such as temperatures have an algorithmic rate s in place of
+    af) a1 + af a. First-order unknowns such as temperatures have an algorithmic rate s instead of
     b: T1 = T + h ((1 - gamma) s + gamma s1), (1 - am) s1 + am s = (1 - af) T1' + af T'. The
     equations of motion are satisfied at the new time. Rates of algebraic unknowns are zero.
     """

@@ -339,8 +339,8 @@ class Reaction:
 
 @dataclass(frozen=True, slots=True)
 class Nothing:
-    """Item with zero contribution in place of another one with the same numbers of functionals,
-    coordinates and multipliers; inert: in place of the inertia."""
+    """Item with zero contribution instead of another one with the same numbers of functionals,
+    coordinates and multipliers; inert: instead of the inertia."""
 
     directions: int
     others: int

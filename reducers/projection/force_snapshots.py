@@ -134,7 +134,7 @@ def force_modes(block: Reducible, basis: Basis) -> Dictionary:
 
 
 def equation_data(block: Reducible, F: FloatArray) -> BlockData:
-    """The block's equations in place of its unknowns: F (n, M) as snapshots, identity operators, so
+    """The block's equations instead of its unknowns: F (n, M) as snapshots, identity operators, so
     that samplers and bases that multiply by the operators leave the force modes unchanged."""
     one = eye_array(block.size, format="csr")
     return replace(block.model.block_data(block.name), snapshots=F, mass=one, stiffness=one)

@@ -42,7 +42,7 @@ class Interpolating(ProjectionReducer):
     oversampling: float = Field(default=2.0, ge=1.0, le=100.0)
     """Number of points per mode; above 1 the coefficients of the modes follow by least squares."""
     points: dict[str, Annotated[int, Field(ge=1)]] = {}
-    """Number of points by block pattern, in place of the number that follows from
+    """Number of points by block pattern, instead of the number that follows from
     `oversampling`."""
     sampler: Annotated[Sampler, Slot("sampler")] = slot_default("deim")
     """Method that chooses the points from the modes."""

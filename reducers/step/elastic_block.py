@@ -230,7 +230,7 @@ class CompressedElastic(ElasticBlock):
         cls, b: TestedElastic, left: FloatArray, support: IntArray | None
     ) -> "CompressedElastic":
         """Reduced block from the tested operators; left (s, m): left inverse of the tested D on the
-        support, left @ D_S = 1, which stands for D^-1 in the tested rows."""
+        support, left @ D_S = 1, as D^-1 in the tested rows."""
         k, p, g = b.mass.shape[1], b.functional.shape[0], len(b.generators)
         use = np.arange(k) if support is None else support
         s, kt, j = len(use), b.coupling.shape[1], b.loads.shape[1]

@@ -200,7 +200,7 @@ class CompressedPrescribed(PrescribedBlock):
         cls, b: TestedElastic, left: FloatArray, support: IntArray | None
     ) -> "CompressedPrescribed":
         """Reduced block from the tested operators; left (s, m): left inverse of the tested D on the
-        support, left @ D_S = 1, which stands for D^-1 in the tested rows."""
+        support, left @ D_S = 1, as D^-1 in the tested rows."""
         G = np.stack([left @ A for A in b.generators]) if len(b.generators) else np.zeros(
             (0, len(left), b.mass.shape[1]))
         below = np.ascontiguousarray(G.transpose(0, 2, 1))
