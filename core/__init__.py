@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from sparsemor.core.linalg.coherence import condition_number as condition_number
     from sparsemor.core.linalg.coherence import oriented_unit_columns as oriented_unit_columns
     from sparsemor.core.linalg.coherence import unit_columns as unit_columns
+    from sparsemor.core.linalg.column_subsets import ColumnSubsets as ColumnSubsets
+    from sparsemor.core.linalg.column_subsets import pseudo_inverse as pseudo_inverse
     from sparsemor.core.linalg.factorized import Solved as Solved
     from sparsemor.core.linalg.factorized import is_vector_field as is_vector_field
     from sparsemor.core.linalg.factorized import not_solved as not_solved
@@ -92,6 +94,7 @@ if TYPE_CHECKING:
     from sparsemor.core.registry.returned_values import built_dictionary as built_dictionary
     from sparsemor.core.registry.returned_values import built_weights as built_weights
     from sparsemor.core.registry.returned_values import checked_return as checked_return
+    from sparsemor.core.registry.returned_values import prepared_recovery as prepared_recovery
     from sparsemor.core.registry.returned_values import sampled_rows as sampled_rows
     from sparsemor.core.registry.slot import Slot as Slot
     from sparsemor.core.registry.slot import slot_default as slot_default
@@ -118,6 +121,7 @@ _HOMES = {
     "errors": ("Fault", "Gather", "InputError"),
     "linalg.coherence": ("coherence", "condition_number", "oriented_unit_columns",
         "unit_columns"),
+    "linalg.column_subsets": ("ColumnSubsets", "pseudo_inverse"),
     "linalg.factorized": ("Solved", "is_vector_field", "not_solved", "rigid_motions",
         "solved_directly", "unsuitable_matrix"),
     "linalg.least_squares": ("least_squares_coefficients",),
@@ -149,7 +153,7 @@ _HOMES = {
     "registry.plugin": ("Plugin",),
     "registry.registry": ("Registry", "suggestions"),
     "registry.returned_values": ("built_dictionary", "built_weights", "checked_return",
-        "sampled_rows"),
+        "prepared_recovery", "sampled_rows"),
     "registry.slot": ("Slot", "slot_default"),
     "results.error_norms": ("CONSTANT_CHANGE",),
     "simulation.diagnostics.alternating_joint_forces": ("joints_with_forces",),

@@ -78,10 +78,10 @@ def preconditioner_faults(
 def capability_faults(
     model: AssembledModel, budgets: Mapping[str, RowsAndAtoms], sampler: Sampler,
     solver: SparseSolver,
-    basis: Basis, bases: Mapping[str, Basis],
+    basis: Basis, bases: Mapping[str, Basis], joint_problem: bool,
 ) -> list[Fault]:
     """Missing capabilities of the sparse solver for the problems of this scene, as known before
-    training.
+    training. joint_problem: True if all elastic blocks are one nonlinear problem.
 
     Problems with fewer rows than atoms cannot be predicted where the size of the dictionary is
     unknown; these are checked when the reduced model is prepared.
@@ -93,7 +93,7 @@ def capability_faults(
         if budget is None or budget.atoms is None:
             continue
         most = most_atoms(matched_option(name, bases, basis), block_size(model, name))
-        if model.layout.block(name).kind.order == 2:
+        if joint_problem and model.layout.block(name).kind.order == 2:
             choosing.append(name)
             joint = joint or budget.atoms < most
             continue

@@ -19,7 +19,7 @@ from sparsemor.core import (
 
 NO_EFFECT = "no_effect"
 """Kind of the notes on options without effect."""
-OF_A_SELECTION = ("solver", "every", "carried", "polish", "screen")
+OF_A_SELECTION = ("solver", "selection", "hysteresis", "every", "carried", "polish")
 """Options of the reducer `sparse` that have an effect only where atoms are selected."""
 UNSAMPLED = "unsampled"
 """Kind of the notes on loads and joints that act on no sampled row."""

@@ -40,7 +40,7 @@ CAPABILITIES: Mapping[str, tuple[type, ...]] = {
                 reducer.HoldsSnapshots, reducer.RestartsSteps, reducer.SharesOptions,
                 reducer.SamplesRows, reducer.BudgetsFields),
     "sampler": (sampler.ChoosesRowsKept, sampler.SamplesNodes, sampler.DrawsRequired),
-    "sparse_solver": (sparse_solver.LimitsProblems, sparse_solver.ScreensSupport),
+    "sparse_solver": (sparse_solver.LimitsProblems,),
 }
 """Kind of plugin -> optional protocols of the plugin class."""
 EVERY = (part.ReadsFiles,)

@@ -1,14 +1,14 @@
-"""Interfaces of sparse recovery: the sparse least-squares problem of a time step, its solvers, and
-inexpensive tests (screening) of whether the support would change.
+"""Interfaces of sparse recovery: sparse least-squares problems, and solvers of these.
 
-The support is the set of active atoms (trial vectors with nonzero coefficients). A step that starts
-from the support of the previous step solves on it first; a solver with screening then tests whether
-it would exchange atoms, other solvers run in full in every step.
+The support is the set of active atoms (trial vectors with nonzero coefficients). A solver treats
+two kinds of problems. `solve`: a nonlinear residual of several groups of columns, such as the rows
+of all bodies and joints of a step (Liang et al. 2026, Eq. 25). `prepare`: a linear residual of one
+group with a constant matrix, such as the sampled rows of one body while the other unknowns of the
+step are held; its factors are computed once, and each step selects a support for another residual.
 """
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 from sparsemor.core.arrays import BoolArray, FloatArray
 from sparsemor.core.status import Status
@@ -60,10 +60,60 @@ class SparseOutcome:
     residual_norm: float
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Selection:
+    """Support (k,) on which a sparse solver ends for a linear problem, and its status; after a
+    failure the support from which it started."""
+
+    support: BoolArray
+    status: Status = Status.DONE
+
+
+class Columns(Protocol):
+    """Constant columns A (m, k) of a linear problem, of unit length or zero, with least squares min
+    |A x - b| on subsets of them.
+
+    The factors of recent subsets are kept and shared by the solver and the reducer; they do not
+    depend on the order of the calls, so that several threads may use them. A subset is a mask (k,);
+    linearly dependent columns, to the accuracy that a step needs, are reported by None.
+    """
+
+    @property
+    def A(self) -> FloatArray: ...
+    def independent(self, subset: BoolArray) -> bool:
+        """True if the columns of the subset are linearly independent."""
+        ...
+    def solution(self, subset: BoolArray, b: FloatArray) -> FloatArray | None:
+        """Least-squares solution x (k,), zero outside the subset."""
+        ...
+    def squared_residual(self, subset: BoolArray, b: FloatArray) -> float | None:
+        """|A x - b|^2 of the least-squares solution x."""
+        ...
+
+
+class Recovery(Protocol):
+    """Selection of supports for linear problems min |r + J d| with one constant matrix J.
+
+    It contains constant arrays and may be used by several threads at once: equal arguments give
+    equal supports.
+    """
+
+    def select(self, r: FloatArray, c: FloatArray, support: BoolArray) -> Selection:
+        """Support (k,), within the budget, on which the solver ends when started from coefficients
+        c (k,) with the residual r (m,), the least-squares solution on `support`. In the first step
+        of a run `support` exceeds the budget: all columns that the rows distinguish."""
+        ...
+
+
 class SparseSolver(Protocol):
     """Solver of sparse least-squares problems, warm-started from the support of an earlier step."""
 
     def solve(self, problem: SparseProblem, start: SparseStart) -> SparseOutcome: ...
+
+    def prepare(self, columns: Columns, budget: int) -> Recovery:
+        """Recovery for a constant matrix J (m, k) = columns.A. budget: largest number of active
+        columns; a column of zeros cannot be active."""
+        ...
 
 
 PROBLEM_FEATURES = {
@@ -97,91 +147,3 @@ def solver_refusal(name: str, solver: SparseSolver, needs: frozenset[str]) -> st
         return ""
     what = "; ".join(f"{c}: {PROBLEM_FEATURES.get(c, 'unknown')}" for c in lacking)
     return f"{type(solver).__name__} cannot solve {name}, which needs {what}"
-
-
-class GramError(NamedTuple):
-    """Round-off error bounds of a Gram matrix: relative error of magnitudes that are compared, and
-    error of d.gram d relative to d.d."""
-
-    sizes: float
-    gram: float
-
-
-class Quadratic(NamedTuple):
-    """Quadratic model of a linear least-squares problem: |residual(c + d)|^2 = |residual(c)|^2 + 2
-    slope.d + d.gram d, at the solution c of a step.
-
-    gram (k, k): Gram matrix in Fortran order, of which only the upper triangle is read; slope, c
-    (k,), c zero off the support. All refer to columns of about unit length; lengths (k,): factors
-    that restore the columns of the original problem, in which coefficients are compared. gram and
-    lengths remain the same objects as long as they do not change.
-
-    error: error bounds of gram and slope. exact(): the same model with almost no error at higher
-    cost; None if it is already exact. left(): |residual(c)|^2, and the squared norm of the
-    eliminated unknowns times their column lengths, against which round-off is judged.
-    """
-
-    gram: FloatArray
-    slope: FloatArray
-    c: FloatArray
-    lengths: FloatArray
-    error: GramError
-    exact: "Callable[[], Quadratic] | None"
-    left: Callable[[], tuple[float, float]]
-
-
-class Reason(Protocol):
-    """Certificate that a support remains optimal while gram is constant, as linear functions of
-    slope and c: values (m,) = slope @ at.slope + c @ at.c, with these two (m, k)."""
-
-    @property
-    def slope(self) -> FloatArray: ...
-    @property
-    def c(self) -> FloatArray: ...
-    @property
-    def parts(self) -> tuple[slice, ...]:
-        """Slices of `values` with a common meaning."""
-        ...
-
-    def holds(self, values: FloatArray, relative: float, absolute: Sequence[float]) -> bool:
-        """True if the support certainly remains. relative: relative error of magnitudes; absolute:
-        absolute error of each of the `parts`."""
-        ...
-
-
-class Screen(Protocol):
-    """Screening of one sparse solver for a linear residual: support changes decided from the Gram
-    matrix."""
-
-    def stays(self, at: Quadratic, support: BoolArray) -> bool:
-        """True if an inexpensive test proves that the solver would end on the support from which it
-        starts.
-
-        Applies also to several independent problems, each a group with its own rows.
-        """
-        ...
-
-    def settle(self, at: Quadratic, support: BoolArray) -> BoolArray | None:
-        """Support (k,) on which the solver would end, started from c on `support`; the same object
-        if it does not change. None if an intermediate decision is within the error bounds, so that
-        the solver must be run."""
-        ...
-
-    def reason(self, at: Quadratic, support: BoolArray) -> Reason | None:
-        """Certificate for a support that has just been retained; None if there is none of this
-        form."""
-        ...
-
-    def unlike(self, old: Quadratic, new: Quadratic, support: BoolArray) -> GramError:
-        """Bound on the error in the selection criteria when `old` replaces `new` at the same c."""
-        ...
-
-
-@runtime_checkable
-class ScreensSupport(Protocol):
-    """A sparse solver with an inexpensive test of whether it would exchange atoms (columns)."""
-
-    def screen(self, groups: Sequence[Group], seen: BoolArray, rows: int) -> Screen:
-        """Screening for problems with these groups, all of which have budgets. seen (k,): True for
-        nonzero columns; rows: number of rows of the problem for these columns."""
-        ...

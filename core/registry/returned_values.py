@@ -10,7 +10,16 @@ import numpy as np
 
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.errors import InputError
-from sparsemor.core.protocols import Basis, BlockData, Dictionary, Preconditioner, Sampler
+from sparsemor.core.protocols import (
+    Basis,
+    BlockData,
+    Columns,
+    Dictionary,
+    Preconditioner,
+    Recovery,
+    Sampler,
+    SparseSolver,
+)
 from sparsemor.core.registry.contracts import absent_members, origin, part_breaches
 
 T = TypeVar("T")
@@ -83,3 +92,10 @@ def built_weights(preconditioner: Preconditioner, B: FloatArray) -> FloatArray:
 def _wrong(plugin: object, call: str, got: str, required: str, key: str = "") -> InputError:
     return InputError(f"{call} of {origin(plugin)} returned {got}, where {required} is required: "
                       "report it to the authors of that plugin", key)
+
+
+def prepared_recovery(solver: SparseSolver, columns: Columns, budget: int) -> Recovery:
+    """Recovery that a sparse solver prepares for constant columns; checked to be one."""
+    recovery = solver.prepare(columns, budget)
+    complete(recovery, Recovery, solver, "prepare", "reducer.solver")
+    return recovery

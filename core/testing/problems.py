@@ -176,6 +176,14 @@ def chained(
     return LeastSquares((Group("only", 0, k, active),), A, np.zeros((m, k)), 0.0, answer)
 
 
+def one_group(rng: np.random.Generator, m: int = 60, k: int = 32, active: int = 5) -> LeastSquares:
+    """Linear problem with one group of Gaussian unit columns, drawn until `exact_recovery` < 1."""
+    while True:
+        problem = chained(rng, m, k, active, 0.0)
+        if exact_recovery(problem) < 1.0:
+            return problem
+
+
 def coherent(rng: np.random.Generator, k: int = 60, m: int = 40, active: int = 4) -> LeastSquares:
     """Problem with one group of smooth columns, neighbours nearly parallel: recovery is not
     guaranteed."""

@@ -4,9 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from sparsemor.core.arrays import BoolArray, FloatArray
 from sparsemor.core.errors import InputError
+from sparsemor.core.linalg.column_subsets import ColumnSubsets
 from sparsemor.core.protocols import (
     LimitsProblems,
+    Recovery,
     SparseOutcome,
     SparseProblem,
     SparseSolver,
@@ -20,9 +23,13 @@ from sparsemor.core.testing.problems import (
     all_penalised,
     empty_start,
     incoherent,
+    one_group,
     tall,
 )
 from sparsemor.core.testing.random_inputs import copied, law, unchanged
+
+RANK = 1e-12
+"""Reciprocal condition number below which columns of the tests count as linearly dependent."""
 
 
 def check_sparse_solver(solver: SparseSolver, seed: int = 0, trials: int = 20) -> None:
@@ -31,9 +38,11 @@ def check_sparse_solver(solver: SparseSolver, seed: int = 0, trials: int = 20) -
     Recovery is tested on Gaussian columns (5 active of 32 or 70, with 4 or no unpenalised ones, 60
     rows, no noise): from an empty support for a linear problem, from the true support for a mildly
     nonlinear one. A problem that needs a capability which the solver does not declare must be
-    refused, naming the capability, by the check and by the solver.
+    refused, naming the capability, by the check and by the solver. What `prepare` returns obeys the
+    same laws for linear problems with one group (`check_recovery`).
     """
     _declares(solver)
+    check_recovery(solver, seed, trials)
     for trial in range(trials):
         for make in (incoherent, tall, all_penalised):
             rng = np.random.default_rng([seed, trial])
@@ -142,3 +151,91 @@ def _owns_up(solver: SparseSolver, problem: LeastSquares) -> None:
     twins = replace(problem, A=A)
     status = solver.solve(twins, start).status
     law(not status.ok, "two equal unpenalised columns were reported as solved")
+
+
+# ---------------------------------------------------------------- linear problems, constant matrix
+
+
+def check_recovery(solver: SparseSolver, seed: int = 0, trials: int = 20) -> None:
+    """Laws of the supports that a sparse solver selects for a constant matrix.
+
+    The 5 active of 32 or 70 Gaussian unit columns are found from 60 rows: from no column, from
+    wrong ones, and from all columns, which exceed the budget. A support that was found is found
+    again from its own least-squares solution. Linearly dependent columns are never selected
+    together without a status, and a residual that is not finite has one.
+    """
+    for trial in range(trials):
+        for k in (32, 70):
+            rng = np.random.default_rng([seed, trial, k])
+            problem = one_group(rng, k=k)
+            where = f"(60 rows, {k} columns, seed {seed}, trial {trial})"
+            if solver_refusal("it", solver, problem.needs):
+                _refuses_to_prepare(solver, problem, where)
+            else:
+                _selects(solver, problem, rng, where)
+
+
+def _refuses_to_prepare(solver: SparseSolver, problem: LeastSquares, where: str) -> None:
+    try:
+        solver.prepare(ColumnSubsets(problem.A, RANK), problem.groups[0].budget or 0)
+    except InputError:
+        return
+    law(False, f"lacks {', '.join(missing(solver, problem.needs))}, yet prepared: {where}")
+
+
+def _selects(
+    solver: SparseSolver, problem: LeastSquares, rng: np.random.Generator, where: str
+) -> None:
+    columns, budget = ColumnSubsets(problem.A, RANK), problem.groups[0].budget or 0
+    recovery = solver.prepare(columns, budget)
+    m, k = problem.A.shape
+    none, wrong = np.zeros(k, dtype=np.bool_), np.zeros(k, dtype=np.bool_)
+    wrong[rng.choice(k, budget, replace=False)] = True
+    starts = {"no column": none, "wrong columns": wrong}
+    if k <= m:
+        starts["all columns"] = np.ones(k, dtype=np.bool_)
+    b = problem.A @ problem.answer
+    for name, start in starts.items():
+        found = _selected(recovery, columns, budget, start, b, f"from {name} {where}")
+        lost = np.flatnonzero(problem.support & ~found)
+        law(lost.size == 0, f"atoms {lost} of the answer are not selected from {name}: {where}")
+        again = _selected(recovery, columns, budget, found, b, f"from its own solution {where}")
+        law(np.array_equal(again, found), f"a support is left at its own solution: {where}")
+    noisy = b + 0.05 * rng.standard_normal(m)
+    _selected(recovery, columns, budget, wrong, noisy, f"noisy {where}")
+    status = recovery.select(np.full(m, np.nan), np.zeros(k), wrong).status
+    law(status is Status.NOT_FINITE, f"a residual of nan ended with {status.value}: {where}")
+    _tells_twins(solver, problem, where)
+
+
+def _selected(
+    recovery: Recovery, columns: ColumnSubsets, budget: int, support: BoolArray, b: FloatArray,
+    where: str,
+) -> BoolArray:
+    """Support selected at the least-squares solution on `support` of columns.A x = b."""
+    c = columns.solution(support, b)
+    law(c is not None, f"the start has linearly dependent columns: {where}")
+    assert c is not None
+    r = columns.A @ c - b
+    before = r.copy(), c.copy(), support.copy()
+    found, again = (recovery.select(r, c, support) for _ in range(2))
+    kept = all(np.array_equal(a, b) for a, b in zip((r, c, support), before, strict=True))
+    law(kept, f"select wrote to its arguments: {where}")
+    law(np.array_equal(found.support, again.support), f"two selections differ: {where}")
+    law(found.status is Status.DONE, f"ended with {found.status.value}: {where}")
+    law(found.support.shape == c.shape and found.support.dtype == np.bool_,
+        f"support must be bool of shape {c.shape}: {where}")
+    used = int(found.support.sum())
+    law(used <= budget, f"{used} active atoms, budget {budget}: {where}")
+    return found.support
+
+
+def _tells_twins(solver: SparseSolver, problem: LeastSquares, where: str) -> None:
+    """Checks that two equal columns are not both selected, unless the status reports it."""
+    A, active = problem.A.copy(), np.flatnonzero(problem.support)
+    A[:, active[0]] = A[:, active[1]]
+    columns, none = ColumnSubsets(A, RANK), np.zeros(A.shape[1], dtype=np.bool_)
+    recovery = solver.prepare(columns, len(active))
+    found = recovery.select(-A @ problem.answer, np.zeros(A.shape[1]), none)
+    law(not found.status.ok or columns.independent(found.support),
+        f"linearly dependent columns are selected with status {found.status.value}: {where}")

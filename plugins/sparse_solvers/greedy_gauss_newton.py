@@ -1,12 +1,22 @@
 """Greedy Gauss-Newton solver of the sparse problem of a time step (Liang et al. 2026, Eq. 25)."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 from pydantic import Field
 
-from sparsemor.core import BoolArray, Group, Status
+from sparsemor.core import (
+    BoolArray,
+    Columns,
+    FloatArray,
+    Group,
+    Recovery,
+    Selection,
+    Status,
+    pseudo_inverse,
+)
 from sparsemor.plugins.sparse_solvers.iterates import always_active
 from sparsemor.plugins.sparse_solvers.least_squares_on_support import (
     Fit,
@@ -17,7 +27,9 @@ from sparsemor.plugins.sparse_solvers.least_squares_on_support import (
     widened,
 )
 from sparsemor.plugins.sparse_solvers.newton import Choose, SupportNewton
-from sparsemor.plugins.sparse_solvers.screen import ExchangeScreen, Rule
+
+SINGULAR = 1e-10
+"""Singular value, relative to the largest, below which a combination of unit columns is zero."""
 
 
 class GreedyGaussNewton(SupportNewton):
@@ -43,32 +55,25 @@ class GreedyGaussNewton(SupportNewton):
     gain: float = Field(default=1e-8, ge=0.0, lt=1.0)
     """Fraction by which an exchange must lower the linearised residual norm: prevents
     endless exchanges of atoms that fit round-off."""
-    hysteresis: float = Field(default=0.3, ge=0.0, lt=1.0)
-    """Fraction by which an exchange must lower the norm to replace a nonempty warm-started support.
-    Each exchange is a jump in velocities that takes some steps to decay. 0: `gain` alone."""
 
-    def screen(self, groups: Sequence[Group], seen: BoolArray, rows: int) -> ExchangeScreen:
-        """Fast test of steps 2 to 5 where the residual is linear
-        (`core.protocols.sparse_solver`)."""
-        everyone = self.candidates == "all" and len(seen) <= rows
-        rule = Rule(everyone, self.growth, self.gain, max(self.gain, self.hysteresis),
-                    self.max_iterations)
-        return ExchangeScreen(rule, groups, seen, rows)
+    def prepare(self, columns: Columns, budget: int) -> Recovery:
+        """Steps 2 to 5 for constant columns."""
+        J = columns.A
+        m, k = J.shape
+        everyone = self.candidates == "all" and k <= m
+        return GreedyRecovery(
+            self, columns, np.sqrt(np.einsum("ij,ij->j", J, J)), (Group("", 0, k, budget),),
+            pseudo_inverse(J, SINGULAR) if everyone else None)
 
     def chooser(self, groups: Sequence[Group], support: BoolArray) -> Choose:
-        first = support if _used(support, groups) else None
-
         def choose(linear: Linearised, support: BoolArray, explore: bool) -> Fit | Status:
-            stays = first is not None and np.array_equal(support, first)
-            gain = max(self.gain, self.hysteresis) if stays else self.gain
-            found = self._step(linear, support & _visible(linear, groups), groups, explore, gain)
+            found = self.step(linear, support & _visible(linear, groups), groups, explore)
             return found or Status.RANK_DEFICIENT
 
         return choose
 
-    def _step(
-        self, linear: Linearised, support: BoolArray, groups: Sequence[Group], explore: bool,
-        gain: float,
+    def step(
+        self, linear: Linearised, support: BoolArray, groups: Sequence[Group], explore: bool
     ) -> Fit | None:
         """Least-squares fit after steps 2 to 5 on one linearisation; None when the active columns
         are dependent."""
@@ -83,19 +88,67 @@ class GreedyGaussNewton(SupportNewton):
             return base
         wide = fit(linear, union, self.rank_rtol)
         if wide is None:
-            union = independent(linear, support, union, self.rank_rtol)
+            union = independent(linear.J, support, union, self.rank_rtol)
             wide = fit(linear, union, self.rank_rtol)
         if wide is None:
             return base
         kept = pruned(wide.z, union, groups)
         new = fit(linear, kept, self.rank_rtol)
-        least = base.norm - max(gain * base.norm, base.round_off)
+        least = base.norm - max(self.gain * base.norm, base.round_off)
         return base if new is None or new.norm >= least else new
 
 
-def _used(support: BoolArray, groups: Sequence[Group]) -> bool:
-    """True if each group with a budget has an active column."""
-    return all(support[g.start : g.stop].any() for g in groups if g.budget)
+@dataclass(frozen=True, slots=True, eq=False)
+class GreedyRecovery:
+    """Greedy exchange of columns for a linear problem with a constant matrix J (m, k).
+
+    lengths (k,): column lengths, 1 or 0; inverse (k, m): pseudo-inverse of J, with which one
+    product gives least squares on all columns; None where only correlated columns are candidates.
+    """
+
+    solver: GreedyGaussNewton
+    columns: Columns
+    lengths: FloatArray
+    groups: tuple[Group, ...]
+    inverse: FloatArray | None
+
+    def select(self, r: FloatArray, c: FloatArray, support: BoolArray) -> Selection:
+        """Support after the exchanges of steps 2 to 5."""
+        if not float(r.dot(r) + c.dot(c)) < np.inf:
+            return Selection(support, Status.NOT_FINITE)
+        if self.inverse is not None:
+            return self._among_all(r, c, support, self.inverse)
+        linear = Linearised(self.columns.A, r, c, self.lengths)
+        now = pruned(c, support & (self.lengths > 0.0), self.groups)
+        for _ in range(self.solver.max_iterations):
+            found = self.solver.step(linear, now, self.groups, True)
+            if found is None:
+                return Selection(support, Status.RANK_DEFICIENT)
+            if np.array_equal(found.active, now):
+                return Selection(now)
+            now = found.active
+        return Selection(support, Status.NOT_CONVERGED)
+
+    def _among_all(
+        self, r: FloatArray, c: FloatArray, support: BoolArray, inverse: FloatArray
+    ) -> Selection:
+        """Support of the largest coefficients of least squares on all columns, which do not depend
+        on the support: one exchange is all, and the caller compares its residual norm."""
+        z, columns = c - inverse.dot(r), self.columns
+        kept = largest(np.abs(z), self.groups[0].budget or 0)
+        if (kept == support).all():
+            return Selection(support)
+        if not columns.independent(kept):
+            kept = independent(columns.A, support & kept, kept, self.solver.rank_rtol)
+        return Selection(kept)
+
+
+def largest(sizes: FloatArray, count: int) -> BoolArray:
+    """Mask (k,) of the `count` largest sizes that are not zero."""
+    kept = sizes > 0.0
+    if count < len(sizes):
+        kept[sizes.argpartition(len(sizes) - count)[: len(sizes) - count]] = False
+    return kept
 
 
 def _visible(linear: Linearised, groups: Sequence[Group]) -> BoolArray:

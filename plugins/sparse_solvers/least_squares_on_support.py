@@ -102,12 +102,12 @@ def widened(
     return active
 
 
-def independent(linear: Linearised, base: BoolArray, wide: BoolArray, rtol: float) -> BoolArray:
-    """Mask `wide` without those new columns that depend on the columns of `base` or, by pivoted QR,
-    on each other."""
+def independent(J: FloatArray, base: BoolArray, wide: BoolArray, rtol: float) -> BoolArray:
+    """Mask `wide` without those new columns of J (m, k) that depend on the columns of `base` or, by
+    pivoted QR, on each other."""
     added: IntArray = np.flatnonzero(wide & ~base)
-    Q = np.linalg.qr(linear.J[:, base])[0]
-    new = linear.J[:, added]
+    Q = np.linalg.qr(J[:, base])[0]
+    new = J[:, added]
     new = new - Q @ (Q.T @ new)
     R, order = linalg.qr(new, mode="r", pivoting=True, check_finite=False)
     enough = np.abs(np.diag(R)) > 100.0 * rtol

@@ -11,10 +11,13 @@ from pydantic import Field
 from sparsemor.core import (
     PROBLEM_FEATURES,
     BoolArray,
+    Columns,
     FloatArray,
     Group,
     InputError,
     Plugin,
+    Recovery,
+    Selection,
     SparseOutcome,
     SparseProblem,
     SparseStart,
@@ -29,13 +32,14 @@ from sparsemor.plugins.sparse_solvers.iterates import (
     within_budget,
 )
 from sparsemor.plugins.sparse_solvers.least_squares_on_support import (
+    EPS,
     Fit,
     Linearised,
     fit,
     independent,
     pruned,
 )
-from sparsemor.plugins.sparse_solvers.penalised import Penalised
+from sparsemor.plugins.sparse_solvers.penalised import Penalised, PreparedColumns
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -164,6 +168,17 @@ class LinearRecovery(SupportNewton):
             raise InputError(refused)
         return super().solve(problem, start)
 
+    def prepare(self, columns: Columns, budget: int) -> Recovery:
+        """Recovery from constant columns. Raises InputError for a shape that this solver does not
+        support."""
+        J = columns.A
+        m, k = J.shape
+        shape = {"overdetermined"} if m > k else {"underdetermined"} if m < k else set[str]()
+        refused = solver_refusal("this problem", self, frozenset(shape))
+        if refused:
+            raise InputError(refused)
+        return PreparedRecovery(self, J, PreparedColumns.of(J, budget))
+
     def chooser(self, groups: Sequence[Group], support: BoolArray) -> Choose:
         found: Support | None = None
 
@@ -194,5 +209,33 @@ class LinearRecovery(SupportNewton):
         kept = pruned(found.x, found.x != 0.0, rest.groups)
         active[rest.columns[kept]] = True
         if kept.any():
-            active = independent(linear, free, active, self.rank_rtol)
+            active = independent(linear.J, free, active, self.rank_rtol)
         return Support(linear, active, Status.DONE)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PreparedRecovery:
+    """Recovery by a solver that starts from no support: sparse x with J x = J c - r, for constant
+    columns J (m, k)."""
+
+    solver: LinearRecovery
+    J: FloatArray
+    columns: PreparedColumns
+
+    def select(self, r: FloatArray, c: FloatArray, support: BoolArray) -> Selection:
+        """Support of the largest recovered coefficients, without linearly dependent columns."""
+        b = self.J.dot(c) - r
+        size = float(np.sqrt(b.dot(b)))
+        if not size < np.inf:
+            return Selection(support, Status.NOT_FINITE)
+        problem = self.columns.with_right(b)
+        left = float(np.sqrt(problem.b.dot(problem.b)))
+        if left <= 100.0 * EPS * size:
+            return Selection(np.zeros_like(support))
+        found = self.solver.recover(problem)
+        if not found.status.ok:
+            return Selection(support, found.status)
+        kept = pruned(found.x, found.x != 0.0, problem.groups)
+        if not problem.subsets.independent(kept):
+            kept = independent(problem.A, np.zeros_like(kept), kept, self.solver.rank_rtol)
+        return Selection(kept)

@@ -1,8 +1,10 @@
 """Orthogonal matching pursuit."""
 
+from math import sqrt
+
 import numpy as np
 from pydantic import Field
-from scipy.linalg import solve_triangular
+from scipy.linalg import blas, solve_triangular
 
 from sparsemor.core import FloatArray
 from sparsemor.plugins.sparse_solvers.newton import LinearRecovery, Recovered
@@ -24,39 +26,55 @@ class OrthogonalMatchingPursuit(LinearRecovery):
     def recover(self, problem: Penalised) -> Recovered:
         """Coefficients x (k,) of least squares on the chosen columns."""
         A, b = problem.A, problem.b
-        open_, room = np.linalg.norm(A, axis=0) > 0.0, [g.budget or 0 for g in problem.groups]
-        owner = np.repeat(np.arange(len(room)), [g.stop - g.start for g in problem.groups])
+        room = [g.budget or 0 for g in problem.groups]
         most = min(problem.size, sum(room))
-        Q, R = np.empty((problem.size, most), order="F"), np.zeros((most, most))
+        # columns without their parts along the chosen ones; chosen and refused columns are zero
+        W = np.array(A, order="F")
+        Q, H = np.empty((problem.size, most), order="F"), np.empty((most, A.shape[1]))
         chosen: list[int] = []
-        r, least = b, self.tolerance * float(np.linalg.norm(b))
-        while len(chosen) < most and float(np.linalg.norm(r)) > least:
-            correlation = np.where(open_, np.abs(r @ A), 0.0)
-            j, n = int(np.argmax(correlation)), len(chosen)
-            if not correlation[j] > 0.0:
+        r, left, shares = b, sqrt(float(b.dot(b))), np.empty(most)
+        least = self.tolerance * left
+        while len(chosen) < most and left > least:
+            correlation, n = r.dot(W), len(chosen)
+            j = int(blas.idamax(correlation))
+            if correlation[j] == 0.0:
                 break
-            open_[j] = False
-            q = A[:, j]
-            for _ in range(2):  # once loses orthogonality between nearly parallel columns
-                h = q @ Q[:, :n]
-                q, R[:n, n] = q - Q[:, :n] @ h, R[:n, n] + h
-            size = float(np.linalg.norm(q))
+            q = W[:, j].copy()
+            size = sqrt(float(q.dot(q)))
             if size <= DEPENDENT:
-                R[:n, n] = 0.0
+                W[:, j] = 0.0
                 continue
-            Q[:, n], R[n, n] = q / size, size
-            r = r - Q[:, n] * (Q[:, n] @ r)
+            q /= size
+            # once loses orthogonality between nearly parallel columns
+            q -= Q[:, :n].dot(q.dot(Q[:, :n]))
+            q /= sqrt(float(q.dot(q)))
+            h = q.dot(W)
+            W = blas.dger(-1.0, q, h, a=W, overwrite_a=1)
+            W[:, j] = 0.0
+            Q[:, n], H[n] = q, h
+            shares[n] = q.dot(r)
+            r = r - shares[n] * q
+            left = sqrt(float(r.dot(r)))
             chosen.append(j)
-            room[owner[j]] -= 1
-            if room[owner[j]] == 0:
-                open_[owner == owner[j]] = False
-        return Recovered(_coefficients(A.shape[1], chosen, Q, R, b))
+            self._close(problem, j, room, W)
+        return Recovered(_coefficients(A.shape[1], chosen, H, shares))
+
+    def _close(self, problem: Penalised, j: int, room: list[int], W: FloatArray) -> None:
+        """Counts column j in its group; a group with as many active columns as its budget gets no
+        more."""
+        for i, g in enumerate(problem.groups):
+            if g.start <= j < g.stop:
+                room[i] -= 1
+                if room[i] == 0:
+                    W[:, g.start : g.stop] = 0.0
 
 
 def _coefficients(
-    k: int, chosen: list[int], Q: FloatArray, R: FloatArray, b: FloatArray
+    k: int, chosen: list[int], H: FloatArray, shares: FloatArray
 ) -> FloatArray:
+    """Coefficients x (k,) of the chosen columns; H (n, k): their orthonormal directions times all
+    columns; shares (n,): these directions times the right-hand side."""
     x, n = np.zeros(k), len(chosen)
     if n:
-        x[chosen] = solve_triangular(R[:n, :n], b @ Q[:, :n])
+        x[chosen] = solve_triangular(H[:n, chosen], shares[:n])
     return x

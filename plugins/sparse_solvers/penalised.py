@@ -1,13 +1,13 @@
 """Linearised problem after elimination of its unpenalised columns."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import linalg
 from scipy.linalg import lapack
 
-from sparsemor.core import BoolArray, FloatArray, Group, IntArray
+from sparsemor.core import BoolArray, ColumnSubsets, FloatArray, Group, IntArray
 from sparsemor.plugins.sparse_solvers.iterates import always_active
 from sparsemor.plugins.sparse_solvers.least_squares_on_support import EPS, Linearised
 
@@ -35,6 +35,8 @@ class Penalised:
     groups: tuple[Group, ...]
     columns: IntArray
     """Positions (k,) of the columns in the whole problem."""
+    subsets: ColumnSubsets
+    """Factors of subsets of the columns of A, kept for all right-hand sides with this A."""
 
     @classmethod
     def of(cls, linear: Linearised, groups: Sequence[Group]) -> "Penalised":
@@ -60,8 +62,13 @@ class Penalised:
                 if g.budget == 0:
                     A[:, kept[-1].start : start] = 0.0
         if A.shape[0] > A.shape[1]:
-            A, b = _best_fit(A, b)
-        return cls(A, b, tuple(kept), columns)
+            Q, A = _best_fit(A)
+            b = b @ Q
+        return cls(A, b, tuple(kept), columns, ColumnSubsets(A, DEPENDENT))
+
+    def with_right(self, b: FloatArray) -> "Penalised":
+        """The same columns for another right-hand side b (m,)."""
+        return replace(self, b=b)
 
     @property
     def size(self) -> int:
@@ -76,24 +83,41 @@ class Penalised:
     def least_squares(self, active: BoolArray) -> FloatArray:
         """Least-squares solution x (k,) on the active columns; of least norm where it is not
         unique."""
-        x = np.zeros(active.size)
-        if active.any():
-            x[active] = np.linalg.lstsq(self.A[:, active], self.b, rcond=DEPENDENT)[0]
-        return x
+        return self.subsets.least_norm_solution(active, self.b)
 
     def left(self, x: FloatArray) -> float:
         """Norm of the residual b - A x."""
         return float(np.linalg.norm(self.b - self.A @ x))
 
 
-def _best_fit(A: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Problem with as many rows as A has independent columns, whose solutions are the least-squares
-    solutions of A x = b."""
+def _best_fit(A: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Orthonormal basis Q (m, r) of the columns of A (m, k), and Q^T A: the least-squares solutions
+    of A x = b are those of Q^T A x = Q^T b, which has as many rows as A independent columns."""
     Q, R, order = linalg.qr(A, mode="economic", pivoting=True, check_finite=False)
     rank = int(np.count_nonzero(np.abs(np.diag(R)) > DEPENDENT))
     fitted = np.zeros((rank, A.shape[1]))
     fitted[:, order] = R[:rank]
-    return fitted, b @ Q[:, :rank]
+    return Q[:, :rank], fitted
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PreparedColumns:
+    """Constant columns J (m, k) of one group, of unit length or zero, reduced once to as many rows
+    as they have independent columns; turn (m, r) or None: basis Q of these rows."""
+
+    problem: Penalised
+    turn: FloatArray | None
+
+    @classmethod
+    def of(cls, J: FloatArray, budget: int) -> "PreparedColumns":
+        turn, A = (None, np.array(J)) if J.shape[0] <= J.shape[1] else _best_fit(J)
+        k = J.shape[1]
+        return cls(Penalised(A, np.zeros(len(A)), (Group("", 0, k, budget),), np.arange(k),
+                             ColumnSubsets(A, DEPENDENT)), turn)
+
+    def with_right(self, b: FloatArray) -> Penalised:
+        """Problem J x = b (m,)."""
+        return self.problem.with_right(b if self.turn is None else b.dot(self.turn))
 
 
 def weights(problem: Penalised) -> FloatArray:

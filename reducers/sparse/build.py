@@ -19,7 +19,9 @@ from sparsemor.core import (
 )
 from sparsemor.reducers.checks import unselectable, unselectable_blocks
 from sparsemor.reducers.notes import unsampled_loads
+from sparsemor.reducers.sparse.block_selection import BlockwiseSelection
 from sparsemor.reducers.sparse.joint_problem import mechanics_needs, shape_needs
+from sparsemor.reducers.sparse.joint_selection import JointSelection
 from sparsemor.reducers.sparse.oblique_projection import checked_rows
 from sparsemor.reducers.sparse.options import SparseOptions
 from sparsemor.reducers.sparse.sampled_block import (
@@ -27,11 +29,11 @@ from sparsemor.reducers.sparse.sampled_block import (
     SampledElastic,
     SampledHeat,
     inverse_rows,
-    on_support,
     row_facts,
     weigh,
 )
 from sparsemor.reducers.sparse.stepper import SparseStepper
+from sparsemor.reducers.sparse.supported_steps import SupportedSteps
 from sparsemor.reducers.step.coupled_reduced import (
     ProjectedBlock,
     ProjectedModel,
@@ -205,19 +207,24 @@ class Build:
             {n: e.tested for n, e in elastic.items()}, facts, visited)
         if fixed:
             return base
-        # elastic blocks are selected in one joint problem: all of them take part in it
-        choosing = {} if len(fixed_elastic) == len(elastic) else elastic
+        # all elastic blocks take part in the joint problem
+        whole = o.selection == "joint" and len(fixed_elastic) < len(elastic)
+        choosing = {n: e for n, e in elastic.items() if whole or n not in fixed_elastic}
         warm = {n: h for n, h in heat.items() if n not in fixed_heat}
         self._refuse(warm, choosing, base)
-        return SparseStepper(base, warm, choosing, o.solver, o.every, o.carried, o.polish,
-                             o.screen, row_set)
+        steps = SupportedSteps(base, warm, choosing, row_set)
+        selection = (
+            BlockwiseSelection.of(steps, o.solver, o.hysteresis, o.carried)
+            if o.selection == "blocks" else
+            JointSelection(steps, o.solver, o.hysteresis, o.carried, o.polish))
+        return SparseStepper(base, steps, selection, o.every)
 
     def _wide(self, source: SampledHeat) -> FloatArray:
         """Map (k, n) of forces on all n rows of a block to its coefficients: the left inverse of
         the sampled rows times their test map."""
         block = source.block
         m, P = self._map(block.name, block.rows), block.weight
-        left = on_support(block.name, source.reached[1], None)
+        left = source.columns.left(None)
         return m.times(left if P is None else left @ P, len(block.dictionary.offset))
 
     def _refuse(
@@ -227,7 +234,9 @@ class Build:
         """Raises InputError for a sparse solver that lacks capabilities which the problems of a
         step require."""
         problems = {n: shape_needs(*h.block.B.shape) for n, h in warm.items()}
-        if choosing and base.mechanics is not None:
+        if self.options.selection == "blocks":
+            problems |= {n: shape_needs(*e.block.B.shape) for n, e in choosing.items()}
+        elif choosing and base.mechanics is not None:
             problems[", ".join(choosing)] = mechanics_needs(
                 list(choosing.values()), base.mechanics.size)
         refused = [Fault("reducer.solver", why) for n, needs in problems.items()

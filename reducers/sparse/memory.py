@@ -4,7 +4,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Self, TypeAlias, TypeVar
 
-from sparsemor.reducers.sparse.elastic_screen import Screens
 from sparsemor.reducers.step.elastic_block import CompressedElastic
 from sparsemor.reducers.step.memory import Memory
 from sparsemor.reducers.step.prescribed_frame_block import CompressedPrescribed
@@ -31,25 +30,23 @@ class SparseMemory(Memory):
     heat: dict[Supports, CompressedHeat] = field(default_factory=dict)
     elastic: dict[Supports, ElasticPart] = field(default_factory=dict)
     steppers: dict[Supports, Stepper] = field(default_factory=dict)
-    screens: dict[int, Screens | None] = field(default_factory=dict)
     current: Stepper | None = None
 
     def __getstate__(self) -> dict[str, object]:
-        return {**super().__getstate__(), "heat": {}, "elastic": {}, "screens": {},
-                "steppers": {}, "current": None}
+        return {**super().__getstate__(), "heat": {}, "elastic": {}, "steppers": {},
+                "current": None}
 
     def copy(self) -> Self:
-        """Independent copy of the state. Reduced operators of supports are immutable and shared;
-        screening data are rebuilt from the state, as after a restart."""
+        """Independent copy of the state. Reduced operators of supports are immutable and shared."""
         return replace(super().copy(), heat=dict(self.heat), elastic=dict(self.elastic),
-                       steppers=dict(self.steppers), screens={})
+                       steppers=dict(self.steppers))
 
     def rows_changed(self, fresh: bool) -> None:
         """Drops reduced operators of the previous set of rows if that is not used again
         (`fresh`)."""
         self.current = None
         if fresh:
-            self.heat, self.elastic, self.screens, self.steppers = {}, {}, {}, {}
+            self.heat, self.elastic, self.steppers = {}, {}, {}
 
     def counted_part(self, kept: dict[Supports, T], key: Supports, make: Callable[[], T]) -> T:
         """`kept_or_made` for the reduced operators of one support; a computed entry counts as a

@@ -63,17 +63,24 @@ class SparseOptions(Plugin):
     """Sparse solver that selects atoms where a budget is smaller than the dictionary."""
     every: int = Field(default=1, ge=1)
     """Number of steps between selections of atoms."""
+    selection: Literal["blocks", "joint"] = "blocks"
+    """Problems in which atoms are selected. `blocks`: in each block on its own, at the solution of
+    the step on the previous support, with rigid coordinates, joint forces and temperatures held;
+    `joint`, as published: all elastic blocks together with rigid coordinates and joint forces in
+    one nonlinear problem (Eq. 25), which is exact and many times slower."""
+    hysteresis: float = Field(default=0.3, ge=0.0, lt=1.0)
+    """Fraction by which another support must lower the norm of the residual to replace the previous
+    one. Each exchange is a jump in velocities that takes some steps to decay. 0: any better support
+    does. Applies where a selection starts from the step's solution on the previous support
+    (`carried` and `polish`)."""
     carried: bool = True
     """Warm start: each selection starts from the support of the previous step, otherwise from the
     empty support."""
     polish: bool = True
     """Re-solve each step on the selected support, with the equations of rigid coordinates and
     multipliers satisfied exactly. False, as published: the solution of the sparse solver is used,
-    in which these equations are part of the least squares; needs a selection in every step, and no
-    radiation."""
-    screen: bool = True
-    """Screening: skip the sparse solver where an inexpensive test shows that it would keep the
-    support; the result is the same. Needs `polish` and `carried`."""
+    in which these equations are part of the least squares; needs `selection: joint` in every step,
+    and no radiation."""
     predictor: int = Field(default=6, ge=1, le=8)
     """Number of past states that the first guess of a step extrapolates."""
     remaining: float = Field(default=1e-13, gt=0, lt=1e-3)

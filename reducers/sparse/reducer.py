@@ -156,13 +156,17 @@ class Sparse(SparseOptions):
             model, self.budgets, self.sampler, self.preconditioner, self.preconditioned,
             self.basis, self.bases)
         faults += capability_faults(
-            model, self.budgets, self.sampler, self.solver, self.basis, self.bases)
+            model, self.budgets, self.sampler, self.solver, self.basis, self.bases,
+            self.selection == "joint")
         faults += resampling_faults(model, self.resample, self.row_sets)
         faults += self._residual_faults(model)
         faults += coupled_faults(model, self.budgets, self.basis, self.bases, self.resample)
         if not self.polish and self.every > 1:
             faults.append(Fault("every", "without polish each step needs its own selection: "
                                 "take every: 1"))
+        if not self.polish and self.selection != "joint":
+            faults.append(Fault("selection", "without polish the solution of the problem of all "
+                                "blocks is used: take selection: joint"))
         local = [b.thermal for b in model.separated.heat if b.local]
         if not self.polish and local:
             faults.append(Fault("polish", f"the selection in {', '.join(local)} is linear and "

@@ -29,12 +29,13 @@ class CompactElastic(NamedTuple):
 
 
 class CompactHeat(NamedTuple):
-    """Thermal operators and B (l, k) in the compressed rows. turn (m, reach): orthonormal basis of
-    the range of B in the sampled rows."""
+    """Thermal operators and B (l, k) in the compressed rows; turn (m, l): their orthonormal basis
+    in the sampled rows; reach: number of its first columns that span the range of B."""
 
     tested: TestedHeat
     B: FloatArray
     turn: FloatArray
+    reach: int
 
 
 def compact_elastic(t: TestedElastic, B: FloatArray) -> CompactElastic:
@@ -48,12 +49,14 @@ def compact_elastic(t: TestedElastic, B: FloatArray) -> CompactElastic:
     return CompactElastic(t.under(TestMap(left=Z.T)), Z.T @ B, reach, first)
 
 
-def compact_heat(t: TestedHeat, B: FloatArray) -> CompactHeat:
-    """Compressed rows of B (m, k) and of the thermal operators in the same m sampled rows."""
-    turn = np.linalg.qr(_unit(B))[0]
-    Z = _joined(turn, np.hstack([
+def compact_heat(t: TestedHeat, B: FloatArray, whole: bool = False) -> CompactHeat:
+    """Compressed rows of B (m, k) and of the thermal operators in the same m sampled rows; whole:
+    as many as there are sampled rows, for blocks with local terms, whose span is not known."""
+    Z = np.linalg.qr(_unit(B))[0]
+    reach = Z.shape[1]
+    Z = _joined(Z, np.eye(len(B)) if whole else np.hstack([
         t.capacity, t.loads, t.constant[:, None], *(table.values.T for table in t.tables)]))
-    return CompactHeat(t.under(TestMap(left=Z.T)), Z.T @ B, turn)
+    return CompactHeat(t.under(TestMap(left=Z.T)), Z.T @ B, Z, reach)
 
 
 def _joined(Z: FloatArray, A: FloatArray) -> FloatArray:

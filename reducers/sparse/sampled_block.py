@@ -10,6 +10,7 @@ from scipy.sparse import eye_array
 from sparsemor.core import (
     AssembledModel,
     BoolArray,
+    ColumnSubsets,
     Csr,
     Dictionary,
     FloatArray,
@@ -18,6 +19,7 @@ from sparsemor.core import (
     IntArray,
     OfflineProducts,
     Preconditioner,
+    ReducedTerm,
     Sampler,
     StepFactors,
     built_weights,
@@ -29,7 +31,7 @@ from sparsemor.core import (
 )
 from sparsemor.reducers.sparse.row_compression import compact_elastic, compact_heat
 from sparsemor.reducers.step.elastic_block import CompressedElastic
-from sparsemor.reducers.step.left_inverse import left_inverse
+from sparsemor.reducers.step.left_inverse import SAMPLED_RTOL, left_inverse, squares
 from sparsemor.reducers.step.operators import TestedElastic, TestedHeat, TestMap
 from sparsemor.reducers.step.prescribed_frame_block import CompressedPrescribed
 from sparsemor.reducers.step.thermal_block import CompressedHeat
@@ -75,21 +77,49 @@ def on_support(name: str, B: FloatArray, support: IntArray | None) -> FloatArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class ReachedColumns:
+    """Columns of B (j, k) in the compressed rows where B is nonzero. lengths (k,): their lengths, 1
+    for a column of zeros; unit: the columns scaled to unit length, with factors of subsets."""
+
+    name: str
+    B: FloatArray
+    lengths: FloatArray
+    unit: ColumnSubsets
+
+    @classmethod
+    def of(cls, name: str, B: FloatArray) -> "ReachedColumns":
+        size = np.sqrt(squares(B))
+        lengths = np.where(size > 0.0, size, 1.0)
+        return cls(name, B, lengths, ColumnSubsets(np.ascontiguousarray(B / lengths), SAMPLED_RTOL))
+
+    def left(self, support: IntArray | None) -> FloatArray:
+        """Left inverse (s, j) of the columns on the support, by least squares. Raises
+        SolveFailed."""
+        mask = np.zeros(self.B.shape[1], dtype=np.bool_)
+        mask[slice(None) if support is None else support] = True
+        left = self.unit.left_inverse(mask)
+        if left is None:
+            return on_support(self.name, self.B, support)  # which reports why
+        return np.asarray(left / self.lengths[mask][:, None])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class SampledElastic:
     """Sampled rows of an elastic block and their compressions.
 
     tested: operators in the sampled rows, including the preconditioner. few: operators and B in the
     compressed rows (row_compression.py) where atoms are selected; first: number of these rows in
     which B or the frame directions are nonzero; reached: the rows of `few` in which B is nonzero,
-    the only ones that affect a least-squares solution. prescribed: True if the motion of all frames
-    is prescribed; step: step size and factors.
+    the only ones that affect a least-squares solution; columns: B in these rows. prescribed: True
+    if the motion of all frames is prescribed; step: step size and factors.
     """
 
     block: Sampled
     tested: TestedElastic
     few: tuple[TestedElastic, FloatArray]
     first: int
-    reached: tuple[TestedElastic, FloatArray]
+    reached: TestedElastic
+    columns: ReachedColumns
     prescribed: bool
     step: StepFactors
 
@@ -98,30 +128,30 @@ class SampledElastic:
         cls, block: Sampled, tested: TestedElastic, prescribed: bool, step: StepFactors
     ) -> "SampledElastic":
         if not block.selects:
-            whole = tested, block.B
-            return cls(block, tested, whole, len(block.B), whole, prescribed, step)
+            return cls(block, tested, (tested, block.B), len(block.B), tested,
+                       ReachedColumns.of(block.name, block.B), prescribed, step)
         t, B, reach, first = compact_elastic(tested, block.B)
         near = np.arange(reach)
-        return cls(block, tested, (t, B), first, (t.under(TestMap(near)), B[near]), prescribed,
-                   step)
+        return cls(block, tested, (t, B), first, t.under(TestMap(near)),
+                   ReachedColumns.of(block.name, B[near]), prescribed, step)
 
     def prepared(self, support: IntArray | None) -> CompressedElastic | CompressedPrescribed:
-        kind, (t, B) = CompressedPrescribed if self.prescribed else CompressedElastic, self.reached
-        left = on_support(self.block.name, B, support)
-        return kind.of(t, left, support, self.step.c1, self.step.c2)
+        kind = CompressedPrescribed if self.prescribed else CompressedElastic
+        return kind.of(
+            self.reached, self.columns.left(support), support, self.step.c1, self.step.c2)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SampledHeat:
-    """Sampled rows of a thermal block and their compressions; tested, few, first, reached: see
-    `SampledElastic`. turn (m, first): basis of the rows of `reached` in the sampled rows, None
-    where they are the same."""
+    """Sampled rows of a thermal block and their compressions; tested, few, reached, columns: see
+    `SampledElastic`. turn (m, l): basis of the rows of `few` in the sampled rows, None where they
+    are the same."""
 
     block: Sampled
     tested: TestedHeat
     few: tuple[TestedHeat, FloatArray]
-    first: int
-    reached: tuple[TestedHeat, FloatArray]
+    reached: TestedHeat
+    columns: ReachedColumns
     turn: FloatArray | None
     model: AssembledModel
     body: HeatBody
@@ -132,24 +162,30 @@ class SampledHeat:
         cls, block: Sampled, tested: TestedHeat, model: AssembledModel, body: HeatBody, c1: float
     ) -> "SampledHeat":
         if not block.selects:
-            whole = tested, block.B
-            return cls(block, tested, whole, len(block.B), whole, None, model, body, c1)
-        t, B, turn = compact_heat(tested, block.B)
-        near = np.arange(turn.shape[1])
-        return cls(block, tested, (t, B), len(near), (t.under(TestMap(near)), B[near]), turn, model,
-                   body, c1)
+            return cls(block, tested, (tested, block.B), tested,
+                       ReachedColumns.of(block.name, block.B), None, model, body, c1)
+        t, B, turn, reach = compact_heat(tested, block.B, bool(body.local))
+        near = np.arange(reach)
+        return cls(block, tested, (t, B), t.under(TestMap(near)),
+                   ReachedColumns.of(block.name, B[near]), turn, model, body, c1)
 
     def prepared(self, support: IntArray | None) -> CompressedHeat:
-        t, B = self.reached
-        left = on_support(self.block.name, B, support)
-        local = []
-        if self.body.local:
-            rows = left if self.turn is None else left @ self.turn.T
-            wide = np.zeros((len(left), self.block.dictionary.atoms.shape[0]))
-            P = self.block.weight
-            wide[:, self.block.rows] = rows if P is None else rows @ P
-            local = local_terms(self.model, self.body, self.block.dictionary, wide)
-        return CompressedHeat.of(t, left, support, self.c1, local)
+        left = self.columns.left(support)
+        rows = left if self.turn is None else left @ self.turn[:, : left.shape[1]].T
+        return CompressedHeat.of(self.reached, left, support, self.c1, self._local(rows))
+
+    def local_rows(self) -> list[ReducedTerm]:
+        """Local terms in the rows of `few`."""
+        return self._local(np.eye(len(self.block.rows)) if self.turn is None else self.turn.T)
+
+    def _local(self, rows: FloatArray) -> list[ReducedTerm]:
+        """Local terms in combinations `rows` (l, m) of the sampled rows."""
+        if not self.body.local:
+            return []
+        wide = np.zeros((len(rows), self.block.dictionary.atoms.shape[0]))
+        P = self.block.weight
+        wide[:, self.block.rows] = rows if P is None else rows @ P
+        return local_terms(self.model, self.body, self.block.dictionary, wide)
 
 
 def choose_rows(

@@ -25,7 +25,7 @@ from sparsemor.core.registry.registry import Registry
 from sparsemor.core.status import Status
 from sparsemor.core.testing.problems import LeastSquares, chained, empty_start
 
-PUBLISHED = {"candidates": "correlated", "hysteresis": 0.0}
+PUBLISHED = {"candidates": "correlated"}
 SOLVERS: dict[str, tuple[str, dict[str, Any]]] = {
     "greedy_gauss_newton": ("greedy_gauss_newton", PUBLISHED),
     "greedy_gauss_newton, growth: 1": ("greedy_gauss_newton", {**PUBLISHED, "growth": 1}),
@@ -40,7 +40,7 @@ SOLVERS: dict[str, tuple[str, dict[str, Any]]] = {
 }
 IN_SCENES: dict[str, tuple[str, dict[str, Any]]] = {
     "greedy_gauss_newton, candidates: all": (
-        "greedy_gauss_newton", {"candidates": "all", "hysteresis": 0.0}),
+        "greedy_gauss_newton", {"candidates": "all"}),
 }
 """Variants that differ where there are more rows than columns."""
 
@@ -116,7 +116,8 @@ def scene(out: report.Report, given: argparse.Namespace) -> None:
             continue  # equations: refused where there are more rows than columns
         for seed in given.rows_seeds:
             run = case.run(common.sparse(
-                rows, (None, None), active=given.atoms, solver={"use": plugin, **options}), seed)
+                rows, (None, None), active=given.atoms, selection="joint", hysteresis=0.0,
+                solver={"use": plugin, **options}), seed)
             if isinstance(run, common.Trajectory):
                 table.add(solver=name, seed=seed, **case.errors(run), atoms=run.atoms_text,
                           **_active(run), changes=run.support_changes, iterations=run.iterations,

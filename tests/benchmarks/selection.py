@@ -1,43 +1,114 @@
-"""Real selection: few atoms active of all that the basis holds, chosen while the run goes.
+"""Selection of few atoms in each step of a run: its errors and its cost.
 
     python tests/benchmarks/selection.py [--quick] [--hysteresis H ...] [--out selection.json]
 
-The dictionary is the whole POD basis (cut at its numerical rank). Beside it stand the same number
-of atoms without a choice: the leading POD columns, sampled and projected. The second table sets a
-selection in each step beside a support that is carried through the run.
+The first tables set a selection in each step, by three sparse solvers, beside a support that is
+carried through the run, on five dictionaries. The last one compares ways of selecting on one of
+them, the whole POD basis (cut at its numerical rank), with the same number of atoms without a
+choice: the leading POD columns, sampled and projected; and with all atoms.
 """
 
 import argparse
 import sys
 import time
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import common
 import numpy as np
 import report
 
+from sparsemor.core.scene.scene import load
+from sparsemor.core.simulation.prepare import prepared
+
 ROWS = (240, 80)
-SOLVERS: dict[str, dict[str, Any]] = {
-    "default": {"use": "greedy_gauss_newton"},
-    "no hysteresis": {"use": "greedy_gauss_newton", "hysteresis": 0.0},
-    "published": {"use": "greedy_gauss_newton", "candidates": "correlated", "hysteresis": 0.0},
+GREEDY = {"use": "greedy_gauss_newton"}
+PUBLISHED = {"solver": {**GREEDY, "candidates": "correlated"}, "selection": "joint",
+             "hysteresis": 0.0}
+WAYS: dict[str, dict[str, Any]] = {
+    "default": {},
+    "no hysteresis": {"hysteresis": 0.0},
+    "joint": {"selection": "joint"},
+    "published": PUBLISHED,
+    "omp": {"solver": "omp"},
+    "cosamp": {"solver": "cosamp"},
 }
-"""How atoms are chosen."""
+"""Options of the reducer: how atoms are chosen."""
+SOLVERS = ("greedy_gauss_newton", "omp", "cosamp")
+Q_DEIM = {"use": "deim", "method": "qr"}
+
+
+@dataclass(frozen=True)
+class Dictionary:
+    """A dictionary and the number of active atoms: elastic and thermal basis, budgets by block
+    pattern, rows; largest ratio of a step with selection to one without that is wanted."""
+
+    bases: tuple[Any, Any]
+    budgets: dict[str, dict[str, int]]
+    options: dict[str, Any]
+    wanted: float = 2.0
+
+    def reducer(self, **options: Any) -> dict[str, Any]:
+        elastic, thermal = self.bases
+        return {"use": "sparse", "basis": elastic, "bases": {"*.thermal": thermal},
+                "preconditioner": "none", "budgets": self.budgets, **self.options, **options}
+
+
+def _pendulum(elastic: Any, thermal: Any, active: tuple[int, int], sampler: Any) -> Dictionary:
+    budgets = {f"*.{field}": {"rows": rows, "atoms": atoms} for field, rows, atoms in zip(
+        ("elastic", "thermal"), ROWS, active, strict=True)}
+    return Dictionary((elastic, thermal), budgets, {"sampler": sampler})
+
+
+def _mixed(pod: int, modal: int) -> dict[str, Any]:
+    return {"use": "dictionary", "bases": [{"use": "pod", "count": pod},
+                                           {"use": "modal", "count": modal}]}
+
+
+def _corrected(modal: int) -> dict[str, Any]:
+    return {"use": "modal", "count": modal, "correction": True}
+
+
+def dictionaries(active: tuple[int, int]) -> dict[str, Dictionary]:
+    """The slider's rows are those of D^-1 r by Q-DEIM with the ring of nodes along its path, as in
+    its packaged scene; those of the pendulum are drawn by LHS for the POD, else Q-DEIM's."""
+    weighted = {"use": "pod", "count": 150, "weights": "inverse_sqrt_norm"}
+    return {
+        "POD": _pendulum({"use": "pod"}, {"use": "pod"}, active, {"use": "lhs"}),
+        "POD + modal": _pendulum(_mixed(30, 30), _mixed(20, 20), (30, 20), Q_DEIM),
+        "POD + modal + static": _pendulum(
+            {"use": "dictionary"}, {"use": "dictionary"}, (20, 10), Q_DEIM),
+        "modal + correction": _pendulum(_corrected(60), _corrected(40), (20, 10), Q_DEIM),
+        "slider_plate, POD": Dictionary(
+            (weighted, weighted),
+            {"plate.*": {"rows": 300, "atoms": 60}, "slider.*": {"rows": 300, "atoms": 10}},
+            {"sampler": {**Q_DEIM, "required": "ring"}, "residual": "preconditioned"}, 6.0),
+    }
+
+
+def slider() -> common.Case:
+    """The packaged slider on a plate. Its bodies follow the rigid stage: no rigid unknowns."""
+    scene = load("slider_plate")
+    model, offline = prepared(scene, common.Cache(), common.new_manager())
+    steps = round(scene.time.end / scene.time.step)
+    reference = {n: offline.snapshots(n).T[: steps + 1] for n in model.reducible()}
+    return common.Case(scene, model, offline, reference, steps)
 
 
 def variants(active: tuple[int, int], hysteresis: list[float]) -> dict[str, dict[str, Any]]:
     """Reducer options by name; active: elastic and thermal atoms at once; hysteresis: values
     beside the default one and none."""
     whole, chosen = (None, None), {}
-    for name, solver in SOLVERS.items():
-        for when, options in (("each step", {}), ("every 10", {"every": 10}),
-                              ("each step, from none", {"carried": False})):
-            chosen[f"{name}, {when}"] = common.sparse(
-                ROWS, whole, active=active, solver=solver, **options)
-    del chosen["no hysteresis, each step, from none"]  # there is none without a carried support
+    for name, options in WAYS.items():
+        for when, more in (("each step", {}), ("every 10", {"every": 10}),
+                           ("each step, from none", {"carried": False})):
+            if when == "each step" or name in ("default", "published"):
+                chosen[f"{name}, {when}"] = common.sparse(
+                    ROWS, whole, active=active, **options, **more)
     for h in hysteresis:
         chosen[f"hysteresis {h:g}, each step"] = common.sparse(
-            ROWS, whole, active=active, solver={**SOLVERS["default"], "hysteresis": h})
+            ROWS, whole, active=active, hysteresis=h)
     return {
         **chosen,
         "leading atoms, sampled": common.sparse(ROWS, active),
@@ -48,25 +119,26 @@ def variants(active: tuple[int, int], hysteresis: list[float]) -> dict[str, dict
 
 def fill(out: report.Report, given: argparse.Namespace) -> None:
     out.settings |= {
-        "scene": f"double_pendulum, 2 x 1280 triangles, bdf1, h = 1 ms, {given.end:g} s",
+        "scene": f"double_pendulum, 2 x 1280 triangles, bdf1, h = 1 ms, {given.end:g} s; "
+                 "slider_plate as packaged",
         "active": f"{given.active[0]}/{given.active[1]} elastic/thermal atoms of the whole POD "
-                  "basis, first support empty",
-        "rows": f"{ROWS[0]}/{ROWS[1]} by lhs, and the required ones",
-        "solver": "greedy_gauss_newton; published: candidates correlated, hysteresis 0; "
-                  "preconditioner none",
+                  "basis, if not said otherwise",
+        "rows": f"{ROWS[0]}/{ROWS[1]} by lhs, and the required ones, if not said otherwise",
+        "ways": "default: selection blocks, hysteresis 0.3; joint: selection joint; published: "
+                "joint, candidates correlated, hysteresis 0; all with polish",
         "seeds": given.seeds,
         "errors": "largest over time: angle in rad; elastic (from 0.1 s on) and thermal relative "
                   "to the block's largest change, worse link"}
-    cost(out, given)
+    pendulum = common.Case.of(common.scene_at(1280, given.end))
+    cost(out, given, pendulum)
     if given.pair:
         return
     table = out.table("Selection", iterations=".2f")
-    case = common.Case.of(common.scene_at(1280, given.end))
     for name, options in variants(given.active, given.hysteresis).items():
         for seed in given.seeds if options["use"] == "sparse" else given.seeds[:1]:
-            run = case.run(options, seed)
+            run = pendulum.run(options, seed)
             if isinstance(run, common.Trajectory):
-                _add(table, case, name, seed, run)
+                _add(table, pendulum, name, seed, run)
             else:
                 table.add(variant=name, seed=seed, status=common.in_words(run))
             report.progress(f"{name}, seed {seed}: {table.rows[-1]}")
@@ -76,55 +148,63 @@ CARRIED = 10**9
 """Steps between selections: one, in the first step."""
 
 
-def cost(out: report.Report, given: argparse.Namespace) -> None:
+def cost(out: report.Report, given: argparse.Namespace, pendulum: common.Case) -> None:
     """CPU time of the thread, which waits for nobody; windows of all ways in turn.
 
     Others on the machine still take its caches away: the tenth part of the steps that went best
     tells what is left of that.
     """
     table = out.table("A selection in each step beside a carried support", changes="d")
-    case = common.Case.of(common.scene_at(1280, given.end))
-    for who in SOLVERS:
-        ways = {"each step": {}, "each step, screen off": {"screen": False},
-                "carried": {"every": CARRIED}}
-        if given.pair:
-            del ways["each step, screen off"]
-        going = {name: _going(case, given, who, options) for name, options in ways.items()}
-        times = {name: np.empty(case.steps - 1) for name in ways}
-        for way in going.values():
-            way.step()  # the first support, which all of them choose
-        with common.no_collector():
-            for first in range(0, case.steps - 1, given.window):
-                for name, way in going.items():
-                    for n in range(first, min(first + given.window, case.steps - 1)):
-                        start = time.thread_time()
-                        way.step()
-                        times[name][n] = 1e3 * (time.thread_time() - start)
+    for name, dictionary in dictionaries(given.active).items():
+        if given.only and name not in given.only:
+            continue
+        case = slider() if name.startswith("slider") else pendulum
+        ways = {solver: dictionary.reducer(solver={"use": solver}) for solver in SOLVERS}
+        ways["carried"] = dictionary.reducer(every=CARRIED)
+        steps = min(given.timed, case.steps - 1)
+        times, changes = _timed(case, given.seeds[0], ways, steps, given.window)
         alone = times["carried"]
-        for name, way in going.items():
-            t, same = times[name], bool(np.array_equal(way.state.x, going["each step"].state.x))
+        for way, t in times.items():
+            run = None if given.pair else case.run(ways[way], given.seeds[0])
+            errors = case.errors(run) if isinstance(run, common.Trajectory) else {}
             table.add(
-                chosen=who, way=name, median_ms=float(np.median(t)), mean_ms=float(t.mean()),
-                tenth_ratio=float(np.quantile(t, 0.1) / np.quantile(alone, 0.1)),
+                dictionary=name, selected_by=way, median_ms=float(np.median(t)),
                 median_ratio=float(np.median(t) / np.median(alone)),
                 mean_ratio=float(t.mean() / alone.mean()),
-                changes=way.solver.counters(way.memory)["support_changes"],
-                same_end_as_each_step="yes" if same else "no")
-        ratio = times["each step"].mean() / alone.mean()
-        median = np.median(times["each step"]) / np.median(alone)
-        if who != "no hysteresis":  # an ablation of the default
-            out.at_most(f"{who}: each step to carried, median", float(median), 2.0)
-            out.at_most(f"{who}: each step to carried, mean", float(ratio), 2.0)
-        report.progress(f"{who}: {median:.2f} in the median, {ratio:.2f} in the mean")
+                tenth_ratio=float(np.quantile(t, 0.1) / np.quantile(alone, 0.1)),
+                changes=changes[way], **errors)
+            report.progress(f"{table.rows[-1]}")
+        greedy = times[SOLVERS[0]]
+        out.at_most(f"{name}: each step to carried, median",
+                    float(np.median(greedy) / np.median(alone)), dictionary.wanted)
+        for other in SOLVERS[1:]:
+            out.at_most(f"{name}: {other} to greedy, median",
+                        float(np.median(times[other]) / np.median(greedy)), 5.0)
 
 
-def _going(
-    case: common.Case, given: argparse.Namespace, who: str, options: dict[str, Any]
-) -> common.Stepping:
-    reducer = common.sparse(
-        ROWS, (None, None), active=given.active, solver=SOLVERS[who], **options)
+def _timed(
+    case: common.Case, seed: int, ways: dict[str, Any], steps: int, window: int
+) -> tuple[dict[str, Any], dict[str, int]]:
+    """Milliseconds of each step of each way, and its exchanges of supports in these steps."""
+    going = {name: _going(case, seed, reducer) for name, reducer in ways.items()}
+    times = {name: np.empty(steps) for name in ways}
+    for way in going.values():
+        way.step()  # the first support
+    clock: Callable[[], float] = time.thread_time
+    with common.no_collector():
+        for first in range(0, steps, window):
+            for name, way in going.items():
+                for n in range(first, min(first + window, steps)):
+                    start = clock()
+                    way.step()
+                    times[name][n] = 1e3 * (clock() - start)
+    return times, {name: way.solver.counters(way.memory)["support_changes"]
+                   for name, way in going.items()}
+
+
+def _going(case: common.Case, seed: int, reducer: dict[str, Any]) -> common.Stepping:
     scene = case.scene.using({"reducer": reducer})
-    return common.Stepping.begin(scene, case.model, case.prepared(reducer, given.seeds[0]))
+    return common.Stepping.begin(scene, case.model, case.prepared(reducer, seed))
 
 
 def _add(
@@ -153,13 +233,15 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--hysteresis", type=float, nargs="+", default=[], metavar="H",
                         help="more values to run with")
     parser.add_argument("--pair", action="store_true",
-                        help="only a selection in each step and a carried support, in turn")
-    parser.add_argument("--window", type=int, default=100, metavar="N",
+                        help="only times of a selection in each step and of a carried support")
+    parser.add_argument("--only", nargs="+", default=[], metavar="NAME", help="dictionaries")
+    parser.add_argument("--timed", type=int, default=1000, metavar="N", help="steps to time")
+    parser.add_argument("--window", type=int, default=50, metavar="N",
                         help="steps of one way before the next one's turn")
     parser.add_argument("--end", type=float, default=4.0, help="s")
     given = parser.parse_args()
     if given.quick:
-        given.seeds, given.end, given.active = [1], 0.06, (6, 4)
+        given.seeds, given.end, given.active, given.only = [1], 0.06, (6, 4), ["POD"]
     given.active = (given.active[0], given.active[1])
     return given
 

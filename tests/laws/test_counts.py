@@ -19,6 +19,7 @@ from sparsemor.core.protocols.step_solver import advanced
 from sparsemor.core.scene.scene import Scene, load
 from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.testing.in_memory_run import march
+from sparsemor.reducers.sparse.block_selection import BlockwiseSelection
 from sparsemor.reducers.sparse.stepper import SparseStepper
 from sparsemor.reducers.step.solver import Stepper
 
@@ -164,10 +165,14 @@ def rigid_copy(solver: Any) -> Any:
         nothing: Any = None
         heat = {n: replace(h, model=nothing, body=bare_heat(h.body),
                            block=replace(h.block, dictionary=nothing))
-                for n, h in solver.heat.items()}
+                for n, h in solver.steps.heat.items()}
         elastic = {n: replace(e, block=replace(e.block, dictionary=nothing))
-                   for n, e in solver.elastic.items()}
-        return replace(solver, base=rigid_copy(solver.base), heat=heat, elastic=elastic)
+                   for n, e in solver.steps.elastic.items()}
+        base, selection = rigid_copy(solver.base), solver.selection
+        steps = replace(solver.steps, base=base, heat=heat, elastic=elastic)
+        assert isinstance(selection, BlockwiseSelection)
+        return replace(
+            solver, base=base, steps=steps, selection=replace(selection, steps=steps))
     assert isinstance(solver, Stepper)
     s = solver.separated
     return replace(solver, dictionaries={}, rows={}, separated=replace(

@@ -109,6 +109,7 @@ def test_atoms_are_chosen_without_the_forms_that_only_rigid_equations_need(
     snapshots = {n: full.block(n).T.copy() for n in names}
     budgets = {n: {"rows": len(S), "atoms": 9} for n, S in snapshots.items()}
     chosen = make(5e6, use="sparse", basis={"use": "pod", "complete": True}, polish=polish,
+                  selection="blocks" if polish else "joint",
                   sampler={"use": "lhs", "required": False}, budgets=budgets)
 
     got = march(chosen, model=turning(chosen, 60.0, size), snapshots=snapshots)
@@ -116,7 +117,7 @@ def test_atoms_are_chosen_without_the_forms_that_only_rigid_equations_need(
     x, y = got.block("bar.elastic"), full.block("bar.elastic")
     x = x @ got.solver.dictionaries["bar.elastic"].atoms.T
     assert np.abs(x - y)[1:].max() < 1e-6 * np.abs(y).max()
-    assert not got.solver.elastic["bar.elastic"].few[0].quadratic.size
+    assert not got.solver.steps.elastic["bar.elastic"].few[0].quadratic.size
 
 
 def test_a_body_at_rest_is_one_product_and_one_that_turns_a_few() -> None:

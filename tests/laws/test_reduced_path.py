@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from reduced_runs import decoded
-from small_scenes import everything
+from small_scenes import everything, tiny
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.scene.scene import load
 from sparsemor.core.testing.in_memory_run import March, march
@@ -51,7 +51,8 @@ def test_mechanics_are_solved_when_only_heat_selects() -> None:
     snapshots = {n: full.block(n).T for n in full.model.reducible()}
     budgets = {"*.elastic": {"rows": 240}, "*.thermal": {"rows": 80, "atoms": 4}}
     run = march(scene.using({"reducer": {
-        "use": "sparse", "basis": "pod", "polish": False, "budgets": budgets}}),
+        "use": "sparse", "basis": "pod", "selection": "joint", "polish": False,
+        "budgets": budgets}}),
         model=full.model, snapshots=snapshots)
     angles = np.abs(full.x[:, [2, 5]] - run.x[:, [2, 5]]).max()
     assert angles < 1e-6 * np.abs(np.diff(full.x[[0, -1]][:, [2, 5]], axis=0)).max()
@@ -62,5 +63,11 @@ def test_local_heat_needs_the_solve_on_the_support() -> None:
     model = assemble(everything())
     options = {"budgets": {"*.elastic": {"rows": 8}, "*.thermal": {"rows": 0, "atoms": 2}}}
     assert not Sparse.model_validate(options).check(model)
-    faults = Sparse.model_validate({**options, "polish": False}).check(model)
+    faults = Sparse.model_validate({**options, "polish": False, "selection": "joint"}).check(model)
     assert [f.key for f in faults] == ["polish"] and "radiation" in faults[0].message
+
+
+def test_without_polish_the_joint_problem_is_needed() -> None:
+    options = {"budgets": {"*.elastic": {"rows": 8}}, "polish": False}
+    faults = Sparse.model_validate(options).check(assemble(tiny()))
+    assert [f.key for f in faults] == ["selection"] and "selection: joint" in faults[0].message

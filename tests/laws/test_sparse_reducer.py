@@ -8,12 +8,12 @@ import pytest
 
 from small_scenes import everything, tiny
 from sparsemor.core import ReducedProblem
-from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.linalg.coherence import coherence, condition_number, unit_columns
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.initial_state import consistent_state
-from sparsemor.core.protocols import SparseOutcome, StepFactors
+from sparsemor.core.protocols import Selection, SparseOutcome, StepFactors, StepOutcome
 from sparsemor.core.protocols.integrator import step_formula
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.offline import Offline
@@ -65,10 +65,12 @@ def with_solver(scene: Scene, solver: Any) -> Sparse:
 
 def test_a_solver_that_lacks_a_capability_is_refused_before_training() -> None:
     model = full().model
-    (fault,) = with_solver(reduced(budgets=BUDGETS), Linear()).check(model)
+    (fault,) = with_solver(reduced(budgets=BUDGETS, selection="joint"), Linear()).check(model)
     assert fault.key == "solver"
     assert fault.message.startswith("Linear cannot solve bar.elastic, which needs nonlinear: ")
     assert "unpenalised: columns that are always active" in fault.message
+    # block by block every problem is linear and all its columns are penalised
+    assert not with_solver(reduced(budgets=BUDGETS), Linear()).check(model)
     faults = with_solver(reduced(budgets=BUDGETS), Square()).check(model)
     assert [f.key for f in faults] == ["solver", "solver"]
     assert any("bar.thermal, which needs overdetermined" in f.message for f in faults)
@@ -212,7 +214,7 @@ def test_prepared_arrays_need_only_the_turned_rows_that_the_operator_reaches() -
     d = prepared(reduced()).dictionaries["bar.elastic"]
     block = Sampled("bar.elastic", d, rows, 6, B, None)
     sampled = SampledElastic.of(block, t, False, StepFactors(1e-3, 1e3, 1e6, 1e3))
-    assert len(sampled.reached[1]) == min(B.shape)
+    assert len(sampled.columns.B) == min(B.shape)
     for support in (np.arange(6), np.array([0, 3, 4, 7, 9, 13])):
         one = sampled.prepared(support)
         all_rows = CompressedElastic.of(t, block.left(support), support, 1e3, 1e6)
@@ -226,10 +228,10 @@ def test_a_stepper_with_other_blocks_is_one_made_of_them() -> None:
     solver = prepared(reduced(budgets=BUDGETS))
     assert isinstance(solver, SparseStepper)
     supports = {n: np.arange(s.block.atoms) < s.block.budget
-                for n, s in (*solver.heat.items(), *solver.elastic.items())}
+                for n, s in (*solver.steps.heat.items(), *solver.steps.elastic.items())}
     heat, elastic = (
         {n: s.prepared(np.flatnonzero(supports[n])) for n, s in some.items()}
-        for some in (solver.heat, solver.elastic))
+        for some in (solver.steps.heat, solver.steps.elastic))
     one = solver.base.with_blocks(heat, elastic)
     other = replace(solver.base, heat={**solver.base.heat, **heat},
                     elastic={**solver.base.elastic, **elastic})
@@ -264,18 +266,44 @@ def test_rows_of_the_whole_are_the_rows_of_the_mesh() -> None:
 class Failing(GreedyGaussNewton):
     """Never ends."""
 
+    def prepare(self, columns: Any, budget: int) -> Any:
+        return Unending()
+
     def solve(self, problem: Any, start: Any) -> SparseOutcome:
         return replace(super().solve(problem, start), status=Status.NOT_CONVERGED)
 
 
-def test_a_selection_that_fails_stops_the_step_and_names_its_block() -> None:
-    scene = reduced(budgets=BUDGETS)
-    solver = with_solver(scene, Failing()).prepare(ReducedProblem(
+class Unending:
+    def select(self, r: FloatArray, c: FloatArray, support: BoolArray) -> Selection:
+        return Selection(support, Status.NOT_CONVERGED)
+
+
+class Unfit(GreedyGaussNewton):
+    """Prepares nothing that could select."""
+
+    def prepare(self, columns: Any, budget: int) -> Any:
+        return columns
+
+
+def stepped(scene: Scene, solver: Any) -> StepOutcome:
+    """First step of a run with another sparse solver."""
+    made = with_solver(scene, solver).prepare(ReducedProblem(
         full().model, scene.integrator, scene.time.step, Offline.of(full().model, snapshots()),
         np.random.default_rng(0)))
-    state, memory = solver.start(consistent_state(full().model))
-    state = scene.integrator.start(solver.layout, state)
+    state, memory = made.start(consistent_state(full().model))
+    state = scene.integrator.start(made.layout, state)
     rules, h = scene.integrator.rules(scene.time.step), scene.time.step
-    formula = step_formula(rules, solver.layout, state, h)
-    outcome, _ = solver.solve(formula, memory)
+    return made.solve(step_formula(rules, made.layout, state, h), memory)[0]
+
+
+@pytest.mark.parametrize("selection", ["blocks", "joint"])
+def test_a_selection_that_fails_stops_the_step_and_names_its_block(selection: str) -> None:
+    outcome = stepped(reduced(budgets=BUDGETS, selection=selection), Failing())
     assert outcome.status is Status.NOT_CONVERGED and outcome.block == "bar.thermal"
+    assert "selection of atoms" in outcome.detail
+
+
+def test_a_recovery_that_cannot_select_is_named_with_its_solver() -> None:
+    with pytest.raises(InputError, match="prepare of .*Unfit returned ColumnSubsets, which lacks "
+                                         r"select\(r, c, support\), where a Recovery is required"):
+        stepped(reduced(budgets=BUDGETS), Unfit())

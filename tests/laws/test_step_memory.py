@@ -36,6 +36,8 @@ KINDS = (
     "galerkin, controlled steps",
     "sparse, fixed atoms",
     "sparse, selected atoms",
+    "sparse, selected by cosamp",
+    "sparse, selected jointly",
     "sparse, sets of rows",
     "sparse, new rows",
     "coupled, full",
@@ -62,6 +64,10 @@ def scenes() -> dict[str, Scene]:
             "use": "sparse", **FEW, "budgets": FIXED}}),
         "sparse, selected atoms": tiny().using({"reducer": {
             "use": "sparse", **FEW, "budgets": BUDGETS}}),
+        "sparse, selected by cosamp": tiny().using({"reducer": {
+            "use": "sparse", **FEW, "budgets": BUDGETS, "solver": "cosamp"}}),
+        "sparse, selected jointly": tiny().using({"reducer": {
+            "use": "sparse", **FEW, "budgets": BUDGETS, "selection": "joint"}}),
         "sparse, sets of rows": tiny().using({"reducer": {
             "use": "sparse", **FEW, "budgets": BUDGETS, "resample": 2, "row_sets": 2}}),
         "sparse, new rows": tiny().using({"reducer": {

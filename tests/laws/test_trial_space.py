@@ -191,7 +191,9 @@ def test_good_rows_are_foreseen_too(
 @pytest.mark.full
 @pytest.mark.parametrize(("options", "says"), [
     ({"solver": "omp"}, "reducer.solver has no effect: every budget covers its dictionary"),
-    ({"solver": {"use": "greedy_gauss_newton", "hysteresis": 0.5}}, "reducer.solver has no effect"),
+    ({"solver": {"use": "greedy_gauss_newton", "gain": 0.5}}, "reducer.solver has no effect"),
+    ({"hysteresis": 0.5}, "reducer.hysteresis has no effect"),
+    ({"selection": "joint"}, "reducer.selection has no effect"),
     ({"carried": False, "every": 3}, "reducer.every, reducer.carried have no effect"),
     ({"preconditioner": "row_scaling", "preconditioned": []}, "names no block of this scene"),
     ({"preconditioned": ["*.elastic"]}, "reducer.preconditioner is none"),

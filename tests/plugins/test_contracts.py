@@ -50,7 +50,10 @@ CASES = {
         "basis", "needs_snapshots: bool = False\n    def build(self, data): ...\n"
         "    def most_atom(self, size): ...",
         "most_atom is not looked for: did you mean most_atoms?"),
-    "no solve": ("sparse_solver", "", "lacks solve(problem, start)"),
+    "no solve": ("sparse_solver", "def prepare(self, columns, budget): ...",
+                 "lacks solve(problem, start)"),
+    "no recovery": ("sparse_solver", "def solve(self, problem, start): ...",
+                    "lacks prepare(columns, budget)"),
     "no rules": ("integrator", "order: int = 1\n    def start(self, layout, state): ...",
                  "lacks rules(h)"),
     "no prepare": ("reducer", "", "lacks prepare(problem)"),
@@ -191,7 +194,8 @@ VALIDATED = {
     "sparse_solver": ("reducer.solver", "sparse_solver plugin 'half' of half-pkg 0.2 breaks the "
                       "protocol SparseSolver: solve(problem) cannot be called as "
                       "solve(problem, start)",
-                      HEAD.replace("BODY", "def solve(self, problem): ...")),
+                      HEAD.replace("BODY", "def solve(self, problem): ...\n"
+                                   "    def prepare(self, columns, budget): ...")),
     "load": ("loads.wind", "loads.wind: load plugin 'half' of half-pkg 0.2 breaks the protocol "
              "LoadPlugin: acts_on must be 'motion' or 'temperature' (got 'heat')",
              HEAD.replace("BODY", "acts_on = 'heat'\n    def build(self, name, parts): ...")),

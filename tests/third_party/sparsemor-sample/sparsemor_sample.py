@@ -1,7 +1,7 @@
 """Methods in a package of their own: a sampler, an integrator, a contact law, a sparse solver and a
 reducer, by public names of sparsemor alone."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
@@ -11,6 +11,7 @@ from sparsemor.core import (
     Basis,
     BlockData,
     BoolArray,
+    Columns,
     Dictionary,
     FloatArray,
     Group,
@@ -18,6 +19,8 @@ from sparsemor.core import (
     IntArray,
     Layout,
     Plugin,
+    Recovery,
+    Selection,
     Slot,
     SparseOutcome,
     SparseProblem,
@@ -132,6 +135,36 @@ class HardThresholding(Plugin):
             if count > 1 and np.linalg.norm(z - old) <= self.tolerance * np.linalg.norm(z):
                 return _ended(c, active, Status.DONE, count, problem.residual(c))
         return _ended(c, active, Status.NOT_CONVERGED, self.iterations, problem.residual(c))
+
+    def prepare(self, columns: Columns, budget: int) -> Recovery:
+        return Pursuit(columns, (Group("", 0, columns.A.shape[1], budget),), self.iterations)
+
+
+@dataclass(frozen=True)
+class Pursuit:
+    """Hard thresholding pursuit for a linear residual with constant columns, from c itself."""
+
+    columns: Columns
+    groups: tuple[Group, ...]
+    iterations: int
+
+    @np.errstate(over="ignore", invalid="ignore")
+    def select(self, r: FloatArray, c: FloatArray, support: BoolArray) -> Selection:
+        A = self.columns.A
+        b = A @ c - r
+        if not np.isfinite(b).all():
+            return Selection(support, Status.NOT_FINITE)
+        x, tried = c, dict[bytes, tuple[float, BoolArray]]()
+        for _ in range(self.iterations):
+            active = _largest(self.groups, np.abs(x - A.T @ (A @ x - b)))
+            if active.tobytes() in tried:  # it repeats itself, or a circle of supports
+                return Selection(min(tried.values(), key=lambda fit: fit[0])[1])
+            found = self.columns.solution(active, b)
+            if found is None:
+                return Selection(support, Status.RANK_DEFICIENT)
+            x = found
+            tried[active.tobytes()] = float(np.linalg.norm(A @ x - b)), active
+        return Selection(support, Status.NOT_CONVERGED)
 
 
 def _largest(groups: tuple[Group, ...], sizes: FloatArray) -> BoolArray:

@@ -1,0 +1,160 @@
+"""Selection of atoms by the problems of Eq. 25 of the paper: each thermal block on its own, then
+all elastic blocks together with rigid coordinates and joint forces in one nonlinear problem."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sparsemor.core import (
+    BoolArray,
+    FloatArray,
+    SparseOutcome,
+    SparseSolver,
+    SparseStart,
+    Status,
+    StepFormula,
+    StepOutcome,
+    checked_return,
+)
+from sparsemor.reducers.sparse.joint_problem import HeatProblem, MechanicsProblem
+from sparsemor.reducers.sparse.memory import SparseMemory
+from sparsemor.reducers.sparse.supported_steps import (
+    Found,
+    SelectionFailed,
+    Solved,
+    SupportedSteps,
+    SupportOf,
+    reselected_step,
+    take,
+)
+from sparsemor.reducers.step.step_unknowns import StepUnknowns
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class JointSelection:
+    """Selection by the sparse solver's own `solve`, in full in every step.
+
+    carried: start from the supports of the previous step, otherwise from the empty ones; polish:
+    solve the step again on the selected supports. With both, a selection starts from the step's
+    solution on the previous supports, and replaces them only where it lowers the residual norm by
+    the fraction `hysteresis`.
+    """
+
+    steps: SupportedSteps
+    solver: SparseSolver
+    hysteresis: float
+    carried: bool
+    polish: bool
+
+    def solve(self, step: StepFormula, memory: SparseMemory) -> StepOutcome:
+        """Solution of a step with a selection in all blocks."""
+        if self.polish and self.carried and all(s.any() for s in memory.supports.values()):
+            outcome = reselected_step(self.steps, self, step, memory, memory.supports)
+            if outcome is not None:
+                return outcome
+        found = self._predicted(step, memory)
+        if not found.status.ok:
+            return found
+        if not self.polish and self.steps.elastic:  # else the mechanics are not solved yet
+            return self.steps.base.accepted(found, step, memory)
+        return self.steps.current(memory).solve(step, memory)[0]
+
+    def thermal(self, at: Solved, memory: SparseMemory) -> Found:
+        changed, x = {}, at.outcome.x
+        for name in self.steps.heat:
+            support, here = at.supports[name], x[self.steps.base.layout[name]]
+            problem = self._heat(name, at.step)
+            out = self._solved(problem, SparseStart(np.where(support, here, 0.0), support))
+            if not out.status.ok:
+                return SelectionFailed(name, out.status, out.iterations)
+            if not np.array_equal(out.support, support) and self._better(
+                    out, problem.residual(here)):
+                changed[name] = out.support
+        return changed
+
+    def elastic(self, at: Solved, memory: SparseMemory) -> Found:
+        if not self.steps.elastic:
+            return {}
+        problem, start = self._mechanics(at.step, at.outcome.x, at.supports)
+        out = self._solved(problem, start)
+        if not out.status.ok:
+            return _failed(problem, out)
+        changed = {g.name: out.support[g.start : g.stop] for g in problem.groups[:-1]
+                   if not np.array_equal(out.support[g.start : g.stop], at.supports[g.name])}
+        return changed if changed and self._better(out, problem.residual(start.c)) else {}
+
+    def _better(self, out: SparseOutcome, now: FloatArray) -> bool:
+        """True if the result replaces a support with the residual `now`."""
+        return out.residual_norm < (1.0 - self.hysteresis) * float(np.linalg.norm(now))
+
+    def _predicted(self, step: StepFormula, memory: SparseMemory) -> StepOutcome:
+        """New supports in `memory` for the step predicted from past ones, and the solution of the
+        sparse solver."""
+        base, iterations = self.steps.base, 0
+        now = StepUnknowns(step, memory.past.guess(step))
+        x = now.x
+        found: dict[str, BoolArray] = {}
+        for name, at in base.hot:
+            if name not in self.steps.heat:
+                now.heat(at, None, base.heat[name].solve(x[at], now.v[at], step.t).d)
+                continue
+            support = self._first(memory.supports[name])
+            out = self._solved(
+                self._heat(name, step), SparseStart(np.where(support, x[at], 0.0), support))
+            if not out.status.ok:
+                return StepOutcome(x, out.status, out.iterations, name, "selection of atoms")
+            found[name], x[at] = out.support, out.c
+            iterations = max(iterations, out.iterations)
+            # temperatures out of bounds would only show in the bodies that they load
+            insane = base.insane(x, name)
+            if insane is not None:
+                return insane
+        if self.steps.elastic:
+            first = {n: self._first(memory.supports[n]) for n in self.steps.elastic}
+            problem, start = self._mechanics(step, x, first)
+            out = self._solved(problem, start)
+            if not out.status.ok:
+                bad = _failed(problem, out)
+                return StepOutcome(x, bad.status, bad.iterations, bad.block, bad.detail)
+            for g in problem.groups[:-1]:
+                found[g.name] = out.support[g.start : g.stop]
+                x[base.layout[g.name]] = out.c[g.start : g.stop]
+            y, nr = out.c[problem.k :], problem.mechanics.n_rigid
+            x[:nr], x[problem.mechanics.algebraic] = y[:nr], y[nr:]
+            iterations = out.iterations
+        if take(found, memory):
+            memory.past.restart()  # coefficients may have jumped: the past is no guide
+        return StepOutcome(x, Status.DONE, iterations, rates=step.at(x - step.free)[1:])
+
+    def _first(self, support: BoolArray) -> BoolArray:
+        """Initial support of a selection."""
+        return support if self.carried else np.zeros_like(support)
+
+    def _heat(self, name: str, step: StepFormula) -> HeatProblem:
+        at = self.steps.base.layout[name]
+        return HeatProblem.at(self.steps.heat[name], step.r1[at], step.t)
+
+    def _mechanics(
+        self, step: StepFormula, x: FloatArray, supports: SupportOf
+    ) -> tuple[MechanicsProblem, SparseStart]:
+        """Problem of all elastic blocks near the state x, and its start."""
+        mechanics = self.steps.base.mechanics
+        assert mechanics is not None
+        sampled = [self.steps.elastic.get(b.elastic_name) for b in mechanics.bodies]
+        problem = MechanicsProblem(mechanics, sampled, step, x)
+        c = problem.start()
+        support = np.ones(len(c), dtype=np.bool_)
+        for g in problem.groups[:-1]:
+            support[g.start : g.stop] = supports[g.name]
+        return problem, SparseStart(c, support)
+
+    def _solved(
+        self, problem: HeatProblem | MechanicsProblem, start: SparseStart
+    ) -> SparseOutcome:
+        return checked_return(self.solver.solve(problem, start), SparseOutcome, self.solver,
+                              "solve", "reducer.solver")
+
+
+def _failed(problem: MechanicsProblem, out: SparseOutcome) -> SelectionFailed:
+    return SelectionFailed(problem.groups[0].name, out.status, out.iterations,
+                           f"selection of atoms, residual {out.residual_norm:.1e}")

@@ -1,0 +1,151 @@
+"""Step solvers on given supports, and a step whose supports are selected at its own solution."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Protocol, TypeAlias, TypeVar
+
+import numpy as np
+
+from sparsemor.core import BoolArray, FloatArray, IntArray, Status, StepFormula, StepOutcome
+from sparsemor.reducers.sparse.memory import SparseMemory, Supports, kept_or_made
+from sparsemor.reducers.sparse.sampled_block import SampledElastic, SampledHeat, numbers
+from sparsemor.reducers.step.solver import Stepper
+
+T = TypeVar("T")
+SupportOf: TypeAlias = Mapping[str, BoolArray]
+"""Block -> its support (k,)."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SupportedSteps:
+    """Step solvers on any support of the blocks `heat` and `elastic`. base: step solver with the
+    other blocks; row_set: number of the set of sampled rows in the run."""
+
+    base: Stepper
+    heat: Mapping[str, SampledHeat]
+    elastic: Mapping[str, SampledElastic]
+    row_set: int
+
+    @property
+    def empty(self) -> dict[str, BoolArray]:
+        """Supports without atoms: reference temperatures and rigid bodies."""
+        blocks = [h.block for h in self.heat.values()] + [e.block for e in self.elastic.values()]
+        return {b.name: np.zeros(b.atoms, dtype=np.bool_) for b in blocks}
+
+    def current(self, memory: SparseMemory) -> Stepper:
+        """Step solver on the supports in `memory`. Raises SolveFailed where the sampled rows do not
+        distinguish the active atoms."""
+        if memory.current is None:
+            memory.current = self.on(memory, memory.supports)
+        return memory.current
+
+    def on(self, memory: SparseMemory, supports: SupportOf) -> Stepper:
+        """Step solver on these supports, kept in `memory`. Raises SolveFailed."""
+        key = self.row_set, "", b"".join(
+            supports[n].tobytes() for n in (*self.heat, *self.elastic))
+        return kept_or_made(memory.steppers, key, lambda: self._made(memory, supports))
+
+    def _made(self, memory: SparseMemory, supports: SupportOf) -> Stepper:
+        def part(kept: dict[Supports, T], name: str, make: Callable[[IntArray | None], T]) -> T:
+            support = supports[name]
+            key = self.row_set, name, support.tobytes()
+            return memory.counted_part(kept, key, lambda: make(numbers(support)))
+
+        return self.base.with_blocks(
+            {n: part(memory.heat, n, h.prepared) for n, h in self.heat.items()},
+            {n: part(memory.elastic, n, e.prepared) for n, e in self.elastic.items()})
+
+    def accepted(
+        self, outcome: StepOutcome, step: StepFormula, memory: SparseMemory
+    ) -> StepOutcome:
+        """The outcome, stored as a past state of the run; or the failure of a block whose
+        coefficients exceed their limits, temperatures before the displacements that they cause."""
+        outcome = self.base.accepted(outcome, step, memory)
+        if outcome.status.ok:
+            return outcome
+        found = (self.base.insane(outcome.x, n) for n in self.heat)
+        return next((bad for bad in found if bad is not None), outcome)
+
+
+def take(found: SupportOf, memory: SparseMemory) -> bool:
+    """Replaces the supports in `memory`; True if one of them has changed."""
+    changed = False
+    for name, support in found.items():
+        if not np.array_equal(support, memory.supports[name]):
+            memory.supports[name] = support
+            memory.support_changes += 1
+            changed = True
+    if changed:
+        memory.current = None
+    return changed
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SelectionFailed:
+    """Failure of a selection: its block, status and number of iterations."""
+
+    block: str
+    status: Status
+    iterations: int = 1
+    detail: str = "selection of atoms"
+
+
+Found: TypeAlias = dict[str, BoolArray] | SelectionFailed
+"""Supports that change, by block."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Solved:
+    """Solution of a step on given supports: `now` is the step solver that computed it, `fresh` is
+    True where these supports are not those of an earlier step."""
+
+    step: StepFormula
+    outcome: StepOutcome
+    now: Stepper
+    supports: SupportOf
+    fresh: bool
+
+
+class SelectsAtSolution(Protocol):
+    """Selection of supports at the solution of a step."""
+
+    def thermal(self, at: Solved, memory: SparseMemory) -> Found: ...
+
+    def elastic(self, at: Solved, memory: SparseMemory) -> Found: ...
+
+
+def reselected_step(
+    steps: SupportedSteps, selects: SelectsAtSolution, step: StepFormula, memory: SparseMemory,
+    start: SupportOf,
+) -> StepOutcome | None:
+    """Solution of a step whose supports are selected at its solution on the supports `start`:
+    thermal ones first, because temperatures load the bodies, then elastic ones. None where there is
+    no solution on `start`."""
+    fresh = start is not memory.supports
+    scales, supports = memory.scales.copy(), start
+
+    def solved(guess: FloatArray | None) -> Solved:
+        memory.scales = scales.copy()  # as if the step had not been solved on other supports
+        now = steps.on(memory, supports) if fresh or guess is not None else steps.current(memory)
+        return Solved(step, now.tried(step, memory, guess), now, supports, fresh)
+
+    at = solved(None)
+    if not at.outcome.status.ok:
+        memory.scales = scales
+        return None
+    for select in (selects.thermal, selects.elastic):
+        found = select(at, memory)
+        if isinstance(found, SelectionFailed):
+            memory.scales = scales
+            return StepOutcome(
+                at.outcome.x, found.status, found.iterations, found.block, found.detail)
+        if found:
+            supports = {**supports, **found}
+            at = solved(at.outcome.x)
+            if not at.outcome.status.ok:
+                return at.outcome
+    if take(supports, memory):
+        memory.current = at.now
+        if fresh:
+            memory.past.restart()  # coefficients may jump: the past is no guide
+    return steps.accepted(at.outcome, step, memory)
