@@ -15,6 +15,8 @@ from sparsemor.core.arrays import BoolArray, FloatArray
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.initial_state import consistent_state
 from sparsemor.core.protocols import Selection
+from sparsemor.core.protocols.integrator import step_formula
+from sparsemor.core.protocols.step_solver import advanced
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.status import Status
@@ -63,12 +65,14 @@ def solved(kind: str) -> tuple[SparseStepper, Any, Any, FloatArray, Any]:
     state, memory = solver.start(consistent_state(model))
     state = scene.integrator.start(solver.layout, state)
     for _ in range(6):
-        formula = scene.integrator.formula(solver.layout, state, scene.time.step)
+        formula = step_formula(
+            scene.integrator.rules(scene.time.step), solver.layout, state, scene.time.step)
         outcome, memory = solver.solve(formula, memory)
         assert outcome.status.ok, outcome
-        state = scene.integrator.advance(
-            solver.layout, state, formula, outcome.x, scene.time.step)
-    formula = scene.integrator.formula(solver.layout, state, scene.time.step)
+        state = advanced(
+            scene.integrator.rules(scene.time.step), solver.layout, state, formula, outcome)
+    formula = step_formula(
+            scene.integrator.rules(scene.time.step), solver.layout, state, scene.time.step)
     now = solver.steps.current(memory)
     return solver, memory, formula, now.tried(formula, memory).x, now
 
@@ -115,11 +119,12 @@ def test_radiation_is_held_at_its_value_in_the_step() -> None:
     state, memory = solver.start(consistent_state(model))
     state = scene.integrator.start(solver.layout, state)
     for _ in range(3):
-        formula = scene.integrator.formula(solver.layout, state, scene.time.step)
+        formula = step_formula(
+            scene.integrator.rules(scene.time.step), solver.layout, state, scene.time.step)
         outcome, memory = solver.solve(formula, memory)
         assert outcome.status.ok, outcome
-        state = scene.integrator.advance(
-            solver.layout, state, formula, outcome.x, scene.time.step)
+        state = advanced(
+            scene.integrator.rules(scene.time.step), solver.layout, state, formula, outcome)
     (block,), now = solver.selection.heat, solver.steps.current(memory)
     rows, support = block.rows, memory.supports[hot]
     r = rows.residual(formula, outcome.x, now, memory.work)

@@ -11,6 +11,8 @@ from sparsemor.core import ReducedProblem
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.initial_state import consistent_state
 from sparsemor.core.model.model import Model
+from sparsemor.core.protocols.integrator import step_formula
+from sparsemor.core.protocols.step_solver import advanced
 from sparsemor.core.scene.scene import Scene, load
 from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.testing.in_memory_run import March, march
@@ -93,11 +95,12 @@ def test_an_exchange_lowers_the_residual_as_foreseen_with_the_other_unknowns_hel
     state = scene.integrator.start(solver.layout, state)
     exchanges = 0
     for count in range(200):
-        formula = scene.integrator.formula(solver.layout, state, scene.time.step)
+        formula = step_formula(
+            scene.integrator.rules(scene.time.step), solver.layout, state, scene.time.step)
         before, other = dict(memory.supports), memory.copy()
         outcome, memory = solver.solve(formula, memory)
-        state = scene.integrator.advance(
-            solver.layout, state, formula, outcome.x, scene.time.step)
+        state = advanced(
+            scene.integrator.rules(scene.time.step), solver.layout, state, formula, outcome)
         changed = [n for n, s in memory.supports.items() if not np.array_equal(s, before[n])]
         if count == 0 or not any(n.endswith("elastic") for n in changed):
             continue
