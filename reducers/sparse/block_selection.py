@@ -19,6 +19,7 @@ from sparsemor.core import (
     BoolArray,
     ColumnSubsets,
     FloatArray,
+    InputError,
     Recovery,
     Selection,
     SparseSolver,
@@ -106,8 +107,14 @@ class AtSolution:
         found = checked_return(
             self.block.recovery.select(self.near, self.z, self.support), Selection,
             self.block.recovery, "select", "reducer.solver")
-        same = not found.status.ok or bool((found.support == self.support).all())
-        return Selection(self.support, found.status) if same else found
+        if not found.status.ok or bool((found.support == self.support).all()):
+            return Selection(self.support, found.status)
+        used, budget = int(np.count_nonzero(found.support)), self.block.rows.budget
+        if used > budget:
+            raise InputError(f"{type(self.block.recovery).__name__} selected {used} atoms in "
+                             f"{self.block.rows.name}, {budget} allowed: report it to the authors "
+                             "of that sparse solver", "reducer.solver")
+        return found
 
     def after(self, other: BoolArray) -> float | None:
         """Squared residual after least squares on the support `other`; None where the rows do not

@@ -12,6 +12,7 @@ from recovery import SOLVERS
 from small_scenes import everything, tiny
 from sparsemor.core import ColumnSubsets, ReducedProblem
 from sparsemor.core.arrays import BoolArray, FloatArray
+from sparsemor.core.errors import InputError
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.initial_state import consistent_state
 from sparsemor.core.protocols import Selection
@@ -267,6 +268,20 @@ def test_a_support_that_the_rows_do_not_distinguish_is_not_taken() -> None:
     A[:, 1] = A[:, 0]
     block = made(A, 2, Careless())
     assert exchanged([minimised(block, A[:, 0], np.arange(6) >= 4)], 0.0) == {}
+
+
+def test_a_support_beyond_the_budget_is_named_with_its_solver() -> None:
+    class Greedy:
+        def select(self, r: FloatArray, c: FloatArray, support: BoolArray) -> Selection:
+            return Selection(np.ones(6, dtype=np.bool_))
+
+    class Eager:
+        def prepare(self, columns: Any, budget: int) -> Greedy:
+            return Greedy()
+
+    block = made(np.eye(6), 2, Eager())
+    with pytest.raises(InputError, match="Greedy selected 6 atoms in block, 2 allowed"):
+        exchanged([minimised(block, np.ones(6), np.arange(6) < 2)], 0.0)
 
 
 # ------------------------------------------------------------------------ recoveries

@@ -96,7 +96,7 @@ def test_atoms_of_displacements_are_selected_next_to_a_coupling(textbook: March)
     """Temperatures are those of all atoms; thermal blocks that are coupled select nothing."""
     chosen = {**REDUCERS["sparse"], "budgets": {"*.elastic": {"rows": 30, "atoms": 6}}}
     found = run(chosen, textbook)
-    assert isinstance(found.solver, SparseStepper) and set(found.solver.elastic) == {
+    assert isinstance(found.solver, SparseStepper) and set(found.solver.steps.elastic) == {
         "one.elastic", "two.elastic"}
     wrong = errors(found, textbook)
     assert max(wrong[name] for name in HOT) < 1e-6
