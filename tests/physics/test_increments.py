@@ -1,4 +1,4 @@
-"""Steps of any size: the bordered iteration against Newton's method, and digits of accelerations."""
+"""Steps of any size: the bordered iteration against Newton's method, digits of accelerations."""
 
 from typing import Any
 
