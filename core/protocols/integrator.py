@@ -45,13 +45,19 @@ class UpdateRule:
         return tuple(tuple((i, f) for i, f in enumerate(row) if f) for row in rows)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class UpdateRules:
     """Update rules of an integrator for steps of one size. Algebraic unknowns have no rates, and
     zeros in their memory."""
 
     second: UpdateRule
     first: UpdateRule
+
+    @cached_property
+    def factors(self) -> tuple[float, float, float]:
+        """c1 and c2 of dv = c1 dx, da = c2 dx, and c1 of first-order unknowns."""
+        second, first = self.second.new.tolist(), self.first.new.tolist()
+        return second[1] / second[0], 1.0 / second[0], 1.0 / first[0]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -125,9 +131,7 @@ def step_formula(rules: UpdateRules, layout: Layout, state: State, h: float) -> 
         if at.stop > at.start:
             _add(rule.terms[0], parts, at, free)
             _add(rule.terms[1], parts, at, rate)
-    second, first = rules.second.new, rules.first.new
-    return StepFormula(state.t + h, float(second[1] / second[0]), float(1.0 / second[0]),
-                       float(1.0 / first[0]), layout, free, rate)
+    return StepFormula(state.t + h, *rules.factors, layout, free, rate)
 
 
 def new_state(

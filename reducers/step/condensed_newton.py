@@ -51,9 +51,10 @@ class Mechanics:
         self.origin = np.concatenate([np.zeros(0), *(b.origin for b in bodies)])
         edges = np.cumsum([0, *(b.frame.border for b in bodies)]).tolist()
         self.at = list(map(slice, edges, edges[1:]))
+        self.positions = [_positions(b) for b in self.bodies]
         self.turning = np.zeros(n_rigid, dtype=np.bool_)
-        for b in self.bodies:
-            own = b.to_border[_positions(b) : b.frame.rigid_size, :n_rigid]
+        for b, count in zip(self.bodies, self.positions, strict=True):
+            own = b.to_border[count : b.frame.rigid_size, :n_rigid]
             self.turning |= own.any(axis=0)
         self.with_motion = [(slice(at.start, at.start + b.frame.rigid_size), b.guide)
                        for b, at in zip(bodies, self.at, strict=True) if b.guide is not None]
@@ -143,7 +144,9 @@ class Mechanics:
             past.local = now.local_forces(b, b.block, guess)
             loop.history.append(past)
             loop.u.append(np.zeros(len(past.u)))
-        loop.reference = [0.0] * len(self.bodies)
+        known = len(memory.elastic) > 0
+        loop.reference = [self._reference(i, step.c2, memory) if known else 0.0
+                          for i in range(len(self.bodies))]
         loop.z = [_NONE] * len(self.bodies)
         loop.sigma = [_NONE] * len(self.bodies)
         loop.changes, loop.dy = [0.0] * (len(self.bodies) + 1), _NONE
@@ -159,7 +162,16 @@ class Mechanics:
             for values, part in zip(loop.border, guide.at(step.t), strict=True):
                 values[at] += part
         loop.size = self._size(step, loop.predicted[:nr], memory)
+        loop.distance = []
+        for at, count in zip(self.at, self.positions, strict=True):
+            R = loop.border[0][at.start : at.start + count]
+            loop.distance.append(float(R.dot(R)))
         return loop
+
+    def _reference(self, i: int, c2: float, memory: Scales) -> float:
+        """Reference magnitude of changes of the displacements of body i."""
+        return reference(
+            sqrt(memory.elastic[i]), sqrt(memory.bending[i]), c2, self.tol.remaining)
 
     def _size(self, step: StepFormula, q: FloatArray, memory: Scales) -> float:
         """Reference magnitude of changes of the rigid coordinates."""
@@ -231,11 +243,10 @@ class Mechanics:
             moved2, size = float(d.dot(d)), float(u.dot(u))
             if size > memory.elastic[i]:
                 memory.elastic[i] = size
-            scale = loop.reference[i] = reference(
-                sqrt(memory.elastic[i]), sqrt(memory.bending[i]), past.c2, self.tol.remaining)
+                loop.reference[i] = self._reference(i, past.c2, memory)
+            scale = loop.reference[i]
             # a body that hardly bends is known to its own round-off, not to its own size
-            R = loop.border[0][at][: _positions(b)]
-            if moved2 <= memory.floor[i] * float(R.dot(R)):
+            if moved2 <= memory.floor[i] * loop.distance[i]:
                 changes.append(0.0)
             else:  # first step, not a number
                 changes.append(sqrt(moved2) / scale if scale > 0.0 and moved2 < inf else inf)

@@ -157,8 +157,10 @@ class FullElastic(ElasticBlock):
     def begin(self, at: Prediction, c1: float, c2: float) -> History:
         o, s = self.ops, History(at, c1, c2)
         values = np.stack([at.x, at.v, at.a])
-        s.u = at.x
-        s.products = np.stack([each(o.generators, y) for y in values])
+        s.u, columns = at.x, np.ascontiguousarray(values.T)
+        s.products = np.empty((3, len(o.generators), len(at.x)))
+        for i, M in enumerate(o.generators):
+            s.products[:, i] = (M @ columns).T
         own = len(o.generators) and o.generators[0] is o.mass
         s.h = predicted_forces(o, s.products[2, 0] if own else o.mass @ at.a, at)
         s.s = values @ o.directions
@@ -166,10 +168,15 @@ class FullElastic(ElasticBlock):
 
     def functionals(self, d: FloatArray, history: History) -> Functionals:
         rates = np.array([1.0, history.c1, history.c2])[:, None]
-        P, products = self.ops.directions.T @ d, each(self.ops.generators, d)
-        rows = history.products + rates[:, None] * products
-        history.stack = rows[:2].reshape(-1, len(d))
-        return Functionals(P, history.s + rates * P, (rows @ (history.u + d)).ravel())
+        P, products, past = (
+            self.ops.directions.T @ d, each(self.ops.generators, d), history.products)
+        u, g = history.u + d, len(products)
+        history.stack = np.empty((2 * g, len(d)))
+        np.add(past[0], products, out=history.stack[:g])
+        np.multiply(products, history.c1, out=history.stack[g:])
+        history.stack[g:] += past[1]
+        forms = (past.reshape(-1, len(d)) @ u).reshape(3, g) + rates * (products @ u)
+        return Functionals(P, history.s + rates * P, forms.ravel())
 
     def combine(
         self, history: History, factors: FloatArray, d: FloatArray, sigma: FloatArray,
@@ -202,10 +209,10 @@ class CompressedElastic(ElasticBlock):
 
     Vectors are stacked as [z; P^T z], so that one product gives both. H (s + p, 3 k + kt + j):
     matrix of h for the inputs u0, v0, a0, temperatures and load amplitudes; base (s + p,): its
-    constant part. S (g (s + p) + g s + p, k): D^-1 M_g, M_g in the active rows, and P^T as factors
-    of coefficients; step_S: the active columns of these for increments, times 1, c1 and c2 where
-    rates need them. tables: tabulated (for example moving) loads,
-    projected on s + p rows.
+    constant part. S (g (s + p) + g s + p, k): D^-1 M_g, M_g in the active rows, and P^T as
+    factors of coefficients; step_S: the active columns of these for increments, times 1, c1 and
+    c2 where rates need them; order: numbers of the products S [u0, v0, a0] in the same order.
+    tables: tabulated (for example moving) loads, projected on s + p rows.
     """
 
     H: FloatArray
@@ -217,6 +224,7 @@ class CompressedElastic(ElasticBlock):
     active: IntArray | None
     amplitudes: tuple[Amplitude, ...]
     sizes: tuple[int, int, int]
+    order: IntArray
     tables: tuple[Moving, ...] = ()
     local: LocalForces | None = None
 
@@ -241,9 +249,12 @@ class CompressedElastic(ElasticBlock):
                      for A in (forms, b.functional)]
         step_S = np.concatenate([turned, c1 * turned, *each_rate])[:, use]
         E = rows[:, inputs:-1]
+        numbers, n, m = np.arange(3 * len(S)).reshape(3, -1), len(turned), len(turned) + len(forms)
+        order = np.concatenate((numbers[0, :n], numbers[1, :n], numbers[:, n:m].ravel(),
+                                numbers[:, m:].ravel()))
         return cls(np.ascontiguousarray(rows[:, :inputs]), rows[:, -1].copy(), S,
                    np.ascontiguousarray(step_S), np.ascontiguousarray(E[:s]),
-                   np.ascontiguousarray(E[s:]), support, b.amplitudes, (s, p, g),
+                   np.ascontiguousarray(E[s:]), support, b.amplitudes, (s, p, g), order,
                    tabulated(b.tables, both, support is None), ReducedLocal.of(b.local, both))
 
     def rates(self, k: int) -> tuple[FloatArray, FloatArray]:
@@ -255,15 +266,13 @@ class CompressedElastic(ElasticBlock):
         if self.amplitudes:
             parts.append(evaluate_amplitudes(self.amplitudes, at.t))
         inputs = np.concatenate(parts)
-        (s, p, g), k, h = self.sizes, len(at.x), History(at, c1, c2)
+        k, h = len(at.x), History(at, c1, c2)
         h.h = self.H.dot(inputs)
         h.h += self.base
         if self.tables:
             h.h -= total_load(self.tables, at.t)
         out = inputs[: 3 * k].reshape(3, k).dot(self.S.T)
-        n, m = g * (s + p), g * (2 * s + p)
-        h.products = np.concatenate(
-            (out[0, :n], out[1, :n], out[:, n:m].ravel(), out[:, m:].ravel()))
+        h.products = out.take(self.order)
         h.u = at.x if self.active is None else at.x[self.active]
         return h
 

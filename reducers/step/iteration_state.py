@@ -22,12 +22,11 @@ class Loop:
     bordered matrix; u, z, sigma: of each body, increments of the elastic unknowns, z
     (elastic_block.py) and factors of the frame directions. changes: relative change of the rigid
     coordinates, then |du| of each body relative to its largest |u|; size: reference magnitude of
-    the
-    former, reference: of the latter.
+    the former, reference: of the latter; distance: squared distance of each body from the origin.
     """
 
-    __slots__ = ("acceleration", "border", "changes", "d", "dy", "history", "matrix", "predicted",
-                 "reference", "sigma", "size", "targets", "u", "z")
+    __slots__ = ("acceleration", "border", "changes", "d", "distance", "dy", "history", "matrix",
+                 "predicted", "reference", "sigma", "size", "targets", "u", "z")
 
     history: list[History | None]
     targets: FloatArray
@@ -40,6 +39,7 @@ class Loop:
     changes: list[float]
     size: float
     reference: list[float]
+    distance: list[float]
     u: list[FloatArray]
     z: list[FloatArray]
     sigma: list[FloatArray]

@@ -28,9 +28,7 @@ from sparsemor.reducers.step.time_tables import TimeTable
 
 def constants(integrator: Integrator, h: float) -> tuple[float, float, float]:
     """Integrator constants c1, c2, and c1 of first-order unknowns, for steps of size h, s."""
-    rules = integrator.rules(h)
-    second, first = rules.second.new, rules.first.new
-    return float(second[1] / second[0]), float(1.0 / second[0]), float(1.0 / first[0])
+    return integrator.rules(h).factors
 
 
 def stepper(
