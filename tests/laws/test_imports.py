@@ -23,6 +23,8 @@ DEPTH = 8
 analysis, simulation, results, model, scene, registry, protocols, arrays."""
 FLAT_MODULES = {"arrays", "errors", "notes", "status"}
 HEAVY = {"skfem", "matplotlib", "meshio", "zarr", "xarray", "rich", "pyvista"}
+EACH = [pytest.param(f, marks=pytest.mark.full) if f == "core" else f for f in FOLDERS]
+"""Folders as parameters; the syntax trees of core take half a second."""
 FILES = sorted(p for folder in FOLDERS for p in (ROOT / folder).rglob("*.py"))
 FORMS = "sparsemor.bodies.fem.forms"
 """Imports scikit-fem, and is itself imported inside functions only."""
@@ -103,7 +105,7 @@ def longest_chain(graph: Mapping[str, set[str]]) -> int:
     return max(length.values())
 
 
-@pytest.mark.parametrize("folder", FOLDERS)
+@pytest.mark.parametrize("folder", EACH)
 def test_imports_follow_the_table(folder: str) -> None:
     for path in FILES:
         parts = path.relative_to(ROOT).parts
@@ -164,7 +166,7 @@ def test_every_folder_is_looked_at() -> None:
     assert inside == {*LAYERS, "__init__"}
 
 
-@pytest.mark.parametrize("folder", FOLDERS)
+@pytest.mark.parametrize("folder", EACH)
 def test_no_module_imports_itself_through_others(folder: str) -> None:
     """With imports in functions and type-only ones, so that neither can hide a circle."""
     longest_chain(graph((folder,)))
