@@ -57,7 +57,7 @@ CASES = {
     "alpha galerkin": ({"reducer": {"use": "galerkin"}, "integrator": "generalized_alpha"},
                        ["step:1", "step:83", "replace:12"]),
     "alpha sparse, selecting": (
-        {"reducer.budgets": SELECTS, "reducer.every": 3, "reducer.hysteresis": 0.2,
+        {"reducer.budgets": SELECTS, "reducer.every": 2, "reducer.hysteresis": 0.15,
          "integrator": "generalized_alpha"},
         ["step:100", "replace:30"]),
     "bdf2 galerkin": ({"reducer": {"use": "galerkin"}, "integrator": "bdf2"},
