@@ -97,13 +97,16 @@ def everything() -> March:
 
 
 ROWS = {"*.elastic": {"rows": 8}, "*.thermal": {"rows": 0}}
-SCALED = {"use": "sparse", "budgets": ROWS, "preconditioner": "row_scaling"}
-INVERSE = {"use": "sparse", "budgets": ROWS, "residual": {"*.elastic": "preconditioned"}}
+PLAIN = {"use": "sparse", "budgets": ROWS, "basis": {"use": "pod", "rank_rtol": 1e-9}}
+"""Atoms that are round-off change with every digit of the snapshots, and with few rows one of eight
+seeds is unstable in them."""
+SCALED = {**PLAIN, "preconditioner": "row_scaling"}
+INVERSE = {**PLAIN, "residual": {"*.elastic": "preconditioned"}}
 
 
 @pytest.mark.parametrize("options", [
     {"use": "galerkin"}, {"use": "deim"}, {"use": "gnat"}, {"use": "lspg"}, {"use": "ecsw"},
-    {"use": "sparse", "budgets": ROWS}, SCALED, INVERSE], ids=str)
+    PLAIN, SCALED, INVERSE], ids=str)
 def test_without_a_coupling_term_both_paths_are_one(options: Mapping[str, Any]) -> None:
     """Joints of all kinds, loads, radiation, fixed frames and given temperatures."""
     full = everything()
