@@ -110,7 +110,7 @@ def test_without_a_coupling_term_both_paths_are_one(options: Mapping[str, Any]) 
     # least squares multiply the rounding of rates, which one path updates by the change: 2.6e-9 of
     # lspg and gnat, the same at `remaining` 1e-15; 4.5e-9 of sparse without AVX-512
     own = 1e-8 if options["use"] in ("sparse", "lspg", "gnat") else 1e-9
-    # atoms at round-off change with every digit; with the rows of one seed of eight they are unstable
+    # atoms at round-off change with every digit; one seed of eight has rows unstable in them
     scene = short().using({"reducer": options, "seed": 1})
     fast = march(scene, model=full.model, snapshots=learnt(full))
     general = march(scene, model=with_other(full.model, Nothing()), snapshots=learnt(full))
