@@ -154,8 +154,8 @@ class SpaceForce:
         return replace(self, arm=self.arm + s)
 
     def in_plane(self) -> plane.PlaneItem:
-        return plane.SpaceForce(
-            self.total, complex(*self.arm), complex(*self.force), self.amplitude)
+        return plane.PlanePart(plane.space_force, (
+            float(self.total), *self.arm.tolist(), *self.force.tolist()), self.amplitude)
 
     def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
         f = self.amplitude(m.t) * self.force
@@ -196,7 +196,8 @@ class BodyForce:
         return replace(self, arm=self.arm + s[1:])
 
     def in_plane(self) -> plane.PlaneItem:
-        return plane.BodyForce(complex(*self.total), float(self.arm[0]), self.amplitude)
+        return plane.PlanePart(plane.body_force, (
+            *self.total.tolist(), float(self.arm[0])), self.amplitude)
 
     def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
         g = self.amplitude(m.t)
@@ -243,7 +244,7 @@ class Attachment:
         return Wrench(forces, np.zeros((len(times), 2 * len(self.point) - 3)), None)
 
     def in_plane(self) -> plane.PlaneItem:
-        return plane.Attachment(complex(*self.point))
+        return plane.PlanePart(plane.attachment, tuple(self.point.tolist()))
 
     def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
         f, mine = m.y[k : k + 3], slice(k, k + 3)
@@ -293,7 +294,7 @@ class Rotation:
         return Wrench(np.zeros((len(times), 2)), forces, None)
 
     def in_plane(self) -> plane.PlaneItem:
-        return plane.Rotation(self.turns, self.angle)
+        return plane.PlanePart(plane.rotation, (float(self.turns), self.angle))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,0 +1,148 @@
+"""Arrays of a reduced model for compiled steps: constants of the model, of its thermal blocks and
+bodies, and working arrays. They have no behaviour (kernel.py has)."""
+
+from typing import NamedTuple
+
+from sparsemor.core import BoolArray, FloatArray, IntArray
+from sparsemor.bodies.frames.plane_motion import ComplexArray
+
+
+class HeatArrays(NamedTuple):
+    """Constants of a reduced thermal block without local terms (thermal_block.py).
+
+    at (k,), active (s,), idle (k - s,): numbers of its unknowns, of active and of inactive ones;
+    by_rate, by_value: (s, k), or (1, k) for a diagonal; base (s,), loads (s, j): constant terms and
+    factors of the amplitudes, the first of which is number `amplitude`; table: number of the first
+    tabulated value, -1 for none.
+    """
+
+    at: IntArray
+    active: IntArray
+    idle: IntArray
+    by_rate: FloatArray
+    by_value: FloatArray
+    base: FloatArray
+    loads: FloatArray
+    amplitude: int
+    table: int
+
+
+class BodyArrays(NamedTuple):
+    """Constants of a body in the plane: frame, map to the border, and its reduced displacements
+    (elastic_block.py; empty for a rigid body).
+
+    kinds (i,), numbers (i, 9), starts (i, 3), gains (i,): parts of the frame (plane_items.py),
+    numbers of their functionals, other coordinates and multipliers, and of their amplitudes, -1 for
+    none. rows, columns, values: entries of the map from the model's border unknowns; origin (b,).
+    guide: number of the first value of its prescribed motion, -1 for none; rigid: number of rigid
+    coordinates, positions: of coordinates of its position; free: 1 if its motion is unknown.
+
+    u: first displacement; active (s,), idle: numbers of active and inactive ones; T: first
+    temperature; H (w, 3 k + kt), base (w,), loads (w, j): factors of h, w = s + p; turned (g w, k),
+    forms (g s, k), P (p, k), and `step` ones (s columns) of active atoms: D^-1 M_g, M_g and P^T; E
+    (s, p), G (p, p), transposed; amplitude, table: as in HeatArrays.
+    """
+
+    kinds: IntArray
+    numbers: FloatArray
+    starts: IntArray
+    gains: IntArray
+    rows: IntArray
+    columns: IntArray
+    values: FloatArray
+    origin: FloatArray
+    guide: int
+    rigid: int
+    positions: int
+    free: int
+    u: int
+    k: int
+    active: IntArray
+    idle: IntArray
+    T: int
+    kt: int
+    g: int
+    H: FloatArray
+    base: FloatArray
+    loads: FloatArray
+    products: FloatArray
+    step_products: FloatArray
+    E: FloatArray
+    Gt: FloatArray
+    amplitude: int
+    table: int
+
+
+class BodyWork(NamedTuple):
+    """Working arrays of a body.
+
+    csigma, ctau: complex views of sigma (b + 1, p) and tau (b, p); H, rows: views of border (b, b +
+    1); coefficients (2 g + 1,) (`FrameWork`); cs: complex view of s (3, p), functionals of u, u',
+    u''; forms (3 g,); y, v, a (b,): border unknowns at the prediction; past (3, g w + g s + p):
+    products with the prediction and its rates; change (g w + g s + p,): with the increment; h, z
+    (w,); u (s,): active displacements predicted; d (s,): increments.
+    """
+
+    csigma: ComplexArray
+    sigma: FloatArray
+    ctau: ComplexArray
+    tau: FloatArray
+    border: FloatArray
+    H: FloatArray
+    rows: FloatArray
+    coefficients: FloatArray
+    cs: ComplexArray
+    s: FloatArray
+    forms: FloatArray
+    y: FloatArray
+    v: FloatArray
+    a: FloatArray
+    moved: FloatArray
+    inputs: FloatArray
+    past: FloatArray
+    change: FloatArray
+    h: FloatArray
+    z: FloatArray
+    u: FloatArray
+    d: FloatArray
+    total: FloatArray
+
+
+class ModelArrays(NamedTuple):
+    """Constants of a model and its integrator. second, first, algebraic: first and last number of
+    the unknowns of each kind; second_new, second_old, first_new, first_old: update rules
+    (`UpdateRule`); rigid: number of rigid coordinates; starts (blocks + 1,): first unknown of each
+    block; weights (points + 1, points): extrapolation by that many states, newest first; sanity
+    (n,): inverse of the largest permitted value of each unknown."""
+
+    second: IntArray
+    first: IntArray
+    algebraic: IntArray
+    second_new: FloatArray
+    second_old: FloatArray
+    first_new: FloatArray
+    first_old: FloatArray
+    c1: float
+    c2: float
+    c1_first: float
+    rigid: int
+    starts: IntArray
+    weights: FloatArray
+    sanity: FloatArray
+    remaining: float
+    max_iterations: int
+
+
+class RunArrays(NamedTuple):
+    """State of a run: z (3 + j, n), unknowns with rates and the integrator's memory; ring (points,
+    2 n), at (2,): newest row and number of filled ones, by_departure (n,) (predictor.py);
+    elastic, bending, floor (bodies,), acceleration (1,): reference magnitudes (acceptance.py)."""
+
+    z: FloatArray
+    ring: FloatArray
+    at: IntArray
+    by_departure: BoolArray
+    elastic: FloatArray
+    bending: FloatArray
+    floor: FloatArray
+    acceleration: FloatArray

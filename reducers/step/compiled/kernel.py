@@ -1,0 +1,438 @@
+"""Steps of a reduced model in the plane as functions on arrays (arrays.py), compiled by numba.
+
+The equations are those of condensed_newton.py, elastic_block.py, thermal_block.py and predictor.py,
+with the same acceptance; tests hold both to each other. A step that does not converge at once is
+left to these (`LEFT`): they have the estimate of round-off, acceleration, and the full Newton
+iteration.
+"""
+
+from collections.abc import Sequence
+from math import cos, inf, sin, sqrt
+
+import numpy as np
+
+from sparsemor.bodies.frames.plane_items import evaluate_part
+from sparsemor.bodies.frames.plane_motion import Motion, Views, write
+from sparsemor.core import FloatArray
+from sparsemor.reducers.step.acceptance import estimated_error, reference
+from sparsemor.reducers.step.compiled.arrays import (
+    BodyArrays,
+    BodyWork,
+    HeatArrays,
+    ModelArrays,
+    RunArrays,
+)
+
+LEFT = -1
+"""Instead of a number of iterations: the step is left to the uncompiled solver."""
+SLOW = 0.2
+"""Ratio of consecutive changes above which a step is left, as in condensed_newton.py."""
+
+
+def advance(
+    m: ModelArrays, heat: Sequence[HeatArrays], bodies: Sequence[BodyArrays],
+    works: Sequence[BodyWork], run: RunArrays, timed: FloatArray, targets: FloatArray,
+    states: FloatArray, iterations: FloatArray,
+) -> int:
+    """Takes up to len(timed) steps and returns how many were solved; `run` is then at the last of
+    these.
+
+    timed (T, q): amplitudes, tables and prescribed motion in each step; targets (T, N): prescribed
+    values of the constraints; states (T, 3 + j, n), iterations (T,): results.
+    """
+    n = run.z.shape[1]
+    free, rate, d = np.zeros(n), np.zeros(n), np.zeros(n)
+    x, v, a = np.zeros(n), np.zeros(n), np.zeros(n)
+    guess = np.zeros(2 * n)
+    for i in range(len(timed)):
+        free_motion(m, run.z, free, rate)
+        predict(m, run, guess)
+        for j in range(n):
+            d[j] = guess[n + j] if run.by_departure[j] else guess[j] - free[j]
+        at_departure(m, d, free, rate, x, v, a)
+        for h in heat:
+            heated(h, m.c1_first, timed[i], x, v, d)
+        count = solve_mechanics(m, bodies, works, run, timed[i], targets[i], x, v, a, d, free, rate)
+        if count == LEFT:
+            return i
+        at_departure(m, d, free, rate, x, v, a)
+        size = 0.0
+        for j in range(n):
+            size += (x[j] * m.sanity[j]) ** 2
+        if not size <= 1.0:
+            return i
+        accept(m, bodies, works, run, guess, x, v, a, d)
+        states[i] = run.z
+        iterations[i] = count
+    return len(timed)
+
+
+def free_motion(m: ModelArrays, z: FloatArray, free: FloatArray, rate: FloatArray) -> None:
+    """Motion without the new highest rates (core/protocols/integrator.py)."""
+    free[:] = 0.0
+    rate[:] = 0.0
+    for c in range(len(z)):
+        of_x, of_v = m.second_old[0, c], m.second_old[1, c]
+        for i in range(m.second[0], m.second[1]):
+            free[i] += of_x * z[c, i]
+            rate[i] += of_v * z[c, i]
+        of_x = m.first_old[0, c]
+        for i in range(m.first[0], m.first[1]):
+            free[i] += of_x * z[c, i]
+
+
+def at_departure(
+    m: ModelArrays, d: FloatArray, free: FloatArray, rate: FloatArray, x: FloatArray,
+    v: FloatArray, a: FloatArray
+) -> None:
+    """Unknowns x and rates v, a at the departure d from the free motion."""
+    x[:] = free + d
+    v[:] = 0.0
+    a[:] = 0.0
+    for i in range(m.second[0], m.second[1]):
+        v[i] = rate[i] + m.c1 * d[i]
+        a[i] = m.c2 * d[i]
+    for i in range(m.first[0], m.first[1]):
+        v[i] = m.c1_first * d[i]
+
+
+def predict(m: ModelArrays, run: RunArrays, guess: FloatArray) -> None:
+    """Extrapolated unknowns and departures (2 n,)."""
+    points = len(run.ring)
+    guess[:] = 0.0
+    for j in range(run.at[1]):
+        guess += m.weights[run.at[1], j] * run.ring[(run.at[0] - j) % points]
+
+
+def accept(
+    m: ModelArrays, bodies: Sequence[BodyArrays], works: Sequence[BodyWork], run: RunArrays,
+    guess: FloatArray, x: FloatArray, v: FloatArray, a: FloatArray, d: FloatArray
+) -> None:
+    """Stores a solved step: past states for the predictor, reference magnitudes, and the state."""
+    n, points = len(x), len(run.ring)
+    for b in range(len(m.starts) - 1):
+        by_value, by_departure = 0.0, 0.0
+        for i in range(m.starts[b], m.starts[b + 1]):
+            by_value = max(by_value, abs(guess[i] - x[i]))
+            by_departure = max(by_departure, abs(guess[n + i] - d[i]))
+        run.by_departure[m.starts[b] : m.starts[b + 1]] = by_departure < by_value
+    newest = (run.at[0] + 1) % points
+    run.ring[newest, :n] = x
+    run.ring[newest, n:] = d
+    run.at[0], run.at[1] = newest, min(run.at[1] + 1, points)
+    for i in range(len(bodies)):
+        b = bodies[i]
+        if b.k:
+            size = 0.0
+            for j in range(b.u, b.u + b.k):
+                size += a[j] * a[j]
+            run.bending[i] = max(run.bending[i], size)
+    size = 0.0
+    for j in range(m.rigid):
+        size += a[j] * a[j]
+    run.acceleration[0] = max(run.acceleration[0], sqrt(size))
+    new_state(m, run.z, x, v, a)
+
+
+def new_state(
+    m: ModelArrays, z: FloatArray, x: FloatArray, v: FloatArray, a: FloatArray
+) -> None:
+    """State after the step in place of the one before."""
+    rows = len(z)
+    old = np.empty(rows)
+    for i in range(m.second[0], m.second[1]):
+        old[:] = z[:, i]
+        for r in range(3, rows):
+            z[r, i] = m.second_new[r] * a[i] + np.dot(m.second_old[r], old)
+    for i in range(m.first[0], m.first[1]):
+        old[:] = z[:, i]
+        a[i] = m.first_new[2] * v[i] + np.dot(m.first_old[2], old)
+        for r in range(3, rows):
+            z[r, i] = m.first_new[r] * v[i] + np.dot(m.first_old[r], old)
+    z[0] = x
+    z[1] = v
+    z[2] = a
+
+
+def heated(
+    h: HeatArrays, c1: float, timed: FloatArray, x: FloatArray, v: FloatArray, d: FloatArray
+) -> None:
+    """Solves a thermal block (thermal_block.py), in place."""
+    for i in h.idle:
+        v[i] -= c1 * x[i]
+        d[i] -= x[i]
+        x[i] = 0.0
+    r = h.base.copy()
+    for j in range(h.loads.shape[1]):
+        r += h.loads[:, j] * timed[h.amplitude + j]
+    if h.table >= 0:
+        r += timed[h.table : h.table + len(r)]
+    T, rate = x[h.at], v[h.at]
+    if len(h.by_rate) == 1 and len(r) > 1:
+        r += h.by_rate[0] * rate + h.by_value[0] * T
+    else:
+        r += np.dot(h.by_rate, rate) + np.dot(h.by_value, T)
+    for j in range(len(r)):
+        i = h.active[j]
+        d[i] += r[j]
+        x[i] += r[j]
+        v[i] += c1 * r[j]
+
+
+def begin(
+    m: ModelArrays, b: BodyArrays, w: BodyWork, timed: FloatArray, x: FloatArray, v: FloatArray,
+    a: FloatArray, d: FloatArray, free: FloatArray, rate: FloatArray
+) -> None:
+    """Constants of a body's displacements in a step, from the prediction (elastic_block.py)."""
+    for i in b.idle:
+        d[i] = -free[i]
+        x[i], v[i], a[i] = 0.0, rate[i] + m.c1 * d[i], m.c2 * d[i]
+    k, u = b.k, w.inputs
+    u[:k] = x[b.u : b.u + k]
+    u[k : 2 * k] = v[b.u : b.u + k]
+    u[2 * k : 3 * k] = a[b.u : b.u + k]
+    u[3 * k :] = x[b.T : b.T + b.kt]
+    w.h[:] = np.dot(b.H, u) + b.base
+    for j in range(b.loads.shape[1]):
+        w.h[:] += b.loads[:, j] * timed[b.amplitude + j]
+    if b.table >= 0:
+        w.h[:] -= timed[b.table : b.table + len(w.h)]
+    for r in range(3):
+        w.past[r] = np.dot(b.products, u[r * k : (r + 1) * k])
+    for j in range(len(b.active)):
+        w.u[j] = x[b.active[j]]
+    w.d[:] = 0.0
+
+
+def functionals(m: ModelArrays, b: BodyArrays, w: BodyWork) -> None:
+    """Products of the displacements with P and M_g at the increment w.d."""
+    g, s, p = b.g, len(b.active), b.Gt.shape[0]
+    forms, P = g * (s + p), g * (s + 2 * s // 2 + p)
+    P = forms + g * s
+    w.change[:] = np.dot(b.step_products, w.d)
+    c = (1.0, m.c1, m.c2)
+    for r in range(3):
+        for i in range(p):
+            w.s[r, i] = w.past[r, P + i] + c[r] * w.change[P + i]
+        for i in range(g):
+            total, at = 0.0, forms + i * s
+            for j in range(s):
+                total += (w.past[r, at + j] + c[r] * w.change[at + j]) * (w.u[j] + w.d[j])
+            w.forms[r * g + i] = total
+
+
+def combine(m: ModelArrays, b: BodyArrays, w: BodyWork) -> None:
+    """z = D^-1 (h + sum_g kappa_g M_g u + mu_g M_g u') and P^T z, after `functionals`."""
+    g, n = b.g, len(w.h)
+    w.z[:] = w.h
+    for i in range(g):
+        kappa, mu, at = w.coefficients[i], w.coefficients[g + i], i * n
+        of_change = kappa + mu * m.c1
+        for j in range(n):
+            w.z[j] += (kappa * w.past[0, at + j] + mu * w.past[1, at + j]
+                       + of_change * w.change[at + j])
+
+
+def evaluate(
+    m: ModelArrays, b: BodyArrays, w: BodyWork, timed: FloatArray, delta: FloatArray
+) -> None:
+    """Equations of the body's frame at the border increments `delta` (N,), its displacements
+    eliminated: w.border is then the Schur complement."""
+    w.moved[:] = 0.0
+    for i in range(len(b.rows)):
+        w.moved[b.rows[i]] += b.values[i] * delta[b.columns[i]]
+    y = w.y + w.moved
+    al, acc = w.a[2] + m.c2 * w.moved[2], complex(
+        w.a[0] + m.c2 * w.moved[0], w.a[1] + m.c2 * w.moved[1])
+    elastic = b.k > 0
+    if elastic:
+        functionals(m, b, w)
+    e, nb = complex(cos(y[2]), sin(y[2])), len(y)
+    motion = Motion(
+        y, complex(y[0], y[1]), e, e.conjugate(), w.v[2] + m.c1 * w.moved[2], al, acc, m.c1, m.c2,
+        0.0, elastic, w.cs[0], w.cs[1], w.cs[2], w.forms)
+    out = Views(w.csigma[nb], w.csigma, w.ctau, w.H, w.rows, w.coefficients)
+    w.total[:] = 0.0
+    for i in range(len(b.kinds)):
+        gain = 1.0 if b.gains[i] < 0 else timed[b.gains[i]]
+        evaluate_part(b.kinds[i], b.numbers[i], gain, motion, b.starts[i, 0], b.starts[i, 1],
+                      b.starts[i, 2], w.total, out)
+    write(w.total, out)
+    if elastic:
+        combine(m, b, w)
+
+
+def solve_mechanics(
+    m: ModelArrays, bodies: Sequence[BodyArrays], works: Sequence[BodyWork], run: RunArrays,
+    timed: FloatArray, targets: FloatArray, x: FloatArray, v: FloatArray, a: FloatArray,
+    d: FloatArray, free: FloatArray, rate: FloatArray
+) -> int:
+    """Solves the mechanical equations (condensed_newton.py) and adds their increments to d; returns
+    the number of iterations, or LEFT."""
+    N, nr, count = len(targets), m.rigid, len(bodies)
+    elastic = run.elastic.copy()
+    scale, distance = np.zeros(count), np.zeros(count)
+    predicted, delta = np.zeros(N), np.zeros(N)
+    predicted[:nr] = x[:nr]
+    predicted[nr:] = x[m.algebraic[0] : m.algebraic[1]]
+    for i in range(count):
+        b, w = bodies[i], works[i]
+        if b.k:
+            begin(m, b, w, timed, x, v, a, d, free, rate)
+        pose(b, w, nr, predicted, v, a, timed)
+        scale[i] = magnitude(m, run, elastic, i)
+        for j in range(b.positions):
+            distance[i] += w.y[j] * w.y[j]
+    size = 0.0
+    for j in range(nr):
+        size += x[j] * x[j]
+    size = reference(max(1.0, sqrt(size)), run.acceleration[0], m.c2, m.remaining)
+    changes, before = np.zeros(count + 1), np.full(count + 1, inf)
+    last = inf
+    for iteration in range(1, m.max_iterations + 1):
+        dy = border_change(m, bodies, works, timed, targets, delta)
+        if not np.all(np.isfinite(dy)):
+            return LEFT
+        delta -= dy
+        changes[0] = norm(dy[:nr]) / size
+        for i in range(count):
+            b, w = bodies[i], works[i]
+            if b.k:
+                changes[i + 1] = displaced(m, b, w, dy, run, elastic, scale, i, distance[i])
+        change = changes.max()
+        if not change < inf:
+            return LEFT
+        error = 0.0
+        for i in range(count + 1):
+            error = max(error, estimated_error(changes[i], before[i]))
+        if error <= m.remaining:
+            d[:nr] += delta[:nr]
+            d[m.algebraic[0] : m.algebraic[1]] += delta[nr:]
+            for i in range(count):
+                b, w = bodies[i], works[i]
+                for j in range(len(b.active)):
+                    d[b.active[j]] += w.d[j]
+            run.elastic[:] = elastic
+            return iteration
+        if change > SLOW * last:
+            return LEFT
+        before[:] = changes
+        last = change
+    return LEFT
+
+
+def pose(
+    b: BodyArrays, w: BodyWork, nr: int, predicted: FloatArray, v: FloatArray, a: FloatArray,
+    timed: FloatArray
+) -> None:
+    """Border unknowns of a body at the prediction, with their rates."""
+    w.y[:] = b.origin
+    w.v[:] = 0.0
+    w.a[:] = 0.0
+    for i in range(len(b.rows)):
+        r, c, value = b.rows[i], b.columns[i], b.values[i]
+        w.y[r] += value * predicted[c]
+        if c < nr:
+            w.v[r] += value * v[c]
+            w.a[r] += value * a[c]
+    if b.guide >= 0:
+        n = b.rigid
+        for j in range(n):
+            w.y[j] += timed[b.guide + j]
+            w.v[j] += timed[b.guide + n + j]
+            w.a[j] += timed[b.guide + 2 * n + j]
+
+
+def border_change(
+    m: ModelArrays, bodies: Sequence[BodyArrays], works: Sequence[BodyWork], timed: FloatArray,
+    targets: FloatArray, delta: FloatArray
+) -> FloatArray:
+    """Change (N,) of the border unknowns by one Newton iteration; nan where the matrix is
+    singular."""
+    N = len(targets)
+    A, r = np.zeros((N, N)), -targets
+    for i in range(len(bodies)):
+        b, w = bodies[i], works[i]
+        evaluate(m, b, w, timed, delta)
+        n, p, s = len(w.y), b.Gt.shape[0], len(b.active)
+        if p:
+            # border minus tau D^-1 (elastic columns and residual): the Schur complement
+            Gs = np.dot(w.sigma, b.Gt)
+            P = b.g * (2 * s + p)
+            for j in range(p):
+                Gs[n, j] += w.change[P + j] + w.z[s + j]
+            w.border[:] -= np.dot(w.tau, Gs.T)
+        for k in range(len(b.rows)):
+            row, column, value = b.rows[k], b.columns[k], b.values[k]
+            r[column] += value * w.border[row, n]
+            for l in range(len(b.rows)):
+                A[column, b.columns[l]] += value * b.values[l] * w.border[row, b.rows[l]]
+    return solved(A, r)
+
+
+def solved(A: FloatArray, r: FloatArray) -> FloatArray:
+    """Solution of A x = r by elimination with partial pivoting, in place; nan where A is
+    singular."""
+    n = len(r)
+    for k in range(n):
+        p, most = k, abs(A[k, k])
+        for i in range(k + 1, n):
+            if abs(A[i, k]) > most:
+                p, most = i, abs(A[i, k])
+        if not 0.0 < most < inf:
+            r[:] = np.nan
+            return r
+        if p != k:
+            for j in range(k, n):
+                A[k, j], A[p, j] = A[p, j], A[k, j]
+            r[k], r[p] = r[p], r[k]
+        for i in range(k + 1, n):
+            f = A[i, k] / A[k, k]
+            if f != 0.0:
+                for j in range(k + 1, n):
+                    A[i, j] -= f * A[k, j]
+                r[i] -= f * r[k]
+    for k in range(n - 1, -1, -1):
+        for j in range(k + 1, n):
+            r[k] -= A[k, j] * r[j]
+        r[k] /= A[k, k]
+    return r
+
+
+def displaced(
+    m: ModelArrays, b: BodyArrays, w: BodyWork, dy: FloatArray, run: RunArrays,
+    elastic: FloatArray, scale: FloatArray, i: int, distance: float
+) -> float:
+    """New increments of a body's displacements after a change dy of the border unknowns; returns
+    their relative change."""
+    n, s = len(w.y), len(b.active)
+    w.moved[:] = 0.0
+    for j in range(len(b.rows)):
+        w.moved[b.rows[j]] += b.values[j] * dy[b.columns[j]]
+    sigma = w.sigma[n] - np.dot(w.moved, w.sigma[:n])
+    moved2, size = 0.0, 0.0
+    new = np.dot(b.E, sigma)
+    for j in range(s):
+        new[j] = -(w.z[j] + new[j])
+        moved2 += (new[j] - w.d[j]) ** 2
+        size += (w.u[j] + new[j]) ** 2
+    w.d[:] = new
+    if size > elastic[i]:
+        elastic[i] = size
+        scale[i] = magnitude(m, run, elastic, i)
+    if moved2 <= run.floor[i] * distance:
+        return 0.0
+    return sqrt(moved2) / scale[i] if scale[i] > 0.0 and moved2 < inf else inf
+
+
+def magnitude(m: ModelArrays, run: RunArrays, elastic: FloatArray, i: int) -> float:
+    """Reference magnitude of changes of the displacements of body i."""
+    return reference(sqrt(elastic[i]), sqrt(run.bending[i]), m.c2, m.remaining)
+
+
+def norm(x: FloatArray) -> float:
+    """Euclidean norm."""
+    total = 0.0
+    for i in range(len(x)):
+        total += x[i] * x[i]
+    return sqrt(total)
