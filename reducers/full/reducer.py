@@ -7,7 +7,7 @@ from typing import Literal
 from pydantic import Field
 
 from sparsemor.core import AssembledModel, HeatBody, Plugin, ReducedProblem, StepSolver
-from sparsemor.reducers.full.monolithic import Summed, coupling, elements
+from sparsemor.reducers.full.monolithic import Summed
 from sparsemor.reducers.notes import local_heat_notes, whole_step_notes
 from sparsemor.reducers.start_check import check_start
 from sparsemor.reducers.step.acceptance import Tolerances
@@ -19,6 +19,7 @@ from sparsemor.reducers.step.prepare import constants, stepper
 from sparsemor.reducers.step.prescribed_frame_block import FullPrescribed, PrescribedBlock
 from sparsemor.reducers.step.thermal_block import FullHeat, HeatBlock, LocalAt
 from sparsemor.reducers.step.thermal_groups import full_group, group_name
+from sparsemor.reducers.touched_blocks import coupling, elements
 
 
 def _alone(model: AssembledModel, b: HeatBody, c1: float) -> FullHeat:

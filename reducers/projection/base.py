@@ -36,6 +36,7 @@ from sparsemor.core import (
 )
 from sparsemor.reducers.checks import pattern_faults
 from sparsemor.reducers.field_options import BASES
+from sparsemor.reducers.linalg.left_inverse import left_inverse
 from sparsemor.reducers.notes import shadowed_basis
 from sparsemor.reducers.step.acceptance import Tolerances
 from sparsemor.reducers.step.coupled_reduced import (
@@ -45,7 +46,6 @@ from sparsemor.reducers.step.coupled_reduced import (
     reduced_general,
 )
 from sparsemor.reducers.step.elastic_block import CompressedElastic
-from sparsemor.reducers.step.left_inverse import left_inverse
 from sparsemor.reducers.step.newton.equations import Equations
 from sparsemor.reducers.step.newton.fallback import FullNewton
 from sparsemor.reducers.step.operators import TestedElastic, TestedHeat, TestMap

@@ -31,7 +31,6 @@ from sparsemor.core import (
     time_derivatives,
     unavailable_resultants,
 )
-from sparsemor.reducers.full.monolithic import coupling, elements
 from sparsemor.reducers.step.acceptance import Tolerances
 from sparsemor.reducers.step.frame_step import BodyStep
 from sparsemor.reducers.step.initial import least
@@ -41,6 +40,7 @@ from sparsemor.reducers.step.operators import TestedElastic, TestedHeat, TestMap
 from sparsemor.reducers.step.reduced_residual import Dense, DenseBody, DenseHeat
 from sparsemor.reducers.step.relocalised import Coupled
 from sparsemor.reducers.step.solver import Facts, reduce_state
+from sparsemor.reducers.touched_blocks import coupling, elements
 
 T = TypeVar("T", TestedElastic, TestedHeat)
 

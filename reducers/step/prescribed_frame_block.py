@@ -26,8 +26,8 @@ from sparsemor.core import (
     FloatArray,
     IntArray,
 )
-from sparsemor.reducers.full.coarse_correction import CoarseCorrection
-from sparsemor.reducers.projection.modal_coordinates import carried, dense, times
+from sparsemor.reducers.linalg.coarse_correction import CoarseCorrection
+from sparsemor.reducers.linalg.modal_coordinates import carried, dense, times
 from sparsemor.reducers.step.acceptance import EPS, LEAST
 from sparsemor.reducers.step.elastic_block import (
     DisplacementBlock,

@@ -26,8 +26,8 @@ from sparsemor.core import (
     linearization,
     unconverged_note,
 )
-from sparsemor.reducers.full.superlu import factorize
-from sparsemor.reducers.projection.modal_coordinates import carried, dense, times
+from sparsemor.reducers.linalg.modal_coordinates import carried, dense, times
+from sparsemor.reducers.linalg.superlu import factorize
 from sparsemor.reducers.step.operators import TestedHeat
 from sparsemor.reducers.step.time_tables import (
     TimeTable,

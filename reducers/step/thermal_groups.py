@@ -34,8 +34,8 @@ from sparsemor.core import (
     linearization,
     solved_directly,
 )
-from sparsemor.reducers.full.superlu import factorize
-from sparsemor.reducers.projection.modal_coordinates import carried, dense
+from sparsemor.reducers.linalg.modal_coordinates import carried, dense
+from sparsemor.reducers.linalg.superlu import factorize
 from sparsemor.reducers.step.thermal_block import CompressedHeat, FullHeat, LocalAt
 from sparsemor.reducers.step.time_tables import TimeTable
 

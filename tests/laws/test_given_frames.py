@@ -17,9 +17,9 @@ from sparsemor.core.protocols.prescribed_motion import FrameHistory, Stage
 from sparsemor.core.protocols.separable import FrameWork
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.testing.in_memory_run import March, march, scene_of
-from sparsemor.reducers.full import coarse_correction as coarse
+from sparsemor.reducers.linalg import coarse_correction as coarse
+from sparsemor.reducers.linalg.modal_coordinates import modal_coordinates
 from sparsemor.reducers.projection.galerkin import Galerkin
-from sparsemor.reducers.projection.modal_coordinates import modal_coordinates
 from sparsemor.reducers.step.prescribed_frame_block import CompressedPrescribed, FullPrescribed
 from sparsemor.reducers.step.solver import Stepper
 from sparsemor.reducers.step.thermal_block import CompressedHeat

@@ -97,6 +97,24 @@ def between_folders(modules: Mapping[str, set[str]]) -> dict[str, set[str]]:
     return found
 
 
+def between_parts(modules: Mapping[str, set[str]], folder: str) -> dict[str, set[str]]:
+    """The same between the folders and single modules of a folder of plugins. An import of a public
+    name of `sparsemor.reducers` is one of the modules that this package takes its names from."""
+    package = f"sparsemor.{folder}"
+    homes = modules[package]
+
+    def part(name: str) -> str:
+        return name.split(".")[2]
+
+    found: dict[str, set[str]] = {}
+    for name, others in modules.items():
+        if name != package:
+            to = others | (homes if package in others else set())
+            found.setdefault(part(name), set()).update(
+                {part(n) for n in to if n != package} - {part(name)})
+    return found
+
+
 def longest_chain(graph: Mapping[str, set[str]]) -> int:
     """Number of imports in the longest chain. Raises CycleError."""
     length: dict[str, int] = {}
@@ -170,6 +188,24 @@ def test_every_folder_is_looked_at() -> None:
 def test_no_module_imports_itself_through_others(folder: str) -> None:
     """With imports in functions and type-only ones, so that neither can hide a circle."""
     longest_chain(graph((folder,)))
+
+
+@pytest.mark.parametrize("folder", FOLDERS[1:])
+def test_no_folder_of_plugins_imports_itself_through_others(folder: str) -> None:
+    """Circles between folders that no circle of single modules shows."""
+    longest_chain(between_parts(graph((folder,)), folder))
+
+
+def test_the_check_sees_a_circle_of_folders() -> None:
+    modules = {"sparsemor.reducers": {"sparsemor.reducers.full.c"},
+               "sparsemor.reducers.full.a": {"sparsemor.reducers.step.b"},
+               "sparsemor.reducers.full.c": set(),
+               "sparsemor.reducers.step.b": set()}
+    longest_chain(between_parts(modules, "reducers"))
+    for imports in ("sparsemor.reducers.full.c", "sparsemor.reducers"):
+        with pytest.raises(CycleError):
+            longest_chain(between_parts(
+                {**modules, "sparsemor.reducers.step.b": {imports}}, "reducers"))
 
 
 def test_imports_between_folders_of_core_are_few_deep() -> None:

@@ -12,7 +12,7 @@ from sparsemor.core.model.assembly import assemble
 from sparsemor.core.protocols import Dictionary
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.testing.in_memory_run import march, scene_of
-from sparsemor.reducers.projection.modal_coordinates import modal_coordinates
+from sparsemor.reducers.linalg.modal_coordinates import modal_coordinates
 from tiers import quick
 
 BUDGETS = {"*.elastic": {"rows": 24, "atoms": 8}, "*.thermal": {"rows": 10, "atoms": 1}}

@@ -10,10 +10,10 @@ import pytest
 
 from sparsemor import InputError, compare, export, load, open_result, simulate
 from sparsemor.bodies.body import Body
+from sparsemor.bodies.fem.quadratic import with_midpoints
 from sparsemor.bodies.mesh.file import MeshFile
 from sparsemor.bodies.mesh.generators.block import Block
 from sparsemor.bodies.mesh.generators.rectangle import Rectangle
-from sparsemor.bodies.mesh.quadratic import with_midpoints
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.facets import outer_facets, subdivided
 from sparsemor.core.protocols.mesh import Mesh

@@ -10,11 +10,11 @@ from scipy.sparse.linalg import eigsh, spsolve
 
 from sparsemor.bodies import fem as fe
 from sparsemor.bodies.fem import forms
+from sparsemor.bodies.fem.quadratic import with_midpoints
 from sparsemor.bodies.frames.moments import MassProperties
 from sparsemor.bodies.material import Isotropic
 from sparsemor.bodies.mesh.generators.block import Block
 from sparsemor.bodies.mesh.generators.rectangle import Rectangle
-from sparsemor.bodies.mesh.quadratic import with_midpoints
 from sparsemor.core import outer_facets
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.protocols.mesh import Mesh
