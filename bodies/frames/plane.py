@@ -12,9 +12,15 @@ import numpy as np
 
 from sparsemor.bodies.frames.frame import ItemFrame
 from sparsemor.bodies.frames.items import PlanarItem
-from sparsemor.bodies.frames.plane_items import PlaneItem
+from sparsemor.bodies.frames.plane_items import (
+    FUNCTIONS,
+    NUMBERS,
+    PlaneItem,
+    PlanePart,
+    evaluate_parts,
+)
 from sparsemor.bodies.frames.plane_motion import Motion, Views, views, write
-from sparsemor.core import FloatArray, FrameWork
+from sparsemor.core import FloatArray, FrameArrays, FrameWork
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +51,20 @@ class PlanarFrame(ItemFrame[PlanarItem]):
         for item, j, o, k in self.evaluated:
             item.evaluate(m, j, o, k, total, out)
         write(total, out)
+
+    def arrays(self) -> FrameArrays | None:
+        """Equations as a function on arrays, None where a part has no numbers."""
+        parts = [item for item, *_ in self.evaluated if isinstance(item, PlanePart)]
+        if len(parts) < len(self.items):
+            return None
+        kinds = [FUNCTIONS.index(part.function) for part in parts]
+        numbers = np.zeros((len(parts), NUMBERS))
+        for row, part in zip(numbers, parts, strict=True):
+            row[: len(part.numbers)] = part.numbers
+        return FrameArrays(
+            np.array(kinds, dtype=np.int64), numbers,
+            np.array(self.starts, dtype=np.int64).reshape(-1, 3),
+            tuple(part.amplitude for part in parts), evaluate_parts, (*FUNCTIONS, write))
 
     def drive(
         self, y: FloatArray, v: FloatArray, a: FloatArray, t: float, work: FrameWork

@@ -6,7 +6,7 @@ It adds its force and torque to `total` (rows 0-2, then H02, H12, H20, H21, H22,
 writes its own columns: pairs of functionals from number j on, coordinates of another body from o
 on, multipliers from k on. The data are those of the classes of the same names in items.py,
 inertia.py and constraints.py, whose `in_plane` creates them; notation: plane_motion.py. The
-functions are also compiled (reducers/step/compiled): they use numbers and arrays only.
+functions are also compiled (core/protocols/frame_arrays.py): they use numbers and arrays only.
 """
 
 from cmath import exp
@@ -14,19 +14,22 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol, TypeAlias
 
-from sparsemor.bodies.frames.plane_motion import Motion, Views
-from sparsemor.core import Amplitude, Table
+import numpy as np
 
-Numbers: TypeAlias = Sequence[float]
+from sparsemor.bodies.frames.plane_motion import Motion, Views, write
+from sparsemor.core import Amplitude, FloatArray, IntArray, Table
+
+Numbers: TypeAlias = Sequence[float] | FloatArray
+Total: TypeAlias = list[float] | FloatArray
 PlaneFunction: TypeAlias = Callable[
-    [Numbers, float, Motion, int, int, int, list[float], Views], None]
+    [Numbers, float, Motion, int, int, int, Total, Views], None]
 
 
 class PlaneItem(Protocol):
     """A part of a planar frame's equations, in complex numbers."""
 
     def evaluate(
-        self, m: Motion, j: int, o: int, k: int, total: list[float], out: Views
+        self, m: Motion, j: int, o: int, k: int, total: Total, out: Views
     ) -> None: ...
 
 
@@ -39,14 +42,14 @@ class PlanePart:
     amplitude: Amplitude | None = None
 
     def evaluate(
-        self, m: Motion, j: int, o: int, k: int, total: list[float], out: Views
+        self, m: Motion, j: int, o: int, k: int, total: Total, out: Views
     ) -> None:
         g = 1.0 if self.amplitude is None else self.amplitude(m.t)
         self.function(self.numbers, g, m, j, o, k, total, out)
 
 
 def inertia(
-    numbers: Numbers, g: float, m: Motion, j: int, o: int, k: int, total: list[float], out: Views
+    numbers: Numbers, g: float, m: Motion, j: int, o: int, k: int, total: Total, out: Views
 ) -> None:
     """Inertia of a body: mass (kg), moment = sum m X (kg m, 2 numbers), inertia = X.M X (kg m^2)
     about the frame origin.
@@ -93,7 +96,7 @@ def inertia(
 
 
 def body_force(
-    numbers: Numbers, g: float, m: Motion, j: int, o: int, k: int, total: list[float], out: Views
+    numbers: Numbers, g: float, m: Motion, j: int, o: int, k: int, total: Total, out: Views
 ) -> None:
     """Load that rotates with the body: total = sum f (N, 2 numbers), arm = sum X x f (N m). Pair of
     functionals: the load and sum u x f."""
@@ -110,7 +113,7 @@ def body_force(
 
 
 def space_force(
-    numbers: Numbers, g: float, m: Motion, j: int, o: int, k: int, total: list[float], out: Views
+    numbers: Numbers, g: float, m: Motion, j: int, o: int, k: int, total: Total, out: Views
 ) -> None:
     """Nodal weights times one force in space axes: total = sum w, arm = sum w X (2 numbers), force
     per unit weight (N, 2 numbers)."""
@@ -128,7 +131,7 @@ def space_force(
 
 
 def attachment(
-    numbers: Numbers, g: float, m: Motion, j: int, o: int, k: int, total: list[float], out: Views
+    numbers: Numbers, g: float, m: Motion, j: int, o: int, k: int, total: Total, out: Views
 ) -> None:
     """Attachment of a joint at the mean point = sum w X (m, 2 numbers) of a set, sum w = 1."""
     ec, y = m.ec, m.y
@@ -154,7 +157,7 @@ def attachment(
 
 
 def rotation(
-    numbers: Numbers, g: float, m: Motion, j: int, o: int, k: int, total: list[float], out: Views
+    numbers: Numbers, g: float, m: Motion, j: int, o: int, k: int, total: Total, out: Views
 ) -> None:
     """Rotation of a body or mean rotation of a set as a joint coordinate. numbers: 1 where the set
     turns, 0 for the body itself; angle: mean rotation in the shape from which displacements are
@@ -169,7 +172,7 @@ def rotation(
 
 
 def slide(
-    numbers: Numbers, g: float, m: Motion, j: int, o: int, k: int, total: list[float], out: Views
+    numbers: Numbers, g: float, m: Motion, j: int, o: int, k: int, total: Total, out: Views
 ) -> None:
     """Point-on-line constraint g = Re(conj(n) (r + e z - r_o)) - base, n = e_o line.
 
@@ -220,7 +223,7 @@ class Reaction:
     turns: bool
 
     def evaluate(
-        self, m: Motion, j: int, o: int, k: int, total: list[float], out: Views
+        self, m: Motion, j: int, o: int, k: int, total: Total, out: Views
     ) -> None:
         if m.elastic:
             x, y, moment = self.forces_at.at(m.t).tolist()
@@ -231,23 +234,37 @@ class Reaction:
 
 FUNCTIONS: tuple[PlaneFunction, ...] = (
     inertia, body_force, space_force, attachment, rotation, slide)
-"""Functions of parts, in the order of the numbers by which compiled steps choose among them."""
+"""Functions of parts; the position is the kind of part in `evaluate_parts`."""
+NUMBERS = 9
+"""Largest number of constants of a part."""
 
 
-def evaluate_part(
-    kind: int, numbers: Numbers, g: float, m: Motion, j: int, o: int, k: int,
-    total: list[float], out: Views
+def evaluate_parts(
+    kinds: IntArray, numbers: FloatArray, starts: IntArray, gains: FloatArray, y: FloatArray,
+    v: FloatArray, a: FloatArray, c1: float, c2: float, s: FloatArray, forms: FloatArray,
+    sigma: FloatArray, tau: FloatArray, border: FloatArray, coefficients: FloatArray
 ) -> None:
-    """Evaluates the function with number `kind` in FUNCTIONS."""
-    if kind == 0:
-        inertia(numbers, g, m, j, o, k, total, out)
-    elif kind == 1:
-        body_force(numbers, g, m, j, o, k, total, out)
-    elif kind == 2:
-        space_force(numbers, g, m, j, o, k, total, out)
-    elif kind == 3:
-        attachment(numbers, g, m, j, o, k, total, out)
-    elif kind == 4:
-        rotation(numbers, g, m, j, o, k, total, out)
-    else:
-        slide(numbers, g, m, j, o, k, total, out)
+    """Equations of a frame in the plane from arrays (core/protocols/frame_arrays.py)."""
+    b, elastic = len(y), s.shape[1] > 0
+    e, c, columns = exp(1j * y[2]), s.view(np.complex128), sigma.view(np.complex128)
+    m = Motion(y, complex(y[0], y[1]), e, e.conjugate(), v[2], a[2], complex(a[0], a[1]), c1, c2,
+               0.0, elastic, c[0], c[1], c[2], forms)
+    out = Views(columns[b], columns[:b], tau.view(np.complex128), border[:, :b], border[:, b],
+                coefficients)
+    total = np.zeros(9)
+    for i in range(len(kinds)):
+        kind, own, g = kinds[i], numbers[i], gains[i]
+        j, o, k = starts[i, 0] // 2, starts[i, 1], starts[i, 2]
+        if kind == 0:
+            inertia(own, g, m, j, o, k, total, out)
+        elif kind == 1:
+            body_force(own, g, m, j, o, k, total, out)
+        elif kind == 2:
+            space_force(own, g, m, j, o, k, total, out)
+        elif kind == 3:
+            attachment(own, g, m, j, o, k, total, out)
+        elif kind == 4:
+            rotation(own, g, m, j, o, k, total, out)
+        else:
+            slide(own, g, m, j, o, k, total, out)
+    write(total, out)

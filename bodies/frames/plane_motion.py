@@ -27,7 +27,7 @@ class Motion(NamedTuple):
     forms of u (see `BodyFrame.evaluate`).
     """
 
-    y: Sequence[float]
+    y: Sequence[float] | FloatArray
     r: complex
     e: complex
     ec: complex
@@ -38,10 +38,10 @@ class Motion(NamedTuple):
     c2: float
     t: float
     elastic: bool
-    s: Sequence[complex]
-    s1: Sequence[complex]
-    s2: Sequence[complex]
-    forms: Sequence[float]
+    s: Sequence[complex] | ComplexArray
+    s1: Sequence[complex] | ComplexArray
+    s2: Sequence[complex] | ComplexArray
+    forms: Sequence[float] | FloatArray
 
 
 class Views(NamedTuple):
@@ -67,7 +67,7 @@ def views(work: FrameWork) -> Views:
                  work.border[:, -1], work.coefficients)
 
 
-def write(total: Sequence[float], out: Views) -> None:
+def write(total: Sequence[float] | FloatArray, out: Views) -> None:
     """Writes the sums over all items: rows 0-2, then H02, H12, H20, H21, H22, H00 = H11."""
     rows, H = out.rows, out.H
     rows[0], rows[1], rows[2] = total[0], total[1], total[2]

@@ -12,6 +12,7 @@ from sparsemor.core.protocols import (
     body,
     contact,
     element_integrals,
+    frame_arrays,
     integrator,
     joint,
     layout,
@@ -68,8 +69,9 @@ OTHERS: Mapping[str, tuple[type, ...]] = {
                      term.ReportsResultants),
     "step solver": (step_solver.RedrawsRows, step_solver.FreezesSupport,
                     step_solver.RespondsByBlock, step_solver.RespondsExactly,
-                    step_solver.CountsLinearIterations, step_solver.ReportsTerms),
+                    step_solver.CountsLinearIterations, step_solver.ReportsTerms,
+                    step_solver.SolvesManySteps),
     "memory of a step solver": (step_solver.Restarts,),
-    "frame": (separable.EvaluatesManyTimes,),
+    "frame": (separable.EvaluatesManyTimes, frame_arrays.HasArrays),
 }
 """Other objects (terms, step solvers, frames, ...) -> their optional protocols."""

@@ -29,13 +29,7 @@ from sparsemor.core import (
 from sparsemor.reducers.linalg.modal_coordinates import carried, dense, times
 from sparsemor.reducers.linalg.superlu import factorize
 from sparsemor.reducers.step.operators import TestedHeat
-from sparsemor.reducers.step.time_tables import (
-    TimeTable,
-    along,
-    plus_amplitudes,
-    plus_loads,
-    tabulated,
-)
+from sparsemor.reducers.step.time_tables import LoadsInTime, TimeTable, plus_loads, tabulated
 
 STUCK = 1e-7
 """Relative size of Newton changes below which a change that no longer decreases is round-off: in a
@@ -183,7 +177,7 @@ class CompressedHeat:
     T' + by_value T + prescribed(t), with T the prediction and T' its rate.
 
     by_rate, by_value: (s, k), or a diagonal (modal_coordinates.py); prescribed: tabulated function
-    of time with loads, moving heat sources and constant terms.
+    of time of the `loads`, moving heat sources and constant terms.
     """
 
     by_rate: FloatArray
@@ -192,6 +186,7 @@ class CompressedHeat:
     active: IntArray | None
     local: tuple[ReducedTerm, ...]
     c1: float
+    loads: LoadsInTime
     rtol: float = 1e-13
     max_iterations: int = 50
     evaluated: tuple[Linearized, ...] = field(init=False)
@@ -212,20 +207,14 @@ class CompressedHeat:
     ) -> "CompressedHeat":
         """Reduced block from the tested operators; left (s, m): left inverse of the tested B on the
         support, left @ B_S = 1; local terms include the factor `left` already."""
-        base, loads, tables = left @ b.constant, left @ b.loads, tabulated(
-            b.tables, left, support is None)
-
-        def prescribed(times: FloatArray) -> FloatArray:
-            return along(base, loads, b.amplitudes, tables, times)
-
-        def at(t: float) -> FloatArray:
-            return plus_amplitudes(base, loads, b.amplitudes, tables, t)
-
+        loads = LoadsInTime(
+            left @ b.constant, left @ b.loads, tuple(b.amplitudes),
+            tabulated(b.tables, left, support is None))
         # a support that may change with the next step does not pay for all times
         times = b.tables[0].times if b.tables and support is None else np.zeros(0)
         return cls(
             carried(-left @ b.capacity), carried(-left @ b.conductivity),
-            TimeTable.of(prescribed, times, at), support, tuple(local), c1)
+            loads.table(times), support, tuple(local), c1, loads)
 
     def start_rates(self, x: FloatArray, v: FloatArray, t: float) -> FloatArray:
         """Rates that satisfy the equations, by Newton's method; v where only some atoms are active.

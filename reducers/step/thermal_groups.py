@@ -37,7 +37,7 @@ from sparsemor.core import (
 from sparsemor.reducers.linalg.modal_coordinates import carried, dense
 from sparsemor.reducers.linalg.superlu import factorize
 from sparsemor.reducers.step.thermal_block import CompressedHeat, FullHeat, LocalAt
-from sparsemor.reducers.step.time_tables import TimeTable
+from sparsemor.reducers.step.time_tables import sum_of
 
 SYMMETRIC = 1e-12
 """Largest difference between a symmetric matrix and its transpose due to rounding, relative to its
@@ -199,18 +199,15 @@ def compressed_group(
         raise SolveFailed(
             Status.SINGULAR, 0.0, group_name(members), "heat of coupled bodies") from None
 
-    def prescribed(times: FloatArray) -> FloatArray:
-        rows = np.concatenate([b.prescribed.along(times) for b in blocks], axis=1)
-        return np.asarray((rows - fixed) @ inverse.T)
-
+    loads = sum_of([b.loads.less(fixed[here]).through(inverse[:, here])
+                    for b, here in zip(blocks, at, strict=True)])
     times = np.unique(np.concatenate([np.zeros(0), *(
         np.array(b.prescribed.times) for b in blocks if b.prescribed.rows is not None)]))
     local = tuple(GroupLocal(t, here, inverse[:, here])
                   for b, here in zip(blocks, at, strict=True) for t in b.local)
     return CompressedHeat(
-        carried(inverse @ (by_rate - B)), carried(inverse @ (by_value - A)),
-        TimeTable.of(prescribed, times), None, local, c1,
-        blocks[0].rtol, blocks[0].max_iterations)
+        carried(inverse @ (by_rate - B)), carried(inverse @ (by_value - A)), loads.table(times),
+        None, local, c1, loads, blocks[0].rtol, blocks[0].max_iterations)
 
 
 def heat_groups(

@@ -3,8 +3,9 @@ bodies, and working arrays. They have no behaviour (kernel.py has)."""
 
 from typing import NamedTuple
 
+import numpy as np
+
 from sparsemor.core import BoolArray, FloatArray, IntArray
-from sparsemor.bodies.frames.plane_motion import ComplexArray
 
 
 class HeatArrays(NamedTuple):
@@ -27,20 +28,24 @@ class HeatArrays(NamedTuple):
     table: int
 
 
+_NONE, _EMPTY = np.zeros(0, dtype=np.int64), np.zeros((0, 0))
+NO_HEAT = HeatArrays(_NONE, _NONE, _NONE, _EMPTY, _EMPTY, np.zeros(0), _EMPTY, -1, -1)
+"""An empty thermal block, of the type of all."""
+
+
 class BodyArrays(NamedTuple):
-    """Constants of a body in the plane: frame, map to the border, and its reduced displacements
+    """Constants of a body: frame, map to the border, and its reduced displacements
     (elastic_block.py; empty for a rigid body).
 
-    kinds (i,), numbers (i, 9), starts (i, 3), gains (i,): parts of the frame (plane_items.py),
-    numbers of their functionals, other coordinates and multipliers, and of their amplitudes, -1 for
-    none. rows, columns, values: entries of the map from the model's border unknowns; origin (b,).
-    guide: number of the first value of its prescribed motion, -1 for none; rigid: number of rigid
-    coordinates, positions: of coordinates of its position; free: 1 if its motion is unknown.
+    kinds (i,), numbers (i, j), starts (i, 3): contributions to the frame (`FrameArrays`); gains
+    (i,): numbers of their amplitudes, -1 for none. rows, columns, values: entries of the map from
+    the model's border unknowns; origin (b,). guide: number of the first value of its prescribed
+    motion, -1 for none; rigid: number of rigid coordinates, positions: of those of its position.
 
     u: first displacement; active (s,), idle: numbers of active and inactive ones; T: first
-    temperature; H (w, 3 k + kt), base (w,), loads (w, j): factors of h, w = s + p; turned (g w, k),
-    forms (g s, k), P (p, k), and `step` ones (s columns) of active atoms: D^-1 M_g, M_g and P^T; E
-    (s, p), G (p, p), transposed; amplitude, table: as in HeatArrays.
+    temperature; H (w, 3 k + kt), base (w,), loads (w, j): factors of h, w = s + p; products (g w +
+    g s + p, k): D^-1 M_g, M_g and P^T, and step_products (s columns), those of the active atoms; E
+    (s, p), Gt (p, p): transposed G; amplitude, table: as in HeatArrays.
     """
 
     kinds: IntArray
@@ -54,7 +59,6 @@ class BodyArrays(NamedTuple):
     guide: int
     rigid: int
     positions: int
-    free: int
     u: int
     k: int
     active: IntArray
@@ -76,24 +80,21 @@ class BodyArrays(NamedTuple):
 class BodyWork(NamedTuple):
     """Working arrays of a body.
 
-    csigma, ctau: complex views of sigma (b + 1, p) and tau (b, p); H, rows: views of border (b, b +
-    1); coefficients (2 g + 1,) (`FrameWork`); cs: complex view of s (3, p), functionals of u, u',
-    u''; forms (3 g,); y, v, a (b,): border unknowns at the prediction; past (3, g w + g s + p):
-    products with the prediction and its rates; change (g w + g s + p,): with the increment; h, z
-    (w,); u (s,): active displacements predicted; d (s,): increments.
+    sigma (b + 1, p), tau (b, p), border (b, b + 1), coefficients (2 g + 1,): as in `FrameWork`; s
+    (3, p), forms (3 g,): functionals of u, u', u''; gains (i,): present amplitudes; y, v, a (b,):
+    border unknowns at the prediction; moved (b,): a change of them; inputs (3 k + kt,): prediction
+    with rates and temperatures; past (3, g w + g s + p), change (g w + g s + p,): products with
+    the prediction and its rates, and with the increment; h, z (w,); u (s,): active displacements
+    predicted; d (s,): increments.
     """
 
-    csigma: ComplexArray
     sigma: FloatArray
-    ctau: ComplexArray
     tau: FloatArray
     border: FloatArray
-    H: FloatArray
-    rows: FloatArray
     coefficients: FloatArray
-    cs: ComplexArray
     s: FloatArray
     forms: FloatArray
+    gains: FloatArray
     y: FloatArray
     v: FloatArray
     a: FloatArray
@@ -105,7 +106,6 @@ class BodyWork(NamedTuple):
     z: FloatArray
     u: FloatArray
     d: FloatArray
-    total: FloatArray
 
 
 class ModelArrays(NamedTuple):

@@ -1,4 +1,4 @@
-"""Steps of a reduced model in the plane as functions on arrays (arrays.py), compiled by numba.
+"""Steps of a reduced model as functions on arrays (arrays.py), compiled by numba.
 
 The equations are those of condensed_newton.py, elastic_block.py, thermal_block.py and predictor.py,
 with the same acceptance; tests hold both to each other. A step that does not converge at once is
@@ -7,13 +7,11 @@ iteration.
 """
 
 from collections.abc import Sequence
-from math import cos, inf, sin, sqrt
+from math import inf, sqrt
 
 import numpy as np
 
-from sparsemor.bodies.frames.plane_items import evaluate_part
-from sparsemor.bodies.frames.plane_motion import Motion, Views, write
-from sparsemor.core import FloatArray
+from sparsemor.core import FloatArray, IntArray
 from sparsemor.reducers.step.acceptance import estimated_error, reference
 from sparsemor.reducers.step.compiled.arrays import (
     BodyArrays,
@@ -110,12 +108,12 @@ def accept(
 ) -> None:
     """Stores a solved step: past states for the predictor, reference magnitudes, and the state."""
     n, points = len(x), len(run.ring)
-    for b in range(len(m.starts) - 1):
+    for k in range(len(m.starts) - 1):
         by_value, by_departure = 0.0, 0.0
-        for i in range(m.starts[b], m.starts[b + 1]):
+        for i in range(m.starts[k], m.starts[k + 1]):
             by_value = max(by_value, abs(guess[i] - x[i]))
             by_departure = max(by_departure, abs(guess[n + i] - d[i]))
-        run.by_departure[m.starts[b] : m.starts[b + 1]] = by_departure < by_value
+        run.by_departure[m.starts[k] : m.starts[k + 1]] = by_departure < by_value
     newest = (run.at[0] + 1) % points
     run.ring[newest, :n] = x
     run.ring[newest, n:] = d
@@ -207,8 +205,7 @@ def begin(
 def functionals(m: ModelArrays, b: BodyArrays, w: BodyWork) -> None:
     """Products of the displacements with P and M_g at the increment w.d."""
     g, s, p = b.g, len(b.active), b.Gt.shape[0]
-    forms, P = g * (s + p), g * (s + 2 * s // 2 + p)
-    P = forms + g * s
+    forms, P = g * (s + p), g * (2 * s + p)
     w.change[:] = np.dot(b.step_products, w.d)
     c = (1.0, m.c1, m.c2)
     for r in range(3):
@@ -236,30 +233,24 @@ def combine(m: ModelArrays, b: BodyArrays, w: BodyWork) -> None:
 def evaluate(
     m: ModelArrays, b: BodyArrays, w: BodyWork, timed: FloatArray, delta: FloatArray
 ) -> None:
-    """Equations of the body's frame at the border increments `delta` (N,), its displacements
-    eliminated: w.border is then the Schur complement."""
+    """Equations of the body's frame at the border increments `delta` (N,)."""
     w.moved[:] = 0.0
     for i in range(len(b.rows)):
         w.moved[b.rows[i]] += b.values[i] * delta[b.columns[i]]
-    y = w.y + w.moved
-    al, acc = w.a[2] + m.c2 * w.moved[2], complex(
-        w.a[0] + m.c2 * w.moved[0], w.a[1] + m.c2 * w.moved[1])
-    elastic = b.k > 0
-    if elastic:
+    for i in range(len(b.gains)):
+        w.gains[i] = 1.0 if b.gains[i] < 0 else timed[b.gains[i]]
+    if b.k:
         functionals(m, b, w)
-    e, nb = complex(cos(y[2]), sin(y[2])), len(y)
-    motion = Motion(
-        y, complex(y[0], y[1]), e, e.conjugate(), w.v[2] + m.c1 * w.moved[2], al, acc, m.c1, m.c2,
-        0.0, elastic, w.cs[0], w.cs[1], w.cs[2], w.forms)
-    out = Views(w.csigma[nb], w.csigma, w.ctau, w.H, w.rows, w.coefficients)
-    w.total[:] = 0.0
-    for i in range(len(b.kinds)):
-        gain = 1.0 if b.gains[i] < 0 else timed[b.gains[i]]
-        evaluate_part(b.kinds[i], b.numbers[i], gain, motion, b.starts[i, 0], b.starts[i, 1],
-                      b.starts[i, 2], w.total, out)
-    write(w.total, out)
-    if elastic:
+    evaluate_frame(
+        b.kinds, b.numbers, b.starts, w.gains, w.y + w.moved, w.v + m.c1 * w.moved,
+        w.a + m.c2 * w.moved, m.c1, m.c2, w.s, w.forms, w.sigma, w.tau, w.border, w.coefficients)
+    if b.k:
         combine(m, b, w)
+
+
+def evaluate_frame(*arrays: FloatArray | IntArray | float) -> None:
+    """Takes the place of the frames' own function, with which the steps are compiled."""
+    raise NotImplementedError
 
 
 def solve_mechanics(
@@ -354,19 +345,19 @@ def border_change(
     for i in range(len(bodies)):
         b, w = bodies[i], works[i]
         evaluate(m, b, w, timed, delta)
-        n, p, s = len(w.y), b.Gt.shape[0], len(b.active)
+        n, p, s, reduced = len(w.y), b.Gt.shape[0], len(b.active), w.border
         if p:
             # border minus tau D^-1 (elastic columns and residual): the Schur complement
             Gs = np.dot(w.sigma, b.Gt)
             P = b.g * (2 * s + p)
             for j in range(p):
                 Gs[n, j] += w.change[P + j] + w.z[s + j]
-            w.border[:] -= np.dot(w.tau, Gs.T)
+            reduced = w.border - np.dot(w.tau, Gs.T)
         for k in range(len(b.rows)):
             row, column, value = b.rows[k], b.columns[k], b.values[k]
-            r[column] += value * w.border[row, n]
-            for l in range(len(b.rows)):
-                A[column, b.columns[l]] += value * b.values[l] * w.border[row, b.rows[l]]
+            r[column] += value * reduced[row, n]
+            for j in range(len(b.rows)):
+                A[column, b.columns[j]] += value * b.values[j] * reduced[row, b.rows[j]]
     return solved(A, r)
 
 
