@@ -3,8 +3,8 @@
     from sparsemor.core import BlockData, Dictionary, InputError, Plugin
 
 Names are imported on first use, so that importing the package stays fast. The module that defines a
-name may change; the name here does not: tests/laws/test_extension_api.py lists them all. Law checks
-of a plugin (tests that it satisfies its interface) are in `sparsemor.core.testing`.
+name may change; the name here does not: tests/laws/project/test_extension_api.py lists them all.
+Law checks of a plugin (tests that it satisfies its interface) are in `sparsemor.core.testing`.
 """
 
 from importlib import import_module

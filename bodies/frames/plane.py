@@ -1,7 +1,7 @@
 """Equations of a body frame in the plane, evaluated with complex numbers.
 
 The same equations as for a frame in space, but several times faster
-(`tests/laws/test_plane_kernel.py` compares them).
+(`tests/laws/bodies/test_plane_kernel.py` compares them).
 """
 
 from cmath import exp

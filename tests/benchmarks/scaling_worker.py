@@ -12,7 +12,7 @@ from typing import Any
 
 import common
 import numpy as np
-from scaling_atoms import projections
+from modules.scaling_atoms import projections
 
 from sparsemor.core import ReducedProblem
 from sparsemor.core.arrays import FloatArray

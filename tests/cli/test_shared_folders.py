@@ -25,7 +25,7 @@ from sparsemor.core.simulation import simulate as loop
 
 TESTS = Path(__file__).parents[1]
 TINY = TESTS / "scenes" / "tiny.yaml"
-KILLED = TESTS / "support" / "killed_force.py"
+KILLED = TESTS / "support" / "hostile" / "killed_force.py"
 SHORT: dict[str, Any] = {"time.end": 0.02}
 SETTINGS = ["--set", "time.end=0.02"]
 REFUSED = ["--set", "time.end=0.0155"]  # no whole number of steps: found in the run's own check
