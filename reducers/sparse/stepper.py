@@ -3,6 +3,7 @@ operators."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Protocol
 
 from sparsemor.core import (
@@ -87,8 +88,9 @@ class StepsBetween:
     """Compiled steps of a run on the supports selected last; made anew when these change."""
 
     def __init__(self, solver: SparseStepper, rules: UpdateRules, h: float) -> None:
-        self.solver, self.rules, self.h = solver, rules, h
-        self._made: tuple[Stepper, CompiledSteps | None] | None = None
+        self.solver = solver
+        self.made = partial(compiled_steps, rules=rules, h=h)
+        self._kept: tuple[Stepper, CompiledSteps | None] | None = None
 
     def advance(self, state: State, memory: SparseMemory, count: int) -> StepBlock:
         """Solves up to `count` steps, but none that selects atoms."""
@@ -104,6 +106,6 @@ class StepsBetween:
         return block
 
     def _steps(self, now: Stepper) -> CompiledSteps | None:
-        if self._made is None or self._made[0] is not now:
-            self._made = now, compiled_steps(now, self.rules, self.h)
-        return self._made[1]
+        if self._kept is None or self._kept[0] is not now:
+            self._kept = now, self.made(now)
+        return self._kept[1]

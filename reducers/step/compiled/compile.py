@@ -1,8 +1,8 @@
 """Compilation of the kernel by numba, an optional package (`pip install 'sparsemor[fast]'`).
 
-The functions of kernel.py are plain Python; numba compiles copies of them, in which each name of
-another one stands for its compiled form. Machine code is kept in the user's cache folder, under a
-digest of the sources, so that it is never older than these.
+The functions of kernel.py and mechanics.py are plain Python; numba compiles copies of them, in
+which each name of another one stands for its compiled form. Machine code is kept in the user's
+cache folder, under a digest of the sources, so that it is never older than these.
 """
 
 import hashlib
@@ -15,14 +15,14 @@ from types import FunctionType
 from typing import Any
 
 from sparsemor.reducers.step import acceptance
-from sparsemor.reducers.step.compiled import kernel
+from sparsemor.reducers.step.compiled import kernel, mechanics
 
 FUNCTIONS: tuple[Callable[..., object], ...] = (
-    acceptance.estimated_error, acceptance.reference, kernel.free_motion, kernel.at_departure,
-    kernel.predict, kernel.new_state, kernel.norm, kernel.accept, kernel.heated, kernel.begin,
-    kernel.functionals, kernel.combine, kernel.evaluate, kernel.pose, kernel.solved,
-    kernel.border_change, kernel.magnitude, kernel.displaced, kernel.solve_mechanics,
-    kernel.advance)
+    acceptance.estimated_error, acceptance.reference, mechanics.begin, mechanics.functionals,
+    mechanics.combine, mechanics.evaluate, mechanics.pose, mechanics.solved,
+    mechanics.border_change, mechanics.magnitude, mechanics.displaced, mechanics.norm,
+    mechanics.solve_mechanics, kernel.free_motion, kernel.at_departure, kernel.predict,
+    kernel.new_state, kernel.accept, kernel.heated, kernel.advance)
 """Functions of the kernel, each after those that it calls."""
 
 
