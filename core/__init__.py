@@ -99,7 +99,7 @@ if TYPE_CHECKING:
     from sparsemor.core.registry.slot import Slot as Slot
     from sparsemor.core.registry.slot import slot_default as slot_default
     from sparsemor.core.results.error_norms import CONSTANT_CHANGE as CONSTANT_CHANGE
-    from sparsemor.core.simulation.cache import default_root as default_root
+    from sparsemor.core.simulation.cache import cache_folder as cache_folder
     from sparsemor.core.simulation.diagnostics.alternating_joint_forces import (
         joints_with_forces as joints_with_forces,
     )
@@ -157,7 +157,7 @@ _HOMES = {
         "prepared_recovery", "sampled_rows"),
     "registry.slot": ("Slot", "slot_default"),
     "results.error_norms": ("CONSTANT_CHANGE",),
-    "simulation.cache": ("default_root",),
+    "simulation.cache": ("cache_folder",),
     "simulation.diagnostics.alternating_joint_forces": ("joints_with_forces",),
     "simulation.diagnostics.expected_states": ("expected_states",),
     "simulation.diagnostics.plausibility": ("outside_box_notes",),

@@ -19,9 +19,9 @@ class StepOptions(Plugin):
     compiled: Compiled = "auto"
     """Compile the time step to machine code with numba (`pip install 'sparsemor[fast]'`): `on`,
     `off`, or `auto`, which is on in runs of at least 10 000 steps if numba is installed. It covers
-    reduced models in the plane whose bodies move freely or by joints, without contact and without
-    coefficients that depend on temperature; other models, and steps that converge slowly, are
-    solved without it."""
+    reduced models without contact in the step and without coefficients that depend on temperature:
+    those in the plane, and those in space whose motion is given by a rigid stage. Other models, and
+    steps that converge slowly, are solved without it."""
 
     @property
     def tolerances(self) -> Tolerances:

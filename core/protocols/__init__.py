@@ -62,7 +62,7 @@ from sparsemor.core.protocols.element_integrals import (
     Integrals,
     WeighsElements,
 )
-from sparsemor.core.protocols.frame_arrays import FrameArrays, FrameFunction, HasArrays
+from sparsemor.core.protocols.frame_arrays import FrameArrays, HasArrays
 from sparsemor.core.protocols.integrator import (
     ChecksLayout,
     HasCurvature,
@@ -201,7 +201,7 @@ __all__ = [
     "DeclaresFields", "DeclaresSurfaces", "Dictionary", "Differentiable", "DofLocations",
     "DrawsRequired", "Effect", "ElasticIntegrals", "ElasticLocal", "ElasticOperators",
     "Equations", "EstimatesMemory", "EstimatesMeshSize", "EstimatesSize", "EvaluatesManyTimes",
-    "Factorized", "FieldKind", "FollowsMotion", "Frame", "FrameArrays", "FrameFunction",
+    "Factorized", "FieldKind", "FollowsMotion", "Frame", "FrameArrays", 
     "FrameHistory", "FrameItem", "FrameRecord", "FrameWork", "FreezesSupport", "FrictionLaw",
     "Group", "HasArrays", "HasConstantMatrices", "HasCurvature", "HasMesh", "HasNotes",
     "HasPoints", "HasPose", "HasProbes", "HasShape", "HasSurroundings", "HeatBody",

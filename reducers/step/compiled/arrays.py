@@ -43,9 +43,9 @@ class BodyArrays(NamedTuple):
     motion, -1 for none; rigid: number of rigid coordinates, positions: of those of its position.
 
     u: first displacement; active (s,), idle: numbers of active and inactive ones; T: first
-    temperature; H (w, 3 k + kt), base (w,), loads (w, j): factors of h, w = s + p; products (g w +
-    g s + p, k): D^-1 M_g, M_g and P^T, and step_products (s columns), those of the active atoms; E
-    (s, p), Gt (p, p): transposed G; amplitude, table: as in HeatArrays.
+    temperature; H (w, 3 k + kt), base (w,), loads (w, j): factors of h, w = s + p; products_t (k, g
+    w + g s + p): transposed D^-1 M_g, M_g and P^T, and step_products (g w + g s + p, s) those of
+    the active atoms; E (s, p), Gt (p, p): transposed G; amplitude, table: as in HeatArrays.
     """
 
     kinds: IntArray
@@ -69,12 +69,49 @@ class BodyArrays(NamedTuple):
     H: FloatArray
     base: FloatArray
     loads: FloatArray
-    products: FloatArray
+    products_t: FloatArray
     step_products: FloatArray
     E: FloatArray
     Gt: FloatArray
     amplitude: int
     table: int
+
+
+class PrescribedArrays(NamedTuple):
+    """Constants of the reduced displacements of a body with prescribed motion
+    (prescribed_frame_block.py).
+
+    number: of the body; u, k, active (s,), idle, T, kt: as in BodyArrays; inertia, stiffness,
+    damping: (s, k), or (1, k) for a diagonal, damping (0, k) for none; coupling (s, kt); G (g, k,
+    s), leading (g r, r). table, width: number of the first value and of all values of its functions
+    of time: kappa, mu (g,), sigma, the bound of the contraction factor, and s loads.
+    """
+
+    number: int
+    u: int
+    k: int
+    active: IntArray
+    idle: IntArray
+    T: int
+    kt: int
+    inertia: FloatArray
+    stiffness: FloatArray
+    damping: FloatArray
+    coupling: FloatArray
+    G: FloatArray
+    leading: FloatArray
+    table: int
+    width: int
+
+
+NO_BODY = BodyArrays(
+    _NONE, _EMPTY, np.zeros((0, 3), dtype=np.int64), _NONE, _NONE, _NONE, np.zeros(0), np.zeros(0),
+    -1, 0, 0, 0, 0, _NONE, _NONE, 0, 0, 0, _EMPTY, np.zeros(0), _EMPTY, _EMPTY, _EMPTY, _EMPTY,
+    _EMPTY, -1, -1)
+NO_PRESCRIBED = PrescribedArrays(
+    0, 0, 0, _NONE, _NONE, 0, 0, _EMPTY, _EMPTY, _EMPTY, _EMPTY, np.zeros((0, 0, 0)), _EMPTY, -1,
+    0)
+"""Empty bodies, of the types of all."""
 
 
 class BodyWork(NamedTuple):

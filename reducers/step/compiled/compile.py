@@ -1,8 +1,8 @@
 """Compilation of the kernel by numba, an optional package (`pip install 'sparsemor[fast]'`).
 
-The functions of kernel.py and mechanics.py are plain Python; numba compiles copies of them, in
-which each name of another one stands for its compiled form. Machine code is kept in the user's
-cache folder, under a digest of the sources, so that it is never older than these.
+The functions of kernel.py, mechanics.py and prescribed.py are plain Python; numba compiles copies
+of them, in which each name of another one stands for its compiled form. Machine code is kept in the
+user's cache folder, under a digest of the sources, so that it is never older than these.
 """
 
 import hashlib
@@ -15,13 +15,14 @@ from types import FunctionType
 from typing import Any
 
 from sparsemor.reducers.step import acceptance
-from sparsemor.reducers.step.compiled import kernel, mechanics
+from sparsemor.reducers.step.compiled import kernel, mechanics, prescribed
 
 FUNCTIONS: tuple[Callable[..., object], ...] = (
     acceptance.estimated_error, acceptance.reference, mechanics.begin, mechanics.functionals,
     mechanics.combine, mechanics.evaluate, mechanics.pose, mechanics.solved,
     mechanics.border_change, mechanics.magnitude, mechanics.displaced, mechanics.norm,
-    mechanics.solve_mechanics, kernel.free_motion, kernel.at_departure, kernel.predict,
+    mechanics.solve_mechanics, prescribed.product, prescribed.corrected, prescribed.solve_body,
+    prescribed.solve_prescribed, kernel.free_motion, kernel.at_departure, kernel.predict,
     kernel.new_state, kernel.accept, kernel.heated, kernel.advance)
 """Functions of the kernel, each after those that it calls."""
 
@@ -32,12 +33,14 @@ def installed() -> bool:
 
 
 def bound(
-    frame: Callable[..., object], calls: Sequence[Callable[..., object]],
+    frame: Callable[..., object] | None, calls: Sequence[Callable[..., object]],
     compiled: Callable[[FunctionType], Any]
 ) -> Any:
-    """`kernel.advance` with the function of the frames and `compiled` applied to all functions."""
+    """`kernel.advance` with the function of the frames (None: all are prescribed) and `compiled`
+    applied to all functions."""
     made: dict[str, Any] = {}
-    for function in (*calls, frame, *FUNCTIONS):
+    own = (*calls, mechanics.evaluate_frame if frame is None else frame)
+    for function in (*own, *FUNCTIONS):
         assert isinstance(function, FunctionType)
         names = {**function.__globals__, **made}
         copy = FunctionType(function.__code__, names, function.__name__, function.__defaults__)
@@ -49,7 +52,7 @@ def bound(
 
 @cache
 def compiled_advance(
-    frame: Callable[..., object], calls: tuple[Callable[..., object], ...], folder: Path
+    frame: Callable[..., object] | None, calls: tuple[Callable[..., object], ...], folder: Path
 ) -> Any:
     """Compiled `kernel.advance` for frames with this function; machine code is kept in
     `folder`."""
@@ -64,9 +67,9 @@ def compiled_advance(
 
 
 def folder_of(
-    root: Path, frame: Callable[..., object], calls: Sequence[Callable[..., object]]
+    root: Path, frame: Callable[..., object] | None, calls: Sequence[Callable[..., object]]
 ) -> Path:
     """Folder in `root` of the machine code of these functions and the kernel, named by a digest of
     their sources."""
-    files = sorted({inspect.getfile(f) for f in (*calls, frame, *FUNCTIONS)})
+    files = sorted({inspect.getfile(f) for f in (*calls, frame, *FUNCTIONS) if f is not None})
     return root / hashlib.sha256(b"".join(Path(f).read_bytes() for f in files)).hexdigest()[:16]

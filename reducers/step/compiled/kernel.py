@@ -16,15 +16,17 @@ from sparsemor.reducers.step.compiled.arrays import (
     BodyWork,
     HeatArrays,
     ModelArrays,
+    PrescribedArrays,
     RunArrays,
 )
 from sparsemor.reducers.step.compiled.mechanics import LEFT, solve_mechanics
+from sparsemor.reducers.step.compiled.prescribed import product, solve_prescribed
 
 
 def advance(
     m: ModelArrays, heat: Sequence[HeatArrays], bodies: Sequence[BodyArrays],
-    works: Sequence[BodyWork], run: RunArrays, timed: FloatArray, targets: FloatArray,
-    states: FloatArray, iterations: FloatArray,
+    works: Sequence[BodyWork], prescribed: Sequence[PrescribedArrays], run: RunArrays,
+    timed: FloatArray, targets: FloatArray, states: FloatArray, iterations: FloatArray,
 ) -> int:
     """Takes up to len(timed) steps and returns how many were solved; `run` is then at the last of
     these.
@@ -44,7 +46,11 @@ def advance(
         at_departure(m, d, free, rate, x, v, a)
         for h in heat:
             heated(h, m.c1_first, timed[i], x, v, d)
-        count = solve_mechanics(m, bodies, works, run, timed[i], targets[i], x, v, a, d, free, rate)
+        if len(bodies):
+            count = solve_mechanics(
+                m, bodies, works, run, timed[i], targets[i], x, v, a, d, free, rate)
+        else:
+            count = solve_prescribed(m, prescribed, run, timed[i], x, v, a, d, free, rate)
         if count == LEFT:
             return i
         at_departure(m, d, free, rate, x, v, a)
@@ -159,11 +165,7 @@ def heated(
         r += h.loads[:, j] * timed[h.amplitude + j]
     if h.table >= 0:
         r += timed[h.table : h.table + len(r)]
-    T, rate = x[h.at], v[h.at]
-    if len(h.by_rate) == 1 and len(r) > 1:
-        r += h.by_rate[0] * rate + h.by_value[0] * T
-    else:
-        r += np.dot(h.by_rate, rate) + np.dot(h.by_value, T)
+    r += product(h.by_rate, v[h.at]) + product(h.by_value, x[h.at])
     for j in range(len(r)):
         i = h.active[j]
         d[i] += r[j]

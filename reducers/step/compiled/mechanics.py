@@ -33,8 +33,7 @@ def begin(
         w.h[:] += b.loads[:, j] * timed[b.amplitude + j]
     if b.table >= 0:
         w.h[:] -= timed[b.table : b.table + len(w.h)]
-    for r in range(3):
-        w.past[r] = np.dot(b.products, u[r * k : (r + 1) * k])
+    np.dot(u[: 3 * k].reshape(3, k), b.products_t, w.past)
     for j in range(len(b.active)):
         w.u[j] = x[b.active[j]]
     w.d[:] = 0.0
@@ -86,9 +85,12 @@ def evaluate(
         combine(m, b, w)
 
 
-def evaluate_frame(*arrays: FloatArray | IntArray | float) -> None:
-    """Takes the place of the frames' own function, with which the steps are compiled."""
-    raise NotImplementedError
+def evaluate_frame(
+    kinds: IntArray, numbers: FloatArray, starts: IntArray, gains: FloatArray, y: FloatArray,
+    v: FloatArray, a: FloatArray, c1: float, c2: float, s: FloatArray, forms: FloatArray,
+    sigma: FloatArray, tau: FloatArray, border: FloatArray, coefficients: FloatArray
+) -> None:
+    """Stands for the function of the frames (`FrameArrays`), with which the steps are compiled."""
 
 
 def solve_mechanics(

@@ -19,20 +19,21 @@ from sparsemor.core import (
     amplitudes_along,
     total_load_along,
 )
-from sparsemor.reducers.linalg.modal_coordinates import dense
 from sparsemor.reducers.step.compiled.arrays import (
     BodyArrays,
     BodyWork,
     HeatArrays,
     ModelArrays,
+    PrescribedArrays,
 )
 from sparsemor.reducers.step.elastic_block import CompressedElastic
 from sparsemor.reducers.step.frame_step import BodyStep
 from sparsemor.reducers.step.predictor import block_starts
+from sparsemor.reducers.step.prescribed_frame_block import CompressedPrescribed
 from sparsemor.reducers.step.prescribed_frames import PrescribedFrames
 from sparsemor.reducers.step.solver import Stepper
 from sparsemor.reducers.step.thermal_block import CompressedHeat, HeatBlock
-from sparsemor.reducers.step.time_tables import Moving
+from sparsemor.reducers.step.time_tables import Moving, TimeTable
 
 LARGEST_BORDER = 60
 """Largest number of border unknowns of compiled steps, which solve a dense system."""
@@ -75,6 +76,10 @@ class Timed:
         for none; rigid: number of rigid coordinates."""
         return -1 if guide is None else self._added(guide.along, 3 * rigid)
 
+    def table(self, table: TimeTable, columns: int) -> int:
+        """Number of the first column of a function of time with this many values."""
+        return self._added(lambda times: [table.along(times)], columns)
+
     def along(self, times: FloatArray) -> FloatArray:
         """Values (T, width) at times (T,), s."""
         parts = [part for source in self.sources for part in source(times)]
@@ -83,16 +88,25 @@ class Timed:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Plan:
-    """Arrays of a model for compiled steps. frame: function of the bodies' frames; timed: functions
-    of time; targets: numbers of border unknowns with the functions that prescribe them; border:
+    """Arrays of a model for compiled steps. bodies, prescribed: those with unknown motion, or those
+    with prescribed motion; frame: function of the frames of the former; timed: functions of time;
+    targets: numbers of border unknowns with the functions that prescribe them; border:
     number of border unknowns."""
 
     heat: tuple[HeatArrays, ...]
     bodies: tuple[BodyArrays, ...]
-    frame: FrameArrays
+    prescribed: tuple[PrescribedArrays, ...]
+    frame: FrameArrays | None
     timed: Timed
     targets: tuple[tuple[int, Amplitude], ...]
     border: int
+
+    @property
+    def functions(
+        self,
+    ) -> tuple[Callable[..., object] | None, tuple[Callable[..., object], ...]]:
+        """Function of the frames with unknown motion, None for none, and those that it calls."""
+        return (None, ()) if self.frame is None else (self.frame.function, self.frame.calls)
 
     def targets_along(self, times: FloatArray) -> FloatArray:
         """Prescribed values of the constraints (T, N) at times (T,), s."""
@@ -105,18 +119,21 @@ class Plan:
 def plan(s: Stepper) -> Plan:
     """Arrays for the steps of `s`. Raises NotCompiled, with the reason, where its model contains
     what compiled steps do not."""
-    mechanics = s.mechanics
-    if mechanics is None or isinstance(mechanics, PrescribedFrames) or not mechanics.bodies:
-        raise NotCompiled("no body has an unknown motion")
+    mechanics, timed = s.mechanics, Timed()
+    if mechanics is None:
+        raise NotCompiled("the model has no step of its own blocks")
+    heat = tuple(_heat(where, s.heat[name], name, timed) for name, where in s.hot)
+    if isinstance(mechanics, PrescribedFrames):
+        moved = tuple(_prescribed(i, b, timed) for i, b in enumerate(mechanics.bodies)
+                      if b.prescribed is not None)
+        return Plan(heat, (), moved, None, timed, (), 0)
     if mechanics.size > LARGEST_BORDER:
         raise NotCompiled(f"{mechanics.size} rigid coordinates and joint forces")
     frames = [_frame(b) for b in mechanics.bodies]
     if len({f.function for f in frames}) > 1:
         raise NotCompiled("frames with different functions")
-    timed = Timed()
-    heat = tuple(_heat(where, s.heat[name], name, timed) for name, where in s.hot)
     bodies = tuple(_body(b, f, timed) for b, f in zip(mechanics.bodies, frames, strict=True))
-    return Plan(heat, bodies, frames[0], timed, mechanics.targets, mechanics.size)
+    return Plan(heat, bodies, (), frames[0], timed, mechanics.targets, mechanics.size)
 
 
 def _frame(b: BodyStep) -> FrameArrays:
@@ -142,13 +159,10 @@ def _heat(where: slice | IntArray, block: HeatBlock, name: str, timed: Timed) ->
         raise NotCompiled(f"{name} is of full order or has terms that depend on temperature")
     at = np.arange(where.start, where.stop) if isinstance(where, slice) else where
     active, idle = _split(0, len(at), block.active)
-    matrices = block.by_rate, block.by_value
-    if block.by_rate.ndim != block.by_value.ndim:  # one is a diagonal
-        matrices = dense(block.by_rate), dense(block.by_value)
     loads = block.loads
     return HeatArrays(
         at.astype(np.int64), at[active].astype(np.int64), at[idle].astype(np.int64),
-        _array(np.atleast_2d(matrices[0])), _array(np.atleast_2d(matrices[1])),
+        _array(np.atleast_2d(block.by_rate)), _array(np.atleast_2d(block.by_value)),
         _array(loads.base), _array(loads.loads), timed.amplitudes(loads.amplitudes),
         timed.tables(loads.tables))
 
@@ -173,9 +187,23 @@ def _body(b: BodyStep, f: FrameArrays, timed: Timed) -> BodyArrays:
     inputs = 3 * k + kt
     return BodyArrays(
         *frame, b.elastic.start, k, active, idle, b.thermal.start, kt, e.sizes[2],
-        _array(e.H[:, :inputs]), _array(e.base), _array(e.H[:, inputs:]), _array(e.S),
+        _array(e.H[:, :inputs]), _array(e.base), _array(e.H[:, inputs:]), _array(e.S.T),
         _array(e.S[:, active - b.elastic.start]), _array(e.E), _array(e.G.T),
         timed.amplitudes(e.amplitudes), timed.tables(e.tables))
+
+
+def _prescribed(number: int, b: BodyStep, timed: Timed) -> PrescribedArrays:
+    e, table = b.prescribed, b.table
+    if not isinstance(e, CompressedPrescribed) or e.local is not None or table is None:
+        raise NotCompiled(f"{b.elastic_name} is of full order or has terms that depend on x")
+    k, kt = b.elastic.stop - b.elastic.start, b.thermal.stop - b.thermal.start
+    active, idle = _split(b.elastic.start, k, e.active)
+    width = 2 * len(e.G) + e.E.shape[1] + 1 + len(e.base)
+    return PrescribedArrays(
+        number, b.elastic.start, k, active, idle, b.thermal.start, kt,
+        _array(np.atleast_2d(e.inertia)), _array(np.atleast_2d(e.stiffness)),
+        np.zeros((0, k)) if e.damping is None else _array(np.atleast_2d(e.damping)),
+        _array(e.coupling), _array(e.G), _array(e.leading), timed.table(table, width), width)
 
 
 def model_arrays(s: Stepper, rules: UpdateRules) -> ModelArrays:
@@ -201,7 +229,7 @@ def model_arrays(s: Stepper, rules: UpdateRules) -> ModelArrays:
 def work_of(b: BodyArrays) -> BodyWork:
     """Working arrays for one body."""
     n, p, w, s = len(b.origin), len(b.Gt), len(b.base), len(b.active)
-    rows = len(b.products)
+    rows = len(b.step_products)
     return BodyWork(
         np.zeros((n + 1, p)), np.zeros((n, p)), np.zeros((n, n + 1)), np.zeros(2 * b.g + 1),
         np.zeros((3, p)), np.zeros(3 * b.g), np.zeros(len(b.gains)), np.zeros(n), np.zeros(n),

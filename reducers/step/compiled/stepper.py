@@ -15,11 +15,17 @@ from sparsemor.core import (
     State,
     StepBlock,
     UpdateRules,
-    default_root,
+    cache_folder,
     information,
     require,
 )
-from sparsemor.reducers.step.compiled.arrays import NO_HEAT, ModelArrays, RunArrays
+from sparsemor.reducers.step.compiled.arrays import (
+    NO_BODY,
+    NO_HEAT,
+    NO_PRESCRIBED,
+    ModelArrays,
+    RunArrays,
+)
 from sparsemor.reducers.step.compiled.compile import compiled_advance, folder_of, installed
 from sparsemor.reducers.step.compiled.plan import NotCompiled, Plan, model_arrays, plan, work_of
 from sparsemor.reducers.step.memory import Memory
@@ -94,13 +100,15 @@ class CompiledSteps:
         self._advance = advance_arrays
         works = [work_of(b) for b in plan.bodies]
         self._heat = listed(plan.heat, NO_HEAT)
-        self._bodies = listed(plan.bodies, plan.bodies[0])
-        self._works = listed(works, works[0])
+        self._bodies = listed(plan.bodies, NO_BODY)
+        self._works = listed(works, work_of(NO_BODY))
+        self._prescribed = listed(plan.prescribed, NO_PRESCRIBED)
 
     def advance(self, state: State, memory: Memory, count: int) -> StepBlock:
         """Solves up to `count` steps; none at the start, where reference magnitudes are unknown,
         and while full Newton steps are due."""
-        if not memory.scales.floor or memory.full_newton_next:
+        known = memory.scales.floor or not (self.plan.bodies or self.plan.prescribed)
+        if not known or memory.full_newton_next:
             return StepBlock((), ())
         times, t = np.empty(min(count, self._ahead)), state.t
         for i in range(len(times)):
@@ -109,7 +117,7 @@ class CompiledSteps:
         run = _run_arrays(state, memory)
         states, iterations = np.empty((len(times), *run.z.shape)), np.zeros(len(times))
         done = self._advance(
-            self.model, self._heat, self._bodies, self._works, run,
+            self.model, self._heat, self._bodies, self._works, self._prescribed, run,
             self.plan.timed.along(times), self.plan.targets_along(times), states, iterations)
         _keep(run, memory)
         # a step that is left to the uncompiled solver is often followed by others
@@ -123,8 +131,8 @@ class CompiledSteps:
 def _compiled(plan: Plan) -> tuple[Callable[..., int], Callable[[Sequence[Any], Any], Any]]:
     """Compiled `kernel.advance` and the function that makes its lists."""
     numba: Any = import_module("numba")  # optional, and takes half a second to import
-    frame, root = plan.frame, default_root() / "machine_code"
-    folder: Path = folder_of(root, frame.function, frame.calls)
+    function, calls = plan.functions
+    folder: Path = folder_of(cache_folder() / "machine_code", function, calls)
     if not folder.exists():
         _log.warning("compiling the time step once, about a minute; machine code: %s", folder)
 
@@ -134,7 +142,7 @@ def _compiled(plan: Plan) -> tuple[Callable[..., int], Callable[[Sequence[Any], 
             made.append(item)
         return made
 
-    return compiled_advance(frame.function, frame.calls, folder), listed
+    return compiled_advance(function, calls, folder), listed
 
 
 def _run_arrays(state: State, memory: Memory) -> RunArrays:

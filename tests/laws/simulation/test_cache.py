@@ -9,7 +9,7 @@ import scipy.sparse as sp
 
 from sparsemor.core.registry.plugin import Plugin
 from sparsemor.core.scene.digest import digest
-from sparsemor.core.simulation.cache import Cache, default_root
+from sparsemor.core.simulation.cache import Cache, cache_folder
 
 ARRAYS = {"link1.elastic": np.arange(12.0).reshape(3, 4), "empty": np.zeros((0, 3)),
           "flag": np.array([True, False])}
@@ -88,12 +88,12 @@ def test_listing_and_clearing(tmp_path: Path) -> None:
     assert [e.kind for e in cache.entries()] == ["b"]
 
 
-def test_default_root(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_cache_folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("SPARSEMOR_CACHE", str(tmp_path / "own"))
-    assert default_root() == tmp_path / "own"
+    assert cache_folder() == tmp_path / "own"
     monkeypatch.delenv("SPARSEMOR_CACHE")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    assert default_root() == tmp_path / "sparsemor"
+    assert cache_folder() == tmp_path / "sparsemor"
 
 
 class Choice(Plugin):

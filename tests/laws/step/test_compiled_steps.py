@@ -26,6 +26,7 @@ from sparsemor.reducers.step.compiled.compile import bound
 from sparsemor.reducers.step.compiled.plan import NotCompiled, model_arrays, plan
 from sparsemor.reducers.step.compiled.stepper import CompiledSteps, wanted
 from sparsemor.reducers.step.solver import Stepper
+from turning_bars import bar, turning
 
 GALERKIN = {"use": "galerkin", "basis": {"use": "pod", "count": 4}}
 SPARSE = {"use": "sparse", "basis": {"use": "pod", "count": 4}, "budgets": {"*": {"rows": 20}}}
@@ -61,7 +62,7 @@ def in_python(case: Case, solver: Stepper) -> CompiledSteps:
     made = plan(solver)
     rules = case.scene.integrator.rules(case.scene.time.step)
     return CompiledSteps(made, model_arrays(solver, rules), case.scene.time.step, bound(
-        made.frame.function, made.frame.calls, lambda function: function))
+        *made.functions, lambda function: function))
 
 
 def states(case: Case, solver: Any, count: int, many: Any = None) -> list[Any]:
@@ -179,13 +180,38 @@ def test_models_that_are_not_covered_say_why() -> None:
         "use": "radiation", "on": ["bar:right"], "emissivity": 0.8, "surroundings": 293.0}})
     with pytest.raises(NotCompiled, match="depend on temperature"):
         plan(trained(hot, GALERKIN).solver())
-    at_rest = tiny().using({
-        "joints": {}, "bodies.bar.frame": "fixed", "bodies.bar.reference": {"clamp": "left"}})
-    rest = trained(at_rest, GALERKIN)
-    with pytest.raises(NotCompiled, match="unknown motion"):
-        plan(rest.solver())
-    notes = [n.text for n in rest.solver(compiled="on").notes]
+    notes = [n.text for n in trained(hot, GALERKIN).solver(compiled="on").notes]
     assert any("compiled: on has no effect" in text for text in notes), notes
+
+
+def test_frames_at_rest() -> None:
+    law(trained(tiny().using({
+        "joints": {}, "bodies.bar.frame": "fixed", "bodies.bar.reference": {"clamp": "left"},
+        "time.end": 0.05}), GALERKIN), 30)
+
+
+@pytest.mark.parametrize("integrator", ["bdf1", "bdf2"])
+def test_a_joint_with_a_motion_of_its_own(integrator: str) -> None:
+    hinged = tiny().using({
+        "joints": {"drive": {"use": "prescribed_motion", "of": "bar:left", "x": 0.0, "y": 0.0,
+                             "angle": {"use": "sine", "amplitude": 0.5, "frequency": 8}}},
+        "bodies.bar.reference": {"clamp": "left"}, "time.end": 0.05, "integrator": integrator})
+    law(trained(hinged, GALERKIN), 30, blocks=3)
+
+
+@pytest.mark.parametrize(("E", "spin"), [(5e12, 60.0), (5e5, 60.0)])
+def test_a_bar_in_space_whose_rotation_is_given(E: float, spin: float) -> None:
+    s = bar(E, use="galerkin", basis={"use": "modal", "count": 5}).using({"time.end": 0.03})
+    case = Case(s, turning(s, spin, 4, steps=30), {})
+    made = plan(case.solver())
+    assert made.prescribed and not made.bodies
+    law(case, 28)
+
+
+def test_heat_alone() -> None:
+    law(trained(tiny().using({
+        "joints": {}, "bodies.bar.fields": ["thermal"], "bodies.bar.frame": "fixed",
+        "loads.gravity": None, "time.end": 0.05}), GALERKIN), 30)
 
 
 def test_auto_is_for_long_runs(monkeypatch: pytest.MonkeyPatch) -> None:
