@@ -130,6 +130,7 @@ def test_parts_and_scenes_of_ours_stay_ours(distribute, here):
         checked_model(load(TINY, {"joints.pin": {"use": "sparsemor-bad:revolute"}}))
 
 
+@pytest.mark.full
 def test_packages_that_share_scenes_and_samplers_are_told_apart_by_every_command(
     distribute, here
 ):

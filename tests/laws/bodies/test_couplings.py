@@ -58,6 +58,7 @@ def errors(found: March, truth: March) -> dict[str, float]:
     return out
 
 
+@pytest.mark.full
 def test_full_order_is_the_textbook_newton_by_one_factor_of_the_group(textbook: March) -> None:
     fast = run("full")
     assert isinstance(fast.solver, Stepper) and not fast.model.separated.other

@@ -212,6 +212,7 @@ def test_reduced(use: str, case) -> None:
     assert error(reduced, truth) < LIMITS.get(use, 1e-5)
 
 
+@pytest.mark.full
 def test_springs_stiffer_than_the_body_are_left_to_the_exact_jacobian() -> None:
     make, on, _ = SCENES["fixed"]
     scene, k = make(), (1e9, 1e13)

@@ -54,6 +54,7 @@ def default() -> March:
     return repeated(full("bdf1"), coarse_pendulum())
 
 
+@pytest.mark.full
 def test_the_pendulum_is_repeated_with_a_fraction_of_its_elements() -> None:
     reference, run = full("bdf1"), default()
     assert max(errors(run, reference).values()) < 1e-4

@@ -120,6 +120,7 @@ def test_training_through_the_front_door(rule: str, every: int, tmp_path: Path) 
     assert (facts["link1.thermal"]["force_modes"] == 1) == (every == 1)
 
 
+@pytest.mark.full
 def test_a_constant_flux_is_one_mode_and_no_load_is_none() -> None:
     """Round-off of K T, whose rows cancel, makes no modes."""
     full = march(coarse_pendulum().using({"reducer": "full"}))

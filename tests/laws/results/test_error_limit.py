@@ -67,6 +67,7 @@ def test_a_mark_does_not_move_the_digits() -> None:
     assert table.splitlines()[2:] == ["a    2.0e-01!", "b    1.0e-03", "c          -"]
 
 
+@pytest.mark.full
 def test_charts_show_the_limit(tmp_path: Path) -> None:
     made = runs(tmp_path)
     statuses = dict.fromkeys(made.runs, Status.DONE)

@@ -230,6 +230,7 @@ class Threads:
                       and ("numpy" in lib["filepath"] or "scipy" in lib["filepath"])}
 
 
+@pytest.mark.full
 def test_a_run_that_is_continued_on_another_processor_says_so(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

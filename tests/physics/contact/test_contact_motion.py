@@ -137,6 +137,7 @@ def incline(friction: Mapping[str, float], end: float) -> FloatArray:
     return np.asarray(-(v * np.exp(-1j * slope)).real)
 
 
+@pytest.mark.full
 def test_a_block_slides_down_a_slope_steeper_than_the_friction_angle() -> None:
     speed = incline({"coefficient": 0.2, "critical_velocity": 1e-3}, 0.2)
     want = G * (np.sin(0.3) - 0.2 * np.cos(0.3))

@@ -336,7 +336,7 @@ def test_a_rigid_body_of_a_mesh_has_no_order() -> None:
 
 @pytest.mark.parametrize("mesh", [
     {"use": "rectangle", "size": [1, 0.5], "divisions": [8, 4]},
-    {"use": "block", "size": [1, 0.5, 0.5], "divisions": [6, 5, 5]}], ids=lambda m: m["use"])
+    {"use": "block", "size": [1, 0.5, 0.5], "divisions": [3, 2, 2]}], ids=lambda m: m["use"])
 def test_the_size_is_known_before_the_mesh_is_made(mesh: dict[str, Any]) -> None:
     plane = mesh["use"] == "rectangle"
     body = {**SPACE, "mesh": mesh, **({"thickness": 0.1} if plane else {})}
