@@ -111,6 +111,7 @@ class Own(Plugin):
 """
 
 
+@pytest.mark.full
 def test_parts_and_scenes_of_ours_stay_ours(distribute, here):
     distribute("sparsemor-bad", {"joint": {"revolute": "clash_p:Own"}, "load": {
         "gravity": "clash_p:Own"}, "scene": {"double_pendulum": "clash_p:double_pendulum"}},

@@ -167,7 +167,7 @@ SCENES = {
     "fixed": (fixed, "bar:right", (2e4, 1e9))}
 
 
-@pytest.fixture(scope="module", params=SCENES)
+@pytest.fixture(scope="module", params=quick(SCENES, "fixed"))
 def case(request: pytest.FixtureRequest) -> tuple[Scene, str, tuple[float, float], March]:
     make, on, k = SCENES[request.param]
     scene = make()

@@ -66,6 +66,7 @@ def test_the_pendulum_is_repeated_with_a_fraction_of_its_elements() -> None:
     assert run.solver.notes == ()
 
 
+@pytest.mark.full
 def test_a_smaller_tolerance_keeps_more_elements_and_is_more_accurate() -> None:
     reference = full("bdf1")
     rough, fine = repeated(reference, coarse_pendulum(), tau=1e-3), default()

@@ -144,6 +144,7 @@ def test_a_constant_flux_is_one_mode_and_no_load_is_none() -> None:
         assert (len(cooling.solver.rows["rod.thermal"]) == 0) == (method == "deim")
 
 
+@pytest.mark.full
 def test_rows_are_chosen_from_the_modes() -> None:
     """The sampler is handed the modes, whatever vectors it would look at otherwise."""
     scene = coarse_pendulum()

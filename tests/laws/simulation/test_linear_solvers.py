@@ -211,6 +211,7 @@ def test_auto_says_what_it_took_and_why() -> None:
     assert "fit in 4 GB" in done.note
 
 
+@pytest.mark.full
 def test_auto_prefers_the_quickest_direct_solver_there_is(monkeypatch: pytest.MonkeyPatch) -> None:
     A, places = heat(15, 1e7)
     for there, cls in (({"sksparse", "pypardiso"}, Cholmod), ({"pypardiso"}, Pardiso),

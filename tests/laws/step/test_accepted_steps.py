@@ -92,7 +92,7 @@ def test_each_accepted_step_solves_the_equations(integrator: dict[str, Any]) -> 
 
 @pytest.mark.parametrize("integrator", quick(INTEGRATORS, INTEGRATORS[0], INTEGRATORS[2]),
                          ids=["bdf1", "bdf2", "alpha-0.7", "alpha-1"])
-@pytest.mark.parametrize("E", [7e10, 5e6])
+@pytest.mark.parametrize("E", quick([7e10, 5e6], 5e6))
 @pytest.mark.parametrize("h", quick((1e-2, 1e-3, 1e-4, 1e-5, 1e-6), 1e-2, 1e-6))
 def test_bordered_steps_are_those_of_the_textbook(
     h: float, E: float, integrator: dict[str, Any],

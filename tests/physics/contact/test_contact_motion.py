@@ -63,6 +63,7 @@ def energy(found: March, stiffness: float) -> FloatArray:
                       + 0.5 * stiffness * AREA * np.minimum(y, 0.0) ** 2)
 
 
+@pytest.mark.full
 def test_a_pressed_block_sinks_to_pressure_over_stiffness_and_gains_nothing_when_released() -> None:
     pressure, K = 1e5, 1e9
     push = {"use": "pressure", "on": ["block:top"], "pressure": {
