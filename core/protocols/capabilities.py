@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from sparsemor.core.protocols import (
     basis,
     body,
+    body_frame,
     contact,
     element_integrals,
     integrator,
@@ -20,7 +21,6 @@ from sparsemor.core.protocols import (
     part,
     reducer,
     sampler,
-    separable,
     sparse_solver,
     step_solver,
     term,
@@ -70,6 +70,6 @@ OTHERS: Mapping[str, tuple[type, ...]] = {
                     step_solver.RespondsByBlock, step_solver.RespondsExactly,
                     step_solver.CountsLinearIterations, step_solver.ReportsTerms),
     "memory of a step solver": (step_solver.Restarts,),
-    "frame": (separable.EvaluatesManyTimes,),
+    "frame": (body_frame.EvaluatesManyTimes,),
 }
 """Other objects (terms, step solvers, frames, ...) -> their optional protocols."""

@@ -10,8 +10,9 @@ from thermal_contact import ContactResistance
 from sparsemor.bodies.terms.field_kinds import MULTIPLIER, THERMAL
 from sparsemor.core import InputError
 from sparsemor.core.model.assembly import assemble
-from sparsemor.core.model.contributions import close, general_terms
+from sparsemor.core.model.block_operators import close
 from sparsemor.core.model.equations import system_jacobian, system_residual
+from sparsemor.core.model.general_terms import general_terms
 from sparsemor.core.model.model import Model
 from sparsemor.core.protocols.contributions import Equations, Origin, Records
 from sparsemor.core.protocols.layout import Block, Layout

@@ -13,8 +13,8 @@ from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.model import Model
 from sparsemor.core.model.prescribed_motion import Followed
 from sparsemor.core.protocols import Dictionary
+from sparsemor.core.protocols.body_frame import FrameWork
 from sparsemor.core.protocols.prescribed_motion import FrameHistory, Stage
-from sparsemor.core.protocols.separable import FrameWork
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.testing.in_memory_run import March, march, scene_of
 from sparsemor.reducers.linalg import coarse_correction as coarse
