@@ -29,6 +29,13 @@ from sparsemor.core.protocols.body import (
     SelectsFields,
     TemperatureProperty,
 )
+from sparsemor.core.protocols.body_frame import (
+    BodyFrame,
+    EvaluatesManyTimes,
+    Frame,
+    FrameItem,
+    FrameWork,
+)
 from sparsemor.core.protocols.capabilities import CAPABILITIES
 from sparsemor.core.protocols.contact import (
     ConductsHeat,
@@ -133,13 +140,8 @@ from sparsemor.core.protocols.sampler import (
 )
 from sparsemor.core.protocols.separable import (
     Amplitude,
-    BodyFrame,
     ElasticLocal,
     ElasticOperators,
-    EvaluatesManyTimes,
-    Frame,
-    FrameItem,
-    FrameWork,
     HeatBody,
     HeatCoupling,
     LoadColumn,

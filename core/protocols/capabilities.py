@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from sparsemor.core.protocols import (
     basis,
     body,
+    body_frame,
     contact,
     element_integrals,
     frame_arrays,
@@ -21,7 +22,6 @@ from sparsemor.core.protocols import (
     part,
     reducer,
     sampler,
-    separable,
     sparse_solver,
     step_solver,
     term,
@@ -72,6 +72,6 @@ OTHERS: Mapping[str, tuple[type, ...]] = {
                     step_solver.CountsLinearIterations, step_solver.ReportsTerms,
                     step_solver.SolvesManySteps),
     "memory of a step solver": (step_solver.Restarts,),
-    "frame": (separable.EvaluatesManyTimes, frame_arrays.HasArrays),
+    "frame": (body_frame.EvaluatesManyTimes, frame_arrays.HasArrays),
 }
 """Other objects (terms, step solvers, frames, ...) -> their optional protocols."""

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 from typing import Protocol, TypeAlias, runtime_checkable
 
 from sparsemor.core.arrays import FloatArray, IntArray
-from sparsemor.core.protocols.separable import Amplitude, Frame
+from sparsemor.core.protocols.body_frame import Frame
+from sparsemor.core.protocols.separable import Amplitude
 
 FrameFunction: TypeAlias = Callable[
     [IntArray, FloatArray, IntArray, FloatArray, FloatArray, FloatArray, FloatArray, float, float,

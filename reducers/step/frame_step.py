@@ -98,7 +98,7 @@ class BodyStep:
 @dataclass(frozen=True, slots=True, eq=False)
 class PrescribedFactors:
     """Factors kappa, mu, sigma (T, 2 g + p) of a prescribed frame at times (T,), which do not
-    depend on displacements (core/protocols/separable.py)."""
+    depend on displacements (core/protocols/body_frame.py)."""
 
     body: BodyStep
 

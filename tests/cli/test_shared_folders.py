@@ -67,6 +67,7 @@ def assert_same(run: RunResult, whole: RunResult) -> None:
     assert np.array_equal(run.times, whole.times)
 
 
+@pytest.mark.full
 def test_a_refused_run_removes_nothing_of_others() -> None:
     with pytest.raises(InputError, match="found late"), place_for_result(
             Path("runs/b"), resume=False, force=False):

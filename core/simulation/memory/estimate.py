@@ -28,7 +28,7 @@ from sparsemor.core.protocols import (
 from sparsemor.core.protocols.reducer import is_full_order
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.memory.limits import GIGABYTE, LIMIT, ceiling, resident
-from sparsemor.core.simulation.offline import Offline, step_count
+from sparsemor.core.simulation.offline import Offline, snapshot_count, step_count
 
 ENTRY = 12
 """Bytes per entry of a sparse matrix or factor: a value and its index."""
@@ -191,7 +191,7 @@ def bases(scene: Scene, blocks: Mapping[str, int]) -> list[Item]:
     """Memory of the computation of bases, block by block: snapshots and atoms of the largest
     block."""
     largest: list[Item] = []
-    M = _count(scene)
+    M = snapshot_count(scene)
     reducer = scene.reducer
     copies = reducer.snapshot_copies if isinstance(reducer, HoldsSnapshots) else COPIES
     for name, basis in chosen_bases(scene, blocks).items():
@@ -207,7 +207,7 @@ def bases(scene: Scene, blocks: Mapping[str, int]) -> list[Item]:
 
 
 def _held_snapshots(scene: Scene, blocks: Mapping[str, int]) -> list[Item]:
-    M = _count(scene)
+    M = snapshot_count(scene)
     sizes = {name: 8 * n * M for name, n in blocks.items()}
     return [Item(f"snapshots of {name}", size, "a larger training.every")
             for name, size in sizes.items() if size <= HELD]
@@ -219,7 +219,7 @@ def _disk(scene: Scene, model: Model, offline: Offline) -> None:
     blocks = _sizes(model)
     if not trains(scene, blocks) or offline.has("training") or cache is None:
         return
-    M = _count(scene)
+    M = snapshot_count(scene)
     sizes = [8 * n * M for n in blocks.values()]
     wanted = sum(size for size in sizes if size > HELD)
     place = next((p for p in (cache.root, *cache.root.absolute().parents) if p.exists()), Path("/"))
@@ -271,12 +271,6 @@ def _duration(steps: float) -> str:
         if seconds >= 2 * unit:
             return f"{seconds / unit:.3g} {name}"
     return f"{seconds:.3g} seconds"
-
-
-def _count(scene: Scene) -> int:
-    """Upper bound of the number of snapshots of the training run."""
-    training = scene.for_training()
-    return step_count(training) // scene.training.every + 2
 
 
 def _atoms(basis: Basis, size: int) -> int:

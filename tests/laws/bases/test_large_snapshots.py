@@ -131,6 +131,7 @@ def small(**changes: Any) -> Any:
         "reducer.basis.count": 3, **changes})
 
 
+@pytest.mark.full
 def test_training_writes_to_disk_what_it_would_have_held(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -64,6 +64,7 @@ def test_all_shapes_have_the_second_moment_of_the_table(disk, field: int) -> Non
     np.testing.assert_allclose(few, F[:, :3], rtol=1e-12, atol=1e-14 * np.abs(F).max())
 
 
+@pytest.mark.full
 def test_shapes_need_fewer_atoms_than_places(disk) -> None:
     """The temperatures of a run that neither basis has seen, less the uniform start."""
     data, T = disk[1], disk[3] - disk[3][:, :1]

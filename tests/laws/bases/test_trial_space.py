@@ -15,6 +15,7 @@ from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.diagnostics.trial_space import trial_spaces
 from sparsemor.core.simulation.offline import Offline
+from tiers import quick
 from tiny_scene import full, snapshots
 
 ROWS = {"*.elastic": {"rows": 20}, "*.thermal": {"rows": 10}}
@@ -95,7 +96,7 @@ def test_dependent_atoms_span_what_they_span() -> None:
     assert found[1].excess(c)[0] < 0.05 < 1e3 < found[1].excess(c)[1]
 
 
-@pytest.mark.parametrize("basis", ["modal", "static"])
+@pytest.mark.parametrize("basis", quick(["modal", "static"], "static"))
 def test_without_training_the_estimate_of_the_run_decides(
     shared: Cache, tmp_path: Path, reference: RunResult, basis: str
 ) -> None:

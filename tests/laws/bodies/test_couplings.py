@@ -10,8 +10,9 @@ from thermal_contact import ContactResistance
 from sparsemor.bodies.terms.field_kinds import MULTIPLIER, THERMAL
 from sparsemor.core import InputError
 from sparsemor.core.model.assembly import assemble
-from sparsemor.core.model.contributions import close, general_terms
+from sparsemor.core.model.block_operators import close
 from sparsemor.core.model.equations import system_jacobian, system_residual
+from sparsemor.core.model.general_terms import general_terms
 from sparsemor.core.model.model import Model
 from sparsemor.core.protocols.contributions import Equations, Origin, Records
 from sparsemor.core.protocols.layout import Block, Layout
@@ -58,6 +59,7 @@ def errors(found: March, truth: March) -> dict[str, float]:
     return out
 
 
+@pytest.mark.full
 def test_full_order_is_the_textbook_newton_by_one_factor_of_the_group(textbook: March) -> None:
     fast = run("full")
     assert isinstance(fast.solver, Stepper) and not fast.model.separated.other

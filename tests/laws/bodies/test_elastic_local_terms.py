@@ -167,7 +167,7 @@ SCENES = {
     "fixed": (fixed, "bar:right", (2e4, 1e9))}
 
 
-@pytest.fixture(scope="module", params=SCENES)
+@pytest.fixture(scope="module", params=quick(SCENES, "fixed"))
 def case(request: pytest.FixtureRequest) -> tuple[Scene, str, tuple[float, float], March]:
     make, on, k = SCENES[request.param]
     scene = make()
@@ -212,6 +212,7 @@ def test_reduced(use: str, case) -> None:
     assert error(reduced, truth) < LIMITS.get(use, 1e-5)
 
 
+@pytest.mark.full
 def test_springs_stiffer_than_the_body_are_left_to_the_exact_jacobian() -> None:
     make, on, _ = SCENES["fixed"]
     scene, k = make(), (1e9, 1e13)

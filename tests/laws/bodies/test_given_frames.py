@@ -7,7 +7,7 @@ import pytest
 from scipy import linalg
 
 from sparsemor.core.protocols import Dictionary
-from sparsemor.core.protocols.separable import FrameWork
+from sparsemor.core.protocols.body_frame import FrameWork
 from sparsemor.core.testing.in_memory_run import March, march
 from sparsemor.reducers.linalg import coarse_correction as coarse
 from sparsemor.reducers.linalg.modal_coordinates import modal_coordinates
@@ -41,7 +41,8 @@ def test_what_turns_with_the_frame_is_solved_for_however_much_it_is(make, size, 
     assert most <= 4 if E == 5e12 else most > 4, fast.iterations
 
 
-@pytest.mark.parametrize("make, size", [(bar, 4), (plane_bar, 3)])
+@pytest.mark.parametrize("make, size", [
+    pytest.param(bar, 4, marks=pytest.mark.full), (plane_bar, 3)])
 def test_atoms_that_hold_the_motion_repeat_it(make, size) -> None:
     """In full order's solution, stiffness, damping, Coriolis and heat under the atoms are right."""
     scene = make(5e6)

@@ -58,6 +58,7 @@ def test_a_two_stage_run_builds_each_body_once(made: Counter[str], tmp_path: Pat
     assert made["models"] == 4
 
 
+@pytest.mark.full
 def test_a_run_in_one_stage_shares_its_bodies_with_its_training(
     made: Counter[str], tmp_path: Path
 ) -> None:
@@ -68,6 +69,7 @@ def test_a_run_in_one_stage_shares_its_bodies_with_its_training(
     assert made["models"] == 2
 
 
+@pytest.mark.full
 def test_a_bare_body_is_the_one_that_is_built_without_fields() -> None:
     scene = load(SCENES / "small_brake.yaml")
     shared, alone = BodyCache(), BodyCache()

@@ -37,7 +37,7 @@ def test_every_term_of(model: Model, part: str) -> None:
     for i, term in enumerate(terms):
         for scale in scales(model, term):
             check_term(term, np.random.default_rng(i), base=model.x0[term.columns], scale=scale,
-                       same_rates=isinstance(equations_of(term), FrameEquations))
+                       trials=3, same_rates=isinstance(equations_of(term), FrameEquations))
 
 
 def test_the_scene_has_terms_of_every_kind(model: Model) -> None:

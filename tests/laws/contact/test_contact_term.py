@@ -158,6 +158,7 @@ def test_the_jacobian_of_a_state_that_overflowed_is_nan_and_nothing_is_doubted(
     assert term.check_step(x, zero, 0.0, 1e-3) == ""
 
 
+@pytest.mark.full
 def test_the_laws_hold_within_the_ramp_of_the_damping_and_the_critical_velocity() -> None:
     m = PLANE.model("flat")
     term = PLANE.term(m)

@@ -5,6 +5,8 @@ import re
 import runpy
 from pathlib import Path
 
+from source_trees import tree_of
+
 ROOT = Path(__file__).parents[3]
 FOLDER = ROOT / "docs" / "developers"
 PAGE = (FOLDER / "architecture.md").read_text(encoding="utf-8")
@@ -14,7 +16,7 @@ TARGET = re.compile(r"`([\w/]+\.py)(?::([A-Za-z_][\w.]*))?`")
 def defined(path: Path) -> set[str]:
     """Classes, functions and methods of a file, methods dotted."""
     found = set()
-    for node in ast.parse(path.read_text(encoding="utf-8")).body:
+    for node in tree_of(path).body:
         if isinstance(node, ast.ClassDef | ast.FunctionDef):
             found.add(node.name)
         if isinstance(node, ast.ClassDef):

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import sparsemor.core
+from source_trees import tree_of
 
 CORE = Path(sparsemor.core.__file__).parent
 DEFAULTS = CORE / "scene" / "defaults.py"
@@ -38,14 +39,14 @@ OPTIONS = {Path("simulation/rigid_stage.py"): {"rigid"}, Path("protocols/contact
 def test_no_field_reducer_or_joint_is_named() -> None:
     found = [f"{path.relative_to(CORE)}:{line}: {text!r}"
              for path in sorted(CORE.rglob("*.py")) if path != DEFAULTS
-             for line, text in literals(path.read_text(encoding="utf-8"))
+             for line, text in literals(tree_of(path))
              if named(text) and text not in OPTIONS.get(path.relative_to(CORE), set())]
     assert found == []
 
 
 def test_names_are_found_in_code_and_not_in_docstrings() -> None:
     source = '"""elastic"""\nX = "thermal"\n"""galerkin"""\ndef f(b): return f"{b}.elastic", "full"'
-    found = {text for _, text in literals(source) if named(text)}
+    found = {text for _, text in literals(ast.parse(source)) if named(text)}
     assert found == {"thermal", ".elastic", "full"}
     assert named("joint pin x") and not named("the velocities at the start break joint ")
     assert not named("linear elasticity") and not named("fully")
@@ -56,18 +57,18 @@ def test_no_name_is_taken_apart() -> None:
     found = {(str(path.relative_to(CORE)), call)
              for path in sorted(CORE.rglob("*.py"))
              if path.relative_to(CORE).parts[0] not in READERS
-             for call in parts_of_names(path.read_text(encoding="utf-8"))}
+             for call in parts_of_names(tree_of(path))}
     assert found == TEXTS
 
 
 def test_begins_and_ends_of_names_are_found() -> None:
     source = 'a = block.name.startswith("u_")\nb = "." in name\nc = f(name.endswith)\nd = x in y'
-    assert set(parts_of_names(source)) == {"block.name.startswith('u_')", "'.' in name"}
+    assert set(parts_of_names(ast.parse(source))) == {"block.name.startswith('u_')", "'.' in name"}
 
 
-def parts_of_names(source: str) -> Iterator[str]:
+def parts_of_names(tree: ast.AST) -> Iterator[str]:
     """Calls that look at the begin or end of a string, and searches for punctuation in one."""
-    for node in ast.walk(ast.parse(source)):
+    for node in ast.walk(tree):
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and (
                 node.func.attr in ("startswith", "endswith", "removeprefix", "removesuffix")):
             yield ast.unparse(node)
@@ -81,9 +82,8 @@ def named(text: str) -> bool:
     return bool(FIELD_OR_REDUCER.search(text)) or text in EXACT or text.startswith(PREFIX)
 
 
-def literals(source: str) -> Iterator[tuple[int, str]]:
+def literals(tree: ast.AST) -> Iterator[tuple[int, str]]:
     """Line and value of each string of a module that is not a statement of its own."""
-    tree = ast.parse(source)
     documentation = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
     for node in ast.walk(tree):
         if isinstance(node, ast.Constant) and isinstance(node.value, str) and (

@@ -3,12 +3,14 @@ each folder knows those that stand before it. Folders stay small enough to be se
 
 import ast
 from collections.abc import Mapping
+from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
 
 from public_names import PUBLIC, ours
+from source_trees import tree_of
 
 ROOT = Path(__file__).parents[3]
 FOLDERS = ("core", "bodies", "integrators", "reducers", "plugins")
@@ -40,6 +42,11 @@ def imported(tree: ast.AST) -> set[str]:
             assert node.level == 0, "relative imports hide where a name comes from"
             names |= {f"{node.module}.{alias.name}" for alias in node.names}
     return names
+
+
+@cache
+def imported_by(path: Path) -> frozenset[str]:
+    return frozenset(imported(tree_of(path)))
 
 
 def breaches(folder: str, tree: ast.AST) -> set[str]:
@@ -81,7 +88,7 @@ def graph(folders: tuple[str, ...]) -> dict[str, set[str]]:
              if p.relative_to(ROOT).parts[0] in folders and not p.is_relative_to(BUILD)}
     found = {}
     for name, path in files.items():
-        names = imported(ast.parse(path.read_text(encoding="utf-8")))
+        names = imported_by(path)
         found[name] = {n if n in files else n.rpartition(".")[0] for n in names} & set(files)
         found[name].discard(name)
     return found
@@ -129,7 +136,7 @@ def test_imports_follow_the_table(folder: str) -> None:
         parts = path.relative_to(ROOT).parts
         if parts[0] != folder:
             continue
-        tree = ast.parse(path.read_text(encoding="utf-8"))
+        tree = tree_of(path)
         assert not breaches(folder, tree), path
         heavy = HEAVY - ({"skfem"} if path == ROOT / "bodies/fem/forms.py" else set())
         loaded = at_import(tree)
@@ -143,7 +150,7 @@ def test_imports_follow_the_table(folder: str) -> None:
 @pytest.mark.parametrize("folder", FOLDERS[1:])
 def test_plugins_import_what_third_parties_may(folder: str) -> None:
     found = {path: names for path in FILES if path.relative_to(ROOT).parts[0] == folder
-             if (names := private(ast.parse(path.read_text(encoding="utf-8"))))}
+             if (names := private(tree_of(path)))}
     assert not found
 
 

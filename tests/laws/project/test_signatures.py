@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from source_trees import tree_of
+
 CORE = Path(__file__).parents[3] / "core"
 FOLDERS = ("protocols", "model", "simulation", "linalg", "registry", "results")
 OBJECT = re.compile(r"NDArray\[Any\]|\b(?:dict|Mapping)\[str, Any\]")
@@ -30,7 +32,7 @@ def functions() -> Iterator[tuple[str, str]]:
     for folder in FOLDERS:
         for path in sorted((CORE / folder).rglob("*.py")):
             place = ".".join(path.relative_to(CORE).with_suffix("").parts)
-            yield from signatures(ast.parse(path.read_text(encoding="utf-8")), place)
+            yield from signatures(tree_of(path), place)
 
 
 def signatures(tree: ast.AST, place: str) -> Iterator[tuple[str, str]]:

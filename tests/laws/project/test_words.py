@@ -15,6 +15,7 @@ from pathlib import Path
 
 import pytest
 
+from source_trees import tree_of
 from sparsemor.core.cli.plugins import first_sentence
 from sparsemor.core.registry.registry import Registry
 
@@ -121,7 +122,7 @@ def _code(area: str) -> Iterator[Text]:
 def sources() -> dict[str, ast.Module]:
     """Relative path -> the parsed file."""
     files = sorted(p for folder in CODE for p in (ROOT / folder).rglob("*.py"))
-    return {str(p.relative_to(ROOT)): ast.parse(p.read_text(encoding="utf-8")) for p in files}
+    return {str(p.relative_to(ROOT)): tree_of(p) for p in files}
 
 
 def of_source(tree: ast.Module, path: str, area: str) -> Iterator[Text]:

@@ -105,6 +105,7 @@ def test_the_residuals_of_blocks_are_those_of_the_joint_problem(kind: str) -> No
         assert size > 1e-9 * terms, "few atoms leave a residual above rounding"
 
 
+@pytest.mark.full
 def test_radiation_is_held_at_its_value_in_the_step() -> None:
     """With local terms, too, the solution of the step is least squares on its support."""
     scene = everything()

@@ -54,6 +54,7 @@ def default() -> March:
     return repeated(full("bdf1"), coarse_pendulum())
 
 
+@pytest.mark.full
 def test_the_pendulum_is_repeated_with_a_fraction_of_its_elements() -> None:
     reference, run = full("bdf1"), default()
     assert max(errors(run, reference).values()) < 1e-4
@@ -65,6 +66,7 @@ def test_the_pendulum_is_repeated_with_a_fraction_of_its_elements() -> None:
     assert run.solver.notes == ()
 
 
+@pytest.mark.full
 def test_a_smaller_tolerance_keeps_more_elements_and_is_more_accurate() -> None:
     reference = full("bdf1")
     rough, fine = repeated(reference, coarse_pendulum(), tau=1e-3), default()

@@ -120,6 +120,7 @@ def test_training_through_the_front_door(rule: str, every: int, tmp_path: Path) 
     assert (facts["link1.thermal"]["force_modes"] == 1) == (every == 1)
 
 
+@pytest.mark.full
 def test_a_constant_flux_is_one_mode_and_no_load_is_none() -> None:
     """Round-off of K T, whose rows cancel, makes no modes."""
     full = march(coarse_pendulum().using({"reducer": "full"}))
@@ -143,6 +144,7 @@ def test_a_constant_flux_is_one_mode_and_no_load_is_none() -> None:
         assert (len(cooling.solver.rows["rod.thermal"]) == 0) == (method == "deim")
 
 
+@pytest.mark.full
 def test_rows_are_chosen_from_the_modes() -> None:
     """The sampler is handed the modes, whatever vectors it would look at otherwise."""
     scene = coarse_pendulum()

@@ -168,6 +168,7 @@ def rows_at(run: March, step: int) -> FloatArray:
     return system_residual(model.layout, model.terms, *full, float(run.t[step]))
 
 
+@pytest.mark.full
 def test_lspg_leaves_a_residual_at_right_angles_to_its_images() -> None:
     """The plain norm of all rows of a block cannot be lowered by any change of coefficients."""
     run = repeated("pendulum", {"use": "lspg", "basis": FEW})

@@ -67,6 +67,7 @@ def test_a_mark_does_not_move_the_digits() -> None:
     assert table.splitlines()[2:] == ["a    2.0e-01!", "b    1.0e-03", "c          -"]
 
 
+@pytest.mark.full
 def test_charts_show_the_limit(tmp_path: Path) -> None:
     made = runs(tmp_path)
     statuses = dict.fromkeys(made.runs, Status.DONE)
@@ -75,7 +76,7 @@ def test_charts_show_the_limit(tmp_path: Path) -> None:
     assert over_time is not None and high is not None
     assert [t.get_text() for axes in over_time.axes for t in axes.texts] == ["limit 0.1"]
     assert not any(axes.texts for axes in high.axes)
-    points = [WorkPoint(name, "", ms, None, {"elastic": e, "thermal": 1e-9}, Status.DONE)
+    points = [WorkPoint(name, "", ms, {"elastic": e, "thermal": 1e-9}, Status.DONE)
               for name, ms, e in (("wrong", 1.0, 0.5), ("right", 2.0, 1e-6))]
     figure = work_precision_figure(points, None, BODY_KINDS)
     assert figure is not None

@@ -211,6 +211,7 @@ def test_many_times_make_more_rows(run: RunResult) -> None:
         f"t = {t} ms" for t in (0, 5, 10, 15, 20)]
 
 
+@pytest.mark.full
 def test_images_take_their_panels_in_order(run: RunResult) -> None:
     asked: list[Surface] = []
 

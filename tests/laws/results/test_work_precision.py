@@ -15,14 +15,14 @@ from sparsemor.core.status import Status
 
 pytestmark = pytest.mark.full
 
-FULL = WorkPoint("full", "", 0.8, 1.0, {}, Status.DONE)
+FULL = WorkPoint("full", "", 0.8, {}, Status.DONE)
 METHODS = {"galerkin": 0.04, "sparse": 0.055, "deim": 0.075, "gnat, Q-DEIM rows": 0.11}
 
 
 def point(method: str, atoms: int, status: Status = Status.DONE) -> WorkPoint:
     ms = METHODS[method] * (1.0 + atoms / 50.0)
     error = 10.0 ** (-atoms / 5.0) * METHODS[method]
-    return WorkPoint(method, f"{atoms} atoms", ms, 0.8 / ms, {
+    return WorkPoint(method, f"{atoms} atoms", ms, {
         "angle_rad": 1e-2 * error, "rigid": error, "elastic": 30 * error, "thermal": error,
         "combined": 0.1 * error}, status, 1.0)
 
@@ -92,7 +92,7 @@ def test_stopped_runs_are_hollow_at_the_edge_and_named() -> None:
 
 
 def test_runs_that_never_stepped_are_named_too() -> None:
-    refused = replace(point("sparse", 5, Status.RANK_DEFICIENT), ms_per_step=None, speed_up=None)
+    refused = replace(point("sparse", 5, Status.RANK_DEFICIENT), ms_per_step=None)
     many = [replace(refused, budget=f"{i} atoms") for i in range(9)]
     figure = work_precision_figure([point("galerkin", 5), *many], FULL, BODY_KINDS)
     assert figure is not None

@@ -15,7 +15,7 @@ from sparsemor.core.testing.random_inputs import random_block, random_dictionary
 from sparsemor.plugins.samplers.deim import Deim
 from sparsemor.plugins.samplers.leverage import Leverage, leverage
 from sparsemor.plugins.samplers.row_pool import Rows
-from sparsemor.plugins.samplers.s_opt import SOpt, s_quantity
+from sparsemor.plugins.samplers.s_opt import SOpt
 from sparsemor.plugins.samplers.subspace import SpanSampler, orthonormal
 from tiers import quick
 
@@ -149,6 +149,16 @@ def test_no_pivot_repeats_a_required_row() -> None:
     for kind in (Deim(of="atoms", method="qr"), Deim(of="atoms", method="greedy")):
         rows = rows_of(kind, U, 5, required)
         assert np.unique(rows // 2).size == 8
+
+
+def s_quantity(A: FloatArray) -> float:
+    """Criterion S = (sqrt det A^T A / prod |a_j|)^(1/k) of A (m, k): 0 when m < k, when the columns
+    depend on each other, or one is zero."""
+    norms = np.linalg.norm(A, axis=0)
+    if A.shape[0] < A.shape[1] or not norms.all():
+        return 0.0
+    s = np.linalg.svd(A / norms, compute_uv=False)
+    return float(np.exp(np.log(np.maximum(s, 1e-300)).mean()))
 
 
 def test_s_quantity_of_known_matrices() -> None:

@@ -38,7 +38,9 @@ def mesh_of(options: dict[str, Any]) -> Any:
     return Registry().get("mesh", options["use"]).model_validate(rest)
 
 
-@pytest.mark.parametrize("options", MESHES, ids=lambda o: json.dumps(o))
+@pytest.mark.parametrize("options", [
+    pytest.param(o, marks=[pytest.mark.full] * ("refine" in o and "probes" in o)) for o in MESHES],
+    ids=lambda o: json.dumps(o))
 def test_generators_know_their_size(options: dict[str, Any]) -> None:
     plugin = mesh_of(options)
     told, mesh = plugin.expected(), plugin.build(Path())

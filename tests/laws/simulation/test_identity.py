@@ -104,6 +104,7 @@ def test_a_basis_of_a_plugin_that_changed_is_made_again(
     sys.modules.pop("leading_basis", None)
 
 
+@pytest.mark.full
 def test_a_changed_program_finds_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     base = load(TINY, {**SHORT, "reducer": "galerkin"})
     assert [training_of(base), training_of(base)] == ["miss", "hit"]
@@ -230,6 +231,7 @@ class Threads:
                       and ("numpy" in lib["filepath"] or "scipy" in lib["filepath"])}
 
 
+@pytest.mark.full
 def test_a_run_that_is_continued_on_another_processor_says_so(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -89,6 +89,7 @@ def test_bdf2_damps_every_frequency_and_forgets_the_high_ones(wh: float) -> None
         assert radius < 0.01
 
 
+@pytest.mark.full
 def test_bdf2_remakes_its_history_at_another_step_to_second_order() -> None:
     """x'' + w^2 x = 0 over 2 s, the step halved and doubled again on the way."""
     w, errors = 3.0, []

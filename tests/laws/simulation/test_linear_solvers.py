@@ -149,6 +149,7 @@ def test_a_warm_start_saves_iterations() -> None:
     assert done.outcome(b, cold.x).iterations == 0
 
 
+@pytest.mark.full
 def test_conjugate_gradients_do_not_notice_the_mesh_where_capacity_rules() -> None:
     counts = []
     for n in (4, 8, 16):  # the step shrinks with the square of the edge: k h / (rho c edge^2) stays
@@ -210,6 +211,7 @@ def test_auto_says_what_it_took_and_why() -> None:
     assert "fit in 4 GB" in done.note
 
 
+@pytest.mark.full
 def test_auto_prefers_the_quickest_direct_solver_there_is(monkeypatch: pytest.MonkeyPatch) -> None:
     A, places = heat(15, 1e7)
     for there, cls in (({"sksparse", "pypardiso"}, Cholmod), ({"pypardiso"}, Pardiso),
@@ -218,6 +220,7 @@ def test_auto_prefers_the_quickest_direct_solver_there_is(monkeypatch: pytest.Mo
         assert type(Auto().choose(A, places)[0]) is cls
 
 
+@pytest.mark.full
 def test_auto_leaves_factors_that_do_not_fit(monkeypatch: pytest.MonkeyPatch) -> None:
     A, places = elastic(10)
     tight = Auto(memory=1e-3)
@@ -282,7 +285,7 @@ class Broken:
 
 
 @pytest.mark.parametrize("fault,words", [
-    ("accepts all", "gives numbers for a failure"),
+    pytest.param("accepts all", "gives numbers for a failure", marks=pytest.mark.full),
     ("wrong", "solved with a residual|has a relative error"),
     ("hides", "gives numbers for a failure"),
     ("writes", "wrote to b"),

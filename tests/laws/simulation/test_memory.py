@@ -80,6 +80,7 @@ def test_the_largest_part_decides_what_is_advised(
         fitting(scene, model, offline)
 
 
+@pytest.mark.full
 def test_rough_counts_bound_exact_ones(tmp_path: Path) -> None:
     scene, model, offline = asked(tmp_path, reducer="full", linear_solver="splu")
     rough, exact = (estimate(scene, model, offline, exact=e) for e in (False, True))

@@ -202,6 +202,7 @@ class Strikes:
         signal.raise_signal(signal.SIGINT)
 
 
+@pytest.mark.full
 def test_ctrl_c_before_the_first_step_leaves_a_run_that_can_be_continued(tmp_path: Path) -> None:
     scene = load_scene(TINY, {"reducer": "full", "time.end": 0.005})
     with pytest.raises(SolveFailed, match="interrupted at t = 0 s: continue it with --resume"):

@@ -96,7 +96,8 @@ def test_the_map_moves_small_changes_as_a_step_does(integrator: str, reducer: st
     assert (error / (1e-5 * terms + noise)).max() < 1.0
 
 
-@pytest.mark.parametrize("integrator", quick(INTEGRATORS, "bdf1", "generalized_alpha"))
+@pytest.mark.full
+@pytest.mark.parametrize("integrator", quick(INTEGRATORS, "generalized_alpha"))
 def test_multipliers_carry_no_state(integrator: str) -> None:
     scene, solver, model = prepared(integrator, "sparse")
     step = step_map(solver, scene.integrator, scene.time.step,

@@ -8,6 +8,7 @@ import pytest
 
 from sparsemor import InputError, load, simulate
 from sparsemor.core.scene.scene import Scene
+from tiers import quick
 
 SCENES = Path(__file__).parents[2] / "scenes"
 
@@ -17,7 +18,7 @@ def brake(integrator: str, **changes: Any) -> Scene:
         "integrator": integrator, "reducer": "full", "time.end": 0.005, **changes})
 
 
-@pytest.mark.parametrize("integrator", ["bdf2", "generalized_alpha"])
+@pytest.mark.parametrize("integrator", quick(["bdf2", "generalized_alpha"], "bdf2"))
 def test_free_flight_through_the_other_surface_is_refused(here: Path, integrator: str) -> None:
     with pytest.raises(InputError, match="last only until the contact is compressed") as found:
         simulate(brake(integrator))

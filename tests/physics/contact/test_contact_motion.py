@@ -63,6 +63,7 @@ def energy(found: March, stiffness: float) -> FloatArray:
                       + 0.5 * stiffness * AREA * np.minimum(y, 0.0) ** 2)
 
 
+@pytest.mark.full
 def test_a_pressed_block_sinks_to_pressure_over_stiffness_and_gains_nothing_when_released() -> None:
     pressure, K = 1e5, 1e9
     push = {"use": "pressure", "on": ["block:top"], "pressure": {
@@ -137,6 +138,7 @@ def incline(friction: Mapping[str, float], end: float) -> FloatArray:
     return np.asarray(-(v * np.exp(-1j * slope)).real)
 
 
+@pytest.mark.full
 def test_a_block_slides_down_a_slope_steeper_than_the_friction_angle() -> None:
     speed = incline({"coefficient": 0.2, "critical_velocity": 1e-3}, 0.2)
     want = G * (np.sin(0.3) - 0.2 * np.cos(0.3))

@@ -58,7 +58,7 @@ def stored_heat(run: RunResult, body: str) -> float:
     return float(2700 * 900 * SIDE * area @ run.nodal_temperature(body, -1)[cells].mean(axis=1))
 
 
-@pytest.mark.parametrize("name", quick(["slider_plate", "slider_plate_published"], "slider_plate"))
+@pytest.mark.parametrize("name", quick(["slider_plate", "slider_plate_published"]))
 def test_unknowns_of_the_packaged_scenes(name: str) -> None:
     scene = load(name)
     model = assemble(scene)

@@ -137,6 +137,7 @@ def test_a_wedge_presses_with_the_square_of_its_depth(swap: bool) -> None:
     assert np.abs(force[:, :2]).max() < 1e-9 * want.max()
 
 
+@pytest.mark.full
 def test_polyhedra_approach_the_sphere_with_the_square_of_their_facets() -> None:
     """Foundation under a rigid sphere: K times the volume of the cap."""
     radius, depth = 0.05, 2e-3
@@ -251,6 +252,7 @@ def test_a_plane_problem_in_space_has_the_resultants_of_the_plane() -> None:
     assert b["area"] == pytest.approx(a["length"], rel=1e-12)
 
 
+@pytest.mark.full
 def test_many_times_are_evaluated_a_few_at_once() -> None:
     """Against the same positions one by one."""
     part = contact_of(block((6, 6, 1)), "bottom", friction=COULOMB)

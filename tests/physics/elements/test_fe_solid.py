@@ -188,6 +188,7 @@ def rim_growth(mesh: Mesh, u: FloatArray) -> float:
                  / RADIUS)
 
 
+@pytest.mark.full
 def test_spinning_disk(disk: Mesh, stiffness: Csr) -> None:
     """V6: thin disk, free faces; plane stress holds in the mean over the thickness."""
     mass = fe.scalar_mass(disk, 7850.0)
@@ -202,6 +203,7 @@ def test_spinning_disk(disk: Mesh, stiffness: Csr) -> None:
     assert rms(sigma[:, 2, 2]) < 0.03 * top
 
 
+@pytest.mark.full
 def test_disk_with_parabolic_temperature(disk: Mesh, stiffness: Csr) -> None:
     dT = 100.0 * np.sum(disk.points[:, :2] ** 2, axis=1) / RADIUS**2
     force = fe.thermoelastic_coupling(disk, STEEL, 1.0, "solid") @ dT

@@ -85,7 +85,8 @@ def test_disk_is_the_same_every_time(disk: Mesh) -> None:
     np.testing.assert_array_equal(again.cells, disk.cells)
 
 
-@pytest.mark.parametrize("refine,tetrahedra", [(0.5, 1296), (2.0, 82_752)])
+@pytest.mark.parametrize("refine,tetrahedra", [
+    (0.5, 1296), pytest.param(2.0, 82_752, marks=pytest.mark.full)])
 def test_refined_disk(refine: float, tetrahedra: int) -> None:
     mesh = Disk(refine=refine).build(Path())
     check_mesh(mesh)
@@ -116,6 +117,7 @@ def test_impossible_disks_are_refused(options: dict[str, object], key: str, word
 # ------------------------------------------------------------------ the pad
 
 
+@pytest.mark.full
 def test_pad_outline_is_that_of_the_source() -> None:
     """Area and mean radius of the friction face: 3.5444e-3 m2 and 0.114284 m."""
     outline, corners = pad_outline(4000)

@@ -25,7 +25,8 @@ def built(**options: Any) -> Mesh:
 
 @pytest.mark.parametrize("options,points,area", [
     (SLIDER, 717, 1.25e-3**2), (PLATE, 1108, 5.0e-3 * 1.25e-3),
-    (SLIDER | {"seed": 6}, 717, 1.25e-3**2), (PLATE | {"seed": 6}, 1108, 5.0e-3 * 1.25e-3),
+    pytest.param(SLIDER | {"seed": 6}, 717, 1.25e-3**2, marks=pytest.mark.full),
+    pytest.param(PLATE | {"seed": 6}, 1108, 5.0e-3 * 1.25e-3, marks=pytest.mark.full),
     ({"size": (1, 1), "divisions": (1, 1), "elements": 2}, 4, 1.0),
     ({"size": (2, 1), "divisions": (4, 2), "elements": 12}, 13, 2.0),
     ({"size": (1, 1), "divisions": (24, 24), "elements": 800}, 449, 1.0),
@@ -38,6 +39,7 @@ def test_exact_counts(options: dict[str, Any], points: int, area: float) -> None
     assert quality(mesh.points, mesh.cells).min() > 0.6
 
 
+@pytest.mark.full
 def test_the_outline_is_as_asked() -> None:
     """Also that no boundary segment is skipped: the sides' points are all there is outside."""
     mesh = built(**PLATE | {"lower": (1.0e-3, -1.25e-3)})

@@ -128,8 +128,9 @@ def smooth(integrator: Any, h: float) -> FloatArray:
     return profile(run)[1]
 
 
-@pytest.mark.parametrize("integrator,order", [("bdf1", 1.0), ("bdf2", 2.0), (ALPHA, 2.0)],
-                         ids=["bdf1", "bdf2", "alpha"])
+@pytest.mark.parametrize("integrator,order", [
+    ("bdf1", 1.0), ("bdf2", 2.0), pytest.param(ALPHA, 2.0, marks=pytest.mark.full)],
+    ids=["bdf1", "bdf2", "alpha"])
 def test_orders_in_time(integrator: Any, order: float) -> None:
     one, two, three = (smooth(integrator, h) for h in (0.4, 0.2, 0.1))
     observed = np.log2(np.abs(one - two).max() / np.abs(two - three).max())

@@ -114,6 +114,7 @@ def test_two_welded_beams_bend_as_one() -> None:
     np.testing.assert_allclose(tip(parts, "two"), bent, rtol=0, atol=0.01 * np.abs(bent).max())
 
 
+@pytest.mark.full
 def test_a_very_stiff_flexible_body_is_the_rigid_body_of_its_numbers() -> None:
     hinge = {"A": {"use": "revolute", "between": ["ground", "one:left"]}}
     stiff = run({"one": beam(1.0, 8, modulus=7e13)}, hinge, 0.5, 1e-3, GRAVITY)

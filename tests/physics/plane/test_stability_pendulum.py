@@ -159,6 +159,7 @@ def test_the_projected_model_grows_as_full_order_does(integrator: Any) -> None:
     assert abs(eigenvalues(own.matrix)[1]) < 1.0 + 1e-6
 
 
+@pytest.mark.full
 def test_an_inverted_flexible_bar_grows_far_beyond_the_limit_and_is_no_false_alarm() -> None:
     """Standing upright, stiff: (3/2) g/l of a slender bar, with I = m (l^2/3 + b^2/12). Over 4000
     steps the growth is e^20; none of it is charged to the reduced model."""

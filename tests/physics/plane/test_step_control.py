@@ -73,6 +73,7 @@ def test_a_pendulum_meets_its_tolerance_with_fewer_steps_than_the_smallest(
     assert errors[1] < 0.3 * errors[0]
 
 
+@pytest.mark.full
 def test_the_first_order_rule_meets_a_looser_one() -> None:
     run = simulate(rod("bdf1", 0.02, {"tolerance": 0.01, "max_halvings": 10}))
     plain = simulate(rod("bdf1", 0.02, None))

@@ -72,6 +72,7 @@ def wave(columns: int, h: float) -> float:
     return float(np.abs(kirchhoff(T) - want).max() / 3000.0)
 
 
+@pytest.mark.full
 def test_a_decaying_wave_converges_in_second_order() -> None:
     coarse, fine = wave(10, 6.0), wave(20, 3.0)
     assert fine < 2e-3

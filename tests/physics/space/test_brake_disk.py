@@ -106,6 +106,7 @@ def test_the_pad_is_pressed_in_at_once(coarse: RunResult) -> None:
     assert stage_of(coarse).contacts["brake"]["pressure"][-1] == pytest.approx(F / area, rel=1e-6)
 
 
+@pytest.mark.full
 def test_the_disk_slows_down_as_friction_says(coarse: RunResult) -> None:
     """w' = -mu F r_m / J while it slips: BDF1 has it exactly, and the angle by its sum."""
     turned, h = stage_of(coarse).frames["disk"], 1e-3
@@ -122,6 +123,7 @@ def test_the_disk_slows_down_as_friction_says(coarse: RunResult) -> None:
                                atol=1e-12)
 
 
+@pytest.mark.full
 def test_the_caliper_takes_friction_and_its_moment(coarse: RunResult) -> None:
     """Two forces across the axis, of size mu F; along it nothing is held."""
     force = stage_of(coarse).reactions["caliper"][-1]
@@ -131,6 +133,7 @@ def test_the_caliper_takes_friction_and_its_moment(coarse: RunResult) -> None:
     assert contact["friction"][-1] == pytest.approx(MU * F, rel=0.03)
 
 
+@pytest.mark.full
 def test_heat_balance(coarse: RunResult) -> None:
     """The friction work, shared by effusivity: gamma mu F r_m times the angle, in step ends."""
     h, n = 1e-3, len(coarse.times) - 1

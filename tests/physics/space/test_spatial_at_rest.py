@@ -3,6 +3,7 @@
 from typing import Any
 
 import numpy as np
+import pytest
 
 from sparsemor.bodies.mesh.generators.block import Block
 from sparsemor.core.model.assembly import assemble
@@ -15,6 +16,7 @@ BAR: dict[str, Any] = {
     "pose": {"position": [0.3, -0.2, 0.1], "axis": [1, 2, 3], "angle": 0.4}}
 
 
+@pytest.mark.full
 def test_a_frame_at_rest_costs_no_inertia_but_that_of_the_displacements() -> None:
     """No generators and no inertia directions; the same motion as a Newton that has them all."""
     load_at_end = {"use": "point_force", "on": "bar:right", "force": [0.0, 3.0, 20.0]}

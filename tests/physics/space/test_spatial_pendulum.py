@@ -68,6 +68,7 @@ def test_a_spherical_pendulum_swings_as_elliptic_functions_say(speed: float) -> 
     assert np.max(worst[1]) < 1e-3
 
 
+@pytest.mark.full
 def test_a_conical_pendulum_goes_around_at_one_height() -> None:
     rate = np.sqrt(PULL / np.sin(ROD["down"]))
     e = swinging(rate * np.cos(ROD["down"]), 1.0, 1e-3)

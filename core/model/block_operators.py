@@ -1,26 +1,25 @@
-"""Assembly of the contributions of bodies, joints, contacts and loads in two independent forms:
-block operators with couplings and constraints, and a list of residual terms.
+"""Operators of blocks, with the couplings and constraints between them, from the contributions of
+bodies, joints, contacts and loads.
 
 A block is the unknowns of one field of one body, or the multipliers of one joint. A matrix on (a,
 a) is an operator of block a, one on (a, b) couples two blocks. A term evaluated element by element
-belongs to the block that it names, or to none where it names several. Tests compare the two forms.
+belongs to the block that it names, or to none where it names several. Tests compare them with the
+terms of general_terms.py.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import TypeVar
 
 import numpy as np
 from scipy.sparse import csr_array
 
-from sparsemor.core.arrays import Csr, FloatArray, IntArray
+from sparsemor.core.arrays import Csr, FloatArray
 from sparsemor.core.errors import Fault, InputError
-from sparsemor.core.model.frame_equations import frame_rows, frame_term
+from sparsemor.core.model.general_terms import acts, by_block
 from sparsemor.core.model.linear_equations import (
     matrix_term,
     right_hand_side,
     table_term,
-    target_term,
     vector_term,
 )
 from sparsemor.core.protocols import Term
@@ -29,7 +28,6 @@ from sparsemor.core.protocols.contributions import (
     FrameRecord,
     LocalRecord,
     MatrixRecord,
-    Origin,
     Records,
     VectorRecord,
 )
@@ -45,76 +43,6 @@ from sparsemor.core.protocols.separable import (
     MovingBody,
     Separated,
 )
-
-R = TypeVar("R", MatrixRecord, VectorRecord)
-Touched = Mapping[str, Mapping[str, IntArray]]
-"""Body, joint, contact or load -> block of unknowns -> sorted row numbers that it acts on."""
-
-
-# ---------------------------------------------------------------------- the general form
-
-
-def general_terms(layout: Layout, records: Records) -> dict[str, list[Term]]:
-    """Residual terms by the body, joint, contact or load that contributes them. A force on a
-    prescribed frame without an elastic field has no rows and gives no term."""
-    found: dict[str, list[Term]] = {}
-    owners = {b.name: b for b in records.bodies}
-    made: list[tuple[Origin, Term]] = []
-    for f in records.frames:
-        if _acts(layout, f):
-            made.append((f.origin, frame_term(layout, owners[f.body], f)))
-    matrices, vectors = _by_block(records.matrices), _by_block(records.vectors)
-    for at, group in matrices.items():
-        made.append((at[0], matrix_term(layout, group, vectors.pop(at, []))))
-    made += [(origin, vector_term(layout, rest)) for (origin, _), rest in vectors.items()]
-    made += [(t.origin, table_term(layout, t)) for t in records.tables]
-    made += [(r.origin, r.term) for r in records.local]
-    made += [(c.origin, target_term(layout, c)) for c in records.constraints]
-    for origin, term in made:
-        if len(term.rows):
-            found.setdefault(origin.part, []).append(term)
-    return found
-
-
-def _by_block(records: Sequence[R]) -> dict[tuple[Origin, str], list[R]]:
-    """Contributions grouped by their source (body, joint, contact or load) and by the block of
-    their rows."""
-    groups: dict[tuple[Origin, str], list[R]] = {}
-    for r in records:
-        groups.setdefault((r.origin, r.rows), []).append(r)
-    return groups
-
-
-def touched(layout: Layout, records: Records) -> Touched:
-    """Row numbers that each body, joint, contact and load acts on, by block of unknowns."""
-    found: dict[str, dict[str, list[IntArray]]] = {}
-
-    def add(origin: Origin, block: str, rows: IntArray) -> None:
-        if len(rows):
-            found.setdefault(origin.part, {}).setdefault(block, []).append(rows)
-
-    for f in records.frames:
-        at = frame_rows(layout, f)[1]
-        if len(at):
-            block = layout.name_of(f.body, Quantity.DISPLACEMENT)
-            add(f.origin, block, at - layout[block].start)
-    for m in records.matrices:
-        for X in (m.A, m.B, m.M):
-            if X is not None:
-                add(m.origin, m.rows, np.flatnonzero(np.diff(X.indptr)))
-    for r in records.vectors:
-        add(r.origin, r.rows, np.flatnonzero(r.w))
-    for t in records.tables:
-        add(t.origin, t.rows, np.flatnonzero(np.diff(t.load.columns.indptr)))
-    for local in records.local:
-        for block in local.blocks:
-            here, rows = layout[block], local.term.rows
-            add(local.origin, block, rows[(rows >= here.start) & (rows < here.stop)] - here.start)
-    return {part: {block: np.unique(np.concatenate(rows)).astype(np.int64)
-                   for block, rows in blocks.items()} for part, blocks in found.items()}
-
-
-# ---------------------------------------------------------------------- operators of blocks
 
 
 def close(layout: Layout, records: Records, step: float) -> Separated:
@@ -158,7 +86,7 @@ class _Closing:
         for m in r.matrices:
             if not self._has_slot(m) and not self._couples_heat(m):
                 yield matrix_term(layout, [m], [])
-        for (_, rows), group in _by_block(r.vectors).items():
+        for (_, rows), group in by_block(r.vectors).items():
             if rows not in fields:
                 yield vector_term(layout, group)
         for t in r.tables:
@@ -242,7 +170,7 @@ class _Closing:
     def mechanics(self, body: BodyRecord) -> MovingBody | None:
         """Mechanical equations of one body: constant matrices, and a kernel for its floating frame
         of reference; None if the body neither moves nor deforms."""
-        frames = [f for f in self.records.frames if f.body == body.name and _acts(self.layout, f)]
+        frames = [f for f in self.records.frames if f.body == body.name and acts(self.layout, f)]
         if not frames:
             return None
         elastic, thermal = (self.layout.name_of(body.name, q) for q in (
@@ -338,11 +266,6 @@ class _Closing:
 
 def _amplitudes(records: Sequence[VectorRecord]) -> tuple[Amplitude, ...]:
     return tuple(r.amplitude for r in records if r.amplitude is not None)
-
-
-def _acts(layout: Layout, record: FrameRecord) -> bool:
-    """True if a force, constraint or inertia reads or acts on an unknown."""
-    return bool(sum(map(len, frame_rows(layout, record))) or record.reads in layout)
 
 
 def _check_pushing(body: BodyRecord, frames: Sequence[FrameRecord]) -> None:
