@@ -17,6 +17,7 @@ import numpy as np
 from scipy.linalg.lapack import dgesv
 
 from sparsemor.core import FloatArray
+from sparsemor.reducers.step.least_norm import least
 
 
 class BodyMatrices(NamedTuple):
@@ -55,7 +56,12 @@ class BorderedSystem(Protocol):
         ...
 
     def solved(self, B: FloatArray, r: FloatArray) -> FloatArray | None:
-        """Solution B^-1 r (N,); None where B is singular."""
+        """Solution B^-1 r (N,), not finite where B is not; None where B is singular. r may be
+        overwritten."""
+        ...
+
+    def least(self, B: FloatArray, r: FloatArray) -> FloatArray:
+        """Least-squares solution (N,) of least norm of B x = r."""
         ...
 
     def term_sizes(self, B: FloatArray, x: FloatArray) -> FloatArray:
@@ -94,6 +100,9 @@ class DenseSystem:
     def solved(self, B: FloatArray, r: FloatArray) -> FloatArray | None:
         x, info = dgesv(B, r, 1, 1)[2:]
         return None if info > 0 else x
+
+    def least(self, B: FloatArray, r: FloatArray) -> FloatArray:
+        return least(B, r)
 
     def term_sizes(self, B: FloatArray, x: FloatArray) -> FloatArray:
         return np.asarray(np.abs(B).dot(x))

@@ -25,6 +25,7 @@ from scipy.sparse.linalg import splu
 
 from sparsemor.core import Csr, FloatArray, IntArray
 from sparsemor.reducers.step.bordered_system import BodyMatrices, BorderedSystem, DenseSystem
+from sparsemor.reducers.step.least_norm import sparse_least
 
 DENSE = 50
 """Largest number of rigid coordinates and multipliers for which matrices are dense."""
@@ -39,9 +40,8 @@ def bordered_system(maps: Sequence[FloatArray], size: int, n_rigid: int) -> Bord
     if size <= DENSE:
         return DenseSystem(maps, size, n_rigid)
     pattern = Pattern(maps, size, n_rigid)
-    banded = BandedSystem(pattern)
-    band = size * (PER_UNKNOWN + PER_BAND * banded.width)
-    return banded if band <= ONCE + PER_ENTRY * pattern.fill() else ColumnSystem(pattern)
+    banded, columns = BandedSystem(pattern), ColumnSystem(pattern)
+    return banded if banded.cost <= columns.cost else columns
 
 
 class Pattern:
@@ -71,18 +71,21 @@ class Pattern:
         self.combination = csr_array(
             (np.concatenate(factors), (at, np.concatenate(sources))), shape=(len(keys), first))
 
+    def matrix(self, values: FloatArray) -> Csr:
+        """The matrix with these entries (nnz,)."""
+        return csc_array((values, (self.rows, self.columns)), shape=(self.size, self.size))
+
     def fill(self) -> int:
         """Number of entries of the factors of a matrix with this structure and random values."""
         values = np.random.default_rng(0).uniform(0.5, 1.5, len(self.rows))
-        B = csc_array((values, (self.rows, self.columns)), shape=(self.size, self.size))
         try:
-            return int(splu(B).nnz)
+            return int(splu(self.matrix(values)).nnz)
         except RuntimeError:  # a structure that no values make regular
             return len(self.rows)
 
 
 class SparseSystem(ABC):
-    """Bordered system whose nnz entries are stored in an array of `length` numbers, at the positions
+    """Bordered system whose nnz entries are stored in an array of `length` numbers, at positions
     `entries` (nnz,)."""
 
     def __init__(self, pattern: Pattern, entries: IntArray, length: int) -> None:
@@ -117,6 +120,9 @@ class SparseSystem(ABC):
         """Solution for r (N,) or (N, k); not a number where B is not finite."""
         ...
 
+    def least(self, B: FloatArray, r: FloatArray) -> FloatArray:
+        return sparse_least(self.pattern.matrix(B[self.entries]), r)
+
     def term_sizes(self, B: FloatArray, x: FloatArray) -> FloatArray:
         p = self.pattern
         terms = np.abs(B[self.entries]) * x[p.columns]
@@ -132,7 +138,7 @@ class SparseSystem(ABC):
 
 class BandedSystem(SparseSystem):
     """Bordered system stored by bands of half `width`, after a reverse Cuthill-McKee order of its
-    unknowns (George and Liu 1981, ISBN 0131652745)."""
+    unknowns (George and Liu 1981, ISBN 0131652745). cost: estimated time of a solution, us."""
 
     def __init__(self, pattern: Pattern) -> None:
         n = pattern.size
@@ -144,6 +150,7 @@ class BandedSystem(SparseSystem):
         i, j = rank[pattern.rows], rank[pattern.columns]
         self.width = int(np.abs(i - j).max())
         self.height = 3 * self.width + 1  # with room for the pivoting of dgbsv
+        self.cost = n * (PER_UNKNOWN + PER_BAND * self.width)
         super().__init__(pattern, j * self.height + 2 * self.width + i - j, n * self.height)
 
     def solved(self, B: FloatArray, r: FloatArray) -> FloatArray | None:
@@ -158,11 +165,12 @@ class BandedSystem(SparseSystem):
 
 class ColumnSystem(SparseSystem):
     """Bordered system stored by compressed columns, factorized by SuperLU (Li 2005, doi
-    10.1145/1089014.1089017)."""
+    10.1145/1089014.1089017). cost: estimated time of a solution, us."""
 
     def __init__(self, pattern: Pattern) -> None:
         super().__init__(pattern, np.arange(len(pattern.rows)), len(pattern.rows))
         starts = np.searchsorted(pattern.columns, np.arange(pattern.size + 1))
+        self.cost = ONCE + PER_ENTRY * pattern.fill()
         self.indices, self.starts = pattern.rows.astype(np.int32), starts.astype(np.int32)
 
     def solved(self, B: FloatArray, r: FloatArray) -> FloatArray | None:
