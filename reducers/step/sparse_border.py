@@ -5,7 +5,7 @@ number of entries grows in proportion to the number of bodies. Each is a fixed l
 entries of the bodies' matrices H_i: one sparse product per iteration assembles B in the storage of
 its factorization. The matrix is that of a saddle point, so both factorizations pivot:
 
-  * bands after a reverse Cuthill-McKee order (LAPACK dgbsv), for chains: 0.08 + 0.011 w us per
+  * bands after a Cuthill-McKee order (LAPACK dgbsv), for chains: 0.08 + 0.011 w us per
     unknown at the half bandwidth w;
   * SuperLU with column approximate minimum degree order, for trees, stars and loops, whose bands
     are wide: 30 us, and 0.045 us per entry of the factors.
@@ -20,7 +20,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.linalg.lapack import dgbsv
 from scipy.sparse import coo_array, csc_array, csr_array, kron
-from scipy.sparse.csgraph import reverse_cuthill_mckee
+from scipy.sparse.csgraph import breadth_first_order, connected_components
 from scipy.sparse.linalg import splu
 
 from sparsemor.core import Csr, FloatArray, IntArray
@@ -136,15 +136,34 @@ class SparseSystem(ABC):
         return np.full(len(sizes), np.nan) if found is None else np.abs(found).max(axis=1)
 
 
+def narrow_order(A: Csr) -> IntArray:
+    """Order (n,) of the unknowns of a structurally symmetric matrix in which its bands are narrow:
+    breadth first, neighbours by increasing degree, from an end of each connected part, found as the
+    last unknown of two searches (George and Liu 1981, ISBN 0131652745, Sec. 4.3)."""
+    by_degree = np.argsort(np.diff(csr_array(A).indptr), kind="stable")
+    B = csr_array(csr_array(A)[by_degree][:, by_degree])
+    B.sort_indices()
+    of = connected_components(B, directed=False)[1]
+    found = []
+    for start in np.unique(of, return_index=True)[1].tolist():
+        end = start
+        for _ in range(2):
+            end = int(_from(B, end)[-1])
+        found.append(_from(B, end))
+    return np.asarray(by_degree[np.concatenate(found)], dtype=np.int64)
+
+
+def _from(B: Csr, start: int) -> IntArray:
+    return np.asarray(breadth_first_order(B, start, return_predecessors=False))
+
+
 class BandedSystem(SparseSystem):
-    """Bordered system stored by bands of half `width`, after a reverse Cuthill-McKee order of its
-    unknowns (George and Liu 1981, ISBN 0131652745). cost: estimated time of a solution, us."""
+    """Bordered system stored by bands of half `width`, after a Cuthill-McKee order of its unknowns.
+    cost: estimated time of a solution, us."""
 
     def __init__(self, pattern: Pattern) -> None:
         n = pattern.size
-        ones = np.ones(len(pattern.rows), dtype=np.int8)
-        structure = csr_array((ones, (pattern.rows, pattern.columns)), shape=(n, n))
-        self.order = reverse_cuthill_mckee(structure, symmetric_mode=True).astype(np.int64)
+        self.order = narrow_order(pattern.matrix(np.ones(len(pattern.rows))))
         rank = np.empty(n, dtype=np.int64)
         rank[self.order] = np.arange(n)
         i, j = rank[pattern.rows], rank[pattern.columns]
