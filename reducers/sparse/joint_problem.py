@@ -89,6 +89,7 @@ class MechanicsProblem:
         x: FloatArray,
     ) -> None:
         self.mechanics, self.step, self.x = mechanics, step, x
+        self.r1, self.r2 = step.r1, step.r2
         self.members: list[BodyInProblem] = []
         groups, k, m = [], 0, 0
         for body, s in zip(mechanics.bodies, sampled, strict=True):
@@ -100,7 +101,7 @@ class MechanicsProblem:
             size = float(np.linalg.norm(s.few[1], axis=0).max())
             self.members.append(BodyInProblem(
                 body, s.few, slice(k, k + atoms), slice(m, m + rows), 1 / size,
-                _history(s.few[0], body, step, x)))
+                self._history(s.few[0], body)))
             groups.append(Group(s.block.name, k, k + atoms, s.block.budget))
             k, m = k + atoms, m + rows
         self.k, self.m, self.border = k, m, mechanics.size
@@ -136,7 +137,7 @@ class MechanicsProblem:
         for i, f in me.targets:
             r[self.m + i] -= f(step.t)
         rates = np.zeros((2, me.size))
-        rates[:, : me.n_rigid] = step.r1[: me.n_rigid], step.r2[: me.n_rigid]
+        rates[:, : me.n_rigid] = self.r1[: me.n_rigid], self.r2[: me.n_rigid]
         for p in self.members:
             w = self._evaluate(p, c[p.columns], y, rates)
             T = p.body.to_border
@@ -147,7 +148,7 @@ class MechanicsProblem:
             t, B = p.few
             kappa, mu = w.coefficients[:-1].reshape(2, -1)
             D = B + np.tensordot(kappa + step.c1 * mu, t.generators, 1)
-            past = np.tensordot(mu, t.generators, 1) @ step.r1[p.body.elastic]
+            past = np.tensordot(mu, t.generators, 1) @ self.r1[p.body.elastic]
             r[p.rows] = p.scale * (D @ c[p.columns] + p.fixed + past + t.directions @ w.sigma[-1])
             J[p.rows, p.columns] = p.scale * D
             J[p.rows, self.k :] = p.scale * (t.directions @ (w.sigma[:-1].T @ T))
@@ -168,17 +169,14 @@ class MechanicsProblem:
             return w
         at = p.body.elastic
         p.body.evaluate(yb, v, a, c1, c2, None if p.few is None else p.few[0], c,
-                        c1 * c + step.r1[at], c2 * c + step.r2[at], step.t, w)
+                        c1 * c + self.r1[at], c2 * c + self.r2[at], step.t, w)
         return w
 
-
-def _history(
-    t: TestedElastic, body: BodyStep, step: StepFormula, x: FloatArray
-) -> FloatArray:
-    """Part of the rows that is constant in the step: inertia and damping of past states,
-    temperatures, loads."""
-    at = body.elastic
-    h = t.mass @ step.r2[at] + t.damping @ step.r1[at] + t.constant
-    if t.coupling.size:
-        h = h - t.coupling @ x[body.thermal]
-    return plus_loads(h, t, step.t, -1.0)
+    def _history(self, t: TestedElastic, body: BodyStep) -> FloatArray:
+        """Part of the rows that is constant in the step: inertia and damping of past states,
+        temperatures, loads."""
+        at = body.elastic
+        h = t.mass @ self.r2[at] + t.damping @ self.r1[at] + t.constant
+        if t.coupling.size:
+            h = h - t.coupling @ self.x[body.thermal]
+        return plus_loads(h, t, self.step.t, -1.0)
