@@ -19,7 +19,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from scipy.linalg.lapack import dgbsv
-from scipy.sparse import coo_array, csc_array, csr_array, kron
+from scipy.sparse import coo_array, csc_array, csr_array, kron, vstack
 from scipy.sparse.csgraph import breadth_first_order, connected_components
 from scipy.sparse.linalg import splu
 
@@ -53,7 +53,7 @@ class Pattern:
 
     def __init__(self, maps: Sequence[FloatArray], size: int, n_rigid: int) -> None:
         self.size, self.borders = size, [len(T) for T in maps]
-        self.map = csr_array(np.concatenate(maps))
+        self.map = csr_array(vstack([csr_array(T) for T in maps]))
         self.rates, self.back = csr_array(self.map[:, :n_rigid]), csr_array(self.map.T)
         self.sizes = abs(self.map)
         entries, sources, factors, first = [], [], [], 0
