@@ -24,11 +24,11 @@ from sparsemor.reducers.step.acceptance import (
     reference,
 )
 from sparsemor.reducers.step.anderson import Anderson
+from sparsemor.reducers.step.border.sparse import bordered_system
 from sparsemor.reducers.step.elastic_block import ElasticBlock
 from sparsemor.reducers.step.elastic_local import GROWN
 from sparsemor.reducers.step.frame_step import BodyStep
 from sparsemor.reducers.step.iteration_state import Loop, Workspace, rounded_off
-from sparsemor.reducers.step.sparse_border import bordered_system
 from sparsemor.reducers.step.step_unknowns import StepUnknowns
 
 
@@ -37,7 +37,7 @@ class Mechanics:
     caller's `Workspace` only.
 
     The border unknowns of the bodies (pose of the frame and joint forces) are stacked; `system`
-    maps the N rigid coordinates and multipliers of the model to them (bordered_system.py).
+    maps the N rigid coordinates and multipliers of the model to them (border/system.py).
     """
 
     def __init__(

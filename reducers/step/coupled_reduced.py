@@ -33,8 +33,8 @@ from sparsemor.core import (
 )
 from sparsemor.reducers.full.monolithic import coupling, elements
 from sparsemor.reducers.step.acceptance import Tolerances
+from sparsemor.reducers.step.border.least_norm import least
 from sparsemor.reducers.step.frame_step import BodyStep
-from sparsemor.reducers.step.least_norm import least
 from sparsemor.reducers.step.newton.memory import NewtonMemory
 from sparsemor.reducers.step.newton.stepper import NewtonStepper
 from sparsemor.reducers.step.operators import TestedElastic, TestedHeat, TestMap

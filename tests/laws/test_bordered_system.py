@@ -7,15 +7,15 @@ import pytest
 from scipy.sparse import csc_array
 
 from sparsemor.core.arrays import FloatArray
-from sparsemor.reducers.step.bordered_system import BorderedSystem, DenseSystem
-from sparsemor.reducers.step.least_norm import least, sparse_least
-from sparsemor.reducers.step.sparse_border import (
+from sparsemor.reducers.step.border.least_norm import least, sparse_least
+from sparsemor.reducers.step.border.sparse import (
     DENSE,
     BandedSystem,
     ColumnSystem,
     Pattern,
     bordered_system,
 )
+from sparsemor.reducers.step.border.system import BorderedSystem, DenseSystem
 
 Edges = list[tuple[int, int]]
 Rng = np.random.Generator

@@ -9,8 +9,8 @@ import pytest
 from joint_runs import ALPHA
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.testing.in_memory_run import March, march, scene_of
-from sparsemor.reducers.step import sparse_border
-from sparsemor.reducers.step.sparse_border import BandedSystem, ColumnSystem
+from sparsemor.reducers.step.border import sparse as storage
+from sparsemor.reducers.step.border.sparse import BandedSystem, ColumnSystem
 
 G, MASS, LENGTH = 9.81, 1.5, 0.3
 Tree = dict[str, Any]
@@ -123,11 +123,11 @@ def test_loops_and_trees_move_as_with_the_textbook_method(
     """As with dense matrices, and as with Newton's method for all unknowns."""
     bodies, joints = arch(12) if kind == "arch" else tree(15)
     if kind == "tree":  # only larger ones are faster by columns
-        monkeypatch.setattr(sparse_border, "PER_BAND", np.inf)
+        monkeypatch.setattr(storage, "PER_BAND", np.inf)
     sparse = run(bodies, joints, 10)
     assert stored(sparse) is (BandedSystem if kind == "arch" else ColumnSystem)
     newton = run(bodies, joints, 10, reducer={"use": "full", "method": "newton"})
-    monkeypatch.setattr(sparse_border, "DENSE", 10**6)
+    monkeypatch.setattr(storage, "DENSE", 10**6)
     dense = run(bodies, joints, 10)
     assert stored(dense) not in (BandedSystem, ColumnSystem)
     moved = np.abs(rigid(dense) - rigid(dense)[0]).max()
@@ -145,7 +145,7 @@ def test_flexible_chains_bend_as_with_dense_matrices(
     bodies, joints, _ = links([-np.pi / 2 + 0.05 * i for i in range(12)], bar)
     sparse = run(bodies, joints, 15, reducer=reducer)
     assert stored(sparse) is BandedSystem
-    monkeypatch.setattr(sparse_border, "DENSE", 10**6)
+    monkeypatch.setattr(storage, "DENSE", 10**6)
     dense = run(bodies, joints, 15, reducer=reducer)
     assert stored(dense) not in (BandedSystem, ColumnSystem)
     for name in dense.model.reducible():

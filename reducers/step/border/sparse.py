@@ -24,8 +24,8 @@ from scipy.sparse.csgraph import breadth_first_order, connected_components
 from scipy.sparse.linalg import splu
 
 from sparsemor.core import Csr, FloatArray, IntArray
-from sparsemor.reducers.step.bordered_system import BodyMatrices, BorderedSystem, DenseSystem
-from sparsemor.reducers.step.least_norm import sparse_least
+from sparsemor.reducers.step.border.least_norm import sparse_least
+from sparsemor.reducers.step.border.system import BodyMatrices, BorderedSystem, DenseSystem
 
 DENSE = 50
 """Largest number of rigid coordinates and multipliers for which matrices are dense."""

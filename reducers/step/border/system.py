@@ -7,7 +7,7 @@ unknowns are eliminated (Schur complement), form the system of each iteration,
     B dx = r,     B = sum_i T_i^T H_i T_i.
 
 A few unknowns are solved for with dense matrices; chains, trees and loops of many bodies with
-sparse ones (sparse_border.py), whose cost grows in proportion to the number of bodies.
+sparse ones (sparse.py), whose cost grows in proportion to the number of bodies.
 """
 
 from collections.abc import Callable, Sequence
@@ -17,7 +17,7 @@ import numpy as np
 from scipy.linalg.lapack import dgesv
 
 from sparsemor.core import FloatArray
-from sparsemor.reducers.step.least_norm import least
+from sparsemor.reducers.step.border.least_norm import least
 
 
 class BodyMatrices(NamedTuple):
