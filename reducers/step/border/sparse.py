@@ -40,8 +40,11 @@ def bordered_system(maps: Sequence[FloatArray], size: int, n_rigid: int) -> Bord
     if size <= DENSE:
         return DenseSystem(maps, size, n_rigid)
     pattern = Pattern(maps, size, n_rigid)
-    banded, columns = BandedSystem(pattern), ColumnSystem(pattern)
-    return banded if banded.cost <= columns.cost else columns
+    bands = Bands(pattern)
+    banded = size * (PER_UNKNOWN + PER_BAND * bands.width)
+    if banded <= ONCE + PER_ENTRY * pattern.fill():
+        return BandedSystem(pattern, bands)
+    return ColumnSystem(pattern)
 
 
 class Pattern:
@@ -136,41 +139,44 @@ class SparseSystem(ABC):
         return np.full(len(sizes), np.nan) if found is None else np.abs(found).max(axis=1)
 
 
-def narrow_order(A: Csr) -> IntArray:
-    """Order (n,) of the unknowns of a structurally symmetric matrix in which its bands are narrow:
-    breadth first, neighbours by increasing degree, from an end of each connected part, found as the
-    last unknown of two searches (George and Liu 1981, ISBN 0131652745, Sec. 4.3)."""
-    by_degree = np.argsort(np.diff(csr_array(A).indptr), kind="stable")
-    B = csr_array(csr_array(A)[by_degree][:, by_degree])
-    B.sort_indices()
-    of = connected_components(B, directed=False)[1]
-    found = []
-    for start in np.unique(of, return_index=True)[1].tolist():
-        end = start
-        for _ in range(2):
-            end = int(_from(B, end)[-1])
-        found.append(_from(B, end))
-    return np.asarray(by_degree[np.concatenate(found)], dtype=np.int64)
+class Bands:
+    """Order (N,) of the unknowns in which the bands of a structurally symmetric matrix are narrow,
+    their half `width`, and `rank` (N,), the place of each unknown in this order.
+
+    Cuthill-McKee order: breadth first, neighbours by increasing degree, from an end of each
+    connected part, found as the last unknown of two searches (George and Liu 1981, ISBN
+    0131652745, Sec. 4.3).
+    """
+
+    def __init__(self, pattern: Pattern) -> None:
+        A = csr_array(pattern.matrix(np.ones(len(pattern.rows))))
+        by_degree = np.argsort(np.diff(A.indptr), kind="stable")
+        A = csr_array(A[by_degree][:, by_degree])
+        A.sort_indices()
+        found = []
+        for start in np.unique(connected_components(A)[1], return_index=True)[1].tolist():
+            for _ in range(2):
+                start = _breadth_first(A, start)[-1]
+            found.append(_breadth_first(A, start))
+        self.order: IntArray = by_degree[np.concatenate(found)]
+        self.rank = np.empty(pattern.size, dtype=np.int64)
+        self.rank[self.order] = np.arange(pattern.size)
+        self.width = int(np.abs(self.rank[pattern.rows] - self.rank[pattern.columns]).max())
 
 
-def _from(B: Csr, start: int) -> IntArray:
-    return np.asarray(breadth_first_order(B, start, return_predecessors=False))
+def _breadth_first(A: Csr, start: int) -> IntArray:
+    return np.asarray(breadth_first_order(A, start, return_predecessors=False))
 
 
 class BandedSystem(SparseSystem):
-    """Bordered system stored by bands of half `width`, after a Cuthill-McKee order of its unknowns.
-    cost: estimated time of a solution, us."""
+    """Bordered system stored by bands."""
 
-    def __init__(self, pattern: Pattern) -> None:
-        n = pattern.size
-        self.order = narrow_order(pattern.matrix(np.ones(len(pattern.rows))))
-        rank = np.empty(n, dtype=np.int64)
-        rank[self.order] = np.arange(n)
-        i, j = rank[pattern.rows], rank[pattern.columns]
-        self.width = int(np.abs(i - j).max())
+    def __init__(self, pattern: Pattern, bands: Bands) -> None:
+        self.order, self.width = bands.order, bands.width
         self.height = 3 * self.width + 1  # with room for the pivoting of dgbsv
-        self.cost = n * (PER_UNKNOWN + PER_BAND * self.width)
-        super().__init__(pattern, j * self.height + 2 * self.width + i - j, n * self.height)
+        i, j = bands.rank[pattern.rows], bands.rank[pattern.columns]
+        entries = j * self.height + 2 * self.width + i - j
+        super().__init__(pattern, entries, pattern.size * self.height)
 
     def solved(self, B: FloatArray, r: FloatArray) -> FloatArray | None:
         bands, order, w = B.reshape(-1, self.height).T, self.order, self.width
@@ -184,12 +190,11 @@ class BandedSystem(SparseSystem):
 
 class ColumnSystem(SparseSystem):
     """Bordered system stored by compressed columns, factorized by SuperLU (Li 2005, doi
-    10.1145/1089014.1089017). cost: estimated time of a solution, us."""
+    10.1145/1089014.1089017)."""
 
     def __init__(self, pattern: Pattern) -> None:
         super().__init__(pattern, np.arange(len(pattern.rows)), len(pattern.rows))
         starts = np.searchsorted(pattern.columns, np.arange(pattern.size + 1))
-        self.cost = ONCE + PER_ENTRY * pattern.fill()
         self.indices, self.starts = pattern.rows.astype(np.int32), starts.astype(np.int32)
 
     def solved(self, B: FloatArray, r: FloatArray) -> FloatArray | None:
