@@ -132,8 +132,9 @@ class SparseSystem(ABC):
         return np.bincount(p.rows, terms, p.size).astype(np.float64)
 
     def amplified(self, B: FloatArray, sizes: FloatArray) -> FloatArray:
-        """Estimate: largest of the solutions for errors with random signs, the same in every call.
-        All N columns of the inverse, which is full, would cost a solution each."""
+        """Estimate: largest of the solutions for errors with random signs, the same in every call;
+        0.4 to 0.7 of |B^-1| sizes for chains of 100 to 12 links. All N columns of the inverse,
+        which is full, would cost a solution each."""
         signs = np.random.default_rng(0).integers(0, 2, (len(sizes), SAMPLES))
         found = self.solved(B, (2.0 * signs - 1.0) * sizes[:, None])
         return np.full(len(sizes), np.nan) if found is None else np.abs(found).max(axis=1)
