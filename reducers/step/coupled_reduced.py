@@ -32,8 +32,8 @@ from sparsemor.core import (
     unavailable_resultants,
 )
 from sparsemor.reducers.step.acceptance import Tolerances
+from sparsemor.reducers.step.border.least_norm import least
 from sparsemor.reducers.step.frame_step import BodyStep
-from sparsemor.reducers.step.initial import least
 from sparsemor.reducers.step.newton.memory import NewtonMemory
 from sparsemor.reducers.step.newton.stepper import NewtonStepper
 from sparsemor.reducers.step.operators import TestedElastic, TestedHeat, TestMap

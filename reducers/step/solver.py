@@ -78,7 +78,7 @@ class Stepper:
 
     def workspace(self) -> Workspace:
         """Working arrays for one run."""
-        return Workspace(()) if self.mechanics is None else self.mechanics.workspace()
+        return Workspace((), None) if self.mechanics is None else self.mechanics.workspace()
 
     def with_mechanics(self) -> Mechanics:
         n_rigid = self.layout.frames.stop

@@ -10,6 +10,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from sparsemor import compare, load, simulate
@@ -60,6 +61,18 @@ def test_cost_times_every_method_over_several_windows(run: Run) -> None:
     for row in rows_of(found, "Ratios of the medians (and of single windows)"):
         slow, fast = (times[name]["ms"] for name in row["ratio"].split(" : "))
         assert row["value"] == pytest.approx(slow / fast)
+
+
+def test_chains_fits_exponents_to_the_costs(run: Run) -> None:
+    found = run("chains")
+    rows = rows_of(found, "CPU milliseconds per step")
+    fits = {r["case"]: r for r in rows_of(found, "Exponents of the cost of a step")}
+    assert set(fits) == {"rigid", "full", "galerkin", "loads", "stored steps, whole run"}
+    for case in ("rigid", "full", "galerkin", "loads"):
+        (few, some), (least, most) = zip(
+            *((r["count"], r["ms"]) for r in rows if r["case"] == case), strict=True)
+        assert 0 < least and 0 < most
+        assert fits[case]["fitted"] == pytest.approx(np.log(most / least) / np.log(some / few))
 
 
 def test_accuracy_meets_its_targets_on_a_short_run(run: Run) -> None:

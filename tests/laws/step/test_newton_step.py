@@ -11,9 +11,9 @@ from sparsemor.core.protocols import StepFormula, StepOutcome
 from sparsemor.core.protocols.layout import Block, Layout
 from sparsemor.core.status import Status
 from sparsemor.reducers.step.acceptance import Tolerances
+from sparsemor.reducers.step.newton.factors import Lu
 from sparsemor.reducers.step.newton.iteration import solve
 from sparsemor.reducers.step.newton.memory import NewtonMemory
-from sparsemor.reducers.step.reduced_residual import Lu
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import random_chains
 from reduced_runs import learnt
 from small_scenes import tiny
 from sparsemor.core.arrays import FloatArray
@@ -29,6 +30,7 @@ FEW: dict[str, Any] = {"basis": {"use": "pod", "count": 6}}
 KINDS = (
     "full",
     "full, textbook Newton",
+    "full, many links",
     "full, frames at rest",
     "full, controlled steps",
     "galerkin",
@@ -43,7 +45,8 @@ KINDS = (
     "coupled, full",
     "coupled, galerkin",
 )
-QUICK = [k for k in KINDS if "coupled" not in k and "textbook" not in k and "controlled" not in k]
+QUICK = [k for k in KINDS
+         if not any(word in k for word in ("coupled", "textbook", "controlled", "many"))]
 THREADS = [k for k in QUICK if k in ("full", "galerkin") or "selected" in k]
 
 
@@ -54,6 +57,8 @@ def scenes() -> dict[str, Scene]:
     return {
         "full": tiny().using({"reducer": "full"}),
         "full, textbook Newton": tiny().using({"reducer": {"use": "full", "method": "newton"}}),
+        "full, many links": random_chains.scene(
+            random_chains.chain(np.random.default_rng(3), 11, rigid=True)),
         "full, frames at rest": at_rest.using({"reducer": "full"}),
         "full, controlled steps": tiny().using({
             "reducer": "full", "time.control": {"tolerance": 0.1}}),
