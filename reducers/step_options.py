@@ -18,10 +18,11 @@ class StepOptions(Plugin):
     """Largest number of Newton iterations in a step; the step fails beyond."""
     compiled: Compiled = "auto"
     """Compile the time step to machine code with numba (`pip install 'sparsemor[fast]'`): `on`,
-    `off`, or `auto`, which is on in runs of at least 10 000 steps if numba is installed. It covers
+    `off`, or `auto`, which is on in runs of at least 200 000 steps if numba is installed. It covers
     reduced models without contact in the step and without coefficients that depend on temperature:
-    those in the plane, and those in space whose motion is given by a rigid stage. Other models, and
-    steps that converge slowly, are solved without it."""
+    those in the plane, and those in space whose motion is given by a rigid stage. Other models,
+    steps that converge slowly, adaptive steps and steps with rows drawn anew are solved without
+    it."""
 
     @property
     def tolerances(self) -> Tolerances:

@@ -305,6 +305,18 @@ def test_scaling_takes_each_method_on_each_mesh_apart(run: Run) -> None:
     assert last["error"] <= 1e-3
 
 
+def test_step_sizes_compares_both_full_orders_and_the_reduced_ones(run: Run) -> None:
+    found = run("step_sizes")
+    rows = rows_of(found, "Bordered against Newton, and reduced against full order")
+    assert {row["ended"] for row in rows} == {"done"} and len(rows) == 8
+    motion, failures = found["targets"]
+    assert motion["measured"] == max(row["of_motion"] for row in rows) < 1e-12
+    assert failures["measured"] == 0
+    for row in rows:
+        assert 0.0 < row["of_bending"] < 1e-7
+        assert row["galerkin, bending"] <= 1e-4 and row["sparse, bending"] <= 1e-2
+
+
 def test_an_interrupted_benchmark_prints_what_it_has(tmp_path: Path) -> None:
     out = tmp_path / "accuracy.json"
     with subprocess.Popen(

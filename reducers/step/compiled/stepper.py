@@ -32,9 +32,9 @@ from sparsemor.reducers.step.memory import Memory
 from sparsemor.reducers.step.solver import Stepper
 
 Compiled: TypeAlias = Literal["auto", "on", "off"]
-AUTO = 10_000
-"""Smallest number of steps of a run that `auto` compiles: compilation takes as long as some hundred
-thousand steps, loading of machine code as long as some thousand."""
+AUTO = 200_000
+"""Smallest number of steps of a run that `auto` compiles: the first compilation takes as long as
+about as many uncompiled steps."""
 LONGEST = 100
 """Largest number of steps of a block: functions of time are tabulated for it."""
 _log = logging.getLogger(__name__)
@@ -119,7 +119,8 @@ class CompiledSteps:
         done = self._advance(
             self.model, self._heat, self._bodies, self._works, self._prescribed, run,
             self.plan.timed.along(times), self.plan.targets_along(times), states, iterations)
-        _keep(run, memory)
+        if done:
+            _keep(run, memory)
         # a step that is left to the uncompiled solver is often followed by others
         self._ahead = min(4 * self._ahead, LONGEST) if done == len(times) else 2
         return StepBlock(
