@@ -6,7 +6,7 @@ It adds its force and torque to `total` (rows 0-2, then H02, H12, H20, H21, H22,
 writes its own columns: pairs of functionals from number j on, coordinates of another body from o
 on, multipliers from k on. The data are those of the classes of the same names in items.py,
 inertia.py and constraints.py, whose `in_plane` creates them; notation: plane_motion.py. The
-functions are also compiled (core/protocols/frame_arrays.py): they use numbers and arrays only.
+functions are also compiled (core/protocols/body_frame.py): they use numbers and arrays only.
 """
 
 from cmath import exp
@@ -244,7 +244,7 @@ def evaluate_parts(
     v: FloatArray, a: FloatArray, c1: float, c2: float, s: FloatArray, forms: FloatArray,
     sigma: FloatArray, tau: FloatArray, border: FloatArray, coefficients: FloatArray
 ) -> None:
-    """Equations of a frame in the plane from arrays (core/protocols/frame_arrays.py)."""
+    """Equations of a frame in the plane from arrays (core/protocols/body_frame.py)."""
     b, elastic = len(y), s.shape[1] > 0
     e, c, columns = exp(1j * y[2]), s.view(np.complex128), sigma.view(np.complex128)
     m = Motion(y, complex(y[0], y[1]), e, e.conjugate(), v[2], a[2], complex(a[0], a[1]), c1, c2,

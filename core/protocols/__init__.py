@@ -33,8 +33,10 @@ from sparsemor.core.protocols.body_frame import (
     BodyFrame,
     EvaluatesManyTimes,
     Frame,
+    FrameArrays,
     FrameItem,
     FrameWork,
+    HasArrays,
 )
 from sparsemor.core.protocols.capabilities import CAPABILITIES
 from sparsemor.core.protocols.contact import (
@@ -69,7 +71,6 @@ from sparsemor.core.protocols.element_integrals import (
     Integrals,
     WeighsElements,
 )
-from sparsemor.core.protocols.frame_arrays import FrameArrays, HasArrays
 from sparsemor.core.protocols.integrator import (
     ChecksLayout,
     HasCurvature,

@@ -13,7 +13,6 @@ from sparsemor.core.protocols import (
     body_frame,
     contact,
     element_integrals,
-    frame_arrays,
     integrator,
     joint,
     layout,
@@ -72,6 +71,6 @@ OTHERS: Mapping[str, tuple[type, ...]] = {
                     step_solver.CountsLinearIterations, step_solver.ReportsTerms,
                     step_solver.SolvesManySteps),
     "memory of a step solver": (step_solver.Restarts,),
-    "frame": (body_frame.EvaluatesManyTimes, frame_arrays.HasArrays),
+    "frame": (body_frame.EvaluatesManyTimes, body_frame.HasArrays),
 }
 """Other objects (terms, step solvers, frames, ...) -> their optional protocols."""

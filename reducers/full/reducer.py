@@ -8,15 +8,15 @@ from sparsemor.core import AssembledModel, HeatBody, ReducedProblem, StepSolver
 from sparsemor.reducers.full.monolithic import Summed
 from sparsemor.reducers.notes import local_heat_notes, whole_step_notes
 from sparsemor.reducers.start_check import check_start
+from sparsemor.reducers.step.blocks.elastic_block import ElasticBlock, FullElastic
+from sparsemor.reducers.step.blocks.prescribed_frame_block import FullPrescribed, PrescribedBlock
+from sparsemor.reducers.step.blocks.thermal_block import FullHeat, HeatBlock, LocalAt
+from sparsemor.reducers.step.blocks.thermal_groups import full_group, group_name
 from sparsemor.reducers.step.compiled.stepper import compilable
 from sparsemor.reducers.step.coupled_reduced import ProjectedModel, reduced_general
-from sparsemor.reducers.step.elastic_block import ElasticBlock, FullElastic
 from sparsemor.reducers.step.newton.fallback import FullNewton
 from sparsemor.reducers.step.newton.stepper import NewtonStepper
 from sparsemor.reducers.step.prepare import constants, stepper
-from sparsemor.reducers.step.prescribed_frame_block import FullPrescribed, PrescribedBlock
-from sparsemor.reducers.step.thermal_block import FullHeat, HeatBlock, LocalAt
-from sparsemor.reducers.step.thermal_groups import full_group, group_name
 from sparsemor.reducers.step_options import StepOptions
 from sparsemor.reducers.touched_blocks import coupling, elements
 

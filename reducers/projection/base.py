@@ -37,6 +37,10 @@ from sparsemor.reducers.field_options import BASES
 from sparsemor.reducers.linalg.left_inverse import left_inverse
 from sparsemor.reducers.notes import shadowed_basis
 from sparsemor.reducers.step.acceptance import Tolerances
+from sparsemor.reducers.step.blocks.compressed_elastic import CompressedElastic
+from sparsemor.reducers.step.blocks.compressed_prescribed import CompressedPrescribed
+from sparsemor.reducers.step.blocks.thermal_block import CompressedHeat
+from sparsemor.reducers.step.blocks.thermal_groups import heat_groups
 from sparsemor.reducers.step.compiled.stepper import compilable
 from sparsemor.reducers.step.coupled_reduced import (
     ProjectedBlock,
@@ -44,15 +48,11 @@ from sparsemor.reducers.step.coupled_reduced import (
     ReducedGeneral,
     reduced_general,
 )
-from sparsemor.reducers.step.elastic_block import CompressedElastic
 from sparsemor.reducers.step.newton.equations import Equations
 from sparsemor.reducers.step.newton.fallback import FullNewton
 from sparsemor.reducers.step.operators import TestedElastic, TestedHeat, TestMap
 from sparsemor.reducers.step.prepare import constants, stepper
-from sparsemor.reducers.step.prescribed_frame_block import CompressedPrescribed
 from sparsemor.reducers.step.solver import Facts, Stepper
-from sparsemor.reducers.step.thermal_block import CompressedHeat
-from sparsemor.reducers.step.thermal_groups import heat_groups
 from sparsemor.reducers.step_options import StepOptions
 from sparsemor.reducers.trial_bases import local_terms, trial_bases
 

@@ -34,6 +34,7 @@ from sparsemor.reducers.sparse.sampled_block import (
 )
 from sparsemor.reducers.sparse.stepper import SparseStepper
 from sparsemor.reducers.sparse.supported_steps import SupportedSteps
+from sparsemor.reducers.step.blocks.thermal_groups import heat_groups
 from sparsemor.reducers.step.compiled.stepper import compilable
 from sparsemor.reducers.step.coupled_reduced import (
     ProjectedBlock,
@@ -44,7 +45,6 @@ from sparsemor.reducers.step.coupled_reduced import (
 from sparsemor.reducers.step.operators import TestedElastic, TestedHeat, TestMap
 from sparsemor.reducers.step.prepare import stepper
 from sparsemor.reducers.step.solver import Facts, Stepper
-from sparsemor.reducers.step.thermal_groups import heat_groups
 
 
 @dataclass(frozen=True, slots=True, eq=False)

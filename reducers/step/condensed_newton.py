@@ -24,9 +24,9 @@ from sparsemor.reducers.step.acceptance import (
     reference,
 )
 from sparsemor.reducers.step.anderson import Anderson
+from sparsemor.reducers.step.blocks.elastic_block import ElasticBlock
+from sparsemor.reducers.step.blocks.elastic_local import GROWN
 from sparsemor.reducers.step.border.sparse import bordered_system
-from sparsemor.reducers.step.elastic_block import ElasticBlock
-from sparsemor.reducers.step.elastic_local import GROWN
 from sparsemor.reducers.step.frame_step import BodyStep
 from sparsemor.reducers.step.iteration_state import Loop, Workspace, rounded_off
 from sparsemor.reducers.step.step_unknowns import StepUnknowns

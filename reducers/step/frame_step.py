@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from sparsemor.core import EvaluatesManyTimes, FloatArray, Frame, FrameHistory, FrameWork
-from sparsemor.reducers.step.elastic_block import ElasticBlock
+from sparsemor.reducers.step.blocks.elastic_block import ElasticBlock
+from sparsemor.reducers.step.blocks.prescribed_frame_block import PrescribedBlock
 from sparsemor.reducers.step.operators import TestedElastic
-from sparsemor.reducers.step.prescribed_frame_block import PrescribedBlock
 from sparsemor.reducers.step.time_tables import TimeTable
 
 NONE = np.zeros(0)

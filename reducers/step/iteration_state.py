@@ -7,8 +7,8 @@ import numpy as np
 
 from sparsemor.core import BoolArray, FloatArray, Frame
 from sparsemor.reducers.step.acceptance import EPS, MARGIN, Tolerances
+from sparsemor.reducers.step.blocks.elastic_block import History
 from sparsemor.reducers.step.border.system import BodyMatrices, BorderedSystem
-from sparsemor.reducers.step.elastic_block import History
 from sparsemor.reducers.step.frame_step import BodyStep, buffers
 
 

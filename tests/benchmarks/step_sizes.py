@@ -91,7 +91,8 @@ def fill(out: report.Report, given: argparse.Namespace) -> None:
                 report.progress(f"{'space' if space else 'plane'}, {E:g} Pa, {name}")
                 for h in given.sizes:
                     row: dict[str, Any] = {
-                        "scene": "space" if space else "plane", "E": E, "integrator": name, "step": h}
+                        "scene": "space" if space else "plane", "E": E, "integrator": name,
+                        "step": h}
                     full = run(scene(space, E, name, h, "full"))
                     newton = run(scene(space, E, name, h, {"use": "full", "method": "newton"}))
                     statuses = [full, newton]

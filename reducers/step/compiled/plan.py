@@ -19,6 +19,9 @@ from sparsemor.core import (
     amplitudes_along,
     total_load_along,
 )
+from sparsemor.reducers.step.blocks.compressed_elastic import CompressedElastic
+from sparsemor.reducers.step.blocks.compressed_prescribed import CompressedPrescribed
+from sparsemor.reducers.step.blocks.thermal_block import CompressedHeat, HeatBlock
 from sparsemor.reducers.step.compiled.arrays import (
     BodyArrays,
     BodyWork,
@@ -26,13 +29,10 @@ from sparsemor.reducers.step.compiled.arrays import (
     ModelArrays,
     PrescribedArrays,
 )
-from sparsemor.reducers.step.elastic_block import CompressedElastic
 from sparsemor.reducers.step.frame_step import BodyStep
 from sparsemor.reducers.step.predictor import block_starts
-from sparsemor.reducers.step.prescribed_frame_block import CompressedPrescribed
 from sparsemor.reducers.step.prescribed_frames import PrescribedFrames
 from sparsemor.reducers.step.solver import Stepper
-from sparsemor.reducers.step.thermal_block import CompressedHeat, HeatBlock
 from sparsemor.reducers.step.time_tables import Moving, TimeTable
 
 LARGEST_BORDER = 60

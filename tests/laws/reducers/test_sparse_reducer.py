@@ -26,7 +26,7 @@ from sparsemor.reducers.sparse.row_compression import compact_elastic
 from sparsemor.reducers.sparse.sampled_block import Sampled, SampledElastic
 from sparsemor.reducers.sparse.stepper import SparseStepper
 from sparsemor.reducers.step import operators as test_map
-from sparsemor.reducers.step.elastic_block import CompressedElastic
+from sparsemor.reducers.step.blocks.compressed_elastic import CompressedElastic
 from sparsemor.reducers.step.operators import TestMap as Map
 from tiny_scene import BUDGETS, FIXED, full, prepared, snapshots
 

@@ -36,7 +36,7 @@ from sparsemor.core import (
 )
 from sparsemor.reducers.linalg.modal_coordinates import carried, dense
 from sparsemor.reducers.linalg.superlu import factorize
-from sparsemor.reducers.step.thermal_block import CompressedHeat, FullHeat, LocalAt
+from sparsemor.reducers.step.blocks.thermal_block import CompressedHeat, FullHeat, LocalAt
 from sparsemor.reducers.step.time_tables import sum_of
 
 SYMMETRIC = 1e-12
