@@ -41,7 +41,7 @@ from sparsemor.core.simulation.diagnostics.trial_space import (
 )
 from sparsemor.core.simulation.interrupt import Interrupt
 from sparsemor.core.simulation.linearization import check_run
-from sparsemor.core.simulation.memory.estimate import room_for_result
+from sparsemor.core.simulation.memory.disk import room_for_result
 from sparsemor.core.simulation.memory.limits import peak
 from sparsemor.core.simulation.memory.use import MemoryUse
 from sparsemor.core.simulation.offline import Offline, step_count
