@@ -12,9 +12,11 @@ from sparsemor.bodies.fem.element_balance import elastic_integrals, heat_integra
 from sparsemor.bodies.fem.fields import Elasticity, Heat
 from sparsemor.bodies.fem.pointwise_law import PointwiseLaw
 from sparsemor.bodies.frames import nodal
+from sparsemor.bodies.frames.force_items import BodyForce, SpaceForce
 from sparsemor.bodies.frames.frame import SpatialFrame
 from sparsemor.bodies.frames.inertia import Inertia
-from sparsemor.bodies.frames.items import Attachment, BodyForce, SpaceForce, UnitLength
+from sparsemor.bodies.frames.items import UnitLength
+from sparsemor.bodies.frames.joint_items import Attachment
 from sparsemor.bodies.frames.moments import MassProperties, moments_of
 from sparsemor.bodies.frames.plane import PlanarFrame
 from sparsemor.bodies.frames.rotation import torque

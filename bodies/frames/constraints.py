@@ -14,7 +14,8 @@ import numpy as np
 from sparsemor.bodies.frames import plane_items as plane
 from sparsemor.bodies.frames import rotation as rot
 from sparsemor.bodies.frames.attitude import Attitude, attitude
-from sparsemor.bodies.frames.items import AXES, Wrench
+from sparsemor.bodies.frames.items import AXES
+from sparsemor.bodies.frames.joint_items import Wrench
 from sparsemor.bodies.frames.motion import Motion, Sums
 from sparsemor.core import (
     Amplitude,

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from sparsemor.bodies.frames import nodal
-from sparsemor.bodies.frames.items import BodyForce
+from sparsemor.bodies.frames.force_items import BodyForce
 from sparsemor.bodies.frames.many_times import Moved, Pushed
 from sparsemor.bodies.frames.motion import Motion, Sums
 from sparsemor.bodies.joints.conditions import conditions_between

@@ -3,15 +3,11 @@
 import numpy as np
 import pytest
 
+from sparsemor.bodies.frames.force_items import BodyForce, SpaceForce
 from sparsemor.bodies.frames.frame import SpatialFrame
 from sparsemor.bodies.frames.inertia import Inertia
-from sparsemor.bodies.frames.items import (
-    Attachment,
-    BodyForce,
-    Reaction,
-    SpaceForce,
-    UnitLength,
-)
+from sparsemor.bodies.frames.items import UnitLength
+from sparsemor.bodies.frames.joint_items import Attachment, Reaction
 from sparsemor.bodies.frames.moments import moments_of
 from sparsemor.core.protocols.body_frame import FrameWork
 from sparsemor.core.protocols.load_tables import Table, total_load, total_load_along
