@@ -8,6 +8,15 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from sparsemor.bodies.body import Body as Body
+    from sparsemor.bodies.fem.pointwise_law import TEMPERATURE as TEMPERATURE
+    from sparsemor.bodies.fem.pointwise_law import TEMPERATURE_RATE as TEMPERATURE_RATE
+    from sparsemor.bodies.fem.pointwise_law import PointwiseLaw as PointwiseLaw
+    from sparsemor.bodies.fem.pointwise_law import Response as Response
+    from sparsemor.bodies.fem.pointwise_law import Variable as Variable
+    from sparsemor.bodies.fem.pointwise_law import (
+        displacement_gradient as displacement_gradient,
+    )
+    from sparsemor.bodies.fem.pointwise_law import temperature_gradient as temperature_gradient
     from sparsemor.bodies.frames.moments import MassProperties as MassProperties
     from sparsemor.bodies.joints.between import Between as Between
     from sparsemor.bodies.joints.conditions import Conditions as Conditions
@@ -32,18 +41,12 @@ if TYPE_CHECKING:
     from sparsemor.bodies.terms.field_kinds import MULTIPLIER as MULTIPLIER
     from sparsemor.bodies.terms.field_kinds import RIGID as RIGID
     from sparsemor.bodies.terms.field_kinds import THERMAL as THERMAL
-    from sparsemor.bodies.terms.pointwise_law import TEMPERATURE as TEMPERATURE
-    from sparsemor.bodies.terms.pointwise_law import TEMPERATURE_RATE as TEMPERATURE_RATE
-    from sparsemor.bodies.terms.pointwise_law import PointwiseLaw as PointwiseLaw
-    from sparsemor.bodies.terms.pointwise_law import Response as Response
-    from sparsemor.bodies.terms.pointwise_law import Variable as Variable
-    from sparsemor.bodies.terms.pointwise_law import (
-        displacement_gradient as displacement_gradient,
-    )
-    from sparsemor.bodies.terms.pointwise_law import temperature_gradient as temperature_gradient
 
 _HOMES = {
     "body": ("Body",),
+    "fem.pointwise_law": (
+        "PointwiseLaw", "Response", "TEMPERATURE", "TEMPERATURE_RATE", "Variable",
+        "displacement_gradient", "temperature_gradient"),
     "frames.moments": ("MassProperties",),
     "joints.between": ("Between",),
     "joints.conditions": ("Conditions", "conditions_between", "conditions_on", "constant"),
@@ -56,9 +59,6 @@ _HOMES = {
     "targets": ("Target", "find_body", "find_surfaces", "find_target", "need_field"),
     "terms.dense": ("DenseTerm",),
     "terms.field_kinds": ("BODY_KINDS", "ELASTIC", "MULTIPLIER", "RIGID", "THERMAL"),
-    "terms.pointwise_law": (
-        "PointwiseLaw", "Response", "TEMPERATURE", "TEMPERATURE_RATE", "Variable",
-        "displacement_gradient", "temperature_gradient"),
 }
 """Module -> its public names, imported on first access."""
 

@@ -10,10 +10,13 @@ import numpy as np
 
 from sparsemor.bodies.fem.element_balance import elastic_integrals, heat_integrals
 from sparsemor.bodies.fem.fields import Elasticity, Heat
+from sparsemor.bodies.fem.pointwise_law import PointwiseLaw
 from sparsemor.bodies.frames import nodal
+from sparsemor.bodies.frames.force_items import BodyForce, SpaceForce
 from sparsemor.bodies.frames.frame import SpatialFrame
 from sparsemor.bodies.frames.inertia import Inertia
-from sparsemor.bodies.frames.items import Attachment, BodyForce, SpaceForce, UnitLength
+from sparsemor.bodies.frames.items import UnitLength
+from sparsemor.bodies.frames.joint_items import Attachment
 from sparsemor.bodies.frames.moments import MassProperties, moments_of
 from sparsemor.bodies.frames.plane import PlanarFrame
 from sparsemor.bodies.frames.rotation import torque
@@ -25,7 +28,6 @@ from sparsemor.bodies.terms.body_terms import (
 )
 from sparsemor.bodies.terms.field_kinds import ELASTIC, MULTIPLIER, RIGID, THERMAL
 from sparsemor.bodies.terms.inertia import directions, generator
-from sparsemor.bodies.terms.pointwise_law import PointwiseLaw
 from sparsemor.bodies.terms.surface_loads import write_surface_loads
 from sparsemor.core import (
     FREE_POSE,

@@ -15,13 +15,13 @@ from scipy.sparse import csr_array
 from sparsemor.bodies.body import Body
 from sparsemor.bodies.fem.elasticity import Model, elastic_stiffness, law, thermoelastic_coupling
 from sparsemor.bodies.fem.fields import Elasticity, Heat
+from sparsemor.bodies.fem.quadratic import with_midpoints
 from sparsemor.bodies.fem.volume import capacity, conductivity, lumped, scalar_mass
 from sparsemor.bodies.frames.moments import MassProperties
 from sparsemor.bodies.material import Region, constants_at, curves, regions_of, require, summed
 from sparsemor.bodies.mesh.check import check_mesh
 from sparsemor.bodies.mesh.expression import FormulaText, evaluate_formula
 from sparsemor.bodies.mesh.plausibility import mesh_notes
-from sparsemor.bodies.mesh.quadratic import with_midpoints
 from sparsemor.bodies.mesh.sets import PointSet, with_sets
 from sparsemor.bodies.pose import Pose
 from sparsemor.bodies.reference import Reference

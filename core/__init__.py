@@ -3,8 +3,8 @@
     from sparsemor.core import BlockData, Dictionary, InputError, Plugin
 
 Names are imported on first use, so that importing the package stays fast. The module that defines a
-name may change; the name here does not: tests/laws/test_extension_api.py lists them all. Law checks
-of a plugin (tests that it satisfies its interface) are in `sparsemor.core.testing`.
+name may change; the name here does not: tests/laws/project/test_extension_api.py lists them all.
+Law checks of a plugin (tests that it satisfies its interface) are in `sparsemor.core.testing`.
 """
 
 from importlib import import_module
@@ -99,6 +99,7 @@ if TYPE_CHECKING:
     from sparsemor.core.registry.slot import Slot as Slot
     from sparsemor.core.registry.slot import slot_default as slot_default
     from sparsemor.core.results.error_norms import CONSTANT_CHANGE as CONSTANT_CHANGE
+    from sparsemor.core.simulation.cache import cache_folder as cache_folder
     from sparsemor.core.simulation.diagnostics.alternating_joint_forces import (
         joints_with_forces as joints_with_forces,
     )
@@ -156,6 +157,7 @@ _HOMES = {
         "prepared_recovery", "sampled_rows"),
     "registry.slot": ("Slot", "slot_default"),
     "results.error_norms": ("CONSTANT_CHANGE",),
+    "simulation.cache": ("cache_folder",),
     "simulation.diagnostics.alternating_joint_forces": ("joints_with_forces",),
     "simulation.diagnostics.expected_states": ("expected_states",),
     "simulation.diagnostics.plausibility": ("outside_box_notes",),

@@ -40,7 +40,7 @@ def _table(rows: Iterable[tuple[str, tuple[type, ...]]]) -> list[str]:
 
 
 def _features() -> list[str]:
-    made = [f"| {f.name} | `{f.option}` | {f.kind} {f.condition}".rstrip()
+    made = [f"| {f.name} | `{f.option}` | {f.kind}"
             + f" | `{f.ability.__name__}` | {f.need} |" for f in FEATURES]
     return ["| feature | option | needed of | protocol | it has to |", "|---|---|---|---|---|",
             *made, ""]

@@ -11,6 +11,10 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from sparsemor.reducers.linalg.left_inverse import left_inverse as left_inverse
+    from sparsemor.reducers.linalg.modal_coordinates import (
+        modal_coordinates as modal_coordinates,
+    )
     from sparsemor.reducers.projection.base import Approximation as Approximation
     from sparsemor.reducers.projection.base import Linear as Linear
     from sparsemor.reducers.projection.base import Maps as Maps
@@ -21,10 +25,6 @@ if TYPE_CHECKING:
     from sparsemor.reducers.projection.force_snapshots import force_snapshots as force_snapshots
     from sparsemor.reducers.projection.force_snapshots import interpolation as interpolation
     from sparsemor.reducers.projection.interpolation import Interpolating as Interpolating
-    from sparsemor.reducers.projection.modal_coordinates import (
-        modal_coordinates as modal_coordinates,
-    )
-    from sparsemor.reducers.step.left_inverse import left_inverse as left_inverse
     from sparsemor.reducers.step.operators import TestMap as TestMap
 
 _HOMES = {
@@ -32,8 +32,8 @@ _HOMES = {
     "projection.force_snapshots": (
         "choose_points", "force_modes", "force_snapshots", "interpolation"),
     "projection.interpolation": ("Interpolating",),
-    "projection.modal_coordinates": ("modal_coordinates",),
-    "step.left_inverse": ("left_inverse",),
+    "linalg.modal_coordinates": ("modal_coordinates",),
+    "linalg.left_inverse": ("left_inverse",),
     "step.operators": ("TestMap",),
 }
 """Module -> its public names; modules are imported on first access."""

@@ -18,7 +18,7 @@ from sparsemor.core import (
     solver_refusal,
     unmatched_patterns,
 )
-from sparsemor.reducers.full.monolithic import coupling
+from sparsemor.reducers.touched_blocks import coupling
 
 
 class RowsAndAtoms(Protocol):

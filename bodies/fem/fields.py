@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Protocol, TypeAlias
 
 from sparsemor.bodies.fem.elasticity import Law
-from sparsemor.bodies.terms.pointwise_law import PointwiseLaw
+from sparsemor.bodies.fem.pointwise_law import PointwiseLaw
 from sparsemor.core import Csr, FloatArray, IntArray, Mesh, TimeFunction
 
 Cells: TypeAlias = IntArray | None

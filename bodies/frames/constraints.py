@@ -14,7 +14,8 @@ import numpy as np
 from sparsemor.bodies.frames import plane_items as plane
 from sparsemor.bodies.frames import rotation as rot
 from sparsemor.bodies.frames.attitude import Attitude, attitude
-from sparsemor.bodies.frames.items import AXES, Wrench
+from sparsemor.bodies.frames.items import AXES
+from sparsemor.bodies.frames.joint_items import Wrench
 from sparsemor.bodies.frames.motion import Motion, Sums
 from sparsemor.core import (
     Amplitude,
@@ -187,9 +188,10 @@ class Slide:
         return replace(self, point=self.point + s)
 
     def in_plane(self) -> plane.PlaneItem:
-        return plane.Slide(
-            complex(*self.point), complex(*self.lines[0]), float(self.lines[0] @ self.base),
-            self.others > 0, tuple(self.place.tolist()))
+        place = self.place.tolist() if not self.others else [0.0] * 3
+        return plane.PlanePart(plane.slide, (
+            *self.point.tolist(), *self.lines[0].tolist(), float(self.lines[0] @ self.base),
+            float(self.others > 0), *place))
 
     def wrench(
         self, times: FloatArray, forces: FloatArray, pose: FloatArray, other: FloatArray | None

@@ -62,7 +62,8 @@ class Inertia:
                        second=self.second + self.moments.symmetric * s[d:] + quadratic)
 
     def in_plane(self) -> plane.PlaneItem:
-        return plane.Inertia(self.mass, complex(*self.moment), float(self.second[0]))
+        return plane.PlanePart(
+            plane.inertia, (self.mass, *self.moment.tolist(), float(self.second[0])))
 
     def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
         m.acc_b = m.A.T.dot(m.acc)

@@ -1,9 +1,10 @@
 """Equations of a body frame in the plane, evaluated with complex numbers.
 
 The same equations as for a frame in space, but several times faster
-(`tests/laws/test_plane_kernel.py` compares them).
+(`tests/laws/bodies/test_plane_kernel.py` compares them).
 """
 
+from cmath import exp
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -11,9 +12,15 @@ import numpy as np
 
 from sparsemor.bodies.frames.frame import ItemFrame
 from sparsemor.bodies.frames.items import PlanarItem
-from sparsemor.bodies.frames.plane_items import PlaneItem
-from sparsemor.bodies.frames.plane_motion import Motion, Views
-from sparsemor.core import FloatArray, FrameWork
+from sparsemor.bodies.frames.plane_items import (
+    FUNCTIONS,
+    NUMBERS,
+    PlaneItem,
+    PlanePart,
+    evaluate_parts,
+)
+from sparsemor.bodies.frames.plane_motion import Motion, Views, views, write
+from sparsemor.core import FloatArray, FrameArrays, FrameWork
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,16 +40,31 @@ class PlanarFrame(ItemFrame[PlanarItem]):
     ) -> None:
         out = work.views
         if not isinstance(out, Views):
-            out = work.views = Views(work)
-        yl, vl, al = y.tolist(), v.tolist(), a.tolist()
-        m = Motion(yl, vl[2], complex(al[0], al[1]), al[2], c1, c2, t)
-        if self.elastic:
-            m.s, m.s1, m.s2 = s.view("c16").tolist()
-            m.forms = forms.tolist()
+            out = work.views = views(work)
+        yl, al = y.tolist(), a.tolist()
+        e = exp(1j * yl[2])
+        s0, s1, s2 = s.view("c16").tolist() if self.elastic else ((), (), ())
+        m = Motion(yl, complex(yl[0], yl[1]), e, e.conjugate(), float(v[2]), al[2],
+                   complex(al[0], al[1]), c1, c2, t, self.elastic, s0, s1, s2,
+                   forms.tolist())
         total = [0.0] * 9
         for item, j, o, k in self.evaluated:
             item.evaluate(m, j, o, k, total, out)
-        out.write(total)
+        write(total, out)
+
+    def arrays(self) -> FrameArrays | None:
+        """Equations as a function on arrays, None where a part has no numbers."""
+        parts = [item for item, *_ in self.evaluated if isinstance(item, PlanePart)]
+        if len(parts) < len(self.items):
+            return None
+        kinds = [FUNCTIONS.index(part.function) for part in parts]
+        numbers = np.zeros((len(parts), NUMBERS))
+        for row, part in zip(numbers, parts, strict=True):
+            row[: len(part.numbers)] = part.numbers
+        return FrameArrays(
+            np.array(kinds, dtype=np.int64), numbers,
+            np.array(self.starts, dtype=np.int64).reshape(-1, 3),
+            tuple(part.amplitude for part in parts), evaluate_parts, (*FUNCTIONS, write))
 
     def drive(
         self, y: FloatArray, v: FloatArray, a: FloatArray, t: float, work: FrameWork
@@ -55,11 +77,11 @@ class PlanarFrame(ItemFrame[PlanarItem]):
         self, v: FloatArray, a: FloatArray, c1: float, c2: float, work: FrameWork
     ) -> None:
         """Derivatives that are quadratic in the displacements u; only the inertia has them."""
-        out, w, al = work.views, float(v[2]), float(a[2])
-        if isinstance(out, Views) and self.inertias:
-            out.kappa_y[2, 0], out.kappa_y[2, 1] = -2 * w * c1, c2
-            out.mu_y[2, 1] = 2 * c1
-            out.quad[2, 0, 0], out.quad[2, 1, 0], out.quad[2, 2, 1] = al, 2 * w, -1.0
+        w, al = float(v[2]), float(a[2])
+        if self.inertias:
+            work.kappa_y[2, 0], work.kappa_y[2, 1] = -2 * w * c1, c2
+            work.mu_y[2, 1] = 2 * c1
+            work.quad[2, 0, 0], work.quad[2, 1, 0], work.quad[2, 2, 1] = al, 2 * w, -1.0
 
     @property
     def without_push(self) -> tuple[PlanarItem, ...]:

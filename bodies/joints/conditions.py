@@ -23,7 +23,7 @@ from sparsemor.bodies.body import Body
 from sparsemor.bodies.frames import nodal
 from sparsemor.bodies.frames.attitude import velocity_at
 from sparsemor.bodies.frames.constraints import Facing, Slide
-from sparsemor.bodies.frames.items import Rotation
+from sparsemor.bodies.frames.joint_items import Rotation
 from sparsemor.bodies.joints.part import JointPart
 from sparsemor.bodies.joints.side import (
     NEAR,

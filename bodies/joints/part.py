@@ -7,7 +7,7 @@ import numpy as np
 
 from sparsemor.bodies.body import Body
 from sparsemor.bodies.frames import nodal
-from sparsemor.bodies.frames.items import Attachment, Holding, Reaction
+from sparsemor.bodies.frames.joint_items import Attachment, Holding, Reaction
 from sparsemor.bodies.joints.side import Condition, Side
 from sparsemor.bodies.joints.wrench import holding, size, wrenches
 from sparsemor.bodies.terms.field_kinds import MULTIPLIER

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from sparsemor.bodies.frames.items import Holding
+from sparsemor.bodies.frames.joint_items import Holding
 from sparsemor.bodies.frames.rotation import torque
 from sparsemor.bodies.joints.side import Condition, Side
 from sparsemor.core import FloatArray, FrameItem, InputError, points_in_space
@@ -59,7 +59,7 @@ def holding(item: FrameItem) -> Holding:
         return item
     raise InputError(
         f"its item {type(item).__name__} has no method `wrench`, so what it does to its bodies "
-        "cannot be passed on by a rigid stage: give it that method (bodies/frames/items.py, "
+        "cannot be passed on by a rigid stage: give it that method (bodies/frames/joint_items.py, "
         "`Holding`), or drop rigid_stage")
 
 

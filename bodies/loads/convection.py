@@ -8,13 +8,13 @@ import numpy as np
 from pydantic import Field
 
 from sparsemor.bodies.body import Body
+from sparsemor.bodies.fem.pointwise_law import TEMPERATURE, Response, Variable
 from sparsemor.bodies.fem.surface import surface_load, surface_mass
 from sparsemor.bodies.loads.amplitude import NumberOrFunction
 from sparsemor.bodies.loads.part import LoadPart
 from sparsemor.bodies.material import Positive
 from sparsemor.bodies.targets import find_surfaces
 from sparsemor.bodies.temperature_curve import TemperatureCurve
-from sparsemor.bodies.terms.pointwise_law import TEMPERATURE, Response, Variable
 from sparsemor.core import Amplitude, Effect, Equations, FloatArray, Part, Plugin
 
 

@@ -7,11 +7,11 @@ from typing import Annotated, ClassVar
 import numpy as np
 from pydantic import Field
 
+from sparsemor.bodies.fem.pointwise_law import TEMPERATURE, Response, Variable
 from sparsemor.bodies.loads.amplitude import NumberOrFunction
 from sparsemor.bodies.loads.part import LoadPart
 from sparsemor.bodies.mesh.plausibility import celsius_notes
 from sparsemor.bodies.targets import find_surfaces, joined_surfaces
-from sparsemor.bodies.terms.pointwise_law import TEMPERATURE, Response, Variable
 from sparsemor.core import Amplitude, Effect, Equations, FloatArray, Part, Plugin
 
 STEFAN_BOLTZMANN = 5.670374419e-8

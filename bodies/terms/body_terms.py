@@ -6,8 +6,8 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from sparsemor.bodies.fem.fields import Elasticity, HasFields, Heat
+from sparsemor.bodies.fem.pointwise_law import PointwiseLaw
 from sparsemor.bodies.fem.quadrature import Quadrature, on_cells, on_facets
-from sparsemor.bodies.terms.pointwise_law import PointwiseLaw
 from sparsemor.bodies.terms.weak_term import NodalField, WeakTerm
 from sparsemor.core import Amplitude, Csr, Equations, FloatArray, IntArray, Quantity
 

@@ -16,8 +16,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from sparsemor.bodies.fem.elasticity import Law, Model, expansion_factor, law
-from sparsemor.bodies.material import Region, curves
-from sparsemor.bodies.terms.pointwise_law import (
+from sparsemor.bodies.fem.pointwise_law import (
     TEMPERATURE,
     TEMPERATURE_RATE,
     PointwiseLaw,
@@ -26,6 +25,7 @@ from sparsemor.bodies.terms.pointwise_law import (
     displacement_gradient,
     temperature_gradient,
 )
+from sparsemor.bodies.material import Region, curves
 from sparsemor.core import FloatArray, TemperatureProperty
 
 

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sparsemor.bodies.terms.pointwise_law import PointwiseLaw, Response, Variable
+from sparsemor.bodies.fem.pointwise_law import PointwiseLaw, Response, Variable
 from sparsemor.core import FloatArray, TimeFunction
 
 

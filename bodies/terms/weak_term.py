@@ -2,7 +2,7 @@
 
     r_a = sum over elements and points of  w  y_i(z, x, t)  D_i phi_a
 
-The law is evaluated at the quadrature points of each element (pointwise_law.py). Restriction to
+The law is evaluated at the quadrature points of each element (fem/pointwise_law.py). Restriction to
 rows, element weights and projection are the same for all laws, dimensions and finite elements.
 """
 
@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csr_array
 
+from sparsemor.bodies.fem.pointwise_law import PointwiseLaw, Response, Variable
 from sparsemor.bodies.fem.quadrature import ShapeFunctions
 from sparsemor.bodies.terms.point_term import PointTerm, Projected
-from sparsemor.bodies.terms.pointwise_law import PointwiseLaw, Response, Variable
 from sparsemor.core import (
     Csr,
     FloatArray,

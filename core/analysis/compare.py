@@ -82,14 +82,8 @@ class Comparison:
         from sparsemor.core.analysis.charts.work_precision import WorkPoint
 
         facts = self.facts
-        base = facts[self.name].ms_per_step
-
-        def point(name: str, f: RunFacts) -> WorkPoint:
-            gain = base / f.ms_per_step if base and f.ms_per_step else None
-            return WorkPoint(name, "", f.ms_per_step, gain, self.errors.get(name, {}), f.status,
-                             f.offline_whole_seconds)
-
-        found = {name: point(name, f) for name, f in facts.items()}
+        found = {name: WorkPoint(name, "", f.ms_per_step, self.errors.get(name, {}), f.status,
+                                 f.offline_whole_seconds) for name, f in facts.items()}
         return [found[run] for run in self.runs], found[self.name]
 
     @property

@@ -9,10 +9,11 @@ import numpy as np
 
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.errors import Gather, InputError
+from sparsemor.core.model.block_operators import close
 from sparsemor.core.model.body_cache import BodyCache
-from sparsemor.core.model.contributions import Touched, close, general_terms, touched
 from sparsemor.core.model.factorizations import BlockSolvers
 from sparsemor.core.model.features import PROBES
+from sparsemor.core.model.general_terms import Touched, general_terms, touched
 from sparsemor.core.model.model import Model
 from sparsemor.core.model.prescribed_motion import (
     NOTHING,

@@ -24,9 +24,8 @@ from sparsemor.core.registry.contracts import absent_members, origin
 class Feature:
     """An optional feature of a simulation and one protocol that it requires of plugins.
 
-    option: input key that switches the feature on. kind: plugins that need the protocol `ability`;
-    condition: restriction to some of them ("" for all). need: the required capability in words, as
-    an infinitive.
+    option: input key that switches the feature on. kind: plugins that need the protocol `ability`.
+    need: the required capability in words, as an infinitive.
     """
 
     name: str
@@ -34,7 +33,6 @@ class Feature:
     kind: str
     ability: type
     need: str
-    condition: str = ""
 
     def refusal(self, lacking: object, key: str = "") -> InputError:
         """Error for a plugin, or an object that it has built, that does not implement the
@@ -47,18 +45,18 @@ class Feature:
 CONTROLLED_STEPS = Feature(
     "error-controlled steps", "time.control", "reducer", RestartsSteps,
     "begin steps at states that it did not compute")
-PROBES = Feature("probes", "probes", "body", HasProbes, "have material points", "with a probe")
+PROBES = Feature("probes", "probes", "body", HasProbes, "have material points")
 PRESCRIBED_MOTION = Feature(
     "rigid pre-simulation", "rigid_stage", "body", FollowsMotion, "follow a prescribed motion")
 PRESCRIBED_REACTIONS = Feature(
     "rigid pre-simulation", "rigid_stage", "joint", PrescribesReactions,
-    "take its reactions as prescribed", "with multipliers")
+    "take its reactions as prescribed")
 CONTACT_ALONG_MOTION = Feature(
     "rigid pre-simulation", "rigid_stage", "contact", ImportsMotion,
     "be evaluated along a prescribed motion")
 SURFACE_LOADS = Feature(
     "rigid pre-simulation", "rigid_stage", "body", CarriesSurfaceLoads,
-    "take loads on its surface", "touched by a contact")
+    "take loads on its surface")
 
 FEATURES = (CONTROLLED_STEPS, PROBES, PRESCRIBED_MOTION, PRESCRIBED_REACTIONS,
             CONTACT_ALONG_MOTION, SURFACE_LOADS)

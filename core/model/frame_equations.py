@@ -18,10 +18,10 @@ from scipy.sparse import csr_array, issparse
 from sparsemor.core.arrays import Csr, FloatArray, IntArray, Matrix
 from sparsemor.core.model.assembled_term import AssembledTerm
 from sparsemor.core.protocols import Trial
+from sparsemor.core.protocols.body_frame import BodyFrame, FrameWork
 from sparsemor.core.protocols.contributions import BodyRecord, FrameRecord
 from sparsemor.core.protocols.layout import Layout, Quantity
 from sparsemor.core.protocols.prescribed_motion import FrameHistory
-from sparsemor.core.protocols.separable import BodyFrame, FrameWork
 
 
 def _dense(matrix: Matrix) -> FloatArray:

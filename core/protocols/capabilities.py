@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from sparsemor.core.protocols import (
     basis,
     body,
+    body_frame,
     contact,
     element_integrals,
     integrator,
@@ -20,7 +21,6 @@ from sparsemor.core.protocols import (
     part,
     reducer,
     sampler,
-    separable,
     sparse_solver,
     step_solver,
     term,
@@ -68,8 +68,9 @@ OTHERS: Mapping[str, tuple[type, ...]] = {
                      term.ReportsResultants),
     "step solver": (step_solver.RedrawsRows, step_solver.FreezesSupport,
                     step_solver.RespondsByBlock, step_solver.RespondsExactly,
-                    step_solver.CountsLinearIterations, step_solver.ReportsTerms),
+                    step_solver.CountsLinearIterations, step_solver.ReportsTerms,
+                    step_solver.SolvesManySteps),
     "memory of a step solver": (step_solver.Restarts,),
-    "frame": (separable.EvaluatesManyTimes,),
+    "frame": (body_frame.EvaluatesManyTimes, body_frame.HasArrays),
 }
 """Other objects (terms, step solvers, frames, ...) -> their optional protocols."""

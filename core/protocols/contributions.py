@@ -5,7 +5,7 @@
 Each contributes matrices and vectors over named blocks of unknowns ("link1.thermal",
 "hinge.multiplier"). Frame items are inertia, forces and attachments on a floating frame; local
 terms are evaluated element by element. The contributions are recorded here and assembled in
-core/model/contributions.py.
+core/model: operators of blocks in block_operators.py, residual terms in general_terms.py.
 """
 
 from collections.abc import Callable, Sequence
@@ -17,11 +17,12 @@ from scipy.sparse import csr_array
 
 from sparsemor.core.arrays import Csr, FloatArray, IntArray
 from sparsemor.core.errors import InputError
+from sparsemor.core.protocols.body_frame import BodyFrame, FrameItem
 from sparsemor.core.protocols.element_integrals import ElasticIntegrals, HeatIntegrals
 from sparsemor.core.protocols.layout import Layout, Quantity
 from sparsemor.core.protocols.load_tables import LoadTable
 from sparsemor.core.protocols.prescribed_motion import FrameHistory
-from sparsemor.core.protocols.separable import Amplitude, BodyFrame, FrameItem
+from sparsemor.core.protocols.separable import Amplitude
 from sparsemor.core.protocols.term import NamesSource, Term
 
 Kind = Literal["load", "prescribed"]

@@ -172,6 +172,33 @@ class ReportsTerms(Protocol[M_contra]):
         ...
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class StepBlock:
+    """Solved steps: the states at the end of each, and the numbers of iterations."""
+
+    states: Sequence[State]
+    iterations: Sequence[int]
+
+
+class ManySteps(Protocol[M_contra]):
+    """Solution of several successive steps of one size in one call."""
+
+    def advance(self, state: State, memory: M_contra, count: int) -> StepBlock:
+        """Solves up to `count` steps from `state`, and changes `memory` as `StepSolver.solve` does;
+        fewer, or none, where a step needs `solve`."""
+        ...
+
+
+@runtime_checkable
+class SolvesManySteps(Protocol[M_contra]):
+    """A step solver with a faster way for several steps of one size, such as compiled steps."""
+
+    def many(self, rules: UpdateRules, h: float, steps: int) -> ManySteps[M_contra] | None:
+        """The faster way for a run of `steps` steps of size h, s, by an integrator with these
+        rules; None where there is none or it does not pay."""
+        ...
+
+
 @runtime_checkable
 class Restarts(StepMemory, Protocol):
     """Memory of a step solver that can begin a step at a state that it did not compute, as adaptive

@@ -48,12 +48,13 @@ class Registry:
     A name is plain (`lhs`) or qualified by its distribution (`sparsemor-other:lhs`). If several
     distributions offer a plain name, the one of sparsemor is used.
 
-    Entry points are read at first use and kept. `entry_points` replaces the installed ones, for
-    tests and embedding programs.
+    Entry points are read at first use and kept, and so are classes. `entry_points` replaces the
+    installed ones, for tests and embedding programs.
     """
 
     def __init__(self, entry_points: Iterable[metadata.EntryPoint] | None = None) -> None:
         self._replaced = None if entry_points is None else tuple(entry_points)
+        self._classes: dict[tuple[str, str], type[Plugin]] = {}
 
     @cached_property
     def _entry_points(self) -> tuple[metadata.EntryPoint, ...]:
@@ -82,6 +83,11 @@ class Registry:
         Raises `InputError` if the name is unknown or ambiguous, the import fails, or the class is
         not a `sparsemor.core.registry.plugin.Plugin` or violates the protocol of its kind.
         """
+        if (kind, name) not in self._classes:
+            self._classes[kind, name] = self._checked(kind, name)
+        return self._classes[kind, name]
+
+    def _checked(self, kind: str, name: str) -> type[Plugin]:
         one = self._only(kind, name)
         loaded = _Driver(one).plugin
         blame = f"report it to the authors of that package (its entry point is {one.value})"
@@ -123,15 +129,20 @@ class Registry:
         candidates = self._of(kind)
         for e in candidates:
             if e.value.replace(" ", "") == same:
-                return self.spelling(_named(e))
+                return self._spelled(e)
         # a package may name its class through a re-export; import only that package's own
         for e in candidates:
             if e.module.partition(".")[0] == package and _loads_as(e, cls):
-                return self.spelling(_named(e))
+                return self._spelled(e)
         raise InputError(
             f"{same} is not registered as a {kind}, so it cannot be written down by name: give it "
             f"an entry point in the group {PREFIX}{kind}"
         )
+
+    def _spelled(self, e: metadata.EntryPoint) -> str:
+        # the distribution's name is read from its metadata only where it matters
+        unique = len(self._called(e.group.removeprefix(PREFIX), e.name)) < 2
+        return e.name if unique else self.spelling(_named(e))
 
     def _of(self, kind: str) -> list[metadata.EntryPoint]:
         return [e for e in self._entry_points if e.group == PREFIX + kind]

@@ -34,7 +34,7 @@ class CacheEntry:
     size: int
 
 
-def default_root() -> Path:
+def cache_folder() -> Path:
     """Root directory of the cache: environment variable `SPARSEMOR_CACHE`, else the user's cache
     directory."""
     named = os.environ.get("SPARSEMOR_CACHE")
@@ -48,7 +48,7 @@ class Cache:
     for several processes: entries appear by an atomic rename."""
 
     def __init__(self, root: str | Path | None = None) -> None:
-        self.root = default_root() if root is None else Path(root)
+        self.root = cache_folder() if root is None else Path(root)
 
     def get_or_make(
         self, kind: str, key: str, make: Callable[[], Arrays]

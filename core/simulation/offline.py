@@ -178,3 +178,10 @@ def step_count(scene: Scene) -> int:
     """Number of steps of `time.step` up to `time.end`, rounded: remainders up to 1e-6 steps are
     accepted."""
     return round(scene.time.end / scene.time.step)
+
+
+def snapshot_count(scene: Scene) -> int:
+    """Number of snapshots of the training run, with the additional one for integrators of an order
+    above 1. Raises InputError for a training run that is not valid."""
+    training = scene.for_training()
+    return step_count(training) // scene.training.every + 1 + int(scene.integrator.order > 1)

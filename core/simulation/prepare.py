@@ -5,6 +5,7 @@ from sparsemor.core.model.model import Model
 from sparsemor.core.registry.hooks import Manager
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.cache import Cache
+from sparsemor.core.simulation.memory.disk import room_for_snapshots
 from sparsemor.core.simulation.memory.estimate import fitting
 from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.simulation.offline_cache import Products
@@ -19,8 +20,8 @@ def prepared(
     """Model and offline data from which a reducer is prepared. The rigid-body pre-simulation of a
     two-stage scene is run here, or read from the cache.
 
-    Raises InputError as `checked_model` does, and if the run would not fit in memory; SolveFailed
-    if the pre-simulation stops early.
+    Raises InputError as `checked_model` does, and if the run would not fit in memory or its
+    snapshots not on the disk; SolveFailed if the pre-simulation stops early.
     """
     body_cache, products = body_cache or BodyCache(), Products(cache)
     if scene.rigid_stage is None:
@@ -30,4 +31,5 @@ def prepared(
         model = staged(scene, products, manager, body_cache)
     offline = offline_of(scene, model, products, manager, body_cache)
     offline.expected = fitting(scene, model, offline).total
+    room_for_snapshots(scene, model, offline)
     return model, offline

@@ -271,10 +271,11 @@ def multiplier_components(model: Model) -> dict[str, tuple[tuple[str, str], ...]
 def _header(scene: Scene, model: Model, solver: StepSolver, steps: int) -> RunHeader:
     from importlib.metadata import entry_points
 
-    names = {"sparsemor", "numpy", "scipy", "scikit-fem", "pydantic"}
     found = entry_points()
-    for group in (g for g in found.groups if g.startswith("sparsemor.")):
-        names |= {e.dist.name for e in found.select(group=group) if e.dist is not None}
+    groups = [g for g in found.groups if g.startswith("sparsemor.")]
+    # one reading of metadata for each distribution, not for each of its plugins
+    offering = {e.dist for g in groups for e in found.select(group=g) if e.dist is not None}
+    names = {"sparsemor", "numpy", "scipy", "scikit-fem", "pydantic", *(d.name for d in offering)}
     import platform
 
     dump = scene.dump()

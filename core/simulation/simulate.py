@@ -17,7 +17,14 @@ from sparsemor.core.model.body_cache import BodyCache
 from sparsemor.core.model.initial_state import consistent_state
 from sparsemor.core.model.model import Model
 from sparsemor.core.notes import Note
-from sparsemor.core.protocols import RedrawsRows, ReducedProblem, State, StepMemory, StepSolver
+from sparsemor.core.protocols import (
+    ManySteps,
+    RedrawsRows,
+    ReducedProblem,
+    State,
+    StepMemory,
+    StepSolver,
+)
 from sparsemor.core.registry.hooks import Manager, RunStart, new_manager
 from sparsemor.core.registry.returned_values import complete
 from sparsemor.core.results.output_lock import owned
@@ -34,7 +41,7 @@ from sparsemor.core.simulation.diagnostics.trial_space import (
 )
 from sparsemor.core.simulation.interrupt import Interrupt
 from sparsemor.core.simulation.linearization import check_run
-from sparsemor.core.simulation.memory.estimate import room_for_result
+from sparsemor.core.simulation.memory.disk import room_for_result
 from sparsemor.core.simulation.memory.limits import peak
 from sparsemor.core.simulation.memory.use import MemoryUse
 from sparsemor.core.simulation.offline import Offline, step_count
@@ -47,7 +54,7 @@ from sparsemor.core.simulation.step_control import (
     step_of,
 )
 from sparsemor.core.simulation.step_statistics import Tally
-from sparsemor.core.simulation.time_stepping import iterate, started
+from sparsemor.core.simulation.time_stepping import iterate, many_steps, started
 from sparsemor.core.simulation.training import SnapshotKeeper, is_training_run
 from sparsemor.core.status import SolveFailed, Status
 
@@ -95,6 +102,7 @@ def _simulate(
         solver = controlled(scene, model, offline, solver)
         state, memory = started(solver, scene.integrator, full)
         complete(memory, StepMemory, scene.reducer, "start", "reducer")
+        many = many_steps(solver, scene.integrator, scene.time.step, step_count(scene))
         tally = Tally(offline=time.perf_counter() - begun)
         path = Path(out) if out is not None else _temporary()
         recorder = Recorder.open(
@@ -111,7 +119,8 @@ def _simulate(
             manager.hook.on_resample(block=block, rows=rows)
         keeper = _keeper(scene, model, offline) if keep_training else None
         with kept(recorder.writer, new=recorder.checkpoint is None):
-            return _Run(scene, solver, recorder, manager, state, memory, tally, keeper).go()
+            return _Run(
+                scene, solver, recorder, manager, state, memory, tally, keeper, many).go()
 
 
 def _keeper(scene: Scene, model: Model, offline: Offline) -> SnapshotKeeper | None:
@@ -136,9 +145,10 @@ class _Run:
     def __init__(
         self, scene: Scene, solver: StepSolver, recorder: Recorder, manager: Manager,
         state: State, memory: StepMemory, tally: Tally, keeper: SnapshotKeeper | None = None,
+        many: ManySteps | None = None,
     ) -> None:
         self.scene, self.solver, self.recorder, self.manager = scene, solver, recorder, manager
-        self.state, self.memory, self.tally = state, memory, tally
+        self.state, self.memory, self.tally, self.many = state, memory, tally, many
         self.steps = step_count(scene)
         # snapshots are those of a whole run: not of the rest of an interrupted one
         self.keeper = keeper if tally.done == 0 else None
@@ -212,10 +222,10 @@ class _Run:
         solver, h = self.solver, self.scene.time.step
         step = step_of(solver, self.scene.integrator, h)
         watched, tally = self.manager.has_observers, self.tally
-        changes, resamplings = -1, self._resamplings()
+        changes, resamplings, due = -1, self._resamplings(), False
         for taken in iterate(step, self.state, self.memory, self.steps - tally.done,
-                             lambda: interrupt.wanted):
-            outcome, self.state, self.memory, seconds = taken
+                             lambda: interrupt.wanted, self.many):
+            outcome, self.state, self.memory, seconds, whole = taken
             if not outcome.status.ok:
                 return SolveFailed(
                     outcome.status, self.state.t + h, outcome.block, outcome.detail,
@@ -224,8 +234,9 @@ class _Run:
             self._snapshot()
             supports = solver.supports(self.memory)
             tally.count_atoms(supports)
-            if self.recorder.take(self.state, tally, supports, self.memory):
-                tally.online = time.perf_counter() - self._begun
+            due = self.recorder.take(self.state, tally, supports, self.memory) or due
+            if due and whole:  # in a block of steps the memory is that of its last one
+                tally.online, due = time.perf_counter() - self._begun, False
                 self.recorder.save(self.state, self.memory, tally)
             if watched:
                 resamplings = self._report_rows(resamplings)

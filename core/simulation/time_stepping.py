@@ -4,14 +4,16 @@ state."""
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from itertools import repeat
 from typing import Any, Generic, NamedTuple, TypeAlias
 
 from typing_extensions import TypeVar
 
 from sparsemor.core.protocols import (
     Integrator,
+    ManySteps,
+    SolvesManySteps,
     State,
+    StepBlock,
     StepMemory,
     StepOutcome,
     StepSolver,
@@ -19,7 +21,7 @@ from sparsemor.core.protocols import (
 )
 from sparsemor.core.protocols.integrator import step_formula
 from sparsemor.core.protocols.step_solver import advanced
-from sparsemor.core.status import SolveFailed
+from sparsemor.core.status import SolveFailed, Status
 
 M = TypeVar("M", bound=StepMemory, default=Any)
 
@@ -27,12 +29,13 @@ M = TypeVar("M", bound=StepMemory, default=Any)
 class TimeStep(NamedTuple, Generic[M]):
     """Result of one time step: outcome, and state and memory (solver data carried from step to
     step) after it. The state of a failed step is the one that it started from. seconds: wall-clock
-    time of the step."""
+    time of the step; whole: False where the memory is that after later steps of the same block."""
 
     outcome: StepOutcome
     state: State
     memory: M
     seconds: float
+    whole: bool = True
 
 
 Step: TypeAlias = Callable[[State, M], tuple[StepOutcome, State, M]]
@@ -71,18 +74,40 @@ def started(solver: StepSolver[M], integrator: Integrator, full: State) -> tuple
 
 def iterate(
     step: Step[M], state: State, memory: M, count: int,
-    interrupted: Callable[[], bool] = lambda: False,
+    interrupted: Callable[[], bool] = lambda: False, many: ManySteps[M] | None = None,
 ) -> Iterator[TimeStep[M]]:
-    """Up to `count` successive time steps. Ends after the first one that fails, which is included,
-    or before a step if `interrupted()` is true."""
-    for _ in repeat(None, count):
+    """Up to `count` successive time steps, in blocks by `many` where it can. Ends after the first
+    one that fails, which is included, or before a step or block if `interrupted()` is true."""
+    while count > 0:
         if interrupted():
             return
         begun = time.perf_counter()
+        block = _NONE if many is None else many.advance(state, memory, count)
+        if block.states:
+            done = len(block.states)
+            each = (time.perf_counter() - begun) / done
+            for i, (after, n) in enumerate(zip(block.states, block.iterations, strict=True), 1):
+                yield TimeStep(
+                    StepOutcome(after.x, Status.DONE, n), after, memory, each, i == done)
+            state, count = block.states[-1], count - done
+            continue
         outcome, state, memory = step(state, memory)
         yield TimeStep(outcome, state, memory, time.perf_counter() - begun)
         if not outcome.status.ok:
             return
+        count -= 1
+
+
+_NONE = StepBlock((), ())
+
+
+def many_steps(
+    solver: StepSolver[M], integrator: Integrator, h: float, steps: int
+) -> ManySteps[M] | None:
+    """The solver's way to take several steps of size h, s, in one call; None where it has none."""
+    if not isinstance(solver, SolvesManySteps):
+        return None
+    return solver.many(integrator.rules(h), h, steps)
 
 
 def accepted_steps(

@@ -16,7 +16,7 @@ from sparsemor.core.registry.registry import suggestions
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.memory.estimate import chosen_bases, grid_refusal
 from sparsemor.core.simulation.memory.precheck import check_memory
-from sparsemor.core.simulation.offline import step_count
+from sparsemor.core.simulation.offline import snapshot_count, step_count
 from sparsemor.core.simulation.rigid_stage import check_rigid, rigid_scene, stage_faults
 
 
@@ -85,20 +85,17 @@ def basis_faults(scene: Scene, model: Model) -> list[Fault]:
     faults: list[Fault] = []
     for name, basis in chosen_bases(scene, model.reducible()).items():
         if isinstance(basis, ChecksBlock):
-            count = snapshot_count(scene) if basis.needs_snapshots else 0
+            count = _snapshots(scene) if basis.needs_snapshots else 0
             why = basis.unfit(model.block_data(name), count)
             faults += [Fault("reducer.basis", f"{name}: {why}")] if why else []
     return faults
 
 
-def snapshot_count(scene: Scene) -> int:
-    """Number of snapshots of the training run, with the additional one for integrators of an order
-    above 1; 0 for a training run that is not valid."""
+def _snapshots(scene: Scene) -> int:
     try:
-        training = scene.for_training()
+        return snapshot_count(scene)
     except InputError:  # which `time_faults` reports
         return 0
-    return step_count(training) // scene.training.every + 1 + int(scene.integrator.order > 1)
 
 
 def endless(scene: Scene) -> list[Fault]:

@@ -155,7 +155,7 @@ def _march(scene: Scene, model: Model, solver: StepSolver, steps: int, how: str 
     state, memory = started(solver, scene.integrator, consistent_state(model))
     for count in (steps // 2, steps - steps // 2):
         for taken in iterate(step, state, memory, count):
-            outcome, state, memory, _ = taken
+            outcome, state, memory = taken.outcome, taken.state, taken.memory
             law(outcome.status.ok,
                 f"step {len(kept) + 1} ended {outcome.status.value} in {outcome.block}")
             kept.append(state.x.copy())

@@ -88,7 +88,7 @@ def _lines(core: list[tuple[str, str]]) -> Iterator[str]:
     yield (f'<path d="M {x + 10} {low - 6} L {x - 2} {low} L {x + 10} {low + 6} Z" '
            'fill="#555"/>')
     yield (f'<text x="10" y="{tall - 12}" {STYLE.format(12)}>Plugins are found by entry points: '
-           'core never imports them. tests/laws/test_imports.py checks these rules.</text>')
+           'core never imports them. tests/laws/project/test_imports.py checks these rules.</text>')
     yield "</svg>"
 
 

@@ -24,16 +24,6 @@ class SOpt(SpanSampler):
         all_columns(U, rows)
 
 
-def s_quantity(A: FloatArray) -> float:
-    """Criterion S = (sqrt det A^T A / prod |a_j|)^(1/k) of A (m, k): 0 when m < k, when the columns
-    depend on each other, or one is zero."""
-    norms = np.linalg.norm(A, axis=0)
-    if A.shape[0] < A.shape[1] or not norms.all():
-        return 0.0
-    s = np.linalg.svd(A / norms, compute_uv=False)
-    return float(np.exp(np.log(np.maximum(s, TINY)).mean()))
-
-
 def one_column_a_row(U: FloatArray, rows: Rows) -> None:
     """Adds rows while there are fewer rows than columns: p rows are compared by the first p
     columns.

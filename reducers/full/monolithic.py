@@ -6,7 +6,6 @@ reused while convergence is fast. Factorized in every iteration it is the textbo
 the reference for the block-wise solution.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,15 +20,14 @@ from sparsemor.core import (
     HasConstantMatrices,
     IntArray,
     Layout,
-    NamesSource,
-    ReducedTerm,
     Term,
     system_jacobian,
     system_residual,
 )
-from sparsemor.reducers.full.superlu import factorize
+from sparsemor.reducers.linalg.superlu import factorize
 from sparsemor.reducers.step.newton.memory import Factor, NewtonMemory
 from sparsemor.reducers.step.rejection import Checked, checked
+from sparsemor.reducers.touched_blocks import coupling
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -101,32 +99,6 @@ class Summed:
         return factor
 
 
-def coupling(model: AssembledModel) -> tuple[tuple[str, frozenset[str]], ...]:
-    """Name in the scene and coupled blocks of each term that acts between blocks."""
-    found = []
-    for term in model.separated.between:
-        name = term.source if isinstance(term, NamesSource) else ""
-        found.append((name, touched(model.layout, term.rows)))
-    return tuple(found)
-
-
 def constant(term: Term) -> bool:
     """True if a term's matrices are constant."""
     return isinstance(term, HasConstantMatrices) and term.linear
-
-
-def touched(layout: Layout, rows: IntArray) -> frozenset[str]:
-    """Names of the blocks that contain the equations `rows`."""
-    return frozenset(layout.containing(rows))
-
-
-def elements(
-    model: AssembledModel, terms: Sequence[Term | ReducedTerm], rows: Sequence[IntArray]
-) -> dict[str, int]:
-    """Reducible block -> number of elements that one evaluation of the terms integrates for its
-    rows."""
-    found = {name: 0 for name in model.reducible()}
-    for term, at in zip(terms, rows, strict=True):
-        for name in touched(model.layout, at) & found.keys():
-            found[name] += term.elements
-    return found

@@ -4,21 +4,21 @@ multipliers."""
 from dataclasses import replace
 from typing import Literal
 
-from pydantic import Field
-
-from sparsemor.core import AssembledModel, HeatBody, Plugin, ReducedProblem, StepSolver
-from sparsemor.reducers.full.monolithic import Summed, coupling, elements
+from sparsemor.core import AssembledModel, HeatBody, ReducedProblem, StepSolver
+from sparsemor.reducers.full.monolithic import Summed
 from sparsemor.reducers.notes import local_heat_notes, whole_step_notes
 from sparsemor.reducers.start_check import check_start
-from sparsemor.reducers.step.acceptance import Tolerances
+from sparsemor.reducers.step.blocks.elastic_block import ElasticBlock, FullElastic
+from sparsemor.reducers.step.blocks.prescribed_frame_block import FullPrescribed, PrescribedBlock
+from sparsemor.reducers.step.blocks.thermal_block import FullHeat, HeatBlock, LocalAt
+from sparsemor.reducers.step.blocks.thermal_groups import full_group, group_name
+from sparsemor.reducers.step.compiled.stepper import compilable
 from sparsemor.reducers.step.coupled_reduced import ProjectedModel, reduced_general
-from sparsemor.reducers.step.elastic_block import ElasticBlock, FullElastic
 from sparsemor.reducers.step.newton.fallback import FullNewton
 from sparsemor.reducers.step.newton.stepper import NewtonStepper
 from sparsemor.reducers.step.prepare import constants, stepper
-from sparsemor.reducers.step.prescribed_frame_block import FullPrescribed, PrescribedBlock
-from sparsemor.reducers.step.thermal_block import FullHeat, HeatBlock, LocalAt
-from sparsemor.reducers.step.thermal_groups import full_group, group_name
+from sparsemor.reducers.step_options import StepOptions
+from sparsemor.reducers.touched_blocks import coupling, elements
 
 
 def _alone(model: AssembledModel, b: HeatBody, c1: float) -> FullHeat:
@@ -29,15 +29,9 @@ def _alone(model: AssembledModel, b: HeatBody, c1: float) -> FullHeat:
     return FullHeat(b, c1, factor, local)
 
 
-class Full(Plugin):
+class Full(StepOptions):
     """Full-order model: all unknowns and all equations, the reference of every comparison."""
 
-    predictor: int = Field(default=6, ge=1, le=8)
-    """Number of past states that the first guess of a step extrapolates."""
-    remaining: float = Field(default=1e-13, gt=0, lt=1e-3)
-    """Tolerance of a step's iteration: estimated relative error of the unknowns."""
-    max_iterations: int = Field(default=30, ge=1)
-    """Largest number of Newton iterations in a step; the step fails beyond."""
     method: Literal["bordered", "newton"] = "bordered"
     """`bordered`: constant blocks factorized once, or, where a term such as a contact couples them,
     one Jacobian of all unknowns, reused while convergence is fast. `newton`: the whole Jacobian
@@ -50,7 +44,7 @@ class Full(Plugin):
         """Step solver of the full-order model. Raises InputError where contact at the start is
         incompatible with the integrator."""
         model, integrator, h = problem.model, problem.integrator, problem.step
-        tol = Tolerances(self.remaining, self.max_iterations)
+        tol = self.tolerances
         if model.separated.other:
             check_start(model, integrator, h)
         if self.method == "newton":
@@ -80,6 +74,7 @@ class Full(Plugin):
                        notes=local_heat_notes(model), visited={
                            b.thermal: sum(t.elements for t in b.local)
                            for b in model.separated.heat})
+        made = compilable(made, self.compiled)
         if made.iterating:  # chosen where a factor is too large
             return made
         return replace(made, newton=FullNewton(lambda: Summed.of(model, price=0), tol))
@@ -89,5 +84,5 @@ class Full(Plugin):
         notes."""
         return NewtonStepper(
             Summed.of(model, price), elements(model, model.terms, [t.rows for t in model.terms]),
-            Tolerances(self.remaining, self.max_iterations), self.predictor,
+            self.tolerances, self.predictor,
             notes=whole_step_notes(model, why))

@@ -12,7 +12,6 @@ from functools import partial
 from typing import Annotated, ClassVar
 
 import numpy as np
-from pydantic import Field
 
 from sparsemor.core import (
     AssembledModel,
@@ -27,7 +26,6 @@ from sparsemor.core import (
     MovingBody,
     Note,
     OfflineProducts,
-    Plugin,
     ReducedProblem,
     Slot,
     StepFactors,
@@ -36,24 +34,26 @@ from sparsemor.core import (
 )
 from sparsemor.reducers.checks import pattern_faults
 from sparsemor.reducers.field_options import BASES
+from sparsemor.reducers.linalg.left_inverse import left_inverse
 from sparsemor.reducers.notes import shadowed_basis
 from sparsemor.reducers.step.acceptance import Tolerances
+from sparsemor.reducers.step.blocks.compressed_elastic import CompressedElastic
+from sparsemor.reducers.step.blocks.compressed_prescribed import CompressedPrescribed
+from sparsemor.reducers.step.blocks.thermal_block import CompressedHeat
+from sparsemor.reducers.step.blocks.thermal_groups import heat_groups
+from sparsemor.reducers.step.compiled.stepper import compilable
 from sparsemor.reducers.step.coupled_reduced import (
     ProjectedBlock,
     ProjectedModel,
     ReducedGeneral,
     reduced_general,
 )
-from sparsemor.reducers.step.elastic_block import CompressedElastic
-from sparsemor.reducers.step.left_inverse import left_inverse
 from sparsemor.reducers.step.newton.equations import Equations
 from sparsemor.reducers.step.newton.fallback import FullNewton
 from sparsemor.reducers.step.operators import TestedElastic, TestedHeat, TestMap
 from sparsemor.reducers.step.prepare import constants, stepper
-from sparsemor.reducers.step.prescribed_frame_block import CompressedPrescribed
 from sparsemor.reducers.step.solver import Facts, Stepper
-from sparsemor.reducers.step.thermal_block import CompressedHeat
-from sparsemor.reducers.step.thermal_groups import heat_groups
+from sparsemor.reducers.step_options import StepOptions
 from sparsemor.reducers.trial_bases import local_terms, trial_bases
 
 
@@ -140,7 +140,7 @@ class Approximation:
     notes: tuple[Note, ...] = ()
 
 
-class ProjectionReducer(Plugin, ABC):
+class ProjectionReducer(StepOptions, ABC):
     """Base class of projection-based reducers: their common options and the assembly of reduced
     blocks.
 
@@ -151,13 +151,6 @@ class ProjectionReducer(Plugin, ABC):
     """Basis of every elastic and thermal block."""
     bases: dict[str, Annotated[Basis, Slot("basis")]] = {}
     """Other bases by block pattern, such as `*.thermal`."""
-    predictor: int = Field(default=6, ge=1, le=8)
-    """Number of past states that the first guess of a step extrapolates."""
-    remaining: float = Field(default=1e-13, gt=0, lt=1e-3)
-    """Tolerance of a step's iteration: estimated relative error of the unknowns."""
-    max_iterations: int = Field(default=30, ge=1)
-    """Largest number of Newton iterations in a step; the step fails beyond."""
-
     shared_options: ClassVar[tuple[str, ...]] = BASES
 
     @abstractmethod
@@ -232,8 +225,10 @@ class ProjectionReducer(Plugin, ABC):
         facts = {**approximation.facts, **{n: m.facts for n, m in maps.items() if m.facts}}
         projected = ProjectedModel(model, dictionaries, rows, heat, elastic)
         made = reduced_general if model.separated.other else partial(fast, (c1, c2, c1_first))
-        solver = made(projected, Tolerances(self.remaining, self.max_iterations), self.predictor,
+        solver = made(projected, self.tolerances, self.predictor,
                       limits, notes, facts)
+        if isinstance(solver, Stepper):
+            solver = compilable(solver, self.compiled)
         touched = solver.elements_touched
         return replace(solver, elements_touched={
             **touched, **{n: touched[n] + e for n, e in approximation.elements.items()}})

@@ -32,8 +32,8 @@ from sparsemor.core import (
     step_formula,
     svd,
 )
+from sparsemor.reducers.linalg.left_inverse import deficient
 from sparsemor.reducers.projection.base import Reducible
-from sparsemor.reducers.step.left_inverse import deficient
 
 FROM_ZERO = "their modes are counted from zero: take centred: false"
 DETERMINED = 1e-12

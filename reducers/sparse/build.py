@@ -34,6 +34,8 @@ from sparsemor.reducers.sparse.sampled_block import (
 )
 from sparsemor.reducers.sparse.stepper import SparseStepper
 from sparsemor.reducers.sparse.supported_steps import SupportedSteps
+from sparsemor.reducers.step.blocks.thermal_groups import heat_groups
+from sparsemor.reducers.step.compiled.stepper import compilable
 from sparsemor.reducers.step.coupled_reduced import (
     ProjectedBlock,
     ProjectedModel,
@@ -43,7 +45,6 @@ from sparsemor.reducers.step.coupled_reduced import (
 from sparsemor.reducers.step.operators import TestedElastic, TestedHeat, TestMap
 from sparsemor.reducers.step.prepare import stepper
 from sparsemor.reducers.step.solver import Facts, Stepper
-from sparsemor.reducers.step.thermal_groups import heat_groups
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -206,7 +207,7 @@ class Build:
             (*unsampled_loads(self.model, plain), *notes),
             {n: e.tested for n, e in elastic.items()}, facts, visited)
         if fixed:
-            return base
+            return compilable(base, o.compiled)
         # all elastic blocks take part in the joint problem
         whole = o.selection == "joint" and len(fixed_elastic) < len(elastic)
         choosing = {n: e for n, e in elastic.items() if whole or n not in fixed_elastic}
@@ -217,7 +218,7 @@ class Build:
             BlockwiseSelection.of(steps, o.solver, o.hysteresis, o.carried)
             if o.selection == "blocks" else
             JointSelection(steps, o.solver, o.hysteresis, o.carried, o.polish))
-        return SparseStepper(base, steps, selection, o.every)
+        return SparseStepper(base, steps, selection, o.every, o.compiled)
 
     def _wide(self, source: SampledHeat) -> FloatArray:
         """Map (k, n) of forces on all n rows of a block to its coefficients: the left inverse of

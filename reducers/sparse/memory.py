@@ -4,11 +4,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Self, TypeAlias, TypeVar
 
-from sparsemor.reducers.step.elastic_block import CompressedElastic
+from sparsemor.reducers.step.blocks.compressed_elastic import CompressedElastic
+from sparsemor.reducers.step.blocks.compressed_prescribed import CompressedPrescribed
+from sparsemor.reducers.step.blocks.thermal_block import CompressedHeat
 from sparsemor.reducers.step.memory import Memory
-from sparsemor.reducers.step.prescribed_frame_block import CompressedPrescribed
 from sparsemor.reducers.step.solver import Stepper
-from sparsemor.reducers.step.thermal_block import CompressedHeat
 
 KEPT = 64
 """Number of supports (sets of active atoms) whose reduced operators are kept: supports often

@@ -14,7 +14,7 @@ from sparsemor.core import (
     matched_option,
     slot_default,
 )
-from sparsemor.reducers.step.acceptance import Tolerances
+from sparsemor.reducers.step_options import StepOptions
 
 Residual = Literal["plain", "preconditioned"]
 
@@ -30,7 +30,7 @@ class Budget(Plugin):
     """Largest number of active atoms; by default all atoms of the dictionary."""
 
 
-class SparseOptions(Plugin):
+class SparseOptions(StepOptions):
     """Options of the sparse reducer."""
 
     budgets: dict[str, Budget] = {}
@@ -81,13 +81,6 @@ class SparseOptions(Plugin):
     multipliers satisfied exactly. False, as published: the solution of the sparse solver is used,
     in which these equations are part of the least squares; needs `selection: joint` in every step,
     and no radiation."""
-    predictor: int = Field(default=6, ge=1, le=8)
-    """Number of past states that the first guess of a step extrapolates."""
-    remaining: float = Field(default=1e-13, gt=0, lt=1e-3)
-    """Tolerance of a step's iteration: estimated relative error of the unknowns."""
-    max_iterations: int = Field(default=30, ge=1)
-    """Largest number of Newton iterations in a step; the step fails beyond."""
-
     @field_validator("preconditioned")
     @classmethod
     def _by_pattern(cls, names: tuple[str, ...]) -> tuple[str, ...]:
@@ -97,7 +90,3 @@ class SparseOptions(Plugin):
         """True if the sampled rows of a block are those of D^-1 r."""
         table = {"*": self.residual} if isinstance(self.residual, str) else self.residual
         return matched_option(name, table, "plain") == "preconditioned"
-
-    @property
-    def tolerances(self) -> Tolerances:
-        return Tolerances(self.remaining, self.max_iterations)

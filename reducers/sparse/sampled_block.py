@@ -29,12 +29,12 @@ from sparsemor.core import (
     solve_or_fail,
     unit_columns,
 )
+from sparsemor.reducers.linalg.left_inverse import SAMPLED_RTOL, left_inverse, squares
 from sparsemor.reducers.sparse.row_compression import compact_elastic, compact_heat
-from sparsemor.reducers.step.elastic_block import CompressedElastic
-from sparsemor.reducers.step.left_inverse import SAMPLED_RTOL, left_inverse, squares
+from sparsemor.reducers.step.blocks.compressed_elastic import CompressedElastic
+from sparsemor.reducers.step.blocks.compressed_prescribed import CompressedPrescribed
+from sparsemor.reducers.step.blocks.thermal_block import CompressedHeat
 from sparsemor.reducers.step.operators import TestedElastic, TestedHeat, TestMap
-from sparsemor.reducers.step.prescribed_frame_block import CompressedPrescribed
-from sparsemor.reducers.step.thermal_block import CompressedHeat
 from sparsemor.reducers.trial_bases import local_terms
 
 _CHUNK = 256

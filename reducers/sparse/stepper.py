@@ -3,18 +3,28 @@ operators."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Protocol
 
 from sparsemor.core import (
     AroundSteps,
     BoolArray,
+    ManySteps,
     SolveFailed,
     State,
+    StepBlock,
     StepFormula,
     StepOutcome,
+    UpdateRules,
 )
 from sparsemor.reducers.sparse.memory import SparseMemory
 from sparsemor.reducers.sparse.supported_steps import SupportedSteps
+from sparsemor.reducers.step.compiled.stepper import (
+    Compiled,
+    CompiledSteps,
+    compiled_steps,
+    wanted,
+)
 from sparsemor.reducers.step.predictor import Past, block_starts
 from sparsemor.reducers.step.solver import Stepper
 
@@ -29,11 +39,12 @@ class SelectsInStep(Protocol):
 class SparseStepper(AroundSteps[Stepper]):
     """Step solver with atom selection. base: step solver with the blocks in which no atoms are
     selected; steps: step solvers on the supports of the others; every: number of steps between
-    selections."""
+    selections; option: of compiled steps."""
 
     steps: SupportedSteps
     selection: SelectsInStep
     every: int
+    option: Compiled = "off"
 
     def start(self, state: State) -> tuple[State, SparseMemory]:
         reduced = self.base.reduced(state)
@@ -63,3 +74,38 @@ class SparseStepper(AroundSteps[Stepper]):
 
     def counters(self, memory: SparseMemory) -> Mapping[str, int]:
         return self.base.counters(memory)
+
+    def many(
+        self, rules: UpdateRules, h: float, steps: int
+    ) -> "ManySteps[SparseMemory] | None":
+        """Compiled steps between selections."""
+        if self.every == 1 or not wanted(self.option, steps):
+            return None
+        return StepsBetween(self, rules, h)
+
+
+class StepsBetween:
+    """Compiled steps of a run on the supports selected last; made anew when these change."""
+
+    def __init__(self, solver: SparseStepper, rules: UpdateRules, h: float) -> None:
+        self.solver = solver
+        self.made = partial(compiled_steps, rules=rules, h=h)
+        self._kept: tuple[Stepper, CompiledSteps | None] | None = None
+
+    def advance(self, state: State, memory: SparseMemory, count: int) -> StepBlock:
+        """Solves up to `count` steps, but none that selects atoms."""
+        since = memory.step % self.solver.every
+        try:
+            steps = self._steps(self.solver.steps.current(memory)) if since else None
+        except SolveFailed:  # `solve` will report it
+            steps = None
+        if steps is None:
+            return StepBlock((), ())
+        block = steps.advance(state, memory, min(count, self.solver.every - since))
+        memory.step += len(block.states)
+        return block
+
+    def _steps(self, now: Stepper) -> CompiledSteps | None:
+        if self._kept is None or self._kept[0] is not now:
+            self._kept = now, self.made(now)
+        return self._kept[1]

@@ -13,7 +13,6 @@ from dataclasses import replace
 from math import inf, sqrt
 
 import numpy as np
-from scipy.linalg.lapack import dgesv
 
 from sparsemor.core import Amplitude, FloatArray, Status, StepFormula
 from sparsemor.reducers.step.acceptance import (
@@ -25,8 +24,9 @@ from sparsemor.reducers.step.acceptance import (
     reference,
 )
 from sparsemor.reducers.step.anderson import Anderson
-from sparsemor.reducers.step.elastic_block import ElasticBlock
-from sparsemor.reducers.step.elastic_local import GROWN
+from sparsemor.reducers.step.blocks.elastic_block import ElasticBlock
+from sparsemor.reducers.step.blocks.elastic_local import GROWN
+from sparsemor.reducers.step.border.sparse import bordered_system
 from sparsemor.reducers.step.frame_step import BodyStep
 from sparsemor.reducers.step.iteration_state import Loop, Workspace, rounded_off
 from sparsemor.reducers.step.step_unknowns import StepUnknowns
@@ -36,8 +36,8 @@ class Mechanics:
     """Mechanical equations of one step for constant (c1, c2). Immutable: a step writes to the
     caller's `Workspace` only.
 
-    The border unknowns of the bodies (pose of the frame and joint forces) are stacked: `map` (sum
-    b, N) maps the N rigid coordinates and multipliers of the model to them.
+    The border unknowns of the bodies (pose of the frame and joint forces) are stacked; `system`
+    maps the N rigid coordinates and multipliers of the model to them (border/system.py).
     """
 
     def __init__(
@@ -47,7 +47,7 @@ class Mechanics:
         self.bodies, self.n_rigid, self.algebraic = tuple(bodies), n_rigid, algebraic
         self.size = n_rigid + algebraic.stop - algebraic.start
         self.targets, self.tol = tuple(targets), tolerances
-        self.map = np.concatenate([np.zeros((0, self.size)), *(b.to_border for b in bodies)])
+        self.system = bordered_system([b.to_border for b in bodies], self.size, n_rigid)
         self.origin = np.concatenate([np.zeros(0), *(b.origin for b in bodies)])
         edges = np.cumsum([0, *(b.frame.border for b in bodies)]).tolist()
         self.at = list(map(slice, edges, edges[1:]))
@@ -61,7 +61,7 @@ class Mechanics:
 
     def workspace(self) -> Workspace:
         """Working arrays for one run, or one thread."""
-        return Workspace([b.frame for b in self.bodies])
+        return Workspace([b.frame for b in self.bodies], self.system)
 
     def with_blocks(self, blocks: Mapping[str, ElasticBlock]) -> "Mechanics":
         """These equations with some elastic blocks replaced, by name."""
@@ -153,11 +153,11 @@ class Mechanics:
         loop.targets = np.zeros(self.size)
         for i, f in self.targets:
             loop.targets[i] = f(step.t)
-        rigid = self.map[:, :nr]
         loop.predicted = np.concatenate((now.x[:nr], now.x[self.algebraic]))
         loop.d, loop.acceleration = np.zeros(self.size), now.a[:nr] / step.c2
-        loop.border = (self.map.dot(loop.predicted) + self.origin, rigid.dot(now.v[:nr]),
-                       rigid.dot(now.a[:nr]))
+        rates = self.system.stacked_rates
+        loop.border = (self.system.stacked(loop.predicted) + self.origin, rates(now.v[:nr]),
+                       rates(now.a[:nr]))
         for at, guide in self.with_motion:
             for values, part in zip(loop.border, guide.at(step.t), strict=True):
                 values[at] += part
@@ -197,15 +197,15 @@ class Mechanics:
         self, step: StepFormula, loop: Loop, memory: Scales, work: Workspace
     ) -> float:
         """One Newton iteration; returns the largest relative change (-1: singular)."""
-        c1, c2, H, rows = step.c1, step.c2, work.H, work.rows
-        moved = self.map.dot(loop.d)
+        c1, c2, H, rows = step.c1, step.c2, work.H.views, work.rows
+        moved = self.system.stacked(loop.d)
         y, v, a = loop.border
         y, v, a = y + moved, v + c1 * moved, a + c2 * moved
         for i, (b, w, past, at) in enumerate(
                 zip(self.bodies, work.frames, loop.history, self.at, strict=True)):
             if b.block is None or past is None:
                 b.frame.evaluate(y[at], v[at], a[at], c1, c2, _NONE_OF, _NONE, step.t, w)
-                H[at, at], rows[at] = w.border[:, :-1], w.border[:, -1]
+                H[i][:], rows[at] = w.border[:, :-1], w.border[:, -1]
                 continue
             d = loop.u[i]
             of = b.block.functionals(d, past)
@@ -215,19 +215,20 @@ class Mechanics:
             Gs = b.block.G.dot(w.sigma.T)
             Gs[:, -1] += of.d + Pz
             reduced = w.border - w.tau.dot(Gs)
-            H[at, at], rows[at] = reduced[:, :-1], reduced[:, -1]
+            H[i][:], rows[at] = reduced[:, :-1], reduced[:, -1]
             loop.z[i] = z
         return self._advance(loop, memory, work)
 
     def _advance(self, loop: Loop, memory: Scales, work: Workspace) -> float:
         nr = self.n_rigid
-        loop.matrix = B = self.map.T.dot(work.H.dot(self.map))
-        dy, info = dgesv(B, work.rows.dot(self.map) - loop.targets, 1, 1)[2:]
-        if info > 0:
+        system = self.system
+        loop.matrix = B = system.assembled(work.H.values)
+        dy = system.solved(B, system.collected(work.rows) - loop.targets)
+        if dy is None:
             return -1.0
         loop.d = loop.d - dy
         d = dy[:nr]
-        moved, loop.dy = self.map.dot(dy), dy
+        moved, loop.dy = system.stacked(dy), dy
         changes = [sqrt(d.dot(d)) / loop.size]
         if not memory.floor:
             memory.elastic, memory.floor = [0.0] * len(self.bodies), self._floors(work)

@@ -31,16 +31,16 @@ from sparsemor.core import (
     time_derivatives,
     unavailable_resultants,
 )
-from sparsemor.reducers.full.monolithic import coupling, elements
 from sparsemor.reducers.step.acceptance import Tolerances
+from sparsemor.reducers.step.border.least_norm import least
 from sparsemor.reducers.step.frame_step import BodyStep
-from sparsemor.reducers.step.initial import least
 from sparsemor.reducers.step.newton.memory import NewtonMemory
 from sparsemor.reducers.step.newton.stepper import NewtonStepper
 from sparsemor.reducers.step.operators import TestedElastic, TestedHeat, TestMap
 from sparsemor.reducers.step.reduced_residual import Dense, DenseBody, DenseHeat
 from sparsemor.reducers.step.relocalised import Coupled
 from sparsemor.reducers.step.solver import Facts, reduce_state
+from sparsemor.reducers.touched_blocks import coupling, elements
 
 T = TypeVar("T", TestedElastic, TestedHeat)
 

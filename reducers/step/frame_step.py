@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from sparsemor.core import EvaluatesManyTimes, FloatArray, Frame, FrameHistory, FrameWork
-from sparsemor.reducers.step.elastic_block import ElasticBlock
+from sparsemor.reducers.step.blocks.elastic_block import ElasticBlock
+from sparsemor.reducers.step.blocks.prescribed_frame_block import PrescribedBlock
 from sparsemor.reducers.step.operators import TestedElastic
-from sparsemor.reducers.step.prescribed_frame_block import PrescribedBlock
 from sparsemor.reducers.step.time_tables import TimeTable
 
 NONE = np.zeros(0)
@@ -98,7 +98,7 @@ class BodyStep:
 @dataclass(frozen=True, slots=True, eq=False)
 class PrescribedFactors:
     """Factors kappa, mu, sigma (T, 2 g + p) of a prescribed frame at times (T,), which do not
-    depend on displacements (core/protocols/separable.py)."""
+    depend on displacements (core/protocols/body_frame.py)."""
 
     body: BodyStep
 

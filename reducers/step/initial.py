@@ -50,24 +50,26 @@ def consistent_start(
     Multipliers that the reduced equations do not determine (all atoms satisfy their constraint
     already) are the solution of least norm.
     """
-    n, nr = mechanics.size, mechanics.n_rigid
+    nr = mechanics.n_rigid
     if not mechanics.bodies:
         return state
-    if not n:
+    if not mechanics.size:
         return _prescribed_start(mechanics, tested, state)
-    A, r = np.zeros((n, n)), -_target_accelerations(mechanics, state.t, scales.h)
-    parts = []
-    for body, t in zip(mechanics.bodies, tested, strict=True):
-        p, T = _linear(mechanics, body, t, state, scales), body.to_border
+    system, parts = mechanics.system, []
+    H, rows = system.matrices(), np.zeros(len(mechanics.origin))
+    for body, t, at, matrix in zip(
+            mechanics.bodies, tested, mechanics.at, H.views, strict=True):
+        p = _linear(mechanics, body, t, state, scales)
         parts.append(p)
-        r += (p.rows - p.tau @ p.base) @ T
-        A += T.T @ (p.H - p.tau @ p.S) @ T
-    z = -least(A, r)
+        matrix[:], rows[at] = p.H - p.tau @ p.S, p.rows - p.tau @ p.base
+    r = system.collected(rows) - _target_accelerations(mechanics, state.t, scales.h)
+    z = -system.least(system.assembled(H.values), r)
     x, a = state.x.copy(), state.a.copy()
     a[:nr], x[mechanics.algebraic] = z[:nr], z[nr:]
-    for body, p in zip(mechanics.bodies, parts, strict=True):
+    stacked = system.stacked(z)
+    for body, p, at in zip(mechanics.bodies, parts, mechanics.at, strict=True):
         if body.block is not None or len(p.base):
-            a[body.elastic] = -(p.base + p.S @ (body.to_border @ z))
+            a[body.elastic] = -(p.base + p.S @ stacked[at])
     return replace(state, x=x, a=a)
 
 
@@ -84,14 +86,6 @@ def _prescribed_start(
             rows = _elastic_rows(body, t, w, state)
             a[body.elastic] = -np.linalg.lstsq(t.mass, rows, rcond=None)[0]
     return replace(state, a=a)
-
-
-def least(A: FloatArray, r: FloatArray) -> FloatArray:
-    """Least-squares solution of least norm of A z = r, with scaled rows and columns."""
-    if not len(r):
-        return r
-    size = np.sqrt(np.maximum(np.abs(A).max(axis=0), 1e-300))
-    return np.asarray(np.linalg.lstsq(A / np.outer(size, size), r / size, rcond=1e-10)[0] / size)
 
 
 def _linear(

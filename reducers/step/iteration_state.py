@@ -4,11 +4,11 @@ from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
-from scipy.linalg.lapack import dgesv
 
 from sparsemor.core import BoolArray, FloatArray, Frame
 from sparsemor.reducers.step.acceptance import EPS, MARGIN, Tolerances
-from sparsemor.reducers.step.elastic_block import History
+from sparsemor.reducers.step.blocks.elastic_block import History
+from sparsemor.reducers.step.border.system import BodyMatrices, BorderedSystem
 from sparsemor.reducers.step.frame_step import BodyStep, buffers
 
 
@@ -19,10 +19,11 @@ class Loop:
     and their increments, dy: last change of these; acceleration: predicted rigid accelerations
     over c2;
     border: stacked border unknowns of the bodies with first and second rates at d = 0; matrix:
-    bordered matrix; u, z, sigma: of each body, increments of the elastic unknowns, z
-    (elastic_block.py) and factors of the frame directions. changes: relative change of the rigid
-    coordinates, then |du| of each body relative to its largest |u|; size: reference magnitude of
-    the former, reference: of the latter; distance: squared distance of each body from the origin.
+    bordered matrix as its system stores it; u, z, sigma: of each body, increments of the elastic
+    unknowns, z (elastic_block.py) and factors of the frame directions. changes: relative change of
+    the rigid coordinates, then |du| of each body relative to its largest |u|; size: reference
+    magnitude of the former, reference: of the latter; distance: squared distance of each body from
+    the origin.
     """
 
     __slots__ = ("acceleration", "border", "changes", "d", "distance", "dy", "history", "matrix",
@@ -46,21 +47,21 @@ class Loop:
 
 
 class Workspace:
-    """Working arrays of the mechanical steps of one run: frame quantities of each body, the stacked
-    border matrix H with its rows, and the final iteration state of the last step. Each solve
+    """Working arrays of the mechanical steps of one run: frame quantities of each body, border
+    matrices H and rows of all bodies, and the final iteration state of the last step. Each solve
     overwrites them; they contain no state of the run. Each thread needs its own."""
 
-    __slots__ = ("H", "frames", "loop", "of", "rows")
+    __slots__ = ("H", "frames", "loop", "of", "rows", "system")
 
-    def __init__(self, frames: Sequence[Frame]) -> None:
-        self.of, self.frames = tuple(frames), buffers(frames)
-        size = sum(f.border for f in frames)
-        self.H, self.rows = np.zeros((size, size)), np.zeros(size)
+    def __init__(self, frames: Sequence[Frame], system: BorderedSystem | None) -> None:
+        self.of, self.frames, self.system = tuple(frames), buffers(frames), system
+        self.H = BodyMatrices(np.zeros(0), []) if system is None else system.matrices()
+        self.rows = np.zeros(sum(f.border for f in frames))
         self.loop: Loop | None = None
 
     def separate(self) -> "Workspace":
         """New arrays of the same sizes."""
-        return Workspace(self.of)
+        return Workspace(self.of, self.system)
 
     def linear_iterations(self, bodies: Sequence[BodyStep]) -> dict[str, int]:
         """Elastic block -> iterations of its linear solver in the last step; blocks without are
@@ -78,7 +79,14 @@ class Bordered(Protocol):
     @property
     def bodies(self) -> Sequence[BodyStep]: ...
     @property
+    def at(self) -> Sequence[slice]:
+        """Range of each body among the stacked border unknowns."""
+        ...
+
+    @property
     def n_rigid(self) -> int: ...
+    @property
+    def system(self) -> BorderedSystem: ...
     @property
     def turning(self) -> BoolArray:
         """(n_rigid,) True for rigid coordinates that are no positions."""
@@ -98,23 +106,25 @@ def rounded_off(
     positions from each other, each exact to eps of its size.
     """
     nr, tol = equations.n_rigid, equations.tol.remaining
-    B, y = np.abs(loop.matrix), np.abs(loop.predicted + loop.d)
-    inverse = dgesv(loop.matrix, np.eye(len(y)))[2]
+    system, B, y = equations.system, loop.matrix, np.abs(loop.predicted + loop.d)
     moved = float(np.linalg.norm(loop.acceleration)) + float(np.linalg.norm(loop.d[:nr]))
-    terms = B[:, :nr].sum(axis=1) * moved + B[:, nr:] @ y[nr:]
-    terms[nr:] = B[nr:, :nr] @ np.where(equations.turning, 1.0, y[:nr])
-    border = EPS * (np.abs(inverse) @ terms)
+    forces, places = y.copy(), np.zeros(len(y))
+    forces[:nr], places[:nr] = moved, np.where(equations.turning, 1.0, y[:nr])
+    terms = system.term_sizes(B, forces)
+    terms[nr:] = system.term_sizes(B, places)[nr:]
+    border = EPS * system.amplified(B, terms)
     if loop.changes[0] > tol and (
             loop.changes[0] * loop.size > MARGIN * float(np.linalg.norm(border[:nr]))):
         return False
-    parts = zip(equations.bodies, work.frames, loop.history, loop.u, loop.changes[1:],
-                loop.reference, strict=True)
-    for b, w, past, d, change, scale in parts:
+    shares = system.stacked_sizes(border)
+    parts = zip(equations.bodies, equations.at, work.frames, loop.history, loop.u,
+                loop.changes[1:], loop.reference, strict=True)
+    for b, at, w, past, d, change, scale in parts:
         if b.block is None or past is None or change <= tol:
             continue
         noise = b.block.noise(d, past, w.coefficients)
-        bent = sum(at * np.abs(b.block.update(np.zeros(1), sigma)) for at, sigma in zip(
-            np.abs(b.to_border) @ border, w.sigma[:-1], strict=True))
+        bent = sum(share * np.abs(b.block.update(np.zeros(1), sigma)) for share, sigma in zip(
+            shares[at], w.sigma[:-1], strict=True))
         noise += float(np.linalg.norm(bent))
         if change * scale > MARGIN * noise:
             return False

@@ -27,7 +27,7 @@ from sparsemor.core import (
     Trial,
     projected_tables,
 )
-from sparsemor.reducers.projection.modal_coordinates import diagonal
+from sparsemor.reducers.linalg.modal_coordinates import diagonal
 
 PROPORTIONAL = 1e-8
 """Relative size of damping that couples eigenmodes below which it is round-off."""

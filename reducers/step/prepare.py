@@ -16,13 +16,13 @@ from sparsemor.core import (
     Note,
 )
 from sparsemor.reducers.step.acceptance import Tolerances
-from sparsemor.reducers.step.elastic_block import ElasticBlock
+from sparsemor.reducers.step.blocks.elastic_block import ElasticBlock
+from sparsemor.reducers.step.blocks.prescribed_frame_block import PrescribedBlock
+from sparsemor.reducers.step.blocks.thermal_block import HeatBlock
+from sparsemor.reducers.step.blocks.thermal_groups import group_name
 from sparsemor.reducers.step.frame_step import PrescribedFactors
 from sparsemor.reducers.step.operators import TestedElastic
-from sparsemor.reducers.step.prescribed_frame_block import PrescribedBlock
 from sparsemor.reducers.step.solver import Facts, Stepper, bodies
-from sparsemor.reducers.step.thermal_block import HeatBlock
-from sparsemor.reducers.step.thermal_groups import group_name
 from sparsemor.reducers.step.time_tables import TimeTable
 
 

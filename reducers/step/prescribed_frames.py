@@ -21,11 +21,11 @@ from sparsemor.reducers.step.acceptance import (
     estimated_error,
 )
 from sparsemor.reducers.step.anderson import Anderson
+from sparsemor.reducers.step.blocks.elastic_local import GROWN
+from sparsemor.reducers.step.blocks.prescribed_frame_block import Past, PrescribedBlock
 from sparsemor.reducers.step.condensed_newton import SLOW, Mechanics
-from sparsemor.reducers.step.elastic_local import GROWN
 from sparsemor.reducers.step.frame_step import BodyStep
 from sparsemor.reducers.step.iteration_state import Loop, Workspace
-from sparsemor.reducers.step.prescribed_frame_block import Past, PrescribedBlock
 from sparsemor.reducers.step.step_unknowns import StepUnknowns
 
 NONE = np.zeros(0)

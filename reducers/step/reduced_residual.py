@@ -10,12 +10,12 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.linalg import lapack
 from scipy.sparse import issparse
 
 from sparsemor.core import Amplitude, FloatArray, FrameWork, IntArray, Layout, ReducedTerm
 from sparsemor.reducers.step.frame_step import BodyStep, buffers
-from sparsemor.reducers.step.newton.memory import NewtonMemory
+from sparsemor.reducers.step.newton.factors import factorized
+from sparsemor.reducers.step.newton.memory import Factor, NewtonMemory
 from sparsemor.reducers.step.operators import TestedElastic, TestedHeat
 from sparsemor.reducers.step.rejection import Checked
 from sparsemor.reducers.step.relocalised import Coupled
@@ -193,8 +193,8 @@ class Dense:
                 c.term.jacobian(x[j], v[j], a[j], t, c1[j], c2[j]))
         return J
 
-    def factorize(self, J: FloatArray) -> "Lu":
-        return Lu(J)
+    def factorize(self, J: FloatArray) -> Factor:
+        return factorized(J)
 
     def time_derivative(self, order: int, t: float) -> "Dense":
         """Partial time derivative of this order of the bodies' constraint rows, at t, s."""
@@ -202,29 +202,6 @@ class Dense:
         bodies = [DenseBody(replace(b.step, frame=f), b.tested, b.border)
                   for b, f in frames if f is not None]
         return replace(self, heat=(), bodies=bodies, coupled=(), targets=()).with_work()
-
-
-class Lu:
-    """Dense LU factorization with scaled rows and columns. Raises RuntimeError where it is
-    singular."""
-
-    __slots__ = ("columns", "lu", "pivots", "rows")
-
-    def __init__(self, J: FloatArray) -> None:
-        size = np.abs(J)
-        self.rows = 1.0 / np.maximum(size.max(axis=1, initial=0.0), 1e-300)
-        size *= self.rows[:, None]
-        self.columns = 1.0 / np.maximum(size.max(axis=0, initial=0.0), 1e-300)
-        scaled = J * self.rows[:, None] * self.columns
-        self.lu, self.pivots, info = lapack.dgetrf(scaled, overwrite_a=1)
-        diagonal = np.abs(np.diag(self.lu))
-        if info != 0 or not diagonal.min(initial=1.0) > 1e-15 * diagonal.max(initial=0.0):
-            raise RuntimeError("singular")
-
-    def solve(self, r: FloatArray) -> FloatArray:
-        """Solution for a right-hand side r (n,) or (n, k)."""
-        x = lapack.dgetrs(self.lu, self.pivots, (r.T * self.rows).T)[0]
-        return np.asarray((x.T * self.columns).T)
 
 
 def _dense(matrix: Any) -> FloatArray:

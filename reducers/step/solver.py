@@ -23,8 +23,10 @@ from sparsemor.core import (
     motion_step,
 )
 from sparsemor.reducers.step.acceptance import Tolerances
+from sparsemor.reducers.step.blocks.elastic_block import ElasticBlock
+from sparsemor.reducers.step.blocks.prescribed_frame_block import PrescribedBlock
+from sparsemor.reducers.step.blocks.thermal_block import HeatBlock
 from sparsemor.reducers.step.condensed_newton import Mechanics
-from sparsemor.reducers.step.elastic_block import ElasticBlock
 from sparsemor.reducers.step.frame_step import BodyStep
 from sparsemor.reducers.step.initial import StartTimes, consistent_start
 from sparsemor.reducers.step.iteration_state import Workspace
@@ -32,10 +34,8 @@ from sparsemor.reducers.step.memory import Memory
 from sparsemor.reducers.step.newton.fallback import STEPS, FullNewton
 from sparsemor.reducers.step.operators import TestedElastic
 from sparsemor.reducers.step.predictor import Past, block_starts
-from sparsemor.reducers.step.prescribed_frame_block import PrescribedBlock
 from sparsemor.reducers.step.prescribed_frames import PrescribedFrames
 from sparsemor.reducers.step.step_unknowns import StepUnknowns
-from sparsemor.reducers.step.thermal_block import HeatBlock
 from sparsemor.reducers.step.time_tables import TimeTable
 
 Facts = Mapping[str, Mapping[str, float | int | str]]
@@ -78,7 +78,7 @@ class Stepper:
 
     def workspace(self) -> Workspace:
         """Working arrays for one run."""
-        return Workspace(()) if self.mechanics is None else self.mechanics.workspace()
+        return Workspace((), None) if self.mechanics is None else self.mechanics.workspace()
 
     def with_mechanics(self) -> Mechanics:
         n_rigid = self.layout.frames.stop

@@ -3,8 +3,8 @@
 import numpy as np
 
 from sparsemor.core import FloatArray, IntArray, Status, StepFormula, StepOutcome
-from sparsemor.reducers.step.elastic_block import DisplacementBlock
-from sparsemor.reducers.step.elastic_local import StepForces
+from sparsemor.reducers.step.blocks.elastic_block import DisplacementBlock
+from sparsemor.reducers.step.blocks.elastic_local import StepForces
 from sparsemor.reducers.step.frame_step import BodyStep
 from sparsemor.reducers.step.predictor import Prediction
 

@@ -2,7 +2,7 @@
 
 from bisect import bisect_left
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -99,6 +99,10 @@ class TabulatedLoads:
         """Loads (T, s) at times (T,), s."""
         return np.asarray(self.table.along(times).dot(self.left.T))
 
+    def through(self, left: FloatArray) -> "TabulatedLoads":
+        """These loads multiplied by left (l, s)."""
+        return TabulatedLoads(self.table, left @ self.left)
+
 
 Moving = Table | TabulatedLoads
 """Tabulated loads with a value (s,) at each time."""
@@ -111,13 +115,44 @@ def tabulated(tables: Sequence[Table], left: FloatArray, for_good: bool) -> tupl
     return tuple(t.through(left) if for_good else TabulatedLoads(t, left) for t in tables)
 
 
-def plus_amplitudes(
-    base: FloatArray, loads: FloatArray, amplitudes: Sequence[Amplitude],
-    tables: Sequence[Moving], t: float,
-) -> FloatArray:
-    """Sum (s,) of base (s,), loads (s, j) times amplitudes, and tabulated loads, at t, s."""
-    r = base + loads.dot(evaluate_amplitudes(amplitudes, t)) if amplitudes else base
-    return r + total_load(tables, t) if tables else r
+@dataclass(frozen=True, slots=True, eq=False)
+class LoadsInTime:
+    """Function of time: base (s,) + loads (s, j) times amplitudes + tabulated loads."""
+
+    base: FloatArray
+    loads: FloatArray
+    amplitudes: tuple[Amplitude, ...]
+    tables: tuple[Moving, ...]
+
+    def __call__(self, times: FloatArray) -> FloatArray:
+        return along(self.base, self.loads, self.amplitudes, self.tables, times)
+
+    def at(self, t: float) -> FloatArray:
+        """Values (s,) at t, s."""
+        r = self.base
+        if self.amplitudes:
+            r = r + self.loads.dot(evaluate_amplitudes(self.amplitudes, t))
+        return r + total_load(self.tables, t) if self.tables else r
+
+    def table(self, times: FloatArray) -> TimeTable:
+        """These values tabulated at the times (T,), s."""
+        return TimeTable.of(self, times, self.at)
+
+    def less(self, fixed: FloatArray) -> "LoadsInTime":
+        """These values less constant ones (s,)."""
+        return replace(self, base=self.base - fixed)
+
+    def through(self, left: FloatArray) -> "LoadsInTime":
+        """Values (l,) multiplied by left (l, s)."""
+        return LoadsInTime(left @ self.base, left @ self.loads, self.amplitudes,
+                           tuple(t.through(left) for t in self.tables))
+
+
+def sum_of(parts: Sequence[LoadsInTime]) -> LoadsInTime:
+    """Sum of functions with equal numbers of values."""
+    return LoadsInTime(
+        sum((p.base for p in parts[1:]), parts[0].base), np.hstack([p.loads for p in parts]),
+        tuple(a for p in parts for a in p.amplitudes), tuple(t for p in parts for t in p.tables))
 
 
 def along(

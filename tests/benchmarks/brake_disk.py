@@ -17,11 +17,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import brake_projections
-import brake_writing
 import common  # noqa: F401  # before NumPy: it limits linear algebra to one thread
 import report
-from method_runs import (
+from modules import brake_projections, brake_writing
+from modules.method_runs import (
     MEANINGS,
     STOPPED,
     elsewhere_columns,

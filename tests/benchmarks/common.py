@@ -23,13 +23,19 @@ from sparsemor.core.arrays import FloatArray
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.initial_state import consistent_state
 from sparsemor.core.model.model import Model
-from sparsemor.core.protocols import State, StepSolver
+from sparsemor.core.protocols import ManySteps, State, StepSolver
 from sparsemor.core.registry.hooks import new_manager
 from sparsemor.core.scene.scene import Scene, load
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.simulation.offline_cache import Products
-from sparsemor.core.simulation.time_stepping import FixedStep, accepted_steps, started
+from sparsemor.core.simulation.time_stepping import (
+    FixedStep,
+    accepted_steps,
+    iterate,
+    many_steps,
+    started,
+)
 from sparsemor.core.simulation.training import offline_of
 from sparsemor.core.status import SolveFailed
 
@@ -75,10 +81,14 @@ class Stepping:
     solver: StepSolver
     state: State
     memory: Any
+    many: ManySteps | None = None
 
     @classmethod
     def begin(cls, scene: Scene, model: Model, solver: StepSolver) -> "Stepping":
-        return cls(scene, solver, *started(solver, scene.integrator, consistent_state(model)))
+        """At the start; with compiled steps where the reducer has `compiled: on`."""
+        state, memory = started(solver, scene.integrator, consistent_state(model))
+        return cls(scene, solver, state, memory,
+                   many_steps(solver, scene.integrator, scene.time.step, 0))
 
     def step(self) -> tuple[float, int]:
         """Seconds and iterations of one step, as `simulate` counts it: formula, solution, rates.
@@ -94,9 +104,19 @@ class Stepping:
     def advance(self, steps: int) -> tuple[float, float]:
         """Median ms and mean iterations of the next steps."""
         with no_collector():
-            taken = [self.step() for _ in range(steps)]
+            taken = self._together(steps) if self.many else [self.step() for _ in range(steps)]
         seconds, iterations = zip(*taken, strict=True)
         return 1e3 * float(np.median(seconds)), float(np.mean(iterations))
+
+    def _together(self, steps: int) -> list[tuple[float, int]]:
+        """Seconds and iterations of steps that may be taken several at once."""
+        h, found = self.scene.time.step, []
+        step = FixedStep.of(self.scene.integrator, self.solver, h)
+        for taken in iterate(step, self.state, self.memory, steps, many=self.many):
+            assert taken.outcome.status.ok
+            self.state, self.memory = taken.state, taken.memory
+            found.append((taken.seconds, taken.outcome.iterations))
+        return found
 
 
 @contextmanager

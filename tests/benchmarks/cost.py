@@ -17,6 +17,8 @@ import common
 import numpy as np
 import report
 
+from sparsemor.reducers.step.compiled.compile import installed
+
 MESHES = (1280, 5120, 20480)
 WARM = 100
 """Steps before the first window: no figure contains the start."""
@@ -52,6 +54,12 @@ def methods(rows: tuple[int, int]) -> dict[str, Mapping[str, Any]]:
     }
 
 
+def compiled(rows: tuple[int, int]) -> dict[str, Mapping[str, Any]]:
+    """The reduced ones with compiled steps."""
+    return {f"{name}, compiled": {**options, "compiled": "on"}
+            for name, options in methods(rows).items() if name != "full"}
+
+
 def contenders(elements: int, given: argparse.Namespace) -> list[Contender]:
     """All methods on one mesh, warmed up; only the solvers outlive this, not the snapshots."""
     warm = 10 if given.quick else WARM
@@ -60,7 +68,8 @@ def contenders(elements: int, given: argparse.Namespace) -> list[Contender]:
         end = max(end, TRAINED)
     case = common.Case.of(common.scene_at(elements, end), steps=1)
     made = []
-    for name, options in methods(given.rows).items():
+    ways = methods(given.rows) | ({} if given.quick or not installed() else compiled(given.rows))
+    for name, options in ways.items():
         way = common.Stepping.begin(case.scene, case.model, case.prepared(options))
         way.advance(warm)
         atoms = "/".join(str(d.atoms.shape[1]) for d in list(
@@ -114,10 +123,13 @@ def _tabulate(
         table.add(triangles=c.elements, method=c.method, ms=q["median"], least=q["least"],
                   most=q["most"], iterations=float(np.mean(c.iterations)), atoms=c.atoms)
     pairs = [("full, newton", "full"), ("full", "galerkin"), ("full", "sparse"),
-             ("sparse", "galerkin")]
+             ("sparse", "galerkin"), ("galerkin", "galerkin, compiled"),
+             ("sparse", "sparse, compiled"), ("full", "galerkin, compiled")]
     wanted = {("full, newton", "full", 1280): (">=", 60.0), ("sparse", "galerkin", 1280):
               ("<=", 1.3), ("sparse", "galerkin", 5120): ("<=", 1.3),
-              ("sparse", "galerkin", 20480): ("<=", 1.3)}
+              ("sparse", "galerkin", 20480): ("<=", 1.3),
+              ("galerkin", "galerkin, compiled", 1280): (">=", 5.0),
+              ("full", "galerkin, compiled", 20480): (">=", 700.0)}
     for method in ("galerkin", "sparse"):
         wanted |= {("full", method, 1280): (">=", 5.0), ("full", method, 20480): (">=", 120.0)}
     for slow, fast in pairs:
@@ -133,7 +145,11 @@ def _tabulate(
                 sign, limit = wanted[slow, fast, elements]
                 check = out.at_least if sign == ">=" else out.at_most
                 check(f"{slow} : {fast} at {elements}", ratio, limit)
-    for method in ("galerkin", "sparse"):
+    for method in ("galerkin, compiled", "sparse, compiled"):
+        if (method, 1280) in found:
+            out.at_most(f"{method}, ms at 1280",
+                        report.quantiles(found[method, 1280].ms)["median"], 0.020)
+    for method in ("galerkin", "sparse", "galerkin, compiled"):
         medians = [report.quantiles(c.ms)["median"] for c in timed if c.method == method]
         if len(medians) > 1:
             out.at_most(f"spread of {method} over the meshes, most/least - 1",

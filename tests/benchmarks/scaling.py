@@ -17,9 +17,9 @@ from typing import Any
 import common  # noqa: F401  one thread, before NumPy is loaded
 import numpy as np
 import report
-from scaling_chart import chart
-from scaling_fits import fits, join
-from scaling_meshes import TOLERANCE, Mesh, Worker
+from modules.scaling_chart import chart
+from modules.scaling_fits import fits, join
+from modules.scaling_meshes import TOLERANCE, Mesh, Worker
 
 Q_DEIM = {"use": "deim", "method": "qr"}
 FULL: dict[str, dict[str, Any]] = {

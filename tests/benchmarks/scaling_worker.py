@@ -12,7 +12,7 @@ from typing import Any
 
 import common
 import numpy as np
-from scaling_atoms import projections
+from modules.scaling_atoms import projections
 
 from sparsemor.core import ReducedProblem
 from sparsemor.core.arrays import FloatArray
@@ -27,8 +27,8 @@ from sparsemor.core.simulation.memory.precheck import precheck_memory
 from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.simulation.prepare import prepared
 from sparsemor.core.status import SolveFailed
+from sparsemor.reducers.step.blocks.thermal_block import CompressedHeat
 from sparsemor.reducers.step.solver import Stepper
-from sparsemor.reducers.step.thermal_block import CompressedHeat
 from sparsemor.reducers.step.time_tables import TimeTable
 
 BASE = resident()

@@ -17,7 +17,7 @@ from typing import Any
 
 import common  # noqa: F401  # before NumPy: it limits linear algebra to one thread
 import report
-from method_runs import (
+from modules.method_runs import (
     MEANINGS,
     STOPPED,
     elsewhere_columns,

@@ -65,6 +65,7 @@ def test_vtu_read_back(run: RunResult, tmp_path: Path) -> None:
     assert np.abs(u).max() == 0.0 and np.ptp(run.nodal_displacement("bar", -1)) > 1e-5
 
 
+@pytest.mark.full
 def test_xdmf_read_back(
     run: RunResult, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -11,9 +11,10 @@ from sparsemor.core.errors import InputError
 from sparsemor.core.scene.overrides import parse_settings
 from sparsemor.core.scene.scene import Scene, load
 from sparsemor.core.scene.yaml_reader import MOST_BYTES
-from sparsemor.core.simulation.memory.estimate import room_for_result
+from sparsemor.core.simulation.memory.disk import room_for_result
 from sparsemor.core.simulation.simulate import simulate
 from sparsemor.core.simulation.validation import checked_model
+from tiers import quick
 
 SCENES = Path(__file__).parents[1] / "scenes"
 TINY = SCENES / "tiny.yaml"
@@ -43,7 +44,7 @@ NESTED = {
 }
 
 
-@pytest.mark.parametrize("kind", NESTED)
+@pytest.mark.parametrize("kind", quick(NESTED, "mappings", "keys", "items", "indentation"))
 def test_a_file_nested_too_deep_is_refused_where_it_passes_the_limit(
     tmp_path: Path, kind: str
 ) -> None:

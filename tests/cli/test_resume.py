@@ -20,7 +20,7 @@ pytestmark = pytest.mark.full
 
 TESTS = Path(__file__).parents[1]
 SWING = TESTS / "scenes" / "swing.yaml"
-KILLED = TESTS / "support" / "killed_runs.py"
+KILLED = TESTS / "support" / "hostile" / "killed_runs.py"
 PROGRAM = Path(sys.executable).with_name("sparsemor")
 SHORT: dict[str, Any] = {"time.end": 0.4, "training.end": 0.4}
 SELECTS = {"*.elastic": {"rows": 16, "atoms": 4}, "*.thermal": {"rows": 8, "atoms": 3}}

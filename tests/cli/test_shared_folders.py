@@ -25,7 +25,7 @@ from sparsemor.core.simulation import simulate as loop
 
 TESTS = Path(__file__).parents[1]
 TINY = TESTS / "scenes" / "tiny.yaml"
-KILLED = TESTS / "support" / "killed_force.py"
+KILLED = TESTS / "support" / "hostile" / "killed_force.py"
 SHORT: dict[str, Any] = {"time.end": 0.02}
 SETTINGS = ["--set", "time.end=0.02"]
 REFUSED = ["--set", "time.end=0.0155"]  # no whole number of steps: found in the run's own check
@@ -67,6 +67,7 @@ def assert_same(run: RunResult, whole: RunResult) -> None:
     assert np.array_equal(run.times, whole.times)
 
 
+@pytest.mark.full
 def test_a_refused_run_removes_nothing_of_others() -> None:
     with pytest.raises(InputError, match="found late"), place_for_result(
             Path("runs/b"), resume=False, force=False):

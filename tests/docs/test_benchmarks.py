@@ -10,6 +10,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from sparsemor import compare, load, simulate
@@ -60,6 +61,18 @@ def test_cost_times_every_method_over_several_windows(run: Run) -> None:
     for row in rows_of(found, "Ratios of the medians (and of single windows)"):
         slow, fast = (times[name]["ms"] for name in row["ratio"].split(" : "))
         assert row["value"] == pytest.approx(slow / fast)
+
+
+def test_chains_fits_exponents_to_the_costs(run: Run) -> None:
+    found = run("chains")
+    rows = rows_of(found, "CPU milliseconds per step")
+    fits = {r["case"]: r for r in rows_of(found, "Exponents of the cost of a step")}
+    assert set(fits) == {"rigid", "full", "galerkin", "loads", "stored steps, whole run"}
+    for case in ("rigid", "full", "galerkin", "loads"):
+        (few, some), (least, most) = zip(
+            *((r["count"], r["ms"]) for r in rows if r["case"] == case), strict=True)
+        assert 0 < least and 0 < most
+        assert fits[case]["fitted"] == pytest.approx(np.log(most / least) / np.log(some / few))
 
 
 def test_accuracy_meets_its_targets_on_a_short_run(run: Run) -> None:
@@ -290,6 +303,18 @@ def test_scaling_takes_each_method_on_each_mesh_apart(run: Run) -> None:
         assert row["disk.thermal"] >= counted["16"] > counted["4"] > 0
     last = rows_of(found, "Galerkin with the atoms for 0.001")[-1]
     assert last["error"] <= 1e-3
+
+
+def test_step_sizes_compares_both_full_orders_and_the_reduced_ones(run: Run) -> None:
+    found = run("step_sizes")
+    rows = rows_of(found, "Bordered against Newton, and reduced against full order")
+    assert {row["ended"] for row in rows} == {"done"} and len(rows) == 8
+    motion, failures = found["targets"]
+    assert motion["measured"] == max(row["of_motion"] for row in rows) < 1e-12
+    assert failures["measured"] == 0
+    for row in rows:
+        assert 0.0 < row["of_bending"] < 1e-7
+        assert row["galerkin, bending"] <= 1e-4 and row["sparse, bending"] <= 1e-2
 
 
 def test_an_interrupted_benchmark_prints_what_it_has(tmp_path: Path) -> None:

@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from source_trees import tree_of
+
 ROOT = Path(__file__).parents[2]
 TARGET = re.compile(r"`((?:core|plugins|bodies|integrators|reducers|tests)/[\w./]+\.(?:py|yaml))"
                     r"(?::([A-Za-z_][\w.]*))?`")
@@ -37,7 +39,7 @@ def test_targets_exist(page: Path) -> None:
         path = ROOT / file
         assert path.is_file(), f"{page.name}: there is no {file}"
         if name:
-            known = names(ast.parse(path.read_text(encoding="utf-8")).body)
+            known = names(tree_of(path).body)
             assert name in known, f"{page.name}: {file} has no {name}"
 
 

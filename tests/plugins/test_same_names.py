@@ -111,6 +111,7 @@ class Own(Plugin):
 """
 
 
+@pytest.mark.full
 def test_parts_and_scenes_of_ours_stay_ours(distribute, here):
     distribute("sparsemor-bad", {"joint": {"revolute": "clash_p:Own"}, "load": {
         "gravity": "clash_p:Own"}, "scene": {"double_pendulum": "clash_p:double_pendulum"}},
@@ -130,6 +131,7 @@ def test_parts_and_scenes_of_ours_stay_ours(distribute, here):
         checked_model(load(TINY, {"joints.pin": {"use": "sparsemor-bad:revolute"}}))
 
 
+@pytest.mark.full
 def test_packages_that_share_scenes_and_samplers_are_told_apart_by_every_command(
     distribute, here
 ):

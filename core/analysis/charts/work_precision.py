@@ -39,15 +39,13 @@ class WorkPoint:
     """One run in the work-precision chart.
 
     method: name of the line; budget: value that varies along the line ("30/20 atoms"), or "";
-    ms_per_step: computing time, None if no step was taken; speed_up: relative to the reference,
-    None without one; errors: measure (`angle_rad`, a field, `combined`) -> maximum over time;
-    offline_seconds: time before the first step, s.
+    ms_per_step: computing time, None if no step was taken; errors: measure (`angle_rad`, a field,
+    `combined`) -> maximum over time; offline_seconds: time before the first step, s.
     """
 
     method: str
     budget: str
     ms_per_step: float | None
-    speed_up: float | None
     errors: Mapping[str, float]
     status: Status
     offline_seconds: float | None = None

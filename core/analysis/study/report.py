@@ -85,7 +85,7 @@ def _point(
 
     errors = {m: max(row[n] for row in rows if row[n] is not None)
               for n, m in measures.items() if any(row[n] is not None for row in rows)}
-    return WorkPoint(method, budget, middle("ms_per_step"), middle("speed_up"), errors,
+    return WorkPoint(method, budget, middle("ms_per_step"), errors,
                      Status(rows[0]["status"]), middle("offline_total_s"))
 
 
@@ -145,7 +145,7 @@ def _reference(rows: Sequence[Mapping[str, Any]]) -> "WorkPoint | None":
     if len(found) != 1:
         return None
     ms, status = found.pop()
-    return WorkPoint("reference", "", ms, 1.0, {}, Status(status))
+    return WorkPoint("reference", "", ms, {}, Status(status))
 
 
 def _reasons(rows: Sequence[Mapping[str, Any]]) -> list[str]:

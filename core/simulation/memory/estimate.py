@@ -5,11 +5,9 @@ results. The memory of the assembled scene is measured here; `core/simulation/me
 estimates it from mesh sizes, before the scene is assembled.
 """
 
-import shutil
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from math import inf
-from pathlib import Path
 
 from sparsemor.core.arrays import Csr
 from sparsemor.core.errors import InputError
@@ -27,8 +25,8 @@ from sparsemor.core.protocols import (
 )
 from sparsemor.core.protocols.reducer import is_full_order
 from sparsemor.core.scene.scene import Scene
-from sparsemor.core.simulation.memory.limits import GIGABYTE, LIMIT, ceiling, resident
-from sparsemor.core.simulation.offline import Offline, step_count
+from sparsemor.core.simulation.memory.limits import LIMIT, ceiling, gb, resident
+from sparsemor.core.simulation.offline import Offline, snapshot_count
 
 ENTRY = 12
 """Bytes per entry of a sparse matrix or factor: a value and its index."""
@@ -81,20 +79,18 @@ class Estimate:
 
 
 def fitting(scene: Scene, model: Model, offline: Offline) -> Estimate:
-    """Memory estimate of a run that fits. Raises InputError for a run that would not fit in memory,
-    or whose snapshots would not fit on the disk."""
+    """Memory estimate of a run that fits. Raises InputError for one that would not."""
     limit = ceiling()
     expected = estimate(scene, model, offline, exact=False)
     if expected.total > ROUGH * limit:
         expected = estimate(scene, model, offline, exact=True)
     if expected.total > limit:
         raise InputError(refusal(expected, limit))
-    _disk(scene, model, offline)
     return expected
 
 
 def estimate(scene: Scene, model: Model, offline: Offline, exact: bool) -> Estimate:
-    blocks = _sizes(model)
+    blocks = block_sizes(model)
     trained, own = trains(scene, blocks), is_full_order(scene.reducer)
     start = _start(model)
     phases = {"steps": (*_full(model, exact), start) if own else (
@@ -117,7 +113,7 @@ def trains(scene: Scene, blocks: Mapping[str, int]) -> bool:
         isinstance(reducer, UsesForceBasis) and reducer.force_basis.needs_snapshots)
 
 
-def _sizes(model: Model) -> dict[str, int]:
+def block_sizes(model: Model) -> dict[str, int]:
     """Number of unknowns of each reducible block."""
     return {n: int(model.layout[n].stop - model.layout[n].start) for n in model.reducible()}
 
@@ -170,7 +166,7 @@ def reduced(scene: Scene, blocks: Mapping[str, int]) -> list[Item]:
     """Memory of the atoms (basis vectors) and of the operators times them during projection."""
     found = []
     for name, basis in chosen_bases(scene, blocks).items():
-        n, k = blocks[name], _atoms(basis, blocks[name])
+        n, k = blocks[name], most_atoms(basis, blocks[name])
         found.append(Item(f"{k} atoms of {name}, and operators times them", 8 * 12 * n * k,
                           "fewer atoms (count), or a coarser mesh"))
     return found
@@ -179,7 +175,7 @@ def reduced(scene: Scene, blocks: Mapping[str, int]) -> list[Item]:
 def _points(scene: Scene, model: Model, blocks: Mapping[str, int]) -> Iterator[Item]:
     """Memory of the atoms at the quadrature points of local terms, all elements counted."""
     for name, basis in chosen_bases(scene, blocks).items():
-        k, at = _atoms(basis, blocks[name]), model.layout[name]
+        k, at = most_atoms(basis, blocks[name]), model.layout[name]
         values = sum(t.point_values for t in model.terms if isinstance(t, HasPoints)
                      and ((t.columns >= at.start) & (t.columns < at.stop)).any())
         if values:
@@ -191,11 +187,11 @@ def bases(scene: Scene, blocks: Mapping[str, int]) -> list[Item]:
     """Memory of the computation of bases, block by block: snapshots and atoms of the largest
     block."""
     largest: list[Item] = []
-    M = _count(scene)
+    M = snapshot_count(scene)
     reducer = scene.reducer
     copies = reducer.snapshot_copies if isinstance(reducer, HoldsSnapshots) else COPIES
     for name, basis in chosen_bases(scene, blocks).items():
-        n, k = blocks[name], _atoms(basis, blocks[name])
+        n, k = blocks[name], most_atoms(basis, blocks[name])
         whole = 8 * n * M
         # a reducer that wants forces has them as a whole, however large
         held = copies * whole if whole <= HELD or copies > COPIES else HELD / 2
@@ -207,28 +203,10 @@ def bases(scene: Scene, blocks: Mapping[str, int]) -> list[Item]:
 
 
 def _held_snapshots(scene: Scene, blocks: Mapping[str, int]) -> list[Item]:
-    M = _count(scene)
+    M = snapshot_count(scene)
     sizes = {name: 8 * n * M for name, n in blocks.items()}
     return [Item(f"snapshots of {name}", size, "a larger training.every")
             for name, size in sizes.items() if size <= HELD]
-
-
-def _disk(scene: Scene, model: Model, offline: Offline) -> None:
-    """Checks that snapshots that are written to disk fit there. Raises InputError."""
-    cache = offline.products.cache
-    blocks = _sizes(model)
-    if not trains(scene, blocks) or offline.has("training") or cache is None:
-        return
-    M = _count(scene)
-    sizes = [8 * n * M for n in blocks.values()]
-    wanted = sum(size for size in sizes if size > HELD)
-    place = next((p for p in (cache.root, *cache.root.absolute().parents) if p.exists()), Path("/"))
-    free = shutil.disk_usage(place).free
-    if wanted > free:
-        raise InputError(
-            f"the snapshots of the training run would take {_gb(wanted)}, and {place} has "
-            f"{_gb(free)} left: use a larger training.every, or set SPARSEMOR_CACHE to another "
-            "directory")
 
 
 def grid_refusal(end: float, step: float) -> str:
@@ -239,31 +217,12 @@ def grid_refusal(end: float, step: float) -> str:
         return ""
     if steps == inf:
         return f"more than 1e308 steps of {step:g} s up to {end:g} s: take a larger time.step"
-    return (f"{steps:.3g} steps of {step:g} s up to {end:g} s would take {_duration(steps)} at the "
-            f"least, and the record of their cost alone {_gb(STEP_RECORD * steps)} of memory, of "
-            f"which {_gb(limit)} are there: take a larger time.step or an earlier time.end")
+    return (f"{steps:.3g} steps of {step:g} s up to {end:g} s would take {duration(steps)} at the "
+            f"least, and the record of their cost alone {gb(STEP_RECORD * steps)} of memory, of "
+            f"which {gb(limit)} are there: take a larger time.step or an earlier time.end")
 
 
-def room_for_result(scene: Scene, model: Model, out: Path) -> None:
-    """Checks that the stored steps of a run fit on the disk of `out`. Raises InputError."""
-    blocks = _sizes(model)
-    numbers = model.layout.size - sum(blocks.values()) + 3  # time, iterations and seconds
-    numbers += sum(p.displacement.shape[0] if p.displacement is not None else 3
-                   for p in model.probes)
-    bases = chosen_bases(scene, blocks)
-    numbers += sum(_atoms(bases[n], size) if n in bases else size for n, size in blocks.items())
-    rows = step_count(scene) // scene.output.every + 2
-    place = next((p for p in (out.absolute(), *out.absolute().parents) if p.exists()), Path("/"))
-    free = shutil.disk_usage(place).free
-    if 8 * numbers * rows > free:
-        raise InputError(
-            f"the result would take about {_gb(8 * numbers * rows)} on the disk ({rows:.3g} stored "
-            f"steps of {numbers} numbers), which has {_gb(free)} left, and the run "
-            f"{_duration(step_count(scene))} at the least: take a larger output.every, a larger "
-            "time.step or an earlier time.end", "time.step")
-
-
-def _duration(steps: float) -> str:
+def duration(steps: float) -> str:
     """Least wall time of a number of steps, in words."""
     seconds = STEP_SECONDS * steps
     for unit, name in ((365.25 * 86400, "years"), (86400, "days"), (3600, "hours"),
@@ -273,13 +232,7 @@ def _duration(steps: float) -> str:
     return f"{seconds:.3g} seconds"
 
 
-def _count(scene: Scene) -> int:
-    """Upper bound of the number of snapshots of the training run."""
-    training = scene.for_training()
-    return step_count(training) // scene.training.every + 2
-
-
-def _atoms(basis: Basis, size: int) -> int:
+def most_atoms(basis: Basis, size: int) -> int:
     bound = basis.most_atoms(size) if isinstance(basis, BoundsAtoms) else None
     return min(size, UNKNOWN_ATOMS if bound is None else bound)
 
@@ -304,11 +257,7 @@ def _bytes(A: Csr) -> int:
 
 def refusal(expected: Estimate, limit: int) -> str:
     items = sorted(expected.phases[expected.largest], key=lambda i: -i.size)[:3]
-    parts = "; ".join(f"{i.what}: {_gb(i.size)}" for i in items)
-    return (f"this run would hold about {_gb(expected.total)} of memory ({expected.largest}: "
-            f"{parts}; held already: {_gb(expected.base)}), and {_gb(limit)} are there for it (the "
+    parts = "; ".join(f"{i.what}: {gb(i.size)}" for i in items)
+    return (f"this run would hold about {gb(expected.total)} of memory ({expected.largest}: "
+            f"{parts}; held already: {gb(expected.base)}), and {gb(limit)} are there for it (the "
             f"machine's, or {LIMIT}): take {items[0].advice}")
-
-
-def _gb(size: float) -> str:
-    return f"{size / GIGABYTE:.0f} GB" if size >= 10 * GIGABYTE else f"{size / GIGABYTE:.2g} GB"

@@ -148,3 +148,7 @@ def _mentioned(file: str | Path, name: str, unit: int) -> int | None:
     except (OSError, ValueError, IndexError):
         pass
     return None
+
+
+def gb(size: float) -> str:
+    return f"{size / GIGABYTE:.0f} GB" if size >= 10 * GIGABYTE else f"{size / GIGABYTE:.2g} GB"

@@ -1,0 +1,93 @@
+"""Loads on a body as parts of its frame's equations: forces in space axes and in body axes
+(notation: items.py)."""
+
+from dataclasses import dataclass, replace
+
+from sparsemor.bodies.frames import plane_items as plane
+from sparsemor.bodies.frames.items import AXES, EYE
+from sparsemor.bodies.frames.many_times import Moved, Pushed
+from sparsemor.bodies.frames.motion import Motion, Sums
+from sparsemor.core import Amplitude, FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SpaceForce:
+    """Nodal weights times one force in space axes (for gravity the weights are nodal masses).
+
+    total = sum w, arm (d,) = sum w X, force (d,) per unit weight, N.
+    """
+
+    total: float
+    arm: FloatArray
+    force: FloatArray
+    amplitude: Amplitude
+    others = 0
+    forces = 0
+
+    @property
+    def directions(self) -> int:
+        return len(self.arm)
+
+    def names(self, source: str) -> tuple[str, ...]:
+        return tuple(f"{source} {a}" for a in AXES[: self.directions])
+
+    def shifted(self, s: FloatArray, quadratic: FloatArray) -> "SpaceForce":
+        return replace(self, arm=self.arm + s)
+
+    def in_plane(self) -> plane.PlaneItem:
+        return plane.PlanePart(plane.space_force, (
+            float(self.total), *self.arm.tolist(), *self.force.tolist()), self.amplitude)
+
+    def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
+        f = self.amplitude(m.t) * self.force
+        arm = self.arm + m.s[j : j + 3] if m.elastic else self.arm
+        out.rows[:3] -= self.total * f
+        out.rows[m.at] -= f.dot(m.turn.of_body(arm))
+        out.H[m.at, m.at] -= m.turn.bend(f, arm)
+        if m.elastic:
+            at = slice(j, j + 3)
+            self.push(m, j, out)
+            out.sigma_y[m.at, at] = out.tau[m.at, at] = -m.turn.of_space(f).T
+
+    def push(self, m: Moved, j: int, out: Pushed) -> None:
+        out.sigma[..., j : j + 3] = -m.factor(self.amplitude) * m.in_body(self.force)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BodyForce:
+    """Nodal load that rotates with the body: total (d,) = sum f, N; arm (r,) = sum X x f, N m.
+
+    Functionals: the load itself, and the r components of sum u x f.
+    """
+
+    total: FloatArray
+    arm: FloatArray
+    amplitude: Amplitude
+    others = 0
+    forces = 0
+
+    @property
+    def directions(self) -> int:
+        return 1 + len(self.arm)
+
+    def names(self, source: str) -> tuple[str, ...]:
+        return (source, *("" for _ in self.arm))
+
+    def shifted(self, s: FloatArray, quadratic: FloatArray) -> "BodyForce":
+        return replace(self, arm=self.arm + s[1:])
+
+    def in_plane(self) -> plane.PlaneItem:
+        return plane.PlanePart(plane.body_force, (
+            *self.total.tolist(), float(self.arm[0])), self.amplitude)
+
+    def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
+        g = self.amplitude(m.t)
+        out.rows[:3] -= g * m.A.dot(self.total)
+        out.H[:3, m.at] -= g * m.turn.of_body(self.total)
+        out.torque -= g * (self.arm + m.s[j + 1 : j + 4] if m.elastic else self.arm)
+        if m.elastic:
+            self.push(m, j, out)
+            out.torque_s[:, j + 1 : j + 4] = -g * EYE
+
+    def push(self, m: Moved, j: int, out: Pushed) -> None:
+        out.sigma[..., j : j + 1] = -m.factor(self.amplitude)

@@ -1,0 +1,173 @@
+"""Attachments of joints as parts of a body frame's equations: mean position and rotation of a set
+of points, and prescribed reactions (notation: items.py)."""
+
+from dataclasses import dataclass, replace
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+
+from sparsemor.bodies.frames import plane_items as plane
+from sparsemor.bodies.frames.items import AXES, EYE
+from sparsemor.bodies.frames.many_times import Moved, Pushed
+from sparsemor.bodies.frames.motion import Motion, Sums
+from sparsemor.core import FloatArray, Table
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Wrench:
+    """Joint reaction on the own side in space axes: force (T, d), N, at the own point, and moment
+    (T, r), N m.
+
+    reach (T, d), m: point at which the force acts on the other body; None if the item does not act
+    on the other body.
+    """
+
+    force: FloatArray
+    moment: FloatArray
+    reach: FloatArray | None
+
+
+@runtime_checkable
+class Holding(Protocol):
+    """An item of a joint, with the reaction of its multipliers on the body."""
+
+    @property
+    def reactions(self) -> tuple[tuple[str, str], ...]:
+        """Name and unit of each of its multipliers, such as ("force x", "N")."""
+        ...
+
+    def wrench(
+        self, times: FloatArray, forces: FloatArray, pose: FloatArray, other: FloatArray | None
+    ) -> Wrench:
+        """Reaction of multipliers `forces` (T, forces), N or N m, at times (T,), s.
+
+        pose, other (T, n) or (1, n): rigid coordinates of the own and of the other body, None for
+        one at rest.
+        """
+        ...
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Attachment:
+    """Mean position of a weighted set of points, point (d,) = sum w X with sum w = 1, m; its
+    multipliers are the force on it (d, N)."""
+
+    point: FloatArray
+    others = 0
+
+    @property
+    def directions(self) -> int:
+        return len(self.point)
+
+    @property
+    def forces(self) -> int:
+        return len(self.point)
+
+    @property
+    def reactions(self) -> tuple[tuple[str, str], ...]:
+        return tuple((f"force {a}", "N") for a in AXES[: self.forces])
+
+    def names(self, source: str) -> tuple[str, ...]:
+        return tuple(f"joint {source} {a}" for a in AXES[: self.directions])
+
+    def shifted(self, s: FloatArray, quadratic: FloatArray) -> "Attachment":
+        return replace(self, point=self.point + s)
+
+    def wrench(
+        self, times: FloatArray, forces: FloatArray, pose: FloatArray, other: FloatArray | None
+    ) -> Wrench:
+        return Wrench(forces, np.zeros((len(times), 2 * len(self.point) - 3)), None)
+
+    def in_plane(self) -> plane.PlaneItem:
+        return plane.PlanePart(plane.attachment, tuple(self.point.tolist()))
+
+    def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
+        f, mine = m.y[k : k + 3], slice(k, k + 3)
+        z = self.point + m.s[j : j + 3] if m.elastic else self.point
+        dz = m.turn.of_body(z)
+        out.rows[:3] += f
+        out.rows[m.at] += f.dot(dz)
+        out.rows[mine] = m.R + m.A.dot(z)
+        H = out.H
+        H[:3, mine] = H[mine, :3] = EYE
+        H[mine, m.at], H[m.at, mine] = dz, dz.T
+        H[m.at, m.at] += m.turn.bend(f, z)
+        if m.elastic:
+            at = slice(j, j + 3)
+            out.sigma[at] = m.A.T.dot(f)
+            out.sigma_y[m.at, at] = out.tau[m.at, at] = m.turn.of_space(f).T
+            out.sigma_y[mine, at] = out.tau[mine, at] = m.A
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rotation:
+    """Rotation of a body in the plane or, with `turns`, mean rotation of a set of its points, rad;
+    its multiplier is the moment, N m.
+
+    angle: mean rotation in the shape from which displacements are measured, rad.
+    """
+
+    turns: bool
+    angle: float = 0.0
+    others = 0
+    forces = 1
+    reactions = (("moment", "N m"),)
+
+    @property
+    def directions(self) -> int:
+        return 2 if self.turns else 0
+
+    def names(self, source: str) -> tuple[str, ...]:
+        return (f"joint {source} turn", "") if self.turns else ()
+
+    def shifted(self, s: FloatArray, quadratic: FloatArray) -> "Rotation":
+        return replace(self, angle=self.angle + float(s[0])) if self.turns else self
+
+    def wrench(
+        self, times: FloatArray, forces: FloatArray, pose: FloatArray, other: FloatArray | None
+    ) -> Wrench:
+        return Wrench(np.zeros((len(times), 2)), forces, None)
+
+    def in_plane(self) -> plane.PlaneItem:
+        return plane.PlanePart(plane.rotation, (float(self.turns), self.angle))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Reaction:
+    """Prescribed joint force (N) on the mean point of a set and, with `turns`, moment (N m) on its
+    mean rotation: table (T, d + r), space axes.
+
+    For a frame with prescribed motion, whose rigid equations are not solved: it acts on
+    displacements alone.
+    """
+
+    forces_at: Table
+    turns: bool
+    others = 0
+    forces = 0
+
+    @property
+    def directions(self) -> int:
+        d = 3 if self.forces_at.values.shape[1] == 6 else 2
+        return 2 * d if self.turns else d
+
+    def names(self, source: str) -> tuple[str, ...]:
+        d = self.directions // 2 if self.turns else self.directions
+        force = tuple(f"{source} {a}" for a in AXES[:d])
+        turn = tuple(f"{source} turn {a}" for a in AXES) if d == 3 else (f"{source} turn", "")
+        return force + turn if self.turns else force
+
+    def shifted(self, s: FloatArray, quadratic: FloatArray) -> "Reaction":
+        return self
+
+    def in_plane(self) -> plane.PlaneItem:
+        return plane.Reaction(self.forces_at, self.turns)
+
+    def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
+        if m.elastic:
+            self.push(m, j, out)
+
+    def push(self, m: Moved, j: int, out: Pushed) -> None:
+        at = m.tabled(self.forces_at)
+        for i in range(0, self.directions, 3):
+            out.sigma[..., j + i : j + i + 3] = m.in_body(at[..., i : i + 3])

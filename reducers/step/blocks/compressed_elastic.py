@@ -1,0 +1,122 @@
+"""Elastic block of a reduced model inside a step: all operators are dense and small, times D^-1 in
+the tested rows (notation: elastic_block.py)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sparsemor.core import Amplitude, FloatArray, IntArray, evaluate_amplitudes, total_load
+from sparsemor.reducers.step.acceptance import EPS
+from sparsemor.reducers.step.blocks.elastic_block import ElasticBlock, Functionals, History
+from sparsemor.reducers.step.blocks.elastic_local import LocalForces, ReducedLocal
+from sparsemor.reducers.step.operators import TestedElastic
+from sparsemor.reducers.step.predictor import Prediction
+from sparsemor.reducers.step.time_tables import Moving, tabulated
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CompressedElastic(ElasticBlock):
+    """Reduced elastic block with s active of k atoms: all operators are dense and small (s + p
+    rows, not n).
+
+    Vectors are stacked as [z; P^T z], so that one product gives both. H (s + p, 3 k + kt + j):
+    matrix of h for the inputs u0, v0, a0, temperatures and load amplitudes; base (s + p,): its
+    constant part. S (g (s + p) + g s + p, k): D^-1 M_g, M_g in the active rows, and P^T as
+    factors of coefficients; step_S: the active columns of these for increments, times 1, c1 and
+    c2 where rates need them; order: numbers of the products S [u0, v0, a0] in the same order.
+    tables: tabulated (for example moving) loads, projected on s + p rows.
+    """
+
+    H: FloatArray
+    base: FloatArray
+    S: FloatArray
+    step_S: FloatArray
+    E: FloatArray
+    G: FloatArray
+    active: IntArray | None
+    amplitudes: tuple[Amplitude, ...]
+    sizes: tuple[int, int, int]
+    order: IntArray
+    tables: tuple[Moving, ...] = ()
+    local: LocalForces | None = None
+
+    @classmethod
+    def of(
+        cls, b: TestedElastic, left: FloatArray, support: IntArray | None, c1: float, c2: float
+    ) -> "CompressedElastic":
+        """Reduced block from the tested operators, for steps with c1 and c2; left (s, m): left
+        inverse of the tested D on the support, left @ D_S = 1, as D^-1 in the tested rows."""
+        k, p, g = b.mass.shape[1], b.functional.shape[0], len(b.generators)
+        use = np.arange(k) if support is None else support
+        s, F = len(use), b.functional[:, use]
+        both = np.concatenate([left, F @ left])  # [D^-1; P^T D^-1] of tested rows
+        rows = both @ np.hstack([
+            b.stiffness, b.damping, b.mass, -b.coupling, -b.loads, b.directions,
+            b.constant[:, None]])
+        inputs = 3 * k + b.coupling.shape[1] + b.loads.shape[1]
+        turned = (both @ b.generators).reshape(g * (s + p), k)
+        forms = b.quadratic[:, use, :].reshape(g * s, k)
+        S = np.concatenate([turned, forms, b.functional])
+        each_rate = [np.concatenate([c * A for c in (1.0, c1, c2)])
+                     for A in (forms, b.functional)]
+        step_S = np.concatenate([turned, c1 * turned, *each_rate])[:, use]
+        E = rows[:, inputs:-1]
+        numbers, n, m = np.arange(3 * len(S)).reshape(3, -1), len(turned), len(turned) + len(forms)
+        order = np.concatenate((numbers[0, :n], numbers[1, :n], numbers[:, n:m].ravel(),
+                                numbers[:, m:].ravel()))
+        return cls(np.ascontiguousarray(rows[:, :inputs]), rows[:, -1].copy(), S,
+                   np.ascontiguousarray(step_S), np.ascontiguousarray(E[:s]),
+                   np.ascontiguousarray(E[s:]), support, b.amplitudes, (s, p, g), order,
+                   tabulated(b.tables, both, support is None), ReducedLocal.of(b.local, both))
+
+    def rates(self, k: int) -> tuple[FloatArray, FloatArray]:
+        rows = self.H[: self.sizes[0]]
+        return rows[:, k : 2 * k], rows[:, 2 * k : 3 * k]
+
+    def begin(self, at: Prediction, c1: float, c2: float) -> History:
+        parts = [at.x, at.v, at.a, at.T]
+        if self.amplitudes:
+            parts.append(evaluate_amplitudes(self.amplitudes, at.t))
+        inputs = np.concatenate(parts)
+        k, h = len(at.x), History(at, c1, c2)
+        h.h = self.H.dot(inputs)
+        h.h += self.base
+        if self.tables:
+            h.h -= total_load(self.tables, at.t)
+        out = inputs[: 3 * k].reshape(3, k).dot(self.S.T)
+        h.products = out.take(self.order)
+        h.u = at.x if self.active is None else at.x[self.active]
+        return h
+
+    def functionals(self, d: FloatArray, history: History) -> Functionals:
+        s, p, g = self.sizes
+        change = self.step_S.dot(d)
+        out, n = change + history.products, 2 * g * (s + p)
+        m = n + 3 * g * s
+        history.stack = out[:n].reshape(2 * g, s + p)
+        forms: FloatArray = out[n:m].reshape(3 * g, s).dot(history.u + d)
+        return Functionals(change[m : m + p], out[m:].reshape(3, p), forms)
+
+    def combine(
+        self, history: History, factors: FloatArray, d: FloatArray, sigma: FloatArray,
+    ) -> tuple[FloatArray, FloatArray]:
+        z: FloatArray = factors[:-1].dot(history.stack)
+        z += history.h
+        if history.local is not None:
+            z = z + history.local.rows(d)
+        s = self.sizes[0]
+        return z[:s], z[s:]
+
+    def update(self, z: FloatArray, sigma: FloatArray) -> FloatArray:
+        new: FloatArray = -(z + self.E.dot(sigma))
+        return new
+
+    def noise(self, d: FloatArray, history: History, factors: FloatArray) -> float:
+        s, p, g = self.sizes
+        at = history.at
+        inputs = np.concatenate([at.x, at.v, at.a, at.T])
+        terms = np.abs(self.H[:, : len(inputs)]) @ np.abs(inputs) + np.abs(self.base)
+        turned = np.abs(self.step_S[: 2 * g * (s + p)]) @ np.abs(d) + np.abs(
+            history.products[: 2 * g * (s + p)])
+        terms += np.abs(factors[:-1]) @ turned.reshape(2 * g, s + p)
+        return EPS * float(np.linalg.norm(terms[:s]))

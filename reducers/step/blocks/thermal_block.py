@@ -1,0 +1,271 @@
+"""Thermal block of one body inside a step: C T' + K T - Q(t) + local terms = 0, solved for the
+increment d from a prediction: T = T0 + d, T' = T0' + c1 d.
+
+The coupling to displacements is one-way (T loads u), so heat is solved first. Without local terms
+the block is linear and takes one solve; local terms (radiation) are iterated with the factorized
+constant part, or by Newton's method where that contracts poorly.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from scipy.linalg.lapack import dgesv
+from scipy.sparse import coo_array, csr_array
+
+from sparsemor.core import (
+    Factorized,
+    FloatArray,
+    HeatBody,
+    IntArray,
+    Linearized,
+    ReducedTerm,
+    Status,
+    Term,
+    linearization,
+    unconverged_note,
+)
+from sparsemor.reducers.linalg.modal_coordinates import carried, dense, times
+from sparsemor.reducers.linalg.superlu import factorize
+from sparsemor.reducers.step.operators import TestedHeat
+from sparsemor.reducers.step.time_tables import LoadsInTime, TimeTable, plus_loads, tabulated
+
+STUCK = 1e-7
+"""Relative size of Newton changes below which a change that no longer decreases is round-off: in a
+nearly isothermal body K T is a small difference of its terms."""
+
+
+START_ITERATIONS = 5
+"""Largest number of Newton iterations for consistent initial rates, which capacities enter
+linearly."""
+
+
+class HeatOutcome(NamedTuple):
+    """Result of a thermal solve. d: increments of the (active) unknowns from their prediction;
+    linear: iterations of an iterative linear solver; detail: message of a failure."""
+
+    d: FloatArray
+    status: Status
+    iterations: int
+    linear: int = 0
+    detail: str = ""
+
+
+class HeatBlock(Protocol):
+    @property
+    def active(self) -> IntArray | None: ...
+    @property
+    def elements(self) -> int:
+        """Number of elements that one evaluation of its local terms visits."""
+        ...
+
+    def solve(self, T: FloatArray, rate: FloatArray, t: float) -> HeatOutcome:
+        """Increments of the temperatures from a prediction T (k,) with its rate, at t, s."""
+        ...
+    def start_rates(self, x: FloatArray, v: FloatArray, t: float) -> FloatArray:
+        """Rates at the unknowns x that satisfy the equations of the block at t, s; v: a guess."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LocalAt:
+    """A local term with the positions of its rows and columns in the block."""
+
+    term: Term
+    rows: IntArray
+    columns: IntArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FullHeat:
+    """Thermal block at full order, with B = c1 C + K factorized."""
+
+    heat: HeatBody
+    c1: float
+    factor: Factorized
+    local: tuple[LocalAt, ...]
+    active: IntArray | None = None
+    rtol: float = 1e-13
+    max_iterations: int = 50
+
+    @property
+    def elements(self) -> int:
+        return sum(at.term.elements for at in self.local)
+
+    def start_rates(self, x: FloatArray, v: FloatArray, t: float) -> FloatArray:
+        """The given rates: those of the initial state are consistent at full order."""
+        return v
+
+    def solve(self, T: FloatArray, rate: FloatArray, t: float) -> HeatOutcome:
+        heat = self.heat
+        b = plus_loads(
+            heat.constant - heat.capacity @ rate - heat.conductivity @ T, heat, t)
+        if not self.local:
+            return self._linear(b, np.zeros(len(T)), T)
+        d, last, exact, linear = np.zeros(len(T)), np.inf, False, 0
+        for i in range(1, self.max_iterations + 1):
+            now, rates = T + d, rate + self.c1 * d
+            if exact:
+                turned = self._newton(b, d, now, rates, t)
+                if isinstance(turned, Status):
+                    return HeatOutcome(d, turned, i, linear)
+                new = turned
+            else:
+                one = self._linear(b - self._local(now, rates, t), d, T)
+                new, linear = one.d, linear + one.linear
+                if not one.status.ok:
+                    return HeatOutcome(d, one.status, i, linear, one.detail)
+            step, size = float(np.abs(new - d).max()), float(np.abs(T + new).max())
+            stuck = step >= 0.5 * last and step <= (STUCK if exact else 1e3 * self.rtol) * size
+            if step <= self.rtol * size or stuck:
+                return HeatOutcome(new, Status.DONE, i, linear)
+            if not exact and not step <= 0.1 * last:
+                # long steps: local terms outweigh the constant part, whose factor then misleads
+                d, last, exact = np.zeros(len(T)), np.inf, True
+                continue
+            if not np.isfinite(step):
+                return HeatOutcome(d, Status.NOT_FINITE, i, linear)
+            d = new
+            last = step
+        return HeatOutcome(d, Status.NOT_CONVERGED, self.max_iterations, linear)
+
+    def _linear(self, b: FloatArray, guess: FloatArray, T: FloatArray) -> HeatOutcome:
+        """Increment B^-1 b from the prediction T; `guess`: initial guess of an iterative linear
+        solver, whose tolerance is relative to the right-hand side of the temperatures."""
+        if not self.factor.iterative:
+            return HeatOutcome(self.factor.solve(b), Status.DONE, 1)
+        whole = b + self.c1 * (self.heat.capacity @ T) + self.heat.conductivity @ T
+        found = self.factor.outcome(whole, T + guess)
+        detail = "" if found.status.ok else unconverged_note(
+            self.factor, found.residual, found.iterations)
+        return HeatOutcome(found.x - T, found.status, 1, found.iterations, detail)
+
+    def _local(self, T: FloatArray, rate: FloatArray, t: float) -> FloatArray:
+        """Local terms (n,) at temperatures T with their rate."""
+        r = np.zeros(len(T))
+        for at in self.local:
+            x = T[at.columns]
+            r[at.rows] += at.term.residual(x, rate[at.columns], np.zeros(len(x)), t)
+        return r
+
+    def _newton(
+        self, b: FloatArray, d: FloatArray, T: FloatArray, rate: FloatArray, t: float
+    ) -> FloatArray | Status:
+        """Increments after one Newton iteration with a newly factorized exact Jacobian at T and its
+        rate, or the status of its failure."""
+        heat, n = self.heat, len(T)
+        J = self.c1 * heat.capacity + heat.conductivity
+        r = J @ d - b + self._local(T, rate, t)
+        for at in self.local:
+            x, k = T[at.columns], len(at.columns)
+            c1, zero = np.full(k, self.c1), np.zeros(k)
+            local = coo_array(at.term.jacobian(x, rate[at.columns], zero, t, c1, zero))
+            J = J + csr_array((local.data, (at.rows[local.row], at.columns[local.col])),
+                              shape=(n, n))
+        if not (np.isfinite(r).all() and np.isfinite(J.data).all()):
+            return Status.NOT_FINITE
+        try:
+            return np.asarray(d - factorize(J).solve(r))
+        except RuntimeError:
+            return Status.SINGULAR
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CompressedHeat:
+    """Reduced thermal block with s of k active atoms. Without local terms the increment is by_rate
+    T' + by_value T + prescribed(t), with T the prediction and T' its rate.
+
+    by_rate, by_value: (s, k), or a diagonal (modal_coordinates.py); prescribed: tabulated function
+    of time of the `loads`, moving heat sources and constant terms.
+    """
+
+    by_rate: FloatArray
+    by_value: FloatArray
+    prescribed: TimeTable
+    active: IntArray | None
+    local: tuple[ReducedTerm, ...]
+    c1: float
+    loads: LoadsInTime
+    rtol: float = 1e-13
+    max_iterations: int = 50
+    evaluated: tuple[Linearized, ...] = field(init=False)
+    identity: FloatArray = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "evaluated", tuple(linearization(t) for t in self.local))
+        object.__setattr__(self, "identity", np.eye(len(self.by_rate) if self.local else 0))
+
+    @property
+    def elements(self) -> int:
+        return sum(term.elements for term in self.local)
+
+    @classmethod
+    def of(
+        cls, b: TestedHeat, left: FloatArray, support: IntArray | None, c1: float,
+        local: Sequence[ReducedTerm] = (),
+    ) -> "CompressedHeat":
+        """Reduced block from the tested operators; left (s, m): left inverse of the tested B on the
+        support, left @ B_S = 1; local terms include the factor `left` already."""
+        loads = LoadsInTime(
+            left @ b.constant, left @ b.loads, tuple(b.amplitudes),
+            tabulated(b.tables, left, support is None))
+        # a support that may change with the next step does not pay for all times
+        times = b.tables[0].times if b.tables and support is None else np.zeros(0)
+        return cls(
+            carried(-left @ b.capacity), carried(-left @ b.conductivity),
+            loads.table(times), support, tuple(local), c1, loads)
+
+    def start_rates(self, x: FloatArray, v: FloatArray, t: float) -> FloatArray:
+        """Rates that satisfy the equations, by Newton's method; v where only some atoms are active.
+
+        Projected rates of the full-order start would not satisfy the reduced equations: heat that
+        enters through a surface changes the temperatures of its nodes alone at first.
+        """
+        if self.active is not None or not len(x):
+            return v
+        capacity, zero, one, rates = -dense(self.by_rate), np.zeros(len(x)), np.ones(len(x)), v
+        known = times(self.by_value, x) + self.prescribed.at(t)
+        for _ in range(START_ITERATIONS):
+            r, J = capacity @ rates - known, capacity
+            for term in self.local:
+                r = r + term.residual(x, rates, zero, t)
+                J = J + term.jacobian(x, rates, zero, t, one, zero) - term.jacobian(
+                    x, rates, zero, t, zero, zero)
+            change = np.linalg.lstsq(J, r, rcond=None)[0]
+            rates = rates - change
+            if np.abs(change).max() <= 1e-12 * np.abs(rates).max():
+                break
+        return rates if np.isfinite(rates).all() else v
+
+    def solve(self, T: FloatArray, rate: FloatArray, t: float) -> HeatOutcome:
+        base = times(self.by_rate, rate)
+        base += times(self.by_value, T)
+        base += self.prescribed.at(t)
+        if not self.local:
+            return HeatOutcome(base, Status.DONE, 1)
+        return self._iterate(base, T, rate, t)
+
+    def _iterate(
+        self, base: FloatArray, T: FloatArray, rate: FloatArray, t: float
+    ) -> HeatOutcome:
+        n, d, now = len(T), np.zeros(len(base)), T
+        full, zero, c1 = np.zeros(n), np.zeros(n), np.full(n, self.c1)
+        for i in range(1, self.max_iterations + 1):
+            full = d if self.active is None else full
+            if self.active is not None:
+                full[self.active] = d
+            now, rates, r, J = T + full, rate + self.c1 * full, d - base, self.identity
+            for evaluate in self.evaluated:
+                added, slope = evaluate(now, rates, zero, t, c1, zero)
+                r = r + added
+                J = J + (slope if self.active is None else slope[:, self.active])
+            step, info = dgesv(J, r)[2:]
+            change = float(abs(step).max())
+            if not change < np.inf or info > 0:
+                finite = np.isfinite(r).all() and np.isfinite(J).all()
+                return HeatOutcome(d, Status.SINGULAR if finite else Status.NOT_FINITE, i)
+            d = d - step
+            if change <= self.rtol * float(abs(now).max()):
+                return HeatOutcome(d, Status.DONE, i)
+        return HeatOutcome(d, Status.NOT_CONVERGED, self.max_iterations)

@@ -1,0 +1,222 @@
+"""Thermal blocks that are coupled by conduction between bodies, solved together in each step.
+
+With B_i = c1 C_i + K_i of each block and the couplings A_ij T_j + B_ij T_j', the rows of the group
+are one linear system for all its temperatures,
+
+    B_i d_i + sum_j (A_ij + c1 B_ij) d_j
+        = q_i(t) - C_i T_i' - K_i T_i - sum_j (A_ij T_j + B_ij T_j') - local terms,
+
+with increments d from the predictions T, T'.
+
+At full order its matrix is factorized once. Reduced blocks, whose rows are multiplied by the left
+inverse of B_i, invert their small dense matrix once.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.sparse import block_array, block_diag, csr_array
+
+from sparsemor.core import (
+    AssembledModel,
+    Csr,
+    Dictionary,
+    DofLocations,
+    Factorized,
+    FloatArray,
+    HeatBody,
+    HeatCoupling,
+    LoadTable,
+    ReducedTerm,
+    SolveFailed,
+    Status,
+    linearization,
+    solved_directly,
+)
+from sparsemor.reducers.linalg.modal_coordinates import carried, dense
+from sparsemor.reducers.linalg.superlu import factorize
+from sparsemor.reducers.step.blocks.thermal_block import CompressedHeat, FullHeat, LocalAt
+from sparsemor.reducers.step.time_tables import sum_of
+
+SYMMETRIC = 1e-12
+"""Largest difference between a symmetric matrix and its transpose due to rounding, relative to its
+largest entry."""
+APART = 1.5
+"""Distance between the nodes of one body and the next, as a multiple of the body's extent, where
+the unknowns of a group are ordered."""
+
+
+def group_name(members: Sequence[HeatBody]) -> str:
+    """Name of a group: the joined names of its blocks."""
+    return "+".join(b.thermal for b in members)
+
+
+def starts_of(sizes: Sequence[int]) -> list[slice]:
+    """Index ranges of consecutive blocks of these sizes."""
+    edges = np.cumsum([0, *sizes]).tolist()
+    return [slice(a, b) for a, b in zip(edges, edges[1:], strict=False)]
+
+
+# ---------------------------------------------------------------------- full order
+
+
+def full_group(model: AssembledModel, members: Sequence[HeatBody], c1: float) -> FullHeat:
+    """Thermal block of the group at full order, its matrix factorized. Raises SolveFailed where it
+    is singular."""
+    heat = _merged(model, members)
+    local = []
+    for b, here in zip(members, starts_of([len(b.constant) for b in members]), strict=True):
+        shift = here.start - model.layout[b.thermal].start
+        local += [LocalAt(t, t.rows + shift, t.columns + shift) for t in b.local]
+    operator = csr_array(c1 * heat.capacity + heat.conductivity)
+    return FullHeat(heat, c1, _factorized(model, members, operator), tuple(local))
+
+
+def _merged(model: AssembledModel, members: Sequence[HeatBody]) -> HeatBody:
+    """The blocks of a group as one thermal block, couplings included."""
+    names = {b.thermal: i for i, b in enumerate(members)}
+    K: list[list[Csr | None]] = [[None] * len(members) for _ in members]
+    C: list[list[Csr | None]] = [[None] * len(members) for _ in members]
+    for i, b in enumerate(members):
+        K[i][i], C[i][i] = b.conductivity, b.capacity
+    for c in couplings_of(model, names):
+        i, j = names[c.rows], names[c.columns]
+        for table, X in ((K, c.A), (C, c.B)):
+            now = table[i][j]
+            table[i][j] = X if now is None else now + X
+    spans = starts_of([len(b.constant) for b in members])
+    size = spans[-1].stop
+    return HeatBody(
+        "+".join(b.name for b in members), group_name(members),
+        csr_array(block_array(C, format="csr")), csr_array(block_array(K, format="csr")),
+        np.concatenate([b.constant for b in members]),
+        block_diag([csr_array(b.loads) for b in members]).toarray(),
+        tuple(f for b in members for f in b.amplitudes), (),
+        tuple(c for b in members for c in b.columns), None,
+        tuple(_widened(t, here, size) for b, here in zip(members, spans, strict=True)
+              for t in b.tables))
+
+
+def couplings_of(model: AssembledModel, names: Mapping[str, int]) -> list[HeatCoupling]:
+    """Couplings between the blocks of a group; names: block -> number in the group."""
+    return [c for c in model.separated.couplings if c.rows in names]
+
+
+def _widened(load: LoadTable, here: slice, size: int) -> LoadTable:
+    """The load with its n rows placed in the rows of the whole group."""
+    m = load.columns.tocoo()
+    columns = csr_array((m.data, (m.row + here.start, m.col)), shape=(size, m.shape[1]))
+    return replace(load, columns=columns)
+
+
+def _factorized(model: AssembledModel, members: Sequence[HeatBody], A: Csr) -> Factorized:
+    """Factorization by the linear solver of the first block where the matrix is symmetric, else by
+    SuperLU."""
+    name = group_name(members)
+    if abs(A - A.T).max() <= SYMMETRIC * abs(A).max():
+        return model.factorize(name, A, places=_places(model, members))
+    try:
+        lu = factorize(A)
+    except RuntimeError:
+        raise SolveFailed(Status.SINGULAR, 0.0, name, "heat of coupled bodies") from None
+    return solved_directly("splu", A, 12 * int(lu.nnz), lu.solve)
+
+
+def _places(model: AssembledModel, members: Sequence[HeatBody]) -> DofLocations:
+    """Positions of the unknowns for ordering, with the bodies placed side by side: each has its own
+    axes."""
+    parts = [model.places(b.thermal) for b in members]
+    moved, begin = [], 0.0
+    for p in parts:
+        X = p.coordinates.copy()
+        extent = float(np.ptp(X[:, 0])) if len(X) else 0.0
+        X[:, 0] += begin - X[:, 0].min(initial=0.0)
+        begin += APART * extent
+        moved.append(X)
+    return DofLocations(np.concatenate(moved), np.concatenate([p.component for p in parts]))
+
+
+# ---------------------------------------------------------------------- reduced
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GroupLocal:
+    """A projected local term of one member of the group: `at` range of its unknowns in the group;
+    left (K, s): map of its rows to rows of the group."""
+
+    term: ReducedTerm
+    at: slice
+    left: FloatArray
+
+    @property
+    def elements(self) -> int:
+        return self.term.elements
+
+    def residual(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> FloatArray:
+        at = self.at
+        return np.asarray(self.left @ self.term.residual(x[at], v[at], a[at], t))
+
+    def jacobian(
+        self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: FloatArray, c2: FloatArray
+    ) -> FloatArray:
+        return self.linearized(x, v, a, t, c1, c2)[1]
+
+    def linearized(
+        self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: FloatArray, c2: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Residual and Jacobian from one evaluation of the term."""
+        at, J = self.at, np.zeros((len(self.left), len(x)))
+        r, slope = linearization(self.term)(x[at], v[at], a[at], t, c1[at], c2[at])
+        J[:, at] = self.left @ slope
+        return np.asarray(self.left @ r), J
+
+
+def compressed_group(
+    model: AssembledModel, members: Sequence[HeatBody], blocks: Sequence[CompressedHeat],
+    dictionaries: Mapping[str, Dictionary], wide: Mapping[str, FloatArray], c1: float,
+) -> CompressedHeat:
+    """Reduced thermal block of the group, all atoms active. wide: block -> (k, n), left inverse of
+    its operator times the test map of forces. Raises SolveFailed where the coupled matrix is
+    singular."""
+    names = {b.thermal: i for i, b in enumerate(members)}
+    at = starts_of([b.by_rate.shape[0] for b in blocks])
+    size = at[-1].stop
+    A, B, fixed = np.zeros((size, size)), np.zeros((size, size)), np.zeros(size)
+    by_rate, by_value = np.zeros((size, size)), np.zeros((size, size))
+    for here, block in zip(at, blocks, strict=True):
+        by_rate[here, here], by_value[here, here] = dense(block.by_rate), dense(block.by_value)
+    for c in couplings_of(model, names):
+        i, j, d = at[names[c.rows]], at[names[c.columns]], dictionaries[c.columns]
+        left = wide[c.rows]
+        A[i, j] += left @ np.asarray(c.A @ d.atoms)
+        B[i, j] += left @ np.asarray(c.B @ d.atoms)
+        fixed[i] += left @ (c.A @ d.offset)
+    J = np.eye(size) + A + c1 * B
+    try:
+        inverse: FloatArray = np.asarray(np.linalg.inv(J), dtype=np.float64)
+    except np.linalg.LinAlgError:
+        raise SolveFailed(
+            Status.SINGULAR, 0.0, group_name(members), "heat of coupled bodies") from None
+
+    loads = sum_of([b.loads.less(fixed[here]).through(inverse[:, here])
+                    for b, here in zip(blocks, at, strict=True)])
+    times = np.unique(np.concatenate([np.zeros(0), *(
+        np.array(b.prescribed.times) for b in blocks if b.prescribed.rows is not None)]))
+    local = tuple(GroupLocal(t, here, inverse[:, here])
+                  for b, here in zip(blocks, at, strict=True) for t in b.local)
+    return CompressedHeat(
+        carried(inverse @ (by_rate - B)), carried(inverse @ (by_value - A)), loads.table(times),
+        None, local, c1, loads, blocks[0].rtol, blocks[0].max_iterations)
+
+
+def heat_groups(
+    model: AssembledModel, blocks: Mapping[str, CompressedHeat],
+    dictionaries: Mapping[str, Dictionary], wide: Mapping[str, FloatArray], c1: float,
+) -> dict[str, CompressedHeat]:
+    """Group name -> reduced thermal block; blocks that are coupled by conduction form one group,
+    solved together. A block without coupling may be absent from `blocks`, and is then left out."""
+    return {
+        group_name(g): blocks[g[0].thermal] if len(g) == 1 else compressed_group(
+            model, g, [blocks[b.thermal] for b in g], dictionaries, wide, c1)
+        for g in model.separated.heat_groups if len(g) > 1 or g[0].thermal in blocks}

@@ -1,0 +1,75 @@
+"""Compilation of the kernel by numba, an optional package (`pip install 'sparsemor[fast]'`).
+
+The functions of kernel.py, mechanics.py and prescribed.py are plain Python; numba compiles copies
+of them, in which each name of another one stands for its compiled form. Machine code is kept in the
+user's cache folder, under a digest of the sources, so that it is never older than these.
+"""
+
+import hashlib
+import inspect
+from collections.abc import Callable, Sequence
+from functools import cache
+from importlib.util import find_spec
+from pathlib import Path
+from types import FunctionType
+from typing import Any
+
+from sparsemor.reducers.step import acceptance
+from sparsemor.reducers.step.compiled import kernel, mechanics, prescribed
+
+FUNCTIONS: tuple[Callable[..., object], ...] = (
+    acceptance.estimated_error, acceptance.reference, mechanics.begin, mechanics.functionals,
+    mechanics.combine, mechanics.evaluate, mechanics.pose, mechanics.solved,
+    mechanics.border_change, mechanics.magnitude, mechanics.displaced, mechanics.norm,
+    mechanics.solve_mechanics, prescribed.product, prescribed.corrected, prescribed.solve_body,
+    prescribed.solve_prescribed, kernel.free_motion, kernel.at_departure, kernel.predict,
+    kernel.new_state, kernel.accept, kernel.heated, kernel.advance)
+"""Functions of the kernel, each after those that it calls."""
+
+
+def installed() -> bool:
+    """True if numba can be imported."""
+    return find_spec("numba") is not None
+
+
+def bound(
+    frame: Callable[..., object] | None, calls: Sequence[Callable[..., object]],
+    compiled: Callable[[FunctionType], Any]
+) -> Any:
+    """`kernel.advance` with the function of the frames (None: all are prescribed) and `compiled`
+    applied to all functions."""
+    made: dict[str, Any] = {}
+    own = (*calls, mechanics.evaluate_frame if frame is None else frame)
+    for function in (*own, *FUNCTIONS):
+        assert isinstance(function, FunctionType)
+        names = {**function.__globals__, **made}
+        copy = FunctionType(function.__code__, names, function.__name__, function.__defaults__)
+        made[function.__name__] = compiled(copy)
+        if function is frame:
+            made["evaluate_frame"] = made[function.__name__]
+    return made["advance"]
+
+
+@cache
+def compiled_advance(
+    frame: Callable[..., object] | None, calls: tuple[Callable[..., object], ...], folder: Path
+) -> Any:
+    """Compiled `kernel.advance` for frames with this function; machine code is kept in
+    `folder`."""
+    import numba  # optional, and takes half a second to import
+
+    config: Any = numba.config
+    before, config.CACHE_DIR = config.CACHE_DIR, str(folder)
+    try:
+        return bound(frame, calls, numba.njit(cache=True, error_model="numpy"))
+    finally:
+        config.CACHE_DIR = before
+
+
+def folder_of(
+    root: Path, frame: Callable[..., object] | None, calls: Sequence[Callable[..., object]]
+) -> Path:
+    """Folder in `root` of the machine code of these functions and the kernel, named by a digest of
+    their sources."""
+    files = sorted({inspect.getfile(f) for f in (*calls, frame, *FUNCTIONS) if f is not None})
+    return root / hashlib.sha256(b"".join(Path(f).read_bytes() for f in files)).hexdigest()[:16]

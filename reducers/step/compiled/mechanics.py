@@ -1,0 +1,269 @@
+"""Mechanical equations of one step as functions on arrays (arrays.py): those of
+condensed_newton.py and elastic_block.py, with the same acceptance."""
+
+from collections.abc import Sequence
+from math import inf, sqrt
+
+import numpy as np
+
+from sparsemor.core import FloatArray, IntArray
+from sparsemor.reducers.step.acceptance import estimated_error, reference
+from sparsemor.reducers.step.compiled.arrays import BodyArrays, BodyWork, ModelArrays, RunArrays
+from sparsemor.reducers.step.condensed_newton import SLOW
+
+LEFT = -1
+"""Instead of a number of iterations: the step is left to the uncompiled solver."""
+
+
+def begin(
+    m: ModelArrays, b: BodyArrays, w: BodyWork, timed: FloatArray, x: FloatArray, v: FloatArray,
+    a: FloatArray, d: FloatArray, free: FloatArray, rate: FloatArray
+) -> None:
+    """Constants of a body's displacements in a step, from the prediction (elastic_block.py)."""
+    for i in b.idle:
+        d[i] = -free[i]
+        x[i], v[i], a[i] = 0.0, rate[i] + m.c1 * d[i], m.c2 * d[i]
+    k, u = b.k, w.inputs
+    u[:k] = x[b.u : b.u + k]
+    u[k : 2 * k] = v[b.u : b.u + k]
+    u[2 * k : 3 * k] = a[b.u : b.u + k]
+    u[3 * k :] = x[b.T : b.T + b.kt]
+    w.h[:] = np.dot(b.H, u) + b.base
+    for j in range(b.loads.shape[1]):
+        w.h[:] += b.loads[:, j] * timed[b.amplitude + j]
+    if b.table >= 0:
+        w.h[:] -= timed[b.table : b.table + len(w.h)]
+    np.dot(u[: 3 * k].reshape(3, k), b.products_t, w.past)
+    for j in range(len(b.active)):
+        w.u[j] = x[b.active[j]]
+    w.d[:] = 0.0
+
+
+def functionals(m: ModelArrays, b: BodyArrays, w: BodyWork) -> None:
+    """Products of the displacements with P and M_g at the increment w.d."""
+    g, s, p = b.g, len(b.active), b.Gt.shape[0]
+    forms, P = g * (s + p), g * (2 * s + p)
+    w.change[:] = np.dot(b.step_products, w.d)
+    c = (1.0, m.c1, m.c2)
+    for r in range(3):
+        for i in range(p):
+            w.s[r, i] = w.past[r, P + i] + c[r] * w.change[P + i]
+        for i in range(g):
+            total, at = 0.0, forms + i * s
+            for j in range(s):
+                total += (w.past[r, at + j] + c[r] * w.change[at + j]) * (w.u[j] + w.d[j])
+            w.forms[r * g + i] = total
+
+
+def combine(m: ModelArrays, b: BodyArrays, w: BodyWork) -> None:
+    """z = D^-1 (h + sum_g kappa_g M_g u + mu_g M_g u') and P^T z, after `functionals`."""
+    g, n = b.g, len(w.h)
+    w.z[:] = w.h
+    for i in range(g):
+        kappa, mu, at = w.coefficients[i], w.coefficients[g + i], i * n
+        of_change = kappa + mu * m.c1
+        for j in range(n):
+            w.z[j] += (kappa * w.past[0, at + j] + mu * w.past[1, at + j]
+                       + of_change * w.change[at + j])
+
+
+def evaluate(
+    m: ModelArrays, b: BodyArrays, w: BodyWork, timed: FloatArray, delta: FloatArray
+) -> None:
+    """Equations of the body's frame at the border increments `delta` (N,)."""
+    w.moved[:] = 0.0
+    for i in range(len(b.rows)):
+        w.moved[b.rows[i]] += b.values[i] * delta[b.columns[i]]
+    for i in range(len(b.gains)):
+        w.gains[i] = 1.0 if b.gains[i] < 0 else timed[b.gains[i]]
+    if b.k:
+        functionals(m, b, w)
+    evaluate_frame(
+        b.kinds, b.numbers, b.starts, w.gains, w.y + w.moved, w.v + m.c1 * w.moved,
+        w.a + m.c2 * w.moved, m.c1, m.c2, w.s, w.forms, w.sigma, w.tau, w.border, w.coefficients)
+    if b.k:
+        combine(m, b, w)
+
+
+def evaluate_frame(
+    kinds: IntArray, numbers: FloatArray, starts: IntArray, gains: FloatArray, y: FloatArray,
+    v: FloatArray, a: FloatArray, c1: float, c2: float, s: FloatArray, forms: FloatArray,
+    sigma: FloatArray, tau: FloatArray, border: FloatArray, coefficients: FloatArray
+) -> None:
+    """Stands for the function of the frames (`FrameArrays`), with which the steps are compiled."""
+
+
+def solve_mechanics(
+    m: ModelArrays, bodies: Sequence[BodyArrays], works: Sequence[BodyWork], run: RunArrays,
+    timed: FloatArray, targets: FloatArray, x: FloatArray, v: FloatArray, a: FloatArray,
+    d: FloatArray, free: FloatArray, rate: FloatArray
+) -> int:
+    """Solves the mechanical equations (condensed_newton.py) and adds their increments to d; returns
+    the number of iterations, or LEFT."""
+    N, nr, count = len(targets), m.rigid, len(bodies)
+    elastic = run.elastic.copy()
+    scale, distance = np.zeros(count), np.zeros(count)
+    predicted, delta = np.zeros(N), np.zeros(N)
+    predicted[:nr] = x[:nr]
+    predicted[nr:] = x[m.algebraic[0] : m.algebraic[1]]
+    for i in range(count):
+        b, w = bodies[i], works[i]
+        if b.k:
+            begin(m, b, w, timed, x, v, a, d, free, rate)
+        pose(b, w, nr, predicted, v, a, timed)
+        scale[i] = magnitude(m, run, elastic, i)
+        for j in range(b.positions):
+            distance[i] += w.y[j] * w.y[j]
+    size = 0.0
+    for j in range(nr):
+        size += x[j] * x[j]
+    size = reference(max(1.0, sqrt(size)), run.acceleration[0], m.c2, m.remaining)
+    changes, before = np.zeros(count + 1), np.full(count + 1, inf)
+    last = inf
+    for iteration in range(1, m.max_iterations + 1):
+        dy = border_change(m, bodies, works, timed, targets, delta)
+        if not np.all(np.isfinite(dy)):
+            return LEFT
+        delta -= dy
+        changes[0] = norm(dy[:nr]) / size
+        for i in range(count):
+            b, w = bodies[i], works[i]
+            if b.k:
+                changes[i + 1] = displaced(m, b, w, dy, run, elastic, scale, i, distance[i])
+        change = changes.max()
+        if not change < inf:
+            return LEFT
+        error = 0.0
+        for i in range(count + 1):
+            error = max(error, estimated_error(changes[i], before[i]))
+        if error <= m.remaining:
+            d[:nr] += delta[:nr]
+            d[m.algebraic[0] : m.algebraic[1]] += delta[nr:]
+            for i in range(count):
+                b, w = bodies[i], works[i]
+                for j in range(len(b.active)):
+                    d[b.active[j]] += w.d[j]
+            run.elastic[:] = elastic
+            return iteration
+        if change > SLOW * last:
+            return LEFT
+        before[:] = changes
+        last = change
+    return LEFT
+
+
+def pose(
+    b: BodyArrays, w: BodyWork, nr: int, predicted: FloatArray, v: FloatArray, a: FloatArray,
+    timed: FloatArray
+) -> None:
+    """Border unknowns of a body at the prediction, with their rates."""
+    w.y[:] = b.origin
+    w.v[:] = 0.0
+    w.a[:] = 0.0
+    for i in range(len(b.rows)):
+        r, c, value = b.rows[i], b.columns[i], b.values[i]
+        w.y[r] += value * predicted[c]
+        if c < nr:
+            w.v[r] += value * v[c]
+            w.a[r] += value * a[c]
+    if b.guide >= 0:
+        n = b.rigid
+        for j in range(n):
+            w.y[j] += timed[b.guide + j]
+            w.v[j] += timed[b.guide + n + j]
+            w.a[j] += timed[b.guide + 2 * n + j]
+
+
+def border_change(
+    m: ModelArrays, bodies: Sequence[BodyArrays], works: Sequence[BodyWork], timed: FloatArray,
+    targets: FloatArray, delta: FloatArray
+) -> FloatArray:
+    """Change (N,) of the border unknowns by one Newton iteration; nan where the matrix is
+    singular."""
+    N = len(targets)
+    A, r = np.zeros((N, N)), -targets
+    for i in range(len(bodies)):
+        b, w = bodies[i], works[i]
+        evaluate(m, b, w, timed, delta)
+        n, p, s, reduced = len(w.y), b.Gt.shape[0], len(b.active), w.border
+        if p:
+            # border minus tau D^-1 (elastic columns and residual): the Schur complement
+            Gs = np.dot(w.sigma, b.Gt)
+            P = b.g * (2 * s + p)
+            for j in range(p):
+                Gs[n, j] += w.change[P + j] + w.z[s + j]
+            reduced = w.border - np.dot(w.tau, Gs.T)
+        for k in range(len(b.rows)):
+            row, column, value = b.rows[k], b.columns[k], b.values[k]
+            r[column] += value * reduced[row, n]
+            for j in range(len(b.rows)):
+                A[column, b.columns[j]] += value * b.values[j] * reduced[row, b.rows[j]]
+    return solved(A, r)
+
+
+def solved(A: FloatArray, r: FloatArray) -> FloatArray:
+    """Solution of A x = r by elimination with partial pivoting, in place; nan where A is
+    singular."""
+    n = len(r)
+    for k in range(n):
+        p, most = k, abs(A[k, k])
+        for i in range(k + 1, n):
+            if abs(A[i, k]) > most:
+                p, most = i, abs(A[i, k])
+        if not 0.0 < most < inf:
+            r[:] = np.nan
+            return r
+        if p != k:
+            for j in range(k, n):
+                A[k, j], A[p, j] = A[p, j], A[k, j]
+            r[k], r[p] = r[p], r[k]
+        for i in range(k + 1, n):
+            f = A[i, k] / A[k, k]
+            if f != 0.0:
+                for j in range(k + 1, n):
+                    A[i, j] -= f * A[k, j]
+                r[i] -= f * r[k]
+    for k in range(n - 1, -1, -1):
+        for j in range(k + 1, n):
+            r[k] -= A[k, j] * r[j]
+        r[k] /= A[k, k]
+    return r
+
+
+def displaced(
+    m: ModelArrays, b: BodyArrays, w: BodyWork, dy: FloatArray, run: RunArrays,
+    elastic: FloatArray, scale: FloatArray, i: int, distance: float
+) -> float:
+    """New increments of a body's displacements after a change dy of the border unknowns; returns
+    their relative change."""
+    n, s = len(w.y), len(b.active)
+    w.moved[:] = 0.0
+    for j in range(len(b.rows)):
+        w.moved[b.rows[j]] += b.values[j] * dy[b.columns[j]]
+    sigma = w.sigma[n] - np.dot(w.moved, w.sigma[:n])
+    moved2, size = 0.0, 0.0
+    new = np.dot(b.E, sigma)
+    for j in range(s):
+        new[j] = -(w.z[j] + new[j])
+        moved2 += (new[j] - w.d[j]) ** 2
+        size += (w.u[j] + new[j]) ** 2
+    w.d[:] = new
+    if size > elastic[i]:
+        elastic[i] = size
+        scale[i] = magnitude(m, run, elastic, i)
+    if moved2 <= run.floor[i] * distance:
+        return 0.0
+    return sqrt(moved2) / scale[i] if scale[i] > 0.0 and moved2 < inf else inf
+
+
+def magnitude(m: ModelArrays, run: RunArrays, elastic: FloatArray, i: int) -> float:
+    """Reference magnitude of changes of the displacements of body i."""
+    return reference(sqrt(elastic[i]), sqrt(run.bending[i]), m.c2, m.remaining)
+
+
+def norm(x: FloatArray) -> float:
+    """Euclidean norm."""
+    total = 0.0
+    for i in range(len(x)):
+        total += x[i] * x[i]
+    return sqrt(total)

@@ -1,0 +1,237 @@
+"""Arrays of a model for compiled steps, made from its step solver."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from math import comb
+
+import numpy as np
+
+from sparsemor.core import (
+    Amplitude,
+    FloatArray,
+    FrameArrays,
+    FrameHistory,
+    HasArrays,
+    IntArray,
+    Layout,
+    Table,
+    UpdateRules,
+    amplitudes_along,
+    total_load_along,
+)
+from sparsemor.reducers.step.blocks.compressed_elastic import CompressedElastic
+from sparsemor.reducers.step.blocks.compressed_prescribed import CompressedPrescribed
+from sparsemor.reducers.step.blocks.thermal_block import CompressedHeat, HeatBlock
+from sparsemor.reducers.step.compiled.arrays import (
+    BodyArrays,
+    BodyWork,
+    HeatArrays,
+    ModelArrays,
+    PrescribedArrays,
+)
+from sparsemor.reducers.step.frame_step import BodyStep
+from sparsemor.reducers.step.predictor import block_starts
+from sparsemor.reducers.step.prescribed_frames import PrescribedFrames
+from sparsemor.reducers.step.solver import Stepper
+from sparsemor.reducers.step.time_tables import Moving, TimeTable
+
+LARGEST_BORDER = 60
+"""Largest number of border unknowns of compiled steps, which solve a dense system."""
+
+
+class NotCompiled(Exception):
+    """A model whose steps are not compiled, with the reason."""
+
+
+class Timed:
+    """Functions of time in the columns of one table, in the order in which they were added."""
+
+    def __init__(self) -> None:
+        self.sources: list[Callable[[FloatArray], Sequence[FloatArray]]] = []
+        self.width = 0
+
+    def _added(self, source: Callable[[FloatArray], Sequence[FloatArray]], columns: int) -> int:
+        self.sources.append(source)
+        self.width += columns
+        return self.width - columns
+
+    def amplitudes(self, amplitudes: Sequence[Amplitude]) -> int:
+        """Number of the first column of these amplitudes, -1 for none."""
+        if not amplitudes:
+            return -1
+        return self._added(lambda times: [amplitudes_along(amplitudes, times)], len(amplitudes))
+
+    def tables(self, tables: Sequence[Moving]) -> int:
+        """Number of the first column of the sum of these loads, -1 for none."""
+        found = [t for t in tables if isinstance(t, Table)]
+        if len(found) < len(tables):
+            raise NotCompiled("loads that move over sampled rows")
+        if not found:
+            return -1
+        return self._added(
+            lambda times: [total_load_along(found, times)], found[0].values.shape[1])
+
+    def motion(self, guide: FrameHistory | None, rigid: int) -> int:
+        """Number of the first column of a prescribed motion, its rates and second derivatives, -1
+        for none; rigid: number of rigid coordinates."""
+        return -1 if guide is None else self._added(guide.along, 3 * rigid)
+
+    def table(self, table: TimeTable, columns: int) -> int:
+        """Number of the first column of a function of time with this many values."""
+        return self._added(lambda times: [table.along(times)], columns)
+
+    def along(self, times: FloatArray) -> FloatArray:
+        """Values (T, width) at times (T,), s."""
+        parts = [part for source in self.sources for part in source(times)]
+        return np.ascontiguousarray(np.hstack([np.zeros((len(times), 0)), *parts]))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Plan:
+    """Arrays of a model for compiled steps. bodies, prescribed: those with unknown motion, or those
+    with prescribed motion; frame: function of the frames of the former; timed: functions of time;
+    targets: numbers of border unknowns with the functions that prescribe them; border:
+    number of border unknowns."""
+
+    heat: tuple[HeatArrays, ...]
+    bodies: tuple[BodyArrays, ...]
+    prescribed: tuple[PrescribedArrays, ...]
+    frame: FrameArrays | None
+    timed: Timed
+    targets: tuple[tuple[int, Amplitude], ...]
+    border: int
+
+    @property
+    def functions(
+        self,
+    ) -> tuple[Callable[..., object] | None, tuple[Callable[..., object], ...]]:
+        """Function of the frames with unknown motion, None for none, and those that it calls."""
+        return (None, ()) if self.frame is None else (self.frame.function, self.frame.calls)
+
+    def targets_along(self, times: FloatArray) -> FloatArray:
+        """Prescribed values of the constraints (T, N) at times (T,), s."""
+        found = np.zeros((len(times), self.border))
+        for i, f in self.targets:
+            found[:, i] += [f(t) for t in times.tolist()]
+        return found
+
+
+def plan(s: Stepper) -> Plan:
+    """Arrays for the steps of `s`. Raises NotCompiled, with the reason, where its model contains
+    what compiled steps do not."""
+    mechanics, timed = s.mechanics, Timed()
+    if mechanics is None:
+        raise NotCompiled("the model has no step of its own blocks")
+    heat = tuple(_heat(where, s.heat[name], name, timed) for name, where in s.hot)
+    if isinstance(mechanics, PrescribedFrames):
+        moved = tuple(_prescribed(i, b, timed) for i, b in enumerate(mechanics.bodies)
+                      if b.prescribed is not None)
+        return Plan(heat, (), moved, None, timed, (), 0)
+    if mechanics.size > LARGEST_BORDER:
+        raise NotCompiled(f"{mechanics.size} rigid coordinates and joint forces")
+    frames = [_frame(b) for b in mechanics.bodies]
+    if len({f.function for f in frames}) > 1:
+        raise NotCompiled("frames with different functions")
+    bodies = tuple(_body(b, f, timed) for b, f in zip(mechanics.bodies, frames, strict=True))
+    return Plan(heat, bodies, (), frames[0], timed, mechanics.targets, mechanics.size)
+
+
+def _frame(b: BodyStep) -> FrameArrays:
+    made = b.frame.arrays() if isinstance(b.frame, HasArrays) else None
+    if made is None:
+        raise NotCompiled(f"the frame of body {b.name} is not given as arrays")
+    return made
+
+
+def _array(values: FloatArray) -> FloatArray:
+    """A contiguous array that may be written to."""
+    return np.array(values, dtype=np.float64, order="C")
+
+
+def _split(start: int, k: int, active: IntArray | None) -> tuple[IntArray, IntArray]:
+    """Numbers of the active and of the other unknowns of a block of k."""
+    use = np.arange(k) if active is None else active
+    return start + use.astype(np.int64), start + np.setdiff1d(np.arange(k), use).astype(np.int64)
+
+
+def _heat(where: slice | IntArray, block: HeatBlock, name: str, timed: Timed) -> HeatArrays:
+    if not isinstance(block, CompressedHeat) or block.local:
+        raise NotCompiled(f"{name} is of full order or has terms that depend on temperature")
+    at = np.arange(where.start, where.stop) if isinstance(where, slice) else where
+    active, idle = _split(0, len(at), block.active)
+    loads = block.loads
+    return HeatArrays(
+        at.astype(np.int64), at[active].astype(np.int64), at[idle].astype(np.int64),
+        _array(np.atleast_2d(block.by_rate)), _array(np.atleast_2d(block.by_value)),
+        _array(loads.base), _array(loads.loads), timed.amplitudes(loads.amplitudes),
+        timed.tables(loads.tables))
+
+
+def _body(b: BodyStep, f: FrameArrays, timed: Timed) -> BodyArrays:
+    rows, columns = (i.astype(np.int64) for i in np.nonzero(b.to_border))
+    gains = np.array([-1 if a is None else timed.amplitudes([a]) for a in f.amplitudes],
+                     dtype=np.int64)
+    n = b.frame.rigid_size
+    frame = (f.kinds.copy(), _array(f.numbers), f.starts.copy(), gains, rows, columns,
+             _array(b.to_border[rows, columns]), _array(b.origin), timed.motion(b.guide, n), n,
+             min(3, n - 1))
+    e = b.block
+    if e is None:
+        none, matrix, numbers = np.zeros(0), np.zeros((0, 0)), np.zeros(0, dtype=np.int64)
+        return BodyArrays(*frame, 0, 0, numbers, numbers, 0, 0, 0, matrix, none, matrix, matrix,
+                          matrix, matrix, matrix, -1, -1)
+    if not isinstance(e, CompressedElastic) or e.local is not None:
+        raise NotCompiled(f"{b.elastic_name} is of full order or has terms that depend on x")
+    k, kt = b.elastic.stop - b.elastic.start, b.thermal.stop - b.thermal.start
+    active, idle = _split(b.elastic.start, k, e.active)
+    inputs = 3 * k + kt
+    return BodyArrays(
+        *frame, b.elastic.start, k, active, idle, b.thermal.start, kt, e.sizes[2],
+        _array(e.H[:, :inputs]), _array(e.base), _array(e.H[:, inputs:]), _array(e.S.T),
+        _array(e.S[:, active - b.elastic.start]), _array(e.E), _array(e.G.T),
+        timed.amplitudes(e.amplitudes), timed.tables(e.tables))
+
+
+def _prescribed(number: int, b: BodyStep, timed: Timed) -> PrescribedArrays:
+    e, table = b.prescribed, b.table
+    if not isinstance(e, CompressedPrescribed) or e.local is not None or table is None:
+        raise NotCompiled(f"{b.elastic_name} is of full order or has terms that depend on x")
+    k, kt = b.elastic.stop - b.elastic.start, b.thermal.stop - b.thermal.start
+    active, idle = _split(b.elastic.start, k, e.active)
+    width = 2 * len(e.G) + e.E.shape[1] + 1 + len(e.base)
+    return PrescribedArrays(
+        number, b.elastic.start, k, active, idle, b.thermal.start, kt,
+        _array(np.atleast_2d(e.inertia)), _array(np.atleast_2d(e.stiffness)),
+        np.zeros((0, k)) if e.damping is None else _array(np.atleast_2d(e.damping)),
+        _array(e.coupling), _array(e.G), _array(e.leading), timed.table(table, width), width)
+
+
+def model_arrays(s: Stepper, rules: UpdateRules) -> ModelArrays:
+    """Constants of the model of `s` for an integrator with these rules."""
+    layout: Layout = s.layout
+    c1, c2, c1_first = rules.factors
+    weights = np.zeros((s.points + 1, s.points))
+    for order in range(1, s.points + 1):
+        for j in range(order):
+            weights[order, j] = (-1) ** j * comb(order, j + 1)
+
+    def ends(at: slice) -> IntArray:
+        return np.array([at.start, at.stop], dtype=np.int64)
+
+    return ModelArrays(
+        ends(layout.second), ends(layout.first), ends(layout.algebraic),
+        _array(rules.second.new), _array(rules.second.old), _array(rules.first.new),
+        _array(rules.first.old), c1, c2, c1_first, layout.frames.stop,
+        np.array([*block_starts(layout), layout.size], dtype=np.int64), weights,
+        _array(s.sanity), s.tolerances.remaining, s.tolerances.max_iterations)
+
+
+def work_of(b: BodyArrays) -> BodyWork:
+    """Working arrays for one body."""
+    n, p, w, s = len(b.origin), len(b.Gt), len(b.base), len(b.active)
+    rows = len(b.step_products)
+    return BodyWork(
+        np.zeros((n + 1, p)), np.zeros((n, p)), np.zeros((n, n + 1)), np.zeros(2 * b.g + 1),
+        np.zeros((3, p)), np.zeros(3 * b.g), np.zeros(len(b.gains)), np.zeros(n), np.zeros(n),
+        np.zeros(n), np.zeros(n), np.zeros(3 * b.k + b.kt),
+        np.zeros((3, rows)), np.zeros(rows), np.zeros(w), np.zeros(w), np.zeros(s), np.zeros(s))

@@ -1,0 +1,111 @@
+"""Displacements of a body with prescribed motion in one step, as functions on arrays (arrays.py):
+the equations and the acceptance of prescribed_frames.py and prescribed_frame_block.py."""
+
+from collections.abc import Sequence
+from math import inf, sqrt
+
+import numpy as np
+
+from sparsemor.core import FloatArray
+from sparsemor.reducers.step.acceptance import TRUSTED, estimated_error
+from sparsemor.reducers.step.compiled.arrays import ModelArrays, PrescribedArrays, RunArrays
+from sparsemor.reducers.step.compiled.mechanics import LEFT
+from sparsemor.reducers.step.condensed_newton import SLOW
+
+
+def solve_prescribed(
+    m: ModelArrays, bodies: Sequence[PrescribedArrays], run: RunArrays, timed: FloatArray,
+    x: FloatArray, v: FloatArray, a: FloatArray, d: FloatArray, free: FloatArray, rate: FloatArray
+) -> int:
+    """Solves the mechanical equations of all bodies and adds their increments to d; returns the
+    largest number of iterations, or LEFT."""
+    elastic, most = run.elastic.copy(), 1
+    for b in bodies:
+        for i in b.idle:
+            d[i] = -free[i]
+            x[i], v[i], a[i] = 0.0, rate[i] + m.c1 * d[i], m.c2 * d[i]
+        count = solve_body(m, b, elastic, timed[b.table : b.table + b.width], x, v, a, d)
+        if count == LEFT:
+            return LEFT
+        most = max(most, count)
+    run.elastic[:] = elastic
+    return most
+
+
+def solve_body(
+    m: ModelArrays, b: PrescribedArrays, elastic: FloatArray, table: FloatArray, x: FloatArray,
+    v: FloatArray, a: FloatArray, d: FloatArray
+) -> int:
+    """Solves for the displacements of one body; returns the number of iterations, or LEFT."""
+    k, g, s = b.k, len(b.G), len(b.active)
+    u, uv, ua = x[b.u : b.u + k], v[b.u : b.u + k], a[b.u : b.u + k]
+    image = table[len(table) - s :] + product(b.inertia, ua) + product(b.stiffness, u)
+    if len(b.damping):
+        image += product(b.damping, uv)
+    if b.kt:
+        image += np.dot(b.coupling, x[b.T : b.T + b.kt])
+    bound = table[len(table) - s - 1]
+    now, wide = np.zeros(s), np.zeros(k)
+    start = np.zeros(s)
+    for j in range(s):
+        start[j] = x[b.active[j]]
+    if bound == 0.0:  # nothing turns: that is all
+        for j in range(s):
+            d[b.active[j]] += image[j]
+        return 1
+    last, before = inf, inf
+    for iteration in range(1, m.max_iterations + 1):
+        for i in range(g):
+            kappa, mu = table[i], table[g + i]
+            if kappa != 0.0 or mu != 0.0:
+                push = (kappa + m.c1 * mu) * wide
+                if iteration == 1:
+                    push = kappa * u + mu * uv
+                image -= np.dot(push, b.G[i])
+        new = image.copy()
+        corrected(m, b, table, image, now, new)
+        moved2, size = 0.0, 0.0
+        for j in range(s):
+            moved2 += (new[j] - now[j]) ** 2
+            size += (start[j] + new[j]) ** 2
+            wide[b.active[j] - b.u] = new[j] - now[j]
+        if not size < inf:
+            return LEFT
+        elastic[b.number] = max(elastic[b.number], size)
+        change = 0.0
+        if elastic[b.number] > 0.0:
+            change = sqrt(moved2 / elastic[b.number])
+        elif moved2 > 0.0:
+            return LEFT
+        error = estimated_error(change, before)
+        if bound < TRUSTED:
+            error = change * bound / (1.0 - bound)
+        if error <= m.remaining:
+            for j in range(s):
+                d[b.active[j]] += new[j]
+            return iteration
+        if change > SLOW * last:
+            return LEFT
+        last, before = change, change
+        now[:] = new
+    return LEFT
+
+
+def corrected(
+    m: ModelArrays, b: PrescribedArrays, table: FloatArray, image: FloatArray, now: FloatArray,
+    new: FloatArray
+) -> None:
+    """Second product in the leading modes, which contract least."""
+    r, g = b.leading.shape[1], len(b.G)
+    if r:
+        change = image[:r] - now[:r]
+        for i in range(g):
+            weight = table[i] + m.c1 * table[g + i]
+            if weight != 0.0:
+                new[:r] -= weight * np.dot(b.leading[i * r : (i + 1) * r], change)
+
+
+def product(A: FloatArray, x: FloatArray) -> FloatArray:
+    """A x for a matrix A (s, k), or (1, k) for a diagonal."""
+    y: FloatArray = A[0] * x if len(A) == 1 and len(x) > 1 else np.dot(A, x)
+    return y

@@ -1,0 +1,166 @@
+"""Step solver whose steps can be compiled."""
+
+import logging
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields
+from importlib import import_module
+from pathlib import Path
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+
+from sparsemor.core import (
+    ManySteps,
+    Note,
+    State,
+    StepBlock,
+    UpdateRules,
+    cache_folder,
+    information,
+    require,
+)
+from sparsemor.reducers.step.compiled.arrays import (
+    NO_BODY,
+    NO_HEAT,
+    NO_PRESCRIBED,
+    ModelArrays,
+    RunArrays,
+)
+from sparsemor.reducers.step.compiled.compile import compiled_advance, folder_of, installed
+from sparsemor.reducers.step.compiled.plan import NotCompiled, Plan, model_arrays, plan, work_of
+from sparsemor.reducers.step.memory import Memory
+from sparsemor.reducers.step.solver import Stepper
+
+Compiled: TypeAlias = Literal["auto", "on", "off"]
+AUTO = 200_000
+"""Smallest number of steps of a run that `auto` compiles: the first compilation takes as long as
+about as many uncompiled steps."""
+LONGEST = 100
+"""Largest number of steps of a block: functions of time are tabulated for it."""
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CompiledStepper(Stepper):
+    """Block-wise step solver that takes several steps at once as machine code, unless `compiled` is
+    "off" or its model is not covered (plan.py)."""
+
+    compiled: Compiled = "off"
+
+    def many(self, rules: UpdateRules, h: float, steps: int) -> "ManySteps[Memory] | None":
+        """Compiled steps of size h, s, for a run of `steps` steps."""
+        return compiled_steps(self, rules, h) if wanted(self.compiled, steps) else None
+
+
+def compiled_steps(s: Stepper, rules: UpdateRules, h: float) -> "CompiledSteps | None":
+    """Compiled steps of `s`, of size h, s; None where its model is not covered."""
+    try:
+        return CompiledSteps(plan(s), model_arrays(s, rules), h)
+    except NotCompiled:
+        return None
+
+
+def compilable(made: Stepper, option: Compiled) -> Stepper:
+    """The step solver with compiled steps as the option says; a note where they are wanted and the
+    model is not covered. Raises InputError where numba is wanted and not installed."""
+    if option == "off":
+        return made
+    notes: tuple[Note, ...] = ()
+    if option == "on":
+        require("numba", "fast", "compiled: on")
+        try:
+            plan(made)
+        except NotCompiled as reason:
+            notes = (information(f"compiled: on has no effect: {reason}", "compiled"),)
+    kept: dict[str, Any] = {f.name: getattr(made, f.name) for f in fields(Stepper)}
+    return CompiledStepper(**{**kept, "notes": (*made.notes, *notes)}, compiled=option)
+
+
+def wanted(option: Compiled, steps: int) -> bool:
+    """True if the steps of a run are to be compiled."""
+    return option == "on" or (option == "auto" and steps >= AUTO and installed())
+
+
+class CompiledSteps:
+    """Steps of size h, s, of one run on the arrays of a plan; working arrays belong to the run.
+
+    advance_arrays: `kernel.advance`, compiled unless it is given, with `listed` for the lists of
+    tuples of arrays that it takes.
+    """
+
+    def __init__(
+        self, plan: Plan, model: ModelArrays, h: float,
+        advance_arrays: Callable[..., int] | None = None,
+        listed: Callable[[Sequence[Any], Any], Any] = lambda items, kind: items,
+    ) -> None:
+        self.plan, self.model, self.h = plan, model, h
+        self._ahead = LONGEST
+        if advance_arrays is None:
+            advance_arrays, listed = _compiled(plan)
+        self._advance = advance_arrays
+        works = [work_of(b) for b in plan.bodies]
+        self._heat = listed(plan.heat, NO_HEAT)
+        self._bodies = listed(plan.bodies, NO_BODY)
+        self._works = listed(works, work_of(NO_BODY))
+        self._prescribed = listed(plan.prescribed, NO_PRESCRIBED)
+
+    def advance(self, state: State, memory: Memory, count: int) -> StepBlock:
+        """Solves up to `count` steps; none at the start, where reference magnitudes are unknown,
+        and while full Newton steps are due."""
+        known = memory.scales.floor or not (self.plan.bodies or self.plan.prescribed)
+        if not known or memory.full_newton_next:
+            return StepBlock((), ())
+        times, t = np.empty(min(count, self._ahead)), state.t
+        for i in range(len(times)):
+            t += self.h
+            times[i] = t
+        run = _run_arrays(state, memory)
+        states, iterations = np.empty((len(times), *run.z.shape)), np.zeros(len(times))
+        done = self._advance(
+            self.model, self._heat, self._bodies, self._works, self._prescribed, run,
+            self.plan.timed.along(times), self.plan.targets_along(times), states, iterations)
+        if done:
+            _keep(run, memory)
+        # a step that is left to the uncompiled solver is often followed by others
+        self._ahead = min(4 * self._ahead, LONGEST) if done == len(times) else 2
+        return StepBlock(
+            [State(t, z[0], z[1], z[2], z[3:].T) for t, z in zip(
+                times[:done].tolist(), states[:done], strict=True)],
+            iterations[:done].astype(int).tolist())
+
+
+def _compiled(plan: Plan) -> tuple[Callable[..., int], Callable[[Sequence[Any], Any], Any]]:
+    """Compiled `kernel.advance` and the function that makes its lists."""
+    numba: Any = import_module("numba")  # optional, and takes half a second to import
+    function, calls = plan.functions
+    folder: Path = folder_of(cache_folder() / "machine_code", function, calls)
+    if not folder.exists():
+        _log.warning("compiling the time step once, about a minute; machine code: %s", folder)
+
+    def listed(items: Sequence[Any], example: Any) -> Any:
+        made = numba.typed.List.empty_list(numba.typeof(example))
+        for item in items:
+            made.append(item)
+        return made
+
+    return compiled_advance(function, calls, folder), listed
+
+
+def _run_arrays(state: State, memory: Memory) -> RunArrays:
+    past, scales = memory.past, memory.scales
+    z = np.concatenate((np.stack((state.x, state.v, state.a)), state.memory.T))
+    by_departure = np.zeros(past.n, dtype=np.bool_) if past.by_departure is None else (
+        past.by_departure.copy())
+    return RunArrays(
+        z, past.ring.rows, np.array([past.ring.newest, past.ring.filled]), by_departure,
+        np.array(scales.elastic), np.array(scales.bending), np.array(scales.floor),
+        np.array([scales.acceleration]))
+
+
+def _keep(run: RunArrays, memory: Memory) -> None:
+    """Takes the state after the last solved step over into the memory."""
+    past, scales = memory.past, memory.scales
+    past.ring.newest, past.ring.filled = run.at.tolist()
+    past.by_departure = run.by_departure
+    scales.elastic, scales.bending = run.elastic.tolist(), run.bending.tolist()
+    scales.acceleration = float(run.acceleration[0])

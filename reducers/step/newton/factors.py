@@ -1,0 +1,70 @@
+"""LU factorizations of the Jacobians of reduced models, with scaled rows and columns."""
+
+import numpy as np
+from scipy.linalg import lapack
+from scipy.sparse import csc_array
+from scipy.sparse.linalg import splu
+
+from sparsemor.core import FloatArray
+from sparsemor.reducers.step.newton.memory import Factor
+
+MANY, FILLED = 300, 0.1
+"""Number of unknowns, and largest share of entries that are not zero, from which and up to which a
+Jacobian is factorized as a sparse one: that of a chain of many bodies."""
+
+
+def factorized(J: FloatArray) -> Factor:
+    """LU factorization of J (n, n). Raises RuntimeError where it is singular."""
+    if len(J) >= MANY and np.count_nonzero(J) <= FILLED * J.size:
+        return SparseLu(J)
+    return Lu(J)
+
+
+class Lu:
+    """Dense LU factorization. Raises RuntimeError where it is singular."""
+
+    __slots__ = ("columns", "lu", "pivots", "rows")
+
+    def __init__(self, J: FloatArray) -> None:
+        scaled, self.rows, self.columns = _scaled(J)
+        self.lu, self.pivots, info = lapack.dgetrf(scaled, overwrite_a=1)
+        diagonal = np.abs(np.diag(self.lu))
+        _check(info == 0, diagonal)
+
+    def solve(self, r: FloatArray) -> FloatArray:
+        """Solution for a right-hand side r (n,) or (n, k)."""
+        x = lapack.dgetrs(self.lu, self.pivots, (r.T * self.rows).T)[0]
+        return np.asarray((x.T * self.columns).T)
+
+
+class SparseLu:
+    """LU factorization by SuperLU of a Jacobian with few entries that are not zero. Raises
+    RuntimeError where it is singular or not finite."""
+
+    __slots__ = ("columns", "lu", "rows")
+
+    def __init__(self, J: FloatArray) -> None:
+        scaled, self.rows, self.columns = _scaled(J)
+        _check(bool(np.isfinite(scaled).all()), np.ones(1))
+        self.lu = splu(csc_array(scaled))
+        _check(True, np.abs(self.lu.U.diagonal()))
+
+    def solve(self, r: FloatArray) -> FloatArray:
+        """Solution for a right-hand side r (n,) or (n, k)."""
+        x = self.lu.solve((r.T * self.rows).T)
+        return np.asarray((x.T * self.columns).T)
+
+
+def _scaled(J: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """J with rows, then columns divided by their largest entries, and the factors of both."""
+    size = np.abs(J)
+    rows = 1.0 / np.maximum(size.max(axis=1, initial=0.0), 1e-300)
+    size *= rows[:, None]
+    columns = 1.0 / np.maximum(size.max(axis=0, initial=0.0), 1e-300)
+    return J * rows[:, None] * columns, rows, columns
+
+
+def _check(regular: bool, diagonal: FloatArray) -> None:
+    """Raises RuntimeError for a factor whose pivots show that the matrix is singular."""
+    if not regular or not diagonal.min(initial=1.0) > 1e-15 * diagonal.max(initial=0.0):
+        raise RuntimeError("singular")

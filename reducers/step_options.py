@@ -1,0 +1,29 @@
+"""Options of a step's solution, common to the reducers."""
+
+from pydantic import Field
+
+from sparsemor.core import Plugin
+from sparsemor.reducers.step.acceptance import Tolerances
+from sparsemor.reducers.step.compiled.stepper import Compiled
+
+
+class StepOptions(Plugin):
+    """Options of a step's solution: predictor, tolerance, compilation."""
+
+    predictor: int = Field(default=6, ge=1, le=8)
+    """Number of past states that the first guess of a step extrapolates."""
+    remaining: float = Field(default=1e-13, gt=0, lt=1e-3)
+    """Tolerance of a step's iteration: estimated relative error of the unknowns."""
+    max_iterations: int = Field(default=30, ge=1)
+    """Largest number of Newton iterations in a step; the step fails beyond."""
+    compiled: Compiled = "auto"
+    """Compile the time step to machine code with numba (`pip install 'sparsemor[fast]'`): `on`,
+    `off`, or `auto`, which is on in runs of at least 200 000 steps if numba is installed. It covers
+    reduced models without contact in the step and without coefficients that depend on temperature:
+    those in the plane, and those in space whose motion is given by a rigid stage. Other models,
+    steps that converge slowly, adaptive steps and steps with rows drawn anew are solved without
+    it."""
+
+    @property
+    def tolerances(self) -> Tolerances:
+        return Tolerances(self.remaining, self.max_iterations)

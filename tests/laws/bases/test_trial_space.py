@@ -1,0 +1,222 @@
+"""A reduced run whose atoms or rows cannot hold the solution says so, with the right number."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from small_scenes import tiny
+from sparsemor import simulate
+from sparsemor.core.protocols import Dictionary
+from sparsemor.core.results.error_norms import measure_errors
+from sparsemor.core.results.run_result import RunResult
+from sparsemor.core.scene.scene import Scene
+from sparsemor.core.simulation.cache import Cache
+from sparsemor.core.simulation.diagnostics.trial_space import trial_spaces
+from sparsemor.core.simulation.offline import Offline
+from tiers import quick
+from tiny_scene import full, snapshots
+
+ROWS = {"*.elastic": {"rows": 20}, "*.thermal": {"rows": 10}}
+
+
+@pytest.fixture(scope="module")
+def shared(tmp_path_factory: pytest.TempPathFactory) -> Cache:
+    return Cache(tmp_path_factory.mktemp("cache"))
+
+
+@pytest.fixture(scope="module")
+def reference(tmp_path_factory: pytest.TempPathFactory) -> RunResult:
+    return simulate(tiny(), out=tmp_path_factory.mktemp("reference") / "full")
+
+
+def run(shared: Cache, tmp_path: Path, scene: Scene | None = None, **reducer: Any) -> RunResult:
+    scene = (scene or tiny()).using({"reducer": reducer})
+    return simulate(scene, out=tmp_path / "run", cache=shared)
+
+
+def notes(result: RunResult, kind: str) -> list[str]:
+    """Sentences of one kind: its words tell them apart."""
+    words = {"trial_space": "cannot represent", "beyond_training": "left the range",
+             "sampled_rows": "do not determine", "no_effect": "no effect"}[kind]
+    found = [text for text in result.summary["notes"] if words in text]
+    assert bool(found) == (kind in result.summary["note_kinds"])
+    return found
+
+
+# ------------------------------------------------------------------------ the trial space
+
+
+@pytest.mark.full
+def test_what_too_few_atoms_leave_out_is_said(
+    shared: Cache, tmp_path: Path, reference: RunResult
+) -> None:
+    """The number is the projection error of the snapshots in the measure of `compare`."""
+    result = run(shared, tmp_path, use="galerkin", basis={"use": "pod", "count": 1})
+    space = {s.name: s for s in trial_spaces(
+        full().model, _offline(), _dictionaries(result), tiny().time.step, tiny().time.end)}
+    for name in ("bar.elastic", "bar.thermal"):
+        x = full().block(name).T
+        A = np.asarray(result.to_xarray()[f"{name}.atoms"])
+        left = np.linalg.norm(x - A @ np.linalg.lstsq(A, x, rcond=None)[0], axis=0)
+        error = float(left.max() / np.linalg.norm(x - x[:, :1], axis=0).max())
+        assert space[name].error == pytest.approx(error)
+        (text,) = [t for t in notes(result, "trial_space") if name in t]
+        assert f"the 1 atoms of {name} cannot represent the training run" in text
+        assert f"projection error {error:.2g} of its largest change" in text
+        assert measure_errors(reference, result).worst[name] >= 0.99 * error
+
+
+def _offline() -> Offline:
+    offline = Offline.of(full().model, snapshots())
+    offline.trained = True
+    return offline
+
+
+def _dictionaries(result: RunResult) -> dict[str, Dictionary]:
+    data = result.to_xarray()
+    return {b.name: Dictionary(np.asarray(data[f"{b.name}.atoms"]),
+                               np.asarray(data[f"{b.name}.offset"]), ())
+            for b in result.layout if result.reduced(b.name)}
+
+
+def test_dependent_atoms_span_what_they_span() -> None:
+    """Twice the same atoms, and atoms of other lengths, hold as much; a complete basis all."""
+    A = np.linalg.qr(full().block("bar.elastic").T)[0][:, :3]
+    zero, size = np.zeros(len(A)), len(A)
+    found = [trial_spaces(full().model, _offline(), {"bar.elastic": Dictionary(a, zero, ())},
+                          tiny().time.step, tiny().time.end)[0]
+             for a in (A, np.hstack([A, A @ np.diag([1.0, 5.0, 1e-3])]), np.eye(size))]
+    assert found[0].error > 1e-6
+    assert found[1].error == pytest.approx(found[0].error, rel=1e-6)
+    assert found[2].error == 0.0
+    c = np.zeros((2, 6))
+    c[1, 4] = 1e6  # another way to write a state far outside
+    assert found[1].excess(c)[0] < 0.05 < 1e3 < found[1].excess(c)[1]
+
+
+@pytest.mark.parametrize("basis", quick(["modal", "static"], "static"))
+def test_without_training_the_estimate_of_the_run_decides(
+    shared: Cache, tmp_path: Path, reference: RunResult, basis: str
+) -> None:
+    result = run(shared, tmp_path, use="galerkin", basis={"use": basis, **(
+        {"count": 3} if basis == "modal" else {})})
+    assert "training" not in result.summary["cache"]
+    said = [t for t in notes(result, "trial_space") if "bar.thermal" in t]
+    assert len(said) == 1 and "an estimate of the run" in said[0]
+    stated = float(said[0].split("projection error ")[1].split()[0])
+    error = measure_errors(reference, result).worst["thermal"]
+    assert error > 0.1 and 0.3 < stated / error < 3.0
+
+
+@pytest.mark.full
+def test_a_good_model_is_not_doubted(shared: Cache, tmp_path: Path, reference: RunResult) -> None:
+    for name, reducer in {
+        "galerkin": {"use": "galerkin"},
+        "free": {"use": "galerkin", "basis": {"use": "modal", "count": 10**4}},
+        "sparse": {"use": "sparse", "basis": {"use": "pod", "count": 10}, "budgets": ROWS},
+    }.items():
+        result = run(shared, tmp_path / name, **reducer)
+        assert result.summary["notes"] == [], name
+        assert max(measure_errors(reference, result).worst.values()) < 1e-3
+
+
+def test_a_field_that_does_not_change_has_no_note() -> None:
+    """Without heat its one atom holds it; its change is round-off, and so is what is left out."""
+    model, states = full().model, {"bar.thermal": np.full((27, 3), 293.15)}
+    states["bar.thermal"][:, 2] *= 1.0 + 1e-14 * np.arange(27)
+    offline = Offline.of(model, states)
+    offline.trained = True
+    one = Dictionary(np.full((27, 1), 27.0 ** -0.5), np.zeros(27), ())
+    (space,) = trial_spaces(model, offline, {"bar.thermal": one}, 1e-3, 0.01)
+    assert space.change == 0.0 and space.error < 1e-12 and space.note() is None
+
+
+# ------------------------------------------------------------------------ beyond training
+
+
+def test_a_run_that_leaves_its_training_says_when_and_by_how_much(
+    shared: Cache, tmp_path: Path
+) -> None:
+    half = tiny().using({"training.end": 0.02})
+    result = run(shared, tmp_path, half, use="galerkin", basis={"use": "pod", "count": 6})
+    (text,) = [t for t in notes(result, "beyond_training") if "bar.thermal" in t]
+    assert "training ended at 0.02 s, the run at 0.04 s: train longer (training.end)" in text
+    share = int(text.split(" in ")[1].split("%")[0])
+    first = float(text.split("first at ")[1].split()[0])
+    assert 0.02 <= first < 0.03 and 30 <= share <= 50
+    assert np.count_nonzero(result.times >= first) / len(result.times) == pytest.approx(
+        share / 100, abs=0.02)
+
+
+def test_a_run_in_the_range_of_its_training_says_nothing(shared: Cache, tmp_path: Path) -> None:
+    result = run(shared, tmp_path, tiny().using({"time.end": 0.02, "training.end": 0.04}),
+                 use="galerkin", basis={"use": "pod", "count": 6})
+    assert notes(result, "beyond_training") == []
+
+
+# ------------------------------------------------------------------------ sampled rows
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("budgets", [ROWS, {"*.elastic": {"rows": 12}, "*.thermal": {"rows": 10}}])
+def test_the_error_of_sampled_rows_is_foreseen(
+    shared: Cache, tmp_path: Path, reference: RunResult, budgets: Any
+) -> None:
+    """Atoms that hold the motion to 1 %, and rows that make of it ten times its size."""
+    result = run(shared, tmp_path, use="sparse", budgets=budgets, basis={"use": "pod", "count": 8},
+                 bases={"*.elastic": {"use": "modal", "count": 10}})
+    stated = result.summary["facts"]["bar.elastic"]["row_error"]
+    error = measure_errors(reference, result).worst["elastic"]
+    assert error > 0.1 and 0.3 < stated / error < 3.0
+    (text,) = notes(result, "sampled_rows")
+    assert "sampled rows of bar.elastic do not determine its 10 atoms" in text
+    assert f"{stated:.2g} of their largest change" in text
+
+
+@pytest.mark.full
+def test_good_rows_are_foreseen_too(
+    shared: Cache, tmp_path: Path, reference: RunResult
+) -> None:
+    result = run(shared, tmp_path, use="sparse", budgets=ROWS, basis={"use": "pod", "count": 6})
+    stated = result.summary["facts"]["bar.elastic"]["row_error"]
+    error = measure_errors(reference, result).worst["elastic"]
+    assert error < 1e-2 and 0.1 < stated / error < 10.0
+    assert notes(result, "sampled_rows") == []
+
+
+# ------------------------------------------------------------------------ options without effect
+
+
+@pytest.mark.full
+@pytest.mark.parametrize(("options", "says"), [
+    ({"solver": "omp"}, "reducer.solver has no effect: every budget covers its dictionary"),
+    ({"solver": {"use": "greedy_gauss_newton", "gain": 0.5}}, "reducer.solver has no effect"),
+    ({"hysteresis": 0.5}, "reducer.hysteresis has no effect"),
+    ({"selection": "joint"}, "reducer.selection has no effect"),
+    ({"carried": False, "every": 3}, "reducer.every, reducer.carried have no effect"),
+    ({"preconditioner": "row_scaling", "preconditioned": []}, "names no block of this scene"),
+    ({"preconditioned": ["*.elastic"]}, "reducer.preconditioner is none"),
+    ({"bases": {"*": {"use": "pod", "count": 8}}, "basis": "modal"}, "reducer.basis has no effect"),
+    ({"sampler": "random", "budgets": {"*.elastic": {"rows": 47}, "*.thermal": {"rows": 24}}},
+     "reducer.sampler has no effect: all rows of every block are taken"),
+])
+def test_an_option_without_effect_is_said(
+    shared: Cache, tmp_path: Path, options: dict[str, Any], says: str
+) -> None:
+    plain = {"use": "sparse", "basis": {"use": "pod", "count": 8}, "budgets": ROWS}
+    (text,) = notes(run(shared, tmp_path, **{**plain, **options}), "no_effect")
+    assert says in text
+
+
+@pytest.mark.full
+def test_options_that_act_or_were_not_given_are_not_mentioned(
+    shared: Cache, tmp_path: Path
+) -> None:
+    chosen = {"*.elastic": {"rows": 20, "atoms": 4}, "*.thermal": {"rows": 10, "atoms": 3}}
+    plain = {"use": "sparse", "basis": {"use": "pod", "count": 8}}
+    assert notes(run(shared, tmp_path / "a", **plain, budgets=ROWS,
+                     solver={"use": "greedy_gauss_newton", "rtol": 1e-8}), "no_effect") == []
+    assert notes(run(shared, tmp_path / "b", **plain, budgets=chosen, carried=False),
+                 "no_effect") == []

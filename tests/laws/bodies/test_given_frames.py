@@ -1,0 +1,238 @@
+"""Bodies whose frames are given: their elastic blocks are linear and cost what they read."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import linalg
+
+from sparsemor.core.protocols import Dictionary
+from sparsemor.core.protocols.body_frame import FrameWork
+from sparsemor.core.testing.in_memory_run import March, march
+from sparsemor.reducers.linalg import coarse_correction as coarse
+from sparsemor.reducers.linalg.modal_coordinates import modal_coordinates
+from sparsemor.reducers.projection.galerkin import Galerkin
+from sparsemor.reducers.step.blocks.compressed_prescribed import CompressedPrescribed
+from sparsemor.reducers.step.blocks.prescribed_frame_block import FullPrescribed
+from sparsemor.reducers.step.blocks.thermal_block import CompressedHeat
+from sparsemor.reducers.step.solver import Stepper
+from sparsemor.reducers.step.time_tables import TimeTable
+from turning_bars import H, bar, plane_bar, turning
+
+TURNING = [(5e12, 60.0), (5e5, 60.0), (5e4, 400.0)]
+"""Pa, rad/s"""
+
+
+def differ(one: March, other: March) -> float:
+    """Largest difference of displacements relative to the largest."""
+    x, y = one.block("bar.elastic"), other.block("bar.elastic")
+    assert np.abs(y).max() > 0
+    return float(np.abs(x - y).max() / np.abs(y).max())
+
+
+@pytest.mark.parametrize("make, size", [(bar, 4), (plane_bar, 3)])
+@pytest.mark.parametrize("E, spin", [
+    pytest.param(*at, marks=[pytest.mark.full] * (at == (5e5, 60.0))) for at in TURNING])
+def test_what_turns_with_the_frame_is_solved_for_however_much_it_is(make, size, E, spin) -> None:
+    """From a contraction of 1e-4 to one that has to be accelerated, against the textbook Newton."""
+    fast = march(make(E), model=turning(make(E), spin, size))
+    scene = make(E, method="newton")
+    assert differ(fast, march(scene, model=turning(scene, spin, size))) < 1e-9
+    most = max(fast.iterations)
+    assert most <= 4 if E == 5e12 else most > 4, fast.iterations
+
+
+@pytest.mark.parametrize("make, size", [
+    pytest.param(bar, 4, marks=pytest.mark.full), (plane_bar, 3)])
+def test_atoms_that_hold_the_motion_repeat_it(make, size) -> None:
+    """In full order's solution, stiffness, damping, Coriolis and heat under the atoms are right."""
+    scene = make(5e6)
+    full = march(scene, model=turning(scene, 60.0, size))
+    names = [b.name for b in full.model.layout]
+    snapshots = {n: full.block(n).T.copy() for n in names}
+    reduced = make(5e6, use="galerkin", basis={"use": "pod", "rank_rtol": 1e-11})
+    got = march(reduced, model=turning(reduced, 60.0, size), snapshots=snapshots)
+    atoms = got.solver.dictionaries["bar.elastic"].atoms
+    x, y = got.block("bar.elastic") @ atoms.T, full.block("bar.elastic")
+    assert atoms.shape[1] < atoms.shape[0]
+    assert np.abs(x - y)[1:].max() < 1e-8 * np.abs(y).max()
+
+
+@pytest.mark.parametrize("make, size", [(bar, 4), (plane_bar, 3)])
+@pytest.mark.parametrize("polish", [False, True])
+def test_atoms_are_chosen_without_the_forms_that_only_rigid_equations_need(
+    make, size, polish,
+) -> None:
+    """As published, from a full basis; of 7018 atoms the forms took minutes and most of a step."""
+    scene = make(5e6)
+    full = march(scene, model=turning(scene, 60.0, size))
+    names = [b.name for b in full.model.layout]
+    snapshots = {n: full.block(n).T.copy() for n in names}
+    budgets = {n: {"rows": len(S), "atoms": 9} for n, S in snapshots.items()}
+    chosen = make(5e6, use="sparse", basis={"use": "pod", "complete": True}, polish=polish,
+                  selection="blocks" if polish else "joint",
+                  sampler={"use": "lhs", "required": False}, budgets=budgets)
+
+    got = march(chosen, model=turning(chosen, 60.0, size), snapshots=snapshots)
+    assert got.solver.dictionaries["bar.elastic"].atoms.shape[1] == len(snapshots["bar.elastic"])
+    x, y = got.block("bar.elastic"), full.block("bar.elastic")
+    x = x @ got.solver.dictionaries["bar.elastic"].atoms.T
+    assert np.abs(x - y)[1:].max() < 1e-6 * np.abs(y).max()
+    assert not got.solver.steps.elastic["bar.elastic"].few[0].quadratic.size
+
+
+def test_a_body_at_rest_is_one_product_and_one_that_turns_a_few() -> None:
+    for use in ({"use": "full"}, {"use": "galerkin", "basis": {"use": "modal", "count": 5}}):
+        scene = bar(5e8, **use)
+        assert set(march(scene, model=turning(scene, 0.0, 4)).iterations) <= {2, 3, 4}
+        tree = scene.using({"bodies.bar.frame": "fixed"})
+        assert set(march(tree).iterations) == {1}
+
+
+def test_what_a_step_reads_does_not_grow_with_the_mesh_nor_by_rows_for_the_rigid_ones() -> None:
+    read = []
+    for divisions in ((3, 1, 1), (8, 3, 2)):
+        scene = bar(5e8, divisions, use="galerkin", basis={"use": "modal", "count": 5})
+        solver = march(scene, model=turning(scene, 60.0, 4)).solver
+        assert isinstance(solver, Stepper)
+        block = solver.elastic["bar.elastic"]
+        assert isinstance(block, CompressedPrescribed)
+        assert block.coupling.shape[0] == 5 and block.G.shape == (3, 5, 5)
+        read.append([a.shape for a in (
+            block.coupling, block.inertia, block.damping, block.E, block.base, block.G)])
+    assert read[0] == read[1]
+
+
+@pytest.mark.parametrize("make, size", [(bar, 4), (plane_bar, 3)])
+def test_a_frame_gives_the_same_with_and_without_derivatives(make, size) -> None:
+    (body,) = turning(make(5e8), 60.0, size).separated.moving
+    f, guide = body.frame, body.guide
+    assert guide is not None and f.border == size
+    one, other = (FrameWork(f.p, f.border, f.generators) for _ in range(2))
+    rng, g, known = np.random.default_rng(0), f.generators, guide.at(3 * H)
+    s, forms = rng.standard_normal((3, f.p)), rng.standard_normal(3 * g)
+    f.evaluate(*known, 1e3, 1e6, s, forms, 3 * H, one)
+    f.drive(*known, 3 * H, other)
+    assert one.sigma[-1].any() and one.coefficients[:-1].any()
+    assert np.array_equal(one.sigma[-1], other.sigma[-1])
+    assert np.array_equal(one.coefficients, other.coefficients)
+
+
+POD = {"use": "galerkin", "basis": {"use": "pod", "rank_rtol": 1e-9}}
+
+
+@pytest.fixture(scope="module")
+def full() -> March:
+    scene = bar(5e6)
+    return march(scene, model=turning(scene, 60.0, 4))
+
+
+def reduced(full: March, reducer: dict[str, object]) -> March:
+    snapshots = {b.name: full.block(b.name).T.copy() for b in full.model.layout}
+    scene = bar(5e6, **reducer)
+    return march(scene, model=turning(scene, 60.0, 4), snapshots=snapshots)
+
+
+def decoded(run: March, name: str) -> np.ndarray:
+    d = run.solver.dictionaries[name]
+    return np.asarray(d.offset + run.block(name) @ d.atoms.T)
+
+
+def test_coordinates_change_nothing_in_the_span(full, monkeypatch) -> None:
+    turned = reduced(full, POD)
+    assert isinstance(turned.solver, Stepper)
+    elastic, heat = (turned.solver.elastic["bar.elastic"], turned.solver.heat["bar.thermal"])
+    assert isinstance(elastic, CompressedPrescribed) and isinstance(heat, CompressedHeat)
+    assert elastic.inertia.ndim == elastic.stiffness.ndim == 1
+    assert heat.by_rate.ndim == heat.by_value.ndim == 1
+    monkeypatch.setattr(Galerkin, "in_modes", lambda *given: {})
+    plain = reduced(full, POD)
+    assert isinstance(plain.solver, Stepper)
+    other = plain.solver.elastic["bar.elastic"]
+    assert isinstance(other, CompressedPrescribed) and other.inertia.ndim == 2
+    for name in ("bar.elastic", "bar.thermal"):
+        one, other = decoded(turned, name), decoded(plain, name)
+        assert np.abs(one - other).max() < 1e-12 * np.abs(other).max()
+        assert not np.allclose(turned.block(name)[-1], plain.block(name)[-1])
+
+
+def test_atoms_are_modes_of_the_same_span(full) -> None:
+    (body,) = full.model.separated.moving
+    K, M, rng = body.operators.stiffness, body.operators.mass, np.random.default_rng(3)
+    A = np.linalg.qr(rng.standard_normal((K.shape[0], 7)))[0]
+    old = Dictionary(A, np.zeros(len(A)), tuple("abcdefg"))
+    found = modal_coordinates(old, K, M, "Hz")
+    assert found is not None
+    d, growth = found
+    B = d.atoms
+    assert np.allclose(np.linalg.norm(B, axis=0), 1.0) and len(set(d.provenance)) == 7
+    assert np.abs(B - A @ (A.T @ B)).max() < 1e-13
+    for small in (B.T @ (K @ B), B.T @ (M @ B)):
+        size = np.sqrt(np.diag(small))
+        assert np.abs(small / np.outer(size, size) - np.eye(7)).max() < 1e-10
+    rates = np.diag(B.T @ (K @ B)) / np.diag(B.T @ (M @ B))
+    assert (np.diff(rates) > 0).all()
+    assert d.provenance[0] == f"mode at {np.sqrt(rates[0]) / (2 * np.pi):.4g} Hz"
+    # what a coefficient can be at most grows by no more than is told
+    c = rng.uniform(-1.0, 1.0, (7, 200))
+    new = np.linalg.lstsq(B, A @ c, rcond=None)[0]
+    assert np.abs(new).max() <= growth < 100.0
+
+
+def test_atoms_that_are_not_orthonormal_keep_their_coordinates(full) -> None:
+    run = reduced(full, {"use": "galerkin", "basis": "static"})
+    d = run.solver.dictionaries["bar.elastic"]
+    assert d.provenance[0].startswith("static") and "coordinates" not in d.info
+    (body,) = full.model.separated.moving
+    doubled = replace(d, atoms=np.hstack([d.atoms, d.atoms]), provenance=d.provenance * 2)
+    assert modal_coordinates(doubled, body.operators.stiffness, body.operators.mass, "Hz") is None
+
+
+def test_known_rows_are_what_the_source_gives() -> None:
+    asked: list[list[float]] = []
+
+    def source(times: np.ndarray) -> np.ndarray:
+        asked.append(times.tolist())
+        return np.stack([np.sin(times), times], axis=1)
+
+    times = 1e-3 * np.arange(5)
+    known = TimeTable.of(source, times)
+    assert asked == [times.tolist()]
+    for t in (*times, times[3] + 1e-16):
+        assert np.array_equal(known.at(t), known.at(round(t, 9)))
+    assert known.along(times) is known.rows
+    assert len(asked) == 1
+    for t in (0.0005, -1e-3, 0.005):  # between and outside
+        assert np.array_equal(known.at(t), [np.sin(t), t])
+    assert asked[1:] == [[0.0005], [-1e-3], [0.005]]
+    assert np.array_equal(known.along(times[1:3]), source(times[1:3]))
+    assert np.array_equal(TimeTable(source).at(0.3), [np.sin(0.3), 0.3])
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("E, spin", TURNING)
+def test_full_order_corrected_in_soft_modes_is_that_of_newton(E, spin) -> None:
+    fine = (8, 3, 2)  # enough unknowns for it to have any
+    fast = march(bar(E, fine), model=turning(bar(E, fine), spin, 4))
+    assert isinstance(fast.solver, Stepper)
+    block = fast.solver.elastic["bar.elastic"]
+    assert isinstance(block, FullPrescribed) and block.coarse.Z.shape[1] > 0
+    scene = bar(E, fine, method="newton")
+    assert differ(fast, march(scene, model=turning(scene, spin, 4))) < 1e-9
+
+
+def test_soft_modes_save_full_order_a_solve(monkeypatch) -> None:
+    scene = bar(5e9, (8, 3, 2))
+    corrected = march(scene, model=turning(scene, 60.0, 4))
+    assert isinstance(corrected.solver, Stepper)
+    block = corrected.solver.elastic["bar.elastic"]
+    assert isinstance(block, FullPrescribed)
+    Z, o = block.coarse.Z, block.ops
+    D = (o.stiffness + o.damping / H + o.mass / H**2).toarray()
+    assert np.abs(Z.T @ D @ Z - np.eye(Z.shape[1])).max() < 1e-9
+    counts = linalg.eigh(o.mass.toarray(), D, eigvals_only=True)[::-1]
+    assert block.coarse.left >= np.sqrt(counts[0] * counts[Z.shape[1]])  # on the safe side
+    monkeypatch.setattr(coarse, "MODES", 0)
+    plain = march(scene, model=turning(scene, 60.0, 4))
+    assert differ(corrected, plain) < 1e-12
+    assert np.all(np.array(corrected.iterations) < plain.iterations)

@@ -1,0 +1,199 @@
+"""Every term of bodies, joints and loads in space keeps the laws of a term."""
+
+from itertools import product
+from math import factorial
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sparsemor.bodies.fem.quadrature import on_facets
+from sparsemor.bodies.frames import rotation as rot
+from sparsemor.bodies.frames.frame import SpatialFrame
+from sparsemor.bodies.loads.radiation import GreyBody
+from sparsemor.bodies.mesh.generators.block import Block
+from sparsemor.core import Mesh
+from sparsemor.core.model.assembled_term import AssembledTerm
+from sparsemor.core.model.assembly import assemble
+from sparsemor.core.model.equations import system_jacobian, system_residual
+from sparsemor.core.model.frame_equations import FrameEquations
+from sparsemor.core.model.model import Model
+from sparsemor.core.testing import check_term
+from sparsemor.core.testing.in_memory_run import march, scene_of
+from term_scales import scales
+
+TURNED: dict[str, Any] = {"axis": [1.0, 2.0, -0.5], "angle": 0.7}
+BAR = {
+    "use": "flexible", "fields": ["elastic", "thermal"],
+    "mesh": Block(size=(0.4, 0.1, 0.06), divisions=(3, 1, 1)),
+    "material": {"E": 5e8, "nu": 0.3, "rho": 1100, "alpha": 1e-4, "k": 20, "c": 500},
+    "damping": {"mass": 1.0, "stiffness": 1e-4},
+    "reference": {"chord": ["left_front_bottom", "right_front_bottom", "left_back_bottom"]}}
+PIECE = {"use": "rigid", "mass": 0.4, "inertia": [1e-3, 2e-3, 2.5e-3], "center": [0.1, 0.02, 0.03]}
+POINTS = {"a": [0.0, 0.0, 0.0], "b": [0.2, 0.05, 0.0]}
+
+
+def at(place: list[float]) -> list[float]:
+    """Where a point of a body at TURNED is."""
+    A = rot.rotation(rot.about(TURNED["axis"], TURNED["angle"]))
+    return [float(c) for c in A @ np.array(place)]
+
+
+def wheel_place() -> list[float]:
+    """The middle of the left face of the spinning disk."""
+    A = rot.rotation(rot.about([0, 0, 1], 0.3))
+    return [float(c) for c in A @ [0.0, 0.05, 0.03]]
+
+
+def along_disk() -> list[float]:
+    """From the disk's right face to the point b of the wheel."""
+    right = rot.rotation(rot.about([0, 0, 1], 0.3)) @ [0.4, 0.05, 0.03]
+    b = wheel_place() + rot.rotation(rot.about([0, 0, 1], 0.8)) @ POINTS["b"]
+    return [float(c) for c in right - b]
+
+
+def between_wheels() -> list[float]:
+    return [float(c) for c in np.array([1.0, 2.0, 3.0]) - wheel_place()]
+
+
+def everything() -> dict[str, Any]:
+    """A flexible bar between rigid bodies by joints of every kind, and all loads."""
+    ends = {**PIECE, "points": POINTS}
+    return {
+        "bodies": {
+            "bar": {**BAR, "pose": {**TURNED, "spin": [1.0, -2.0, 3.0]}},
+            "held": {**BAR, "frame": "fixed", "reference": {"clamp": "left"}},
+            "one": {**ends, "pose": {"position": at([0.4, 0.05, 0.03]), "spin": [1.0, 0.0, 0.0]}},
+            "two": {**ends, "pose": {"position": at([0.0, 0.05, 0.03]), **TURNED}},
+            "three": {**ends, "pose": {"position": [1.0, 2.0, 3.0], "quaternion": [1, 2, 3, 4]}},
+            "four": {**ends, "pose": {"position": [1.0, 2.0, 3.5]}},
+            "disk": {**BAR, "frame": "spinning", "pose": {"angle": 0.3, "spin": [0, 0, 20.0]}},
+            "wheel": {**ends, "frame": "spinning",
+                      "pose": {"position": wheel_place(), "angle": 0.8}}},
+        "joints": {
+            "ball": {"use": "spherical", "between": ["ground", "bar:left_front_bottom"]},
+            "hinge": {"use": "revolute", "between": ["one:a", "bar:right"], "axis": [0, 0, 1]},
+            "weld": {"use": "fixed", "between": ["bar:left", "two:a"]},
+            "tube": {"use": "cylindrical", "between": ["three:a", "four:a"], "axis": [0, 0, 1]},
+            "rail": {"use": "prismatic", "between": ["ground", "three:b"], "axis": [1, 1, 0]},
+            "track": {"use": "prismatic", "between": ["held:right", "four:a"],
+                      "axis": [1.0 - 0.4, 2.0 - 0.05, 3.5 - 0.03]},
+            "drive": {"use": "prescribed_motion", "of": "four:b", "x": 0.01, "axis": [0, 1, 1],
+                      "angle": {"use": "ramp", "end": 1.0, "final": 9.0}},
+            "hub": {"use": "fixed", "between": ["disk:left", "wheel:a"]},
+            "axle": {"use": "revolute", "between": ["ground", "wheel:b"], "axis": [0, 0, 1]},
+            "shaft": {"use": "cylindrical", "between": ["disk:right", "wheel:b"],
+                      "axis": along_disk()},
+            "link": {"use": "prismatic", "between": ["three:a", "wheel:a"],
+                     "axis": between_wheels()},
+            "brake": {"use": "prescribed_motion", "of": "wheel:a", "axis": [0, 0, 1],
+                      "angle": {"use": "ramp", "end": 1.0, "final": 9.0}},
+            "warm": {"use": "prescribed_temperature", "on": ["bar:front"], "temperature": 310.0},
+            "stand": {"use": "revolute", "between": ["held:right", "ground"], "axis": [1, 0, 0]}},
+        "loads": {
+            "gravity": {"use": "gravity", "g": [1.0, 2.0, -9.0]},
+            "wind": {"use": "traction", "on": ["bar:top"], "traction": [30.0, 10.0, 5.0],
+                     "axes": "space"},
+            "push": {"use": "pressure", "on": ["bar:back", "held:top"], "pressure": 40.0},
+            "pull": {"use": "point_force", "on": "one:b", "force": [1.0, -2.0, 3.0]},
+            "rub": {"use": "point_force", "on": "bar:right", "force": [1, 2, 3], "axes": "body"},
+            "glow": {"use": "radiation", "on": ["bar:top"], "emissivity": 0.5,
+                     "surroundings": 293.0},
+            "film": {"use": "convection", "on": ["bar:top"], "film": 30.0, "temperature": 300.0},
+            "heat": {"use": "heat_flux", "on": ["bar:bottom"], "flux": 1e3}},
+        "time": {"end": 1.0, "step": 0.1}}
+
+
+LONG = ("bar", "held", "hinge", "hub", "weld", "gravity")
+PARTS = [pytest.param(name, marks=[pytest.mark.full] * (name in LONG)) for name in (
+    *everything()["bodies"], *everything()["joints"], *everything()["loads"])]
+
+
+@pytest.fixture(scope="module")
+def model() -> Model:
+    return assemble(scene_of(everything()))
+
+
+@pytest.mark.parametrize("part", PARTS)
+def test_every_term_of(model: Model, part: str) -> None:
+    terms = model.by_part[part]
+    assert bool(terms) is not (part == "warm")  # eliminated: in the terms of its body
+    rng = np.random.default_rng(7)
+    for i, term in enumerate(terms):
+        base = model.x0[term.columns]
+        lam = term.columns >= model.layout.algebraic.start
+        base[lam] = rng.standard_normal(int(lam.sum()))
+        for scale in scales(model, term):
+            check_term(term, np.random.default_rng(i), base=base, scale=scale, trials=3,
+                       same_rates=term in frame_terms(model))
+
+
+def frame_terms(model: Model) -> list[AssembledTerm[FrameEquations]]:
+    return [t for t in model.terms
+            if isinstance(t, AssembledTerm) and isinstance(t.equations, FrameEquations)]
+
+
+def test_the_scene_has_items_of_every_kind(model: Model) -> None:
+    frames = [t.equations.frame for t in frame_terms(model)]
+    items = [i for f in frames if isinstance(f, SpatialFrame) for i in f.items]
+    assert {type(i).__name__ for i in items} == {
+        "Inertia", "UnitLength", "SpaceForce", "BodyForce", "Attachment", "Facing", "Slide"}
+    pairs = {(type(f.items[0]).__name__, f.elastic, f.items[0].others)
+             for f in frames if isinstance(f, SpatialFrame)}
+    assert {("Facing", True, 7), ("Facing", False, 7), ("Facing", False, 0), ("Facing", True, 0),
+            ("Facing", True, 4), ("Facing", False, 4), ("Slide", False, 7), ("Slide", False, 0),
+            ("Slide", True, 7), ("Slide", True, 4)} <= pairs
+
+
+def test_every_term_has_one_owner_in_the_fast_step(model: Model) -> None:
+    assert model.separated.other == ()
+
+
+def test_constraints_hold_at_the_start(model: Model) -> None:
+    zero = np.zeros(model.layout.size)
+    r = system_residual(model.layout, model.terms, model.x0, zero, zero, 0.0)
+    r = r[model.layout.algebraic]
+    drive = model.layout["drive.multiplier"].start - model.layout.algebraic.start
+    r[drive] += 0.01  # the driven point jumps
+    assert np.abs(r).max() < 1e-12
+
+
+@pytest.mark.parametrize("name", ["bar", "one", "four", "held"])
+def test_reactions_do_the_work_of_the_constraints(model: Model, name: str) -> None:
+    """Jacobian blocks of constraints and of multipliers are transposes: forces of joints do no
+    work on motion that the joints allow, up to the direction of the quaternions themselves."""
+    n, layout = model.layout.size, model.layout
+    zero, x = np.zeros(n), model.x0.copy()
+    K = system_jacobian(layout, model.terms, x, zero, zero, 0.0, zero, zero).toarray()
+    for field in ("rigid", "elastic"):
+        if f"{name}.{field}" in layout:
+            rows, lam = layout[f"{name}.{field}"], layout.algebraic
+            np.testing.assert_allclose(K[rows, lam], K[lam, rows].T, rtol=0, atol=1e-12)
+
+
+def test_radiation_of_a_triangle_is_integrated_exactly() -> None:
+    """T^4 phi is of degree 5: against integrals of monomials in area coordinates."""
+    mesh = Mesh(np.vstack([np.zeros(3), np.eye(3)]), np.array([[0, 1, 2, 3]]))
+    points = on_facets(mesh, np.array([[0, 2, 1]]), GreyBody.degree)
+    phi, weights = points.shape.values[0], 2.0 * points.weights[0]
+    assert sorted(points.shape.nodes[0].tolist()) == [0, 1, 2]
+    for a, b, c in product(range(6), repeat=3):
+        if a + b + c <= 5:
+            exact = 2 * factorial(a) * factorial(b) * factorial(c) / factorial(a + b + c + 2)
+            assert (phi[0] ** a * phi[1] ** b * phi[2] ** c) @ weights == pytest.approx(exact)
+
+
+@pytest.mark.full
+def test_the_bordered_and_the_textbook_step_agree() -> None:
+    scene = everything()
+    for redundant in ("drive", "track", "shaft", "link", "brake"):
+        del scene["joints"][redundant]
+    scene["time"] = {"end": 0.005, "step": 1e-3}
+    runs = [march(scene_of({**scene, "reducer": {"use": "full", "method": m}}))
+            for m in ("bordered", "newton")]
+    second = runs[0].model.layout.second
+    for b in runs[0].model.layout:
+        one, two = (r.block(b.name)[-1] for r in runs)
+        size = max(float(np.abs(two).max()), 1e-9)
+        np.testing.assert_allclose(one, two, rtol=0, atol=1e-7 * size, err_msg=b.name)
+    assert np.abs(runs[0].end.v[second]).max() > 1.0

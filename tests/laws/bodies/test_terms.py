@@ -1,0 +1,75 @@
+"""Every term of every body, joint and load of an assembled scene keeps the laws of a term."""
+
+import numpy as np
+import pytest
+
+from small_scenes import everything, everything_assembled
+from sparsemor.bodies.frames.plane import PlanarFrame
+from sparsemor.bodies.terms.weak_term import WeakTerm
+from sparsemor.core.model.assembled_term import AssembledTerm
+from sparsemor.core.model.equations import system_jacobian, system_residual
+from sparsemor.core.model.frame_equations import FrameEquations
+from sparsemor.core.model.linear_equations import LinearEquations
+from sparsemor.core.model.model import Model
+from sparsemor.core.protocols import Term
+from sparsemor.core.testing import check_term
+from term_scales import scales
+
+LONG = ("weight",)
+PARTS = [pytest.param(name, marks=[pytest.mark.full] * (name in LONG)) for name in (
+    *everything().bodies, *everything().joints, *everything().loads)]
+
+
+@pytest.fixture(scope="module")
+def model() -> Model:
+    return everything_assembled()
+
+
+def equations_of(term: Term) -> object:
+    return term.equations if isinstance(term, AssembledTerm) else term
+
+
+@pytest.mark.parametrize("part", PARTS)
+def test_every_term_of(model: Model, part: str) -> None:
+    terms = model.by_part[part]
+    held_temperature = part in ("cooled", "held")  # eliminated: in the terms of their bodies
+    assert bool(terms) is not held_temperature
+    for i, term in enumerate(terms):
+        for scale in scales(model, term):
+            check_term(term, np.random.default_rng(i), base=model.x0[term.columns], scale=scale,
+                       trials=3, same_rates=isinstance(equations_of(term), FrameEquations))
+
+
+def test_the_scene_has_terms_of_every_kind(model: Model) -> None:
+    found = [equations_of(t) for t in model.terms]
+    assert {type(e) for e in found} == {FrameEquations, LinearEquations, WeakTerm}
+    items = {type(i).__name__ for e in found if isinstance(e, FrameEquations)
+             and isinstance(e.frame, PlanarFrame) for i in e.frame.items}
+    assert items == {"Inertia", "BodyForce", "SpaceForce", "Attachment", "Rotation"}
+    given = [f for t in model.terms if isinstance(t, WeakTerm) for f in t.fields.values()]
+    assert any(0 < len(at) < len(f.column_of) for f in given for at, _ in f.prescribed)
+
+
+def test_every_term_has_one_owner_in_the_fast_step(model: Model) -> None:
+    assert model.separated.other == ()
+
+
+def test_the_whole_jacobian_is_the_derivative_of_the_whole_residual(model: Model) -> None:
+    """Central differences block by block, because the units differ by many orders."""
+    rng, layout = np.random.default_rng(3), model.layout
+    n = layout.size
+    c1, c2 = np.zeros(n), np.zeros(n)
+    c1[layout.second], c1[layout.first], c2[layout.second] = 40.0, 50.0, 1600.0
+    x, v, a = model.x0.copy(), rng.standard_normal(n), rng.standard_normal(n)
+    x[layout.second] += 1e-3 * rng.standard_normal(layout.second.stop)
+    x[layout.algebraic] = 100.0 * rng.standard_normal(n - layout.algebraic.start)
+    J = system_jacobian(layout, model.terms, x, v, a, 0.013, c1, c2)
+    for b in layout:
+        d = np.zeros(n)
+        d[layout[b.name]] = rng.standard_normal(b.size)
+        e = {"rigid": 1e-6, "elastic": 1e-7, "thermal": 1e-2, "multiplier": 1.0}[b.field]
+        r = [system_residual(layout, model.terms, x + s * d, v + s * c1 * d, a + s * c2 * d, 0.013)
+             for s in (e, -e)]
+        want = (r[0] - r[1]) / (2 * e)
+        noise = 1e-12 * np.abs(r[0]).max() / e
+        assert np.abs(J @ d - want).max() < 1e-6 * np.abs(want).max() + noise, b.name

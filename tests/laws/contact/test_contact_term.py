@@ -1,0 +1,204 @@
+"""Laws of a contact term in the plane and in space, on flat, bent and open surfaces."""
+
+from dataclasses import replace
+from itertools import product
+from typing import Any
+
+import numpy as np
+import pytest
+
+from contact_blocks import CASES, KINDS, NORMAL, PLANE, SPACE, World, on_a_rigid_plate
+from sparsemor.bodies.contact.laws.coulomb import Coulomb
+from sparsemor.bodies.contact.laws.elastic_foundation import ElasticFoundation
+from sparsemor.bodies.contact.quadrature import enough_points
+from sparsemor.bodies.contact.term import ContactTerm
+from sparsemor.core.errors import InputError
+from sparsemor.core.testing import check_parts, check_term
+
+WORLDS = {2: PLANE, 3: SPACE}
+both = pytest.mark.parametrize("world", WORLDS.values(), ids=("plane", "space"))
+FULL = ("deformed", ("elastic", "thermal"))
+LINEAR = ElasticFoundation(stiffness=1e9)
+DAMPED = ElasticFoundation(stiffness=1e9, damping=1e5, damping_depth=1e-6)
+RUBBING = Coulomb(coefficient=0.2, critical_velocity=0.1)
+
+
+LAID = [pytest.param(world, case, *kind, id=f"{name}-{case}-{kind[0]}-{'-'.join(kind[1])}",
+                     marks=[] if case == "flat" or (kind is KINDS[-1] and world is PLANE)
+                     else pytest.mark.full)
+        for (world, name), case, kind in product(
+            ((PLANE, "plane"), (SPACE, "space")), CASES, KINDS)]
+"""How the block lies, on what; the default tier has all that is flat, and all with everything in
+the plane."""
+
+
+@pytest.mark.parametrize(("world", "case", "surfaces", "fields", "heat"), LAID)
+def test_every_contact_keeps_the_laws_of_a_term(
+    world: World, case: str, surfaces: str, fields: tuple[str, ...], heat: dict[str, Any]
+) -> None:
+    m = world.model(case, surfaces, fields, **heat)
+    term = world.term(m)
+    x = m.x0[term.columns].copy()
+    x[world.d - 1] -= 1e-3
+    assert np.abs(term.residual(x, 0 * x, 0 * x, 0.0)).max() > 1.0
+    scale, trials = (1e-3, 4) if world is PLANE else (1e-4, 1)  # facets in space are slower
+    check_term(term, np.random.default_rng(0), base=x, scale=scale, trials=trials)
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_a_whole_scene_with_contact_keeps_the_laws_of_parts(d: int) -> None:
+    check_parts(on_a_rigid_plate(d), trials=1)
+
+
+@both
+def test_restricting_to_rows_of_few_nodes_evaluates_few_facets(world: World) -> None:
+    m = world.model("flat", *FULL, conductance=1.0)
+    term = world.term(m)
+    at = m.layout["block.thermal"]
+    one = np.flatnonzero((term.rows >= at.start) & (term.rows < at.stop))[:1]
+    assert term.elements == 4
+    assert 1 <= term.restrict(one).elements <= world.most
+    assert term.restrict(one[:0]).elements == 0
+    assert term.restrict(one[:0]).columns.size == 0
+
+
+@both
+def test_nothing_is_felt_at_a_distance(world: World) -> None:
+    m = world.model("flat", *FULL, conductance=1e4)
+    term = world.term(m)
+    x = m.x0[term.columns].copy()
+    x[world.d - 1] += 0.005  # the block's frame: higher than its tilt
+    one = np.ones_like(x)
+    assert not term.residual(x, one, one, 0.0).any()
+    assert term.jacobian(x, one, one, 0.0, one, one).nnz == 0
+
+
+@both
+def test_a_state_that_overflowed_gives_no_traceback(world: World) -> None:
+    m = world.model("flat", "deformed", ("elastic",))
+    term = world.term(m)
+    x, zero = m.x0[term.columns].copy(), np.zeros(len(term.columns))
+    x[0] = np.inf
+    assert np.isnan(term.residual(x, zero, zero, 0.0)).all()
+
+
+@both
+@pytest.mark.parametrize("case", ["flat", "open", "wedge"])
+def test_what_friction_takes_from_the_motion_enters_as_heat(world: World, case: str) -> None:
+    """At any state of deformed surfaces, to round-off."""
+    m = world.model(case, *FULL, share=0.37)
+    term = world.term(m)
+    x, v = world.state(m, term)
+    smooth = replace(term, face=replace(term.face, friction=None))
+    first = m.layout.first.start
+    warm = term.rows >= first
+    r = term.residual(x, v, 0 * x, 0.0)
+    taken = float((r - smooth.residual(x, v, 0 * x, 0.0))[~warm] @ v[term.columns < first])
+    assert taken > 1e-3
+    assert -r[warm].sum() == pytest.approx(taken, rel=1e-11)
+    block = m.layout["block.thermal"]
+    mine = (term.rows >= block.start) & (term.rows < block.stop)
+    assert -r[mine].sum() == pytest.approx(0.37 * taken, rel=1e-11)
+
+
+@both
+def test_a_term_knows_its_name(world: World) -> None:
+    m = world.model("flat")
+    (found,) = [t for t in m.terms if isinstance(t, ContactTerm)]
+    assert found.source == "sole" and replace(found, source="x").source == "x"
+
+
+@both
+@pytest.mark.parametrize("surfaces", ["rigid", "deformed"])
+@pytest.mark.parametrize("case", ["flat", "bent", "wedge"])
+def test_forces_and_torques_of_both_bodies_cancel(
+    world: World, case: str, surfaces: str
+) -> None:
+    m = world.model(case, surfaces, ("elastic",) if surfaces == "deformed" else ())
+    term = world.term(m)
+    x, v = world.state(m, term)
+    x[world.d - 1] -= 5e-3  # deep: a third of it would show an arm that is left out
+    r = term.residual(x, v, 0 * x, 0.0)
+    force, torque, size = np.zeros(3), np.zeros(3), 0.0
+    for name in ("block", "plate"):
+        at = m.layout[f"{name}.rigid"]
+        mine = np.searchsorted(term.rows, np.arange(at.start, at.stop))
+        f, R, own = world.wrench(x[mine], r[mine])
+        force, torque, size = force + f, torque + np.cross(R, f) + own, max(size, np.abs(f).max())
+    assert size > 1.0
+    assert np.abs(force).max() <= 1e-13 * size
+    assert np.abs(torque).max() <= 1e-13 * size * world.width
+
+
+@both
+def test_pressure_that_changes_its_sign_on_a_facet(world: World) -> None:
+    """A damper that would pull beyond the place where the foundation no longer outweighs it."""
+    m = world.model("flat", normal=NORMAL | {"damping": 1e7, "damping_depth": 1e-4})
+    term = world.term(m)
+    n = len(term.columns)
+    x, v, zero, one = m.x0[term.columns].copy(), np.zeros(n), np.zeros(n), np.ones(n)
+    x[world.d - 1] -= 2e-3
+    v[world.d - 1 :][: 2 * world.d - 2] = [0.1, 1.0] if world.d == 2 else [0.1, 0.3, 0.0, 2.0]
+    h, way = 1e-6, np.random.default_rng(0).standard_normal(n)
+    J = term.jacobian(x, v, zero, 0.0, one, zero) @ way
+    ahead, behind = (term.residual(x + s * way, v + s * way, zero, 0.0) for s in (h, -h))
+    assert np.abs(J).max() > 1e3
+    assert np.abs((ahead - behind) / (2 * h) - J).max() < 2e-4 * np.abs(J).max()
+
+
+@both
+def test_the_jacobian_of_a_state_that_overflowed_is_nan_and_nothing_is_doubted(
+    world: World,
+) -> None:
+    m = world.model("flat", "deformed", ("elastic",))
+    term = world.term(m)
+    x, zero = m.x0[term.columns].copy(), np.zeros(len(term.columns))
+    x[0] = np.inf
+    assert np.isnan(term.jacobian(x, zero, zero, 0.0, zero, zero).toarray()).all()
+    assert term.check_step(x, zero, 0.0, 1e-3) == ""
+
+
+@pytest.mark.full
+def test_the_laws_hold_within_the_ramp_of_the_damping_and_the_critical_velocity() -> None:
+    m = PLANE.model("flat")
+    term = PLANE.term(m)
+    x = m.x0[term.columns].copy()
+    x[1] -= 4e-4
+    check_term(term, np.random.default_rng(0), base=x, scale=2e-5, trials=8)
+
+
+@pytest.mark.parametrize("plate", ["fixed", "spinning"])
+def test_frames_that_stand_or_turn_about_an_axis(plate: str) -> None:
+    m = SPACE.model("flat", plate=plate)
+    term = SPACE.term(m)
+    assert len(term.columns) == (7 if plate == "fixed" else 11)
+    x = m.x0[term.columns].copy()
+    x[2] -= 1e-3
+    check_term(term, np.random.default_rng(1), base=x, scale=1e-4, trials=2)
+
+
+def test_required_rows_are_those_of_the_surfaces() -> None:
+    m = PLANE.model("flat", "deformed", ("elastic", "thermal"))
+    assert len(m.required["block.elastic"]) == 2 * 5
+    assert "thermal" not in str([k for k, v in m.required.items() if len(v)])
+    heated = PLANE.model("flat", "deformed", ("elastic", "thermal"), conductance=1.0)
+    assert len(heated.required["plate.thermal"]) == 8
+    assert heated.separated.other and m.separated.other
+
+
+def test_quadrature_takes_the_points_that_the_laws_need() -> None:
+    assert enough_points(2, LINEAR, None, 1e-12) == 3
+    assert 3 <= enough_points(2, DAMPED, RUBBING, 1e-12) <= 6
+    assert enough_points(3, LINEAR, None, 1e-12) == 2
+    few, many = (enough_points(3, DAMPED, RUBBING, tolerance) for tolerance in (1e-3, 1e-9))
+    assert few <= 3 < many <= 6
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_quadrature_finds_a_jump_that_a_law_does_not_tell(d: int) -> None:
+    class Rough(ElasticFoundation):
+        def pressure(self, depth: Any, rate: Any) -> Any:
+            return np.where(depth > 3.3e-7, 1.0, 0.0), 0 * depth, 0 * depth
+
+    with pytest.raises(InputError, match="not smooth between"):
+        enough_points(d, Rough(stiffness=1.0), None, 1e-6)

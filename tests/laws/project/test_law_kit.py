@@ -1,0 +1,142 @@
+"""Every installed plugin of every kind, third-party ones included, keeps the laws of its kind."""
+
+from collections.abc import Callable
+from contextlib import nullcontext
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import meshio
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from sparsemor.core.errors import InputError
+from sparsemor.core.registry.registry import Registry
+from sparsemor.core.scene.scene import load
+from sparsemor.core.testing import (
+    check_basis,
+    check_friction_law,
+    check_function,
+    check_integrator,
+    check_linear_solver,
+    check_material,
+    check_mesh_plugin,
+    check_normal_law,
+    check_observer,
+    check_parts,
+    check_preconditioner,
+    check_reducer,
+    check_sampler,
+    check_sparse_solver,
+    installed,
+)
+from tiers import quick
+
+SCENES = Path(__file__).parents[2] / "scenes"
+BUDGETS = {"*.elastic": {"rows": 24, "atoms": 4}, "*.thermal": {"rows": 12, "atoms": 3}}
+OPTIONS: dict[tuple[str, str], dict[str, Any]] = {
+    ("function", "constant"): {"level": 3.0},
+    ("function", "table"): {"times": (0.0, 1.0, 3.0), "values": (2.0, 4.0, -2.0)},
+    ("function", "ramp"): {"start": 0.5, "end": 2.5, "final": -3.0},
+    ("function", "pulse"): {"start": 0.5, "duration": 1.0, "level": 7.0},
+    ("function", "sine"): {"amplitude": 2.0, "frequency": 0.7},
+    ("normal_law", "elastic_foundation"): {
+        "stiffness": 1e9, "damping": 1e5, "damping_depth": 1e-6},
+    ("material", "isotropic"): {"rho": 2700.0, "E": 7e10, "nu": 0.33, "k": 150.0, "c": 900.0},
+    ("friction_law", "coulomb"): {"coefficient": 0.3, "critical_velocity": 0.05},
+    ("mesh", "rectangle"): {"size": (2.0, 1.0), "divisions": (4, 3)},
+    ("mesh", "unstructured"): {"size": (2.0, 1.0), "divisions": (4, 2), "elements": 24},
+    ("mesh", "file"): {"path": "bar.vtk"},
+    ("mesh", "block"): {"size": (2.0, 1.0, 0.5), "divisions": (3, 2, 1)},
+    ("reducer", "sparse"): {"budgets": BUDGETS},
+    ("basis", "dictionary"): {"bases": ["pod", "modal"]},
+}
+"""What plugins need that have no default for everything."""
+PACKAGES = {"pardiso": "pypardiso", "cholmod": "sksparse", "amg": "pyamg"}
+"""What linear solvers need that may be absent: then they must say so."""
+
+
+def linear_solver(solver: Any, seed: int) -> None:
+    name = next(n for n, cls in installed("linear_solver").items() if cls is type(solver))
+    lacking = find_spec(PACKAGES.get(name, "numpy")) is None
+    with pytest.raises(InputError, match=PACKAGES[name]) if lacking else nullcontext():
+        check_linear_solver(solver, seed, trials=1)
+
+
+LAWS: dict[str, Callable[[Any, int], None]] = {
+    "basis": lambda p, seed: check_basis(p, seed, trials=4),
+    "sampler": lambda p, seed: check_sampler(p, seed, trials=6),
+    "preconditioner": lambda p, seed: check_preconditioner(p, seed, trials=3),
+    "sparse_solver": lambda p, seed: check_sparse_solver(p, seed, trials=3),
+    "linear_solver": linear_solver,
+    "integrator": check_integrator,
+    "function": check_function,
+    "normal_law": check_normal_law,
+    "friction_law": check_friction_law,
+    "material": lambda p, seed: check_material(p),
+    "observer": lambda p, seed: check_observer(p.observer, seed),
+}
+SCENE_KINDS = {"body", "joint", "load", "contact"}
+QUICK = {"sparse_solver": {"greedy_gauss_newton"}}
+"""Of the kinds whose laws take long: those that the default tier checks."""
+QUICK_RUNS = {"galerkin", "bdf2"}
+"""Each reducer with this integrator, and this reducer with each integrator."""
+RANDOM = [pytest.param(kind, name, marks=[pytest.mark.full] * (name not in QUICK.get(kind, {name})))
+          for kind in LAWS for name in installed(kind)]
+
+
+def made(kind: str, name: str) -> Any:
+    return installed(kind)[name](**OPTIONS.get((kind, name), {}))
+
+
+def test_every_kind_has_laws() -> None:
+    others = {"mesh", "reducer", "scene", "study", *SCENE_KINDS}
+    assert set(Registry().kinds()) <= set(LAWS) | others
+
+
+@pytest.mark.parametrize("examples", quick((2, 5), 2))
+@pytest.mark.parametrize(("kind", "name"), RANDOM, ids=lambda word: str(word))
+def test_laws_over_random_inputs(kind: str, name: str, examples: int) -> None:
+    @settings(max_examples=examples, deadline=None, derandomize=True,
+              suppress_health_check=[HealthCheck.too_slow])
+    @given(seed=st.integers(0, 2**31 - 1))
+    def kept(seed: int) -> None:
+        LAWS[kind](made(kind, name), seed)
+
+    kept()
+
+
+@pytest.mark.parametrize("name", installed("mesh"))
+def test_laws_of_a_mesh(name: str, tmp_path: Path) -> None:
+    points = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    meshio.Mesh(points, [("triangle", np.array([[0, 1, 2], [0, 2, 3]]))]).write(
+        tmp_path / "bar.vtk")
+    check_mesh_plugin(made("mesh", name), tmp_path)
+
+
+@pytest.mark.parametrize(("name", "integrator"), [
+    pytest.param(name, integrator, marks=[] if {name, integrator} & QUICK_RUNS else
+                 pytest.mark.full)
+    for name in installed("reducer") for integrator in installed("integrator")])
+def test_laws_of_a_reducer(name: str, integrator: str) -> None:
+    options = {"use": name, **OPTIONS.get(("reducer", name), {})}
+    check_reducer(load(SCENES / "tiny.yaml", {"reducer": options, "integrator": integrator}))
+
+
+@pytest.mark.full
+def test_laws_of_bodies_joints_and_loads() -> None:
+    scenes = [load(SCENES / name) for name in ("everything.yaml", "everything_in_space.yaml")]
+    for scene in scenes:
+        check_parts(scene)
+    for kind, key in (("body", "bodies"), ("joint", "joints"), ("load", "loads")):
+        own = {p.name for p in Registry().names(kind) if p.distribution == "sparsemor"}
+        assert own <= {e["use"] for scene in scenes for e in scene.dump()[key].values()}
+
+
+@pytest.mark.parametrize("name", [p.name for p in Registry().names("scene")])
+def test_packaged_scenes_load_and_say_what_they_are(name: str) -> None:
+    scene = load(name)
+    assert scene.title and scene.name == name
+    assert load(name).digest() == scene.digest()

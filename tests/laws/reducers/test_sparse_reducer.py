@@ -1,0 +1,309 @@
+"""What the sparse reducer refuses, preconditions and tells; turned rows keep every norm."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from small_scenes import everything, tiny
+from sparsemor.core import ReducedProblem
+from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
+from sparsemor.core.errors import InputError
+from sparsemor.core.linalg.coherence import coherence, condition_number, unit_columns
+from sparsemor.core.model.assembly import assemble
+from sparsemor.core.model.initial_state import consistent_state
+from sparsemor.core.protocols import Selection, SparseOutcome, StepFactors, StepOutcome
+from sparsemor.core.protocols.integrator import step_formula
+from sparsemor.core.scene.scene import Scene
+from sparsemor.core.simulation.offline import Offline
+from sparsemor.core.status import Status
+from sparsemor.core.testing.in_memory_run import march
+from sparsemor.plugins.sparse_solvers.greedy_gauss_newton import GreedyGaussNewton
+from sparsemor.reducers.sparse.build import Whole
+from sparsemor.reducers.sparse.reducer import Sparse
+from sparsemor.reducers.sparse.row_compression import compact_elastic
+from sparsemor.reducers.sparse.sampled_block import Sampled, SampledElastic
+from sparsemor.reducers.sparse.stepper import SparseStepper
+from sparsemor.reducers.step import operators as test_map
+from sparsemor.reducers.step.blocks.compressed_elastic import CompressedElastic
+from sparsemor.reducers.step.operators import TestMap as Map
+from tiny_scene import BUDGETS, FIXED, full, prepared, snapshots
+
+WIDE = {"*.elastic": {"rows": 8, "atoms": 6}, "*.thermal": {"rows": 4, "atoms": 3}}
+"""With the required ones fewer rows than atoms, as UNTF and Parseval frames ask."""
+
+
+def reduced(**options: Any) -> Scene:
+    return tiny().using({"reducer": {
+        "use": "sparse", "basis": {"use": "pod", "count": 14}, "budgets": FIXED,
+        "bases": {"*.thermal": {"use": "pod", "count": 8}}, **options}})
+
+
+# ------------------------------------------------------------------------ refusals
+
+
+class Linear(GreedyGaussNewton):
+    """A solver that says it can do linear problems without free columns only."""
+
+    @property
+    def capabilities(self) -> frozenset[str]:
+        return frozenset({"overdetermined", "underdetermined"})
+
+
+class Square(Linear):
+    @property
+    def capabilities(self) -> frozenset[str]:
+        return frozenset()
+
+
+def with_solver(scene: Scene, solver: Any) -> Sparse:
+    reducer = scene.reducer.model_copy(update={"solver": solver})
+    assert isinstance(reducer, Sparse)
+    return reducer
+
+
+def test_a_solver_that_lacks_a_capability_is_refused_before_training() -> None:
+    model = full().model
+    (fault,) = with_solver(reduced(budgets=BUDGETS, selection="joint"), Linear()).check(model)
+    assert fault.key == "solver"
+    assert fault.message.startswith("Linear cannot solve bar.elastic, which needs nonlinear: ")
+    assert "unpenalised: columns that are always active" in fault.message
+    # block by block every problem is linear and all its columns are penalised
+    assert not with_solver(reduced(budgets=BUDGETS), Linear()).check(model)
+    faults = with_solver(reduced(budgets=BUDGETS), Square()).check(model)
+    assert [f.key for f in faults] == ["solver", "solver"]
+    assert any("bar.thermal, which needs overdetermined" in f.message for f in faults)
+    assert not with_solver(reduced(budgets=BUDGETS), GreedyGaussNewton()).check(model)
+    # nothing is selected: the solver is not asked anything
+    assert not with_solver(reduced(), Square()).check(model)
+
+
+def test_what_only_the_dictionary_shows_is_refused_when_it_is_made() -> None:
+    scene = reduced(budgets=BUDGETS, basis="pod", bases={"*.elastic": {"use": "pod", "count": 4}})
+    reducer = with_solver(scene, Square())
+    assert not reducer.check(full().model)
+    with pytest.raises(InputError, match="Square cannot solve bar.thermal, which needs over"):
+        reducer.prepare(ReducedProblem(
+            full().model, scene.integrator, scene.time.step, Offline.of(full().model,
+            snapshots()), np.random.default_rng(0)))
+
+
+@pytest.mark.parametrize(("options", "key", "words"), [
+    ({"row_sets": 3}, "row_sets", "rows are drawn only once"),
+    ({"preconditioned": ["elastc"]}, "preconditioned.*.elastc", "fits no block"),
+    ({"preconditioned": ["elastic"], "preconditioner": "untf"}, "preconditioner",
+     "bar.elastic: UNTF needs at least as many atoms as rows"),
+])
+def test_bad_options_are_told_by_key(options: dict[str, Any], key: str, words: str) -> None:
+    faults = reduced(**options).reducer.check(full().model)
+    assert [f.key for f in faults] == [key] and words in faults[0].message
+
+
+def test_new_rows_of_radiation_need_a_number_of_sets() -> None:
+    model = assemble(everything())
+    budgets = {"*.elastic": {"rows": 8}, "*.thermal": {"rows": 0}}
+    faults = Sparse.model_validate({"budgets": budgets, "resample": 2}).check(model)
+    assert [f.key for f in faults] == ["row_sets"] and "radiation" in faults[0].message
+    assert not Sparse.model_validate(
+        {"budgets": budgets, "resample": 2, "row_sets": 2}).check(model)
+
+
+# ------------------------------------------------------------------------ preconditioning, facts
+
+
+def test_facts_tell_coherence_and_condition_before_and_after() -> None:
+    plain = prepared(reduced())
+    both = prepared(reduced(preconditioner="row_scaling", preconditioned=["elastic", "*.thermal"]))
+    published = prepared(reduced(preconditioner="row_scaling"))
+    for name in full().model.reducible():
+        facts = plain.facts[name]
+        assert set(facts) == {"rows", "atoms", "coherence", "condition"}
+        assert facts["rows"] == len(plain.rows[name])
+        assert facts["atoms"] == plain.dictionaries[name].atoms.shape[1]
+        after = both.facts[name]
+        assert {k: after[k] for k in facts} == facts
+        assert 0.0 <= float(after["coherence_after"]) <= 1.0
+        assert float(after["condition_after"]) >= 1.0
+    assert "condition_after" in published.facts["bar.thermal"]
+    assert "condition_after" not in published.facts["bar.elastic"], "as published"
+
+
+def test_facts_are_those_of_the_rows() -> None:
+    scene, solver = reduced(), prepared(reduced())
+    model, name = full().model, "bar.thermal"
+    (body,) = model.separated.heat
+    c1 = 1.0 / scene.time.step
+    B = (body.conductivity + c1 * body.capacity) @ solver.dictionaries[name].atoms
+    B = B[solver.rows[name]]
+    assert solver.facts[name]["coherence"] == pytest.approx(coherence(B), rel=1e-9)
+    assert solver.facts[name]["condition"] == pytest.approx(
+        condition_number(unit_columns(B)), rel=1e-6)
+
+
+@pytest.mark.parametrize("preconditioner", ["untf", "parseval"])
+def test_frames_tighten_elastic_rows(preconditioner: str) -> None:
+    """Fewer rows than atoms: the columns of P B come nearer to a tight frame of unit length."""
+    facts = prepared(reduced(budgets=WIDE, preconditioner=preconditioner,
+                             preconditioned=["elastic", "thermal"])).facts["bar.elastic"]
+    assert facts["rows"] == 12 and facts["atoms"] == 14
+    assert float(facts["coherence_after"]) < float(facts["coherence"])
+    assert float(facts["condition_after"]) < 0.5 * float(facts["condition"])
+
+
+@pytest.mark.parametrize("budgets", [FIXED, BUDGETS], ids=["fixed", "selecting"])
+def test_preconditioned_runs_stay_near_full_order(budgets: dict[str, Any]) -> None:
+    """A nonsingular P changes the weights of the rows, not the equations."""
+    scene = reduced(budgets=budgets, preconditioner="row_scaling",
+                    preconditioned=["elastic", "thermal"], solver={
+                        "use": "greedy_gauss_newton", "candidates": "all"})
+    run = march(scene, model=full().model, snapshots=snapshots())
+    bound = 1e-5 if budgets is FIXED else 5e-2
+    for name in full().model.reducible():
+        d, want = run.solver.dictionaries[name], full().block(name)
+        got = d.offset + run.block(name) @ d.atoms.T
+        size = np.abs(want - want[0]).max()
+        assert np.abs(got - want)[1:].max() < bound * size, name
+
+
+def test_weights_act_on_elastic_rows() -> None:
+    """The same rows, other weights: the solution moves, within what the atoms leave open."""
+    plain = march(reduced(basis={"use": "pod", "count": 4}, bases={}), model=full().model,
+                  snapshots=snapshots())
+    scene = reduced(basis={"use": "pod", "count": 4}, bases={}, preconditioner="row_scaling",
+                    preconditioned=["elastic"])
+    other = march(scene, model=full().model, snapshots=snapshots())
+    np.testing.assert_array_equal(other.solver.rows["bar.elastic"],
+                                  plain.solver.rows["bar.elastic"])
+    np.testing.assert_array_equal(other.block("bar.thermal"), plain.block("bar.thermal"))
+    assert np.abs(other.block("bar.elastic") - plain.block("bar.elastic")).max() > 0.0
+
+
+# ------------------------------------------------------------------------ few turned rows
+
+
+def elastic() -> tuple[test_map.TestedElastic, FloatArray, IntArray]:
+    (m,) = full().model.separated.moving
+    d = prepared(reduced()).dictionaries
+    rows = np.arange(3, 51, 2)
+    assert m.operators is not None
+    t = test_map.TestedElastic.of(m.operators, m.frame, d["bar.elastic"], d["bar.thermal"],
+                         test_map.TestMap(rows=rows))
+    return t, t.block(1e3, 1e6), rows
+
+
+def test_turned_rows_keep_every_norm_and_product() -> None:
+    t, B, _ = elastic()
+    few, C, reach, first = compact_elastic(t, B)
+    assert len(C) <= len(B)
+    whole, turned = (np.hstack([b, *s.generators, s.damping, s.coupling, s.loads, s.directions,
+                                s.constant[:, None]]) for s, b in ((t, B), (few, C)))
+    size = np.linalg.norm(whole, axis=0)
+    keep = size > 0
+    np.testing.assert_allclose(
+        (turned.T @ turned)[np.ix_(keep, keep)] / np.outer(size[keep], size[keep]),
+        (whole.T @ whole)[np.ix_(keep, keep)] / np.outer(size[keep], size[keep]), atol=1e-12)
+    beyond = np.hstack([C, few.directions])[first:]
+    assert np.abs(beyond).max(initial=0.0) < 1e-12 * np.abs(whole).max()
+    assert reach == min(C.shape) and np.abs(C[reach:]).max(initial=0.0) < 1e-12 * np.abs(C).max()
+
+
+def test_prepared_arrays_need_only_the_turned_rows_that_the_operator_reaches() -> None:
+    """A support prepared from these is that prepared from all rows."""
+    t, B, rows = elastic()
+    d = prepared(reduced()).dictionaries["bar.elastic"]
+    block = Sampled("bar.elastic", d, rows, 6, B, None)
+    sampled = SampledElastic.of(block, t, False, StepFactors(1e-3, 1e3, 1e6, 1e3))
+    assert len(sampled.columns.B) == min(B.shape)
+    for support in (np.arange(6), np.array([0, 3, 4, 7, 9, 13])):
+        one = sampled.prepared(support)
+        all_rows = CompressedElastic.of(t, block.left(support), support, 1e3, 1e6)
+        assert isinstance(one, CompressedElastic) and one.sizes == all_rows.sizes
+        for name in ("H", "base", "S", "E", "G"):
+            a, b = getattr(one, name), getattr(all_rows, name)
+            np.testing.assert_allclose(a, b, rtol=0.0, atol=1e-10 * np.abs(b).max(initial=0.0))
+
+
+def test_a_stepper_with_other_blocks_is_one_made_of_them() -> None:
+    solver = prepared(reduced(budgets=BUDGETS))
+    assert isinstance(solver, SparseStepper)
+    supports = {n: np.arange(s.block.atoms) < s.block.budget
+                for n, s in (*solver.steps.heat.items(), *solver.steps.elastic.items())}
+    heat, elastic = (
+        {n: s.prepared(np.flatnonzero(supports[n])) for n, s in some.items()}
+        for some in (solver.steps.heat, solver.steps.elastic))
+    one = solver.base.with_blocks(heat, elastic)
+    other = replace(solver.base, heat={**solver.base.heat, **heat},
+                    elastic={**solver.base.elastic, **elastic})
+    other = replace(other, mechanics=other.with_mechanics())
+    model, scene = full().model, reduced()
+    found = []
+    for stepper in (one, other):
+        state, memory = stepper.start(consistent_state(model))
+        state = scene.integrator.start(stepper.layout, state)
+        rules, h = scene.integrator.rules(scene.time.step), scene.time.step
+        formula = step_formula(rules, stepper.layout, state, h)
+        found.append(stepper.tried(formula, memory).x)
+    assert np.abs(found[0]).max() > 0.0
+    np.testing.assert_array_equal(*found)
+
+
+def test_rows_of_the_whole_are_the_rows_of_the_mesh() -> None:
+    t, _, rows = elastic()
+    d = prepared(reduced()).dictionaries
+    taken = Whole.of(full().model, d).elastic["bar.elastic"].under(Map(rows))
+    left = Map(left=np.random.default_rng(0).standard_normal((5, len(rows))))
+    once, again = t.under(left), taken.under(left)
+    for name in ("mass", "damping", "stiffness", "generators", "directions", "coupling", "loads",
+                 "constant"):
+        own = getattr(taken, name)
+        np.testing.assert_allclose(own, getattr(t, name), rtol=1e-12, atol=1e-12 * max(
+            np.abs(own).max(initial=0.0), 1e-300))
+        assert getattr(once, name).shape == getattr(again, name).shape
+    assert t.under(Map()) is t
+
+
+class Failing(GreedyGaussNewton):
+    """Never ends."""
+
+    def prepare(self, columns: Any, budget: int) -> Any:
+        return Unending()
+
+    def solve(self, problem: Any, start: Any) -> SparseOutcome:
+        return replace(super().solve(problem, start), status=Status.NOT_CONVERGED)
+
+
+class Unending:
+    def select(self, r: FloatArray, c: FloatArray, support: BoolArray) -> Selection:
+        return Selection(support, Status.NOT_CONVERGED)
+
+
+class Unfit(GreedyGaussNewton):
+    """Prepares nothing that could select."""
+
+    def prepare(self, columns: Any, budget: int) -> Any:
+        return columns
+
+
+def stepped(scene: Scene, solver: Any) -> StepOutcome:
+    """First step of a run with another sparse solver."""
+    made = with_solver(scene, solver).prepare(ReducedProblem(
+        full().model, scene.integrator, scene.time.step, Offline.of(full().model, snapshots()),
+        np.random.default_rng(0)))
+    state, memory = made.start(consistent_state(full().model))
+    state = scene.integrator.start(made.layout, state)
+    rules, h = scene.integrator.rules(scene.time.step), scene.time.step
+    return made.solve(step_formula(rules, made.layout, state, h), memory)[0]
+
+
+@pytest.mark.parametrize("selection", ["blocks", "joint"])
+def test_a_selection_that_fails_stops_the_step_and_names_its_block(selection: str) -> None:
+    outcome = stepped(reduced(budgets=BUDGETS, selection=selection), Failing())
+    assert outcome.status is Status.NOT_CONVERGED and outcome.block == "bar.thermal"
+    assert "selection of atoms" in outcome.detail
+
+
+def test_a_recovery_that_cannot_select_is_named_with_its_solver() -> None:
+    with pytest.raises(InputError, match="prepare of .*Unfit returned ColumnSubsets, which lacks "
+                                         r"select\(r, c, support\), where a Recovery is required"):
+        stepped(reduced(budgets=BUDGETS), Unfit())

@@ -1,0 +1,36 @@
+"""Notes: what is a warning, what is information, and that only warnings count as such."""
+
+from pathlib import Path
+
+import pytest
+
+from sparsemor import load, simulate
+from sparsemor.core.analysis.stability.survey import unsampled
+from sparsemor.core.notes import Level, Note, information, kinds, sentences
+
+SLIDER = "tests/scenes/small_slider.yaml"
+INSIDE = {"reducer": "galerkin", "rigid_stage": None, "contacts.sole.surfaces": "deformed",
+          "time.end": 1.5e-5, "training.end": 1.5e-5}
+
+
+def test_levels_and_kinds_are_told_apart() -> None:
+    notes = (Note("a", "x"), information("b", "y"), Note("a", "x"), Note("c"))
+    assert sentences(notes, Level.WARNING) == ["a", "c"]
+    assert sentences(notes, Level.INFORMATION) == ["b"]
+    assert kinds(notes) == ["x"]
+
+
+@pytest.mark.full
+def test_how_a_step_is_solved_is_information_and_no_unsampled_load(here: object) -> None:
+    scene = load(str(Path(__file__).parents[3] / SLIDER), INSIDE)
+    summary = simulate(scene).summary
+    assert not summary["notes"] and not summary["note_kinds"]
+    assert any("couples blocks" in text for text in summary["information"])
+
+
+def test_only_unsampled_loads_are_counted_as_such() -> None:
+    class Solver:
+        notes = (Note("the rows miss a load", "unsampled"), Note("another warning", "other"),
+                 information("how a step is solved"))
+
+    assert unsampled(Solver()) == 1

@@ -1,0 +1,47 @@
+"""Advice fits the method: rows are mentioned where rows are sampled, and nowhere else."""
+
+from pathlib import Path
+
+import pytest
+
+from sparsemor.core.scene.scene import load
+from sparsemor.core.simulation.simulate import simulate
+from sparsemor.core.status import SolveFailed, Status
+
+TINY = Path(__file__).parents[2] / "scenes" / "tiny.yaml"
+TWINS = """
+import numpy as np
+from sparsemor.core.registry.plugin import Plugin
+from sparsemor.core.protocols import Dictionary
+
+
+class Twins(Plugin):
+    'Two equal atoms.'
+    needs_snapshots: bool = False
+
+    def build(self, data):
+        atoms = np.full((data.size, 2), data.size ** -0.5)
+        return Dictionary(atoms, np.zeros(data.size), ("one", "two"))
+"""
+
+
+@pytest.mark.parametrize("reducer, rows", [
+    ({"use": "galerkin"}, False),
+    ({"use": "sparse", "budgets": {"*": {"rows": 12}}}, True),
+])
+def test_rows_are_advised_on_where_there_are_rows(distribute, here, reducer, rows):
+    distribute("twins", {"basis": {"twins": "mod_advice:Twins"}}, mod_advice=TWINS)
+    scene = load(TINY, {"time.end": 0.002, "reducer": {**reducer, "basis": "twins"}})
+    with pytest.raises(SolveFailed) as caught:
+        simulate(scene)
+    assert caught.value.status is Status.RANK_DEFICIENT
+    advice = str(caught.value).rpartition("): ")[2]
+    assert ("rows" in advice, "sampler" in advice) == (rows, rows)
+    assert "fewer atoms" in advice
+
+
+@pytest.mark.parametrize("status", Status)
+def test_no_advice_without_rows_mentions_them(status):
+    if status is not Status.INFEASIBLE:  # which only a solver for sampled rows reports
+        assert "row" not in status.advice_for(sampled=False)
+    assert status.advice.startswith(status.advice_for(sampled=False))

@@ -1,0 +1,249 @@
+"""Compiled steps give the states of the uncompiled step solver: the kernel as plain Python, so that
+each part is compared without numba; tests/laws/step/test_machine_code.py runs it as machine
+code."""
+
+from collections.abc import Mapping
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+
+from random_chains import chain, scene
+from reduced_runs import learnt
+from small_scenes import everything, tiny
+from sparsemor.core import InputError
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.model.initial_state import consistent_state
+from sparsemor.core.model.model import Model
+from sparsemor.core.protocols import ReducedProblem, State, StepMemory
+from sparsemor.core.scene.scene import Scene
+from sparsemor.core.simulation.offline import Offline
+from sparsemor.core.simulation.time_stepping import FixedStep, iterate, started
+from sparsemor.core.testing.in_memory_run import march
+from sparsemor.reducers.sparse.stepper import StepsBetween
+from sparsemor.reducers.step.compiled.compile import bound
+from sparsemor.reducers.step.compiled.plan import NotCompiled, model_arrays, plan
+from sparsemor.reducers.step.compiled.stepper import CompiledSteps, wanted
+from sparsemor.reducers.step.solver import Stepper
+from turning_bars import bar, turning
+
+GALERKIN = {"use": "galerkin", "basis": {"use": "pod", "count": 4}}
+SPARSE = {"use": "sparse", "basis": {"use": "pod", "count": 4}, "budgets": {"*": {"rows": 20}}}
+SELECTED = {**SPARSE, "budgets": {"*": {"rows": 20, "atoms": 3}}, "every": 6}
+
+
+class Case(NamedTuple):
+    """A reduced model with its start."""
+
+    scene: Scene
+    model: Model
+    snapshots: Mapping[str, FloatArray]
+
+    def solver(self, **options: Any) -> Any:
+        s = self.scene.using({f"reducer.{name}": value for name, value in options.items()})
+        return s.reducer.prepare(ReducedProblem(
+            self.model, s.integrator, s.time.step, Offline.of(self.model, self.snapshots),
+            np.random.default_rng(3)))
+
+    def start(self, solver: Any) -> tuple[State, StepMemory]:
+        return started(solver, self.scene.integrator, consistent_state(self.model))
+
+    def step(self, solver: Any) -> FixedStep:
+        return FixedStep.of(self.scene.integrator, solver, self.scene.time.step)
+
+
+def trained(s: Scene, reducer: Any, end: float | None = None) -> Case:
+    full = march(s.using({"reducer": "full", **({} if end is None else {"time.end": end})}))
+    return Case(s.using({"reducer": reducer}), full.model, learnt(full))
+
+
+def in_python(case: Case, solver: Stepper) -> CompiledSteps:
+    made = plan(solver)
+    rules = case.scene.integrator.rules(case.scene.time.step)
+    return CompiledSteps(made, model_arrays(solver, rules), case.scene.time.step, bound(
+        *made.functions, lambda function: function))
+
+
+def states(case: Case, solver: Any, count: int, many: Any = None) -> list[Any]:
+    state, memory = case.start(solver)
+    with np.errstate(all="ignore"):
+        return list(iterate(case.step(solver), state, memory, count, many=many))
+
+
+def differ(solver: Any, one: list[Any], other: list[Any]) -> dict[str, float]:
+    """Largest difference of two runs relative to the largest value, in any block of coordinates,
+    and in rates and joint forces."""
+    x, y = (np.array([taken.state.x for taken in run]) for run in (one, other))
+    a, b = (np.array([taken.state.v for taken in run]) for run in (one, other))
+    found = {"unknowns": 0.0, "rates and forces": 0.0}
+    forces = set(range(*solver.layout.algebraic.indices(solver.layout.size)))
+    for block in solver.layout:
+        at = solver.layout[block.name]
+        kind = "rates and forces" if at.start in forces else "unknowns"
+        for key, p, q in ((kind, x, y), ("rates and forces", a, b)):
+            # displacements are as exact as the positions that they are computed with
+            size = max(np.abs(p[:, at]).max(), 1e-3 if key == "unknowns" else 0.0)
+            if size > 0.0:
+                found[key] = max(
+                    found[key], float(np.abs(p[:, at] - q[:, at]).max() / size))
+    return found
+
+
+def law(case: Case, count: int, blocks: int = 8) -> None:
+    """Both take the same steps, at least `blocks` of them within blocks of several."""
+    solver = case.solver()
+    many = in_python(case, solver)
+    plain, kernel = states(case, solver, count), states(case, solver, count, many)
+    worst = differ(solver, plain, kernel)
+    assert worst["unknowns"] < 1e-10 and worst["rates and forces"] < 2e-8, worst
+    assert all(t.outcome.status.ok for t in kernel) and len(kernel) == len(plain) == count
+    assert sum(not t.whole for t in kernel) >= blocks
+
+
+@cache
+def heated() -> Case:
+    return trained(tiny(), GALERKIN)
+
+
+CHAINS = [pytest.param(0, False, marks=pytest.mark.full), (3, False),
+          pytest.param(4, None, marks=pytest.mark.full), (5, True)]
+
+
+@pytest.mark.parametrize(("seed", "rigid"), CHAINS)
+def test_the_kernel_takes_the_steps_of_the_solver(seed: int, rigid: bool | None) -> None:
+    s = scene(chain(np.random.default_rng(seed), rigid=rigid))
+    case = trained(s, "full" if rigid else GALERKIN)
+    law(case, 30)
+
+
+@pytest.mark.parametrize("integrator", [
+    "bdf1", "bdf2", {"use": "generalized_alpha", "rho_inf": 0.5}])
+def test_with_every_integrator(integrator: Any) -> None:
+    case = trained(tiny().using({"integrator": integrator}), GALERKIN)
+    law(case, 20)
+
+
+def test_on_a_fixed_support_of_sampled_rows() -> None:
+    case = Case(heated().scene.using({"reducer": SPARSE}), heated().model, heated().snapshots)
+    law(case, 20)
+
+
+@pytest.mark.parametrize("ground", [True, False])
+def test_a_flexible_bar_that_slides_on_another_body(ground: bool) -> None:
+    angle, axis = -0.4, [float(np.cos(0.4)), -float(np.sin(0.4))]
+    soft = {"use": "flexible", "thickness": 0.02, "fields": ["elastic"], "pose": {"angle": angle},
+            "mesh": {"use": "rectangle", "size": [0.2, 0.1], "divisions": [4, 2]},
+            "material": {"E": 5e7, "nu": 0.3, "rho": 1000}, "reference": {"clamp": "top"}}
+    rail = {"use": "rigid", "mass": 3.0, "inertia": 0.1, "points": {"edge": [0.0, 0.0]},
+            "pose": {"angle": angle}}
+    hinge = {"use": "revolute", "between": ["ground", "rail:edge"]}
+    other = {"bodies": {"soft": soft}, "joints": {}} if ground else {
+        "bodies": {"soft": soft, "rail": rail}, "joints": {"hinge": hinge}}
+    s = scene({"format": 1, "integrator": "bdf1", "time": {"end": 0.03, "step": 1e-3}, **other,
+               "loads": {"weight": {"use": "gravity"}}, "joints": {**other["joints"], "guide": {
+                   "use": "prismatic", "axis": axis,
+                   "between": ["ground" if ground else "rail:edge", "soft:bottom"]}}})
+    law(trained(s, GALERKIN), 20)
+
+
+def test_the_partition_into_blocks_changes_no_bit() -> None:
+    case = heated()
+    solver = case.solver()
+    whole = states(case, solver, 20, in_python(case, solver))
+    many = in_python(case, solver)
+    state, memory = case.start(solver)
+    pieces: list[Any] = []
+    for count in (1, 4, 6, 9):
+        pieces += iterate(case.step(solver), state, memory, count, many=many)
+        state = pieces[-1].state
+        many = in_python(case, solver)  # as after a restart
+    for one, other in zip(whole, pieces, strict=True):
+        assert np.array_equal(one.state.x, other.state.x)
+        assert np.array_equal(one.state.v, other.state.v)
+        assert np.array_equal(one.state.a, other.state.a)
+
+
+@pytest.mark.full
+def test_every_plane_joint_and_load() -> None:
+    s = everything().using({
+        "time.end": 20 * everything().time.step, "loads.glow": {
+            "use": "convection", "on": ["wall:top", "hot:top"], "film": 9, "temperature": 280}})
+    case = trained(s, GALERKIN)
+    law(case, 15, blocks=3)
+
+
+def test_models_that_are_not_covered_say_why() -> None:
+    with pytest.raises(NotCompiled, match="full order"):
+        plan(trained(tiny(), "full").solver())
+    hot = tiny().using({"loads.glow": {
+        "use": "radiation", "on": ["bar:right"], "emissivity": 0.8, "surroundings": 293.0}})
+    with pytest.raises(NotCompiled, match="depend on temperature"):
+        plan(trained(hot, GALERKIN).solver())
+    notes = [n.text for n in trained(hot, GALERKIN).solver(compiled="on").notes]
+    assert any("compiled: on has no effect" in text for text in notes), notes
+
+
+def test_frames_at_rest() -> None:
+    law(trained(tiny().using({
+        "joints": {}, "bodies.bar.frame": "fixed", "bodies.bar.reference": {"clamp": "left"},
+        "time.end": 0.05}), GALERKIN), 30)
+
+
+@pytest.mark.parametrize("integrator", ["bdf1", "bdf2"])
+def test_a_joint_with_a_motion_of_its_own(integrator: str) -> None:
+    hinged = tiny().using({
+        "joints": {"drive": {"use": "prescribed_motion", "of": "bar:left", "x": 0.0, "y": 0.0,
+                             "angle": {"use": "sine", "amplitude": 0.5, "frequency": 8}}},
+        "bodies.bar.reference": {"clamp": "left"}, "time.end": 0.05, "integrator": integrator})
+    law(trained(hinged, GALERKIN), 30, blocks=3)
+
+
+@pytest.mark.parametrize(("E", "spin"), [(5e12, 60.0), (5e5, 60.0)])
+def test_a_bar_in_space_whose_rotation_is_given(E: float, spin: float) -> None:
+    s = bar(E, use="galerkin", basis={"use": "modal", "count": 5}).using({"time.end": 0.03})
+    case = Case(s, turning(s, spin, 4, steps=30), {})
+    made = plan(case.solver())
+    assert made.prescribed and not made.bodies
+    law(case, 28)
+
+
+def test_heat_alone() -> None:
+    law(trained(tiny().using({
+        "joints": {}, "bodies.bar.fields": ["thermal"], "bodies.bar.frame": "fixed",
+        "loads.gravity": None, "time.end": 0.05}), GALERKIN), 30)
+
+
+def test_auto_is_for_long_runs(monkeypatch: pytest.MonkeyPatch) -> None:
+    from sparsemor.reducers.step.compiled import stepper
+    assert wanted("on", 1) and not wanted("off", 10**9) and not wanted("auto", 100)
+    monkeypatch.setattr(stepper, "installed", lambda: False)
+    assert not wanted("auto", 10**9)
+
+
+def test_without_numba_on_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sparsemor.core.registry.optional_packages.find_spec", lambda name: None)
+    with pytest.raises(InputError, match="sparsemor\\[fast\\]"):
+        heated().solver(compiled="on")
+
+
+def test_a_step_that_converges_slowly_is_left_to_the_solver() -> None:
+    # changes of the second iteration are round-off at 1e-6 s, which the kernel does not judge
+    s = tiny().using({"time.step": 1e-6, "time.end": 3e-5, "training.end": 3e-5})
+    case = trained(s, GALERKIN)
+    solver = case.solver()
+    plain, kernel = (states(case, solver, 25, m) for m in (None, in_python(case, solver)))
+    worst = differ(solver, plain, kernel)
+    assert all(t.outcome.status.ok for t in kernel) and worst["unknowns"] < 1e-10, worst
+
+
+def test_between_selections_of_atoms() -> None:
+    case = Case(heated().scene.using({"reducer": SELECTED}), heated().model, heated().snapshots)
+    solver = case.solver()
+    step = case.step(solver)
+    many = StepsBetween(solver, step.rules, step.h)
+    many.made = lambda now: in_python(case, now)
+    plain, kernel = states(case, solver, 30), states(case, solver, 30, many)
+    worst = differ(solver, plain, kernel)
+    assert worst["unknowns"] < 1e-10, worst
+    assert sum(not t.whole for t in kernel) >= 15

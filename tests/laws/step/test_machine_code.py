@@ -1,0 +1,65 @@
+"""Compiled steps as machine code: runs of whole scenes, and resumed runs."""
+
+import os
+import signal
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from small_scenes import tiny
+from sparsemor.core import hookimpl
+from sparsemor.core.scene.scene import Scene
+from sparsemor.core.simulation.simulate import simulate
+from sparsemor.core.status import SolveFailed, Status
+
+pytest.importorskip("numba")
+# compilation takes most of a minute: once for all tests of this file
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("one_cache")]
+BLOCKS = ("bar.rigid", "bar.elastic", "bar.thermal")
+
+
+def heated(compiled: str, **more: Any) -> Scene:
+    return tiny().using({
+        "reducer": {"use": "galerkin", "basis": {"use": "pod", "count": 4}, "compiled": compiled},
+        "time.end": 0.3, "training.end": 0.04, **more})
+
+
+def test_a_run_as_machine_code_has_the_results_of_one_without() -> None:
+    plain, code = (simulate(heated(how)) for how in ("off", "on"))
+    for block in BLOCKS:
+        x, y = plain.block(block), code.block(block)
+        assert np.abs(x - y).max() < 1e-10 * max(float(np.abs(x).max()), 1e-3), block
+    assert code.status is Status.DONE
+    assert abs(int(code.iterations.sum()) - int(plain.iterations.sum())) <= 6
+
+
+def test_the_code_is_compiled_once(caplog: pytest.LogCaptureFixture) -> None:
+    simulate(heated("on"))
+    caplog.clear()
+    simulate(heated("on"))
+    assert not [r for r in caplog.records if "compiling" in r.message]
+
+
+class StopsAt:
+    """Asks for the end of the run, as Ctrl-C does, after a step."""
+
+    def __init__(self, step: int) -> None:
+        self.last = step
+
+    @hookimpl
+    def on_step(self, step: int) -> None:
+        if step == self.last:
+            os.kill(os.getpid(), signal.SIGINT)
+
+
+def test_a_resumed_run_has_equal_digits(tmp_path: Path) -> None:
+    whole = simulate(heated("on"), out=tmp_path / "whole")
+    with pytest.raises(SolveFailed) as stopped:
+        simulate(heated("on"), out=tmp_path / "cut", observers=[StopsAt(130)])
+    assert stopped.value.result is not None
+    assert 130 <= len(stopped.value.result.times) - 1 < 300
+    rest = simulate(heated("on"), out=tmp_path / "cut", resume=True)
+    for block in BLOCKS:
+        assert np.array_equal(whole.block(block), rest.block(block)), block

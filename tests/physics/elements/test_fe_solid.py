@@ -1,0 +1,307 @@
+"""Tetrahedra against closed forms: patch tests, disks that spin or are heated, slab, cantilever."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.sparse import eye_array, kron
+from scipy.sparse.linalg import eigsh
+
+from disk_fields import radial_and_hoop, rms
+from sparsemor.bodies import fem as fe
+from sparsemor.bodies.fem import forms
+from sparsemor.bodies.material import Isotropic
+from sparsemor.bodies.mesh.generators.block import Block
+from sparsemor.bodies.mesh.generators.disk import Disk
+from sparsemor.bodies.mesh.generators.pad import Pad
+from sparsemor.bodies.mesh.simplices import gradients, signed_measures
+from sparsemor.core.arrays import Csr, FloatArray, IntArray
+from sparsemor.core.linalg.factorized import rigid_motions
+from sparsemor.core.model.facets import outer_facets
+from sparsemor.core.protocols import DofLocations
+from sparsemor.core.protocols.mesh import Mesh
+from sparsemor.plugins.linear_solvers.superlu import Splu
+
+STEEL = Isotropic(E=200e9, nu=0.3, rho=7850, alpha=12.3e-6, k=44.5, c=475)
+ALLOY = Isotropic(E=7e10, nu=0.3, rho=1000, alpha=2e-5)
+RADIUS, SPEED = 0.14, 66.667
+
+
+@pytest.fixture(scope="module")
+def disk() -> Mesh:
+    return Disk().build(Path())
+
+
+@pytest.fixture(scope="module")
+def stiffness(disk: Mesh) -> Csr:
+    return fe.elastic_stiffness(disk, STEEL, 1.0, "solid")
+
+
+def unknowns(nodes: IntArray, *components: int) -> IntArray:
+    return np.sort((3 * np.asarray(nodes)[:, None] + np.array(components)).ravel())
+
+
+def solved(mesh: Mesh, K: Csr, force: FloatArray, held: IntArray, u: FloatArray) -> FloatArray:
+    """u with its values at `held` kept and the others in equilibrium."""
+    free = np.setdiff1d(np.arange(len(u)), held)
+    right = force[free] - K[free][:, held] @ u[held]
+    x = u.copy()
+    d = len(u) // len(mesh.points)
+    places = DofLocations(mesh.points[free // d], free % d)
+    x[free] = Splu().factorize(K[free][:, free].tocsr(), places).solve(right)
+    return x
+
+
+def statically_determinate(mesh: Mesh) -> IntArray:
+    """3-2-1: the lowest point of the axis, one of the rim at 0 and one at 90 degrees."""
+    axis, rim = mesh.point_sets["axis"][0], mesh.point_sets["rim"]
+    across = rim[np.argmax(mesh.points[rim, 1] - mesh.points[rim, 2])]
+    return np.sort([3 * axis, 3 * axis + 1, 3 * axis + 2, 3 * rim[0] + 1, 3 * rim[0] + 2,
+                    3 * across + 2])
+
+
+# ------------------------------------------------------------------ patch tests
+
+
+@pytest.mark.parametrize("mesh", [Disk(refine=0.5, layers=4), Pad(), Block(
+    size=(1.0, 0.5, 0.3), divisions=(4, 3, 2))], ids=["disk", "pad", "block"])
+def test_a_linear_field_given_at_the_surface_goes_on_inside(mesh: Disk | Pad | Block) -> None:
+    m = mesh.build(Path())
+    rng = np.random.default_rng(0)
+    surface = np.unique(outer_facets(m))
+    assert len(surface) < len(m.points)
+    u = (m.points @ rng.normal(size=(3, 3)) + rng.normal(size=3)).ravel()
+    K, none = fe.elastic_stiffness(m, STEEL, 1.0, "solid"), np.zeros(3 * len(m.points))
+    start = u.copy()
+    start[np.setdiff1d(np.arange(len(u)), unknowns(surface, 0, 1, 2))] = 7.0
+    np.testing.assert_allclose(
+        solved(m, K, none, unknowns(surface, 0, 1, 2), start), u, atol=1e-11)
+    T = 300 + 50 * m.points @ rng.normal(size=3)
+    start = np.where(np.isin(np.arange(len(T)), surface), T, 0.0)
+    A = fe.conductivity(m, 44.5)
+    np.testing.assert_allclose(solved(m, A, 0 * T, surface, start), T, rtol=1e-12)
+
+
+def test_rigid_motions_cost_no_force_and_nothing_else_does(disk: Mesh, stiffness: Csr) -> None:
+    n = 3 * len(disk.points)
+    motions = rigid_motions(DofLocations(disk.points[np.arange(n) // 3], np.arange(n) % 3))
+    assert np.abs(stiffness @ motions).max() < 1e-13 * np.abs(stiffness).max()
+    assert abs(stiffness - stiffness.T).max() < 1e-14 * np.abs(stiffness).max()
+    small = Block(size=(1.0, 1.0, 1.0), divisions=(2, 2, 2)).build(Path())
+    K = fe.elastic_stiffness(small, STEEL, 1.0, "solid").toarray()
+    values = np.linalg.eigvalsh(K)
+    assert values[5] < 1e-12 * values[-1] < 1e-3 * values[6]
+
+
+def test_matrices_of_the_elements_have_their_closed_forms() -> None:
+    """B^T C B and products of shape functions, cell by cell; their sums are the matrices."""
+    mesh = Pad().build(Path())
+    law, n = fe.law(STEEL, "solid"), len(mesh.points)
+    size = signed_measures(mesh.points, mesh.cells)
+    g = gradients(mesh)
+    of_u = (3 * mesh.cells[:, :, None] + np.arange(3)).reshape(len(mesh.cells), -1)
+    spread = np.einsum("eai,ebj->eaibj", g, g)
+    shear = spread.transpose(0, 1, 4, 3, 2) + np.einsum("eak,ebk,ij->eaibj", g, g, np.eye(3))
+    K = np.einsum("e,eaibj->eaibj", size, law.lam * spread + law.mu * shear)
+    push = np.repeat((size[:, None, None] * law.beta / 4 * g).reshape(len(g), 12, 1), 4, axis=2)
+    C = size[:, None, None] * 7850 * 475 * (np.ones((4, 4)) + np.eye(4)) / 20
+    k = 44.5 * size[:, None, None] * (g @ g.transpose(0, 2, 1))
+    for whole, rows, columns, cells, closed in (
+        (fe.elastic_stiffness(mesh, STEEL, 1.0, "solid"), of_u, of_u, forms.elements(
+            forms.stiffness, mesh, 0, rows=True, columns=True, lam=law.lam, mu=law.mu),
+         K.reshape(len(g), 12, 12)),
+        (fe.thermoelastic_coupling(mesh, STEEL, 1.0, "solid"), of_u, mesh.cells, forms.elements(
+            forms.expansion, mesh, 1, rows=True, weight=law.beta), push),
+        (fe.capacity(mesh, 7850, 475), mesh.cells, mesh.cells, forms.elements(
+            forms.mass, mesh, 2, weight=7850.0 * 475), C),
+        (fe.conductivity(mesh, 44.5), mesh.cells, mesh.cells, forms.elements(
+            forms.conduction, mesh, 0, weight=44.5), k),
+    ):
+        np.testing.assert_allclose(cells, closed, atol=1e-13 * np.abs(closed).max())
+        dense = np.zeros((n * (3 if rows is of_u else 1), n * (3 if columns is of_u else 1)))
+        np.add.at(dense, (rows[:, :, None], columns[:, None, :]), closed)
+        np.testing.assert_allclose(whole.toarray(), dense, atol=1e-13 * np.abs(dense).max())
+
+
+def test_pieces_of_the_assembly_add_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    mesh = Pad().build(Path())
+    at_once = fe.elastic_stiffness(mesh, STEEL, 1.0, "solid").toarray()
+    monkeypatch.setattr(forms, "CHUNK", 101)
+    in_pieces = fe.elastic_stiffness(mesh, STEEL, 1.0, "solid").toarray()
+    np.testing.assert_allclose(in_pieces, at_once, atol=1e-14 * np.abs(at_once).max())
+
+
+# ------------------------------------------------------------------ surfaces
+
+
+def test_surfaces_point_outward_and_have_their_size(disk: Mesh) -> None:
+    sets = disk.point_sets
+    polygon = 84 / 2 * RADIUS**2 * np.sin(2 * np.pi / 84)
+    side = 84 * 2 * RADIUS * np.sin(np.pi / 84) * 0.013
+    for name, size in (("top", polygon), ("bottom", polygon), ("rim", side)):
+        facets = fe.boundary_facets(disk, sets[name])
+        assert fe.facet_measures(disk, facets).sum() == pytest.approx(size, rel=1e-12)
+        outward = disk.points[facets].mean(axis=1) - [0.0, 0.0, 0.0065]
+        outward[:, :2] *= name == "rim"
+        outward[:, 2] *= name != "rim"
+        assert (np.einsum("fi,fi->f", fe.facet_normals(disk, facets), outward) > 0).all()
+
+
+def test_pressure_on_the_pad_is_its_force() -> None:
+    mesh = Pad().build(Path())
+    facets = fe.boundary_facets(mesh, mesh.point_sets["top"])
+    area = fe.facet_measures(mesh, facets).sum()
+    load = -18e3 / area * fe.surface_normal_load(mesh, facets)
+    np.testing.assert_allclose(load.sum(axis=0), [0.0, 0.0, -18e3], atol=1e-9)
+    middle = (load[:, 2] @ mesh.points) / -18e3
+    assert abs(middle[0]) < 1e-4  # the outline is symmetric, the triangles nearly so
+    film = fe.surface_mass(mesh, facets, 50.0)
+    assert film.sum() == pytest.approx(50.0 * area, rel=1e-12)
+
+
+# ------------------------------------------------------------------ V1, V6: thermoelasticity
+
+
+def test_free_expansion_is_exact_and_stress_free() -> None:
+    """V1 in space: alpha dT = 2e-3 along each axis."""
+    mesh = Block(size=(1.0, 0.17, 0.05), divisions=(6, 3, 2)).build(Path())
+    dT = np.full(len(mesh.points), 100.0)
+    K = fe.elastic_stiffness(mesh, ALLOY, 1.0, "solid")
+    force = fe.thermoelastic_coupling(mesh, ALLOY, 1.0, "solid") @ dT
+    a, b, c = (int(mesh.point_sets[f"{n}_bottom"][0])
+               for n in ("left_front", "right_front", "left_back"))
+    held = np.sort([3 * a, 3 * a + 1, 3 * a + 2, 3 * b + 1, 3 * b + 2, 3 * c + 2])
+    u = solved(mesh, K, force, held, np.zeros(len(force)))
+    np.testing.assert_allclose(u.reshape(-1, 3), 2e-3 * mesh.points, atol=1e-13)
+    assert np.abs(fe.stress(mesh, ALLOY, "solid", u, dT)).max() < 1.0
+    sigma = fe.stress(mesh, ALLOY, "solid", 0 * u, dT)  # held all round
+    np.testing.assert_allclose(
+        sigma, np.broadcast_to(-7e10 * 2e-5 * 100 / 0.4 * np.eye(3), sigma.shape), rtol=1e-12)
+
+
+def rim_growth(mesh: Mesh, u: FloatArray) -> float:
+    """Mean radial displacement of the rim without the rim's translation."""
+    rim = mesh.point_sets["rim"]
+    moved = u.reshape(-1, 3)[rim, :2]
+    return float(np.einsum("ij,ij->i", moved - moved.mean(axis=0), mesh.points[rim, :2]).mean()
+                 / RADIUS)
+
+
+@pytest.mark.full
+def test_spinning_disk(disk: Mesh, stiffness: Csr) -> None:
+    """V6: thin disk, free faces; plane stress holds in the mean over the thickness."""
+    mass = fe.scalar_mass(disk, 7850.0)
+    force = SPEED**2 * (mass @ (disk.points * [1.0, 1.0, 0.0])).ravel()
+    u = solved(disk, stiffness, force, statically_determinate(disk), np.zeros(len(force)))
+    assert rim_growth(disk, u) == pytest.approx(8.3768e-8, rel=4e-3)
+    sigma = fe.stress(disk, STEEL, "solid", u, np.zeros(len(disk.points)))
+    r, radial, hoop = radial_and_hoop(disk, sigma)
+    top = 3.3 / 8 * 7850 * SPEED**2 * RADIUS**2
+    assert rms(radial - top * (1 - (r / RADIUS) ** 2)) < 0.03 * top
+    assert rms(hoop - top * (1 - 1.9 / 3.3 * (r / RADIUS) ** 2)) < 0.03 * top
+    assert rms(sigma[:, 2, 2]) < 0.03 * top
+
+
+@pytest.mark.full
+def test_disk_with_parabolic_temperature(disk: Mesh, stiffness: Csr) -> None:
+    dT = 100.0 * np.sum(disk.points[:, :2] ** 2, axis=1) / RADIUS**2
+    force = fe.thermoelastic_coupling(disk, STEEL, 1.0, "solid") @ dT
+    u = solved(disk, stiffness, force, statically_determinate(disk), np.zeros(len(force)))
+    assert rim_growth(disk, u) == pytest.approx(8.61e-5, rel=4e-3)
+    r, radial, hoop = radial_and_hoop(disk, fe.stress(disk, STEEL, "solid", u, dT))
+    centre = 200e9 * 12.3e-6 * 100.0 / 4
+    assert rms(radial - centre * (1 - (r / RADIUS) ** 2)) < 0.05 * centre
+    assert rms(hoop - centre * (1 - 3 * (r / RADIUS) ** 2)) < 0.05 * centre
+
+
+# ------------------------------------------------------------------ V4: heat
+
+
+@pytest.mark.parametrize("length,k,rho_c,h,n,times,surface", [
+    (1.25e-3, 150.0, 2.43e6, 2.5e-6, 40, (1.275e-3, 2.55e-3, 3.75e-3),
+     (2.11038, 2.98455, 3.61980)),
+    (0.17, 44.5, 475e3, 2e-3, 80, (1.0, 2.332, 3.73), (245.43, 374.79, 474.00)),
+])
+def test_slab_under_a_flux(
+    length: float, k: float, rho_c: float, h: float, n: int, times: tuple[float, ...],
+    surface: tuple[float, ...],
+) -> None:
+    """V4: the rise of the heated face of a slab that is insulated elsewhere."""
+    wide = length / n
+    mesh = Block(size=(wide, wide, length), divisions=(1, 1, n)).build(Path())
+    C, A = fe.capacity(mesh, rho_c, 1.0), fe.conductivity(mesh, k)
+    heat = 1e6 * fe.surface_load(mesh, fe.boundary_facets(mesh, mesh.point_sets["top"]))
+    step = Splu().factorize((C / h + A).tocsr())
+    rise, found = np.zeros(len(mesh.points)), []
+    for i in range(1, round(times[-1] / h) + 1):
+        rise = step.solve(C @ rise / h + heat)
+        if any(abs(i * h - t) < h / 2 for t in times):
+            found.append(float(rise[mesh.point_sets["top"]].mean()))
+    assert found == pytest.approx(list(surface), rel=3e-3)
+    assert np.sum(C @ rise) == pytest.approx(1e6 * wide**2 * times[-1], rel=1e-10)
+
+
+# ------------------------------------------------------------------ frequencies
+
+
+def cantilever(n: int) -> Mesh:
+    return Block(size=(1.0, 0.3, 0.2), divisions=(10 * n, 3 * n, 2 * n)).build(Path())
+
+
+def frequencies(mesh: Mesh) -> FloatArray:
+    """The lowest four, Hz: two of bending, torsion, and the next; x = 0 is clamped."""
+    K = fe.elastic_stiffness(mesh, ALLOY, 1.0, "solid")
+    M = kron(fe.scalar_mass(mesh, ALLOY.rho), eye_array(3)).tocsr()
+    held = unknowns(mesh.point_sets["left"], 0, 1, 2)
+    return _lowest(K, M, held)
+
+
+def _lowest(K: Csr, M: Csr, held: IntArray) -> FloatArray:
+    free = np.setdiff1d(np.arange(K.shape[0]), held)
+    values = eigsh(K[free][:, free].tocsc(), 4, M[free][:, free].tocsc(), sigma=0,
+                   v0=np.ones(len(free)), return_eigenvectors=False)
+    return np.asarray(np.sqrt(np.sort(values)) / (2 * np.pi))
+
+
+def quadratic(mesh: Mesh) -> FloatArray:
+    """The same by scikit-fem's ten-node tetrahedra."""
+    import skfem
+    from skfem.helpers import ddot, dot, sym_grad, trace
+
+    s = fe.law(ALLOY, "solid")
+    solid = skfem.MeshTet(mesh.points.T.copy(), mesh.cells.T.copy())
+    basis = skfem.Basis(solid, skfem.ElementVector(skfem.ElementTetP2()))
+
+    @skfem.BilinearForm
+    def k(u: Any, v: Any, w: Any) -> Any:
+        e, f = sym_grad(u), sym_grad(v)
+        return s.lam * trace(e) * trace(f) + 2 * s.mu * ddot(e, f)
+
+    @skfem.BilinearForm
+    def m(u: Any, v: Any, w: Any) -> Any:
+        return ALLOY.rho * dot(u, v)
+
+    held = basis.get_dofs(lambda x: x[0] < 1e-9).all()
+    return _lowest(k.assemble(basis).tocsr(), m.assemble(basis).tocsr(), held)
+
+
+@pytest.mark.full
+def test_cantilever_converges_to_refined_quadratic_elements_with_order_two() -> None:
+    exact = np.array([265.634, 383.742, 1122.263, 1430.669])  # `quadratic` on 20 x 6 x 4 cells
+    assert ((quadratic(cantilever(1)) > exact) & (quadratic(cantilever(1)) < 1.011 * exact)).all()
+    coarse, fine = (frequencies(cantilever(n)) for n in (2, 3))
+    assert (fine > exact).all()  # stiffer than the body itself
+    assert ((coarse - exact) / (fine - exact) > 2.0).all()  # 2.25 with order two
+    assert (9 * fine - 4 * coarse) / 5 == pytest.approx(exact, rel=7e-3)
+    inertia, area = 0.3 * 0.2**3 / 12, 0.3 * 0.2
+    beam = 1.8751041**2 / (2 * np.pi) * np.sqrt(7e10 * inertia / (1000 * area))
+    assert exact[0] == pytest.approx(beam, rel=2e-2)  # the flatter bending, Euler and Bernoulli
+
+
+def test_volume_and_mass(disk: Mesh) -> None:
+    mass = fe.scalar_mass(disk, 7850.0)
+    assert mass.sum() == pytest.approx(
+        7850 * signed_measures(disk.points, disk.cells).sum(), rel=1e-12)
+    polar = np.sum((mass @ disk.points) * disk.points, axis=0)[:2].sum()
+    assert polar == pytest.approx(0.0616, rel=3e-3)  # kg m2: the round disk of the brake scene
