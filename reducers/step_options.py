@@ -21,7 +21,7 @@ class StepOptions(Plugin):
     `off`, or `auto`, which is on in runs of at least 200 000 steps if numba is installed. It covers
     reduced models without contact in the step and without coefficients that depend on temperature:
     those in the plane, and those in space whose motion is given by a rigid stage. Other models,
-    steps that converge slowly, adaptive steps and steps with rows drawn anew are solved without
+    steps that converge slowly, adaptive steps and steps with rows drawn again are solved without
     it."""
 
     @property

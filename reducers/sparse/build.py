@@ -35,7 +35,7 @@ from sparsemor.reducers.sparse.sampled_block import (
 from sparsemor.reducers.sparse.stepper import SparseStepper
 from sparsemor.reducers.sparse.supported_steps import SupportedSteps
 from sparsemor.reducers.step.blocks.thermal_groups import heat_groups
-from sparsemor.reducers.step.compiled.stepper import compilable
+from sparsemor.reducers.step.compiled.stepper import compilable, require_numba
 from sparsemor.reducers.step.coupled_reduced import (
     ProjectedBlock,
     ProjectedModel,
@@ -208,6 +208,7 @@ class Build:
             {n: e.tested for n, e in elastic.items()}, facts, visited)
         if fixed:
             return compilable(base, o.compiled)
+        require_numba(o.compiled)
         # all elastic blocks take part in the joint problem
         whole = o.selection == "joint" and len(fixed_elastic) < len(elastic)
         choosing = {n: e for n, e in elastic.items() if whole or n not in fixed_elastic}

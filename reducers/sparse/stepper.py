@@ -85,7 +85,7 @@ class SparseStepper(AroundSteps[Stepper]):
 
 
 class StepsBetween:
-    """Compiled steps of a run on the supports selected last; made anew when these change."""
+    """Compiled steps of a run on the supports selected last; made again when these change."""
 
     def __init__(self, solver: SparseStepper, rules: UpdateRules, h: float) -> None:
         self.solver = solver

@@ -1,8 +1,8 @@
 """Compilation of the kernel by numba, an optional package (`pip install 'sparsemor[fast]'`).
 
 The functions of kernel.py, mechanics.py and prescribed.py are plain Python; numba compiles copies
-of them, in which each name of another one stands for its compiled form. Machine code is kept in the
-user's cache folder, under a digest of the sources, so that it is never older than these.
+of them, which call each other's compiled forms. Machine code is kept in the user's cache folder,
+under a digest of the sources, so that it is never older than these.
 """
 
 import hashlib

@@ -135,7 +135,7 @@ def accept(
 def new_state(
     m: ModelArrays, z: FloatArray, x: FloatArray, v: FloatArray, a: FloatArray
 ) -> None:
-    """State after the step in place of the one before."""
+    """State after the step, overwriting the one before."""
     rows = len(z)
     old = np.empty(rows)
     for i in range(m.second[0], m.second[1]):

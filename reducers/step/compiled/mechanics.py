@@ -90,7 +90,7 @@ def evaluate_frame(
     v: FloatArray, a: FloatArray, c1: float, c2: float, s: FloatArray, forms: FloatArray,
     sigma: FloatArray, tau: FloatArray, border: FloatArray, coefficients: FloatArray
 ) -> None:
-    """Stands for the function of the frames (`FrameArrays`), with which the steps are compiled."""
+    """Function of the frames (`FrameArrays`), with which the steps are compiled."""
 
 
 def solve_mechanics(

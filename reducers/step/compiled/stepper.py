@@ -65,15 +65,21 @@ def compilable(made: Stepper, option: Compiled) -> Stepper:
     model is not covered. Raises InputError where numba is wanted and not installed."""
     if option == "off":
         return made
+    require_numba(option)
     notes: tuple[Note, ...] = ()
     if option == "on":
-        require("numba", "fast", "compiled: on")
         try:
             plan(made)
         except NotCompiled as reason:
             notes = (information(f"compiled: on has no effect: {reason}", "compiled"),)
     kept: dict[str, Any] = {f.name: getattr(made, f.name) for f in fields(Stepper)}
     return CompiledStepper(**{**kept, "notes": (*made.notes, *notes)}, compiled=option)
+
+
+def require_numba(option: Compiled) -> None:
+    """Raises InputError where numba is wanted and not installed."""
+    if option == "on":
+        require("numba", "fast", "compiled: on")
 
 
 def wanted(option: Compiled, steps: int) -> bool:

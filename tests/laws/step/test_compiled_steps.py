@@ -225,6 +225,9 @@ def test_without_numba_on_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sparsemor.core.registry.optional_packages.find_spec", lambda name: None)
     with pytest.raises(InputError, match="sparsemor\\[fast\\]"):
         heated().solver(compiled="on")
+    selected = Case(heated().scene.using({"reducer": SELECTED}), heated().model, heated().snapshots)
+    with pytest.raises(InputError, match="sparsemor\\[fast\\]"):
+        selected.solver(compiled="on")
 
 
 def test_a_step_that_converges_slowly_is_left_to_the_solver() -> None:
