@@ -66,8 +66,9 @@ def compiled_advance(
         config.CACHE_DIR = before
 
 
+@cache
 def folder_of(
-    root: Path, frame: Callable[..., object] | None, calls: Sequence[Callable[..., object]]
+    root: Path, frame: Callable[..., object] | None, calls: tuple[Callable[..., object], ...]
 ) -> Path:
     """Folder in `root` of the machine code of these functions and the kernel, named by a digest of
     their sources."""

@@ -28,11 +28,13 @@ def begin(
     u[k : 2 * k] = v[b.u : b.u + k]
     u[2 * k : 3 * k] = a[b.u : b.u + k]
     u[3 * k :] = x[b.T : b.T + b.kt]
-    w.h[:] = np.dot(b.H, u) + b.base
-    for j in range(b.loads.shape[1]):
-        w.h[:] += b.loads[:, j] * timed[b.amplitude + j]
-    if b.table >= 0:
-        w.h[:] -= timed[b.table : b.table + len(w.h)]
+    np.dot(b.H, u, w.h)
+    for i in range(len(w.h)):
+        w.h[i] += b.base[i]
+        for j in range(b.loads.shape[1]):
+            w.h[i] += b.loads[i, j] * timed[b.amplitude + j]
+        if b.table >= 0:
+            w.h[i] -= timed[b.table + i]
     np.dot(u[: 3 * k].reshape(3, k), b.products_t, w.past)
     for j in range(len(b.active)):
         w.u[j] = x[b.active[j]]
@@ -43,16 +45,22 @@ def functionals(m: ModelArrays, b: BodyArrays, w: BodyWork) -> None:
     """Products of the displacements with P and M_g at the increment w.d."""
     g, s, p = b.g, len(b.active), b.Gt.shape[0]
     forms, P = g * (s + p), g * (2 * s + p)
-    w.change[:] = np.dot(b.step_products, w.d)
+    np.dot(b.step_products, w.d, w.change)
     c = (1.0, m.c1, m.c2)
     for r in range(3):
         for i in range(p):
             w.s[r, i] = w.past[r, P + i] + c[r] * w.change[P + i]
-        for i in range(g):
-            total, at = 0.0, forms + i * s
-            for j in range(s):
-                total += (w.past[r, at + j] + c[r] * w.change[at + j]) * (w.u[j] + w.d[j])
-            w.forms[r * g + i] = total
+    for i in range(g):
+        at, x, v, a, d = forms + i * s, 0.0, 0.0, 0.0, 0.0
+        for j in range(s):
+            u = w.u[j] + w.d[j]
+            x += w.past[0, at + j] * u
+            v += w.past[1, at + j] * u
+            a += w.past[2, at + j] * u
+            d += w.change[at + j] * u
+        w.forms[i] = x + d
+        w.forms[g + i] = v + m.c1 * d
+        w.forms[2 * g + i] = a + m.c2 * d
 
 
 def combine(m: ModelArrays, b: BodyArrays, w: BodyWork) -> None:
@@ -185,14 +193,23 @@ def border_change(
     for i in range(len(bodies)):
         b, w = bodies[i], works[i]
         evaluate(m, b, w, timed, delta)
-        n, p, s, reduced = len(w.y), b.Gt.shape[0], len(b.active), w.border
-        if p:
-            # border minus tau D^-1 (elastic columns and residual): the Schur complement
-            Gs = np.dot(w.sigma, b.Gt)
-            P = b.g * (2 * s + p)
-            for j in range(p):
-                Gs[n, j] += w.change[P + j] + w.z[s + j]
-            reduced = w.border - np.dot(w.tau, Gs.T)
+        n, p, s = len(w.y), b.Gt.shape[0], len(b.active)
+        # border minus tau D^-1 (elastic columns and residual): the Schur complement
+        reduced, Gs, P = w.border.copy(), np.zeros(p), b.g * (2 * s + p)
+        for k in range(n + 1):
+            Gs[:] = 0.0
+            for o in range(p):
+                if w.sigma[k, o] != 0.0:
+                    for j in range(p):
+                        Gs[j] += w.sigma[k, o] * b.Gt[o, j]
+            if k == n:
+                for j in range(p):
+                    Gs[j] += w.change[P + j] + w.z[s + j]
+            for q in range(n):
+                total = 0.0
+                for j in range(p):
+                    total += w.tau[q, j] * Gs[j]
+                reduced[q, k] -= total
         for k in range(len(b.rows)):
             row, column, value = b.rows[k], b.columns[k], b.values[k]
             r[column] += value * reduced[row, n]
@@ -240,14 +257,19 @@ def displaced(
     w.moved[:] = 0.0
     for j in range(len(b.rows)):
         w.moved[b.rows[j]] += b.values[j] * dy[b.columns[j]]
-    sigma = w.sigma[n] - np.dot(w.moved, w.sigma[:n])
+    sigma = w.sigma[n].copy()
+    for k in range(n):
+        if w.moved[k] != 0.0:
+            for o in range(len(sigma)):
+                sigma[o] -= w.moved[k] * w.sigma[k, o]
     moved2, size = 0.0, 0.0
-    new = np.dot(b.E, sigma)
     for j in range(s):
-        new[j] = -(w.z[j] + new[j])
-        moved2 += (new[j] - w.d[j]) ** 2
-        size += (w.u[j] + new[j]) ** 2
-    w.d[:] = new
+        new = w.z[j]
+        for o in range(len(sigma)):
+            new += b.E[j, o] * sigma[o]
+        moved2 += (-new - w.d[j]) ** 2
+        size += (w.u[j] - new) ** 2
+        w.d[j] = -new
     if size > elastic[i]:
         elastic[i] = size
         scale[i] = magnitude(m, run, elastic, i)
