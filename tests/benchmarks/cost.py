@@ -96,7 +96,7 @@ def fill(out: report.Report, given: argparse.Namespace) -> None:
         "windows": f"{given.repeats} in turn, {given.steps} steps each "
                    f"({given.newton_steps} for newton)",
         "rows sampled": f"{given.rows[0]}/{given.rows[1]} elastic/thermal, on top of the required",
-        "sparse, 15/10 of all": "15/10 active of the whole POD, chosen anew every 100 steps",
+        "sparse, 15/10 of all": "15/10 active of the whole POD, chosen again every 100 steps",
         "full, newton": "whole Jacobian factorized in each iteration, default SuperLU ordering",
         "garbage collector": "off in the windows", "seed": 1}
     table = out.table("Milliseconds a step", iterations=".2f")
