@@ -32,7 +32,8 @@ def test_a_run_as_machine_code_has_the_results_of_one_without() -> None:
         x, y = plain.block(block), code.block(block)
         assert np.abs(x - y).max() < 1e-10 * max(float(np.abs(x).max()), 1e-3), block
     assert code.status is Status.DONE
-    assert abs(int(code.iterations.sum()) - int(plain.iterations.sum())) <= 6
+    # a change near the tolerance may end an iteration one earlier or later
+    assert code.iterations.sum() == pytest.approx(plain.iterations.sum(), rel=0.05)
 
 
 def test_the_code_is_compiled_once(caplog: pytest.LogCaptureFixture) -> None:
