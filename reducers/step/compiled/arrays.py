@@ -173,7 +173,8 @@ class ModelArrays(NamedTuple):
 class RunArrays(NamedTuple):
     """State of a run: z (3 + j, n), unknowns with rates and the integrator's memory; ring (points,
     2 n), at (2,): newest row and number of filled ones, by_departure (n,) (predictor.py);
-    elastic, bending, floor (bodies,), acceleration (1,): reference magnitudes (acceptance.py)."""
+    elastic, bending, floor (bodies,), acceleration (1,): reference magnitudes (acceptance.py);
+    remaining (1,): estimated error that the last step leaves."""
 
     z: FloatArray
     ring: FloatArray
@@ -183,3 +184,4 @@ class RunArrays(NamedTuple):
     bending: FloatArray
     floor: FloatArray
     acceleration: FloatArray
+    remaining: FloatArray

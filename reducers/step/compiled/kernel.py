@@ -26,13 +26,14 @@ from sparsemor.reducers.step.compiled.prescribed import product, solve_prescribe
 def advance(
     m: ModelArrays, heat: Sequence[HeatArrays], bodies: Sequence[BodyArrays],
     works: Sequence[BodyWork], prescribed: Sequence[PrescribedArrays], run: RunArrays,
-    timed: FloatArray, targets: FloatArray, states: FloatArray, iterations: FloatArray,
+    timed: FloatArray, targets: FloatArray, states: FloatArray, effort: FloatArray,
 ) -> int:
     """Takes up to len(timed) steps and returns how many were solved; `run` is then at the last of
     these.
 
     timed (T, q): amplitudes, tables and prescribed motion in each step; targets (T, N): prescribed
-    values of the constraints; states (T, 3 + j, n), iterations (T,): results.
+    values of the constraints; states (T, 3 + j, n), effort (T, 2): states, and numbers of
+    iterations with the estimated errors that they leave.
     """
     n = run.z.shape[1]
     free, rate, d = np.zeros(n), np.zeros(n), np.zeros(n)
@@ -61,7 +62,7 @@ def advance(
             return i
         accept(m, run, guess, x, v, a, d)
         states[i] = run.z
-        iterations[i] = count
+        effort[i, 0], effort[i, 1] = count, run.remaining[0]
     return len(timed)
 
 

@@ -158,6 +158,7 @@ def solve_mechanics(
             d[:nr] += delta[:nr]
             d[m.algebraic[0] : m.algebraic[1]] += delta[nr:]
             run.elastic[:] = elastic
+            run.remaining[0] = error
             return iteration
         if change > SLOW * last:
             return LEFT
