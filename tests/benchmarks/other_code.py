@@ -4,10 +4,10 @@
 
 One bar on a hinge, and two bars in a chain, released from rest under gravity, plane stress, 48
 triangles a bar, 1 s. Exudyn (`pip install exudyn`, no part of the product) has a floating frame
-too, in space: ObjectFFRF is given the mass and stiffness matrices, and takes the same steps. The
+too, in space: its ObjectFFRF gets the mass and stiffness matrices and takes the same steps. The
 other computation has absolute coordinates, finite strains and an explicit method of order 4
-(tests/support/absolute_pendulum.py): there displacements are small in one theory and not in the
-other, so that the distance falls with the square of the deflection.
+(tests/support/absolute_pendulum.py): strains are small in one theory and finite in the other, so
+that the distance falls as the bars get stiffer.
 """
 
 import argparse
