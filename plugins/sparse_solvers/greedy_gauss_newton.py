@@ -125,10 +125,10 @@ class GreedyRecovery:
         if self.inverse is not None:
             return self._among_all(r, c, support, self.inverse)
         now = pruned(c, support & (self.lengths > 0.0), self.groups)
-        found = self._by_gram(r, c, support) if (now == support).all() else None
-        return found or self._by_qr(r, c, support, now)
+        found = self.by_gram(r, c, support) if (now == support).all() else None
+        return found or self.by_qr(r, c, support, now)
 
-    def _by_gram(self, r: FloatArray, c: FloatArray, support: BoolArray) -> Selection | None:
+    def by_gram(self, r: FloatArray, c: FloatArray, support: BoolArray) -> Selection | None:
         """Support after exchanges by normal equations, from the least-squares solution c on
         `support`; None where columns are too alike for these."""
         gram, budget, now, z = self.gram, self.groups[0].budget or 0, support, c
@@ -151,7 +151,7 @@ class GreedyRecovery:
             now, z, r, norm = found.active, found.z, found.r, after
         return Selection(support, Status.NOT_CONVERGED)
 
-    def _by_qr(
+    def by_qr(
         self, r: FloatArray, c: FloatArray, support: BoolArray, now: BoolArray
     ) -> Selection:
         """Support after exchanges by QR factorizations that start from `now`."""

@@ -27,14 +27,14 @@ def prepared(J: FloatArray, budget: int) -> GreedyRecovery:
 
 
 @pytest.mark.parametrize("seed", range(10))
-def test_exchanges_by_normal_equations_are_those_by_qr(seed: int) -> None:
+def test_exchanges_by_normal_equations_are_thoseby_qr(seed: int) -> None:
     J, old = problem(seed)
     rng = np.random.default_rng(seed + 100)
     recovery = prepared(J, int(old.sum()))
     b = J[:, problem(seed + 50)[1]].sum(axis=1) + 1e-6 * rng.standard_normal(len(J))
     z = ColumnSubsets(J, 1e-12).least_norm_solution(old, b)
     r = J @ z - b
-    found, by_qr = recovery._by_gram(r, z, old), recovery._by_qr(r, z, old, old)
+    found, by_qr = recovery.by_gram(r, z, old), recovery.by_qr(r, z, old, old)
     assert found is not None and found.status is Status.DONE
     assert (found.support == by_qr.support).all()
     assert (recovery.select(r, z, old).support == found.support).all()
