@@ -20,19 +20,20 @@ pytestmark = pytest.mark.full
 
 SCRIPTS = Path(__file__).parents[1] / "benchmarks"
 Rows = list[dict[str, Any]]
-Run = Callable[[str], dict[str, Any]]
+Run = Callable[..., dict[str, Any]]
 
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
-    """run(name): the JSON of one script under --quick; its table must be on standard output."""
+    """run(name, options): the JSON of one script under --quick; its table must be on standard
+    output."""
     folder = tmp_path_factory.mktemp("benchmarks")
 
     @cache
-    def script(name: str) -> dict[str, Any]:
-        out = folder / "results" / f"{name}.json"
+    def script(name: str, *options: str) -> dict[str, Any]:
+        out = folder / "results" / f"{name}{''.join(options)}.json"
         done = subprocess.run(
-            [sys.executable, SCRIPTS / f"{name}.py", "--quick", "--out", out],
+            [sys.executable, SCRIPTS / f"{name}.py", "--quick", *options, "--out", out],
             env=os.environ | {"SPARSEMOR_CACHE": str(folder / "cache")},
             capture_output=True, text=True)
         assert done.returncode == 0, done.stderr
@@ -142,6 +143,27 @@ def test_recovery_scores_every_solver_on_columns_and_in_a_scene(run: Run) -> Non
     (scene,) = (t["rows"] for t in found["tables"] if "double_pendulum" in t["title"])
     assert {row["status"] for row in scene} == {"done"}
     assert all(row["active_elastic"] <= 8 and row["active_thermal"] <= 5 for row in scene)
+
+
+def test_recovered_scenes_are_accurate_at_every_seed(run: Run) -> None:
+    found = run("recovery", "--packaged")
+    (worst,) = rows_of(found, "Worst seed of each scene")
+    assert worst["scene"] == "double_pendulum" and (worst["seeds"], worst["stopped"]) == (2, 0)
+    assert worst["largest"] < 1e-8
+
+
+def test_rows_of_the_preconditioned_residual_have_the_smaller_constants(run: Run) -> None:
+    found = run("recovery", "--constants")
+    plain, better = (next(
+        row for row in rows_of(found, "Constants of sampled rows")
+        if (row["field"], row["rows"]) == ("elastic", rows)) for rows in ("r", "D^-1 r"))
+    for constant in ("coherence", "condition", "delta_random", "delta_leading"):
+        assert better[constant] < plain[constant]
+    errors = {(row["rows"], row["solver"]): row["error"] for row in rows_of(
+        found, "Recovery of the last snapshot from an empty support")
+        if row["field"] == "elastic"}
+    for solver in ("greedy", "omp", "lasso_lars", "basis_pursuit_lp"):
+        assert errors["D^-1 r", solver] < 1e-3 * errors["r", solver]
 
 
 @pytest.mark.slow

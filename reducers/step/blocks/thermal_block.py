@@ -26,6 +26,7 @@ from sparsemor.core import (
     linearization,
     unconverged_note,
 )
+from sparsemor.reducers.linalg.active_columns import ActiveColumns
 from sparsemor.reducers.linalg.modal_coordinates import carried, dense, times
 from sparsemor.reducers.linalg.superlu import factorize
 from sparsemor.reducers.step.operators import TestedHeat
@@ -181,7 +182,8 @@ class CompressedHeat:
     T' + by_value T + prescribed(t), with T the prediction and T' its rate.
 
     by_rate, by_value: (s, k), or a diagonal (modal_coordinates.py); prescribed: tabulated function
-    of time of the `loads`, moving heat sources and constant terms.
+    of time of the `loads`, moving heat sources and constant terms; few: by_rate and by_value where
+    some atoms are not active.
     """
 
     by_rate: FloatArray
@@ -195,8 +197,12 @@ class CompressedHeat:
     max_iterations: int = 50
     evaluated: tuple[Linearized, ...] = field(init=False)
     identity: FloatArray = field(init=False)
+    few: tuple[ActiveColumns, ActiveColumns] | None = field(init=False)
 
     def __post_init__(self) -> None:
+        few = None if self.active is None else (
+            ActiveColumns(dense(self.by_rate)), ActiveColumns(dense(self.by_value)))
+        object.__setattr__(self, "few", few)
         object.__setattr__(self, "evaluated", tuple(linearization(t) for t in self.local))
         object.__setattr__(self, "identity", np.eye(len(self.by_rate) if self.local else 0))
 
@@ -243,8 +249,12 @@ class CompressedHeat:
         return rates if np.isfinite(rates).all() else v
 
     def solve(self, T: FloatArray, rate: FloatArray, t: float) -> HeatOutcome:
-        base = times(self.by_rate, rate)
-        base += times(self.by_value, T)
+        if self.few is None:
+            base = times(self.by_rate, rate)
+            base += times(self.by_value, T)
+        else:
+            base = self.few[0].times(rate)
+            base += self.few[1].times(T)
         base += self.prescribed.at(t)
         if not self.local:
             return HeatOutcome(base, Status.DONE, 1)
