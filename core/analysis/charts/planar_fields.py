@@ -78,8 +78,7 @@ def deformation_figure(
         shown = step_near(rows[row], at)
         title = f"t = {clock.factor * at:.3f} {clock.name}"
         if others:
-            title = f"{plain(row)}, {title}"
-            title += _largest_in_words(rows[row], bodies, shown, look)
+            title = f"{plain(row)}\n{title}{_largest_in_words(rows[row], bodies, shown, look)}"
         tidy(axes, f"x ({metre.name})" if place.is_last_row() else "",
              f"y ({metre.name})" if place.is_first_col() else "", title)
         if shown is not None:
@@ -146,9 +145,9 @@ def _panels(runs: int, count: int, slope: float) -> "tuple[Figure, list[Any]]":
     each other. slope: ratio of height to width of the contents."""
     wide = slope < 0.75 and runs == 1
     rows, columns = (count, 1) if wide else (runs, count)
-    width = 1.35 * COLUMN if wide else PAGE if runs == 1 else 1.5 * PAGE
+    width = 1.35 * COLUMN if wide else PAGE if runs == 1 else 1.15 * PAGE
     panel = (width - 1.2) / columns * slope
-    figure = new_figure(width, rows * (panel + 0.35) + 0.6)
+    figure = new_figure(width, rows * (panel + (0.35 if runs == 1 else 0.6)) + 0.6)
     panels = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
     return figure, list(panels.ravel())
 

@@ -5,12 +5,12 @@ import json
 import shlex
 import sys
 import traceback
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from sparsemor.core.analysis.reproduction.paper import PaperFile, RunEntry, StudyEntry
+from sparsemor.core.analysis.reproduction.paper import Item, PaperFile, RunEntry, StudyEntry
 from sparsemor.core.analysis.reproduction.split import profiled
 from sparsemor.core.analysis.study.plan import Plan
 from sparsemor.core.analysis.study.run import run_plan
@@ -38,17 +38,21 @@ class Job:
     folder: str
     entry: RunEntry | StudyEntry
     quick: bool
+    profiled: bool = False
+    """True if the split of its computing time is needed."""
     matrix: tuple[str, ...] = ()
     """Functions that count as matrix operations, `file.py:Class.name`."""
 
 
-def jobs_of(file: PaperFile, names: tuple[str, ...], out: Path, quick: bool) -> list[Job]:
-    """Jobs of these runs and studies, and of the runs that they wait for, in the order of the
-    file."""
+def jobs_of(file: PaperFile, items: Sequence[Item], out: Path, quick: bool) -> list[Job]:
+    """Jobs of the runs and studies that these items need, and of the runs that those wait for, in
+    the order of the file."""
     entries: Mapping[str, RunEntry | StudyEntry] = {**file.runs, **file.studies}
+    names = {n for i in items for n in (*i.runs, *i.studies)}
     wanted = {*names, *(entries[n].after for n in names if entries[n].after)}
-    return [Job(n, str(folder_of(out, n, n in file.runs)), e, quick, tuple(file.matrix_operations))
-            for n, e in entries.items() if n in wanted]
+    split = {n for i in items for v in i.values.values() for n in v.of.profiled()}
+    return [Job(n, str(folder_of(out, n, n in file.runs)), e, quick, n in split,
+                tuple(file.matrix_operations)) for n, e in entries.items() if n in wanted]
 
 
 def folder_of(out: Path, name: str, run: bool) -> Path:
@@ -105,7 +109,7 @@ def _execute_run(job: Job, entry: RunEntry) -> None:
     if kept is None:
         (folder / SPLIT).unlink(missing_ok=True)
         kept = _simulated(scene, folder)
-    if entry.profile and kept.status.ok and not (folder / SPLIT).is_file():
+    if job.profiled and kept.status.ok and not (folder / SPLIT).is_file():
         split = profiled(scene, entry.profile, job.matrix)
         replace_file(folder / SPLIT, (json.dumps(split) + "\n").encode())
 

@@ -38,6 +38,8 @@ code { font: 0.85em/1.4 ui-monospace, monospace; background: #f4f4f4; padding: 0
 .paper h3, .ours h3 { font-size: 0.85rem; margin: 0 0 0.3rem; color: #5b5b5b; font-weight: 600; }
 .paper p { margin: 0; }
 .ours img { max-width: 100%; height: auto; display: block; margin: 0.4rem 0 1rem; }
+img.small { display: block; width: 5.5rem; max-height: 4.5rem; object-fit: cover;
+  object-position: top; margin-top: 0.3rem; }
 details { margin: 0.5rem 0; font-size: 0.9rem; }
 details code { display: block; margin: 0.25rem 0; background: none; padding: 0; }
 .note { font-size: 0.93rem; max-width: 75ch; }
@@ -113,7 +115,10 @@ def _grade(grade: str) -> str:
 
 
 def _row(item: Item, verdict: Verdict, command: str) -> str:
-    return (f'<tr><td><a href="{item.scene}.html#{item.id}">{item.name.replace(" ", "&nbsp;")}</a>'
+    target = f"{item.scene}.html#{item.id}"
+    small = "".join(f'<a href="{target}"><img class="small" src="pictures/{escape(p)}" alt="" '
+                    f'loading="lazy"></a>' for p in verdict.pictures[:1])
+    return (f'<tr><td><a href="{target}">{item.name.replace(" ", "&nbsp;")}</a>{small}'
             f"</td><td>{escape(item.title)}</td><td>{_grade(verdict.grade)}</td>"
             f"<td>{_compared(verdict.numbers)}</td><td><code>{escape(command)}</code></td></tr>")
 

@@ -24,15 +24,16 @@ class RunEntry(Plugin):
     """A run of a scene that one or more items need."""
 
     scene: str
-    """Packaged scene."""
+    """Packaged scene, or path of a scene file relative to the paper file."""
     changes: dict[str, Any] = Field(default={}, alias="set")
     """Changes to the scene: dotted key -> value."""
     quick: dict[str, Any] = {}
     """Further changes with `--quick`."""
     after: str = ""
     """Run that must have ended first, because it leaves its snapshots in the cache."""
-    profile: int = Field(default=0, ge=0)
-    """Number of steps of a separate profiled pass, for the split of the computing time; 0: none."""
+    profile: int = Field(default=100, ge=1)
+    """Number of steps of the separate profiled pass, where an item needs the split of the computing
+    time."""
 
 
 class StudyEntry(Plugin):
@@ -161,9 +162,13 @@ class Paper:
         """Reads a packaged paper or a paper file. Raises `LocatedError` with every fault."""
         source = Source.read(paper, registry, "paper")
         try:
-            return cls(PaperFile.model_validate(source.tree), source)
+            file = PaperFile.model_validate(source.tree)
         except ValidationError as error:
             raise source.invalid(error) from None
+        folder = source.folder or Path()
+        runs = {name: entry.model_copy(update={"scene": str(folder / entry.scene)})
+                for name, entry in file.runs.items() if (folder / entry.scene).is_file()}
+        return cls(file.model_copy(update={"runs": {**file.runs, **runs}}), source)
 
 
 def _once(names: Iterable[str]) -> tuple[str, ...]:

@@ -50,6 +50,10 @@ class Measure(Plugin):
         """Names of the studies that it reads."""
         return ()
 
+    def profiled(self) -> tuple[str, ...]:
+        """Names of the runs whose computing time it divides."""
+        return ()
+
     @abstractmethod
     def compute(self, results: Results, known: Mapping[str, Operand]) -> Operand:
         """Value; known: values of the item computed before. Raises InputError if the run lacks the
@@ -234,6 +238,9 @@ class Split(OfRun):
     part: Literal["matrix", "update", "overall"]
     """`matrix`: solution of linear systems and least-squares problems, products with precomputed
     inverses and selection included; `update`: evaluation of the equations and everything else."""
+
+    def profiled(self) -> tuple[str, ...]:
+        return (self.run,)
 
     def compute(self, results: Results, known: Mapping[str, Operand]) -> Operand:
         split = results.split(self.run)

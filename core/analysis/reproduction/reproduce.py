@@ -71,8 +71,7 @@ def reproduce(
             resume=not force, force=force, replaceable=lambda: (folder / ABOUT).is_file(),
             kind="reproductions only, and this is none"):
         _begin(folder, file, quick)
-        names = tuple(dict.fromkeys(n for i in chosen for n in (*i.runs, *i.studies)))
-        failed = _executed(jobs_of(file, names, folder, quick), count, watch)
+        failed = _executed(jobs_of(file, chosen, folder, quick), count, watch)
         verdicts = _judged(chosen, StoredResults(file, folder, quick, failed), count, watch)
         commands = {i.id: commands_of(file, i, quick) for i in chosen}
         files = [*write_pages(file, verdicts, commands, folder, quick),

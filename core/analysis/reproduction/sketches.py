@@ -81,7 +81,7 @@ def flow_figure(
     axes = figure.subplots()
     axes.set_axis_off()
     count = len(steps)
-    axes.set(xlim=(0.0, 1.25), ylim=(-count + 0.4, 0.6))
+    axes.set(xlim=(0.0, 1.05), ylim=(-count + 0.4, 0.6))
     box = {"boxstyle": "round,pad=0.45", "facecolor": "#eef4fa", "edgecolor": style(0).colour,
            "linewidth": 0.8}
     for number, text in enumerate(steps):
@@ -91,9 +91,9 @@ def flow_figure(
             _arrow(axes, (0.5, -number + 0.72), (0.5, -number + 0.3))
     if back is not None:
         start, end = 1.0 - back[0], 1.0 - back[1]
-        axes.plot([1.02, 1.12, 1.12], [start, start, end], color="black", linewidth=0.8)
-        _arrow(axes, (1.12, end), (1.0, end))
-        axes.text(1.15, 0.5 * (start + end), plain(again), rotation=90, ha="left", va="center",
+        axes.plot([0.88, 0.96, 0.96], [start, start, end], color="black", linewidth=0.8)
+        _arrow(axes, (0.96, end), (0.86, end))
+        axes.text(0.985, 0.5 * (start + end), plain(again), rotation=90, ha="left", va="center",
                   fontsize=SMALL)
     return figure
 

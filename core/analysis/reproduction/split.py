@@ -13,7 +13,7 @@ import threading
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from pathlib import Path
+from pathlib import Path, PurePath
 from types import FrameType
 
 from sparsemor.core.scene.scene import Scene
@@ -45,8 +45,8 @@ def profiled(scene: Scene, steps: int, matrix: Sequence[str]) -> Mapping[str, fl
 
 
 class Counted:
-    """Processor time of samples by kind, s; places: (end of the file name, qualified name) of the
-    matrix operations."""
+    """Processor time of samples by kind, s; places: (last parts of the file name, qualified name)
+    of the matrix operations."""
 
     def __init__(self, places: Sequence[tuple[str, str]]) -> None:
         self.places = tuple(places)
@@ -90,9 +90,9 @@ class Counted:
         code = frame.f_code
         kind = self._known.get(code)
         if kind is None:
-            file, name = code.co_filename.replace("\\", "/"), code.co_qualname
-            is_matrix = any(file.endswith(f) and name == n for f, n in self.places)
-            is_loop = file.endswith(_LOOP[0]) and name == _LOOP[1]
+            file, name = PurePath(code.co_filename), code.co_qualname
+            is_matrix = any(name == n and file.match(f) for f, n in self.places)
+            is_loop = name == _LOOP[1] and file.match(_LOOP[0])
             kind = self._known[code] = "matrix" if is_matrix else "loop" if is_loop else "other"
         return kind
 
@@ -107,4 +107,4 @@ def _shortened(scene: Scene, steps: int) -> Scene:
 
 def _place(text: str) -> tuple[str, str]:
     file, _, name = text.partition(":")
-    return "/" + file, name
+    return file, name
