@@ -18,7 +18,8 @@ from sparsemor.core.analysis.charts import (
     surface_figures,
 )
 from sparsemor.core.analysis.charts.time_histories import moving_bodies
-from sparsemor.core.analysis.reproduction.quantities import FIELDS, Results
+from sparsemor.core.analysis.reproduction.measure import Results
+from sparsemor.core.analysis.reproduction.quantities import FIELDS
 from sparsemor.core.analysis.reproduction.sketches import flow_figure, geometry_figure
 from sparsemor.core.analysis.study.columns import SERIES
 from sparsemor.core.analysis.study.report import over_time

@@ -1,20 +1,18 @@
 """Quantities that a paper's figures and tables report, computed from runs and studies."""
 
-from abc import abstractmethod
 from collections.abc import Mapping, Sequence
-from typing import Annotated, Any, Literal, Protocol
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field
 
 from sparsemor.core.analysis.charts.fields import values_of
 from sparsemor.core.analysis.charts.time_histories import rate_of
+from sparsemor.core.analysis.reproduction.measure import Measure, OfRun, Results
 from sparsemor.core.analysis.reproduction.rules import Operand, evaluate
-from sparsemor.core.analysis.study.plan import Plan
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.protocols import layout
-from sparsemor.core.registry.plugin import Plugin
 from sparsemor.core.results.cost import run_facts
 from sparsemor.core.results.error_norms import Errors, common_steps
 from sparsemor.core.results.run_result import RunResult
@@ -27,47 +25,6 @@ _STATISTICS: Mapping[str, Any] = {
     "max": np.max, "min": np.min, "mean": np.mean, "median": np.median,
     "last": lambda v: v[-1], "first": lambda v: v[0]}
 FIELDS = {"displacement": layout.Quantity.DISPLACEMENT, "temperature": layout.Quantity.TEMPERATURE}
-
-
-class Results(Protocol):
-    """Completed runs and studies of a reproduction, by name."""
-
-    def run(self, name: str) -> RunResult: ...
-    def rows(self, study: str) -> Sequence[Mapping[str, Any]]: ...
-    def errors(self, reference: str, run: str) -> Errors: ...
-    def plan(self, study: str) -> Plan: ...
-    def split(self, run: str) -> Mapping[str, float]: ...
-
-
-class Measure(Plugin):
-    """Base class of quantities: a frozen description that computes one number or text."""
-
-    def runs(self) -> tuple[str, ...]:
-        """Names of the runs that it reads."""
-        return ()
-
-    def studies(self) -> tuple[str, ...]:
-        """Names of the studies that it reads."""
-        return ()
-
-    def profiled(self) -> tuple[str, ...]:
-        """Names of the runs whose computing time it divides."""
-        return ()
-
-    @abstractmethod
-    def compute(self, results: Results, known: Mapping[str, Operand]) -> Operand:
-        """Value; known: values of the item computed before. Raises InputError if the run lacks the
-        data."""
-
-
-class OfRun(Measure):
-    """Base class of quantities of one run."""
-
-    run: str
-    """Name of the run."""
-
-    def runs(self) -> tuple[str, ...]:
-        return (self.run,)
 
 
 class Formula(Measure):

@@ -11,7 +11,7 @@ from sparsemor.core.analysis.charts.style import COLUMN, NORMAL, PAGE, SMALL, ne
 from sparsemor.core.analysis.charts.style import style_of as style
 from sparsemor.core.analysis.charts.surface_fields import solid_bodies
 from sparsemor.core.analysis.charts.units import unit
-from sparsemor.core.analysis.charts.view import VIEWS
+from sparsemor.core.analysis.charts.view import VIEWS, skin
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.model.facets import outer_facets, subdivided
 from sparsemor.core.protocols.mesh import Mesh
@@ -42,6 +42,8 @@ def geometry_figure(run: RunResult) -> "Figure | None":
     names = ", ".join([*run.scene.get("joints", {}), *run.scene.get("contacts", {})])
     loads = ", ".join(run.scene.get("loads", {}))
     axes.set_aspect("equal")
+    if solid:
+        axes.set_axis_off()
     axes.set_xlabel(f"x ({metre.name})", fontsize=NORMAL)
     axes.set_ylabel(f"y ({metre.name})", fontsize=NORMAL)
     axes.tick_params(labelsize=SMALL)
@@ -67,9 +69,10 @@ def _flat(run: RunResult, body: str) -> tuple[FloatArray, Any]:
 
 def _seen(run: RunResult, body: str) -> tuple[FloatArray, Any]:
     triangles = outer_facets(Mesh(run.points(body), subdivided(run.cells(body))))
-    edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
-    return VIEWS[0].rotated(run.positions(body, 0))[:, :2], np.unique(
-        np.sort(edges, axis=1), axis=0)
+    seen = VIEWS[0].rotated(run.positions(body, 0))
+    front = triangles[skin(seen, triangles)]
+    edges = np.concatenate([front[:, [0, 1]], front[:, [1, 2]], front[:, [2, 0]]])
+    return seen[:, :2], np.unique(np.sort(edges, axis=1), axis=0)
 
 
 def flow_figure(
@@ -105,13 +108,13 @@ def _arrow(axes: Any, start: tuple[float, float], end: tuple[float, float]) -> N
 
 def numbers_figure(pairs: Mapping[str, tuple[float, float]]) -> "Figure | None":
     """Published numbers and ours next to each other on a logarithmic axis; None for fewer than two
-    pairs of positive numbers.
+    pairs of positive numbers, or if no pair differs by more than a fifth.
 
     pairs: label -> (published, ours).
     """
     shown = {name: pair for name, pair in pairs.items()
              if min(pair) > 0.0 and np.isfinite(pair).all()}
-    if len(shown) < 2:
+    if len(shown) < 2 or all(max(pair) <= 1.2 * min(pair) for pair in shown.values()):
         return None
     figure = new_figure(1.6 * COLUMN, 0.75 + 0.27 * len(shown))
     axes = figure.subplots()

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sparsemor.core.analysis.charts.style import save
+from sparsemor.core.analysis.reproduction.measure import Results
 from sparsemor.core.analysis.reproduction.paper import BROKEN, GRADES, MISSED, Item
-from sparsemor.core.analysis.reproduction.quantities import Results
 from sparsemor.core.analysis.reproduction.rules import Operand, evaluate
 from sparsemor.core.analysis.reproduction.sketches import numbers_figure
 from sparsemor.core.errors import InputError
