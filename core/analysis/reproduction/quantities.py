@@ -263,18 +263,18 @@ class ActiveAtoms(OfRun):
     use: Literal["active"]
     block: str
     """`body.field`."""
-    what: Literal["active", "atoms", "changes", "highest", "leading"]
-    """Mean number of active atoms; number of atoms; steps at which the selection changes; highest
-    number of an atom that was active; share of active atoms among the first as many."""
+    what: Literal["active", "atoms", "changes", "exchanged", "highest"]
+    """Mean number of active atoms; number of atoms; steps at which the selection changes; mean
+    share of active atoms that is exchanged per step; highest number of an active atom."""
 
     def compute(self, results: Results, known: Mapping[str, Operand]) -> Operand:
         active = results.run(self.run).support(self.block)[1:]  # nothing is selected at the start
         count = float(active.sum(axis=1).mean())
-        if self.what == "leading":
-            return float(active[:, :round(count)].sum(axis=1).mean() / count)
+        left = (active[:-1] & ~active[1:]).sum(axis=1)
         found: Mapping[str, float] = {
             "active": count, "atoms": active.shape[1],
             "changes": int(np.any(active[1:] != active[:-1], axis=1).sum()),
+            "exchanged": float(left.mean() / count),
             "highest": int(np.flatnonzero(active.any(axis=0)).max()) + 1}
         return found[self.what]
 
