@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 def reproduce(
     scene: Annotated[str, typer.Argument(
-        metavar="[SCENE]", help="Only the items of this scene of the paper.")] = "",
+        metavar="SCENE", help="Only the items of this scene of the paper.")] = "",
     quick: Annotated[bool, typer.Option(
         "--quick", help="Shorter runs and fewer seeds where the whole takes long.")] = False,
     items: Annotated[str, typer.Option(
