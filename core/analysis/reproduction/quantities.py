@@ -10,6 +10,7 @@ from sparsemor.core.analysis.charts.fields import values_of
 from sparsemor.core.analysis.charts.time_histories import rate_of
 from sparsemor.core.analysis.reproduction.measure import Measure, OfRun, Results
 from sparsemor.core.analysis.reproduction.rules import Operand, evaluate
+from sparsemor.core.analysis.study.jobs import BROKEN, DIED, REFUSED
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.protocols import layout
@@ -24,6 +25,8 @@ Statistic = Literal["max", "min", "mean", "median", "last", "first"]
 _STATISTICS: Mapping[str, Any] = {
     "max": np.max, "min": np.min, "mean": np.mean, "median": np.median,
     "last": lambda v: v[-1], "first": lambda v: v[0]}
+UNCOMPUTED = (REFUSED, BROKEN, DIED)
+"""Statuses of rows of a study that are no results."""
 FIELDS = {"displacement": layout.Quantity.DISPLACEMENT, "temperature": layout.Quantity.TEMPERATURE}
 
 
@@ -300,6 +303,9 @@ class StudyValue(Measure):
                 if all(r.get(k) == v for k, v in self.where.items())]
         if not rows:
             raise InputError(f"study {self.study} has no row with {self.where}")
+        broken = [str(r.get("message")) for r in rows if r.get("status") in UNCOMPUTED]
+        if broken:
+            raise InputError(f"study {self.study}: {broken[0]}")
         found = [r.get(self.column) for r in rows]
         if len(found) == 1 and isinstance(found[0], str):
             return found[0]

@@ -16,6 +16,7 @@ from sparsemor.core.analysis.reproduction.jobs import command_of, plan_of, scene
 from sparsemor.core.analysis.reproduction.page import text_of
 from sparsemor.core.analysis.reproduction.paper import BROKEN, GRADES, MISSED, Item, Paper, RunEntry
 from sparsemor.core.analysis.reproduction.processes import executed
+from sparsemor.core.analysis.reproduction.quantities import StudyValue
 from sparsemor.core.analysis.reproduction.reproduce import (
     chosen_items,
     commands_of,
@@ -217,6 +218,25 @@ def test_calls_wait_for_others_and_failures_of_one_are_its_own() -> None:
     calls = {"b": 2, "a": 1, "c": 3}
     assert dict(executed(str, calls, 1)) == {"a": "1", "b": "2", "c": "3"}
     assert [n for n, _ in executed(str, calls, 1, {"b": "a"})] == ["a", "c", "b"]
+
+
+def test_a_row_of_a_study_that_was_refused_is_no_result() -> None:
+    class Rows:
+        """Results of a study of three runs."""
+
+        def rows(self, study: str) -> list[dict[str, object]]:
+            return [{"n": 1, "status": "done", "e": 2.0}, {"n": 1, "status": "diverged", "e": 5.0},
+                    {"n": 2, "status": "refused", "message": "no such body", "e": None}]
+
+    def value(n: int, take: str) -> object:
+        measure = StudyValue(use="study", study="a", where={"n": n}, column="e", take=take)
+        return measure.compute(Rows(), {})  # type: ignore[arg-type]
+
+    assert [value(1, take) for take in ("max", "min", "median", "mean")] == [5.0, 2.0, 3.5, 3.5]
+    with pytest.raises(InputError, match="no such body"):
+        value(2, "max")
+    with pytest.raises(InputError, match="has no row"):
+        value(3, "max")
 
 
 @pytest.mark.full
