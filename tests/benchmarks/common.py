@@ -82,10 +82,11 @@ class Stepping:
     state: State
     memory: Any
     many: ManySteps | None = None
-    formula: FixedStep[Any] = field(init=False)
+    fixed: FixedStep = field(init=False)
+    """The integrator's rules for a step are made once, as in a run."""
 
     def __post_init__(self) -> None:
-        self.formula = FixedStep.of(self.scene.integrator, self.solver, self.scene.time.step)
+        self.fixed = FixedStep.of(self.scene.integrator, self.solver, self.scene.time.step)
 
     @classmethod
     def begin(cls, scene: Scene, model: Model, solver: StepSolver) -> "Stepping":
@@ -99,8 +100,8 @@ class Stepping:
 
         Raises SolveFailed.
         """
-        h = self.scene.time.step
-        taken = next(accepted_steps(self.formula, self.state, self.memory, 1, h))
+        taken = next(accepted_steps(
+            self.fixed, self.state, self.memory, 1, self.scene.time.step))
         self.state, self.memory = taken.state, taken.memory
         return taken.seconds, taken.outcome.iterations
 
@@ -114,7 +115,7 @@ class Stepping:
     def _together(self, steps: int) -> list[tuple[float, int]]:
         """Seconds and iterations of steps that may be taken several at once."""
         found = []
-        for taken in iterate(self.formula, self.state, self.memory, steps, many=self.many):
+        for taken in iterate(self.fixed, self.state, self.memory, steps, many=self.many):
             assert taken.outcome.status.ok
             self.state, self.memory = taken.state, taken.memory
             found.append((taken.seconds, taken.outcome.iterations))
