@@ -208,6 +208,18 @@ def test_nonlinear_heat_measures_every_reducer(run: Run) -> None:
         assert rows["ecsw"]["elements"] < rows["full"]["elements"]
 
 
+def test_hot_pendulum_measures_each_field_under_an_unseen_flux(run: Run) -> None:
+    found = run("hot_pendulum")
+    rows = rows_of(found, "2 x 320 triangles: errors")
+    assert {row["reducer"] for row in rows} == {"galerkin", "ecsw"}
+    for row in rows:
+        assert 0 < max(row[field] for field in ("rigid", "elastic", "thermal")) < 1e-3
+    cost = {row["method"]: row for row in rows_of(found, "2 x 320 triangles: cost")}
+    assert 0 < cost["ecsw"]["elements"] < cost["galerkin"]["elements"]
+    assert 0 < cost["ecsw"]["residual"] <= 1.01e-6
+    assert cost["ecsw"]["full_to_this"] == pytest.approx(cost["full"]["ms"] / cost["ecsw"]["ms"])
+
+
 @pytest.mark.slow
 def test_stability_sets_every_prediction_beside_a_run(run: Run) -> None:
     found = run("stability")

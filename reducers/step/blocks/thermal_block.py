@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from scipy.linalg.lapack import dgesv
+from scipy.linalg.lapack import dgetrf, dgetrs
 from scipy.sparse import coo_array, csr_array
 
 from sparsemor.core import (
@@ -265,21 +265,33 @@ class CompressedHeat:
     ) -> HeatOutcome:
         n, d, now = len(T), np.zeros(len(base)), T
         full, zero, c1 = np.zeros(n), np.zeros(n), np.full(n, self.c1)
+        factors: tuple[FloatArray, IntArray, int] | None = None
         for i in range(1, self.max_iterations + 1):
             full = d if self.active is None else full
             if self.active is not None:
                 full[self.active] = d
-            now, rates, r, J = T + full, rate + self.c1 * full, d - base, self.identity
-            for evaluate in self.evaluated:
-                added, slope = evaluate(now, rates, zero, t, c1, zero)
-                r = r + added
-                J = J + (slope if self.active is None else slope[:, self.active])
-            step, info = dgesv(J, r)[2:]
-            change = float(abs(step).max())
+            now, rates, r = T + full, rate + self.c1 * full, d - base
+            if factors is None:
+                J = self.identity
+                for evaluate in self.evaluated:
+                    added, slope = evaluate(now, rates, zero, t, c1, zero)
+                    r = r + added
+                    J = J + (slope if self.active is None else slope[:, self.active])
+                factors = dgetrf(J)
+            else:
+                for term in self.local:
+                    r = r + term.residual(now, rates, zero, t)
+            lu, pivots, info = factors
+            step = dgetrs(lu, pivots, r)[0]
+            change, size = float(abs(step).max()), float(abs(now).max())
             if not change < np.inf or info > 0:
-                finite = np.isfinite(r).all() and np.isfinite(J).all()
+                finite = np.isfinite(r).all() and np.isfinite(lu).all()
                 return HeatOutcome(d, Status.SINGULAR if finite else Status.NOT_FINITE, i)
-            d, size = d - step, float(abs(now).max())
+            d = d - step
             if change <= self.rtol * size:
                 return HeatOutcome(d, Status.DONE, i, 0, "", change / max(size, TINY))
+            # quadratic convergence: the next change is expected below the tolerance, which is
+            # verified with this Jacobian
+            if not change * change <= self.rtol * size * size:
+                factors = None
         return HeatOutcome(d, Status.NOT_CONVERGED, self.max_iterations)
