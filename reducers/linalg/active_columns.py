@@ -5,7 +5,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from sparsemor.core import FloatArray
+from sparsemor.core import FloatArray, IntArray
 
 KEPT = 16
 """Number of sets of nonzero entries whose columns are kept."""
@@ -13,6 +13,13 @@ NEGLIGIBLE = 1e-40
 """Size of an entry, relative to the largest, below which it counts as zero. Rates of atoms that
 left the support fall to round-off of round-off in each step, down to numbers that are slow to
 multiply because they are below the normal range."""
+WIDE = 200
+"""Number of columns from which reading some of them is faster than a product with all."""
+
+
+def few(active: IntArray | None, columns: int) -> bool:
+    """True if so few of the columns are active (None: all) that products read only these."""
+    return active is not None and columns >= WIDE and 4 * len(active) <= columns
 
 
 class ActiveColumns:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sparsemor.core import Amplitude, FloatArray, IntArray, evaluate_amplitudes, total_load
-from sparsemor.reducers.linalg.active_columns import ActiveColumns
+from sparsemor.reducers.linalg.active_columns import ActiveColumns, few
 from sparsemor.reducers.step.acceptance import EPS
 from sparsemor.reducers.step.blocks.elastic_block import ElasticBlock, Functionals, History
 from sparsemor.reducers.step.blocks.elastic_local import LocalForces, ReducedLocal
@@ -25,8 +25,8 @@ class CompressedElastic(ElasticBlock):
     constant part. S (g (s + p) + g s + p, k): D^-1 M_g, M_g in the active rows, and P^T as
     factors of coefficients; step_S: the active columns of these for increments, times 1, c1 and
     c2 where rates need them; order: numbers of the products S [u0, v0, a0] in the same order.
-    tables: tabulated (for example moving) loads, projected on s + p rows; few: H and S where some
-    atoms are not active.
+    tables: tabulated (for example moving) loads, projected on s + p rows; few: H and S where few
+    atoms are active.
     """
 
     H: FloatArray
@@ -68,11 +68,12 @@ class CompressedElastic(ElasticBlock):
         order = np.concatenate((numbers[0, :n], numbers[1, :n], numbers[:, n:m].ravel(),
                                 numbers[:, m:].ravel()))
         H = np.ascontiguousarray(rows[:, :inputs])
-        few = None if support is None else (ActiveColumns(H), ActiveColumns(S))
+        wide = S.shape[1]
+        some = (ActiveColumns(H), ActiveColumns(S)) if few(support, wide) else None
         return cls(H, rows[:, -1].copy(), S,
                    np.ascontiguousarray(step_S), np.ascontiguousarray(E[:s]),
                    np.ascontiguousarray(E[s:]), support, b.amplitudes, (s, p, g), order,
-                   tabulated(b.tables, both, support is None), ReducedLocal.of(b.local, both), few)
+                   tabulated(b.tables, both, support is None), ReducedLocal.of(b.local, both), some)
 
     def rates(self, k: int) -> tuple[FloatArray, FloatArray]:
         rows = self.H[: self.sizes[0]]

@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from sparsemor.core import Amplitude, FloatArray, IntArray
-from sparsemor.reducers.linalg.active_columns import ActiveColumns
+from sparsemor.reducers.linalg.active_columns import ActiveColumns, few
 from sparsemor.reducers.linalg.modal_coordinates import carried, dense, times
 from sparsemor.reducers.step.acceptance import EPS, LEAST
 from sparsemor.reducers.step.blocks.elastic_local import LocalForces, ReducedLocal
@@ -56,7 +56,7 @@ class CompressedPrescribed(PrescribedBlock):
     (s, j) times amplitudes, and tabulated loads. G (g, k, s): transposed D^-1 M_g, so that
     consecutive ones form one matrix; leading (g r, r): their first rows and columns, of soft modes,
     r = 0 where some atoms are not active; sizes (g, 3): Frobenius norms of each whole matrix, of
-    its leading part, and of the rest. few: the same factors where some atoms are not active.
+    its leading part, and of the rest. few: the same factors where few atoms are active.
     """
 
     proved: ClassVar[bool] = True
@@ -78,7 +78,8 @@ class CompressedPrescribed(PrescribedBlock):
     few: FewInputs | None = field(init=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "few", None if self.active is None else FewInputs(self))
+        some = FewInputs(self) if few(self.active, self.G.shape[1]) else None
+        object.__setattr__(self, "few", some)
 
     @classmethod
     def of(

@@ -26,7 +26,7 @@ from sparsemor.core import (
     linearization,
     unconverged_note,
 )
-from sparsemor.reducers.linalg.active_columns import ActiveColumns
+from sparsemor.reducers.linalg.active_columns import ActiveColumns, few
 from sparsemor.reducers.linalg.modal_coordinates import carried, dense, times
 from sparsemor.reducers.linalg.superlu import factorize
 from sparsemor.reducers.step.operators import TestedHeat
@@ -183,7 +183,7 @@ class CompressedHeat:
 
     by_rate, by_value: (s, k), or a diagonal (modal_coordinates.py); prescribed: tabulated function
     of time of the `loads`, moving heat sources and constant terms; few: by_rate and by_value where
-    some atoms are not active.
+    few atoms are active.
     """
 
     by_rate: FloatArray
@@ -200,9 +200,9 @@ class CompressedHeat:
     few: tuple[ActiveColumns, ActiveColumns] | None = field(init=False)
 
     def __post_init__(self) -> None:
-        few = None if self.active is None else (
-            ActiveColumns(dense(self.by_rate)), ActiveColumns(dense(self.by_value)))
-        object.__setattr__(self, "few", few)
+        some = (ActiveColumns(dense(self.by_rate)), ActiveColumns(dense(self.by_value))) if few(
+            self.active, self.by_rate.shape[-1]) else None
+        object.__setattr__(self, "few", some)
         object.__setattr__(self, "evaluated", tuple(linearization(t) for t in self.local))
         object.__setattr__(self, "identity", np.eye(len(self.by_rate) if self.local else 0))
 
