@@ -148,6 +148,13 @@ class Layout:
         self.frames = slice(0, sum(
             b.size for b in self.blocks if b.kind.order == 2 and not b.kind.reducible))
 
+    def parts(self) -> tuple[Any, ...]:
+        return ([*(Block("", kind, 0) for kind in self.kinds), *self.blocks],)
+
+    @classmethod
+    def of_parts(cls, *parts: Any) -> "Layout":
+        return cls(*parts)
+
     def __getitem__(self, name: str) -> slice:
         return self._slices[name]
 

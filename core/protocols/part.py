@@ -3,7 +3,7 @@ methods."""
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Literal, Protocol, runtime_checkable
+from typing import Any, Literal, Protocol, runtime_checkable
 
 from sparsemor.core.notes import Note
 from sparsemor.core.protocols.contributions import Equations
@@ -94,6 +94,15 @@ class HasSurroundings(Protocol):
     def surroundings(self) -> Callable[[float], float] | None:
         """Ambient temperature, K, as a function of time t, s; None if there is none."""
         ...
+
+
+@runtime_checkable
+class StoresObjects(Protocol):
+    """A plugin that names the classes and functions of which the step solver of a kept model may be
+    made. The file of a model refers to them by name; no others are used when it is read."""
+
+    @property
+    def stored_classes(self) -> Sequence[Any]: ...
 
 
 @runtime_checkable

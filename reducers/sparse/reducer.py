@@ -3,7 +3,7 @@ equations."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from sparsemor.core import (
     AssembledModel,
@@ -53,6 +53,13 @@ class Sparse(SparseOptions):
     """
 
     shared_options: ClassVar[tuple[str, ...]] = (*BASES, "budgets")
+
+    @property
+    def stored_classes(self) -> Sequence[Any]:
+        """Classes of the step solvers of a kept model."""
+        from sparsemor.reducers.stored_classes import CLASSES
+
+        return CLASSES
 
     def field_budget(self, field: str) -> BlockBudget | None:
         found = of_field(field, self.budgets)

@@ -111,21 +111,22 @@ class CompressedPrescribed(PrescribedBlock):
     def time_table(self, drive: TimeTable) -> TimeTable:
         """kappa, mu, sigma, the bound of the contraction factor, and the part of b that depends on
         time only."""
-        g = len(self.G)
-        n = 2 * g + self.E.shape[1]
-
-        def decided(times: FloatArray) -> FloatArray:
-            rows = np.empty((len(times), n + 1 + len(self.base)))
-            rows[:, :n] = drive.along(times)
-            rows[:, n] = self._bounds(rows[:, :g] + self.c1 * rows[:, g : 2 * g])
-            rows[:, n + 1 :] = along(rows[:, 2 * g : n].dot(self.E.T) + self.base, self.loads,
-                                     self.amplitudes, self.tables, times)
-            return rows
-
         # a support that may change with the next step does not pay for all times
+        decided = Decided(self, drive)
         if self.active is not None:
             return TimeTable(decided)
         return TimeTable.of(decided, np.array(drive.times))
+
+    def decided(self, drive: TimeTable, times: FloatArray) -> FloatArray:
+        """Values (T, m) of `time_table` at times (T,), s."""
+        g = len(self.G)
+        n = 2 * g + self.E.shape[1]
+        rows = np.empty((len(times), n + 1 + len(self.base)))
+        rows[:, :n] = drive.along(times)
+        rows[:, n] = self._bounds(rows[:, :g] + self.c1 * rows[:, g : 2 * g])
+        rows[:, n + 1 :] = along(rows[:, 2 * g : n].dot(self.E.T) + self.base, self.loads,
+                                 self.amplitudes, self.tables, times)
+        return rows
 
     def begin(self, at: Prediction, c1: float, c2: float, table: FloatArray) -> Past:
         g = len(self.G)
@@ -200,6 +201,17 @@ class CompressedPrescribed(PrescribedBlock):
             turned += np.multiply.outer(np.abs(past.weights), self._wide(np.abs(d)))
             size += turned.ravel() @ np.abs(self.G).reshape(turned.size, -1)
         return EPS * float(np.linalg.norm(size))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Decided:
+    """Functions of time of a block whose frame moves as `drive` says."""
+
+    block: CompressedPrescribed
+    drive: TimeTable
+
+    def __call__(self, times: FloatArray) -> FloatArray:
+        return self.block.decided(self.drive, times)
 
 
 def _beyond(A: FloatArray, r: int) -> float:
