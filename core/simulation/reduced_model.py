@@ -78,7 +78,8 @@ def load_model(path: str | Path, *, registry: Registry | None = None) -> "Reduce
         packed = Packed.load(Path(path).read_bytes())
         scene = build(Source.of_tree(packed.about["scene"], packed.about["name"], registry))
         parts = packed.made(_table(scene), _plugins(scene))
-        return ReducedModel(PreparedRun(scene=scene, **parts))
+        header = replace(parts.pop("header"), scene=scene.dump())
+        return ReducedModel(PreparedRun(scene=scene, header=header, **parts))
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})", "model") from None
     except (PackedError, KeyError, TypeError, AttributeError) as error:

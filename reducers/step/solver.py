@@ -107,7 +107,7 @@ class Stepper:
 
     def projection(self, state: State) -> State:
         """A full-order state in the unknowns of this model."""
-        return reduce_state(state, self.layout, self.dictionaries)
+        return state if self.meshless else reduce_state(state, self.layout, self.dictionaries)
 
     def without_mesh(self) -> "Stepper":
         """This step solver without operators and bases of the mesh's size."""
@@ -120,7 +120,7 @@ class Stepper:
 
     def reduced(self, state: State) -> State:
         """A full-order state in the unknowns of this model, with consistent rates."""
-        reduced = state if self.meshless else self.projection(state)
+        reduced = self.projection(state)
         for name, at in self.hot:
             if self.dictionaries and name in self.heat:  # not where atoms are selected
                 reduced.v[at] = self.heat[name].start_rates(
