@@ -21,8 +21,8 @@ from pydantic import BaseModel
 from scipy.sparse import csr_array
 
 from sparsemor.core.protocols import TimeFunction
+from sparsemor.core.results.model_format import MAGIC
 
-MAGIC = b"sparsemor reduced model 1\n"
 LARGEST = 2**32
 """Largest size of the data of a file, bytes."""
 Table = Mapping[str, Any]
@@ -93,7 +93,7 @@ class Packed:
         damaged data."""
         form, _, rest = data.partition(b"\n")
         if form + b"\n" != MAGIC:
-            version = form.startswith(MAGIC[:-3])
+            version = form.startswith(MAGIC[:-2])
             raise PackedError("it is of another version of the format" if version else
                               "it is no reduced model")
         digest, _, payload = rest.partition(b"\n")
@@ -255,8 +255,9 @@ class _Maker:
 
     def method(self, content: Any) -> Callable[..., Any]:
         of, name = self.value(content[0]), content[1]
-        if not (isinstance(of, BaseModel) or type(of) in self.table.values()) or name.startswith(
-                "_") or not isinstance(getattr(type(of), name, None), FunctionType):
+        allowed = isinstance(of, TimeFunction) or type(of) in self.table.values()
+        if not allowed or name.startswith("_") or not isinstance(
+                getattr(type(of), name, None), FunctionType):
             raise PackedError(f"it names {name!r}, which is no method")
         found: Callable[..., Any] = getattr(of, name)
         return found

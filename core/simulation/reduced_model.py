@@ -26,6 +26,7 @@ from sparsemor.core.registry.hooks import new_manager
 from sparsemor.core.registry.registry import Registry
 from sparsemor.core.results.arrays_in_memory import MemoryWriter, fixed_in_memory
 from sparsemor.core.results.atomic_files import replace_file
+from sparsemor.core.results.metadata import RunHeader
 from sparsemor.core.results.output_lock import owned
 from sparsemor.core.results.packed import Packed, PackedError, Table, table_of
 from sparsemor.core.results.run_result import RunResult
@@ -78,13 +79,16 @@ def load_model(path: str | Path, *, registry: Registry | None = None) -> "Reduce
         packed = Packed.load(Path(path).read_bytes())
         scene = build(Source.of_tree(packed.about["scene"], packed.about["name"], registry))
         parts = packed.made(_table(scene), _plugins(scene))
-        header = replace(parts.pop("header"), scene=scene.dump())
-        return ReducedModel(PreparedRun(scene=scene, header=header, **parts))
+        header, solver = parts.pop("header"), parts["solver"]
+        if not (isinstance(header, RunHeader) and isinstance(solver, LeavesMesh)):
+            raise PackedError("it holds something else")
+        return ReducedModel(PreparedRun(
+            scene=scene, header=replace(header, scene=scene.dump()), **parts))
     except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})", "model") from None
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
     except (PackedError, KeyError, TypeError, AttributeError) as error:
         raise InputError(f"{path} is no reduced model that this program can use: {error}; save it "
-                         "again from its scene", "model") from None
+                         "again from its scene") from None
 
 
 class ReducedModel:
@@ -139,6 +143,10 @@ class ReducedModel:
             assert isinstance(recorder.writer, ResultWriter)
             with kept(recorder.writer, new=True):
                 return stepped(run, recorder, manager, tally)
+
+    def check(self, overrides: Mapping[str, Any]) -> None:
+        """Raises the InputError that a run with these overrides would raise."""
+        self._changed(overrides, {})
 
     def save(self, path: str | Path, *, fields: bool = False) -> None:
         """Writes the model to a file. fields: with meshes and bases, so that its results have

@@ -19,6 +19,7 @@ from sparsemor.core import (
     Status,
     StepFormula,
     StepOutcome,
+    Table,
     least_squares_coefficients,
     motion_step,
 )
@@ -110,12 +111,15 @@ class Stepper:
         return state if self.meshless else reduce_state(state, self.layout, self.dictionaries)
 
     def without_mesh(self) -> "Stepper":
-        """This step solver without operators and bases of the mesh's size."""
+        """This step solver without operators and bases of the mesh's size, and with the loads of
+        the consistent start at that time only."""
         moving = tuple(replace(m, operators=None) for m in self.separated.moving)
         bases = {n: replace(d, atoms=d.atoms[:0], offset=d.offset[:0], provenance=())
                  for n, d in self.dictionaries.items()}
         own = {f.name: getattr(self, f.name) for f in fields(Stepper)}
-        return Stepper(**{**own, "meshless": True, "dictionaries": bases, "separated": replace(
+        tested = {n: replace(t, tables=tuple(Table(p.times[:1], p.at(0.0)[None]) for p in t.tables))
+                  for n, t in self.tested.items()}
+        return Stepper(**{**own, "meshless": True, "tested": tested, "dictionaries": bases, "separated": replace(
             self.separated, moving=moving, heat=(), couplings=(), other=())})
 
     def reduced(self, state: State) -> State:

@@ -1,0 +1,74 @@
+"""Further runs of a kept reduced model against further full-order runs, in one process:
+`python tests/benchmarks/kept_model.py [SCENE ...]`.
+
+Medians of interleaved runs, in CPU time, with everything that a run includes. `beside the steps`: a
+run less its time loop alone; `open`: reading the model's file.
+"""
+
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from statistics import median
+
+import numpy as np
+
+from sparsemor import load, load_model, reduce, simulate
+from sparsemor.core.model.body_cache import BodyCache
+from sparsemor.core.simulation.offline import step_count
+from sparsemor.core.simulation.reduced_model import ReducedModel
+from sparsemor.core.simulation.step_control import step_of
+from sparsemor.core.simulation.time_stepping import iterate, started
+
+SCENES = ("double_pendulum", "slider_plate", "brake_disk")
+REPEATED = 5
+
+
+def seconds(do: Callable[[], object]) -> float:
+    begun = time.process_time()
+    do()
+    return time.process_time() - begun
+
+
+@np.errstate(all="ignore")
+def steps_alone(model: ReducedModel) -> None:
+    run = model._run
+    integrator = run.scene.integrator
+    step = step_of(run.solver, integrator, run.scene.time.step)
+    for _ in iterate(step, *started(run.solver, integrator, run.start), step_count(run.scene)):
+        pass
+
+
+def measured(name: str, folder: Path) -> list[str]:
+    scene, bodies, file = load(name), BodyCache(), folder / f"{name}.model"
+    full = scene.using({"reducer": "full"})
+    simulate(full, body_cache=bodies)
+    model = reduce(scene, body_cache=bodies)
+    model.save(file)
+    opened = median(seconds(lambda: load_model(file)) for _ in range(REPEATED))
+    loaded = load_model(file)
+    changed = {k: scene.dump()["loads"][k.split(".")[1]][k.split(".")[2]] for k in model.free
+               if k.startswith("loads.")}
+    changed = {k: {**v, "level": 1.1 * v["level"]} for k, v in changed.items()}
+    for run in (model.run, loaded.run, lambda: model.run(changed)):
+        run()
+    times: dict[str, list[float]] = {"kept": [], "loaded": [], "changed": [], "steps": []}
+    for _ in range(REPEATED):
+        times["kept"].append(seconds(model.run))
+        times["loaded"].append(seconds(loaded.run))
+        times["changed"].append(seconds(lambda: model.run(changed)))
+        times["steps"].append(seconds(lambda: steps_alone(model)))
+    whole = min(seconds(lambda: simulate(full, body_cache=bodies)) for _ in range(2))
+    kept, again, other, alone = (median(t) for t in times.values())
+    return [name, f"{whole:.2f}", f"{kept:.3f}", f"{whole / kept:.1f}", f"{whole / again:.1f}",
+            f"{1e3 * (kept - alone):.0f}", f"{1e3 * (other - alone):.0f}", f"{opened:.3f}",
+            f"{file.stat().st_size / 1e6:.2f}"]
+
+
+if __name__ == "__main__":
+    print("scene, full s, kept s, ratio, ratio loaded, beside the steps ms, with other loads ms, "
+          "open s, file MB")
+    with tempfile.TemporaryDirectory() as place:
+        for scene_name in sys.argv[1:] or SCENES:
+            print(", ".join(measured(scene_name, Path(place))), flush=True)
