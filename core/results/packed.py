@@ -159,7 +159,7 @@ class _Packer:
         if isinstance(value, slice):
             return {"slice": [value.start, value.stop, value.step]}
         if isinstance(value, BaseModel):
-            return {"plugin": self._plugin(value, name)}
+            return self._plugin(value, name)
         if isinstance(value, FunctionType | type):
             return {"name": self._named(value, name)}
         if isinstance(value, MethodType):
@@ -180,16 +180,13 @@ class _Packer:
             self.arrays.append(array)
         return self._numbers[key]
 
-    def _plugin(self, value: BaseModel, name: str) -> str:
-        """Key of a plugin of the scene: of this object, or of an equal one that is no function of
-        time, since bodies may be those of an equal scene."""
-        found = [k for k, p in self.plugins.items() if p is value] or [
-            k for k, p in self.plugins.items() if p == value and not isinstance(p, TimeFunction)]
-        if not found:
-            raise PackedError(f"{name} is a {type(value).__qualname__}, which is no plugin of the "
-                              "scene")
-        self.used.add(found[0])
-        return found[0]
+    def _plugin(self, value: BaseModel, name: str) -> Any:
+        """Key of a plugin of the scene, or the options of another one."""
+        key = next((k for k, p in self.plugins.items() if p is value), None)
+        if key is None:
+            return {"options": [self._named(type(value), name), value.model_dump(mode="json")]}
+        self.used.add(key)
+        return {"plugin": key}
 
     def _named(self, item: Any, name: str) -> str:
         label = _label(item)
@@ -253,6 +250,9 @@ class _Maker:
             raise PackedError(f"it names {key!r}, which is no plugin of its scene")
         return self.plugins[key]
 
+    def options(self, content: Any) -> Any:
+        return self.named(content[0]).model_validate(content[1])
+
     def method(self, content: Any) -> Callable[..., Any]:
         of, name = self.value(content[0]), content[1]
         allowed = isinstance(of, TimeFunction) or type(of) in self.table.values()
@@ -284,6 +284,7 @@ _LEAVES: Mapping[str, Callable[[_Maker, Any], Any]] = {
     "slice": lambda m, c: slice(*c),
     "enum": lambda m, c: m.named(c[0])[c[1]],
     "plugin": lambda m, c: m.plugin(c),
+    "options": lambda m, c: m.options(c),
     "name": lambda m, c: m.named(c),
     "method": lambda m, c: m.method(c),
     "list": lambda m, c: [m.value(v) for v in c],

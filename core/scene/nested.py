@@ -1,7 +1,7 @@
 """Objects of one kind in the options of a scene, with their dotted keys."""
 
 from collections.abc import Iterator, Mapping
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from pydantic import BaseModel
 
@@ -25,7 +25,7 @@ def nested(value: object, kind: type[T], key: str = "") -> Iterator[tuple[str, T
         yield from nested(inner, kind, f"{key}.{name}" if key else name)
 
 
-def functions_of_time(value: object) -> Iterator[tuple[str, TimeFunction]]:
+def functions_of_time(value: object) -> Iterator[tuple[str, Any]]:
     """Dotted key and function of every option in `value` that is a function of time."""
     for key, plugin in nested(value, BaseModel):
         if isinstance(plugin, TimeFunction):

@@ -78,7 +78,7 @@ def load_model(path: str | Path, *, registry: Registry | None = None) -> "Reduce
     try:
         packed = Packed.load(Path(path).read_bytes())
         scene = build(Source.of_tree(packed.about["scene"], packed.about["name"], registry))
-        parts = packed.made(_table(scene), _plugins(scene))
+        parts = packed.made(_table(scene), _functions(scene))
         header, solver = parts.pop("header"), parts["solver"]
         if not (isinstance(header, RunHeader) and isinstance(solver, LeavesMesh)):
             raise PackedError("it holds something else")
@@ -181,7 +181,7 @@ class ReducedModel:
 
     def _pack(self, value: object) -> Packed:
         try:
-            return Packed.of(value, _table(self.scene), _plugins(self.scene))
+            return Packed.of(value, _table(self.scene), _functions(self.scene))
         except PackedError as error:
             raise InputError(f"a model of reducer {self._run.header.reducer} cannot be kept apart "
                              f"from its mesh here: {error}", "reducer") from None
@@ -233,7 +233,7 @@ class ReducedModel:
             run.header, scene=scene.dump(), scene_digest=scene.digest(),
             steps_planned=step_count(scene)))
         if initial or any(key.startswith("loads.") for key in keys):
-            solver = self._packed.made(_table(scene), _plugins(scene))
+            solver = self._packed.made(_table(scene), _functions(scene))
             start = self._started(initial)
             run = replace(run, solver=solver, start=start, model=None)
         return run
@@ -280,15 +280,15 @@ class ReducedModel:
         return next((f for f in faults if f.key == "time.end"), None)
 
 
-def _plugins(scene: Scene) -> Mapping[str, BaseModel]:
-    """Dotted key -> plugin, of all plugins in the options of a scene."""
-    return {key: plugin for key, plugin in nested(dict(scene), BaseModel) if key}
+def _functions(scene: Scene) -> Mapping[str, BaseModel]:
+    """Dotted key -> function of time, of all in the options of a scene."""
+    return dict(functions_of_time(dict(scene)))
 
 
 def _table(scene: Scene) -> Table:
     """Classes and functions of which a model of this scene may be made."""
     found = list(CLASSES)
-    for plugin in _plugins(scene).values():
+    for _, plugin in nested(dict(scene), BaseModel):
         if isinstance(plugin, StoresObjects):
             found += plugin.stored_classes
     return table_of(found)

@@ -119,8 +119,9 @@ class Stepper:
         own = {f.name: getattr(self, f.name) for f in fields(Stepper)}
         tested = {n: replace(t, tables=tuple(Table(p.times[:1], p.at(0.0)[None]) for p in t.tables))
                   for n, t in self.tested.items()}
-        return Stepper(**{**own, "meshless": True, "tested": tested, "dictionaries": bases, "separated": replace(
-            self.separated, moving=moving, heat=(), couplings=(), other=())})
+        separated = replace(self.separated, moving=moving, heat=(), couplings=(), other=())
+        return Stepper(**{**own, "meshless": True, "tested": tested, "dictionaries": bases,
+                          "separated": separated})
 
     def reduced(self, state: State) -> State:
         """A full-order state in the unknowns of this model, with consistent rates."""

@@ -78,6 +78,26 @@ def test_other_loads_give_the_run_of_a_new_model(file: Path) -> None:
     assert_equal(model().run(), simulate(scene()))  # the model itself is as it was
 
 
+@pytest.mark.full
+def test_every_function_of_time_that_may_change_is_that_of_a_new_model(tmp_path: Path) -> None:
+    """Every kind of load, with convection and radiation: all functions at once."""
+    base = everything().using({"reducer": {"use": "galerkin", "basis": {"use": "pod", "count": 5}}})
+    made, loads = reduce(base), base.dump()["loads"]
+    keys = [k for k in made.free if k.startswith("loads.")]
+    assert len(keys) >= 5
+    old = {k: loads[k.split(".")[1]][k.split(".")[2]] for k in keys}
+    ramps = {k: {"use": "ramp", "end": base.time.end, "start": 0.1, "final": 300.0} for k in keys}
+    fresh = simulate(base.using({**ramps, "training.overrides": old}))
+    changed = made.run(ramps)
+    made.save(tmp_path / "m")
+    again = load_model(tmp_path / "m").run(ramps)
+    for b in changed.layout:
+        one, new = (r._data.read(b.name if b.name in r._data else f"{b.name}.coefficients")
+                    for r in (changed, fresh))
+        assert np.allclose(one, new, rtol=1e-9, atol=1e-12 * np.abs(new).max()), b.name
+    assert np.array_equal(again.probe(again.probes[0]), changed.probe(changed.probes[0]))
+
+
 def test_another_start_gives_the_run_of_a_new_model() -> None:
     turned = {"bodies.bar.pose": {"angle": 0.2, "spin": 1.5}}
     fresh = simulate(scene().using(turned).using({
