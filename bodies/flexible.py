@@ -122,7 +122,7 @@ class Flexible(Plugin):
     not given."""
 
     @property
-    def stored_classes(self) -> Sequence[Any]:
+    def stored_classes(self) -> Sequence[object]:
         """Classes of the frames and terms of a kept model."""
         from sparsemor.bodies.stored_classes import CLASSES
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, ClassVar, Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -40,7 +40,7 @@ class Rigid(Plugin):
     """Initial position and rotation of the frame, and their rates."""
 
     @property
-    def stored_classes(self) -> Sequence[Any]:
+    def stored_classes(self) -> Sequence[object]:
         """Classes of the frames and terms of a kept model."""
         from sparsemor.bodies.stored_classes import CLASSES
 

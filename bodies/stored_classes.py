@@ -2,7 +2,6 @@
 (`StoresObjects`)."""
 
 from collections.abc import Sequence
-from typing import Any
 
 from sparsemor.bodies.fem.elasticity import Law
 from sparsemor.bodies.fem.pointwise_law import Variable
@@ -16,7 +15,7 @@ from sparsemor.bodies.temperature_curve import TemperatureCurve
 from sparsemor.bodies.terms import dense, material_laws
 from sparsemor.bodies.terms.point_term import PointTerm
 
-CLASSES: Sequence[Any] = (
+CLASSES: Sequence[object] = (
     Film, GreyBody, Inertia, Law, PlanarFrame, PointTerm, TemperatureCurve, Variable, unit,
     constraints.Facing, constraints.Slide, dense.DenseTerm, dense.ReducedDense,
     force_items.BodyForce, force_items.SpaceForce, frame.SpatialFrame, items.Nothing,

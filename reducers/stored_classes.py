@@ -1,7 +1,6 @@
 """Classes of which the step solvers of kept reduced models are made (`StoresObjects`)."""
 
 from collections.abc import Sequence
-from typing import Any
 
 from sparsemor.reducers.step import (
     frame_step,
@@ -19,7 +18,7 @@ from sparsemor.reducers.step.newton.fallback import Assembled, FullNewton
 from sparsemor.reducers.step.prescribed_frames import PrescribedFrames
 from sparsemor.reducers.step.solver import Stepper
 
-CLASSES: Sequence[Any] = (
+CLASSES: Sequence[object] = (
     Assembled, CompressedElastic, CompressedHeat, FullNewton, Mechanics, PrescribedFrames, Stepper,
     Tolerances, compressed_prescribed.CompressedPrescribed, compressed_prescribed.Decided,
     elastic_local.ReducedLocal, frame_step.BodyStep, frame_step.PrescribedFactors,

@@ -3,7 +3,7 @@ methods."""
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal, Protocol, runtime_checkable
+from typing import Literal, Protocol, runtime_checkable
 
 from sparsemor.core.notes import Note
 from sparsemor.core.protocols.contributions import Equations
@@ -102,7 +102,7 @@ class StoresObjects(Protocol):
     made. The file of a model refers to them by name; no others are used when it is read."""
 
     @property
-    def stored_classes(self) -> Sequence[Any]: ...
+    def stored_classes(self) -> Sequence[object]: ...
 
 
 @runtime_checkable

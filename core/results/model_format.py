@@ -1,4 +1,4 @@
-"""First line of the file of a reduced model, by which it is told from a scene file."""
+"""First line of the file of a reduced model, which distinguishes it from a scene file."""
 
 from pathlib import Path
 
@@ -10,6 +10,6 @@ def is_model_file(path: Path) -> bool:
     """True for the file of a reduced model, of any version of the format."""
     try:
         with path.open("rb") as file:
-            return file.read(len(MAGIC)).startswith(MAGIC[:-2])
+            return file.read(len(MAGIC))[: len(MAGIC) - 2] == MAGIC[:-2]
     except OSError:
         return False

@@ -25,7 +25,7 @@ from sparsemor.core.results.model_format import MAGIC
 
 LARGEST = 2**32
 """Largest size of the data of a file, bytes."""
-Table = Mapping[str, Any]
+Table = Mapping[str, object]
 """Name -> class or function that data may name."""
 
 
@@ -37,12 +37,12 @@ class PackedError(ValueError):
 class HasParts(Protocol):
     """An object that is stored as the arguments of `of_parts`."""
 
-    def parts(self) -> tuple[Any, ...]: ...
+    def parts(self) -> tuple[object, ...]: ...
     @classmethod
     def of_parts(cls, *parts: Any) -> Any: ...
 
 
-def table_of(items: Iterable[Any]) -> dict[str, Any]:
+def table_of(items: Iterable[object]) -> dict[str, object]:
     """Table of classes and functions by module and name."""
     return {_label(item): item for item in items}
 
@@ -54,7 +54,7 @@ def _label(item: Any) -> str:
 @dataclass(frozen=True, slots=True, eq=False)
 class Packed:
     """Tree of JSON values that refers to arrays by number, and to plugins by their key; used: keys
-    that it refers to; about: plain data beside it."""
+    that it refers to; about: plain data next to it."""
 
     tree: Any
     arrays: tuple[NDArray[Any], ...]
@@ -93,7 +93,7 @@ class Packed:
         damaged data."""
         form, _, rest = data.partition(b"\n")
         if form + b"\n" != MAGIC:
-            version = form.startswith(MAGIC[:-2])
+            version = form[: len(MAGIC) - 2] == MAGIC[:-2]
             raise PackedError("it is of another version of the format" if version else
                               "it is no reduced model")
         digest, _, payload = rest.partition(b"\n")
@@ -256,7 +256,7 @@ class _Maker:
     def method(self, content: Any) -> Callable[..., Any]:
         of, name = self.value(content[0]), content[1]
         allowed = isinstance(of, TimeFunction) or type(of) in self.table.values()
-        if not allowed or name.startswith("_") or not isinstance(
+        if not allowed or name[:1] == "_" or not isinstance(
                 getattr(type(of), name, None), FunctionType):
             raise PackedError(f"it names {name!r}, which is no method")
         found: Callable[..., Any] = getattr(of, name)
@@ -271,7 +271,7 @@ class _Maker:
 
     def parts(self, content: Any) -> Any:
         cls, values = self.named(content[0]), [self.value(v) for v in content[1]]
-        return cls.of_parts(*values) if hasattr(cls, "of_parts") else cls(*values)
+        return cls.of_parts(*values) if issubclass(cls, HasParts) else cls(*values)
 
     def fields(self, content: Any) -> Any:
         return self.named(content[0])(**{n: self.value(v) for n, v in content[1].items()})

@@ -44,9 +44,9 @@ class PreparedRun:
     """A run up to its first step: everything that further runs of the same model share.
 
     solver: step solver; start: state from which it starts, of the full-order model, or in the
-    unknowns of a solver without mesh; header: of the result; probes, given: what is recorded beside
-    the unknowns; notes, stability, spaces: findings before the first step; trained_to: end of the
-    training run, s; contacts: warnings about contacts along a rigid-body pre-simulation, None
+    unknowns of a solver without mesh; header: of the result; probes, given: what is recorded next
+    to the unknowns; notes, stability, spaces: findings before the first step; trained_to: end of
+    the training run, s; contacts: warnings about contacts along a rigid-body pre-simulation, None
     without one. model: assembled model, None where it is not at hand.
     """
 

@@ -32,6 +32,7 @@ from sparsemor.core.results.packed import Packed, PackedError, Table, table_of
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.results.store import ResultWriter
 from sparsemor.core.scene.nested import changes, functions_of_time, nested
+from sparsemor.core.scene.overrides import split
 from sparsemor.core.scene.scene import Scene, build
 from sparsemor.core.scene.source import Source
 from sparsemor.core.simulation.admission import kept
@@ -45,7 +46,7 @@ from sparsemor.core.simulation.stored_classes import CLASSES
 from sparsemor.core.simulation.validation import endless, time_faults
 
 FREE = ("title", "output", "time.end")
-"""Keys of a scene, beside functions of time of loads, on which no prepared model depends."""
+"""Keys of a scene on which no prepared model depends."""
 Initial = Mapping[str, tuple[Sequence[float], Sequence[float]]]
 """Block of rigid coordinates -> their values and rates at the start."""
 
@@ -61,8 +62,8 @@ def reduce(
     reducer that reduces nothing, SolveFailed if the training run fails.
     """
     if not isinstance(scene.reducer, UsesBases):
-        raise InputError(f"{scene.reducer_name} reduces nothing: name another reducer, such as "
-                         "galerkin", "reducer")
+        raise InputError(f"{scene.reducer_name} reduces nothing: name a reducer that has a "
+                         "trial basis", "reducer")
     bodies = BodyCache() if body_cache is None else body_cache.of_bodies()
     return ReducedModel(prepared_run(scene, cache or Cache(), new_manager(observers), bodies)[0])
 
@@ -203,7 +204,7 @@ class ReducedModel:
 
     def _why_fixed(self, key: str) -> str:
         """Reason why the function of time at `key` cannot change, "" if it can."""
-        function, name = self._functions[key], key.split(".")[1]
+        function, name = self._functions[key], str(split(key)[1])
         load: object = self.scene.loads[name]
         effect = load.acts_on if isinstance(load, DeclaresEffect) else "motion"
         if self.scene.rigid_stage is not None and effect == "motion":
@@ -232,7 +233,7 @@ class ReducedModel:
         run = replace(run, scene=scene, header=replace(
             run.header, scene=scene.dump(), scene_digest=scene.digest(),
             steps_planned=step_count(scene)))
-        if initial or any(key.startswith("loads.") for key in keys):
+        if initial or any(_inside(key, k) for key in keys for k in self._functions):
             solver = self._packed.made(_table(scene), _functions(scene))
             start = self._started(initial)
             run = replace(run, solver=solver, start=start, model=None)
@@ -261,10 +262,9 @@ class ReducedModel:
         """Fault of a changed key that the model depends on, None for one that may change."""
         if key == "time.end":
             return self._end_fault(scene)
-        if any(key == k or key.startswith(f"{k}.") for k in FREE):
+        if any(_inside(key, k) for k in FREE):
             return None
-        function = next((k for k in self._functions
-                         if key == k or key.startswith(f"{k}.")), None)
+        function = next((k for k in self._functions if _inside(key, k)), None)
         why = "the model was prepared with it" if function is None else self._why_fixed(function)
         return Fault(key, f"cannot change: {why}; make a new model. A run may change "
                      f"{', '.join(self.free)}") if why else None
@@ -278,6 +278,12 @@ class ReducedModel:
                          "pre-simulation ends that the model follows")
         faults = (*endless(scene), *time_faults(scene))
         return next((f for f in faults if f.key == "time.end"), None)
+
+
+def _inside(key: str, of: str) -> bool:
+    """True for the key `of` or one of its entries."""
+    parts = split(of)
+    return split(key)[: len(parts)] == parts
 
 
 def _functions(scene: Scene) -> Mapping[str, BaseModel]:

@@ -1,7 +1,6 @@
 """Classes of core of which kept reduced models are made (`StoresObjects`)."""
 
 from collections.abc import Sequence
-from typing import Any
 
 from sparsemor.core.model.compressed_local import CompressedLocal
 from sparsemor.core.notes import Level, Note
@@ -15,7 +14,7 @@ from sparsemor.core.results.metadata import Probe, RunHeader
 from sparsemor.core.results.probes import Linear, ProbeReader
 from sparsemor.core.simulation.diagnostics.trial_space import TrialSpace
 
-CLASSES: Sequence[Any] = (
+CLASSES: Sequence[object] = (
     Block, BodyShape, CompressedLocal, Dictionary, FieldKind, FrameHistory, Held, Layout, Level,
     Linear, LoadColumn, MovingBody, Note, Prescribed, Probe, ProbePlace, ProbeReader,
     Quantity, RunHeader, Separated, Stage, State, Table, TrialSpace,

@@ -9,7 +9,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 
@@ -154,7 +154,7 @@ class ProjectionReducer(StepOptions, ABC):
     shared_options: ClassVar[tuple[str, ...]] = BASES
 
     @property
-    def stored_classes(self) -> Sequence[Any]:
+    def stored_classes(self) -> Sequence[object]:
         """Classes of the step solvers of a kept model."""
         from sparsemor.reducers.stored_classes import CLASSES
 

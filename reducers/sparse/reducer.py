@@ -3,7 +3,7 @@ equations."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from sparsemor.core import (
     AssembledModel,
@@ -55,7 +55,7 @@ class Sparse(SparseOptions):
     shared_options: ClassVar[tuple[str, ...]] = (*BASES, "budgets")
 
     @property
-    def stored_classes(self) -> Sequence[Any]:
+    def stored_classes(self) -> Sequence[object]:
         """Classes of the step solvers of a kept model."""
         from sparsemor.reducers.stored_classes import CLASSES
 

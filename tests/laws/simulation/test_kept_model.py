@@ -86,14 +86,13 @@ def test_every_function_of_time_that_may_change_is_that_of_a_new_model(tmp_path:
     keys = [k for k in made.free if k.startswith("loads.")]
     assert len(keys) >= 5
     old = {k: loads[k.split(".")[1]][k.split(".")[2]] for k in keys}
-    ramps = {k: {"use": "ramp", "end": base.time.end, "start": 0.1, "final": 300.0} for k in keys}
+    ramps = {k: {"use": "ramp", "end": base.time.end, "initial": 0.5, "final": 300.0} for k in keys}
     fresh = simulate(base.using({**ramps, "training.overrides": old}))
     changed = made.run(ramps)
     made.save(tmp_path / "m")
     again = load_model(tmp_path / "m").run(ramps)
     for b in changed.layout:
-        one, new = (r._data.read(b.name if b.name in r._data else f"{b.name}.coefficients")
-                    for r in (changed, fresh))
+        one, new = changed.block(b.name), fresh.block(b.name)
         assert np.allclose(one, new, rtol=1e-9, atol=1e-12 * np.abs(new).max()), b.name
     assert np.array_equal(again.probe(again.probes[0]), changed.probe(changed.probes[0]))
 
