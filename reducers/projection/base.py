@@ -53,7 +53,7 @@ from sparsemor.reducers.step.newton.fallback import FullNewton
 from sparsemor.reducers.step.operators import TestedElastic, TestedHeat, TestMap
 from sparsemor.reducers.step.prepare import constants, stepper
 from sparsemor.reducers.step.solver import Facts, Stepper
-from sparsemor.reducers.step_options import StepOptions
+from sparsemor.reducers.step_options import ReducedStepOptions
 from sparsemor.reducers.trial_bases import local_terms, trial_bases
 
 
@@ -140,7 +140,7 @@ class Approximation:
     notes: tuple[Note, ...] = ()
 
 
-class ProjectionReducer(StepOptions, ABC):
+class ProjectionReducer(ReducedStepOptions, ABC):
     """Base class of projection-based reducers: their common options and the assembly of reduced
     blocks.
 
