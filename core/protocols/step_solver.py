@@ -31,7 +31,9 @@ class StepOutcome:
     model), and its status. block: name of the block in which the solution failed, if it did.
 
     x (n,): unknowns; rates: their rates v and a, which a solver of increments knows to more digits
-    than the step formula gives for x (core/protocols/integrator.py); None: those of the formula.
+    than the step formula gives for x (core/protocols/integrator.py); None: those of the formula;
+    remaining: estimated error that the iteration leaves, relative to the largest value of each part
+    of the unknowns, 0 for a direct solution.
     """
 
     x: FloatArray
@@ -40,6 +42,7 @@ class StepOutcome:
     block: str = ""
     detail: str = ""
     rates: tuple[FloatArray, FloatArray] | None = None
+    remaining: float = 0.0
 
 
 def advanced(
@@ -174,10 +177,12 @@ class ReportsTerms(Protocol[M_contra]):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StepBlock:
-    """Solved steps: the states at the end of each, and the numbers of iterations."""
+    """Solved steps: the states at the end of each, the numbers of iterations, and the estimated
+    remaining errors (`StepOutcome`)."""
 
     states: Sequence[State]
     iterations: Sequence[int]
+    remaining: Sequence[float]
 
 
 class ManySteps(Protocol[M_contra]):

@@ -117,6 +117,12 @@ class RunResult:
         return self._array("iterations")
 
     @property
+    def remaining_error(self) -> FloatArray:
+        """(j,) estimated relative error that the iteration of each stored step leaves; 0 for a
+        direct solution."""
+        return self._array("remaining_error")
+
+    @property
     def step_seconds(self) -> FloatArray:
         """(j,) computing time of each stored step, s."""
         return self._array("step_seconds")

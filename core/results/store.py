@@ -41,16 +41,17 @@ from sparsemor.core.status import Status
 class ChunkOfSteps:
     """Data of j consecutive steps to be stored.
 
-    times (j,): s; x (j, n): unknowns of the step solver; iterations (j,); step_seconds (j,):
-    computing times, s; supports: block -> (j, k) active basis vectors (an absent reduced block uses
-    all of them); probes: name -> (j, components); contacts: `contact.resultant` -> (j,); given:
-    body -> (j, functions) prescribed temperatures, K; estimates: block -> (j,) norms of its
-    estimated error.
+    times (j,): s; x (j, n): unknowns of the step solver; iterations (j,); remaining (j,): estimated
+    relative errors that these leave; step_seconds (j,): computing times, s; supports: block -> (j,
+    k) active basis vectors (an absent reduced block uses all of them); probes: name -> (j,
+    components); contacts: `contact.resultant` -> (j,); given: body -> (j, functions) prescribed
+    temperatures, K; estimates: block -> (j,) norms of its estimated error.
     """
 
     times: FloatArray
     x: FloatArray
     iterations: IntArray
+    remaining: FloatArray
     step_seconds: FloatArray
     supports: Mapping[str, BoolArray] = field(default_factory=dict)
     probes: Mapping[str, FloatArray] = field(default_factory=dict)
@@ -188,7 +189,8 @@ class ResultWriter:
         if steps.x.shape != (j, self._layout.size):
             raise ValueError(f"x: shape {steps.x.shape}, expected {(j, self._layout.size)}")
         columns: dict[str, NDArray[Any]] = {
-            TIME: steps.times, "iterations": steps.iterations, "step_seconds": steps.step_seconds}
+            TIME: steps.times, "iterations": steps.iterations,
+            "remaining_error": steps.remaining, "step_seconds": steps.step_seconds}
         for b in self._layout:
             values = steps.x[:, self._layout[b.name]]
             if b.name in self._arrays:

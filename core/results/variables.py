@@ -39,6 +39,8 @@ def time_arrays(header: RunHeader) -> dict[str, dict[str, Any]]:
 
     add(TIME, "float64", (), units="s", long_name="time")
     add("iterations", "int64", (), units="1", long_name="iterations of the step")
+    add("remaining_error", "float64", (), units="1",
+        long_name="estimated relative error that the iteration of the step leaves")
     add("step_seconds", "float64", (), units="s", long_name="computing time of the step")
     for b in header.layout:
         if b.name in header.dictionaries:

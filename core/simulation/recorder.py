@@ -77,7 +77,7 @@ class Recorder:
         self._every, self._saved = scene.output.every, time.perf_counter()
         # along a rigid stage histories are kept already; only conduction acts in addition
         self._keeps_contacts = model.stage is None
-        self._rows: list[tuple[float, FloatArray, int, float]] = []
+        self._rows: list[tuple[float, FloatArray, int, float, float]] = []
         self._contacts: list[Mapping[str, float]] = []
         self._supports: list[Mapping[str, BoolArray]] = []
 
@@ -134,7 +134,7 @@ class Recorder:
         return {"memory": memory, "tally": tally, **estimated}
 
     def start(self, state: State, supports: Mapping[str, BoolArray], memory: StepMemory) -> None:
-        self._keep(state, 0, 0.0, supports, memory)
+        self._keep(state, Tally(), supports, memory)
 
     def take(
         self, state: State, tally: Tally, supports: Mapping[str, BoolArray], memory: StepMemory
@@ -145,7 +145,7 @@ class Recorder:
             self.errors.take(state, tally.done)
         if tally.done % self._every and tally.done != self.steps:
             return False
-        self._keep(state, tally.last_iterations, tally.last_seconds, supports, memory)
+        self._keep(state, tally, supports, memory)
         return (len(self._rows) >= CHUNK or len(self._rows) * state.x.nbytes >= BUFFER
                 or time.perf_counter() - self._saved > SECONDS)
 
@@ -155,14 +155,14 @@ class Recorder:
         """Commits everything up to the last accepted step, which is stored even between two output
         steps."""
         if tally.done % self._every:
-            self._keep(state, tally.last_iterations, tally.last_seconds, supports, memory)
+            self._keep(state, tally, supports, memory)
         self.flush()
 
     def _keep(
-        self, state: State, iterations: int, seconds: float, supports: Mapping[str, BoolArray],
-        memory: StepMemory,
+        self, state: State, tally: Tally, supports: Mapping[str, BoolArray], memory: StepMemory
     ) -> None:
-        self._rows.append((state.t, state.x, iterations, seconds))
+        self._rows.append((
+            state.t, state.x, tally.last_iterations, tally.last_remaining, tally.last_seconds))
         self._supports.append(dict(supports))
         if self.errors is not None:
             self.errors.store()
@@ -181,13 +181,14 @@ class Recorder:
         estimates = {} if self.errors is None else self.errors.stored()
         if not self._rows:
             return
-        t, x, iterations, seconds = (list(c) for c in zip(*self._rows, strict=True))
+        t, x, iterations, remaining, seconds = (
+            list(c) for c in zip(*self._rows, strict=True))
         X = np.stack(x)
         times = np.array(t)
         supports = {name: np.stack([s[name] for s in self._supports])
                     for name in self._supports[0]}
         self.writer.append(ChunkOfSteps(
-            times, X, np.array(iterations), np.array(seconds), supports,
+            times, X, np.array(iterations), np.array(remaining), np.array(seconds), supports,
             {p.name: p(times, X) for p in self._probes},
             {name: np.array([c[name] for c in self._contacts]) for name in self._contacts[0]},
             {body: shape.given_at(times) for body, shape in self._given.items()}, estimates))

@@ -246,7 +246,7 @@ class _Run:
                 return SolveFailed(
                     outcome.status, self.state.t + h, outcome.block, outcome.detail,
                     sampled=bool(solver.rows))
-            tally.add(seconds, outcome.iterations)
+            tally.add(seconds, outcome)
             self._snapshot()
             supports = solver.supports(self.memory)
             tally.count_atoms(supports)

@@ -241,12 +241,14 @@ class ControlledSteps(AroundSteps[StepSolver]):
         if level != memory.fine:  # a history of other steps: begin again from x, v, a
             state = self.integrator.start(layout, state)
         memory.live = memory.live - {level}  # unless this try is accepted
-        step, iterations = FixedStep.of(self.integrator, solver, h), 0
+        step, iterations, left = FixedStep.of(self.integrator, solver, h), 0, 0.0
         for taken in iterate(step, state, inner, 2**level):
             iterations += taken.outcome.iterations
+            left = max(left, taken.outcome.remaining)
         memory.levels[level] = taken.memory
         memory.solved += 2**level
-        return _Try(replace(taken.outcome, iterations=iterations), taken.state)
+        outcome = replace(taken.outcome, iterations=iterations, remaining=left)
+        return _Try(outcome, taken.state)
 
     def _error(
         self, coarse: "_Try", fine: "_Try", state: State, memory: ControlMemory

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from sparsemor.core.arrays import BoolArray
+from sparsemor.core.protocols import StepOutcome
 
 
 @dataclass
@@ -14,9 +15,10 @@ class Tally:
     """Statistics of a run, stored in its checkpoints; their size does not grow with the number of
     steps.
 
-    offline, online: wall time, s; done: number of steps; last_seconds, last_iterations: those of
-    the last step; seconds_near: k -> number of steps whose solution took exp(k / 100) s, within 0.5
-    %; active: block -> number of active atoms, summed over the steps.
+    offline, online: wall time, s; done: number of steps; last_seconds, last_iterations,
+    last_remaining (`StepOutcome.remaining`): those of the last step; seconds_near: k -> number of
+    steps whose solution took exp(k / 100) s, within 0.5 %; active: block -> number of active atoms,
+    summed over the steps.
     """
 
     offline: float = 0.0
@@ -25,13 +27,16 @@ class Tally:
     iterations: int = 0
     last_seconds: float = 0.0
     last_iterations: int = 0
+    last_remaining: float = 0.0
     seconds_near: dict[int, int] = field(default_factory=dict)
     active: dict[str, int] = field(default_factory=dict)
 
-    def add(self, seconds: float, iterations: int) -> None:
+    def add(self, seconds: float, outcome: StepOutcome) -> None:
+        """Counts a solved step, whose solution took so many seconds."""
         self.done += 1
-        self.iterations += iterations
-        self.last_seconds, self.last_iterations = seconds, iterations
+        self.iterations += outcome.iterations
+        self.last_seconds, self.last_iterations = seconds, outcome.iterations
+        self.last_remaining = outcome.remaining
         k = round(100.0 * math.log(max(seconds, 1e-9)))
         self.seconds_near[k] = self.seconds_near.get(k, 0) + 1
 

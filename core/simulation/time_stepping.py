@@ -86,9 +86,10 @@ def iterate(
         if block.states:
             done = len(block.states)
             each = (time.perf_counter() - begun) / done
-            for i, (after, n) in enumerate(zip(block.states, block.iterations, strict=True), 1):
-                yield TimeStep(
-                    StepOutcome(after.x, Status.DONE, n), after, memory, each, i == done)
+            steps = zip(block.states, block.iterations, block.remaining, strict=True)
+            for i, (after, n, error) in enumerate(steps, 1):
+                outcome = StepOutcome(after.x, Status.DONE, n, remaining=error)
+                yield TimeStep(outcome, after, memory, each, i == done)
             state, count = block.states[-1], count - done
             continue
         outcome, state, memory = step(state, memory)
@@ -98,7 +99,7 @@ def iterate(
         count -= 1
 
 
-_NONE = StepBlock((), ())
+_NONE = StepBlock((), (), ())
 
 
 def many_steps(

@@ -29,9 +29,10 @@ from sparsemor.core import (
 )
 
 COUNT = 100
-"""Number of vectors in addition to the atoms."""
+"""Least number of vectors in addition to the atoms; as many as atoms if these are more."""
 OVERSAMPLING = 20
-"""Number of random combinations of many residual columns, beyond `COUNT`, that are solved for."""
+"""Number of random combinations of many residual columns, beyond the wanted vectors, that are
+solved for."""
 SLOW = 1e-3
 """Rate of slow changes relative to that of one step."""
 ROUND_OFF = 1e-10
@@ -119,10 +120,11 @@ def _vectors(
     starts: FloatArray, step: StepFactors
 ) -> FloatArray:
     """Orthonormal vectors (n, q): the span of the atoms first, then that of the starts, then at
-    most `COUNT` others."""
-    wanted = COUNT + OVERSAMPLING
-    if S.shape[1] > wanted:  # the range of a random combination, Halko et al. 2011
-        S = unit(S @ np.random.default_rng(S.shape[1]).standard_normal((S.shape[1], wanted)))
+    most `COUNT` others, or as many as atoms."""
+    count = max(COUNT, atoms.shape[1])
+    drawn = S.shape[1], count + OVERSAMPLING
+    if drawn[0] > drawn[1]:  # the range of random combinations, Halko et al. 2011
+        S = unit(S @ np.random.default_rng(drawn[0]).standard_normal(drawn))
     solved = [unit(solve_or_fail(
         model.factorize(name, operators.shifted(step, slow), "error estimate"), S, name))
         for slow in (1.0, SLOW)]
@@ -132,7 +134,7 @@ def _vectors(
         X = X - Q @ (Q.T @ X)
     U, s, _ = svd(X)
     kept = s > ROUND_OFF * max(float(s[0]), ROUND_OFF) if len(s) else np.zeros(0, dtype=bool)
-    room = min(COUNT, len(Q) - Q.shape[1])
+    room = min(count, len(Q) - Q.shape[1])
     return np.asarray(np.linalg.qr(np.hstack([Q, U[:, kept][:, :room]]))[0])
 
 

@@ -31,7 +31,7 @@ class ModalSteps:
         return cls(rule.old[:, :, None] - load[:, None] * forces, load)
 
     def advance(self, z: FloatArray, f: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """State z (s, q) after j steps with loads f (j, q), and the values x (j, q) on the way."""
+        """State z (s, q) after j steps with loads f (j, q), and the values x (j, q) at each."""
         x = np.empty_like(f)
         for i, force in enumerate(f):
             z = (self.transition * z).sum(axis=1)

@@ -100,7 +100,7 @@ class StepsBetween:
         except SolveFailed:  # `solve` will report it
             steps = None
         if steps is None:
-            return StepBlock((), ())
+            return StepBlock((), (), ())
         block = steps.advance(state, memory, min(count, self.solver.every - since))
         memory.step += len(block.states)
         return block

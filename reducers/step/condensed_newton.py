@@ -88,8 +88,10 @@ class Mechanics:
                 return self._broken(iteration, loop)
             if change < 0:
                 return Status.SINGULAR, iteration, "", "the border matrix is singular"
-            if largest_error(loop.changes, before) <= self.tol.remaining or (
+            error = largest_error(loop.changes, before)
+            if error <= self.tol.remaining or (
                     change >= STALLED * last and rounded_off(self, loop, work)):
+                now.remaining = max(now.remaining, error)
                 self._move(now, loop, memory)
                 return Status.DONE, iteration, "", ""
             if local and change > GROWN * last:

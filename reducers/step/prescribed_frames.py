@@ -79,8 +79,10 @@ class PrescribedFrames(Mechanics):
             if past.local is not None and change > GROWN * last:
                 break
             proved = block.proved and block.local is None
-            if self._error(change, before, bound, proved) <= self.tol.remaining or (
+            error = self._error(change, before, bound, proved)
+            if error <= self.tol.remaining or (
                     change >= STALLED * last and _rounded(change, d, block, past, memory, i)):
+                now.remaining = max(now.remaining, error)
                 now.move(b.elastic, block.active, new)
                 return Status.DONE, iteration, ""
             before = change

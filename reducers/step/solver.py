@@ -170,7 +170,8 @@ class Stepper:
             far = float(np.abs(now.x[at] - last).max()) > 0.1 * float(np.abs(last).max())
             if far:  # below 0 K radiation has a second solution
                 now.heat(at, None, last - now.x[at])
-        d, status, n, linear, detail = block.solve(now.x[at], now.v[at], now.step.t)
+        d, status, n, linear, detail, remaining = block.solve(now.x[at], now.v[at], now.step.t)
+        now.remaining = max(now.remaining, remaining)
         if linear:
             memory.counted(name, linear)
         if status.ok:

@@ -14,13 +14,13 @@ class StepUnknowns:
     which adds all increments at once; temperatures are changed as they are solved for.
 
     d (n,): departure from the free motion (core/protocols/integrator.py), to which increments are
-    added.
+    added; remaining: largest estimated error that an iteration left (`StepOutcome`).
     """
 
-    __slots__ = ("a", "d", "step", "v", "x")
+    __slots__ = ("a", "d", "remaining", "step", "v", "x")
 
     def __init__(self, step: StepFormula, d: FloatArray) -> None:
-        self.step, self.d = step, d
+        self.step, self.d, self.remaining = step, d, 0.0
         self.x, self.v, self.a = step.at(d)
 
     def prediction(self, body: BodyStep, active: IntArray | None) -> Prediction:
@@ -68,7 +68,7 @@ class StepUnknowns:
     ) -> StepOutcome:
         """The unknowns and their rates as the solution of the step."""
         x, v, a = self.step.at(self.d)
-        return StepOutcome(x, status, iterations, block, detail, (v, a))
+        return StepOutcome(x, status, iterations, block, detail, (v, a), self.remaining)
 
 
 def inactive(at: slice, active: IntArray) -> IntArray:

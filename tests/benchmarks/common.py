@@ -13,7 +13,7 @@ os.environ.update(OPENBLAS_NUM_THREADS="1", OMP_NUM_THREADS="1", MKL_NUM_THREADS
 import gc
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -82,6 +82,11 @@ class Stepping:
     state: State
     memory: Any
     many: ManySteps | None = None
+    fixed: FixedStep = field(init=False)
+    """The integrator's rules for a step are made once, as in a run."""
+
+    def __post_init__(self) -> None:
+        self.fixed = FixedStep.of(self.scene.integrator, self.solver, self.scene.time.step)
 
     @classmethod
     def begin(cls, scene: Scene, model: Model, solver: StepSolver) -> "Stepping":
@@ -95,9 +100,8 @@ class Stepping:
 
         Raises SolveFailed.
         """
-        h = self.scene.time.step
-        step = FixedStep.of(self.scene.integrator, self.solver, h)
-        taken = next(accepted_steps(step, self.state, self.memory, 1, h))
+        taken = next(accepted_steps(
+            self.fixed, self.state, self.memory, 1, self.scene.time.step))
         self.state, self.memory = taken.state, taken.memory
         return taken.seconds, taken.outcome.iterations
 
@@ -110,9 +114,8 @@ class Stepping:
 
     def _together(self, steps: int) -> list[tuple[float, int]]:
         """Seconds and iterations of steps that may be taken several at once."""
-        h, found = self.scene.time.step, []
-        step = FixedStep.of(self.scene.integrator, self.solver, h)
-        for taken in iterate(step, self.state, self.memory, steps, many=self.many):
+        found = []
+        for taken in iterate(self.fixed, self.state, self.memory, steps, many=self.many):
             assert taken.outcome.status.ok
             self.state, self.memory = taken.state, taken.memory
             found.append((taken.seconds, taken.outcome.iterations))

@@ -57,8 +57,8 @@ def write_run(
     writer = ResultWriter.create(path / "result.zarr", RunHeader(
         {}, "d", 1, {}, "sparse" if dictionary else "full", layout, full, 0.025, 40, dictionaries,
         {"arm.elastic": np.arange(5)} if dictionary else {}, {"arm": shape}))
-    writer.append(ChunkOfSteps(times, x, np.full(len(times), 3), np.full(len(times), seconds),
-                               supports))
+    writer.append(ChunkOfSteps(times, x, np.full(len(times), 3), np.zeros(len(times)),
+                               np.full(len(times), seconds), supports))
     writer.finish(status, cost or {
         "wall_s": {"offline": 2.5, "online": 1.0}, "ms_per_step": 1e3 * seconds})
     return open_result(path)

@@ -39,7 +39,7 @@ def room_for_snapshots(scene: Scene, model: Model, offline: Offline) -> None:
 def room_for_result(scene: Scene, model: Model, out: Path) -> None:
     """Checks that the stored steps of a run fit on the disk of `out`. Raises InputError."""
     blocks = block_sizes(model)
-    numbers = model.layout.size - sum(blocks.values()) + 3  # time, iterations and seconds
+    numbers = model.layout.size - sum(blocks.values()) + 4  # time, iterations, error, seconds
     numbers += sum(p.displacement.shape[0] if p.displacement is not None else 3
                    for p in model.probes)
     bases = chosen_bases(scene, blocks)

@@ -38,8 +38,8 @@ UNKNOWN_ATOMS = 200
 """Assumed number of atoms when the basis does not state one."""
 COPIES = 3
 """Number of arrays of the snapshots' size during a decomposition of all snapshots at once."""
-STEP_RECORD = 50
-"""Bytes of memory for the record of one step: its wall time and its iterations."""
+STEP_RECORD = 60
+"""Bytes of memory for the record of one step: its wall time, iterations and remaining error."""
 STEP_SECONDS = 2.5e-5
 """Smallest wall time of a step, s: that of a single rigid body."""
 MOST_STEPS = 1e10

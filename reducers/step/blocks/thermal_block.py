@@ -31,6 +31,8 @@ from sparsemor.reducers.linalg.superlu import factorize
 from sparsemor.reducers.step.operators import TestedHeat
 from sparsemor.reducers.step.time_tables import LoadsInTime, TimeTable, plus_loads, tabulated
 
+TINY = 1e-300
+"""Lower bound of a temperature that divides, K."""
 STUCK = 1e-7
 """Relative size of Newton changes below which a change that no longer decreases is round-off: in a
 nearly isothermal body K T is a small difference of its terms."""
@@ -43,13 +45,15 @@ linearly."""
 
 class HeatOutcome(NamedTuple):
     """Result of a thermal solve. d: increments of the (active) unknowns from their prediction;
-    linear: iterations of an iterative linear solver; detail: message of a failure."""
+    linear: iterations of an iterative linear solver; detail: message of a failure; remaining:
+    last change relative to the largest temperature, 0 for a linear problem."""
 
     d: FloatArray
     status: Status
     iterations: int
     linear: int = 0
     detail: str = ""
+    remaining: float = 0.0
 
 
 class HeatBlock(Protocol):
@@ -119,7 +123,7 @@ class FullHeat:
             step, size = float(np.abs(new - d).max()), float(np.abs(T + new).max())
             stuck = step >= 0.5 * last and step <= (STUCK if exact else 1e3 * self.rtol) * size
             if step <= self.rtol * size or stuck:
-                return HeatOutcome(new, Status.DONE, i, linear)
+                return HeatOutcome(new, Status.DONE, i, linear, "", step / max(size, TINY))
             if not exact and not step <= 0.1 * last:
                 # long steps: local terms outweigh the constant part, whose factor then misleads
                 d, last, exact = np.zeros(len(T)), np.inf, True
@@ -265,7 +269,7 @@ class CompressedHeat:
             if not change < np.inf or info > 0:
                 finite = np.isfinite(r).all() and np.isfinite(J).all()
                 return HeatOutcome(d, Status.SINGULAR if finite else Status.NOT_FINITE, i)
-            d = d - step
-            if change <= self.rtol * float(abs(now).max()):
-                return HeatOutcome(d, Status.DONE, i)
+            d, size = d - step, float(abs(now).max())
+            if change <= self.rtol * size:
+                return HeatOutcome(d, Status.DONE, i, 0, "", change / max(size, TINY))
         return HeatOutcome(d, Status.NOT_CONVERGED, self.max_iterations)

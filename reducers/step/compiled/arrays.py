@@ -118,11 +118,11 @@ class BodyWork(NamedTuple):
     """Working arrays of a body.
 
     sigma (b + 1, p), tau (b, p), border (b, b + 1), coefficients (2 g + 1,): as in `FrameWork`; s
-    (3, p), forms (3 g,): functionals of u, u', u''; gains (i,): present amplitudes; y, v, a (b,):
-    border unknowns at the prediction; moved (b,): a change of them; inputs (3 k + kt,): prediction
-    with rates and temperatures; past (3, g w + g s + p), change (g w + g s + p,): products with
-    the prediction and its rates, and with the increment; h, z (w,); u (s,): active displacements
-    predicted; d (s,): increments.
+    (3, p), forms (3 g,): functionals of u, u', u''; gains (i,): present amplitudes; pose, now
+    (3, b): border unknowns and their rates at the prediction, and in an iteration; inputs (3 k +
+    kt,): prediction with rates and temperatures; past (3, g w + g s + p), change (g w + g s + p,):
+    products with the prediction and its rates, and with the increment; h, z (w,); u (s,): active
+    displacements predicted; d (s,): increments.
     """
 
     sigma: FloatArray
@@ -132,10 +132,8 @@ class BodyWork(NamedTuple):
     s: FloatArray
     forms: FloatArray
     gains: FloatArray
-    y: FloatArray
-    v: FloatArray
-    a: FloatArray
-    moved: FloatArray
+    pose: FloatArray
+    now: FloatArray
     inputs: FloatArray
     past: FloatArray
     change: FloatArray
@@ -147,7 +145,8 @@ class BodyWork(NamedTuple):
 
 class ModelArrays(NamedTuple):
     """Constants of a model and its integrator. second, first, algebraic: first and last number of
-    the unknowns of each kind; second_new, second_old, first_new, first_old: update rules
+    the unknowns of each kind; displacements (bodies, 2): of those of each body with unknown motion;
+    second_new, second_old, first_new, first_old: update rules
     (`UpdateRule`); rigid: number of rigid coordinates; starts (blocks + 1,): first unknown of each
     block; weights (points + 1, points): extrapolation by that many states, newest first; sanity
     (n,): inverse of the largest permitted value of each unknown."""
@@ -155,6 +154,7 @@ class ModelArrays(NamedTuple):
     second: IntArray
     first: IntArray
     algebraic: IntArray
+    displacements: IntArray
     second_new: FloatArray
     second_old: FloatArray
     first_new: FloatArray
@@ -173,7 +173,8 @@ class ModelArrays(NamedTuple):
 class RunArrays(NamedTuple):
     """State of a run: z (3 + j, n), unknowns with rates and the integrator's memory; ring (points,
     2 n), at (2,): newest row and number of filled ones, by_departure (n,) (predictor.py);
-    elastic, bending, floor (bodies,), acceleration (1,): reference magnitudes (acceptance.py)."""
+    elastic, bending, floor (bodies,), acceleration (1,): reference magnitudes (acceptance.py);
+    remaining (1,): estimated error that the last step leaves."""
 
     z: FloatArray
     ring: FloatArray
@@ -183,3 +184,4 @@ class RunArrays(NamedTuple):
     bending: FloatArray
     floor: FloatArray
     acceleration: FloatArray
+    remaining: FloatArray

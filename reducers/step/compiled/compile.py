@@ -19,8 +19,8 @@ from sparsemor.reducers.step.compiled import kernel, mechanics, prescribed
 
 FUNCTIONS: tuple[Callable[..., object], ...] = (
     acceptance.estimated_error, acceptance.reference, mechanics.begin, mechanics.functionals,
-    mechanics.combine, mechanics.evaluate, mechanics.pose, mechanics.solved,
-    mechanics.border_change, mechanics.magnitude, mechanics.displaced, mechanics.norm,
+    mechanics.combine, mechanics.evaluate, mechanics.pose, mechanics.add_reduced,
+    mechanics.solve_in_place, mechanics.magnitude, mechanics.displaced, mechanics.norm,
     mechanics.solve_mechanics, prescribed.product, prescribed.corrected, prescribed.solve_body,
     prescribed.solve_prescribed, kernel.free_motion, kernel.at_departure, kernel.predict,
     kernel.new_state, kernel.accept, kernel.heated, kernel.advance)

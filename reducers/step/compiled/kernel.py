@@ -26,13 +26,14 @@ from sparsemor.reducers.step.compiled.prescribed import product, solve_prescribe
 def advance(
     m: ModelArrays, heat: Sequence[HeatArrays], bodies: Sequence[BodyArrays],
     works: Sequence[BodyWork], prescribed: Sequence[PrescribedArrays], run: RunArrays,
-    timed: FloatArray, targets: FloatArray, states: FloatArray, iterations: FloatArray,
+    timed: FloatArray, targets: FloatArray, states: FloatArray, effort: FloatArray,
 ) -> int:
     """Takes up to len(timed) steps and returns how many were solved; `run` is then at the last of
     these.
 
     timed (T, q): amplitudes, tables and prescribed motion in each step; targets (T, N): prescribed
-    values of the constraints; states (T, 3 + j, n), iterations (T,): results.
+    values of the constraints; states (T, 3 + j, n), effort (T, 2): states, and numbers of
+    iterations with the estimated errors that they leave.
     """
     n = run.z.shape[1]
     free, rate, d = np.zeros(n), np.zeros(n), np.zeros(n)
@@ -59,9 +60,9 @@ def advance(
             size += (x[j] * m.sanity[j]) ** 2
         if not size <= 1.0:
             return i
-        accept(m, bodies, works, run, guess, x, v, a, d)
+        accept(m, run, guess, x, v, a, d)
         states[i] = run.z
-        iterations[i] = count
+        effort[i, 0], effort[i, 1] = count, run.remaining[0]
     return len(timed)
 
 
@@ -99,12 +100,14 @@ def predict(m: ModelArrays, run: RunArrays, guess: FloatArray) -> None:
     points = len(run.ring)
     guess[:] = 0.0
     for j in range(run.at[1]):
-        guess += m.weights[run.at[1], j] * run.ring[(run.at[0] - j) % points]
+        weight, past = m.weights[run.at[1], j], run.ring[(run.at[0] - j) % points]
+        for i in range(len(guess)):
+            guess[i] += weight * past[i]
 
 
 def accept(
-    m: ModelArrays, bodies: Sequence[BodyArrays], works: Sequence[BodyWork], run: RunArrays,
-    guess: FloatArray, x: FloatArray, v: FloatArray, a: FloatArray, d: FloatArray
+    m: ModelArrays, run: RunArrays, guess: FloatArray, x: FloatArray, v: FloatArray,
+    a: FloatArray, d: FloatArray
 ) -> None:
     """Stores a solved step: past states for the predictor, reference magnitudes, and the state."""
     n, points = len(x), len(run.ring)
@@ -118,13 +121,11 @@ def accept(
     run.ring[newest, :n] = x
     run.ring[newest, n:] = d
     run.at[0], run.at[1] = newest, min(run.at[1] + 1, points)
-    for i in range(len(bodies)):
-        b = bodies[i]
-        if b.k:
-            size = 0.0
-            for j in range(b.u, b.u + b.k):
-                size += a[j] * a[j]
-            run.bending[i] = max(run.bending[i], size)
+    for i in range(len(m.displacements)):
+        size = 0.0
+        for j in range(m.displacements[i, 0], m.displacements[i, 1]):
+            size += a[j] * a[j]
+        run.bending[i] = max(run.bending[i], size)
     size = 0.0
     for j in range(m.rigid):
         size += a[j] * a[j]
@@ -137,16 +138,22 @@ def new_state(
 ) -> None:
     """State after the step, overwriting the one before."""
     rows = len(z)
-    old = np.empty(rows)
+    new = np.zeros(rows)
     for i in range(m.second[0], m.second[1]):
-        old[:] = z[:, i]
         for r in range(3, rows):
-            z[r, i] = m.second_new[r] * a[i] + np.dot(m.second_old[r], old)
+            new[r] = m.second_new[r] * a[i]
+            for c in range(rows):
+                new[r] += m.second_old[r, c] * z[c, i]
+        for r in range(3, rows):
+            z[r, i] = new[r]
     for i in range(m.first[0], m.first[1]):
-        old[:] = z[:, i]
-        a[i] = m.first_new[2] * v[i] + np.dot(m.first_old[2], old)
+        for r in range(2, rows):
+            new[r] = m.first_new[r] * v[i]
+            for c in range(rows):
+                new[r] += m.first_old[r, c] * z[c, i]
+        a[i] = new[2]
         for r in range(3, rows):
-            z[r, i] = m.first_new[r] * v[i] + np.dot(m.first_old[r], old)
+            z[r, i] = new[r]
     z[0] = x
     z[1] = v
     z[2] = a

@@ -39,13 +39,16 @@ def begin(
     for j in range(len(b.active)):
         w.u[j] = x[b.active[j]]
     w.d[:] = 0.0
+    w.change[:] = 0.0
 
 
-def functionals(m: ModelArrays, b: BodyArrays, w: BodyWork) -> None:
-    """Products of the displacements with P and M_g at the increment w.d."""
+def functionals(m: ModelArrays, b: BodyArrays, w: BodyWork, iteration: int) -> None:
+    """Products of the displacements with P and M_g at the increment w.d, which is 0 in the first
+    iteration."""
     g, s, p = b.g, len(b.active), b.Gt.shape[0]
     forms, P = g * (s + p), g * (2 * s + p)
-    np.dot(b.step_products, w.d, w.change)
+    if iteration > 1:
+        np.dot(b.step_products, w.d, w.change)
     c = (1.0, m.c1, m.c2)
     for r in range(3):
         for i in range(p):
@@ -76,19 +79,23 @@ def combine(m: ModelArrays, b: BodyArrays, w: BodyWork) -> None:
 
 
 def evaluate(
-    m: ModelArrays, b: BodyArrays, w: BodyWork, timed: FloatArray, delta: FloatArray
+    m: ModelArrays, b: BodyArrays, w: BodyWork, timed: FloatArray, delta: FloatArray,
+    iteration: int
 ) -> None:
     """Equations of the body's frame at the border increments `delta` (N,)."""
-    w.moved[:] = 0.0
+    w.now[:] = w.pose
     for i in range(len(b.rows)):
-        w.moved[b.rows[i]] += b.values[i] * delta[b.columns[i]]
+        row, moved = b.rows[i], b.values[i] * delta[b.columns[i]]
+        w.now[0, row] += moved
+        w.now[1, row] += m.c1 * moved
+        w.now[2, row] += m.c2 * moved
     for i in range(len(b.gains)):
         w.gains[i] = 1.0 if b.gains[i] < 0 else timed[b.gains[i]]
     if b.k:
-        functionals(m, b, w)
+        functionals(m, b, w, iteration)
     evaluate_frame(
-        b.kinds, b.numbers, b.starts, w.gains, w.y + w.moved, w.v + m.c1 * w.moved,
-        w.a + m.c2 * w.moved, m.c1, m.c2, w.s, w.forms, w.sigma, w.tau, w.border, w.coefficients)
+        b.kinds, b.numbers, b.starts, w.gains, w.now[0], w.now[1], w.now[2], m.c1, m.c2, w.s,
+        w.forms, w.sigma, w.tau, w.border, w.coefficients)
     if b.k:
         combine(m, b, w)
 
@@ -114,22 +121,25 @@ def solve_mechanics(
     predicted, delta = np.zeros(N), np.zeros(N)
     predicted[:nr] = x[:nr]
     predicted[nr:] = x[m.algebraic[0] : m.algebraic[1]]
-    for i in range(count):
-        b, w = bodies[i], works[i]
-        if b.k:
-            begin(m, b, w, timed, x, v, a, d, free, rate)
-        pose(b, w, nr, predicted, v, a, timed)
-        scale[i] = magnitude(m, run, elastic, i)
-        for j in range(b.positions):
-            distance[i] += w.y[j] * w.y[j]
-    size = 0.0
-    for j in range(nr):
-        size += x[j] * x[j]
-    size = reference(max(1.0, sqrt(size)), run.acceleration[0], m.c2, m.remaining)
+    size = reference(max(1.0, norm(x[:nr])), run.acceleration[0], m.c2, m.remaining)
     changes, before = np.zeros(count + 1), np.full(count + 1, inf)
     last = inf
+    A, dy = np.empty((N, N)), np.empty(N)
     for iteration in range(1, m.max_iterations + 1):
-        dy = border_change(m, bodies, works, timed, targets, delta)
+        A[:] = 0.0
+        dy[:] = -targets
+        for i in range(count):
+            b, w = bodies[i], works[i]
+            if iteration == 1:
+                if b.k:
+                    begin(m, b, w, timed, x, v, a, d, free, rate)
+                pose(b, w, nr, predicted, v, a, timed)
+                scale[i] = magnitude(m, run, elastic, i)
+                for j in range(b.positions):
+                    distance[i] += w.pose[0, j] ** 2
+            evaluate(m, b, w, timed, delta, iteration)
+            add_reduced(b, w, A, dy)
+        solve_in_place(A, dy)
         if not np.all(np.isfinite(dy)):
             return LEFT
         delta -= dy
@@ -137,7 +147,7 @@ def solve_mechanics(
         for i in range(count):
             b, w = bodies[i], works[i]
             if b.k:
-                changes[i + 1] = displaced(m, b, w, dy, run, elastic, scale, i, distance[i])
+                changes[i + 1] = displaced(m, b, w, dy, d, run, elastic, scale, i, distance[i])
         change = changes.max()
         if not change < inf:
             return LEFT
@@ -147,11 +157,8 @@ def solve_mechanics(
         if error <= m.remaining:
             d[:nr] += delta[:nr]
             d[m.algebraic[0] : m.algebraic[1]] += delta[nr:]
-            for i in range(count):
-                b, w = bodies[i], works[i]
-                for j in range(len(b.active)):
-                    d[b.active[j]] += w.d[j]
             run.elastic[:] = elastic
+            run.remaining[0] = error
             return iteration
         if change > SLOW * last:
             return LEFT
@@ -165,62 +172,48 @@ def pose(
     timed: FloatArray
 ) -> None:
     """Border unknowns of a body at the prediction, with their rates."""
-    w.y[:] = b.origin
-    w.v[:] = 0.0
-    w.a[:] = 0.0
+    w.pose[0] = b.origin
+    w.pose[1:] = 0.0
     for i in range(len(b.rows)):
         r, c, value = b.rows[i], b.columns[i], b.values[i]
-        w.y[r] += value * predicted[c]
+        w.pose[0, r] += value * predicted[c]
         if c < nr:
-            w.v[r] += value * v[c]
-            w.a[r] += value * a[c]
+            w.pose[1, r] += value * v[c]
+            w.pose[2, r] += value * a[c]
     if b.guide >= 0:
-        n = b.rigid
-        for j in range(n):
-            w.y[j] += timed[b.guide + j]
-            w.v[j] += timed[b.guide + n + j]
-            w.a[j] += timed[b.guide + 2 * n + j]
+        for i in range(3):
+            for j in range(b.rigid):
+                w.pose[i, j] += timed[b.guide + i * b.rigid + j]
 
 
-def border_change(
-    m: ModelArrays, bodies: Sequence[BodyArrays], works: Sequence[BodyWork], timed: FloatArray,
-    targets: FloatArray, delta: FloatArray
-) -> FloatArray:
-    """Change (N,) of the border unknowns by one Newton iteration; nan where the matrix is
-    singular."""
-    N = len(targets)
-    A, r = np.zeros((N, N)), -targets
-    for i in range(len(bodies)):
-        b, w = bodies[i], works[i]
-        evaluate(m, b, w, timed, delta)
-        n, p, s = len(w.y), b.Gt.shape[0], len(b.active)
-        # border minus tau D^-1 (elastic columns and residual): the Schur complement
-        reduced, Gs, P = w.border.copy(), np.zeros(p), b.g * (2 * s + p)
-        for k in range(n + 1):
-            Gs[:] = 0.0
-            for o in range(p):
-                if w.sigma[k, o] != 0.0:
-                    for j in range(p):
-                        Gs[j] += w.sigma[k, o] * b.Gt[o, j]
-            if k == n:
+def add_reduced(b: BodyArrays, w: BodyWork, A: FloatArray, r: FloatArray) -> None:
+    """Adds a body's part of the Schur complement, border minus tau D^-1 (elastic columns and
+    residual), to the matrix A (N, N) and the residual r (N,) of the border unknowns."""
+    n, p, s = len(b.origin), b.Gt.shape[0], len(b.active)
+    reduced, Gs, P = w.border.copy(), np.zeros(p), b.g * (2 * s + p)
+    for k in range(n + 1):
+        Gs[:] = 0.0
+        for o in range(p):
+            if w.sigma[k, o] != 0.0:
                 for j in range(p):
-                    Gs[j] += w.change[P + j] + w.z[s + j]
-            for q in range(n):
-                total = 0.0
-                for j in range(p):
-                    total += w.tau[q, j] * Gs[j]
-                reduced[q, k] -= total
-        for k in range(len(b.rows)):
-            row, column, value = b.rows[k], b.columns[k], b.values[k]
-            r[column] += value * reduced[row, n]
-            for j in range(len(b.rows)):
-                A[column, b.columns[j]] += value * b.values[j] * reduced[row, b.rows[j]]
-    return solved(A, r)
+                    Gs[j] += w.sigma[k, o] * b.Gt[o, j]
+        if k == n:
+            for j in range(p):
+                Gs[j] += w.change[P + j] + w.z[s + j]
+        for q in range(n):
+            total = 0.0
+            for j in range(p):
+                total += w.tau[q, j] * Gs[j]
+            reduced[q, k] -= total
+    for k in range(len(b.rows)):
+        row, column, value = b.rows[k], b.columns[k], b.values[k]
+        r[column] += value * reduced[row, n]
+        for j in range(len(b.rows)):
+            A[column, b.columns[j]] += value * b.values[j] * reduced[row, b.rows[j]]
 
 
-def solved(A: FloatArray, r: FloatArray) -> FloatArray:
-    """Solution of A x = r by elimination with partial pivoting, in place; nan where A is
-    singular."""
+def solve_in_place(A: FloatArray, r: FloatArray) -> None:
+    """Solves A x = r by elimination with partial pivoting: r becomes x, nan where A is singular."""
     n = len(r)
     for k in range(n):
         p, most = k, abs(A[k, k])
@@ -229,7 +222,7 @@ def solved(A: FloatArray, r: FloatArray) -> FloatArray:
                 p, most = i, abs(A[i, k])
         if not 0.0 < most < inf:
             r[:] = np.nan
-            return r
+            return
         if p != k:
             for j in range(k, n):
                 A[k, j], A[p, j] = A[p, j], A[k, j]
@@ -244,31 +237,29 @@ def solved(A: FloatArray, r: FloatArray) -> FloatArray:
         for j in range(k + 1, n):
             r[k] -= A[k, j] * r[j]
         r[k] /= A[k, k]
-    return r
 
 
 def displaced(
-    m: ModelArrays, b: BodyArrays, w: BodyWork, dy: FloatArray, run: RunArrays,
+    m: ModelArrays, b: BodyArrays, w: BodyWork, dy: FloatArray, d: FloatArray, run: RunArrays,
     elastic: FloatArray, scale: FloatArray, i: int, distance: float
 ) -> float:
-    """New increments of a body's displacements after a change dy of the border unknowns; returns
-    their relative change."""
-    n, s = len(w.y), len(b.active)
-    w.moved[:] = 0.0
+    """New increments of a body's displacements, also in d, after a change dy of the border
+    unknowns; returns their relative change."""
+    n, s = len(b.origin), len(b.active)
+    sigma = w.sigma[n]
     for j in range(len(b.rows)):
-        w.moved[b.rows[j]] += b.values[j] * dy[b.columns[j]]
-    sigma = w.sigma[n].copy()
-    for k in range(n):
-        if w.moved[k] != 0.0:
-            for o in range(len(sigma)):
-                sigma[o] -= w.moved[k] * w.sigma[k, o]
+        row, moved = b.rows[j], b.values[j] * dy[b.columns[j]]
+        for o in range(len(sigma)):
+            sigma[o] -= moved * w.sigma[row, o]
     moved2, size = 0.0, 0.0
     for j in range(s):
         new = w.z[j]
         for o in range(len(sigma)):
             new += b.E[j, o] * sigma[o]
-        moved2 += (-new - w.d[j]) ** 2
+        moved = -new - w.d[j]
+        moved2 += moved**2
         size += (w.u[j] - new) ** 2
+        d[b.active[j]] += moved
         w.d[j] = -new
     if size > elastic[i]:
         elastic[i] = size

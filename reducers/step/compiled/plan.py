@@ -209,6 +209,8 @@ def _prescribed(number: int, b: BodyStep, timed: Timed) -> PrescribedArrays:
 def model_arrays(s: Stepper, rules: UpdateRules) -> ModelArrays:
     """Constants of the model of `s` for an integrator with these rules."""
     layout: Layout = s.layout
+    bodies = () if s.mechanics is None or isinstance(s.mechanics, PrescribedFrames) else (
+        s.mechanics.bodies)
     c1, c2, c1_first = rules.factors
     weights = np.zeros((s.points + 1, s.points))
     for order in range(1, s.points + 1):
@@ -220,6 +222,7 @@ def model_arrays(s: Stepper, rules: UpdateRules) -> ModelArrays:
 
     return ModelArrays(
         ends(layout.second), ends(layout.first), ends(layout.algebraic),
+        np.array([ends(b.elastic) for b in bodies], dtype=np.int64).reshape(-1, 2),
         _array(rules.second.new), _array(rules.second.old), _array(rules.first.new),
         _array(rules.first.old), c1, c2, c1_first, layout.frames.stop,
         np.array([*block_starts(layout), layout.size], dtype=np.int64), weights,
@@ -232,6 +235,6 @@ def work_of(b: BodyArrays) -> BodyWork:
     rows = len(b.step_products)
     return BodyWork(
         np.zeros((n + 1, p)), np.zeros((n, p)), np.zeros((n, n + 1)), np.zeros(2 * b.g + 1),
-        np.zeros((3, p)), np.zeros(3 * b.g), np.zeros(len(b.gains)), np.zeros(n), np.zeros(n),
-        np.zeros(n), np.zeros(n), np.zeros(3 * b.k + b.kt),
-        np.zeros((3, rows)), np.zeros(rows), np.zeros(w), np.zeros(w), np.zeros(s), np.zeros(s))
+        np.zeros((3, p)), np.zeros(3 * b.g), np.zeros(len(b.gains)), np.zeros((3, n)),
+        np.zeros((3, n)), np.zeros(3 * b.k + b.kt), np.zeros((3, rows)), np.zeros(rows),
+        np.zeros(w), np.zeros(w), np.zeros(s), np.zeros(s))

@@ -20,11 +20,12 @@ def solve_prescribed(
     """Solves the mechanical equations of all bodies and adds their increments to d; returns the
     largest number of iterations, or LEFT."""
     elastic, most = run.elastic.copy(), 1
+    run.remaining[0] = 0.0
     for b in bodies:
         for i in b.idle:
             d[i] = -free[i]
             x[i], v[i], a[i] = 0.0, rate[i] + m.c1 * d[i], m.c2 * d[i]
-        count = solve_body(m, b, elastic, timed[b.table : b.table + b.width], x, v, a, d)
+        count = solve_body(m, b, run, elastic, timed[b.table : b.table + b.width], x, v, a, d)
         if count == LEFT:
             return LEFT
         most = max(most, count)
@@ -33,8 +34,8 @@ def solve_prescribed(
 
 
 def solve_body(
-    m: ModelArrays, b: PrescribedArrays, elastic: FloatArray, table: FloatArray, x: FloatArray,
-    v: FloatArray, a: FloatArray, d: FloatArray
+    m: ModelArrays, b: PrescribedArrays, run: RunArrays, elastic: FloatArray, table: FloatArray,
+    x: FloatArray, v: FloatArray, a: FloatArray, d: FloatArray
 ) -> int:
     """Solves for the displacements of one body; returns the number of iterations, or LEFT."""
     k, g, s = b.k, len(b.G), len(b.active)
@@ -83,6 +84,7 @@ def solve_body(
         if error <= m.remaining:
             for j in range(s):
                 d[b.active[j]] += new[j]
+            run.remaining[0] = max(run.remaining[0], error)
             return iteration
         if change > SLOW * last:
             return LEFT

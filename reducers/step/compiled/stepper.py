@@ -115,16 +115,16 @@ class CompiledSteps:
         and while full Newton steps are due."""
         known = memory.scales.floor or not (self.plan.bodies or self.plan.prescribed)
         if not known or memory.full_newton_next:
-            return StepBlock((), ())
+            return StepBlock((), (), ())
         times, t = np.empty(min(count, self._ahead)), state.t
         for i in range(len(times)):
             t += self.h
             times[i] = t
         run = _run_arrays(state, memory)
-        states, iterations = np.empty((len(times), *run.z.shape)), np.zeros(len(times))
+        states, effort = np.empty((len(times), *run.z.shape)), np.zeros((len(times), 2))
         done = self._advance(
             self.model, self._heat, self._bodies, self._works, self._prescribed, run,
-            self.plan.timed.along(times), self.plan.targets_along(times), states, iterations)
+            self.plan.timed.along(times), self.plan.targets_along(times), states, effort)
         if done:
             _keep(run, memory)
         # a step that is left to the uncompiled solver is often followed by others
@@ -132,7 +132,7 @@ class CompiledSteps:
         return StepBlock(
             [State(t, z[0], z[1], z[2], z[3:].T) for t, z in zip(
                 times[:done].tolist(), states[:done], strict=True)],
-            iterations[:done].astype(int).tolist())
+            effort[:done, 0].astype(int).tolist(), effort[:done, 1].tolist())
 
 
 def _compiled(plan: Plan) -> tuple[Callable[..., int], Callable[[Sequence[Any], Any], Any]]:
@@ -160,7 +160,7 @@ def _run_arrays(state: State, memory: Memory) -> RunArrays:
     return RunArrays(
         z, past.ring.rows, np.array([past.ring.newest, past.ring.filled]), by_departure,
         np.array(scales.elastic), np.array(scales.bending), np.array(scales.floor),
-        np.array([scales.acceleration]))
+        np.array([scales.acceleration]), np.zeros(1))
 
 
 def _keep(run: RunArrays, memory: Memory) -> None:

@@ -99,7 +99,7 @@ class _Search:
             if at.change == inf:
                 return self.failed(at, Status.NOT_FINITE)
             if at.change <= self.tol.remaining:
-                return self.done(at, at.dx)
+                return self.done(at, at.dx, at.change)
             if self.iterations >= self.tol.max_iterations:
                 return self.unfinished(at)
             new = self._following(at, renew=always)
@@ -110,11 +110,11 @@ class _Search:
             ratio = new.moved / np.maximum(at.moved, 1e-300)  # of each block: one may converge
             # the textbook method, a check, trusts no ratio: it goes on until nothing changes
             full = not always and new.share == 1.0  # a shortened change says nothing of the next
-            if full and self._left(new.moved, ratio) <= self.tol.remaining:
-                return self.done(new, new.dx)
+            if full and (left := self._left(new.moved, ratio)) <= self.tol.remaining:
+                return self.done(new, new.dx, left)
             stalled = new.change >= STALLED * at.change
             if (at.fresh or always) and stalled and self._rounded(new):
-                return self.done(new, 0.0 * new.dx)
+                return self.done(new, 0.0 * new.dx, new.change)
             if not (always or new.fresh) and self._slow(new.change, new.change / at.change):
                 if new.change >= at.change and not at.fresh:
                     new = at  # an old factor led astray
@@ -195,9 +195,9 @@ class _Search:
         """The first iterate of the step, at x."""
         return self._evaluated(*self.step.at(x - self.step.free))
 
-    def done(self, at: _At, d: FloatArray) -> StepOutcome:
-        """The solution of the step, a change d beyond an iterate."""
-        return StepOutcome(at.x - d, Status.DONE, self.iterations,
+    def done(self, at: _At, d: FloatArray, remaining: float) -> StepOutcome:
+        """The solution of the step, a change d beyond an iterate, with its estimated error."""
+        return StepOutcome(at.x - d, Status.DONE, self.iterations, remaining=remaining,
                            rates=(at.v - self.c1 * d, at.a - self.c2 * d))
 
     def beyond(self, at: _At, share: float = 1.0) -> _At:

@@ -50,7 +50,8 @@ def steps(layout: Layout, first: int, count: int) -> ChunkOfSteps:
     x = np.sin(numbers[:, None] * 0.1 + np.arange(layout.size)) + 1.5
     active = (numbers[:, None] + np.arange(4)) % 3 == 0
     return ChunkOfSteps(
-        times=times, x=x, iterations=numbers % 4, step_seconds=np.full(count, 2e-3),
+        times=times, x=x, iterations=numbers % 4, remaining=1e-14 * numbers,
+        step_seconds=np.full(count, 2e-3),
         supports={"arm.elastic": active} if layout["arm.elastic"].stop == 7 else {},
         probes={"tip": x[:, :2] * 2.0})
 
@@ -226,7 +227,7 @@ while True:
     t = np.arange(n, n + count)
     x = t[:, None] + np.arange(1.0, 6.0)
     active = {"b.thermal": np.ones((count, 2), bool)}
-    writer.append(ChunkOfSteps(t * 1.0, x, t + 1, t + 1.0, active))
+    writer.append(ChunkOfSteps(t * 1.0, x, t + 1, 0.0 * t, t + 1.0, active))
     n += count
     if n % 3 == 0:
         writer.checkpoint({"n": np.array(n)})

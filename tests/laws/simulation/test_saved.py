@@ -11,12 +11,14 @@ import numpy as np
 import pytest
 
 from sparsemor import InputError, SolveFailed, open_result, simulate
+from sparsemor.core.protocols import StepOutcome
 from sparsemor.core.registry.hooks import hookimpl
 from sparsemor.core.results.checkpoint import checkpoint_file
 from sparsemor.core.results.saved_state import MAGIC, Saved, SavedError
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.scene.scene import load as load_scene
 from sparsemor.core.simulation.step_statistics import Tally
+from sparsemor.core.status import Status
 from sparsemor.core.testing import check_reducer
 
 TINY = Path(__file__).parents[2] / "scenes" / "tiny.yaml"
@@ -183,7 +185,7 @@ def test_sums_of_a_run_do_not_grow_with_it() -> None:
     tally, rng = Tally(), np.random.default_rng(0)
     times = 1e-4 * (1.0 + rng.random(20_000))
     for seconds in times:
-        tally.add(float(seconds), 2)
+        tally.add(float(seconds), StepOutcome(np.zeros(1), Status.DONE, 2))
     assert len(Saved.of(tally).dump()) < 20_000
     assert (tally.done, tally.iterations) == (20_000, 40_000)
     assert tally.ms_per_step_solver == pytest.approx(1e3 * np.median(times), rel=0.01)

@@ -7,6 +7,7 @@ import pytest
 
 from sparsemor.bodies.body import Body
 from sparsemor.core import ReducedProblem
+from sparsemor.core.arrays import FloatArray
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.equations import rate_factors
 from sparsemor.core.model.initial_state import consistent_state
@@ -105,6 +106,23 @@ def test_bordered_steps_are_those_of_the_textbook(
     bound = max(1e-9, 1e-15 / float(largest))
     found = differences(fast, plain)
     assert found["bar.elastic"] < bound and found["pin.multiplier"] < 1e-7, found
+
+
+@pytest.mark.parametrize("E", [7e7, 5e6])
+def test_the_stored_estimate_bounds_the_error_that_the_iteration_leaves(E: float) -> None:
+    """Tolerances of 1e-4 and 1e-7: the error of a step against the smallest tolerance."""
+    def first_step(remaining: float) -> tuple[FloatArray, float]:
+        r = simulate(pendulum(1e-2, 1, E, INTEGRATORS[2], {"use": "full", "remaining": remaining}))
+        return r.block("bar.elastic")[-1], float(r.remaining_error[-1])
+
+    exact, least = first_step(1e-13)
+    estimates = [least]
+    for remaining in (1e-7, 1e-4):
+        u, estimate = first_step(remaining)
+        assert np.abs(u - exact).max() <= 3.0 * estimate * np.abs(exact).max()
+        assert estimate <= remaining
+        estimates.append(estimate)
+    assert 0.0 < estimates[0] < estimates[1] < estimates[2]
 
 
 @pytest.mark.parametrize("h", quick([1e-2, 1e-4], 1e-2))
