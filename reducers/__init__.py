@@ -11,6 +11,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from sparsemor.reducers.estimation.build import error_model as error_model
+    from sparsemor.reducers.estimation.estimator import ErrorModel as ErrorModel
     from sparsemor.reducers.linalg.left_inverse import left_inverse as left_inverse
     from sparsemor.reducers.linalg.modal_coordinates import (
         modal_coordinates as modal_coordinates,
@@ -28,6 +30,8 @@ if TYPE_CHECKING:
     from sparsemor.reducers.step.operators import TestMap as TestMap
 
 _HOMES = {
+    "estimation.build": ("error_model",),
+    "estimation.estimator": ("ErrorModel",),
     "projection.base": ("Approximation", "Linear", "Maps", "ProjectionReducer", "Reducible"),
     "projection.force_snapshots": (
         "choose_points", "force_modes", "force_snapshots", "interpolation"),

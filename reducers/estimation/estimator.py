@@ -7,8 +7,8 @@ reduced states in the full-order equations, and e satisfies the formulas of the 
 each of the runs. Projected on a space of errors (error_space.py) and written in its eigenmodes, one
 step costs as much as the residual, which is a product of small matrices. Errors of temperatures act
 on displacements as thermal loads; the reaction of rigid coordinates and joint forces to elastic
-errors is neglected. The method is that of an auxiliary linear problem (Schmidt, Wittwar and
-Haasdonk 2020, doi 10.1007/s10444-020-09741-x).
+errors is neglected. Bounds of the same equation from norms (Ruiner, Fehr, Haasdonk and Eberhard
+2012, doi 10.1007/s10409-012-0114-7) are rigorous, but add up what cancels over the steps.
 """
 
 from collections.abc import Mapping, Sequence
