@@ -136,11 +136,13 @@ class PointTerm:
     def _slopes(self, response: Response, c1: FloatArray) -> FloatArray:
         """(L dy/dz) P (l, k)."""
         E, Q = self.weights.shape
-        rows, k = len(self.tests[0]), self.P.shape[1]
-        sums: dict[tuple[int, bool], FloatArray] = {}
+        rows = len(self.tests[0])
+        # L dy/dz of the variables at all points, then of their rates
+        sums: list[FloatArray | None] = [None, None]
+        begun = set()
         for (i, j), derivative in response.derivatives.items():
             L, (variable, rate) = self.tests[i], self.reads[j]
-            width = self.spans[variable][1]
+            at, width = self.spans[variable]
             D = np.asarray(derivative)
             if L.shape[1] == E * Q and width == Q:
                 part = L * _full(D, E, Q).ravel()
@@ -150,16 +152,16 @@ class PointTerm:
                 part = L * (D * self.weights).sum(axis=1)
             else:
                 part = (L[:, :, None] * (D * self.weights)).reshape(rows, E * Q)
-            key = variable, rate
-            if key in sums:
-                sums[key] += part
+            left = sums[rate]
+            if left is None:
+                left = sums[rate] = np.zeros((rows, len(self.P)))
+            if (variable, rate) in begun:
+                left[:, at] += part
             else:
-                sums[key] = part
-        J = np.zeros((rows, k))
-        for (variable, rate), left in sums.items():
-            product = left.dot(self.P[self.spans[variable][0]])
-            J += product * c1 if rate else product
-        return J
+                left[:, at] = part
+                begun.add((variable, rate))
+        J = np.zeros((rows, self.P.shape[1])) if sums[0] is None else sums[0].dot(self.P)
+        return J if sums[1] is None else np.asarray(J + sums[1].dot(self.P) * c1)
 
 
 def _full(y: FloatArray, E: int, Q: int) -> FloatArray:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from sparsemor.core.analysis.compare import compare as compare
+    from sparsemor.core.analysis.reproduction import reproduce as reproduce
     from sparsemor.core.analysis.study import study as study
     from sparsemor.core.errors import InputError as InputError
     from sparsemor.core.registry.registry import Registry as Registry
@@ -31,13 +32,15 @@ _HOMES = {
     "export": "results.export",
     "load": "scene.scene",
     "open_result": "results.run_result",
+    "reproduce": "analysis.reproduction",
     "simulate": "simulation.simulate",
     "study": "analysis.study",
 }
 
 __all__ = [
     "InputError", "Registry", "Scene", "SolveFailed", "Status", "__version__", "compare",
-    "export", "load", "open_result", "simulate", "study",
+    "export", "load", "open_result", "reproduce", "simulate",
+    "study",
 ]
 
 

@@ -20,6 +20,7 @@ NAME."""
 COMMON = "common"
 KINDS = tuple(sorted(p.stem for p in TEMPLATES.glob("*.txt") if p.stem != COMMON))
 USES = {"scene": "`sparsemor run $name` runs it", "study": "`sparsemor study $name` conducts it",
+        "paper": "`sparsemor reproduce --paper $name` recomputes it",
         "observer": "a script passes `$cls().observer()` to `simulate`"}
 """Plugin kind -> how plugins of that kind are used; scene files select those of all other kinds."""
 
@@ -62,7 +63,7 @@ def package_files(name: str, kind: str) -> dict[str, str]:
         "distribution": f"sparsemor-{name.replace('_', '-')}",
         "cls": "".join(part.capitalize() for part in name.split("_")),
     }
-    values["target"] = name if kind in ("scene", "study") else values["cls"]
+    values["target"] = name if kind in ("scene", "study", "paper") else values["cls"]
     values["use"] = Template(USES.get(kind, "a scene can contain `use: $name`")).substitute(values)
     files = _files(kind, values)
     packaged = [f for f in files if f == f"{values['module']}.py" or f.startswith(f"{name}.")]

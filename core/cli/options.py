@@ -36,7 +36,7 @@ Force = Annotated[bool, typer.Option("--force", help="Replace an earlier result.
 
 FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
 OPTIONS = frozenset({"out", "resume", "reducers", "samplers", "required", "rows", "atoms",
-                     "integrators", "at"})
+                     "integrators", "at", "items", "workers"})
 """Names of command-line options that input errors may refer to; no key of a scene has such a
 name."""
 

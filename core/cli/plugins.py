@@ -24,7 +24,7 @@ from sparsemor.core.registry.option_types import type_in_words
 from sparsemor.core.registry.registry import PluginName, Registry, suggestions
 from sparsemor.core.scene.source import Source
 
-FILES = ("scene", "study")
+FILES = ("scene", "study", "paper")
 """Plugin kinds that are data files without options."""
 
 
@@ -108,7 +108,7 @@ def _ability(protocol: type) -> dict[str, Any]:
 
 
 def _title(registry: Registry, plugin: PluginName) -> str:
-    """Title of a packaged scene or study."""
+    """Title of a packaged scene, study or paper."""
     return str(Source.read(registry.spelling(plugin), registry, plugin.kind).tree.get("title", ""))
 
 

@@ -1,4 +1,5 @@
-"""Default plugins, by name, of scenes that name none: the only plugin names in core."""
+"""Default plugins, by name, of scenes and commands that name none: the only plugin names in
+core."""
 
 FULL_ORDER = "full"
 """Reducer of training runs, reference solutions and rigid-body pre-simulations."""
@@ -6,3 +7,5 @@ PROJECTION = "galerkin"
 """Reducer by Galerkin projection, with which the stability of other reducers is compared."""
 COMPARED = "full,galerkin,sparse"
 """Reducers that `sparsemor compare` runs."""
+PAPER = "liang_2026"
+"""Paper that `sparsemor reproduce` recomputes."""

@@ -231,6 +231,7 @@ class Recorder:
             "newton_iterations": tally.iterations / done,
             "factorizations": counters.get("factorizations", 0),
             "support_changes": counters.get("support_changes", 0),
+            "resamplings": counters.get("resamplings", 0),
             "rows": {n: len(r) for n, r in solver.rows.items()},
             "atoms": atoms,
             "atoms_active": {n: tally.active[n] / done if n in tally.active else float(k)

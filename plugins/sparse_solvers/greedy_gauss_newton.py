@@ -1,5 +1,6 @@
 """Greedy Gauss-Newton solver of the sparse problem of a time step (Liang et al. 2026, Eq. 25)."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -17,8 +18,10 @@ from sparsemor.core import (
     Status,
     pseudo_inverse,
 )
+from sparsemor.plugins.sparse_solvers.gram_exchange import GramExchange
 from sparsemor.plugins.sparse_solvers.iterates import always_active
 from sparsemor.plugins.sparse_solvers.least_squares_on_support import (
+    EPS,
     Fit,
     Linearised,
     fit,
@@ -63,7 +66,8 @@ class GreedyGaussNewton(SupportNewton):
         everyone = self.candidates == "all" and k <= m
         return GreedyRecovery(
             self, columns, np.sqrt(np.einsum("ij,ij->j", J, J)), (Group("", 0, k, budget),),
-            pseudo_inverse(J, SINGULAR) if everyone else None)
+            pseudo_inverse(J, SINGULAR) if everyone else None,
+            None if everyone else GramExchange.of(J))
 
     def chooser(self, groups: Sequence[Group], support: BoolArray) -> Choose:
         def choose(linear: Linearised, support: BoolArray, explore: bool) -> Fit | Status:
@@ -103,7 +107,8 @@ class GreedyRecovery:
     """Greedy exchange of columns for a linear problem with a constant matrix J (m, k).
 
     lengths (k,): column lengths, 1 or 0; inverse (k, m): pseudo-inverse of J, with which one
-    product gives least squares on all columns; None where only correlated columns are candidates.
+    product gives least squares on all columns; None where only correlated columns are candidates;
+    gram: the Gram matrix with which these are exchanged.
     """
 
     solver: GreedyGaussNewton
@@ -111,6 +116,7 @@ class GreedyRecovery:
     lengths: FloatArray
     groups: tuple[Group, ...]
     inverse: FloatArray | None
+    gram: GramExchange | None
 
     def select(self, r: FloatArray, c: FloatArray, support: BoolArray) -> Selection:
         """Support after the exchanges of steps 2 to 5."""
@@ -118,8 +124,38 @@ class GreedyRecovery:
             return Selection(support, Status.NOT_FINITE)
         if self.inverse is not None:
             return self._among_all(r, c, support, self.inverse)
-        linear = Linearised(self.columns.A, r, c, self.lengths)
         now = pruned(c, support & (self.lengths > 0.0), self.groups)
+        found = self.by_gram(r, c, support) if (now == support).all() else None
+        return found or self.by_qr(r, c, support, now)
+
+    def by_gram(self, r: FloatArray, c: FloatArray, support: BoolArray) -> Selection | None:
+        """Support after exchanges by normal equations, from the least-squares solution c on
+        `support`; None where columns are too alike for these."""
+        gram, budget, now, z = self.gram, self.groups[0].budget or 0, support, c
+        assert gram is not None
+        norm = math.sqrt(r.dot(r))
+        for _ in range(self.solver.max_iterations):
+            round_off = 100.0 * EPS * math.sqrt(z.dot(z))
+            if norm <= round_off:
+                return Selection(now)
+            g = gram.correlations(r)
+            size = np.where(now, 0.0, np.abs(g))
+            room = len(r) - int(np.count_nonzero(now))
+            union = now | largest(size, min(budget, self.solver.growth or budget, room))
+            found = gram.exchanged(r, z, g, now, union, budget)
+            if found is None:
+                return None
+            after = math.sqrt(found.r.dot(found.r))
+            if after >= norm - max(self.solver.gain * norm, round_off):
+                return Selection(now)
+            now, z, r, norm = found.active, found.z, found.r, after
+        return Selection(support, Status.NOT_CONVERGED)
+
+    def by_qr(
+        self, r: FloatArray, c: FloatArray, support: BoolArray, now: BoolArray
+    ) -> Selection:
+        """Support after exchanges by QR factorizations that start from `now`."""
+        linear = Linearised(self.columns.A, r, c, self.lengths)
         for _ in range(self.solver.max_iterations):
             found = self.solver.step(linear, now, self.groups, True)
             if found is None:

@@ -50,17 +50,22 @@ zero within rounding of its terms."""
 @dataclass(frozen=True, slots=True, eq=False)
 class BlockSelection:
     """Constant data of the selection in one block. weight: 1 / length^2 of the longest column of B,
-    by which squared residuals of several blocks are made comparable."""
+    by which squared residuals of several blocks are made comparable; tolerance: residual norm,
+    relative to that of the coefficients of unit columns, up to which no exchange is needed."""
 
     rows: HeldRows
     weight: float
     recovery: Recovery
+    tolerance: float
 
     @classmethod
-    def of(cls, rows: HeldRows, solver: SparseSolver) -> "BlockSelection":
+    def of(
+        cls, rows: HeldRows, solver: SparseSolver, tolerance: float = 0.0
+    ) -> "BlockSelection":
         columns = rows.columns
         return cls(rows, float(columns.lengths.max(initial=1e-300)) ** -2,
-                   prepared_recovery(solver, columns.unit, rows.budget))
+                   prepared_recovery(solver, columns.unit, rows.budget),
+                   max(tolerance, ROUND_OFF))
 
     @property
     def columns(self) -> ColumnSubsets:
@@ -128,8 +133,8 @@ class AtSolution:
 
     @property
     def floor(self) -> float:
-        """Squared residual that is zero within rounding of its terms."""
-        return self.block.weight * ROUND_OFF**2 * float(self.z.dot(self.z))
+        """Squared residual up to which no exchange is needed."""
+        return self.block.weight * self.block.tolerance**2 * float(self.z.dot(self.z))
 
 
 def exchanged(blocks: Sequence[AtSolution], hysteresis: float) -> Found:
@@ -189,14 +194,17 @@ class BlockwiseSelection:
 
     @classmethod
     def of(
-        cls, steps: SupportedSteps, solver: SparseSolver, hysteresis: float, carried: bool
+        cls, steps: SupportedSteps, solver: SparseSolver, hysteresis: float, carried: bool,
+        settled: float,
     ) -> "BlockwiseSelection":
+        """settled: tolerance of every block."""
         layout, mechanics = steps.base.layout, steps.base.mechanics
         heat: list[HeldRows] = [ThermalRows.of(s, layout[n]) for n, s in steps.heat.items()]
         bodies: list[HeldRows] = [] if mechanics is None else [
             ElasticRows.of(steps.elastic[b.elastic_name], i, b.elastic, b.thermal)
             for i, b in enumerate(mechanics.bodies) if b.elastic_name in steps.elastic]
-        hot, bent = ([BlockSelection.of(r, solver) for r in some] for some in (heat, bodies))
+        hot, bent = ([BlockSelection.of(r, solver, settled) for r in some]
+                     for some in (heat, bodies))
         return cls(steps, hot, bent, hysteresis, carried,
                    {b.rows.name: b.widest for b in (*hot, *bent)})
 

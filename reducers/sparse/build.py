@@ -216,7 +216,7 @@ class Build:
         self._refuse(warm, choosing, base)
         steps = SupportedSteps(base, warm, choosing, row_set)
         selection = (
-            BlockwiseSelection.of(steps, o.solver, o.hysteresis, o.carried)
+            BlockwiseSelection.of(steps, o.solver, o.hysteresis, o.carried, o.settled)
             if o.selection == "blocks" else
             JointSelection(steps, o.solver, o.hysteresis, o.carried, o.polish))
         return SparseStepper(base, steps, selection, o.every, o.compiled)

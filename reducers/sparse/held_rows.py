@@ -21,6 +21,7 @@ from sparsemor.core import (
     evaluate_amplitudes,
     total_load,
 )
+from sparsemor.reducers.linalg.active_columns import ActiveColumns
 from sparsemor.reducers.sparse.sampled_block import ReachedColumns, SampledElastic, SampledHeat
 from sparsemor.reducers.step.condensed_newton import Mechanics
 from sparsemor.reducers.step.iteration_state import Workspace
@@ -49,24 +50,28 @@ class HeldRows(Protocol):
         ...
 
 
-@dataclass(frozen=True, slots=True, eq=False)
 class SplitRows:
     """Matrix (l, j) of compressed rows whose last columns vanish below the first rows: `near` (i,
-    j) and `far` (l - i, past), without these zeros."""
+    j) and `far` (l - i, past), without these zeros. Inputs of atoms that are not active are zero,
+    and their columns are not read."""
 
-    near: FloatArray
-    far: FloatArray
+    def __init__(self, near: FloatArray, far: FloatArray) -> None:
+        self.near, self.far = ActiveColumns(near), ActiveColumns(far)
+        self.rows, self.past = len(near) + len(far), far.shape[1]
 
     @classmethod
     def of(
         cls, past: Sequence[FloatArray], last: Sequence[FloatArray], first: int
     ) -> "SplitRows":
         left, right = np.hstack(past), np.hstack(last)
-        return cls(np.hstack([left[:first], right[:first]]), np.ascontiguousarray(left[first:]))
+        return cls(np.hstack([left[:first], right[:first]]), left[first:])
 
     def times(self, u: FloatArray) -> FloatArray:
         """Product (l,) with u (j,)."""
-        return np.concatenate((self.near.dot(u), self.far.dot(u[: self.far.shape[1]])))
+        near = self.near.times(u)
+        if len(near) == self.rows:
+            return near
+        return np.concatenate((near, self.far.times(u[: self.past])))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

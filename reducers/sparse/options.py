@@ -73,6 +73,10 @@ class SparseOptions(ReducedStepOptions):
     one. Each exchange is a jump in velocities that takes some steps to decay. 0: any better support
     does. Applies where a selection starts from the step's solution on the previous support
     (`carried` and `polish`)."""
+    settled: float = Field(default=0.0, ge=0.0, lt=1.0)
+    """Norm of the residual, relative to that of the coefficients, up to which a support is kept and
+    no other is sought; at least round-off. With `residual: preconditioned` it is a relative error
+    of the sampled displacements or temperatures. Applies to `selection: blocks`."""
     carried: bool = True
     """Warm start: each selection starts from the support of the previous step, otherwise from the
     empty support."""

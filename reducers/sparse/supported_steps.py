@@ -1,7 +1,7 @@
 """Step solvers on given supports, and a step whose supports are selected at its own solution."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol, TypeAlias, TypeVar
 
 import numpy as np
@@ -11,6 +11,9 @@ from sparsemor.reducers.sparse.memory import SparseMemory, Supports, kept_or_mad
 from sparsemor.reducers.sparse.sampled_block import SampledElastic, SampledHeat, numbers
 from sparsemor.reducers.step.solver import Stepper
 
+ROUNDS = 10
+"""Largest number of exchanges in a step without previous supports: each is made at the solution on
+the last, and lowers its residual."""
 T = TypeVar("T")
 SupportOf: TypeAlias = Mapping[str, BoolArray]
 """Block -> its support (k,)."""
@@ -134,12 +137,14 @@ def reselected_step(
         memory.scales = scales
         return None
     for select in (selects.thermal, selects.elastic):
-        found = select(at, memory)
-        if isinstance(found, SelectionFailed):
-            memory.scales = scales
-            return StepOutcome(
-                at.outcome.x, found.status, found.iterations, found.block, found.detail)
-        if found:
+        for repeated in range(ROUNDS if fresh else 1):
+            found = select(replace(at, fresh=False) if repeated else at, memory)
+            if isinstance(found, SelectionFailed):
+                memory.scales = scales
+                return StepOutcome(
+                    at.outcome.x, found.status, found.iterations, found.block, found.detail)
+            if not found:
+                break
             supports = {**supports, **found}
             at = solved(at.outcome.x)
             if not at.outcome.status.ok:

@@ -202,9 +202,11 @@ class Case:
     steps: int
 
     @classmethod
-    def of(cls, scene: Scene, steps: int | None = None) -> "Case":
+    def of(
+        cls, scene: Scene, steps: int | None = None, model: Model | None = None
+    ) -> "Case":
         """Training run through the cache; one training run and one basis serve every seed."""
-        model = assemble(scene)
+        model = assemble(scene) if model is None else model
         offline = offline_of(scene, model, Products(Cache()), new_manager())
         count = steps or round(scene.time.end / scene.time.step)
         full = scene.using({"reducer": "full"})
@@ -258,7 +260,7 @@ class Case:
                 angle = run.x[:, run.solver.layout[b.name]][:, 2] - truth[:, 2]
                 found["angle"] = max(found["angle"], float(np.abs(angle).max()))
                 continue
-            series = self._series(b.name, run)
+            series = self.series(b.name, run)
             series = series[late:] if b.field == "elastic" else series
             found[b.field] = max(found[b.field], float(series.max(initial=0.0)))
         return found
@@ -269,7 +271,7 @@ class Case:
         late = round(min(LATE, 0.5 * self.steps * h) / h)
         times = {}
         for name in run.solver.dictionaries:
-            over = ~(self._series(name, run) <= limit)
+            over = ~(self.series(name, run) <= limit)
             if name.endswith(".elastic"):
                 over[:late] = False
             if over.any():
@@ -279,7 +281,7 @@ class Case:
         name = min(times, key=lambda n: times[n])
         return f"{name} at {times[name]:.3g} s"
 
-    def _series(self, name: str, run: Trajectory) -> FloatArray:
+    def series(self, name: str, run: Trajectory) -> FloatArray:
         """Error of a block at each time that the run reached."""
         whole, c = self.reference[name], run.x[:, run.solver.layout[name]]
         d = run.solver.dictionaries.get(name)

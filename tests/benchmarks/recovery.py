@@ -1,11 +1,13 @@
 """How often each sparse solver finds the true support, and what each makes of a pendulum.
 
-    python tests/benchmarks/recovery.py [--quick] [--out recovery.json]
+    python tests/benchmarks/recovery.py [--quick] [--packaged | --constants] [--out recovery.json]
 
 Each column is a unit vector at a given cosine to the one before it (0: independent Gaussian
 columns). The right-hand side is an exact combination of a few of them, with coefficients of size
 1 to 2 of either sign; the start is empty. What a solver is told is how many there are.
-The pendulum has two links of 320 triangles; each solver chooses some atoms of the whole POD basis.
+--packaged: the recovered scenes over their whole runs; --constants: of sampled rows on complete
+bases; both instead of the rest. The pendulum has two links of 320 triangles; each solver chooses
+some atoms of the whole POD basis.
 """
 
 import argparse
@@ -18,6 +20,7 @@ from typing import Any
 import common
 import numpy as np
 import report
+from modules import recovered_scenes, row_constants
 
 from sparsemor.core.errors import InputError
 from sparsemor.core.protocols import SparseSolver
@@ -90,6 +93,9 @@ def solvers() -> dict[str, SparseSolver]:
 
 
 def fill(out: report.Report, given: argparse.Namespace) -> None:
+    if given.packaged or given.constants:
+        (recovered_scenes if given.packaged else row_constants).fill(out, given)
+        return
     m, k = given.size
     out.settings |= {
         "problems": f"{m} rows, {k} columns, active columns known in number, empty start, no noise",
@@ -165,15 +171,24 @@ def arguments(given: Sequence[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--active", type=int, nargs="+", default=[40, 20], help="active columns")
     parser.add_argument("--coherence", type=float, nargs="+", default=[0.0, 0.9, 0.97, 0.99],
                         help="cosine of neighbouring columns; 0: independent")
-    parser.add_argument("--seeds", type=int, nargs="+", default=list(range(1, 11)))
+    parser.add_argument("--seeds", type=int, nargs="+",
+                        help="1 to 10, of --packaged 1 to 30, of --constants 1 to 5")
+    kind = parser.add_mutually_exclusive_group()
+    kind.add_argument("--packaged", action="store_true")
+    kind.add_argument("--constants", action="store_true")
+    parser.add_argument("--scene", nargs="+", choices=[*recovered_scenes.LIMITS],
+                        default=[*recovered_scenes.LIMITS], help="of --packaged")
     parser.add_argument("--atoms", type=int, nargs=2, default=[8, 5], metavar="N",
                         help="elastic and thermal atoms active in the pendulum")
     parser.add_argument("--end", type=float, default=0.1, help="of the pendulum's run, s")
     parser.add_argument("--rows-seeds", type=int, nargs="+", default=[1, 2, 3],
                         help="of its sampled rows")
     found = parser.parse_args(given)
+    count = 30 if found.packaged else 5 if found.constants else 10
+    found.seeds = found.seeds or list(range(1, count + 1))
     if found.quick:
         found.size, found.active, found.seeds = [40, 80], [4], [1, 2]
+        found.scene = ["double_pendulum"]
         found.coherence, found.end, found.rows_seeds = [0.0, 0.97], 0.02, [1]
     found.atoms = (found.atoms[0], found.atoms[1])
     return found

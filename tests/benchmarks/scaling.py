@@ -1,7 +1,9 @@
-"""Cost as the mesh grows: the brake disk from 10 thousand tetrahedra on, heat alone to a million.
+"""Cost as the mesh grows: the brake disk from 10 thousand tetrahedra on, heat alone to a million;
+a steel plate with nonlinear heat to 81 thousand triangles.
 
     python tests/benchmarks/scaling.py [--quick] [--refine 1 1.5 ..] [--heat 1 1.9 ..]
-        [--chart scaling.png] [--out scaling.json] [--counts disk.elastic=40,disk.thermal=200]
+        [--nonlinear 16 32 90 ..] [--chart scaling.png] [--out scaling.json]
+        [--counts disk.elastic=40,disk.thermal=200]
 
 Every method on every mesh is a process of its own, so that what it holds at its largest is its own.
 Windows of the methods of one mesh take turns, and those of the reduced models of all meshes once
@@ -17,6 +19,7 @@ from typing import Any
 import common  # noqa: F401  one thread, before NumPy is loaded
 import numpy as np
 import report
+from modules import scaling_nonlinear
 from modules.scaling_chart import chart
 from modules.scaling_fits import fits, join
 from modules.scaling_meshes import TOLERANCE, Mesh, Worker
@@ -68,6 +71,7 @@ def fill(out: report.Report, given: argparse.Namespace) -> None:
     tables = {name: out.table(title, **formats) for name, title, formats in (
         ("offline", "Training: wall seconds, and its peak, GB", {}),
         ("steps", "Milliseconds a step", {"iterations": ".2f"}),
+        ("nonlinear", "Nonlinear heat, 12 atoms: ms/step", {"iterations": ".2f", "error": ".1e"}),
         ("fits", "Exponents", {"exponent": ".3f"}),
         ("solvers", "Linear solvers of the disk's blocks", {}),
         ("atoms", f"POD atoms for {TOLERANCE:g}: projection, by steps trained on", {}),
@@ -83,6 +87,8 @@ def fill(out: report.Report, given: argparse.Namespace) -> None:
             one_mesh(mesh, given, tables, kept)
         for refine in given.whole:
             trained(Mesh(refine, "both", given.whole_steps), tables["offline"], tables["whole"])
+        scaling_nonlinear.measure(
+            tables["nonlinear"], given.nonlinear, given.nonlinear_steps, given.windows)
         for number in range(1, given.windows):
             report.progress(f"reduced models of all meshes, pass {number + 1}")
             for w in kept:
@@ -218,6 +224,9 @@ def arguments() -> argparse.Namespace:
                         default=[*FULL, *methods(FIXED)])
     parser.add_argument("--steps", type=int, default=240)
     parser.add_argument("--heat-steps", type=int, default=60)
+    parser.add_argument("--nonlinear", type=int, nargs="*", default=[16, 32, 90], metavar="CELLS",
+                        help="cells over the height of hot_plate: 10 CELLS^2 triangles")
+    parser.add_argument("--nonlinear-steps", type=int, default=40)
     parser.add_argument("--windows", type=int, default=5)
     parser.add_argument("--full-windows", type=int, default=3)
     parser.add_argument("--full-steps", type=int, default=3)
@@ -232,6 +241,7 @@ def arguments() -> argparse.Namespace:
     given.atoms = FIXED
     if given.quick:
         given.refine, given.heat, given.steps, given.heat_steps = [0.4, 0.6], [], 16, 16
+        given.nonlinear, given.nonlinear_steps = [4, 8], 16
         given.whole, given.only = [], ["full", "galerkin", "sparse"]
         given.windows, given.full_windows, given.full_steps = 2, 1, 2
         given.atoms = {n: min(k, 6) for n, k in FIXED.items()}

@@ -151,7 +151,7 @@ def test_validate_and_schema() -> None:
     assert dump == load(SWING).dump()
     schema = json.loads(sparsemor("schema")[0])
     assert set(schema["properties"]) == set(dump)
-    for name in ("double_pendulum", "double_pendulum_published"):
+    for name in ("double_pendulum", "double_pendulum_published", "double_pendulum_recovered"):
         assert sparsemor("validate", name)[0] == f"{name}: valid (link1, link2)\n"
 
 

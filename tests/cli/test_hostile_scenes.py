@@ -155,7 +155,7 @@ def test_a_time_grid_without_end_is_refused(name: str) -> None:
 
 def test_a_time_grid_is_refused_with_its_memory_and_time() -> None:
     line, = refused({"time.end": 1e9, "time.step": 1e-3})
-    assert "289 days at the least" in line and "50000 GB of memory" in line
+    assert "289 days at the least" in line and "60000 GB of memory" in line
 
 
 def test_a_result_too_large_for_the_disk_is_refused(
@@ -170,7 +170,7 @@ def test_a_result_too_large_for_the_disk_is_refused(
         room_for_result(load(TINY, long), model, there)
     fault, = caught.value.faults
     assert fault.key == "time.step" and "which has 1 GB left" in fault.message
-    assert "1.4 GB on the disk (2e+06 stored steps of 86 numbers)" in fault.message
+    assert "1.4 GB on the disk (2e+06 stored steps of 87 numbers)" in fault.message
     assert "50 seconds at the least" in fault.message
     room_for_result(load(TINY, {**long, "output.every": 2}), model, there)
 

@@ -16,7 +16,7 @@ from sparsemor import study
 DASK = Path(sys.executable).with_name("dask")
 PROGRAM = Path(sys.executable).with_name("sparsemor")
 SWING = Path(__file__).parents[1] / "scenes" / "swing.yaml"
-FACTORIAL = Path(__file__).parents[1] / "benchmarks" / "factorial.yaml"
+FACTORIAL = Path(__file__).parents[1] / "benchmarks" / "studies" / "factorial.yaml"
 TABLE = ("table.csv", "table.jsonl")
 
 STUDY = f"""\

@@ -20,19 +20,20 @@ pytestmark = pytest.mark.full
 
 SCRIPTS = Path(__file__).parents[1] / "benchmarks"
 Rows = list[dict[str, Any]]
-Run = Callable[[str], dict[str, Any]]
+Run = Callable[..., dict[str, Any]]
 
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
-    """run(name): the JSON of one script under --quick; its table must be on standard output."""
+    """run(name, options): the JSON of one script under --quick; its table must be on standard
+    output."""
     folder = tmp_path_factory.mktemp("benchmarks")
 
     @cache
-    def script(name: str) -> dict[str, Any]:
-        out = folder / "results" / f"{name}.json"
+    def script(name: str, *options: str) -> dict[str, Any]:
+        out = folder / "results" / f"{name}{''.join(options)}.json"
         done = subprocess.run(
-            [sys.executable, SCRIPTS / f"{name}.py", "--quick", "--out", out],
+            [sys.executable, SCRIPTS / f"{name}.py", "--quick", *options, "--out", out],
             env=os.environ | {"SPARSEMOR_CACHE": str(folder / "cache")},
             capture_output=True, text=True)
         assert done.returncode == 0, done.stderr
@@ -144,6 +145,27 @@ def test_recovery_scores_every_solver_on_columns_and_in_a_scene(run: Run) -> Non
     assert all(row["active_elastic"] <= 8 and row["active_thermal"] <= 5 for row in scene)
 
 
+def test_recovered_scenes_are_accurate_at_every_seed(run: Run) -> None:
+    found = run("recovery", "--packaged")
+    (worst,) = rows_of(found, "Worst seed of each scene")
+    assert worst["scene"] == "double_pendulum" and (worst["seeds"], worst["stopped"]) == (2, 0)
+    assert worst["largest"] < 1e-8
+
+
+def test_rows_of_the_preconditioned_residual_have_the_smaller_constants(run: Run) -> None:
+    found = run("recovery", "--constants")
+    plain, better = (next(
+        row for row in rows_of(found, "Constants of sampled rows")
+        if (row["field"], row["rows"]) == ("elastic", rows)) for rows in ("r", "D^-1 r"))
+    for constant in ("coherence", "condition", "delta_random", "delta_leading"):
+        assert better[constant] < plain[constant]
+    errors = {(row["rows"], row["solver"]): row["error"] for row in rows_of(
+        found, "Recovery of the last snapshot from an empty support")
+        if row["field"] == "elastic"}
+    for solver in ("greedy", "omp", "lasso_lars", "basis_pursuit_lp"):
+        assert errors["D^-1 r", solver] < 1e-3 * errors["r", solver]
+
+
 @pytest.mark.slow
 def test_samplers_that_see_the_atoms_need_no_luck(run: Run) -> None:
     found = run("samplers")
@@ -184,6 +206,18 @@ def test_nonlinear_heat_measures_every_reducer(run: Run) -> None:
         for row in rows.values():
             assert row["full_to_this"] == pytest.approx(rows["full"]["ms"] / row["ms"])
         assert rows["ecsw"]["elements"] < rows["full"]["elements"]
+
+
+def test_hot_pendulum_measures_each_field_under_an_unseen_flux(run: Run) -> None:
+    found = run("hot_pendulum")
+    rows = rows_of(found, "2 x 320 triangles: errors")
+    assert {row["reducer"] for row in rows} == {"galerkin", "ecsw"}
+    for row in rows:
+        assert 0 < max(row[field] for field in ("rigid", "elastic", "thermal")) < 1e-3
+    cost = {row["method"]: row for row in rows_of(found, "2 x 320 triangles: cost")}
+    assert 0 < cost["ecsw"]["elements"] < cost["galerkin"]["elements"]
+    assert 0 < cost["ecsw"]["residual"] <= 1.01e-6
+    assert cost["ecsw"]["full_to_this"] == pytest.approx(cost["full"]["ms"] / cost["ecsw"]["ms"])
 
 
 @pytest.mark.slow

@@ -19,7 +19,7 @@ LEFT_OUT = {"bibliography.md", "scene-reference.md", "verification.md"}
 UNITS = "ms|us|s|GB|MB|K|%|times|µm|um|nm|mm"
 NUMBER = re.compile(rf"(?<![\w.])(\d+(?:\.\d+)?e-?\d+|\d+(?:\.\d+)?\s?(?:{UNITS})\b)")
 COMMAND = re.compile(
-    r"sparsemor (?:run|compare|study|stability|validate|plugins|export|pictures|schema)\b"
+    r"sparsemor (?:run|compare|study|reproduce|stability|validate|plugins|export|pictures|schema)\b"
     r"|python tests/benchmarks/|pytest|tests/(?:benchmarks|physics|laws)/[\w/]+\.py"
     r"|```(?:console|python)|<!-- study |<!-- numbers by: |<!-- numbers: ")
 WITHOUT = re.compile(r"<!-- numbers without a command: (.+?) -->")

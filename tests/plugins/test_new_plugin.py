@@ -13,8 +13,8 @@ from sparsemor.core.cli.new_plugin import KINDS, package_files
 from sparsemor.core.errors import InputError
 from sparsemor.core.registry.registry import Registry
 
-LONG = {"basis", "body", "contact", "joint", "linear_solver", "load", "reducer", "scene",
-        "sparse_solver", "study"}
+LONG = {"basis", "body", "contact", "joint", "linear_solver", "load", "paper", "reducer",
+        "scene", "sparse_solver", "study"}
 """Kinds whose laws take 0.3 CPU seconds and more."""
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Protocol
 
 from sparsemor.core.analysis.charts.active_atoms import active_atoms_figure
 from sparsemor.core.analysis.charts.error_over_time import error_over_time_figure
+from sparsemor.core.analysis.charts.fields import NO_RUNS
 from sparsemor.core.analysis.charts.planar_fields import deformation_figure
 from sparsemor.core.analysis.charts.style import save
 from sparsemor.core.analysis.charts.surface_fields import surface_figures
@@ -54,7 +55,9 @@ def write_charts(
 
     times: times at which the deformed bodies are drawn, s; formats: file formats.
     """
-    figures = _of_reference(comparison.reference, times)
+    figures = _of_reference(
+        comparison.reference, times, _alike(comparison.reference, comparison.runs),
+        comparison.name)
     figures["angles"] = angles_figure(comparison.reference, comparison.runs, comparison.name)
     figures["error_over_time"] = error_over_time_figure(
         comparison.measured, {name: run.status for name, run in comparison.runs.items()},
@@ -79,13 +82,25 @@ def write_run_charts(
     return _save_all(figures, folder, formats)
 
 
-def _of_reference(run: "RunResult", times: Sequence[float] | None) -> "dict[str, Figure | None]":
-    return {"deformation": deformation_figure(run, Quantity.DISPLACEMENT, times),
-            "temperature": deformation_figure(run, Quantity.TEMPERATURE, times),
-            "probe_displacement": probe_displacement_figure(run),
-            "probe_temperature": probe_temperature_figure(run), **surface_figures(run, times),
+def _of_reference(
+    run: "RunResult", times: Sequence[float] | None, others: "Mapping[str, RunResult]" = NO_RUNS,
+    name: str = "reference",
+) -> "dict[str, Figure | None]":
+    return {"deformation": deformation_figure(run, Quantity.DISPLACEMENT, times, others, name),
+            "temperature": deformation_figure(run, Quantity.TEMPERATURE, times, others, name),
+            "probe_displacement": probe_displacement_figure(run, others, name),
+            "probe_temperature": probe_temperature_figure(run, others, name),
+            **surface_figures(run, times, others=others, name=name),
             "contact_forces": contact_forces_figure(run.contacts()),
             "positions": positions_figure(moving_bodies(run))}
+
+
+def _alike(reference: "RunResult", runs: "Mapping[str, RunResult]") -> "dict[str, RunResult]":
+    """Runs whose fields can be drawn next to those of the reference: with the same bodies and
+    meshes."""
+    return {name: run for name, run in runs.items() if len(run.times) and all(
+        body in run.bodies and run.points(body).shape == reference.points(body).shape
+        for body in reference.bodies)}
 
 
 def _save_all(

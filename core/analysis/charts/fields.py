@@ -1,7 +1,8 @@
 """Fields that colour the bodies in charts (displacement, temperature): values, units, colours, and
 magnification of the deformation."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 
 import numpy as np
 
@@ -12,6 +13,8 @@ from sparsemor.core.results.run_result import RunResult
 
 MAPS = {Quantity.DISPLACEMENT: "viridis", Quantity.TEMPERATURE: "YlOrRd"}
 """Colour map of each field. Low temperatures are light, so that a thin hot layer is visible."""
+NO_RUNS: Mapping[str, RunResult] = MappingProxyType({})
+"""No runs in addition to the first."""
 
 
 def drawn_steps(run: RunResult, times: Sequence[float] | None) -> IntArray:
@@ -19,6 +22,12 @@ def drawn_steps(run: RunResult, times: Sequence[float] | None) -> IntArray:
     end)."""
     end = float(run.times[-1])
     return run.steps_at(times or (end / 3.0, 2.0 * end / 3.0, end))
+
+
+def step_near(run: RunResult, time: float) -> int | None:
+    """Index of the stored step of a run closest to a time, s; None if it stopped before."""
+    end = float(run.times[-1]) if len(run.times) else -1.0
+    return None if time > end * (1.0 + 1e-9) else int(np.argmin(np.abs(run.times - time)))
 
 
 def values_of(run: RunResult, body: str, step: int, quantity: Quantity) -> FloatArray | None:

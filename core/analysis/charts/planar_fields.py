@@ -1,16 +1,20 @@
 """Deformed planar bodies coloured by a field, at three times (as Fig. 5 of the paper)."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from sparsemor.core.analysis.charts.fields import (
     MAPS,
+    NO_RUNS,
     drawn_steps,
     magnification,
     scale_of,
     shades,
+    step_near,
     values_of,
 )
 from sparsemor.core.analysis.charts.style import (
@@ -20,6 +24,7 @@ from sparsemor.core.analysis.charts.style import (
     SMALL,
     TRACE,
     new_figure,
+    plain,
     tidy,
 )
 from sparsemor.core.analysis.charts.units import Unit, unit
@@ -43,12 +48,15 @@ def drawable_bodies(run: RunResult) -> list[str]:
 
 
 def deformation_figure(
-    run: RunResult, quantity: Quantity, times: Sequence[float] | None = None
+    run: RunResult, quantity: Quantity, times: Sequence[float] | None = None,
+    others: Mapping[str, RunResult] = NO_RUNS, name: str = "reference",
 ) -> "Figure | None":
     """Displacement magnitude |u| or temperature on the deformed bodies at `times`, s.
 
     Default times: one third, two thirds and the end of the run. Displacements are magnified by a
-    round factor, which the chart states. None if no planar body has the field.
+    round factor, which the chart states. others: label -> run whose fields are drawn in a row
+    below, with the colours, the magnification and the times of the first run, which is labelled
+    `name`; each panel then states its maximum. None if no planar body has the field.
     """
     bodies = drawable_bodies(run)
     if len(run.times) == 0 or not any(
@@ -57,27 +65,24 @@ def deformation_figure(
     steps = drawn_steps(run, times).tolist()
     factor = magnification(run, bodies, steps)
     scale, label = scale_of(run, bodies, steps, quantity)
-    colours = [[values_of(run, b, s, quantity) for b in bodies] for s in steps]
-    drawn_values = np.concatenate([v * scale for row in colours for v in row if v is not None])
-    low, high = shades(drawn_values, quantity)
+    colours = [values_of(run, b, s, quantity) for s in steps for b in bodies]
+    low, high = shades(np.concatenate([v * scale for v in colours if v is not None]), quantity)
     box, clock = _bounds(run, bodies, steps, factor), unit(float(run.times[-1]), "s")
     metre = _length_unit(box)
-    figure, panels = _panels(len(steps), (box[3] - box[2]) / (box[1] - box[0]))
+    look = _Look(quantity, factor, scale, label, (low, high), box, metre)
+    rows = {name: run, **others}
+    figure, panels = _panels(len(rows), len(steps), (box[3] - box[2]) / (box[1] - box[0]))
     drawn: Any = None
-    for axes, step, row in zip(panels, steps, colours, strict=True):
-        place = axes.get_subplotspec()
+    for axes, (row, step) in zip(panels, product(rows, steps), strict=True):
+        place, at = axes.get_subplotspec(), float(run.times[step])
+        shown = step_near(rows[row], at)
+        title = f"t = {clock.factor * at:.3f} {clock.name}"
+        if others:
+            title = f"{plain(row)}\n{title}{_largest_in_words(rows[row], bodies, shown, look)}"
         tidy(axes, f"x ({metre.name})" if place.is_last_row() else "",
-             f"y ({metre.name})" if place.is_first_col() else "",
-             f"t = {clock.factor * run.times[step]:.3f} {clock.name}")
-        for body, values in zip(bodies, row, strict=True):
-            _trace(axes, run, body, metre)
-            x, y = metre.factor * run.positions(body, step, factor).T
-            cells = subdivided(run.cells(body))
-            if values is not None:
-                drawn = axes.tripcolor(x, y, cells, values * scale, shading="gouraud",
-                                       rasterized=True, vmin=low, vmax=high, cmap=MAPS[quantity])
-            edges = outer_facets(Mesh(run.points(body), cells))
-            axes.plot(x[edges].T, y[edges].T, color="#606060", linewidth=0.3)
+             f"y ({metre.name})" if place.is_first_col() else "", title)
+        if shown is not None:
+            drawn = _draw(axes, rows[row], bodies, shown, look) or drawn
         axes.set_aspect("equal")
         axes.set(xlim=[metre.factor * x for x in box[:2]],
                  ylim=[metre.factor * y for y in box[2:]])
@@ -92,14 +97,57 @@ def deformation_figure(
     return figure
 
 
-def _panels(count: int, slope: float) -> "tuple[Figure, list[Any]]":
-    """Figure with `count` panels next to each other, or below each other for wide contents; slope:
-    ratio of height to width of the contents."""
-    wide = slope < 0.75
-    rows, columns = (count, 1) if wide else (1, count)
-    width = 1.35 * COLUMN if wide else PAGE
+@dataclass(frozen=True, slots=True)
+class _Look:
+    """Field, magnification, unit factor and label of the colours, their limits, and axes of all
+    panels."""
+
+    quantity: Quantity
+    factor: float
+    scale: float
+    label: str
+    limits: tuple[float, float]
+    box: tuple[float, float, float, float]
+    metre: Unit
+
+
+def _draw(axes: Any, run: RunResult, bodies: Sequence[str], step: int, look: _Look) -> Any:
+    """Draws all bodies of a run at one stored step; returns the last coloured surface, or None."""
+    drawn: Any = None
+    for body in bodies:
+        values = values_of(run, body, step, look.quantity)
+        _trace(axes, run, body, look.metre)
+        x, y = look.metre.factor * run.positions(body, step, look.factor).T
+        cells = subdivided(run.cells(body))
+        if values is not None:
+            drawn = axes.tripcolor(
+                x, y, cells, values * look.scale, shading="gouraud", rasterized=True,
+                vmin=look.limits[0], vmax=look.limits[1], cmap=MAPS[look.quantity])
+        edges = outer_facets(Mesh(run.points(body), cells))
+        axes.plot(x[edges].T, y[edges].T, color="#606060", linewidth=0.3)
+    return drawn
+
+
+def _largest_in_words(
+    run: RunResult, bodies: Sequence[str], step: int | None, look: _Look
+) -> str:
+    """End of a panel's title: the maximum of the field, or why the panel is empty."""
+    if step is None:
+        return f": stopped at {run.times[-1]:.3g} s"
+    found = [values_of(run, body, step, look.quantity) for body in bodies]
+    values = [look.scale * float(v.max()) for v in found if v is not None]
+    name = look.label.rpartition("(")[2].rstrip(")")
+    return f", max {max(values):.4g} {name}" if values else ""
+
+
+def _panels(runs: int, count: int, slope: float) -> "tuple[Figure, list[Any]]":
+    """Figure with a row of `count` panels per run; for one run with wide contents they are below
+    each other. slope: ratio of height to width of the contents."""
+    wide = slope < 0.75 and runs == 1
+    rows, columns = (count, 1) if wide else (runs, count)
+    width = 1.35 * COLUMN if wide else PAGE if runs == 1 else 1.15 * PAGE
     panel = (width - 1.2) / columns * slope
-    figure = new_figure(width, rows * (panel + 0.35) + 0.6)
+    figure = new_figure(width, rows * (panel + (0.35 if runs == 1 else 0.6)) + 0.6)
     panels = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
     return figure, list(panels.ravel())
 

@@ -48,6 +48,11 @@ def style_of(number: int) -> LineStyle:
         _MARKERS[(number + turn) % len(_MARKERS)])
 
 
+def dash_of(number: int) -> Any:
+    """Dashes of run `number`, for lines whose colour has another meaning."""
+    return _DASHES[number % len(_DASHES)]
+
+
 def plain(text: str) -> str:
     """Text with escaped dollar signs, so that matplotlib does not interpret it as a formula."""
     return text.replace("$", r"\$")

@@ -10,18 +10,21 @@ from numpy.typing import NDArray
 
 from sparsemor.core.analysis.charts.fields import (
     MAPS,
+    NO_RUNS,
     drawn_steps,
     magnification,
     round_below,
     scale_of,
     shades,
+    step_near,
     values_of,
 )
-from sparsemor.core.analysis.charts.style import NORMAL, PAGE, SMALL, new_figure
+from sparsemor.core.analysis.charts.style import NORMAL, PAGE, SMALL, new_figure, plain
 from sparsemor.core.analysis.charts.surface_matplotlib import paint
 from sparsemor.core.analysis.charts.surface_pyvista import rendered
 from sparsemor.core.analysis.charts.units import unit
 from sparsemor.core.analysis.charts.view import VIEWS, Surface, View, half_of, middle
+from sparsemor.core.arrays import FloatArray
 from sparsemor.core.model.facets import outer_facets, subdivided
 from sparsemor.core.protocols.layout import Quantity
 from sparsemor.core.protocols.mesh import Mesh
@@ -39,15 +42,16 @@ Render = Callable[[Sequence[Surface]], list[NDArray[np.uint8]] | None]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Skin:
-    """Surface of one body, coloured by one field. surfaces: by view, then by time; factor:
-    magnification of displacements; label: of the colour bar."""
+    """Surface of one body, coloured by one field. rows: title, view and surfaces at the times (None
+    after the end of a run) of each row of panels; factor: magnification of displacements; label:
+    of the colour bar."""
 
     run: RunResult
     body: str
     steps: list[int]
     factor: float
     label: str
-    surfaces: list[list[Surface]]
+    rows: list[tuple[str, View, list[Surface | None]]]
 
 
 def solid_bodies(run: RunResult) -> list[str]:
@@ -56,73 +60,91 @@ def solid_bodies(run: RunResult) -> list[str]:
 
 
 def surface_figures(
-    run: RunResult, times: Sequence[float] | None = None, render: Render = rendered
+    run: RunResult, times: Sequence[float] | None = None, render: Render = rendered,
+    others: Mapping[str, RunResult] = NO_RUNS, name: str = "reference",
+    only: Sequence[tuple[str, Quantity]] | None = None,
 ) -> "dict[str, Figure]":
     """Charts `temperature_BODY` and `deformation_BODY` (|u|) of each body in space, from above and
     below.
 
     times: s (default: one third, two thirds and the end). Displacements are magnified by a round
     factor, which the chart states. render: preferred renderer; if it returns None, matplotlib
-    draws.
+    draws. others: label -> run, drawn from above below the first run, which is labelled `name`,
+    with its colours; only: bodies and fields that are drawn (default: all).
     """
     if len(run.times) == 0:
         return {}
     steps = drawn_steps(run, times).tolist()
-    skins = {f"{NAMES[q]}_{body}": _skin_of(run, body, q, steps)
+    skins = {f"{NAMES[q]}_{body}": _skin_of(run, body, q, steps, others, name)
              for body in solid_bodies(run) for q in NAMES
-             if run.layout.of(body, q) is not None}
-    every = [s for skin in skins.values() for row in skin.surfaces for s in row]
-    images = render(every)
+             if run.layout.of(body, q) is not None and (only is None or (body, q) in only)}
+    every = [s for skin in skins.values() for _, _, row in skin.rows for s in row if s is not None]
+    images = render(every) if every else []
     drawn = repeat(None) if images is None else iter(images)
     return {name: _figure(skin, drawn) for name, skin in skins.items()}
 
 
-def _skin_of(run: RunResult, body: str, quantity: Quantity, steps: list[int]) -> _Skin:
+def _skin_of(
+    run: RunResult, body: str, quantity: Quantity, steps: list[int],
+    others: Mapping[str, RunResult], name: str,
+) -> _Skin:
     factor = magnification(run, [body], steps)
     scale, label = scale_of(run, [body], steps, quantity)
     triangles = outer_facets(Mesh(run.points(body), subdivided(run.cells(body))))
     fields = [values_of(run, body, step, quantity) for step in steps]
-    values = [scale * field[triangles] for field in fields if field is not None]
-    low, high = shades(np.concatenate(values), quantity)
-    positions = [run.positions(body, step, factor) for step in steps]
-    rows = []
-    for view in VIEWS:
-        rotated = [view.rotated(p) for p in positions]
-        half = half_of(rotated)
-        rows.append([Surface((s - middle(s))[triangles], v, low, high, MAPS[quantity], half)
-                     for s, v in zip(rotated, values, strict=True)])
+    limits = shades(np.concatenate(
+        [scale * field[triangles] for field in fields if field is not None]), quantity)
+    half: FloatArray | None = None
+    rows: list[tuple[str, View, list[Surface | None]]] = []
+    sides = [(view.name, view, run) for view in VIEWS] if not others else [
+        (title, VIEWS[0], r) for title, r in {name: run, **others}.items()]
+    for title, view, shown in sides:
+        at = [step_near(shown, float(run.times[s])) for s in steps]
+        rotated = [None if s is None else view.rotated(shown.positions(body, s, factor))
+                   for s in at]
+        if half is None or not others:
+            half = half_of([p for p in rotated if p is not None])
+        row: list[Surface | None] = []
+        for s, points in zip(at, rotated, strict=True):
+            values = None if s is None else values_of(shown, body, s, quantity)
+            row.append(None if points is None or values is None else Surface(
+                (points - middle(points))[triangles], scale * values[triangles], *limits,
+                MAPS[quantity], half))
+        rows.append((title, view, row))
     return _Skin(run, body, steps, factor, label, rows)
 
 
 def _figure(skin: _Skin, images: Iterator[NDArray[np.uint8] | None]) -> "Figure":
-    """Figure of one body and field: pairs of rows, views from above and from below, with up to
-    three times per row."""
+    """Figure of one body and field: groups of rows, one per view or run, with up to three times per
+    row."""
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize
 
-    across = min(_ACROSS, len(skin.steps))
+    across, tall = min(_ACROSS, len(skin.steps)), len(skin.rows)
     groups = -(-len(skin.steps) // across)
-    slope = max(row[0].half[1] / row[0].half[0] for row in skin.surfaces)
+    first = [next(s for s in row if s is not None) for _, _, row in skin.rows if any(row)]
+    slope = max(s.half[1] / s.half[0] for s in first)
     panel = min((PAGE - 1.3) / across, 3.2)
-    figure = new_figure(panel * across + 1.3, len(VIEWS) * groups * (panel * slope + 0.25) + 0.35)
-    grid = figure.subplots(len(VIEWS) * groups, across, squeeze=False)
+    figure = new_figure(panel * across + 1.3, tall * groups * (panel * slope + 0.25) + 0.35)
+    grid = figure.subplots(tall * groups, across, squeeze=False)
     for axes in grid.ravel():
         axes.set_visible(False)
     clock = unit(float(skin.run.times[-1]), "s")
-    for side, (view, row) in enumerate(zip(VIEWS, skin.surfaces, strict=True)):
+    for side, (title, view, row) in enumerate(skin.rows):
         for number, (step, surface) in enumerate(zip(skin.steps, row, strict=True)):
             group, column = divmod(number, across)
-            axes = grid[len(VIEWS) * group + side, column]
+            axes = grid[tall * group + side, column]
+            if surface is None:
+                continue
             _panel(axes, surface, next(images))
             if side == 0:
                 axes.set_title(f"t = {clock.factor * skin.run.times[step]:.4g} {clock.name}",
                                fontsize=NORMAL, loc="left")
             if column == 0:
-                axes.set_ylabel(view.name, fontsize=NORMAL)
+                axes.set_ylabel(plain(title), fontsize=NORMAL)
                 _directions(axes, view, surface)
                 _length(axes, surface)
-    first = skin.surfaces[0][0]
-    colours = ScalarMappable(Normalize(first.low, first.high), first.colours)
+    colours = ScalarMappable(Normalize(first[0].low, first[0].high), first[0].colours)
     bar = figure.colorbar(colours, ax=grid.ravel().tolist(), shrink=0.8, pad=0.015, aspect=30)
     bar.set_label(skin.label, fontsize=NORMAL)
     bar.ax.tick_params(labelsize=SMALL, width=0.6, length=3)

@@ -1,13 +1,15 @@
 """Charts over time: rotations and displacements of bodies, contact forces, and probes."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sparsemor.core.analysis.charts.fields import NO_RUNS
 from sparsemor.core.analysis.charts.style import (
     REFERENCE_COLOUR,
+    dash_of,
     draw_line,
     handles_of,
     label_of,
@@ -23,6 +25,7 @@ from sparsemor.core.protocols.poses import FREE_POSE, KNOWN, PLANAR_POSE, SPINNI
 from sparsemor.core.results.run_result import RunResult
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.figure import Figure
 
 Curves = dict[tuple[str, str], "Curve"]
@@ -197,28 +200,45 @@ def contact_forces_figure(contacts: Mapping[str, Mapping[str, FloatArray]]) -> "
     return figure
 
 
-def probe_temperature_figure(run: RunResult) -> "Figure | None":
+def probe_temperature_figure(
+    run: RunResult, others: Mapping[str, RunResult] = NO_RUNS, name: str = "reference"
+) -> "Figure | None":
     """Temperatures of the probes over time (as Fig. 18 of the paper), one panel per body; None if
-    no probe records a temperature."""
-    columns = {name: run.probe_header(name).temperature for name in run.probes}
-    return _probes(run, {name: run.probe(name)[:, column] for name, column in columns.items()
-                         if column is not None}, "temperature", "K")
+    no probe records a temperature. others: label -> run whose values are drawn as thin lines over
+    the wide, pale ones of the first run, which is labelled `name`."""
+    return _probes(run, others, name, _temperatures, "temperature", "K")
 
 
-def probe_displacement_figure(run: RunResult) -> "Figure | None":
+def probe_displacement_figure(
+    run: RunResult, others: Mapping[str, RunResult] = NO_RUNS, name: str = "reference"
+) -> "Figure | None":
     """Displacement magnitude |u| of the probes of elastic bodies over time (as Fig. 20 of the
-    paper), one panel per body; None if no probe records a displacement."""
+    paper), one panel per body; None if no probe records a displacement. others, name: as in
+    `probe_temperature_figure`."""
+    return _probes(run, others, name, _displacements, "displacement |u|", "m")
+
+
+def _temperatures(run: RunResult) -> dict[str, FloatArray]:
+    """Probe -> (j,) temperature, K."""
+    columns = {name: run.probe_header(name).temperature for name in run.probes}
+    return {name: run.probe(name)[:, column] for name, column in columns.items()
+            if column is not None}
+
+
+def _displacements(run: RunResult) -> dict[str, FloatArray]:
+    """Probe -> (j,) displacement magnitude, m."""
     columns = {name: run.probe_header(name).displacement for name in run.probes}
-    return _probes(run, {
-        name: np.asarray(np.linalg.norm(run.probe(name)[:, column], axis=1))
-        for name, column in columns.items() if column is not None}, "displacement |u|", "m")
+    return {name: np.asarray(np.linalg.norm(run.probe(name)[:, column], axis=1))
+            for name, column in columns.items() if column is not None}
 
 
 def _probes(
-    run: RunResult, shown: Mapping[str, FloatArray], what: str, si: str
+    run: RunResult, others: Mapping[str, RunResult], label: str,
+    read: Callable[[RunResult], dict[str, FloatArray]], what: str, si: str,
 ) -> "Figure | None":
     """Chart of the probes, one panel per body, each with its own scale, because magnitudes differ
     between bodies."""
+    shown = read(run)
     if not shown or len(run.times) < 2:
         return None
     bodies: dict[str, list[str]] = {}
@@ -227,17 +247,43 @@ def _probes(
     # kelvin stay kelvin: nobody reads kilokelvin
     scales = {body: unit(_largest(shown[n] for n in names) if si == "m" else 0.0, si)
               for body, names in bodies.items()}
+    lines = len(shown) + (1 + len(others) if others else 0)
     figure, panels, clock = time_panels(
         [(f"{what} ({scale.name})", body if len(bodies) > 1 else "")
          for body, scale in scales.items()],
-        float(run.times[-1]), 1.75, 0.4 + 0.17 * -(-len(shown) // 3))
+        float(run.times[-1]), 1.75, 0.4 + 0.17 * -(-lines // 3))
     order, times = list(shown), clock.factor * run.times
+    reduced = {title: (clock.factor * r.times, read(r)) for title, r in others.items()}
     for (body, names), axes in zip(bodies.items(), panels, strict=True):
         for name in names:
-            draw_line(axes, times, scales[body].factor * shown[name], order.index(name), name)
+            values = scales[body].factor * shown[name]
+            if others:
+                axes.plot(times, values, color=style_of(order.index(name)).colour, linewidth=4.0,
+                          alpha=0.3, label=name, solid_capstyle="butt")
+            else:
+                draw_line(axes, times, values, order.index(name), name)
+        low, high = axes.get_ylim()
+        for number, (own_times, own) in enumerate(reduced.values()):
+            for name in (n for n in names if n in own):
+                axes.plot(own_times, scales[body].factor * own[name], linewidth=0.9,
+                          color=style_of(order.index(name)).colour, linestyle=dash_of(number))
+        if others:  # a run that left the reference must not squash the others
+            axes.set_ylim(low, high)
         axes.set_xlim(times[0], times[-1])
-    legend_above(figure, handles_of(panels, shown))
+    legend_above(figure, [*handles_of(panels, shown), *_runs_in_legend(label, others)])
     return figure
+
+
+def _runs_in_legend(name: str, others: Mapping[str, RunResult]) -> "list[Artist]":
+    """Legend entries of the first run and of the others, in grey; none without others."""
+    from matplotlib.lines import Line2D
+
+    if not others:
+        return []
+    wide = Line2D([], [], color=REFERENCE_COLOUR, linewidth=4.0, label=f"wide: {plain(name)}")
+    return [wide, *(Line2D([], [], color="black", linewidth=0.9, linestyle=dash_of(number),
+                           label=label_of(title, run.status))
+                    for number, (title, run) in enumerate(others.items()))]
 
 
 def _largest(values: Iterable[FloatArray]) -> float:

@@ -26,20 +26,31 @@ class Weights(NamedTuple):
     residual: float
 
 
-def nonnegative(A: FloatArray, b: FloatArray, tolerance: float) -> Weights:
+def nonnegative(
+    A: FloatArray, b: FloatArray, tolerance: float, most: int | None = None,
+    start: FloatArray | None = None,
+) -> Weights:
     """Sparse w >= 0 with |A w - b| <= tolerance; A (m, n), b (m,).
 
-    Where the tolerance cannot be reached (no remaining column lowers the residual), the last w is
-    returned with its residual.
+    most: largest number of nonzeros, n by default; start (n,) >= 0: weights whose nonzeros are the
+    active set at first. Where the tolerance cannot be reached (no remaining column lowers the
+    residual, or `most` columns are active), the last w is returned with its residual.
     """
     n = A.shape[1]
+    most = n if most is None else most
     norms = np.linalg.norm(A, axis=0)
     active: list[int] = []
     Q, R = np.zeros((len(b), 0)), np.zeros((0, 0))
     x, r, size = np.zeros(n), b, float(np.linalg.norm(b))
     zero, stalled = norms == 0.0, np.zeros(n, dtype=np.bool_)
+    if start is not None and start.any():
+        active = [int(j) for j in np.flatnonzero(start)]
+        Q, R = np.linalg.qr(A[:, active])
+        Q, R, active, x = _feasible(Q, R, active, b, start)
+        r = b - Q @ (Q.T @ b)
+        size = float(np.linalg.norm(r))
     for _ in range(10 * n):
-        if size <= tolerance:
+        if size <= tolerance or len(active) >= most:
             break
         gain = A.T @ r
         gain[active] = -np.inf

@@ -4,8 +4,8 @@ The weights w >= 0 of E elements shall reproduce, at the training snapshots proj
 the projected forces of all elements with weight 1: G w = G 1, with a row of G for each atom (basis
 vector) and snapshot (Farhat, Avery, Chapman, Cortial 2014, doi 10.1002/nme.4668, Eq. 15-19).
 Element forces are linear in the unknowns here, so the snapshots are first replaced by a few
-combinations with the same Gram matrix (a QR factorisation, exact), and the rows of G by their
-leading left singular directions (`Equations.directions`). Rows are scaled by their physical effect:
+combinations with the same Gram matrix (a QR factorisation, exact), and where that leaves many rows
+these by random combinations (`Equations.combined`). Rows are scaled by their physical effect:
 elastic forces by the displacement they cause through K, heat by the rate of temperature it causes
 through C. Without that scaling stiff atoms dominate the training, and the elastic error was ten
 times larger with as many elements.
@@ -30,11 +30,16 @@ from sparsemor.core import (
 from sparsemor.reducers.projection.ecsw.nnls import Weights, nonnegative
 from sparsemor.reducers.projection.ecsw.training_matrix import BLOCK, Equations, Part, Rows
 
-LEFT_OUT = (1e-2, 1e-3, 1e-4)
-"""Thresholds for singular values of G, as fractions of tau, tried in turn: directions below are
-neglected."""
-MET = 1.05
+MET = 1.001
 """Residual up to which tau counts as attained, as a multiple of tau."""
+COMBINATIONS, MOST = 1000, 4000
+"""Number of random combinations of equations at first, and at most; twice as many are used where
+they determine too many weights."""
+PER_WEIGHT = 4
+"""Combinations needed for each weight that is not zero."""
+ATTEMPTS = 6
+"""Largest number of times that the tolerance of the combinations is lowered, since they are met
+better than the equations themselves."""
 CANDIDATES = 20_000
 """Largest number of candidate elements for nonzero weights; of larger meshes as many are drawn at
 random, which bounds the memory and time of training. The reproduced forces are those of all
@@ -139,8 +144,8 @@ def local_equations(
     """Training matrix G (m, F) of a local term such as radiation or k(T): left (k, m) times the
     contribution of each element at states x (n, M) and rates v (n, M), at times t (M,), s.
 
-    G is evaluated for a few elements at a time. It is identified in the cache by its products with
-    three vectors.
+    G is evaluated for a few elements at a time. It is identified in the cache by its sum G 1 and
+    its products with two other vectors.
     """
     count = term.elements
 
@@ -158,7 +163,7 @@ def local_equations(
         sums[:, 1:] += G @ probes[part]
         size += float(np.abs(G).sum())
     parts = (Rows(rows, make, size),) if rows else ()
-    return Equations(count, parts, (sums, size))
+    return Equations(count, parts, (sums, size), sums[:, 0].copy())
 
 
 def _values_at(amplitudes: Sequence[Callable[[float], float]], t: FloatArray) -> FloatArray:
@@ -195,30 +200,36 @@ def _made(
 def train(equations: Equations, tau: float) -> Weights:
     """Sparse weights w (E,) >= 0 with |G w - G 1| <= tau; all 1 where G has no rows.
 
-    Directions whose singular values are small against tau are neglected. Where the residual of all
-    equations then exceeds tau, as it may for the few, large weights of a large mesh, the threshold
-    is lowered.
+    Where G has many rows, weights are computed from random combinations of these and verified with
+    all of them. While the residual of all equations exceeds tau, the active set is continued to a
+    smaller residual of the combinations, and with more combinations where the weights are too many
+    for these.
     """
-    G = equations.scaled().fewer()
+    G = equations.scaled() if equations.parts else equations
     if not G.parts:
         return Weights(np.ones(G.count), 0.0)
-    total, among, few = G.total(), candidates(G.count), G.mixed()
-    b = few.total()
-    size, U = few.directions(among, b, LEFT_OUT[-1] * tau)
-    best = Weights(np.ones(G.count), np.inf)
-    goal = 0.98 * tau  # a little less, for what is left out
-    for share in LEFT_OUT:
-        kept = U[:, size > share * tau]
-        w = np.zeros(G.count)
-        w[among] = nonnegative(few.along(kept, among), kept.T @ b, goal).values
-        residual = float(np.linalg.norm(G.applied(w) - total))
-        if residual < best.residual:
-            best = Weights(w, residual)
-        if best.residual <= MET * tau:
-            break
-        if few is not G:  # combinations of equations are met better than the equations
-            goal *= tau / residual
-    return best
+    total, among, combinations = G.total(), candidates(G.count), COMBINATIONS
+    best, w = Weights(np.ones(G.count), np.inf), np.zeros(len(among))
+    while True:
+        few = G.combined(among, combinations)
+        last = few.exact or combinations >= MOST
+        most = len(among) if last else combinations // PER_WEIGHT
+        goal = tau
+        for _ in range(ATTEMPTS):
+            w, reached = nonnegative(few.A, few.b, goal, most, w)
+            every = np.zeros(G.count)
+            every[among] = w
+            residual = float(np.linalg.norm(G.applied(every) - total))
+            if residual < best.residual:
+                best = Weights(every, residual)
+            if best.residual <= MET * tau:
+                return best
+            if few.exact or reached > goal:
+                break
+            goal *= 0.95 * tau / residual
+        if last:
+            return best
+        combinations *= 2
 
 
 def candidates(count: int) -> IntArray:

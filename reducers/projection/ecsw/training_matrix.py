@@ -1,16 +1,16 @@
 """Training matrix G of ECSW, evaluated for a few elements at a time.
 
-G has one row for each atom and each combination of snapshots, and one column for each element: 2 GB
-for 40 atoms and 81 thousand tetrahedra. It is never stored as a whole. The weights follow from U^T
-G with the few dominant eigenvectors U of G G^T; both are assembled blockwise.
+G has one row for each atom and each training state, or combination of such states, and one column
+for each element: 1 GB for 30 atoms, 200 states and 20 thousand triangles. It is never stored as a
+whole. Weights are found with fewer equations, random combinations of the rows of G, and verified
+with all of them.
 """
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
-from scipy.linalg import eigh
 from scipy.sparse import csr_array
 
 from sparsemor.core import FloatArray, IntArray
@@ -19,9 +19,6 @@ BLOCK = 4_000_000
 """Largest number of entries of G that are computed at a time: 32 MB plus intermediate arrays."""
 ROUND_OFF = 1e-11
 """Ratio of a sum of forces to its largest terms below which the sum is round-off."""
-MOST = 4000
-"""Largest number of equations for the weights; more equations are replaced by as many random
-combinations."""
 SIGNS = 8
 """Number of random combinations that each equation enters."""
 Part: TypeAlias = slice | IntArray
@@ -45,11 +42,12 @@ class Rows:
 @dataclass(frozen=True, slots=True, eq=False)
 class Equations:
     """Linear equations G w = G 1 for the weights w of `count` elements. content: the arrays that
-    determine G, for the key of the cache."""
+    determine G, for the key of the cache; sums (m,): G 1, where it has been computed."""
 
     count: int
     parts: tuple[Rows, ...]
     content: tuple[Any, ...]
+    sums: FloatArray | None = None
 
     @classmethod
     def of(cls, G: FloatArray, against: float | None = None) -> "Equations":
@@ -83,58 +81,60 @@ class Equations:
 
     def total(self) -> FloatArray:
         """Sum G 1 (m,) of the columns of all elements."""
-        return self.applied(np.ones(self.count))
+        return self.applied(np.ones(self.count)) if self.sums is None else self.sums
 
     def scaled(self) -> "Equations":
         """The equations with rows divided by the norm of their sums where `Rows.against` requires
         it; rows whose sums are round-off are dropped."""
-        kept = []
+        kept, sums, edge, total = [], [np.zeros(0)], 0, self.total()
         for p in self.parts:
+            own = total[edge : (edge := edge + p.count)]
+            size = float(np.linalg.norm(own))
             if p.against is None:
                 kept.append(p)
-                continue
-            size = float(np.linalg.norm(replace(self, parts=(p,)).total()))
-            if size > ROUND_OFF * p.against:
+                sums.append(own)
+            elif size > ROUND_OFF * p.against:
                 kept.append(replace(p, against=None, scale=1.0 / size))
-        return replace(self, parts=tuple(kept))
+                sums.append(own / size)
+        return replace(self, parts=tuple(kept), sums=np.concatenate(sums))
 
-    def fewer(self) -> "Equations":
-        """At most as many equations as weights, with the same |G w - G 1|, by a QR
-        factorisation."""
-        if self.rows <= 2 * self.count:
-            return self
-        return Equations.of(np.asarray(np.linalg.qr(self.columns(slice(None)), mode="r")))
+    def combined(self, elements: IntArray, most: int) -> "Combined":
+        """The equations for the weights of some elements, or where these are more than `most`,
+        `most` random combinations of them.
 
-    def mixed(self) -> "Equations":
-        """At most `MOST` equations: random combinations of the rows that preserve |G x| up to a
-        factor near 1 for x (E,) in subspaces of lower dimension (sparse sign embedding, Martinsson
-        and Tropp 2020, doi 10.1017/S0962492920000021, Sec. 9.2). Weights found with them must be
-        verified with all equations."""
-        if self.rows <= MOST:
-            return self
-        rng = np.random.default_rng(0)
-        stratum = MOST // SIGNS
-        where = rng.integers(stratum, size=(self.rows, SIGNS)) + stratum * np.arange(SIGNS)
-        signs = rng.choice([-1.0, 1.0], where.shape) / np.sqrt(SIGNS)
-        S = csr_array((signs.ravel(), (where.ravel(), np.arange(self.rows).repeat(SIGNS))),
-                      (MOST, self.rows))
-        rows = Rows(MOST, lambda part: np.asarray(S @ self.columns(part)))
-        return Equations(self.count, (rows,), ())
-
-    def directions(
-        self, elements: IntArray, total: FloatArray, floor: float
-    ) -> tuple[FloatArray, FloatArray]:
-        """Singular values above `floor` (r,), ascending, and left singular vectors (m, r) of the
-        columns of some elements and of `total` (m,) side by side."""
-        square = np.outer(total, total)
-        for _, G in self._chunks(elements):
-            square += G @ G.T
-        squares, U = eigh(square, subset_by_value=(floor**2, np.inf), overwrite_a=True)
-        return np.sqrt(squares), U
-
-    def along(self, U: FloatArray, elements: IntArray) -> FloatArray:
-        """Projected columns U^T G (r, E') of some elements, U (m, r)."""
-        A: FloatArray = np.zeros((U.shape[1], len(elements)))
+        The combinations (sparse sign embedding, Martinsson and Tropp 2020, doi
+        10.1017/S0962492920000021, Sec. 9.2) preserve |G x| up to a factor near 1 for x in subspaces
+        of a dimension far below `most`. Equations for few elements are replaced by their QR factor,
+        with equal |G x|.
+        """
+        if self.rows * (len(elements) + 1) <= BLOCK:
+            A, b = self.columns(elements), self.total()
+            if len(A) > 2 * len(elements):
+                R = np.asarray(np.linalg.qr(np.column_stack([A, b]), mode="r"))
+                A, b = R[:, :-1], R[:, -1]
+            return Combined(A, b, True)
+        S = None if self.rows <= most else _signs(self.rows, most)
+        A = np.empty((self.rows if S is None else most, len(elements)))
         for part, G in self._chunks(elements):
-            A[:, part] = U.T @ G
-        return A
+            A[:, part] = G if S is None else S @ G
+        total = self.total()
+        return Combined(A, total if S is None else np.asarray(S @ total), S is None)
+
+
+class Combined(NamedTuple):
+    """Equations A w = b for the weights w (E',) of some elements, A (s, E'); exact: |A w - b| is
+    that of all equations."""
+
+    A: FloatArray
+    b: FloatArray
+    exact: bool
+
+
+def _signs(rows: int, most: int) -> csr_array:
+    """Sparse random signs (most, rows), `SIGNS` for each row, the same in every call."""
+    rng = np.random.default_rng(0)
+    stratum = most // SIGNS
+    where = rng.integers(stratum, size=(rows, SIGNS)) + stratum * np.arange(SIGNS)
+    signs = rng.choice([-1.0, 1.0], where.shape) / np.sqrt(SIGNS)
+    return csr_array((signs.ravel(), (where.ravel(), np.arange(rows).repeat(SIGNS))),
+                     (most, rows))

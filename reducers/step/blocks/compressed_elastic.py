@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sparsemor.core import Amplitude, FloatArray, IntArray, evaluate_amplitudes, total_load
+from sparsemor.reducers.linalg.active_columns import ActiveColumns, few
 from sparsemor.reducers.step.acceptance import EPS
 from sparsemor.reducers.step.blocks.elastic_block import ElasticBlock, Functionals, History
 from sparsemor.reducers.step.blocks.elastic_local import LocalForces, ReducedLocal
@@ -24,7 +25,8 @@ class CompressedElastic(ElasticBlock):
     constant part. S (g (s + p) + g s + p, k): D^-1 M_g, M_g in the active rows, and P^T as
     factors of coefficients; step_S: the active columns of these for increments, times 1, c1 and
     c2 where rates need them; order: numbers of the products S [u0, v0, a0] in the same order.
-    tables: tabulated (for example moving) loads, projected on s + p rows.
+    tables: tabulated (for example moving) loads, projected on s + p rows; few: H and S where few
+    atoms are active.
     """
 
     H: FloatArray
@@ -39,6 +41,7 @@ class CompressedElastic(ElasticBlock):
     order: IntArray
     tables: tuple[Moving, ...] = ()
     local: LocalForces | None = None
+    few: tuple[ActiveColumns, ActiveColumns] | None = None
 
     @classmethod
     def of(
@@ -64,10 +67,13 @@ class CompressedElastic(ElasticBlock):
         numbers, n, m = np.arange(3 * len(S)).reshape(3, -1), len(turned), len(turned) + len(forms)
         order = np.concatenate((numbers[0, :n], numbers[1, :n], numbers[:, n:m].ravel(),
                                 numbers[:, m:].ravel()))
-        return cls(np.ascontiguousarray(rows[:, :inputs]), rows[:, -1].copy(), S,
+        H = np.ascontiguousarray(rows[:, :inputs])
+        wide = S.shape[1]
+        some = (ActiveColumns(H), ActiveColumns(S)) if few(support, wide) else None
+        return cls(H, rows[:, -1].copy(), S,
                    np.ascontiguousarray(step_S), np.ascontiguousarray(E[:s]),
                    np.ascontiguousarray(E[s:]), support, b.amplitudes, (s, p, g), order,
-                   tabulated(b.tables, both, support is None), ReducedLocal.of(b.local, both))
+                   tabulated(b.tables, both, support is None), ReducedLocal.of(b.local, both), some)
 
     def rates(self, k: int) -> tuple[FloatArray, FloatArray]:
         rows = self.H[: self.sizes[0]]
@@ -79,11 +85,12 @@ class CompressedElastic(ElasticBlock):
             parts.append(evaluate_amplitudes(self.amplitudes, at.t))
         inputs = np.concatenate(parts)
         k, h = len(at.x), History(at, c1, c2)
-        h.h = self.H.dot(inputs)
+        h.h = self.H.dot(inputs) if self.few is None else self.few[0].times(inputs)
         h.h += self.base
         if self.tables:
             h.h -= total_load(self.tables, at.t)
-        out = inputs[: 3 * k].reshape(3, k).dot(self.S.T)
+        past = inputs[: 3 * k].reshape(3, k)
+        out = past.dot(self.S.T) if self.few is None else self.few[1].times(past)
         h.products = out.take(self.order)
         h.u = at.x if self.active is None else at.x[self.active]
         return h

@@ -1,13 +1,14 @@
 """Elastic block of a reduced model with prescribed frame motion inside a step (notation:
 prescribed_frame_block.py)."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import sqrt
 from typing import ClassVar
 
 import numpy as np
 
 from sparsemor.core import Amplitude, FloatArray, IntArray
+from sparsemor.reducers.linalg.active_columns import ActiveColumns, few
 from sparsemor.reducers.linalg.modal_coordinates import carried, dense, times
 from sparsemor.reducers.step.acceptance import EPS, LEAST
 from sparsemor.reducers.step.blocks.elastic_local import LocalForces, ReducedLocal
@@ -20,6 +21,31 @@ LEADING = 64
 """Number of leading (soft) modes in which a second product per iteration is worthwhile."""
 
 
+class FewInputs:
+    """Factors of b and G of a block whose inactive atoms have coefficients 0."""
+
+    def __init__(self, block: "CompressedPrescribed") -> None:
+        self.inertia = ActiveColumns(dense(block.inertia))
+        self.stiffness = ActiveColumns(dense(block.stiffness))
+        self.coupling = ActiveColumns(block.coupling)
+        self.turning = [ActiveColumns(A.T) for A in block.G]
+
+    def image(self, at: Prediction) -> FloatArray:
+        """Inertia, stiffness and coupling times the prediction."""
+        b = self.inertia.times(at.a)
+        b += self.stiffness.times(at.x)
+        if len(at.T):
+            b += self.coupling.times(at.T)
+        return b
+
+    def turned(self, push: FloatArray, first: int) -> FloatArray:
+        """Sum of the products of G from number `first` on with the rows of push (j, k)."""
+        found = self.turning[first].times(push[0])
+        for i, row in enumerate(push[1:], first + 1):
+            found += self.turning[i].times(row)
+        return found
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class CompressedPrescribed(PrescribedBlock):
     """Reduced block with s active atoms: all operators are dense and small, independent of the
@@ -30,7 +56,7 @@ class CompressedPrescribed(PrescribedBlock):
     (s, j) times amplitudes, and tabulated loads. G (g, k, s): transposed D^-1 M_g, so that
     consecutive ones form one matrix; leading (g r, r): their first rows and columns, of soft modes,
     r = 0 where some atoms are not active; sizes (g, 3): Frobenius norms of each whole matrix, of
-    its leading part, and of the rest.
+    its leading part, and of the rest. few: the same factors where few atoms are active.
     """
 
     proved: ClassVar[bool] = True
@@ -49,6 +75,11 @@ class CompressedPrescribed(PrescribedBlock):
     amplitudes: tuple[Amplitude, ...]
     tables: tuple[Moving, ...] = ()
     local: LocalForces | None = None
+    few: FewInputs | None = field(init=False)
+
+    def __post_init__(self) -> None:
+        some = FewInputs(self) if few(self.active, self.G.shape[1]) else None
+        object.__setattr__(self, "few", some)
 
     @classmethod
     def of(
@@ -100,13 +131,16 @@ class CompressedPrescribed(PrescribedBlock):
         g = len(self.G)
         past, n = Past(at, c1, c2, table, g), 2 * g + self.E.shape[1]
         past.bound, past.rest = float(table[n]), table[n + 1 :]
-        image = times(self.inertia, at.a)
-        image += times(self.stiffness, at.x)
+        if self.few is not None:
+            image = self.few.image(at)
+        else:
+            image = times(self.inertia, at.a)
+            image += times(self.stiffness, at.x)
+            if len(at.T):
+                image += self.coupling.dot(at.T)
         image += past.rest
         if self.damping is not None:
             image += times(self.damping, at.v)
-        if len(at.T):
-            image += self.coupling.dot(at.T)
         past.image, past.u = image, at.x if self.active is None else at.x[self.active]
         return past
 
@@ -120,7 +154,9 @@ class CompressedPrescribed(PrescribedBlock):
         if past.d is None:
             push += np.multiply.outer(past.kappa[lo:hi], at.x)
             push += np.multiply.outer(past.mu[lo:hi], at.v)
-        turned: FloatArray = push.ravel().dot(self.G[lo:hi].reshape(push.size, -1))
+        turned: FloatArray = (
+            push.ravel().dot(self.G[lo:hi].reshape(push.size, -1)) if self.few is None else
+            self.few.turned(push, lo))
         past.d, past.image = d, past.image - turned
         image: FloatArray = past.image - force
         r = self.leading.shape[1]

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from scipy.linalg.lapack import dgesv
+from scipy.linalg.lapack import dgetrf, dgetrs
 from scipy.sparse import coo_array, csr_array
 
 from sparsemor.core import (
@@ -26,6 +26,7 @@ from sparsemor.core import (
     linearization,
     unconverged_note,
 )
+from sparsemor.reducers.linalg.active_columns import ActiveColumns, few
 from sparsemor.reducers.linalg.modal_coordinates import carried, dense, times
 from sparsemor.reducers.linalg.superlu import factorize
 from sparsemor.reducers.step.operators import TestedHeat
@@ -181,7 +182,8 @@ class CompressedHeat:
     T' + by_value T + prescribed(t), with T the prediction and T' its rate.
 
     by_rate, by_value: (s, k), or a diagonal (modal_coordinates.py); prescribed: tabulated function
-    of time of the `loads`, moving heat sources and constant terms.
+    of time of the `loads`, moving heat sources and constant terms; few: by_rate and by_value where
+    few atoms are active.
     """
 
     by_rate: FloatArray
@@ -195,8 +197,12 @@ class CompressedHeat:
     max_iterations: int = 50
     evaluated: tuple[Linearized, ...] = field(init=False)
     identity: FloatArray = field(init=False)
+    few: tuple[ActiveColumns, ActiveColumns] | None = field(init=False)
 
     def __post_init__(self) -> None:
+        some = (ActiveColumns(dense(self.by_rate)), ActiveColumns(dense(self.by_value))) if few(
+            self.active, self.by_rate.shape[-1]) else None
+        object.__setattr__(self, "few", some)
         object.__setattr__(self, "evaluated", tuple(linearization(t) for t in self.local))
         object.__setattr__(self, "identity", np.eye(len(self.by_rate) if self.local else 0))
 
@@ -243,8 +249,12 @@ class CompressedHeat:
         return rates if np.isfinite(rates).all() else v
 
     def solve(self, T: FloatArray, rate: FloatArray, t: float) -> HeatOutcome:
-        base = times(self.by_rate, rate)
-        base += times(self.by_value, T)
+        if self.few is None:
+            base = times(self.by_rate, rate)
+            base += times(self.by_value, T)
+        else:
+            base = self.few[0].times(rate)
+            base += self.few[1].times(T)
         base += self.prescribed.at(t)
         if not self.local:
             return HeatOutcome(base, Status.DONE, 1)
@@ -255,21 +265,33 @@ class CompressedHeat:
     ) -> HeatOutcome:
         n, d, now = len(T), np.zeros(len(base)), T
         full, zero, c1 = np.zeros(n), np.zeros(n), np.full(n, self.c1)
+        factors: tuple[FloatArray, IntArray, int] | None = None
         for i in range(1, self.max_iterations + 1):
             full = d if self.active is None else full
             if self.active is not None:
                 full[self.active] = d
-            now, rates, r, J = T + full, rate + self.c1 * full, d - base, self.identity
-            for evaluate in self.evaluated:
-                added, slope = evaluate(now, rates, zero, t, c1, zero)
-                r = r + added
-                J = J + (slope if self.active is None else slope[:, self.active])
-            step, info = dgesv(J, r)[2:]
-            change = float(abs(step).max())
+            now, rates, r = T + full, rate + self.c1 * full, d - base
+            if factors is None:
+                J = self.identity
+                for evaluate in self.evaluated:
+                    added, slope = evaluate(now, rates, zero, t, c1, zero)
+                    r = r + added
+                    J = J + (slope if self.active is None else slope[:, self.active])
+                factors = dgetrf(J)
+            else:
+                for term in self.local:
+                    r = r + term.residual(now, rates, zero, t)
+            lu, pivots, info = factors
+            step = dgetrs(lu, pivots, r)[0]
+            change, size = float(abs(step).max()), float(abs(now).max())
             if not change < np.inf or info > 0:
-                finite = np.isfinite(r).all() and np.isfinite(J).all()
+                finite = np.isfinite(r).all() and np.isfinite(lu).all()
                 return HeatOutcome(d, Status.SINGULAR if finite else Status.NOT_FINITE, i)
-            d, size = d - step, float(abs(now).max())
+            d = d - step
             if change <= self.rtol * size:
                 return HeatOutcome(d, Status.DONE, i, 0, "", change / max(size, TINY))
+            # quadratic convergence: the next change is expected below the tolerance, which is
+            # verified with this Jacobian
+            if not change * change <= self.rtol * size * size:
+                factors = None
         return HeatOutcome(d, Status.NOT_CONVERGED, self.max_iterations)

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -44,8 +45,9 @@ class Worker:
         self.mesh, self.method = mesh, method
         task = json.dumps(mesh.task(method, **more))
         self.process = subprocess.Popen(
-            [sys.executable, HERE / "scaling_worker.py", task], stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE, text=True)
+            [sys.executable, "-m", "modules.scaling_worker", task], stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE, text=True, env={**os.environ, "PYTHONPATH": os.pathsep.join(
+                [str(HERE), *filter(None, [os.environ.get("PYTHONPATH")])])})
         self.facts, self.ms, self.iterations = self._read(), list[float](), 0.0
         report.progress(f"{mesh.field} {mesh.refine:g}, {method}: {self.facts}")
 

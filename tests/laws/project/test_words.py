@@ -188,7 +188,7 @@ def test_no_docstring_opens_with_a_riddle() -> None:
 def plugin_classes() -> list[tuple[str, type]]:
     registry = Registry()
     return [(f"{p.kind} {p.name}", registry.get(p.kind, registry.spelling(p)))
-            for kind in registry.kinds() if kind not in ("scene", "study")
+            for kind in registry.kinds() if kind not in ("scene", "study", "paper")
             for p in registry.names(kind) if p.distribution == "sparsemor"]
 
 

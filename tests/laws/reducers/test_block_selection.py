@@ -229,6 +229,16 @@ def test_a_support_is_left_only_for_one_that_is_better_by_the_hysteresis(name: s
     assert left >= 8 and kept >= 4
 
 
+def test_a_support_with_a_residual_below_the_tolerance_is_kept() -> None:
+    rng = np.random.default_rng(5)
+    A = rng.standard_normal((12, 12))
+    support, c = np.arange(12) < 3, np.zeros(12)
+    c[:3], c[8] = 1.0, 1e-4
+    for tolerance, exchanges in ((1e-3, False), (1e-6, True)):
+        block = BlockSelection.of(Rows(A, 4), SOLVERS["greedy_gauss_newton"], tolerance)
+        assert bool(exchanged([minimised(block, A @ c, support)], 0.3)) is exchanges
+
+
 def test_blocks_decide_together_by_the_norm_of_all() -> None:
     """A block whose residual is small against another's keeps its support."""
     rng = np.random.default_rng(0)

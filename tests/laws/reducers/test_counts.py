@@ -151,6 +151,50 @@ def test_the_walk_sees_the_arrays_of_a_full_order_step() -> None:
     assert max(max(a.shape) for _, a in arrays(solver) if a.ndim) >= 1467
 
 
+POD = {"basis": {"use": "pod", "count": 12}}
+NONLINEAR: dict[str, dict[str, Any]] = {
+    "deim": {"use": "deim", **POD},
+    "gnat": {"use": "gnat", **POD},
+    "ecsw": {"use": "ecsw", "tau": 1e-6, **POD},
+    "sparse": {"use": "sparse", **POD, "sampler": {"use": "deim", "required": False},
+               "budgets": {"*": {"rows": 24, "atoms": 12}}},
+}
+
+
+@cache
+def heated(cells: int) -> tuple[Scene, Model, Mapping[str, Any]]:
+    """hot_plate with k(T), c(T) and radiation, 10 cells^2 triangles, and snapshots of 12 steps."""
+    scene = load("hot_plate", {"bodies.plate.mesh.divisions": [5 * cells, cells],
+                               "time.end": 12.0, "training": {"end": 12.0}, "reducer": "full"})
+    model = assemble(scene)
+    return scene, model, {"plate.thermal": march(scene, model=model).block("plate.thermal").T}
+
+
+def largest_of(cells: int, options: Any) -> int:
+    """Largest dimension of the arrays that a step of the heated plate reads and carries."""
+    scene, model, snapshots = heated(cells)
+    solver = march(scene.using({"reducer": options}), model=model, snapshots=snapshots).solver
+    _, memory = solver.start(consistent_state(model))
+    found = list(arrays({"solver": solver, "memory": memory}))
+    assert len(found) > 40
+    return max(max(a.shape, default=0) for _, a in found)
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("reducer", NONLINEAR)
+def test_arrays_of_a_nonlinear_step_do_not_grow_with_the_mesh(reducer: str) -> None:
+    """Points of the sampled rows or of ECSW's elements. How many elements there are around a row,
+    and how many ECSW keeps, differs between meshes; the mesh has four times as many."""
+    coarse, fine = (largest_of(cells, NONLINEAR[reducer]) for cells in (12, 24))
+    assert 100 < fine < 1.3 * coarse
+    assert fine < 1000
+
+
+@pytest.mark.full
+def test_the_walk_sees_the_points_of_a_whole_nonlinear_mesh() -> None:
+    assert largest_of(6, {"use": "galerkin", **POD}) >= 360
+
+
 @pytest.mark.parametrize("reducer", REDUCERS)
 def test_a_step_never_reads_the_full_operators(reducer: str) -> None:
     """They are taken away after `prepare`: the run goes on with the same numbers."""

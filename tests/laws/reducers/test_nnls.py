@@ -34,6 +34,20 @@ def test_it_stops_at_the_tolerance_with_few_nonzeros(seed: int) -> None:
     assert counts[0] <= counts[1] <= counts[2] <= 25
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_it_goes_on_from_weights_found_before(seed: int) -> None:
+    """And ends where it would have without a stop; `most` bounds the nonzeros."""
+    rng = np.random.default_rng(200 + seed)
+    A = rng.random((25, 200))
+    b = A.sum(axis=1)
+    few = nonnegative(A, b, 0.0, most=4)
+    assert np.count_nonzero(few.values) == 4
+    whole, continued = nonnegative(A, b, 1e-8), nonnegative(A, b, 1e-8, start=few.values)
+    np.testing.assert_allclose(continued.values, whole.values, rtol=1e-6)
+    assert nonnegative(A, b, 10 * few.residual, start=few.values).values.tolist() == pytest.approx(
+        few.values.tolist())
+
+
 def test_out_of_reach_is_told_by_the_residual() -> None:
     w, residual = nonnegative(np.eye(3), np.array([1.0, 2.0, -3.0]), 1e-6)
     np.testing.assert_allclose(w, [1.0, 2.0, 0.0])

@@ -99,7 +99,8 @@ def law(case: Case, count: int, blocks: int = 8) -> None:
     assert worst["unknowns"] < 1e-10 and worst["rates and forces"] < 2e-8, worst
     assert all(t.outcome.status.ok for t in kernel) and len(kernel) == len(plain) == count
     assert sum(not t.whole for t in kernel) >= blocks
-    assert all(0.0 <= t.outcome.remaining < 1e-10 for t in kernel)
+    assert all(
+        0.0 <= t.outcome.remaining <= solver.tolerances.remaining for t in kernel if not t.whole)
 
 
 @cache

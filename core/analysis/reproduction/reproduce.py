@@ -1,0 +1,167 @@
+"""Reproduction of a paper in one folder: runs, studies, verdicts, pages and tables."""
+
+import json
+import os
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from sparsemor.core.analysis.reproduction.jobs import Job, command_of, execute, jobs_of
+from sparsemor.core.analysis.reproduction.page import write_pages
+from sparsemor.core.analysis.reproduction.paper import BROKEN, Item, Paper, PaperFile
+from sparsemor.core.analysis.reproduction.processes import executed
+from sparsemor.core.analysis.reproduction.stored import StoredResults
+from sparsemor.core.analysis.reproduction.verdicts import Verdict, judged
+from sparsemor.core.errors import InputError
+from sparsemor.core.linalg.threads import fixed_threads
+from sparsemor.core.registry.registry import Registry, suggestions
+from sparsemor.core.results.atomic_files import replace_file
+from sparsemor.core.results.output_directory import OutputDirectory
+from sparsemor.core.results.tables import csv_table
+from sparsemor.core.scene.defaults import PAPER
+
+ABOUT, PICTURES = "reproduction.json", "pictures"
+Watch = Callable[[str], None]
+"""Callback for progress: called with a line of text."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Reproduction:
+    """Completed reproduction: verdicts in the order of the paper file. files: pages and tables."""
+
+    file: PaperFile
+    folder: Path
+    verdicts: tuple[Verdict, ...]
+    files: tuple[Path, ...]
+
+    @property
+    def counts(self) -> Mapping[str, int]:
+        """Grade -> number of items."""
+        return Counter(v.grade for v in self.verdicts)
+
+    @property
+    def incomplete(self) -> bool:
+        """True if an item could not be computed."""
+        return any(v.grade == BROKEN for v in self.verdicts)
+
+
+def reproduce(
+    scene: str = "", *, quick: bool = False, out: str | Path | None = None,
+    items: Sequence[str] = (), workers: int | None = None, paper: str | Path = PAPER,
+    force: bool = False, watch: Watch = lambda line: None,
+) -> Reproduction:
+    """Recomputes the figures and tables of a paper and writes pages with the verdicts.
+
+    scene: scene whose items are computed ("": all); quick: shorter runs and fewer seeds; out:
+    folder, by default `runs/reproduce` or `runs/reproduce-quick`, where a repeated call keeps what
+    is complete; items: `fig_4`, `table_2`, ..; workers: number of processes (default: number of
+    processors); paper: packaged paper or paper file; force: replace an earlier reproduction. Raises
+    InputError before anything is written.
+    """
+    file = Paper.read(paper, Registry()).file
+    chosen = chosen_items(file, scene, items)
+    if workers is not None and workers < 1:
+        raise InputError(f"at least 1 (got {workers})", "workers")
+    count = workers or os.cpu_count() or 1
+    name = "reproduce-quick" if quick else "reproduce"
+    folder = (Path(out) if out is not None else Path("runs", name)).absolute()
+    with OutputDirectory(folder).claimed(
+            resume=not force, force=force, replaceable=lambda: (folder / ABOUT).is_file(),
+            kind="reproductions only, and this is none"):
+        _begin(folder, file, quick)
+        failed = _executed(jobs_of(file, chosen, folder, quick), count, watch)
+        verdicts = _judged(chosen, StoredResults(file, folder, quick, failed), count, watch)
+        commands = {i.id: commands_of(file, i, quick) for i in chosen}
+        files = [*write_pages(file, verdicts, commands, folder, quick),
+                 *_tables(file, verdicts, commands, folder)]
+    return Reproduction(file, folder, tuple(verdicts), tuple(files))
+
+
+def chosen_items(file: PaperFile, scene: str = "", items: Sequence[str] = ()) -> list[Item]:
+    """Items of a scene, or of the given names. Raises InputError for unknown names."""
+    if scene and scene not in file.scenes:
+        raise InputError(f"SCENE: {suggestions(scene, list(file.scenes), 'there are')}")
+    known = [i.id for i in file.items]
+    for name in items:
+        if name not in known:
+            raise InputError(f"no figure or table {name!r}: {suggestions(name, known)}", "items")
+    found = [i for i in file.items if scene in ("", i.scene) and (not items or i.id in items)]
+    if not found:
+        raise InputError(f"none of {', '.join(items)} is of {scene}", "items")
+    return found
+
+
+def commands_of(file: PaperFile, item: Item, quick: bool) -> list[str]:
+    """Commands that recompute an item: the first with its verdict, the others its runs and studies
+    alone."""
+    first = f"sparsemor reproduce --items {item.id}{' --quick' * quick}"
+    return [first, *(command_of(n, file.runs[n], quick) for n in item.runs),
+            *(command_of(n, file.studies[n], quick) for n in item.studies)]
+
+
+def _begin(folder: Path, file: PaperFile, quick: bool) -> None:
+    """Marks a new folder. Raises InputError if it holds other data, or another kind of
+    reproduction."""
+    about = folder / ABOUT
+    if not about.is_file():
+        if OutputDirectory(folder).occupied():
+            raise InputError(f"{folder} is not empty and contains no reproduction: choose another "
+                             "--out", "out")
+        OutputDirectory(folder).make()
+        replace_file(about, (json.dumps({"title": file.title, "quick": quick}) + "\n").encode())
+    elif json.loads(about.read_text(encoding="utf-8")).get("quick") is not quick:
+        raise InputError(f"{folder} contains a reproduction with{'out' * quick} --quick: choose "
+                         "another --out", "out")
+
+
+def _executed(jobs: Sequence[Job], workers: int, watch: Watch) -> dict[str, str]:
+    """Executes all jobs; returns name -> reason of those that failed."""
+    calls, failed = {job.name: job for job in jobs}, {}
+    after = {job.name: job.entry.after for job in jobs if job.entry.after}
+    for done, (name, reason) in enumerate(executed(
+            execute, calls, workers, after, lambda name: "its process died twice"), 1):
+        watch(f"{done} of {len(calls)} runs and studies: {name}{': ' * bool(reason)}{reason}")
+        if reason:
+            failed[name] = reason
+    return failed
+
+
+def _judged(
+    items: Sequence[Item], results: StoredResults, workers: int, watch: Watch
+) -> list[Verdict]:
+    """Verdicts on all items, in their order."""
+    found: dict[str, Verdict] = {}
+    call = partial(_judge, results)
+    for name, verdict in executed(call, {i.id: i for i in items}, workers, None, _lost):
+        watch(f"{name}: {verdict.grade}")
+        found[name] = verdict
+    return [found[i.id] for i in items]
+
+
+def _judge(results: StoredResults, item: Item) -> Verdict:
+    with fixed_threads():
+        return judged(item, results, results.folder / PICTURES)
+
+
+def _lost(name: str) -> Verdict:
+    return Verdict(name, BROKEN, "", (), (), ("its process died twice",))
+
+
+def _tables(
+    file: PaperFile, verdicts: Sequence[Verdict], commands: Mapping[str, Sequence[str]],
+    folder: Path,
+) -> list[Path]:
+    """Writes verdicts.csv and numbers.csv; returns their paths."""
+    items = {i.id: i for i in file.items}
+    rows: list[list[object]] = [["item", "scene", "title", "verdict", "rule", "command", "faults"]]
+    rows += [[v.item, items[v.item].scene, items[v.item].title, v.grade, v.rule,
+              commands[v.item][0], "; ".join(v.faults)] for v in verdicts]
+    numbers: list[list[object]] = [["item", "name", "label", "unit", "published", "here"]]
+    numbers += [[v.item, n.name, n.label, n.unit, n.paper, n.here]
+                for v in verdicts for n in v.numbers]
+    written = {"verdicts.csv": rows, "numbers.csv": numbers}
+    for name, table in written.items():
+        replace_file(folder / name, csv_table(table).encode())
+    return [folder / name for name in written]

@@ -1,0 +1,136 @@
+"""Sketches: geometry of a scene from its meshes, flow charts, and our numbers next to published
+ones."""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from sparsemor.core.analysis.charts.planar_fields import drawable_bodies
+from sparsemor.core.analysis.charts.style import COLUMN, NORMAL, PAGE, SMALL, new_figure, plain
+from sparsemor.core.analysis.charts.style import style_of as style
+from sparsemor.core.analysis.charts.surface_fields import solid_bodies
+from sparsemor.core.analysis.charts.units import unit
+from sparsemor.core.analysis.charts.view import VIEWS, skin
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.model.facets import outer_facets, subdivided
+from sparsemor.core.protocols.mesh import Mesh
+from sparsemor.core.results.run_result import RunResult
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def geometry_figure(run: RunResult) -> "Figure | None":
+    """Meshes of all bodies of a run at its start, in the plane or in a view from above; None
+    without bodies. Names, sizes and numbers of elements are written next to them."""
+    flat, solid = drawable_bodies(run), solid_bodies(run)
+    if not (flat or solid):
+        return None
+    shapes = [(body, _flat(run, body)) for body in flat] + [
+        (body, _seen(run, body)) for body in solid]
+    points = np.concatenate([p for _, (p, _) in shapes])
+    size = np.ptp(points, axis=0)
+    metre = unit(float(size.max()), "m")
+    height = float(np.clip(PAGE * size[1] / size[0], 1.2, 5.5))
+    figure = new_figure(PAGE, height + 0.9)
+    axes = figure.subplots()
+    for number, (body, (corners, edges)) in enumerate(shapes):
+        lines = metre.factor * corners[edges]
+        axes.plot(lines[..., 0].T, lines[..., 1].T, color=style(number).colour, linewidth=0.35)
+        axes.plot([], [], color=style(number).colour, label=_described(run, body))
+    names = ", ".join([*run.scene.get("joints", {}), *run.scene.get("contacts", {})])
+    loads = ", ".join(run.scene.get("loads", {}))
+    axes.set_aspect("equal")
+    if solid:
+        axes.set_axis_off()
+    axes.set_xlabel(f"x ({metre.name})", fontsize=NORMAL)
+    axes.set_ylabel(f"y ({metre.name})", fontsize=NORMAL)
+    axes.tick_params(labelsize=SMALL)
+    axes.set_title(plain(f"joints and contacts: {names or 'none'}; loads: {loads or 'none'}"),
+                   fontsize=NORMAL, loc="left")
+    figure.legend(loc="outside lower left", fontsize=SMALL, frameon=False)
+    return figure
+
+
+def _described(run: RunResult, body: str) -> str:
+    size = np.ptp(run.points(body), axis=0)
+    metre = unit(float(size.max()), "m")
+    sides = " × ".join(f"{metre.factor * s:.4g}" for s in size)
+    return plain(f"{body}: {len(run.cells(body))} elements, {len(run.points(body))} nodes, "
+                 f"{sides} {metre.name}")
+
+
+def _flat(run: RunResult, body: str) -> tuple[FloatArray, Any]:
+    cells = subdivided(run.cells(body))
+    edges = np.concatenate([cells[:, [0, 1]], cells[:, [1, 2]], cells[:, [2, 0]]])
+    return run.positions(body, 0), np.unique(np.sort(edges, axis=1), axis=0)
+
+
+def _seen(run: RunResult, body: str) -> tuple[FloatArray, Any]:
+    triangles = outer_facets(Mesh(run.points(body), subdivided(run.cells(body))))
+    seen = VIEWS[0].rotated(run.positions(body, 0))
+    front = triangles[skin(seen, triangles)]
+    edges = np.concatenate([front[:, [0, 1]], front[:, [1, 2]], front[:, [2, 0]]])
+    return seen[:, :2], np.unique(np.sort(edges, axis=1), axis=0)
+
+
+def flow_figure(
+    steps: Sequence[str], back: tuple[int, int] | None = None, again: str = ""
+) -> "Figure":
+    """Flow chart with one box per step from top to bottom, and an arrow from step back[0] to step
+    back[1] (counted from 1) with the text `again`."""
+    figure = new_figure(1.5 * COLUMN, 0.62 * len(steps) + 0.2)
+    axes = figure.subplots()
+    axes.set_axis_off()
+    count = len(steps)
+    axes.set(xlim=(0.0, 1.05), ylim=(-count + 0.4, 0.6))
+    box = {"boxstyle": "round,pad=0.45", "facecolor": "#eef4fa", "edgecolor": style(0).colour,
+           "linewidth": 0.8}
+    for number, text in enumerate(steps):
+        axes.text(0.5, -number, plain(f"{number + 1}. {text}"), ha="center", va="center",
+                  fontsize=NORMAL, bbox=box)
+        if number:
+            _arrow(axes, (0.5, -number + 0.72), (0.5, -number + 0.3))
+    if back is not None:
+        start, end = 1.0 - back[0], 1.0 - back[1]
+        axes.plot([0.88, 0.96, 0.96], [start, start, end], color="black", linewidth=0.8)
+        _arrow(axes, (0.96, end), (0.86, end))
+        axes.text(0.985, 0.5 * (start + end), plain(again), rotation=90, ha="left", va="center",
+                  fontsize=SMALL)
+    return figure
+
+
+def _arrow(axes: Any, start: tuple[float, float], end: tuple[float, float]) -> None:
+    axes.annotate("", xy=end, xytext=start,
+                  arrowprops={"arrowstyle": "-|>", "linewidth": 0.8, "color": "black"})
+
+
+def numbers_figure(pairs: Mapping[str, tuple[float, float]]) -> "Figure | None":
+    """Published numbers and ours next to each other on a logarithmic axis; None for fewer than two
+    pairs of positive numbers, or if no pair differs by more than a fifth.
+
+    pairs: label -> (published, ours).
+    """
+    shown = {name: pair for name, pair in pairs.items()
+             if min(pair) > 0.0 and np.isfinite(pair).all()}
+    if len(shown) < 2 or all(max(pair) <= 1.2 * min(pair) for pair in shown.values()):
+        return None
+    figure = new_figure(1.6 * COLUMN, 0.75 + 0.27 * len(shown))
+    axes = figure.subplots()
+    rows = -np.arange(len(shown), dtype=np.float64)
+    published, ours = (np.array([p[i] for p in shown.values()]) for i in (0, 1))
+    axes.hlines(rows, np.minimum(published, ours), np.maximum(published, ours), color="#c8c8c8",
+                linewidth=1.0, zorder=0)
+    axes.plot(published, rows, "s", color=style(1).colour, markersize=5, label="published",
+              markerfacecolor="none")
+    axes.plot(ours, rows, "o", color=style(0).colour, markersize=5, label="here")
+    axes.set_xscale("log")
+    axes.set_yticks(rows, [plain(name) for name in shown], fontsize=SMALL)
+    axes.tick_params(labelsize=SMALL)
+    axes.grid(True, axis="x", color="#e6e6e6", linewidth=0.5)
+    axes.set_ylim(rows[-1] - 0.6, 0.6)
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
+    figure.legend(loc="outside upper left", ncols=2, fontsize=SMALL, frameon=False)
+    return figure

@@ -1,0 +1,71 @@
+"""Command `sparsemor reproduce`: figures and tables of a paper, recomputed, with verdicts."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from sparsemor.core.cli.options import (
+    FAILED,
+    INTERRUPTED,
+    Force,
+    Json,
+    Quiet,
+    exit_codes,
+    leave,
+    located_in,
+    print_json,
+    words,
+)
+from sparsemor.core.scene.defaults import PAPER
+
+if TYPE_CHECKING:
+    from sparsemor.core.analysis.reproduction import Reproduction
+
+
+def reproduce(
+    scene: Annotated[str, typer.Argument(
+        metavar="SCENE", help="Only the items of this scene of the paper.")] = "",
+    quick: Annotated[bool, typer.Option(
+        "--quick", help="Shorter runs and fewer seeds where the whole takes long.")] = False,
+    items: Annotated[str, typer.Option(
+        help="Only these, such as fig_4,table_2.")] = "",
+    out: Annotated[Path | None, typer.Option(
+        "--out", help="Directory for pages and runs, continued if it exists (default: "
+                      "runs/reproduce, or runs/reproduce-quick).")] = None,
+    workers: Annotated[int | None, typer.Option(
+        help="Worker processes (default: one per processor).")] = None,
+    paper: Annotated[str, typer.Option(help="A packaged paper's name, or a paper file.")] = PAPER,
+    force: Force = False, as_json: Json = False, quiet: Quiet = False,
+) -> None:
+    """Recompute the figures and tables of a paper, with published numbers and verdicts."""
+    with exit_codes(as_json):
+        from sparsemor.core.analysis.reproduction import reproduce as reproduced
+
+        try:
+            with located_in():
+                done = reproduced(
+                    scene, quick=quick, out=out, items=words(items) or (), workers=workers,
+                    paper=paper, force=force,
+                    watch=lambda line: None if quiet or as_json else typer.echo(line, err=True))
+        except KeyboardInterrupt:
+            leave(["interrupted: the same command continues"], INTERRUPTED)
+        else:
+            _report(done, as_json, quiet)
+
+
+def _report(done: "Reproduction", as_json: bool, quiet: bool) -> None:
+    if as_json:
+        print_json({
+            "status": "failed" if done.incomplete else "done", "out": str(done.folder),
+            "counts": dict(done.counts), "verdicts": [
+                {"item": v.item, "verdict": v.grade, "rule": v.rule, "faults": v.faults,
+                 "numbers": {n.name: {"published": n.paper, "here": n.here, "unit": n.unit}
+                             for n in v.numbers}} for v in done.verdicts]})
+    elif not quiet:
+        for v in done.verdicts:
+            typer.echo(f"{v.item:10} {v.grade}{': ' * bool(v.faults)}{'; '.join(v.faults)}")
+        counts = ", ".join(f"{count} {grade}" for grade, count in done.counts.items())
+        typer.echo(f"{counts}: {done.folder / 'index.html'}")
+    if done.incomplete:
+        leave(["some items could not be computed"], FAILED)

@@ -1,0 +1,47 @@
+"""Products of a matrix with vectors of which few entries are nonzero, such as the coefficients of a
+complete basis with few active atoms."""
+
+from functools import lru_cache
+
+import numpy as np
+
+from sparsemor.core import FloatArray, IntArray
+
+KEPT = 16
+"""Number of sets of nonzero entries whose columns are kept."""
+NEGLIGIBLE = 1e-40
+"""Size of an entry, relative to the largest, below which it counts as zero. Rates of atoms that
+left the support fall to round-off of round-off in each step, down to numbers that are slow to
+multiply because they are below the normal range."""
+WIDE = 200
+"""Number of columns from which reading some of them is faster than a product with all."""
+
+
+def few(active: IntArray | None, columns: int) -> bool:
+    """True if so few of the columns are active (None: all) that products read only these."""
+    return active is not None and columns >= WIDE and 4 * len(active) <= columns
+
+
+class ActiveColumns:
+    """Matrix A (r, k) whose columns are read only where the vector is nonzero.
+
+    The columns of recent sets of nonzero entries are kept, because supports change seldom: a
+    product then costs r times the number of nonzero entries. Results do not depend on the order of
+    the products, so that several threads may share one object.
+    """
+
+    def __init__(self, A: FloatArray) -> None:
+        self.transposed = np.ascontiguousarray(A.T)
+        self._columns = lru_cache(maxsize=KEPT)(self._gathered)
+
+    def times(self, u: FloatArray) -> FloatArray:
+        """A u (r,), or U A^T (j, r) for several vectors U (j, k)."""
+        size = np.abs(u)
+        some = size > NEGLIGIBLE * size.max(initial=0.0)
+        if u.ndim > 1:
+            some = some.any(axis=0)
+        return np.asarray(u[..., some].dot(self._columns(some.tobytes())))
+
+    def _gathered(self, nonzero: bytes) -> FloatArray:
+        """Columns (j, r), transposed, in a mask (k,)."""
+        return self.transposed[np.frombuffer(nonzero, dtype=np.bool_)]

@@ -1,0 +1,194 @@
+"""The packaged hot_pendulum: errors of each field under flux histories that were not trained, cost
+of a step, and cost of the reducer's own training.
+
+    python tests/benchmarks/hot_pendulum.py [--elements 1280 20480] [--end 0.5] [--states DIR]
+
+Full order and reduced models on one mesh after the other; the training run is full order under the
+history of `training.overrides`. Errors are the largest over time and unknowns, relative to the
+largest change of the field at full order. Steps are timed in CPU time of one process, in turns. At
+20480 triangles per link a full-order run of 1 s takes ten minutes: --end shortens all of them,
+--states keeps their states in a folder and uses them again.
+"""
+
+import argparse
+import resource
+import sys
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import common
+import numpy as np
+import report
+
+from sparsemor.core import FloatArray, ReducedProblem
+from sparsemor.core.model.assembly import assemble
+from sparsemor.core.model.model import Model
+from sparsemor.core.scene.scene import Scene
+from sparsemor.core.simulation.offline import Offline
+from sparsemor.core.testing.in_memory_run import March, march
+
+FLUX = "loads.heating.flux"
+HISTORIES: dict[str, Any] = {
+    "pulses": None,  # the scene's own
+    "sine": {"use": "sine", "amplitude": 7e6, "frequency": 5.0, "offset": 7e6},
+    "ramp": {"use": "table", "times": [0.0, 1.0], "values": [0.0, 1.4e7]}}
+"""Histories of the flux in runs, W/m2; none of them is that of the training run."""
+REDUCERS = ("galerkin", "ecsw")
+ERROR, FULL_TO_BEST = 1e-4, 25.0
+
+
+@dataclass(frozen=True)
+class Case:
+    """One mesh: scene, its full-order states by history, and the snapshots of its training run."""
+
+    own: Scene
+    model: Model
+    states: Mapping[str, FloatArray]
+    snapshots: Mapping[str, FloatArray]
+
+    def scene(self, history: str, **changes: Any) -> Scene:
+        flux = HISTORIES[history]
+        return self.own.using(changes if flux is None else {FLUX: flux, **changes})
+
+
+def full_order(scene: Scene, folder: Path | None, name: str) -> FloatArray:
+    """States (M, n) of the full-order run of a scene, from the folder if they are there."""
+    kept = None if folder is None else folder / f"{name}.npy"
+    if kept is not None and kept.exists():
+        return np.asarray(np.load(kept))
+    report.progress(f"full order, {name}")
+    x = march(scene.using({"reducer": "full"})).x
+    if kept is not None:
+        kept.parent.mkdir(parents=True, exist_ok=True)
+        np.save(kept, x)
+    return x
+
+
+def case_of(elements: int, given: argparse.Namespace) -> Case:
+    own = common.scene_at(elements, given.end, "hot_pendulum")
+    if given.atoms is not None:
+        own = own.using({"reducer.basis.count": given.atoms})
+    model = assemble(own)
+    name = f"{{}}_{elements}_{round(given.end / own.time.step)}"
+    trained = full_order(own.using(own.training.overrides), given.states, name.format("training"))
+    case = Case(own, model, {}, {b: np.ascontiguousarray(trained[:, model.layout[b]].T)
+                                 for b in model.reducible()})
+    states = {h: full_order(case.scene(h), given.states, name.format(h)) for h in given.histories}
+    return Case(own, model, states, case.snapshots)
+
+
+def errors(run: March, x: FloatArray) -> dict[str, float]:
+    """Largest error of rigid coordinates, displacements and temperatures, each relative to the
+    largest change of its field in the states x of full order."""
+    layout, dictionaries = run.model.layout, run.solver.dictionaries
+    found = {"rigid": 0.0, "elastic": 0.0, "thermal": 0.0}
+    for block in layout:
+        if block.field in found:
+            want, here = x[:, layout[block.name]], run.block(block.name)
+            if block.name in dictionaries:
+                d = dictionaries[block.name]
+                here = d.offset + here @ d.atoms.T
+            error = float(np.abs(here - want).max() / np.abs(want - want[0]).max())
+            found[block.field] = max(found[block.field], error)
+    return found
+
+
+def options(case: Case, name: str) -> dict[str, Any]:
+    """A reducer with the bases of the scene."""
+    packaged: dict[str, Any] = case.own.dump()["reducer"]
+    return {**packaged, "use": name} if name == "ecsw" else {
+        "use": name, "basis": packaged["basis"], "bases": packaged.get("bases", {})}
+
+
+def measured(out: report.Report, elements: int, given: argparse.Namespace) -> None:
+    case = case_of(elements, given)
+    title = f"2 x {elements} triangles"
+    accuracy = out.table(f"{title}: errors", rigid=".1e", elastic=".1e", thermal=".1e")
+    cost = out.table(f"{title}: cost", ms=".3f", full_to_this=".1f", offline_s=".1f")
+    solvers, rows = dict[str, Any](), dict[str, dict[str, Any]]()
+    solvers["full"], _ = prepared(case, "full")
+    rows["full"] = {"method": "full"}
+    largest = dict.fromkeys(REDUCERS, 0.0)
+    for name in REDUCERS:
+        for history, x in case.states.items():
+            run = march(case.scene(history, reducer=options(case, name)),
+                        snapshots=case.snapshots)
+            found = errors(run, x)
+            largest[name] = max(largest[name], *found.values())
+            accuracy.add(reducer=name, history=history, **found)
+            report.progress(f"{title}, {name}, {history}: {found}")
+        solver, seconds = prepared(case, name)
+        solvers[name] = solver
+        rows[name] = {
+            "method": name, "elements": sum(solver.elements_touched[b] for b in case.snapshots),
+            "offline_s": seconds,
+            "residual": max((float(f.get("residual", 0.0)) for f in solver.facts.values()),
+                            default=0.0)}
+    for name, ms in timed(case, solvers, given).items():
+        rows[name] |= {"ms": ms}
+    full = rows["full"]["ms"]
+    for row in rows.values():
+        cost.add(**row, full_to_this=full / row["ms"])
+    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    out.remarks.append(f"{title}: at most {memory:.0f} MB in use")
+    best = min(REDUCERS, key=lambda name: rows[name]["ms"])
+    out.at_most(f"{title}: {best}, largest error of a field", largest[best], ERROR)
+    out.at_least(f"{title}: full order over {best}", full / rows[best]["ms"], FULL_TO_BEST)
+
+
+def prepared(case: Case, name: str) -> tuple[Any, float]:
+    """Step solver of a method, and CPU seconds of its preparation."""
+    scene = case.own.using({"reducer": "full" if name == "full" else options(case, name)})
+    begun = time.process_time()
+    solver = scene.reducer.prepare(ReducedProblem(
+        case.model, scene.integrator, scene.time.step, Offline.of(case.model, case.snapshots),
+        np.random.default_rng(scene.seed)))
+    return solver, time.process_time() - begun
+
+
+def timed(case: Case, solvers: Mapping[str, Any], given: argparse.Namespace) -> dict[str, float]:
+    """Median CPU ms per step over windows in turn, which follow one another in the run."""
+    ways = {n: common.Stepping.begin(case.own, case.model, s) for n, s in solvers.items()}
+    times: dict[str, list[float]] = {name: [] for name in ways}
+    for _ in range(given.windows):
+        for name, way in ways.items():
+            steps = given.steps if name == "full" else 5 * given.steps
+            with common.no_collector():
+                start = time.process_time()
+                for _ in range(steps):
+                    way.step()
+                times[name].append(1e3 * (time.process_time() - start) / steps)
+    return {name: float(np.median(t)) for name, t in times.items()}
+
+
+def fill(out: report.Report, given: argparse.Namespace) -> None:
+    out.settings |= {
+        "runs": f"bdf1, {given.end:g} s in steps of 1 ms",
+        "atoms": given.atoms or "as packaged",
+        "histories": ", ".join(given.histories),
+        "time": f"CPU time per step, median of {given.windows} windows in turn"}
+    for elements in given.elements:
+        measured(out, elements, given)
+
+
+def arguments() -> argparse.Namespace:
+    parser = report.options("hot_pendulum", __doc__)
+    parser.add_argument("--elements", type=int, nargs="+", default=[1280])
+    parser.add_argument("--atoms", type=int, help="of each field; as packaged if left out")
+    parser.add_argument("--end", type=float, default=1.0, help="end of all runs, s")
+    parser.add_argument("--histories", nargs="+", choices=list(HISTORIES), default=list(HISTORIES))
+    parser.add_argument("--states", type=Path, help="folder of full-order states")
+    parser.add_argument("--windows", type=int, default=5)
+    parser.add_argument("--steps", type=int, default=10, help="full-order steps of a window")
+    given = parser.parse_args()
+    if given.quick:
+        given.elements, given.end, given.histories = [320], 0.02, ["sine"]
+        given.windows, given.steps = 1, 2
+    return given
+
+
+if __name__ == "__main__":
+    sys.exit(report.run_plan("hot_pendulum", fill, arguments()))
