@@ -270,5 +270,5 @@ def test_new_plugin_writes_a_package_once():
     assert 'my_rows = "sparsemor_my_rows:MyRows"' in Path(
         "sparsemor-my-rows/pyproject.toml").read_text()
     assert sparsemor("new-plugin", "my_rows", "--kind", "sampler").code == 2
-    assert "did you mean sampler?" in sparsemor("new-plugin", "x", "--kind", "sampelr").err
+    assert "did you mean sampler" in sparsemor("new-plugin", "x", "--kind", "sampelr").err
     assert sparsemor("new-plugin", "My-Rows", "--kind", "sampler").code == 2

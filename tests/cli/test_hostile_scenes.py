@@ -161,7 +161,7 @@ def test_a_time_grid_is_refused_with_its_memory_and_time() -> None:
 def test_a_result_too_large_for_the_disk_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """86 numbers a stored step: 688 MB of a million steps, on a disk with 1 GB."""
+    """87 numbers a stored step: 696 MB of a million steps, on a disk with 1 GB."""
     monkeypatch.setattr("shutil.disk_usage", lambda place: SimpleNamespace(free=10**9))
     model, there = checked_model(load(TINY)), tmp_path / "not" / "there"
     room_for_result(load(TINY, {"time.end": 1e3}), model, there)
