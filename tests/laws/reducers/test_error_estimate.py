@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from error_estimates import model_of, states
-from reduced_runs import learnt
+from reduced_runs import learnt, model_of, states
 from small_scenes import everything, tiny
 from sparsemor.core.analysis.charts.error_over_time import error_over_time_figure
 from sparsemor.core.analysis.compare import compare

@@ -5,8 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from error_estimates import errors, estimates
-from reduced_runs import learnt
+from reduced_runs import errors, estimates, learnt
 from sparsemor.core.scene.scene import Scene, load
 from sparsemor.core.testing.in_memory_run import march, scene_of
 
