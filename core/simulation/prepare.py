@@ -13,7 +13,15 @@ from sparsemor.core.model.factorizations import Factored
 from sparsemor.core.model.initial_state import consistent_state, start_notes
 from sparsemor.core.model.model import Model
 from sparsemor.core.notes import Note
-from sparsemor.core.protocols import BodyShape, ChecksLayout, ReducedProblem, State, StepSolver
+from sparsemor.core.protocols import (
+    BodyShape,
+    ChecksLayout,
+    ErrorEstimator,
+    EstimatesErrors,
+    ReducedProblem,
+    State,
+    StepSolver,
+)
 from sparsemor.core.registry.hooks import Manager
 from sparsemor.core.registry.returned_values import complete
 from sparsemor.core.results.metadata import RunHeader
@@ -47,7 +55,8 @@ class PreparedRun:
     unknowns of a solver without mesh; header: of the result; probes, given: what is recorded next
     to the unknowns; notes, stability, spaces: findings before the first step; trained_to: end of
     the training run, s; contacts: warnings about contacts along a rigid-body pre-simulation, None
-    without one. model: assembled model, None where it is not at hand.
+    without one. model: assembled model, and estimator: of the error, None where they are not
+    at hand.
     """
 
     scene: Scene
@@ -62,6 +71,7 @@ class PreparedRun:
     trained_to: float
     contacts: tuple[Note, ...] | None
     model: Model | None = None
+    estimator: ErrorEstimator | None = None
 
     def factored(self) -> Sequence[Factored]:
         """Reports of the linear systems of the assembled model."""
@@ -82,23 +92,27 @@ def prepared_run(
     if out is not None:
         room_for_result(scene, model, out)
     with np.errstate(all="ignore"):  # overflow ends in a status, not in a warning
-        solver: StepSolver = scene.reducer.prepare(ReducedProblem(
-            model, scene.integrator, scene.time.step, offline, np.random.default_rng(scene.seed)))
+        problem = ReducedProblem(
+            model, scene.integrator, scene.time.step, offline, np.random.default_rng(scene.seed))
+        solver: StepSolver = scene.reducer.prepare(problem)
         complete(solver, StepSolver, scene.reducer, "prepare", "reducer")
         start = consistent_state(model)
         unstable, stability = check_run(scene, model, solver, start, offline)
         spaces = trial_spaces(model, offline, solver.dictionaries, scene.time.step, scene.time.end)
+        estimator = _estimator(scene.reducer, problem, solver)
         solver = controlled(scene, model, offline, solver)
     integrator: object = scene.integrator
     of_integrator = integrator.notes(model.layout) if isinstance(integrator, ChecksLayout) else ()
     return PreparedRun(
-        scene, solver, start, header_of(scene, model, solver, step_count(scene)),
+        scene, solver, start, header_of(
+            scene, model, solver, step_count(scene), () if estimator is None else estimator.blocks),
         tuple(ProbeReader.of(p, solver.layout, solver.dictionaries) for p in model.probes),
         {n: shape for n, shape in shapes(model).items() if shape.given},
         (*start_notes(model), *of_integrator, *solver.notes, *before_run(scene, model),
-         *of_solver(scene, solver), *unstable, *space_notes(spaces)),
+         *of_solver(scene, solver), *unstable, *space_notes(spaces),
+         *(() if estimator is None else estimator.notes)),
         stability, spaces, scene.training_end, stage_warnings(model),
-        model), offline
+        model, estimator), offline
 
 
 def prepared(
@@ -120,3 +134,13 @@ def prepared(
     offline.expected = fitting(scene, model, offline).total
     room_for_snapshots(scene, model, offline)
     return model, offline
+
+
+def _estimator(
+    reducer: object, problem: ReducedProblem, solver: StepSolver
+) -> ErrorEstimator | None:
+    """Estimator of the error of the coming run, if the reducer has one and its options request
+    it."""
+    if not isinstance(reducer, EstimatesErrors):
+        return None
+    return reducer.error_estimator(problem, solver)

@@ -20,6 +20,7 @@ from sparsemor.core.protocols import (
 from sparsemor.core.protocols.step_solver import resultant_sources_of, resultants
 from sparsemor.core.results.arrays_in_memory import MemoryWriter
 from sparsemor.core.results.checkpoint import Checkpoint
+from sparsemor.core.results.error_norms import estimated_errors
 from sparsemor.core.results.json_data import finite
 from sparsemor.core.results.output_directory import STORE
 from sparsemor.core.results.output_lock import check_owned
@@ -29,6 +30,7 @@ from sparsemor.core.results.store import ChunkOfSteps, ResultWriter
 from sparsemor.core.results.zarr_files import read_group
 from sparsemor.core.scene.run_identity import Identity
 from sparsemor.core.simulation.admission import admit
+from sparsemor.core.simulation.error_record import ErrorRecord
 from sparsemor.core.simulation.memory.use import MemoryUse
 from sparsemor.core.simulation.offline_cache import Products
 from sparsemor.core.simulation.prepare import PreparedRun
@@ -55,6 +57,7 @@ class Recorder:
         self.products = Products(None) if products is None else products
         self.notes: tuple[Note, ...] = ()  # of a result that is resumed
         self.memory: MemoryUse | None = None
+        self.errors: ErrorRecord | None = None
         self._every, self._saved = run.scene.output.every, time.perf_counter()
         # along a rigid stage histories are kept already; only conduction acts in addition
         self._keeps_contacts = run.header.stage is None
@@ -95,14 +98,21 @@ class Recorder:
                 if arrays[name].shape != array.shape or arrays[name].dtype != array.dtype:
                     raise SavedError(f"{name} has shape {arrays[name].shape}, and {array.shape} "
                                      "in this program")
-            found = self.checkpoint.memory.into({"memory": memory, "tally": tally}, "state")
+            found = self.checkpoint.memory.into(self._carried(memory, tally), "state")
             t, memory, tally = float(arrays["t"]), found["memory"], found["tally"]
+            if self.errors is not None:
+                self.errors.restart(found["errors"])
         except (KeyError, SavedError) as error:
             raise InputError(
                 f"{self._out} cannot be resumed: its checkpoint does not fit ({error}); start "
                 "again, with --force or into another directory", "resume") from None
         tally.offline += offline
         return State(t, *(arrays[name] for name in own)), memory, tally
+
+    def _carried(self, memory: StepMemory, tally: Tally) -> dict[str, object]:
+        """Data in addition to the state from which a stopped run continues."""
+        estimated = {} if self.errors is None else {"errors": self.errors.memory}
+        return {"memory": memory, "tally": tally, **estimated}
 
     def start(self, state: State, supports: Mapping[str, BoolArray], memory: StepMemory) -> None:
         self._keep(state, Tally(), supports, memory)
@@ -112,6 +122,8 @@ class Recorder:
     ) -> bool:
         """Buffers an accepted step if it is to be stored; True if it is time to commit and save a
         checkpoint."""
+        if self.errors is not None:
+            self.errors.take(state, tally.done)
         if tally.done % self._every and tally.done != self.steps:
             return False
         self._keep(state, tally, supports, memory)
@@ -133,6 +145,8 @@ class Recorder:
         self._rows.append((
             state.t, state.x, tally.last_iterations, tally.last_remaining, tally.last_seconds))
         self._supports.append(dict(supports))
+        if self.errors is not None:
+            self.errors.store()
         sources = resultant_sources_of(self.solver, memory) if self._keeps_contacts else ()
         self._contacts.append(resultants(sources, state))
 
@@ -141,10 +155,11 @@ class Recorder:
         self.flush()
         arrays = {"t": np.array(state.t), "x": state.x, "v": state.v, "a": state.a,
                   "memory": state.memory}
-        self.writer.checkpoint(arrays, {"memory": memory, "tally": tally})
+        self.writer.checkpoint(arrays, self._carried(memory, tally))
         self._saved = time.perf_counter()
 
     def flush(self) -> None:
+        estimates = {} if self.errors is None else self.errors.stored()
         if not self._rows:
             return
         t, x, iterations, remaining, seconds = (
@@ -157,8 +172,14 @@ class Recorder:
             times, X, np.array(iterations), np.array(remaining), np.array(seconds), supports,
             {p.name: p(times, X) for p in self.run.probes},
             {name: np.array([c[name] for c in self._contacts]) for name in self._contacts[0]},
-            {body: shape.given_at(times) for body, shape in self.run.given.items()}))
+            {body: shape.given_at(times) for body, shape in self.run.given.items()}, estimates))
         self._rows, self._supports, self._contacts = [], [], []
+
+    def _estimated(self) -> dict[str, float]:
+        """Block -> largest estimated error at the stored steps, relative to its largest change."""
+        return {} if self.errors is None else {
+            name: float(e.max(initial=0.0))
+            for name, e in estimated_errors(self.writer.result()).items()}
 
     @property
     def _out(self) -> str:
@@ -200,6 +221,7 @@ class Recorder:
             "offline_s": dict(self.products.seconds),
             "offline_whole_s": self.products.spent.whole(tally.offline),
             **in_summary((*self.run.notes, *self.notes, *_full_newton(counters, done))),
+            "error_estimate": self._estimated(),
             "stability": dict(self.run.stability),
             "linear_solvers": solvers_summary(
                 [*self.run.factored(), *self.products.factorizations],

@@ -31,8 +31,11 @@ def multiplier_components(model: Model) -> dict[str, tuple[tuple[str, str], ...]
     return found
 
 
-def header_of(scene: Scene, model: Model, solver: StepSolver, steps: int) -> RunHeader:
-    """Header of the result of a run of `steps` steps."""
+def header_of(
+    scene: Scene, model: Model, solver: StepSolver, steps: int, estimates: tuple[str, ...] = ()
+) -> RunHeader:
+    """Header of the result of a run of `steps` steps. estimates: blocks whose error is
+    estimated."""
     from importlib.metadata import entry_points
 
     found = entry_points()
@@ -56,5 +59,5 @@ def header_of(scene: Scene, model: Model, solver: StepSolver, steps: int) -> Run
         stage=model.stage,
         contacts={a.name: a.term.histories for a in resultant_sources_of(solver, None)}
         if model.stage is None else {},
-        multipliers=multiplier_components(model),
+        multipliers=multiplier_components(model), estimates=estimates,
     )

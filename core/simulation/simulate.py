@@ -37,6 +37,7 @@ from sparsemor.core.simulation.diagnostics.trial_space import (
     beyond_training,
 )
 from sparsemor.core.simulation.diagnostics.undershoot import undershoot
+from sparsemor.core.simulation.error_record import ErrorRecord, large_estimates
 from sparsemor.core.simulation.interrupt import Interrupt
 from sparsemor.core.simulation.memory.limits import peak
 from sparsemor.core.simulation.memory.use import MemoryUse
@@ -112,6 +113,8 @@ def stepped(
         state, memory = started(solver, scene.integrator, run.start)
         complete(memory, StepMemory, scene.reducer, "start", "reducer")
         many = many_steps(solver, scene.integrator, scene.time.step, step_count(scene))
+        if run.estimator is not None:
+            recorder.errors = ErrorRecord(run.estimator, run.start, state)
         if recorder.checkpoint is not None:
             state, memory, tally = recorder.restored(state, memory, tally)
         sampled = solver.rows_at(memory) if isinstance(solver, RedrawsRows) else solver.rows
@@ -211,7 +214,8 @@ class _Run:
             notes += alternating_forces(result)
             if model is not None:
                 notes += (*undershoot(model, result), *after_run(model, result))
-            return (*notes, *beyond_training(run.spaces, result, run.trained_to))
+            return (*notes, *large_estimates(result),
+                    *beyond_training(run.spaces, result, run.trained_to))
         except Damaged as error:
             raise OSError(errno.EIO, str(error)) from None
 
