@@ -13,11 +13,12 @@ from sparsemor.core.linalg.threads import described, elsewhere
 from sparsemor.core.notes import Level, Note, information, kinds, sentences
 from sparsemor.core.protocols import (
     CountsLinearIterations,
+    ReportsTerms,
     State,
     StepMemory,
     StepSolver,
 )
-from sparsemor.core.protocols.step_solver import resultant_sources_of, resultants
+from sparsemor.core.protocols.step_solver import resultants
 from sparsemor.core.results.arrays_in_memory import MemoryWriter
 from sparsemor.core.results.checkpoint import Checkpoint
 from sparsemor.core.results.error_norms import estimated_errors
@@ -60,7 +61,9 @@ class Recorder:
         self.errors: ErrorRecord | None = None
         self._every, self._saved = run.scene.output.every, time.perf_counter()
         # along a rigid stage histories are kept already; only conduction acts in addition
-        self._keeps_contacts = run.header.stage is None
+        solver: object = run.solver
+        self._reports = solver if run.header.stage is None and isinstance(
+            solver, ReportsTerms) else None
         self._rows: list[tuple[float, FloatArray, int, float, float]] = []
         self._contacts: list[Mapping[str, float]] = []
         self._supports: list[Mapping[str, BoolArray]] = []
@@ -147,7 +150,7 @@ class Recorder:
         self._supports.append(dict(supports))
         if self.errors is not None:
             self.errors.store()
-        sources = resultant_sources_of(self.solver, memory) if self._keeps_contacts else ()
+        sources = () if self._reports is None else self._reports.resultant_sources(memory)
         self._contacts.append(resultants(sources, state))
 
     def save(self, state: State, memory: StepMemory, tally: Tally) -> None:
