@@ -22,7 +22,7 @@ from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.offline_cache import Products
 from sparsemor.core.simulation.rigid_stage import staged
 
-LIMITS = {"double_pendulum": 1e-8, "slider_plate": 1e-4}
+LIMITS = {"double_pendulum": 1e-8, "slider_plate": 1e-4, "brake_disk": 1e-3}
 QUICK = {"bodies.link1.mesh.elements": 320, "bodies.link2.mesh.elements": 320,
          "time.end": 0.06, "training.end": 0.06}
 BETWEEN, ROUNDS = 10, 20
