@@ -22,8 +22,8 @@ class SelectedPrescribed(ReducedPrescribed):
 
     Its operators (s, k), D^-1 times mass, stiffness, damping, coupling and the M_g (`turning`), are
     computed only in the columns whose unknowns are not zero. With m sampled rows all columns would
-    take s m k operations for each new support. sizes (g,): Frobenius norms of D^-1 M_g in the
-    active columns.
+    take s m k operations for each new support. G (g, s, s): D^-1 M_g in the active columns; sizes
+    (g,): their Frobenius norms.
     """
 
     inertia: ActiveColumns
@@ -31,12 +31,12 @@ class SelectedPrescribed(ReducedPrescribed):
     damping: ActiveColumns | None
     coupling: ActiveColumns
     turning: tuple[ActiveColumns, ...]
+    G: FloatArray
     sizes: FloatArray
     base: FloatArray
     E: FloatArray
     loads: FloatArray
     c1: float
-    atoms: int
     active: IntArray
     amplitudes: tuple[Amplitude, ...]
     tables: tuple[Moving, ...] = ()
@@ -48,13 +48,14 @@ class SelectedPrescribed(ReducedPrescribed):
     ) -> "SelectedPrescribed":
         """Reduced block from the tested operators, whose columns are contiguous; left: see
         `CompressedPrescribed.of`."""
-        turns = [left @ A[:, support] for A in b.generators]
+        s = len(left)
+        G = np.array([left @ A[:, support] for A in b.generators]).reshape(-1, s, s)
         return cls(
             ActiveColumns(b.mass, -left), ActiveColumns(b.stiffness, -left),
             ActiveColumns(b.damping, -left) if b.damping.any() else None,
             ActiveColumns(b.coupling, left), tuple(ActiveColumns(A, left) for A in b.generators),
-            np.array([float(np.linalg.norm(A)) for A in turns]), -left @ b.constant,
-            -left @ b.directions, left @ b.loads, c1, b.mass.shape[1], support, b.amplitudes,
+            G, np.linalg.norm(G, axis=(1, 2)), -left @ b.constant, -left @ b.directions,
+            left @ b.loads, c1, support, b.amplitudes,
             tabulated(b.tables, left, False), ReducedLocal.of(b.local, left))
 
     def rates(self, k: int) -> tuple[FloatArray, FloatArray]:
@@ -81,20 +82,13 @@ class SelectedPrescribed(ReducedPrescribed):
         (lo, hi), at = past.turning, past.at
         if hi == lo:  # nothing turns
             return past.image - force
-        wide = self._wide(d if past.d is None else d - past.d)  # only what is new is multiplied
-        for g in range(lo, hi):
-            push = past.weights[g] * wide
-            if past.d is None:
-                push += past.kappa[g] * at.x + past.mu[g] * at.v
-            past.image = past.image - self.turning[g].times(push)
-        past.d = d
-        return past.image - force
-
-    def _wide(self, d: FloatArray) -> FloatArray:
-        """All unknowns (k,), from the active ones."""
-        wide = np.zeros(self.atoms)
-        wide[self.active] = d
-        return wide
+        new = d if past.d is None else d - past.d  # only what is new is multiplied
+        image: FloatArray = past.image - past.weights[lo:hi].dot(self.G[lo:hi].dot(new))
+        if past.d is None:
+            for g in range(lo, hi):
+                image -= self.turning[g].times(past.kappa[g] * at.x + past.mu[g] * at.v)
+        past.d, past.image = d, image
+        return image - force
 
     def noise(self, d: FloatArray, past: Past) -> float:
         at = past.at
@@ -105,7 +99,8 @@ class SelectedPrescribed(ReducedPrescribed):
             size += self.coupling.magnitude(at.T)
         if past.local is not None:
             size += np.abs(past.local.rows(d))
-        wide = self._wide(np.abs(d))
+        wide = np.zeros(len(at.x))
+        wide[self.active] = np.abs(d)
         for g, A in enumerate(self.turning):
             size += A.magnitude(abs(past.kappa[g]) * np.abs(at.x) + abs(past.mu[g]) * np.abs(at.v)
                                 + abs(past.weights[g]) * wide)
