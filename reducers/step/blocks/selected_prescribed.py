@@ -49,7 +49,8 @@ class SelectedPrescribed(ReducedPrescribed):
         """Reduced block from the tested operators, whose columns are contiguous; left: see
         `CompressedPrescribed.of`."""
         s = len(left)
-        G = np.array([left @ A[:, support] for A in b.generators]).reshape(-1, s, s)
+        G = np.array([left @ A[:, support] for A in b.generators]).reshape(
+            len(b.generators), s, s)
         return cls(
             ActiveColumns(b.mass, -left), ActiveColumns(b.stiffness, -left),
             ActiveColumns(b.damping, -left) if b.damping.any() else None,

@@ -44,6 +44,8 @@ def test_operators_of_few_active_atoms_are_those_of_all_columns() -> None:
         d = new[0] / np.linalg.norm(new[0])
     noise = [b.noise(d, past) for b, past in zip((whole, few), pasts, strict=True)]
     np.testing.assert_allclose(noise[1], noise[0], rtol=1e-12)
+    none = SelectedPrescribed.of(t, np.zeros((0, M)), ACTIVE[:0], 2.0, 3.0)
+    assert none.G.shape == (G, 0, 0) and not none.sizes.any()
 
 
 def test_rows_are_not_turned_where_columns_are_no_fewer() -> None:
