@@ -57,12 +57,14 @@ def screened(
     """Share of columns that are excluded, and the error of the lasso, for each penalty."""
     from sklearn.linear_model import lars_path  # of the extra `lars`
 
-    top = float(np.abs(J.T @ before).max())
-    m, change = len(before), float(np.linalg.norm(now - before))
-    values, _, path = lars_path(J, before, method="lasso", alpha_min=PENALTIES[-1] * top / m)
+    m = len(before)
+    scale = m / float(np.abs(J.T @ before).max())  # LARS stops at an absolute tolerance
+    before, now = scale * before, scale * now
+    change = float(np.linalg.norm(now - before))
+    values, _, path = lars_path(J, before, method="lasso", alpha_min=PENALTIES[-1])
     values = np.asarray(values) * m
     for penalty in PENALTIES:
-        level = penalty * top
+        level = penalty * m
         # the path is linear in lambda between its corners
         z = np.array([np.interp(level, values[::-1], row[::-1]) for row in path])
         r = before - J @ z
