@@ -166,13 +166,15 @@ def measure_errors(reference: RunResult, run: RunResult, late_from: float = 0.0)
 
 def estimated_errors(run: RunResult) -> dict[str, FloatArray]:
     """Block -> (j,) error that a run estimated for itself, relative to the block's largest change
-    in the run; absolute where it does not change."""
+    in the run; where that is round-off relative to its initial state."""
     found = {}
     for name in run.error_estimates:
         c = run.coefficients(name)
         R = np.asarray(np.linalg.qr(run.atoms(name), mode="r"))
         change = float(_norms((c - c[:1]) @ R.T).max(initial=0.0))
-        found[name] = run.error_estimate(name) / (change or 1.0)
+        size = float(_norms(run.block(name, slice(0, 1))).max(initial=0.0))
+        scale = change if change > CONSTANT_CHANGE * size else size
+        found[name] = run.error_estimate(name) / (scale or 1.0)
     return found
 
 

@@ -5,7 +5,10 @@ from collections.abc import Mapping
 import numpy as np
 
 from sparsemor.core.arrays import FloatArray
+from sparsemor.core.notes import Note
 from sparsemor.core.protocols import ErrorEstimator, State
+from sparsemor.core.results.error_norms import LIMIT, estimated_errors
+from sparsemor.core.results.run_result import RunResult
 
 TOGETHER = 64
 """Number of states that are evaluated at once: products of matrices instead of vectors."""
@@ -60,3 +63,18 @@ class ErrorRecord:
             # of a run that diverges an estimate may overflow; a result has finite numbers
             self._values[name] += np.nan_to_num(norms, nan=LARGEST, posinf=LARGEST).tolist()
         self._pending = []
+
+
+def large_estimates(result: RunResult) -> tuple[Note, ...]:
+    """Warnings about blocks whose estimated error exceeds the limit from which errors are marked in
+    a comparison."""
+    notes, times = [], result.times
+    for name, error in estimated_errors(result).items():
+        above = np.flatnonzero(error > LIMIT)
+        if len(above):
+            notes.append(Note(
+                f"the estimated error of {name} reaches {error.max():.2g} of its largest change "
+                f"(limit {LIMIT:g}, first above it at {times[above[0]]:.4g} s): train on a run "
+                "that covers this one, or take more atoms, more rows or another basis",
+                "estimated_error"))
+    return tuple(notes)

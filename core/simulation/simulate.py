@@ -41,7 +41,7 @@ from sparsemor.core.simulation.diagnostics.trial_space import (
     space_notes,
     trial_spaces,
 )
-from sparsemor.core.simulation.error_record import ErrorRecord
+from sparsemor.core.simulation.error_record import ErrorRecord, large_estimates
 from sparsemor.core.simulation.interrupt import Interrupt
 from sparsemor.core.simulation.linearization import check_run
 from sparsemor.core.simulation.memory.disk import room_for_result
@@ -226,8 +226,8 @@ class _Run:
         """Notes on the stored results. Raises OSError if a part of them has been lost since."""
         model, kept = self.recorder.model, RunResult(self.recorder.store)
         try:
-            return (*contact_warnings(model, kept), *after_run(model, kept), *beyond_training(
-                self.recorder.spaces, kept, self.scene.training_end))
+            return (*contact_warnings(model, kept), *after_run(model, kept), *large_estimates(kept),
+                    *beyond_training(self.recorder.spaces, kept, self.scene.training_end))
         except Damaged as error:
             raise OSError(errno.EIO, str(error)) from None
 

@@ -156,7 +156,20 @@ def test_a_result_has_the_estimate_at_its_stored_steps() -> None:
         assert result.error_estimate(name).shape == result.times.shape
         assert (result.error_estimate(name)[1:] > 0.0).all()
         assert 0.0 < result.summary["error_estimate"][name] < np.inf
+    assert "estimated_error" not in result.summary["note_kinds"]
     assert simulate(reduced_scene(tiny())).error_estimates == ()
+
+
+@pytest.mark.full
+def test_a_large_estimate_is_a_warning() -> None:
+    """Two vibration modes do not represent the expansion of a heated bar."""
+    scene = reduced_scene(tiny(), error_estimate=1).using({
+        "reducer.bases": {"*.elastic": {"use": "modal", "count": 2}}})
+    result = simulate(scene)
+    worst = result.summary["error_estimate"]["bar.elastic"]
+    assert worst > 0.1 and "estimated_error" in result.summary["note_kinds"]
+    assert any(f"estimated error of bar.elastic reaches {worst:.2g} of" in note
+               for note in result.summary["notes"])
 
 
 @pytest.mark.full
