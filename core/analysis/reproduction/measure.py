@@ -2,13 +2,20 @@
 
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
-from typing import Any, Protocol
+from typing import Any, Literal, Protocol
+
+import numpy as np
 
 from sparsemor.core.analysis.reproduction.rules import Operand
 from sparsemor.core.analysis.study.plan import Plan
 from sparsemor.core.registry.plugin import Plugin
 from sparsemor.core.results.error_norms import Errors
 from sparsemor.core.results.run_result import RunResult
+
+Statistic = Literal["max", "min", "mean", "median", "last", "first"]
+_STATISTICS: Mapping[str, Any] = {
+    "max": np.max, "min": np.min, "mean": np.mean, "median": np.median,
+    "last": lambda v: v[-1], "first": lambda v: v[0]}
 
 
 class Results(Protocol):
@@ -32,6 +39,10 @@ class Measure(Plugin):
         """Names of the studies that it reads."""
         return ()
 
+    def rows(self) -> tuple[Mapping[str, Any], ...]:
+        """Column -> value of the rows that it reads, of each study."""
+        return ()
+
     def profiled(self) -> tuple[str, ...]:
         """Names of the runs whose computing time it divides."""
         return ()
@@ -50,3 +61,8 @@ class OfRun(Measure):
 
     def runs(self) -> tuple[str, ...]:
         return (self.run,)
+
+
+def statistic(name: Statistic, values: Any) -> float:
+    """Statistic of some numbers, such as `median`."""
+    return float(_STATISTICS[name](values))

@@ -19,8 +19,8 @@ from sparsemor.core.analysis.charts import (
 )
 from sparsemor.core.analysis.charts.time_histories import moving_bodies
 from sparsemor.core.analysis.reproduction.measure import Results
-from sparsemor.core.analysis.reproduction.quantities import FIELDS
 from sparsemor.core.analysis.reproduction.sketches import flow_figure, geometry_figure
+from sparsemor.core.analysis.reproduction.state_quantities import FIELDS
 from sparsemor.core.analysis.study.columns import SERIES
 from sparsemor.core.analysis.study.report import over_time
 from sparsemor.core.protocols.layout import FieldKind

@@ -2,8 +2,8 @@
 and faults."""
 
 import json
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -112,6 +112,12 @@ class Plan:
         return cls(read, tuple(runs), maker.references, tuple(columns), tuple(settings),
                    tuple(axis_columns(points)), tuple(chart_columns(read.file, points)), about,
                    fields)
+
+    def only(self, rows: Sequence[Mapping[str, Any]]) -> "Plan":
+        """Plan of the runs whose settings contain one of these: column -> value."""
+        kept = tuple(run for run in self.runs if any(
+            all(run.settings.get(k) == v for k, v in row.items()) for row in rows))
+        return replace(self, runs=kept, digest=digest(self.digest, [r.number for r in kept]))
 
 
 @dataclass(slots=True)

@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 
 from source_trees import tree_of
+from sparsemor.core.analysis.reproduction.error_quantities import StudyValue
 from sparsemor.core.analysis.reproduction.jobs import command_of, plan_of, scene_of
 from sparsemor.core.analysis.reproduction.page import text_of
 from sparsemor.core.analysis.reproduction.paper import BROKEN, GRADES, MISSED, Item, Paper, RunEntry
 from sparsemor.core.analysis.reproduction.processes import executed
-from sparsemor.core.analysis.reproduction.quantities import StudyValue
 from sparsemor.core.analysis.reproduction.reproduce import (
     chosen_items,
     commands_of,
@@ -115,7 +115,8 @@ def test_every_run_is_a_valid_scene_and_its_command_repeats_it(name: str, quick:
 @pytest.mark.parametrize("quick", [False, True])
 @pytest.mark.parametrize("name", PAPER.studies)
 def test_every_study_has_the_rows_that_items_read(name: str, quick: bool, here: Path) -> None:
-    plan = plan_of(PAPER.studies[name], quick, here / "plans" / f"{name}.yaml")
+    plan = plan_of(
+        PAPER.studies[name], PAPER.rows_read(name), quick, here / "plans" / f"{name}.yaml")
     assert not any(run.refused for run in plan.runs)
     read = [v.of for i in PAPER.items for v in i.values.values() if v.of.studies() == (name,)]
     for value in read:
