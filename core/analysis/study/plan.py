@@ -25,7 +25,7 @@ from sparsemor.core.registry.registry import Registry, suggestions
 from sparsemor.core.scene.digest import digest
 from sparsemor.core.scene.independent_of_physics import NOT_PHYSICS, training_physics
 from sparsemor.core.scene.overrides import split
-from sparsemor.core.scene.run_identity import Identity, environment
+from sparsemor.core.scene.run_identity import Identity, environment, study_digest
 from sparsemor.core.scene.scene import Scene, build
 from sparsemor.core.scene.source import Source, packaged
 from sparsemor.core.scene.yaml_reader import KeyPath, LocatedError
@@ -106,7 +106,7 @@ class Plan:
         columns = columns_of(settings, fields, read.file.errors_from > 0.0, read.file.over_time)
         read.check(taken_names(read.file, error_columns(fields)))
         about = digest(
-            read.source.tree, environment(), maker.identities,
+            read.source.tree, environment(), study_digest(), maker.identities,
             [[r.refused, dict(r.scene.tree) if r.scene else None] for r in runs],
             {key: dict(s.tree) for key, s in maker.references.items()})
         return cls(read, tuple(runs), maker.references, tuple(columns), tuple(settings),
