@@ -63,8 +63,9 @@ def table(file: PaperFile) -> str:
     """Markdown: how many verdicts of each kind, a line for each item, and why items that are
     neither `better` nor `reproduced` are not."""
     quick, whole = stored(QUICK), stored(WHOLE)
-    out = [f"* `sparsemor reproduce{option}`: {counted([g for g, _ in found.values()])}."
-           for option, found in ((" --quick", quick), ("", whole)) if found]
+    out = [f"* `sparsemor reproduce{option}`: "
+           f"{counted([g for g, _ in found.values()]) or 'not run for this table'}."
+           for option, found in ((" --quick", quick), ("", whole))]
     out += ["", "| item | content | published → computed | quick | whole |",
             "|---|---|---|---|---|"]
     reasons = []

@@ -44,7 +44,6 @@ class StoredResults:
 
     def plan(self, study: str) -> Plan:
         """Plan of a study."""
-        self._refuse(study)
         if study not in self._plans:
             folder = folder_of(self.folder, study, False)
             self._plans[study] = plan_of(
