@@ -17,8 +17,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sparsemor.bodies.fem.pointwise_law import PointwiseLaw, Response, Variable
-from sparsemor.core import FloatArray, TimeFunction
+from sparsemor.bodies.fem.pointwise_law import HasLawArrays, PointwiseLaw, Response, Variable
+from sparsemor.core import FloatArray, PointArrays, TimeFunction
 
 
 class Projected(NamedTuple):
@@ -90,6 +90,19 @@ class PointTerm:
     @property
     def elements(self) -> int:
         return len(self.weights)
+
+    def arrays(self) -> PointArrays | None:
+        """The term as arrays, None where its law has none."""
+        law = self.law.arrays() if isinstance(self.law, HasLawArrays) else None
+        if law is None:
+            return None
+        effects = [column for column, _ in self.parts]
+        return PointArrays(
+            law, self.weights, self.coordinates.reshape(len(self.coordinates), -1), self.P,
+            self.offset, np.array(effects).reshape(len(effects), len(self.P)).T,
+            tuple(f.value for _, f in self.parts), tuple(f.rate for _, f in self.parts),
+            np.array([(self.spans[i][0].start, self.spans[i][1], rate) for i, rate in self.reads],
+                     dtype=np.int64), self.tests)
 
     def residual(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> FloatArray:
         return self._rows(self._response(x, v, t))

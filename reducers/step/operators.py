@@ -20,8 +20,10 @@ from sparsemor.core import (
     ElasticOperators,
     FloatArray,
     Frame,
+    HasPointArrays,
     HeatBody,
     IntArray,
+    PointArrays,
     ReducedTerm,
     Table,
     Trial,
@@ -102,6 +104,11 @@ class TestedLocal:
         """Forces (m,) at coefficients [c | cT] and their rates."""
         r = self.term.residual(x, v, a, t)
         return r if self.left is None else np.asarray(self.left @ r)
+
+    def arrays(self) -> PointArrays | None:
+        """The term as arrays, None where the projected one has none."""
+        made = self.term.arrays() if isinstance(self.term, HasPointArrays) else None
+        return made if made is None or self.left is None else made.through(self.left)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
