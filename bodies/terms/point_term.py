@@ -173,8 +173,12 @@ class PointTerm:
             else:
                 left[:, at] = part
                 begun.add((variable, rate))
-        J = np.zeros((rows, self.P.shape[1])) if sums[0] is None else sums[0].dot(self.P)
-        return J if sums[1] is None else np.asarray(J + sums[1].dot(self.P) * c1)
+        by_value, by_rate = sums
+        if by_value is not None and by_rate is not None and (c1 == c1[0]).all():
+            by_value += c1[0] * by_rate  # one product
+            by_rate = None
+        J = np.zeros((rows, self.P.shape[1])) if by_value is None else by_value.dot(self.P)
+        return J if by_rate is None else np.asarray(J + by_rate.dot(self.P) * c1)
 
 
 def _full(y: FloatArray, E: int, Q: int) -> FloatArray:

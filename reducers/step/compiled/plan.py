@@ -12,7 +12,6 @@ from sparsemor.core import (
     HasArrays,
     IntArray,
     Layout,
-    PointArrays,
     UpdateRules,
 )
 from sparsemor.reducers.step.blocks.compressed_elastic import CompressedElastic
@@ -126,17 +125,16 @@ def _heat(
 
 
 def _forces(
-    local: LocalForces | None, name: str, k: int, active: IntArray, laws: list[Law], timed: Timed
+    local: LocalForces | None, name: str, active: IntArray, laws: list[Law], timed: Timed
 ) -> tuple[LocalArrays, LocalArrays]:
-    """Local terms of k displacements that depend on temperatures alone, and the others."""
+    """Local terms of displacements that depend on temperatures alone, and the others."""
     if local is None:
         return NO_LOCAL, NO_LOCAL
     if not isinstance(local, ReducedLocal):
         raise NotCompiled(f"{name} is of full order")
-    still, moving = list[PointArrays](), list[PointArrays]()
-    for term in points_of(local.parts, name):
-        (moving if term.P[:, :k].any() else still).append(term)
-    return (local_arrays(still, active, laws, timed), local_arrays(moving, active, laws, timed))
+    still, moving = (local_arrays(points_of(terms, name), active, laws, timed)
+                     for terms in (local.still, local.moving))
+    return still, moving
 
 
 def _body(b: BodyStep, f: FrameArrays, timed: Timed, laws: list[Law]) -> BodyArrays:
@@ -162,7 +160,7 @@ def _body(b: BodyStep, f: FrameArrays, timed: Timed, laws: list[Law]) -> BodyArr
         _array(e.H[:, :inputs]), _array(e.base), _array(e.H[:, inputs:]), _array(e.S.T),
         _array(e.S[:, active - b.elastic.start]), _array(e.E), _array(e.G.T),
         timed.amplitudes(e.amplitudes), timed.tables(e.tables),
-        *_forces(e.local, b.elastic_name, k, active - b.elastic.start, laws, timed))
+        *_forces(e.local, b.elastic_name, active - b.elastic.start, laws, timed))
 
 
 def _prescribed(
@@ -179,7 +177,7 @@ def _prescribed(
         _array(np.atleast_2d(e.inertia)), _array(np.atleast_2d(e.stiffness)),
         np.zeros((0, k)) if e.damping is None else _array(np.atleast_2d(e.damping)),
         _array(e.coupling), _array(e.G), _array(e.leading), timed.table(table, width), width,
-        *_forces(e.local, b.elastic_name, k, active - b.elastic.start, laws, timed))
+        *_forces(e.local, b.elastic_name, active - b.elastic.start, laws, timed))
 
 
 def model_arrays(s: Stepper, rules: UpdateRules) -> ModelArrays:
