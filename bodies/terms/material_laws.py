@@ -11,7 +11,7 @@ where beta = E alpha / (1 - nu) in plane stress and E alpha / (1 - 2 nu) otherwi
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -37,7 +37,7 @@ from sparsemor.bodies.terms.law_functions import (
     softening_pairs,
     stored_heat,
 )
-from sparsemor.core import FloatArray, LawArrays, LawFunction, TemperatureProperty
+from sparsemor.core import FloatArray, LawArrays, TemperatureProperty
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,7 +54,7 @@ class Departure:
 
 
 def _arrays(
-    function: LawFunction, pairs: Sequence[tuple[int, int]], first: Sequence[float],
+    function: Callable[..., None], pairs: Sequence[tuple[int, int]], first: Sequence[float],
     *of: TemperatureProperty | float
 ) -> LawArrays | None:
     """A law with its first numbers and those of its properties; None where one has none."""

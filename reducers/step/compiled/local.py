@@ -49,7 +49,7 @@ def no_law(
     numbers: FloatArray, gains: FloatArray, z: FloatArray, x: FloatArray, y: FloatArray,
     slopes: FloatArray
 ) -> None:
-    """In place of laws that a model does not have."""
+    """Law that does nothing, for numbers that no law of a model has."""
 
 
 law_0 = law_1 = law_2 = law_3 = law_4 = law_5 = law_6 = law_7 = no_law

@@ -1,7 +1,6 @@
 """Arrays of the local terms of a block for compiled steps (local.py)."""
 
-from collections.abc import Callable, Sequence
-from typing import TypeAlias
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -10,14 +9,11 @@ from sparsemor.core import (
     FloatArray,
     HasPointArrays,
     IntArray,
-    LawFunction,
     PointArrays,
 )
+from sparsemor.reducers.step.compiled.compile import Called
 from sparsemor.reducers.step.compiled.local import LAWS, NO_LOCAL, LocalArrays
 from sparsemor.reducers.step.compiled.timed import NotCompiled, Timed
-
-Law: TypeAlias = tuple[LawFunction, tuple[Callable[..., object], ...]]
-"""Function of a law, and those that it calls."""
 
 
 def points_of(terms: Sequence[object], name: str) -> list[PointArrays]:
@@ -33,7 +29,7 @@ def points_of(terms: Sequence[object], name: str) -> list[PointArrays]:
 
 
 def local_arrays(
-    found: Sequence[PointArrays], active: IntArray, laws: list[Law], timed: Timed
+    found: Sequence[PointArrays], active: IntArray, laws: list[Called], timed: Timed
 ) -> LocalArrays:
     """Terms of one block, stacked; active (s,): inputs that are solved for. Functions of new laws
     are added to `laws`."""

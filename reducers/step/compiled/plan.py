@@ -25,9 +25,9 @@ from sparsemor.reducers.step.compiled.arrays import (
     ModelArrays,
     PrescribedArrays,
 )
-from sparsemor.reducers.step.compiled.compile import Functions
+from sparsemor.reducers.step.compiled.compile import Called, Functions
 from sparsemor.reducers.step.compiled.local import NO_LOCAL, LocalArrays
-from sparsemor.reducers.step.compiled.local_plan import Law, local_arrays, points_of
+from sparsemor.reducers.step.compiled.local_plan import local_arrays, points_of
 from sparsemor.reducers.step.compiled.timed import NotCompiled, Timed
 from sparsemor.reducers.step.frame_step import BodyStep
 from sparsemor.reducers.step.predictor import block_starts
@@ -49,7 +49,7 @@ class Plan:
     bodies: tuple[BodyArrays, ...]
     prescribed: tuple[PrescribedArrays, ...]
     frame: FrameArrays | None
-    laws: tuple[Law, ...]
+    laws: tuple[Called, ...]
     timed: Timed
     targets: tuple[tuple[int, Amplitude], ...]
     border: int
@@ -71,7 +71,7 @@ class Plan:
 def plan(s: Stepper) -> Plan:
     """Arrays for the steps of `s`. Raises NotCompiled, with the reason, where its model contains
     what compiled steps do not."""
-    mechanics, timed, laws = s.mechanics, Timed(), list[Law]()
+    mechanics, timed, laws = s.mechanics, Timed(), list[Called]()
     if mechanics is None:
         raise NotCompiled("the model has no step of its own blocks")
     heat = tuple(_heat(where, s.heat[name], name, timed, laws) for name, where in s.hot)
@@ -108,7 +108,7 @@ def _split(start: int, k: int, active: IntArray | None) -> tuple[IntArray, IntAr
 
 
 def _heat(
-    where: slice | IntArray, block: HeatBlock, name: str, timed: Timed, laws: list[Law]
+    where: slice | IntArray, block: HeatBlock, name: str, timed: Timed, laws: list[Called]
 ) -> HeatArrays:
     if not isinstance(block, CompressedHeat):
         raise NotCompiled(f"{name} is of full order")
@@ -125,7 +125,7 @@ def _heat(
 
 
 def _forces(
-    local: LocalForces | None, name: str, active: IntArray, laws: list[Law], timed: Timed
+    local: LocalForces | None, name: str, active: IntArray, laws: list[Called], timed: Timed
 ) -> tuple[LocalArrays, LocalArrays]:
     """Local terms of displacements that depend on temperatures alone, and the others."""
     if local is None:
@@ -137,7 +137,7 @@ def _forces(
     return still, moving
 
 
-def _body(b: BodyStep, f: FrameArrays, timed: Timed, laws: list[Law]) -> BodyArrays:
+def _body(b: BodyStep, f: FrameArrays, timed: Timed, laws: list[Called]) -> BodyArrays:
     rows, columns = (i.astype(np.int64) for i in np.nonzero(b.to_border))
     gains = np.array([-1 if a is None else timed.amplitudes([a]) for a in f.amplitudes],
                      dtype=np.int64)
@@ -164,7 +164,7 @@ def _body(b: BodyStep, f: FrameArrays, timed: Timed, laws: list[Law]) -> BodyArr
 
 
 def _prescribed(
-    number: int, b: BodyStep, timed: Timed, laws: list[Law]
+    number: int, b: BodyStep, timed: Timed, laws: list[Called]
 ) -> PrescribedArrays:
     e, table = b.prescribed, b.table
     if not isinstance(e, CompressedPrescribed) or table is None:
