@@ -25,7 +25,7 @@ from sparsemor.core.testing.in_memory_run import march
 from sparsemor.reducers.sparse.stepper import StepsBetween
 from sparsemor.reducers.step.compiled.compile import bound
 from sparsemor.reducers.step.compiled.plan import model_arrays, plan
-from sparsemor.reducers.step.compiled.stepper import CompiledSteps, wanted
+from sparsemor.reducers.step.compiled.stepper import CompiledSteps, compilable, wanted
 from sparsemor.reducers.step.compiled.timed import NotCompiled
 from sparsemor.reducers.step.solver import Stepper
 from turning_bars import bar, turning
@@ -171,21 +171,27 @@ def test_the_partition_into_blocks_changes_no_bit() -> None:
 @pytest.mark.full
 def test_every_plane_joint_and_load() -> None:
     s = everything().using({
-        "time.end": 20 * everything().time.step, "loads.glow": {
-            "use": "convection", "on": ["wall:top", "hot:top"], "film": 9, "temperature": 280}})
+        "time.end": 20 * everything().time.step, "loads.air": {
+            "use": "convection", "on": ["wall:top", "hot:top"], "film": 9, "temperature": 280},
+        "loads.glow": {"use": "radiation", "on": ["wall:top", "hot:top"], "emissivity": 0.9,
+                       "surroundings": 280}})
     case = trained(s, GALERKIN)
     law(case, 15, blocks=3)
 
 
+@pytest.mark.full
 def test_models_that_are_not_covered_say_why() -> None:
     with pytest.raises(NotCompiled, match="full order"):
         plan(trained(tiny(), "full").solver())
-    case = hot()
+    case = hot("galerkin", False)
     solver = case.solver()
     (name,) = solver.heat
     whole = replace(solver.heat[name], local=(Unknown(),))
+    made = solver.with_blocks({name: whole}, {})
     with pytest.raises(NotCompiled, match="not given as arrays"):
-        plan(solver.with_blocks({name: whole}, {}))
+        plan(made)
+    notes = [n.text for n in compilable(made, "on").notes]
+    assert any("compiled: on has no effect" in text for text in notes), notes
 
 
 class Unknown:
@@ -207,8 +213,11 @@ STEEL = {"rho": 7850, "nu": 0.3, "E": {"temperatures": [250, 400, 1000],
 
 
 @cache
-def hot(reducer: Any = "galerkin", **changes: Any) -> Case:
-    """A bar whose properties depend on temperature, with radiation and a film that does."""
+def hot(reducer: str, clamped: bool) -> Case:
+    """A bar whose properties depend on temperature, with radiation and a film that does; clamped:
+    at rest instead of swinging."""
+    rest = {"joints.pin": None, "bodies.bar.frame": "fixed", "bodies.bar.reference": {
+        "clamp": "left"}} if clamped else {}
     return trained(tiny().using({
         "bodies.bar.material": STEEL, "bodies.bar.initial_temperature": "400 + 100*x",
         "loads.glow": {"use": "radiation", "on": ["bar:right"], "emissivity": 0.8,
@@ -218,15 +227,18 @@ def hot(reducer: Any = "galerkin", **changes: Any) -> Case:
                       "film": {"temperatures": [290, 900], "values": [500, 2500]}},
         "joints.bath": {"use": "prescribed_temperature", "on": ["bar:left"], "temperature": {
             "use": "sine", "amplitude": 30, "frequency": 10, "offset": 400}},
-        "time.end": 0.05, **changes}), {**GALERKIN, "use": reducer})
+        "time.end": 0.05, **rest}), {**GALERKIN, "use": reducer})
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("reducer", ["galerkin", "ecsw", "deim"])
-def test_terms_that_depend_on_the_unknowns(reducer: str) -> None:
-    case = hot(reducer)
+@pytest.mark.parametrize("clamped", [False, True])
+def test_terms_that_depend_on_the_unknowns(reducer: str, clamped: bool) -> None:
+    case = hot(reducer, clamped)
     made = plan(case.solver())
     assert len(made.laws) == 6 and len(made.heat[0].local.terms) == 4
-    assert len(made.bodies[0].still.terms) == len(made.bodies[0].local.terms) == 1
+    (body,) = made.prescribed if clamped else made.bodies
+    assert len(body.still.terms) == len(body.local.terms) == 1
     law(case, 30)
 
 
