@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
+from joint_runs import driven
 from random_chains import chain, scene
 from reduced_runs import learnt
 from small_scenes import everything, tiny
@@ -173,6 +174,11 @@ def test_every_plane_joint_and_load() -> None:
             "use": "convection", "on": ["wall:top", "hot:top"], "film": 9, "temperature": 280}})
     case = trained(s, GALERKIN)
     law(case, 15, blocks=3)
+
+
+@pytest.mark.full
+def test_springs_motors_and_torques() -> None:
+    law(trained(scene({"format": 1, **driven()}), GALERKIN), 20)
 
 
 def test_models_that_are_not_covered_say_why() -> None:
