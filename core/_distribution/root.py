@@ -7,6 +7,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from sparsemor.core.analysis.charts.animation import animate as animate
     from sparsemor.core.analysis.compare import compare as compare
     from sparsemor.core.analysis.reproduction import reproduce as reproduce
     from sparsemor.core.analysis.study import study as study
@@ -28,6 +29,7 @@ _HOMES = {
     "Scene": "scene.scene",
     "SolveFailed": "status",
     "Status": "status",
+    "animate": "analysis.charts.animation",
     "compare": "analysis.compare",
     "export": "results.export",
     "load": "scene.scene",
@@ -38,8 +40,8 @@ _HOMES = {
 }
 
 __all__ = [
-    "InputError", "Registry", "Scene", "SolveFailed", "Status", "__version__", "compare",
-    "export", "load", "open_result", "reproduce", "simulate",
+    "InputError", "Registry", "Scene", "SolveFailed", "Status", "__version__", "animate",
+    "compare", "export", "load", "open_result", "reproduce", "simulate",
     "study",
 ]
 

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Protocol
 from sparsemor.core.analysis.charts.active_atoms import active_atoms_figure
 from sparsemor.core.analysis.charts.error_over_time import error_over_time_figure
 from sparsemor.core.analysis.charts.fields import NO_RUNS
+from sparsemor.core.analysis.charts.joint_forces import joint_forces_figure
 from sparsemor.core.analysis.charts.planar_fields import deformation_figure
 from sparsemor.core.analysis.charts.style import save
-from sparsemor.core.analysis.charts.surface_fields import surface_figures
+from sparsemor.core.analysis.charts.surface_fields import DEFAULT_FIELDS, NAMES, surface_figures
 from sparsemor.core.analysis.charts.time_histories import (
     angles_figure,
     contact_forces_figure,
@@ -20,7 +21,8 @@ from sparsemor.core.analysis.charts.time_histories import (
     probe_temperature_figure,
 )
 from sparsemor.core.analysis.charts.work_precision import WorkPoint, work_precision_figure
-from sparsemor.core.protocols.layout import Quantity
+from sparsemor.core.errors import InputError
+from sparsemor.core.results.stress import Field
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -72,11 +74,15 @@ def write_charts(
 
 def write_run_charts(
     run: "RunResult", folder: Path, times: Sequence[float] | None = None,
-    formats: Sequence[str] = FORMATS,
+    formats: Sequence[str] = FORMATS, fields: Sequence[Field] = DEFAULT_FIELDS,
 ) -> list[Path]:
-    """Writes all charts that apply to a single run (no errors, no costs); arguments as in
-    `write_charts`."""
-    figures = _of_reference(run, times)
+    """Writes all charts that apply to a single run (no errors, no costs); fields: those that colour
+    the bodies; other arguments as in `write_charts`. InputError for a field that no body has."""
+    absent = [f.value for f in fields if f not in DEFAULT_FIELDS and not any(
+        run.has(body, f) for body in run.bodies)]
+    if absent:
+        raise InputError(f"no body of this run has {absent[0]}", "fields")
+    figures = _of_reference(run, times, fields=fields)
     figures["angles"] = angles_figure(run, {}, run.reducer)
     figures["active_atoms"] = active_atoms_figure(run, run.reducer)
     return _save_all(figures, folder, formats)
@@ -84,14 +90,14 @@ def write_run_charts(
 
 def _of_reference(
     run: "RunResult", times: Sequence[float] | None, others: "Mapping[str, RunResult]" = NO_RUNS,
-    name: str = "reference",
+    name: str = "reference", fields: Sequence[Field] = DEFAULT_FIELDS,
 ) -> "dict[str, Figure | None]":
-    return {"deformation": deformation_figure(run, Quantity.DISPLACEMENT, times, others, name),
-            "temperature": deformation_figure(run, Quantity.TEMPERATURE, times, others, name),
+    return {**{NAMES[f]: deformation_figure(run, f, times, others, name) for f in fields},
             "probe_displacement": probe_displacement_figure(run, others, name),
             "probe_temperature": probe_temperature_figure(run, others, name),
-            **surface_figures(run, times, others=others, name=name),
+            **surface_figures(run, times, others=others, name=name, fields=fields),
             "contact_forces": contact_forces_figure(run.contacts()),
+            "joint_forces": joint_forces_figure(run),
             "positions": positions_figure(moving_bodies(run))}
 
 
@@ -112,8 +118,9 @@ def _save_all(
 
 
 __all__ = [
-    "FORMATS", "WorkPoint", "active_atoms_figure", "angles_figure", "contact_forces_figure",
-    "deformation_figure", "error_over_time_figure", "positions_figure",
+    "DEFAULT_FIELDS", "FORMATS", "WorkPoint", "active_atoms_figure",
+    "angles_figure", "contact_forces_figure",
+    "deformation_figure", "error_over_time_figure", "joint_forces_figure", "positions_figure",
     "probe_displacement_figure", "probe_temperature_figure", "surface_figures",
     "work_precision_figure", "write_charts", "write_run_charts",
 ]
