@@ -25,6 +25,7 @@ from sparsemor.core.results.stage_arrays import read_stage
 from sparsemor.core.results.stored_arrays import ALL, StoredArrays
 from sparsemor.core.results.stress import Derived, Field, StressRecovery, equivalent
 from sparsemor.core.results.zarr_files import GROUP_FILE
+from sparsemor.core.scene.html import html_table
 from sparsemor.core.status import Status
 
 if TYPE_CHECKING:
@@ -54,6 +55,17 @@ class RunResult:
 
     def __repr__(self) -> str:
         return f"<RunResult {self.reducer}, {self.status.value}, {len(self.times)} stored steps>"
+
+    def _repr_html_(self) -> str:
+        """Main facts of the run as a table, for notebooks."""
+        times = self.times
+        rows = [["run", self.path.parent.name], ["status", self.status.value],
+                ["reducer", self.reducer],
+                ["stored", f"{len(times)} steps" + (f" to {times[-1]:g} s" if len(times) else "")],
+                ["blocks", ", ".join(f"{b.name} ({b.size})" for b in self.layout)],
+                ["bodies with a mesh", ", ".join(self.bodies) or "none"],
+                ["probes", ", ".join(self.probes) or "none"]]
+        return html_table(rows)
 
     @cached_property
     def _stored(self) -> StoredArrays:

@@ -58,7 +58,7 @@ def write_charts(
     times: times at which the deformed bodies are drawn, s; formats: file formats.
     """
     figures = _of_reference(
-        comparison.reference, times, _alike(comparison.reference, comparison.runs),
+        comparison.reference, times, alike(comparison.reference, comparison.runs),
         comparison.name)
     figures["angles"] = angles_figure(comparison.reference, comparison.runs, comparison.name)
     figures["error_over_time"] = error_over_time_figure(
@@ -101,7 +101,7 @@ def _of_reference(
             "positions": positions_figure(moving_bodies(run))}
 
 
-def _alike(reference: "RunResult", runs: "Mapping[str, RunResult]") -> "dict[str, RunResult]":
+def alike(reference: "RunResult", runs: "Mapping[str, RunResult]") -> "dict[str, RunResult]":
     """Runs whose fields can be drawn next to those of the reference: with the same bodies and
     meshes."""
     return {name: run for name, run in runs.items() if len(run.times) and all(
@@ -118,7 +118,7 @@ def _save_all(
 
 
 __all__ = [
-    "DEFAULT_FIELDS", "FORMATS", "WorkPoint", "active_atoms_figure",
+    "DEFAULT_FIELDS", "FORMATS", "NAMES", "WorkPoint", "active_atoms_figure", "alike",
     "angles_figure", "contact_forces_figure",
     "deformation_figure", "error_over_time_figure", "joint_forces_figure", "positions_figure",
     "probe_displacement_figure", "probe_temperature_figure", "surface_figures",
