@@ -1,6 +1,6 @@
 """Comparison of runs with a reference run: errors, computing times and charts."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
@@ -175,9 +175,12 @@ class Comparison:
                 for name, f in self.facts.items()}
         return to_json({"reference": self.name, "runs": runs}).decode()
 
-    def write(self, directory: str | Path, charts: bool = True) -> list[Path]:
+    def write(
+        self, directory: str | Path, charts: bool = True,
+        report: Callable[[Path], None] | None = None,
+    ) -> list[Path]:
         """Writes errors.csv, start_up.csv, error_over_time.csv and, with `charts`, the charts (PNG
-        and SVG); returns their paths."""
+        and SVG); returns their paths. report: called with the path of each chart's file."""
         folder = Path(directory)
         folder.mkdir(parents=True, exist_ok=True)
         tables = {"errors.csv": self._error_rows(), "start_up.csv": phase_rows(self.measured),
@@ -187,9 +190,9 @@ class Comparison:
         written = [folder / name for name in tables]
         if not charts:
             return written
-        from sparsemor.core.analysis.charts import write_charts
+        from sparsemor.core.analysis.charts import FORMATS, silent, write_charts
 
-        return [*written, *write_charts(self, folder)]
+        return [*written, *write_charts(self, folder, None, FORMATS, report or silent)]
 
     def _all(self) -> dict[str, RunResult]:
         return {self.name: self.reference, **self.runs}

@@ -79,7 +79,7 @@ def pictures(
 ) -> None:
     """Draw a stored run: motion, fields at some times, probes, active atoms. PNG and SVG."""
     with exit_codes(as_json), located_in():
-        from sparsemor.core.analysis.charts import DEFAULT_FIELDS, write_run_charts
+        from sparsemor.core.analysis.charts import DEFAULT_FIELDS, silent, write_run_charts
         from sparsemor.core.results.run_result import open_result
         from sparsemor.core.results.stress import FIELDS
 
@@ -93,12 +93,11 @@ def pictures(
             "fields", fields, _field, f"give some of {', '.join(FIELDS)}") or DEFAULT_FIELDS
         folder = out or result.path.parent / "pictures"
         with owned(folder):
-            files = write_run_charts(result, folder, times, fields=chosen)
+            files = write_run_charts(
+                result, folder, times, fields=chosen,
+                report=silent if as_json or quiet else lambda file: typer.echo(str(file)))
         if as_json:
             print_json({"status": "done", "out": folder, "files": [str(f) for f in files]})
-        elif not quiet:
-            for file in files:
-                typer.echo(str(file))
 
 
 def animate(
