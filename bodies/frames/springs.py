@@ -116,3 +116,61 @@ class RotationalSpring:
     def in_plane(self) -> plane.PlaneItem:
         return plane.PlanePart(plane_springs.rotational_spring, (
             self.stiffness, self.damping, float(self.others > 0), self.angle), self.drive)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SpatialRotationalSpring:
+    """In space: moment stiffness phi + damping phi' + drive(t), N m, against the relative angle
+    phi, rad, of the own and the other frame about an axis: phi = atan2(A d . A_o e_2, A d . A_o
+    e_1), between -pi and pi.
+
+    own (3,) = d in own axes; first, second (3,) = e_1, e_2 in the other body's axes; others: number
+    of its rigid coordinates that are unknowns, 0 if it is at rest at `place`.
+    """
+
+    own: FloatArray
+    first: FloatArray
+    second: FloatArray
+    stiffness: float
+    damping: float
+    drive: Amplitude
+    others: int
+    place: FloatArray
+    directions = 0
+    forces = 0
+
+    def names(self, source: str) -> tuple[str, ...]:
+        return ()
+
+    def shifted(self, s: FloatArray, quadratic: FloatArray) -> "SpatialRotationalSpring":
+        return self
+
+    def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
+        far = attitude((m.y[o : o + self.others] if self.others else self.place)[3:])
+        at = np.arange(m.at.start, m.at.stop)
+        if self.others:
+            at = np.concatenate([at, np.arange(o + 3, o + self.others)])
+        c, c1, c2 = self._cosine(m, far, self.first)
+        s, s1, s2 = self._cosine(m, far, self.second)
+        size = c * c + s * s
+        along = (c * s1 - s * c1) / size  # derivative of phi
+        bend = (np.outer(s1, c1) - np.outer(c1, s1) + c * s2 - s * c2) / size - np.outer(
+            along, 2.0 * (c * c1 + s * s1) / size)
+        rates = m.v[at]
+        moment = (self.stiffness * float(np.arctan2(s, c)) + self.damping * float(along.dot(rates))
+                  + self.drive(m.t))
+        slope = (self.stiffness + self.damping * m.c1) * along + self.damping * bend.dot(rates)
+        out.rows[at] += moment * along
+        out.H[np.ix_(at, at)] += np.outer(along, slope) + moment * bend
+
+    def _cosine(
+        self, m: Motion, far: Attitude, e: FloatArray
+    ) -> tuple[float, FloatArray, FloatArray]:
+        """A d . A_o e with first and second derivatives by the attitude coordinates of both."""
+        d, f, D = m.A.dot(self.own), far.A.dot(e), m.turn.of_body(self.own)
+        first, second = f.dot(D), m.turn.bend(f, self.own)
+        if self.others:
+            E = far.of_body(e)
+            first = np.concatenate([first, d.dot(E)])
+            second = np.block([[second, D.T.dot(E)], [E.T.dot(D), far.bend(d, e)]])
+        return float(d.dot(f)), first, second

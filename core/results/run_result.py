@@ -285,8 +285,8 @@ class RunResult:
     def _recovery(self, body: str) -> StressRecovery:
         if not self.has(body, Derived.STRESS):
             raise InputError(
-                f"{body} has no stress in this result: it is rigid, has no elastic field, has E or "
-                "alpha that depend on temperature, or was stored by an older version", key="body")
+                f"{body} has no stress in this result: its displacements were not solved for, its "
+                "material depends on temperature, or an older version stored it", key="body")
         if body not in self._recoveries:
             self._recoveries[body] = StressRecovery(
                 self.points(body), self.cells(body), self._array(f"{body}.stress_constants"),

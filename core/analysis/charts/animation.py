@@ -91,9 +91,9 @@ def _steps(run: RunResult, frames: int, at: Sequence[float] | None) -> list[int]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Stage:
-    """What all frames share: bodies with a mesh and their outer facets, points of the others,
-    magnification, colours (label "" where no body has the field), and the box that they move in, in
-    the coordinates of the drawing."""
+    """Drawing of all frames of an animation: outer facets of bodies with a mesh, points of the
+    others, magnification of displacements, colours (label "" where no body has the field), and the
+    box in which the bodies move, in the coordinates of the drawing."""
 
     run: RunResult
     field: Field

@@ -101,6 +101,22 @@ def test_the_multiplier_of_a_flexible_side_is_the_force_of_the_spring() -> None:
     assert np.hypot(*got.block("spring.multiplier")[-1, :2]) == pytest.approx(force, rel=1e-9)
 
 
+def test_a_torsional_pendulum_in_space_swings_about_its_axis() -> None:
+    axis = np.array([1.0, 2.0, -2.0]) / 3.0
+    ball = {**BALL, "inertia": [0.25, 0.25, 0.25], "center": [0.0, 0.0, 0.0],
+            "points": {"hub": [0.0, 0.0, 0.0]}, "pose": {"position": [0.0, 0.0, 0.0]}}
+    got = run({"ball": ball}, {
+        "pin": {"use": "revolute", "between": ["ground", "ball:hub"], "axis": axis.tolist()},
+        "spring": {"use": "rotational_spring", "between": ["ground", "ball:hub"],
+                   "axis": axis.tolist(), "stiffness": 40.0, "angle": -0.5}}, 0.5, 2e-3,
+              integrator=EXACT)
+    p = got.x[:, 3:7]
+    angle = 2 * np.arctan2(p[:, 1:] @ axis, p[:, 0])
+    # the first side is the ground: it turns by -0.5 relative to the ball
+    want = 0.5 * (1 - np.cos(np.sqrt(40.0 / 0.25) * got.t))
+    assert np.abs(angle - want).max() < 2e-3
+
+
 def test_a_torque_in_space_turns_a_ball_about_its_axis() -> None:
     ball = {**BALL, "inertia": [0.25, 0.25, 0.25], "center": [0.0, 0.0, 0.0]}
     axis = np.array([1.0, 2.0, -2.0]) / 3.0
@@ -135,6 +151,8 @@ def test_spatial_springs_keep_the_laws(between: tuple[str, str]) -> None:
         "c": {**SOLID, "pose": {"position": [-1.0, 0.5, 0.0]}}, "e": {**SOLID, "frame": "spinning"}}
     bodies = {n: b for n, b in every.items() if any(s.startswith(f"{n}:") for s in between)}
     check_joint(SpringDamper(between=between, stiffness=500.0, damping=7.0, length=0.3), bodies)
+    check_joint(RotationalSpring(between=between, stiffness=50.0, damping=0.7, torque=2.0,
+                                 axis=(1.0, 2.0, 2.0)), bodies)
 
 
 @pytest.mark.full
