@@ -7,6 +7,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from sparsemor.core.analysis.charts.animation import animate as animate
+    from sparsemor.core.analysis.charts.plot import plot as plot
     from sparsemor.core.analysis.compare import compare as compare
     from sparsemor.core.analysis.reproduction import reproduce as reproduce
     from sparsemor.core.analysis.study import study as study
@@ -32,11 +34,13 @@ _HOMES = {
     "Scene": "scene.scene",
     "SolveFailed": "status",
     "Status": "status",
+    "animate": "analysis.charts.animation",
     "compare": "analysis.compare",
     "export": "results.export",
     "load": "scene.scene",
     "load_model": "simulation.reduced_model",
     "open_result": "results.run_result",
+    "plot": "analysis.charts.plot",
     "reduce": "simulation.reduced_model",
     "reproduce": "analysis.reproduction",
     "simulate": "simulation.simulate",
@@ -45,8 +49,8 @@ _HOMES = {
 
 __all__ = [
     "InputError", "ReducedModel", "Registry", "Scene", "SolveFailed", "Status", "__version__",
-    "compare", "export", "load", "load_model", "open_result", "reduce", "reproduce", "simulate",
-    "study",
+    "animate", "compare", "export", "load", "load_model", "open_result", "plot", "reduce",
+    "reproduce", "simulate", "study",
 ]
 
 

@@ -62,7 +62,7 @@ class Source:
 
     @classmethod
     def of_tree(
-        cls, tree: dict[str, Any], name: str = "", registry: Registry | None = None
+        cls, tree: dict[str, Any], registry: Registry | None = None, name: str = ""
     ) -> "Source":
         """Source of a scene that has no file. name: of the scene."""
         return cls(Document(name, tree), tree, registry or Registry())

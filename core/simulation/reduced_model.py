@@ -78,7 +78,7 @@ def load_model(path: str | Path, *, registry: Registry | None = None) -> "Reduce
     """
     try:
         packed = Packed.load(Path(path).read_bytes())
-        scene = build(Source.of_tree(packed.about["scene"], packed.about["name"], registry))
+        scene = build(Source.of_tree(packed.about["scene"], registry, packed.about["name"]))
         parts = packed.made(_table(scene), _functions(scene))
         header, solver = parts.pop("header"), parts["solver"]
         if not (isinstance(header, RunHeader) and isinstance(solver, LeavesMesh)):
