@@ -27,9 +27,9 @@ from sparsemor.bodies.terms.point_term import PointTerm
 CLASSES: Sequence[object] = (
     Drive, Film, GreyBody, Inertia, Law, PlanarFrame, PointTerm, TemperatureCurve, Variable, unit,
     constraints.Facing, constraints.Slide, dense.DenseTerm, dense.ReducedDense,
-    force_items.BodyForce, force_items.Moment, force_items.SpaceForce, frame.SpatialFrame, items.Nothing,
-    items.UnitLength, joint_items.Attachment, joint_items.Reaction, joint_items.Rotation,
-    joint_items.Wrench, material_laws.Conduction, material_laws.Departure,
+    force_items.BodyForce, force_items.Moment, force_items.SpaceForce, frame.SpatialFrame,
+    items.Nothing, items.UnitLength, joint_items.Attachment, joint_items.Reaction,
+    joint_items.Rotation, joint_items.Wrench, material_laws.Conduction, material_laws.Departure,
     material_laws.Expansion, material_laws.Softening, material_laws.StoredHeat, moments.Moments,
     springs.RotationalSpring, springs.SpatialRotationalSpring, springs.Spring,
 )
