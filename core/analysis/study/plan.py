@@ -87,9 +87,11 @@ class Plan:
     fields: tuple[FieldKind, ...] = ()
 
     @classmethod
-    def of(cls, study: str | Path, registry: Registry | None = None) -> "Plan":
-        """Plan of a study file or packaged study. Raises `LocatedError` with every fault; nothing
-        is written or run.
+    def of(
+        cls, study: str | Path | Mapping[str, Any], registry: Registry | None = None
+    ) -> "Plan":
+        """Plan of a study file or packaged study, or of its contents. Raises `LocatedError` with
+        every fault; nothing is written or run.
 
         A value that is invalid in every run is a fault of the file; a value that is invalid only in
         some combinations makes these runs refused.
