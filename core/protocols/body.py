@@ -34,6 +34,20 @@ class TemperatureProperty(Protocol):
         ...
 
 
+@runtime_checkable
+class HasNumbers(TemperatureProperty, Protocol):
+    """A property that is also given by numbers; steps with laws of other properties are not
+    compiled.
+
+    numbers: a table (0, n, its n temperatures, then the first temperature, value and slope of each
+    of its n + 1 segments), or a polynomial (1, n, T_0, least and greatest temperature, n
+    coefficients in powers of T - T_0).
+    """
+
+    @property
+    def numbers(self) -> FloatArray: ...
+
+
 class Material(Protocol):
     """Isotropic linear thermoelastic material; properties are constants or functions of
     temperature.
