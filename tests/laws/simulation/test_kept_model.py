@@ -58,7 +58,8 @@ def test_a_run_is_that_of_simulate() -> None:
 
 
 def test_a_model_from_a_file_runs_alike(file: Path) -> None:
-    leaving = ("atoms", "offset", "points", "cells", "places", "pose")
+    leaving = ("atoms", "offset", "points", "cells", "places", "pose", "stress_constants",
+               "stress_region", "stress_free_temperature")
     assert_equal(load_model(file).run(), model().run(), leaving)
     model().save(file, fields=True)
     assert_equal(load_model(file).run(), model().run())
