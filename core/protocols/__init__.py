@@ -28,6 +28,7 @@ from sparsemor.core.protocols.body import (
     Material,
     ProbePlace,
     SelectsFields,
+    StressConstants,
     TemperatureProperty,
 )
 from sparsemor.core.protocols.body_frame import (
@@ -228,8 +229,8 @@ __all__ = [
     "ResultantSource", "RowsKept", "Sampler", "SamplesNodes", "SamplesRows", "Selection",
     "SelectsFields", "Separated", "SharesOptions", "SolvesManySteps", "SparseOutcome",
     "SparseProblem", "SparseSolver", "SparseStart", "Stage", "State", "StatesFillIn", "StepBlock",
-    "StepFactors", "StepFormula", "StepMemory", "StepOutcome", "StepSolver", "SurfaceLoads",
-    "Surfaces", "Table", "TableRecord", "Tabled", "TabledAlong", "TemperatureProperty", "Term",
-    "TimeDependent", "TimeFunction", "Trial", "UpdateRule", "UpdateRules", "UsesBases",
-    "UsesForceBasis", "VectorRecord", "WeighsElements", "WrapsTerm",
+    "StepFactors", "StepFormula", "StepMemory", "StepOutcome", "StepSolver", "StressConstants",
+    "SurfaceLoads", "Surfaces", "Table", "TableRecord", "Tabled", "TabledAlong",
+    "TemperatureProperty", "Term", "TimeDependent", "TimeFunction", "Trial", "UpdateRule",
+    "UpdateRules", "UsesBases", "UsesForceBasis", "VectorRecord", "WeighsElements", "WrapsTerm",
 ]

@@ -168,16 +168,18 @@ class TestedElastic:
             Kt = push(ops.coupling)
             constant = constant - Kt @ heat.offset
             coupling = np.asarray(Kt @ heat.atoms)
-        MT, k = [np.asarray(M @ T) for M in ops.generators], T.shape[1]
+        k, turns, damped = T.shape[1], ops.generators, bool(ops.damping.nnz)
         none = np.zeros((0, len(constant), k))
+        mass = np.asarray(test(ops.mass @ T))
         return cls(
-            frame=frame, mass=np.asarray(test(ops.mass @ T)),
-            damping=np.asarray(test(ops.damping) @ T),
+            frame=frame, mass=mass,
+            damping=np.asarray(test(ops.damping) @ T) if damped else np.zeros(mass.shape),
             stiffness=np.asarray(test(ops.stiffness) @ T),
-            generators=np.stack([np.asarray(push(A)) for A in MT]) if MT else none,
+            generators=np.stack([np.asarray(push(M @ T)) for M in turns]) if turns else none,
             directions=np.asarray(push(P)), coupling=coupling, loads=np.asarray(push(ops.loads)),
             constant=np.asarray(constant),
-            quadratic=np.stack([T.T @ A for A in MT]) if MT and rigid else np.zeros((0, k, k)),
+            quadratic=np.stack([T.T @ (M @ T) for M in turns]) if turns and rigid else np.zeros(
+                (0, k, k)),
             functional=P.T @ T, amplitudes=ops.amplitudes,
             tables=projected_tables(ops.tables, push),
             local=tuple(TestedLocal.of(part, atoms, heat, push) for part in ops.local),
@@ -205,6 +207,15 @@ class TestedElastic:
             directions=test(self.directions), coupling=test(self.coupling), loads=test(self.loads),
             constant=constant, tables=test.of_tables(self.tables),
             local=tuple(part.under(test, m) for part in self.local))
+
+    def by_columns(self) -> "TestedElastic":
+        """These operators with contiguous columns."""
+        return replace(
+            self, mass=np.asfortranarray(self.mass), damping=np.asfortranarray(self.damping),
+            stiffness=np.asfortranarray(self.stiffness),
+            coupling=np.asfortranarray(self.coupling),
+            generators=np.ascontiguousarray(
+                self.generators.transpose(0, 2, 1)).transpose(0, 2, 1))
 
     def block(self, c1: float, c2: float) -> FloatArray:
         """Operator D = stiffness + c1 damping + c2 mass of a step, (m, k)."""

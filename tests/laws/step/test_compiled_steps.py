@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
+from joint_runs import driven
 from random_chains import chain, scene
 from reduced_runs import learnt
 from small_scenes import everything, tiny
@@ -180,6 +181,10 @@ def test_every_plane_joint_and_load() -> None:
 
 
 @pytest.mark.full
+def test_springs_motors_and_torques() -> None:
+    law(trained(scene({"format": 1, **driven()}), GALERKIN), 20)
+
+
 def test_models_that_are_not_covered_say_why() -> None:
     with pytest.raises(NotCompiled, match="full order"):
         plan(trained(tiny(), "full").solver())
