@@ -7,6 +7,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from sparsemor.core.analysis.charts.animation import animate as animate
+    from sparsemor.core.analysis.charts.plot import plot as plot
     from sparsemor.core.analysis.compare import compare as compare
     from sparsemor.core.analysis.reproduction import reproduce as reproduce
     from sparsemor.core.analysis.study import study as study
@@ -28,18 +30,20 @@ _HOMES = {
     "Scene": "scene.scene",
     "SolveFailed": "status",
     "Status": "status",
+    "animate": "analysis.charts.animation",
     "compare": "analysis.compare",
     "export": "results.export",
     "load": "scene.scene",
     "open_result": "results.run_result",
+    "plot": "analysis.charts.plot",
     "reproduce": "analysis.reproduction",
     "simulate": "simulation.simulate",
     "study": "analysis.study",
 }
 
 __all__ = [
-    "InputError", "Registry", "Scene", "SolveFailed", "Status", "__version__", "compare",
-    "export", "load", "open_result", "reproduce", "simulate",
+    "InputError", "Registry", "Scene", "SolveFailed", "Status", "__version__", "animate",
+    "compare", "export", "load", "open_result", "plot", "reproduce", "simulate",
     "study",
 ]
 

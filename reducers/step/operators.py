@@ -20,8 +20,10 @@ from sparsemor.core import (
     ElasticOperators,
     FloatArray,
     Frame,
+    HasPointArrays,
     HeatBody,
     IntArray,
+    PointArrays,
     ReducedTerm,
     Table,
     Trial,
@@ -68,10 +70,11 @@ class TestMap:
 @dataclass(frozen=True, slots=True, eq=False)
 class TestedLocal:
     """A local term of an elastic block on the trial basis and under the test map, as a function of
-    the coefficients [c | cT] of displacements and temperatures; left: a further test map of its
-    rows, None for the identity."""
+    the coefficients [c | cT] of displacements and temperatures; still: True if it depends on
+    temperatures alone; left: a further test map of its rows, None for the identity."""
 
     term: ReducedTerm
+    still: bool
     left: FloatArray | None = None
 
     @classmethod
@@ -91,17 +94,22 @@ class TestedLocal:
         m = len(local.rows)
         seen = test(csr_array((np.ones(m), (local.rows, np.arange(m))), shape=(n, m)))
         left = np.ascontiguousarray(seen.toarray() if issparse(seen) else seen)
-        return cls(local.term.compress(Trial(wide, offset), left))
+        return cls(local.term.compress(Trial(wide, offset), left), bool(hot.all()))
 
     def under(self, test: TestMap, m: int) -> "TestedLocal":
         """The term with a further test map of its m rows."""
         left = test(np.eye(m) if self.left is None else self.left)
-        return TestedLocal(self.term, np.ascontiguousarray(left))
+        return TestedLocal(self.term, self.still, np.ascontiguousarray(left))
 
     def rows(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> FloatArray:
         """Forces (m,) at coefficients [c | cT] and their rates."""
         r = self.term.residual(x, v, a, t)
         return r if self.left is None else np.asarray(self.left @ r)
+
+    def arrays(self) -> PointArrays | None:
+        """The term as arrays, None where the projected one has none."""
+        made = self.term.arrays() if isinstance(self.term, HasPointArrays) else None
+        return made if made is None or self.left is None else made.through(self.left)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -6,15 +6,17 @@ from typing import NamedTuple
 import numpy as np
 
 from sparsemor.core import BoolArray, FloatArray, IntArray
+from sparsemor.reducers.step.compiled.local import NO_LOCAL, LocalArrays
 
 
 class HeatArrays(NamedTuple):
-    """Constants of a reduced thermal block without local terms (thermal_block.py).
+    """Constants of a reduced thermal block (thermal_block.py).
 
     at (k,), active (s,), idle (k - s,): numbers of its unknowns, of active and of inactive ones;
     by_rate, by_value: (s, k), or (1, k) for a diagonal; base (s,), loads (s, j): constant terms and
     factors of the amplitudes, the first of which is number `amplitude`; table: number of the first
-    tabulated value, -1 for none.
+    tabulated value, -1 for none. local: terms that depend on temperature, iterated at most
+    `iterations` times until the relative change is `rtol`.
     """
 
     at: IntArray
@@ -26,10 +28,14 @@ class HeatArrays(NamedTuple):
     loads: FloatArray
     amplitude: int
     table: int
+    local: LocalArrays
+    rtol: float
+    iterations: int
 
 
 _NONE, _EMPTY = np.zeros(0, dtype=np.int64), np.zeros((0, 0))
-NO_HEAT = HeatArrays(_NONE, _NONE, _NONE, _EMPTY, _EMPTY, np.zeros(0), _EMPTY, -1, -1)
+NO_HEAT = HeatArrays(_NONE, _NONE, _NONE, _EMPTY, _EMPTY, np.zeros(0), _EMPTY, -1, -1, NO_LOCAL,
+                     0.0, 0)
 """An empty thermal block, of the type of all."""
 
 
@@ -45,7 +51,8 @@ class BodyArrays(NamedTuple):
     u: first displacement; active (s,), idle: numbers of active and inactive ones; T: first
     temperature; H (w, 3 k + kt), base (w,), loads (w, j): factors of h, w = s + p; products_t (k, g
     w + g s + p): transposed D^-1 M_g, M_g and P^T, and step_products (g w + g s + p, s) those of
-    the active atoms; E (s, p), Gt (p, p): transposed G; amplitude, table: as in HeatArrays.
+    the active atoms; E (s, p), Gt (p, p): transposed G; amplitude, table: as in HeatArrays. still,
+    local: terms that depend on temperatures alone, and on displacements.
     """
 
     kinds: IntArray
@@ -75,6 +82,8 @@ class BodyArrays(NamedTuple):
     Gt: FloatArray
     amplitude: int
     table: int
+    still: LocalArrays
+    local: LocalArrays
 
 
 class PrescribedArrays(NamedTuple):
@@ -84,7 +93,8 @@ class PrescribedArrays(NamedTuple):
     number: of the body; u, k, active (s,), idle, T, kt: as in BodyArrays; inertia, stiffness,
     damping: (s, k), or (1, k) for a diagonal, damping (0, k) for none; coupling (s, kt); G (g, k,
     s), leading (g r, r). table, width: number of the first value and of all values of its functions
-    of time: kappa, mu (g,), sigma, the bound of the contraction factor, and s loads.
+    of time: kappa, mu (g,), sigma, the bound of the contraction factor, and s loads. still, local:
+    as in BodyArrays.
     """
 
     number: int
@@ -102,15 +112,17 @@ class PrescribedArrays(NamedTuple):
     leading: FloatArray
     table: int
     width: int
+    still: LocalArrays
+    local: LocalArrays
 
 
 NO_BODY = BodyArrays(
     _NONE, _EMPTY, np.zeros((0, 3), dtype=np.int64), _NONE, _NONE, _NONE, np.zeros(0), np.zeros(0),
     -1, 0, 0, 0, 0, _NONE, _NONE, 0, 0, 0, _EMPTY, np.zeros(0), _EMPTY, _EMPTY, _EMPTY, _EMPTY,
-    _EMPTY, -1, -1)
+    _EMPTY, -1, -1, NO_LOCAL, NO_LOCAL)
 NO_PRESCRIBED = PrescribedArrays(
     0, 0, 0, _NONE, _NONE, 0, 0, _EMPTY, _EMPTY, _EMPTY, _EMPTY, np.zeros((0, 0, 0)), _EMPTY, -1,
-    0)
+    0, NO_LOCAL, NO_LOCAL)
 """Empty bodies, of the types of all."""
 
 
@@ -122,7 +134,8 @@ class BodyWork(NamedTuple):
     (3, b): border unknowns and their rates at the prediction, and in an iteration; inputs (3 k +
     kt,): prediction with rates and temperatures; past (3, g w + g s + p), change (g w + g s + p,):
     products with the prediction and its rates, and with the increment; h, z (w,); u (s,): active
-    displacements predicted; d (s,): increments.
+    displacements predicted; d (s,): increments; values, rates (p,): variables of the local terms
+    predicted, and their rates.
     """
 
     sigma: FloatArray
@@ -141,6 +154,8 @@ class BodyWork(NamedTuple):
     z: FloatArray
     u: FloatArray
     d: FloatArray
+    values: FloatArray
+    rates: FloatArray
 
 
 class ModelArrays(NamedTuple):

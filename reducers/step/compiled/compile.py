@@ -1,29 +1,32 @@
 """Compilation of the kernel by numba, an optional package (`pip install 'sparsemor[fast]'`).
 
-The functions of kernel.py, mechanics.py and prescribed.py are plain Python; numba compiles copies
-of them, which call each other's compiled forms. Machine code is kept in the user's cache folder,
-under a digest of the sources, so that it is never older than these.
+The functions of kernel.py, local.py, mechanics.py and prescribed.py are plain Python; numba
+compiles copies of them, which call each other's compiled forms. Machine code is kept in the user's
+cache folder, under a digest of the sources, so that it is never older than these.
 """
 
 import hashlib
 import inspect
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 from types import FunctionType
-from typing import Any
+from typing import Any, NamedTuple, TypeAlias
 
 from sparsemor.reducers.step import acceptance
-from sparsemor.reducers.step.compiled import kernel, mechanics, prescribed
+from sparsemor.reducers.step.compiled import kernel, local, mechanics, prescribed
 
 FUNCTIONS: tuple[Callable[..., object], ...] = (
-    acceptance.estimated_error, acceptance.reference, mechanics.begin, mechanics.functionals,
+    acceptance.estimated_error, acceptance.reference, local.evaluate_law, local.variables,
+    local.evaluate_points, local.local_rows, local.factor_in_place, local.solve_factored,
+    mechanics.begin_local, mechanics.begin, mechanics.functionals,
     mechanics.combine, mechanics.evaluate, mechanics.pose, mechanics.add_reduced,
     mechanics.solve_in_place, mechanics.magnitude, mechanics.displaced, mechanics.norm,
     mechanics.solve_mechanics, prescribed.product, prescribed.corrected, prescribed.solve_body,
     prescribed.solve_prescribed, kernel.free_motion, kernel.at_departure, kernel.predict,
-    kernel.new_state, kernel.accept, kernel.heated, kernel.advance)
+    kernel.new_state, kernel.accept, kernel.iterate_heat,
+    kernel.heated, kernel.advance)
 """Functions of the kernel, each after those that it calls."""
 
 
@@ -32,45 +35,68 @@ def installed() -> bool:
     return find_spec("numba") is not None
 
 
-def bound(
-    frame: Callable[..., object] | None, calls: Sequence[Callable[..., object]],
-    compiled: Callable[[FunctionType], Any]
-) -> Any:
-    """`kernel.advance` with the function of the frames (None: all are prescribed) and `compiled`
-    applied to all functions."""
+Called: TypeAlias = tuple[Callable[..., object], tuple[Callable[..., object], ...]]
+"""A function on arrays, and those that it calls, each after those that it calls itself."""
+
+
+class Functions(NamedTuple):
+    """Functions that belong to a model: that of its frames, None where the motion of all is
+    prescribed, and those of the laws of its local terms."""
+
+    frame: Called | None
+    laws: tuple[Called, ...]
+
+    @property
+    def all(self) -> list[Callable[..., object]]:
+        own = [self.frame] if self.frame is not None else []
+        return [f for function, calls in (*own, *self.laws) for f in (*calls, function)]
+
+
+def bound(functions: Functions, compiled: Callable[[FunctionType], Any]) -> Any:
+    """`kernel.advance` with these functions and `compiled` applied to all."""
     made: dict[str, Any] = {}
-    own = (*calls, mechanics.evaluate_frame if frame is None else frame)
-    for function in (*own, *FUNCTIONS):
+
+    def with_calls(of: Called) -> Any:
+        names: dict[str, Any] = {}
+        for function in (*of[1], of[0]):
+            names[function.__name__] = copied(function, names)
+        return names[of[0].__name__]
+
+    def copied(function: Callable[..., object], names: dict[str, Any]) -> Any:
         assert isinstance(function, FunctionType)
-        names = {**function.__globals__, **made}
-        copy = FunctionType(function.__code__, names, function.__name__, function.__defaults__)
-        made[function.__name__] = compiled(copy)
-        if function is frame:
-            made["evaluate_frame"] = made[function.__name__]
+        return compiled(FunctionType(function.__code__, {**function.__globals__, **names},
+                                     function.__name__, function.__defaults__))
+
+    made["evaluate_frame"] = with_calls(functions.frame or (mechanics.evaluate_frame, ()))
+    none = with_calls((local.no_law, ()))
+    for i in range(local.LAWS):
+        made[f"law_{i}"] = with_calls(functions.laws[i]) if i < len(functions.laws) else none
+    for function in FUNCTIONS:
+        made[function.__name__] = copied(function, made)
     return made["advance"]
 
 
 @cache
-def compiled_advance(
-    frame: Callable[..., object] | None, calls: tuple[Callable[..., object], ...], folder: Path
-) -> Any:
-    """Compiled `kernel.advance` for frames with this function; machine code is kept in
+def compiled_advance(functions: Functions, folder: Path) -> Any:
+    """Compiled `kernel.advance` for models with these functions; machine code is kept in
     `folder`."""
     import numba  # optional, and takes half a second to import
 
     config: Any = numba.config
     before, config.CACHE_DIR = config.CACHE_DIR, str(folder)
     try:
-        return bound(frame, calls, numba.njit(cache=True, error_model="numpy"))
+        return bound(functions, numba.njit(cache=True, error_model="numpy"))
     finally:
         config.CACHE_DIR = before
 
 
 @cache
-def folder_of(
-    root: Path, frame: Callable[..., object] | None, calls: tuple[Callable[..., object], ...]
-) -> Path:
-    """Folder in `root` of the machine code of these functions and the kernel, named by a digest of
-    their sources."""
-    files = sorted({inspect.getfile(f) for f in (*calls, frame, *FUNCTIONS) if f is not None})
-    return root / hashlib.sha256(b"".join(Path(f).read_bytes() for f in files)).hexdigest()[:16]
+def folder_of(root: Path, functions: Functions) -> Path:
+    """Folder in `root` of the machine code of the kernel with these functions, named by a digest of
+    their sources and their order."""
+    own = functions.all
+    files = sorted({inspect.getfile(f) for f in (*own, *FUNCTIONS)})
+    names = repr([[f"{f.__module__}.{f.__qualname__}" for f in (law, *calls)]
+                  for law, calls in functions.laws])
+    sources = b"".join(Path(f).read_bytes() for f in files)
+    return root / hashlib.sha256(sources + names.encode()).hexdigest()[:16]

@@ -11,6 +11,7 @@ from math import sqrt
 import numpy as np
 
 from sparsemor.core import FloatArray
+from sparsemor.reducers.step.blocks.thermal_block import TINY
 from sparsemor.reducers.step.compiled.arrays import (
     BodyArrays,
     BodyWork,
@@ -18,6 +19,12 @@ from sparsemor.reducers.step.compiled.arrays import (
     ModelArrays,
     PrescribedArrays,
     RunArrays,
+)
+from sparsemor.reducers.step.compiled.local import (
+    evaluate_points,
+    factor_in_place,
+    solve_factored,
+    variables,
 )
 from sparsemor.reducers.step.compiled.mechanics import LEFT, solve_mechanics
 from sparsemor.reducers.step.compiled.prescribed import product, solve_prescribed
@@ -45,8 +52,12 @@ def advance(
         for j in range(n):
             d[j] = guess[n + j] if run.by_departure[j] else guess[j] - free[j]
         at_departure(m, d, free, rate, x, v, a)
+        most, hot = 1, 0.0
         for h in heat:
-            heated(h, m.c1_first, timed[i], x, v, d)
+            taken, left = heated(h, m.c1_first, timed[i], run.ring[run.at[0], :n], x, v, d)
+            if taken == LEFT:
+                return i
+            most, hot = max(most, taken), max(hot, left)
         if len(bodies):
             count = solve_mechanics(
                 m, bodies, works, run, timed[i], targets[i], x, v, a, d, free, rate)
@@ -54,6 +65,9 @@ def advance(
             count = solve_prescribed(m, prescribed, run, timed[i], x, v, a, d, free, rate)
         if count == LEFT:
             return i
+        run.remaining[0] = max(run.remaining[0], hot)
+        if not len(bodies) and not len(prescribed):
+            count = most
         at_departure(m, d, free, rate, x, v, a)
         size = 0.0
         for j in range(n):
@@ -160,9 +174,11 @@ def new_state(
 
 
 def heated(
-    h: HeatArrays, c1: float, timed: FloatArray, x: FloatArray, v: FloatArray, d: FloatArray
-) -> None:
-    """Solves a thermal block (thermal_block.py), in place."""
+    h: HeatArrays, c1: float, timed: FloatArray, last: FloatArray, x: FloatArray, v: FloatArray,
+    d: FloatArray
+) -> tuple[int, float]:
+    """Solves a thermal block (thermal_block.py), in place; returns the number of iterations, or
+    LEFT, and the last relative change. last (n,): unknowns of the last step."""
     for i in h.idle:
         v[i] -= c1 * x[i]
         d[i] -= x[i]
@@ -173,8 +189,56 @@ def heated(
     if h.table >= 0:
         r += timed[h.table : h.table + len(r)]
     r += product(h.by_rate, v[h.at]) + product(h.by_value, x[h.at])
+    count, change = 1, 0.0
+    if len(h.local.terms):
+        count, change = iterate_heat(h, c1, timed, last, x, v, r)
+        if count == LEFT:
+            return LEFT, 0.0
     for j in range(len(r)):
         i = h.active[j]
         d[i] += r[j]
         x[i] += r[j]
         v[i] += c1 * r[j]
+    return count, change
+
+
+def iterate_heat(
+    h: HeatArrays, c1: float, timed: FloatArray, last: FloatArray, x: FloatArray, v: FloatArray,
+    r: FloatArray
+) -> tuple[int, float]:
+    """Increments of a thermal block with local terms by Newton's method, in r, which has those
+    without local terms; returns the number of iterations, or LEFT, and the last relative change."""
+    a, T, s = h.local, x[h.at], len(r)
+    far, top = 0.0, 0.0
+    for i in h.at:
+        far, top = max(far, abs(x[i] - last[i])), max(top, abs(last[i]))
+    if far > 0.1 * top:
+        return LEFT, 0.0
+    z, w = np.empty(len(a.offset)), np.empty(len(a.offset))
+    variables(a, timed, T, v[h.at], z, w)
+    d, J, pivots = np.zeros(s), np.empty((s, s)), np.zeros(s, dtype=np.int64)
+    flux, slope, none = np.empty(a.L.shape[1]), np.empty((a.L.shape[1], s)), np.empty((0, 0))
+    new = True
+    for iteration in range(1, h.iterations + 1):
+        moved = np.dot(a.moving, d)
+        evaluate_points(a, timed, z + moved, w + c1 * moved, c1, flux, slope if new else none)
+        step = d - r + np.dot(a.L, flux)
+        if new:
+            np.dot(a.L, slope, J)
+            for i in range(s):
+                J[i, i] += 1.0
+            if not factor_in_place(J, pivots):
+                return LEFT, 0.0
+        solve_factored(J, pivots, step)
+        change, size = 0.0, 0.0
+        for j in range(s):  # others are zero
+            change = max(change, abs(step[j]))
+            size = max(size, abs(x[h.active[j]] + d[j]))
+        if not np.all(np.isfinite(step)):
+            return LEFT, 0.0
+        d -= step
+        if change <= h.rtol * size:
+            r[:] = d
+            return iteration, change / max(size, TINY)
+        new = not change * change <= h.rtol * size * size
+    return LEFT, 0.0

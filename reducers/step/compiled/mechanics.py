@@ -9,6 +9,7 @@ import numpy as np
 from sparsemor.core import FloatArray, IntArray
 from sparsemor.reducers.step.acceptance import estimated_error, reference
 from sparsemor.reducers.step.compiled.arrays import BodyArrays, BodyWork, ModelArrays, RunArrays
+from sparsemor.reducers.step.compiled.local import local_rows, variables
 from sparsemor.reducers.step.condensed_newton import SLOW
 
 LEFT = -1
@@ -40,6 +41,22 @@ def begin(
         w.u[j] = x[b.active[j]]
     w.d[:] = 0.0
     w.change[:] = 0.0
+    if len(b.still.terms) or len(b.local.terms):
+        begin_local(m, b, w, timed, x, v)
+
+
+def begin_local(
+    m: ModelArrays, b: BodyArrays, w: BodyWork, timed: FloatArray, x: FloatArray, v: FloatArray
+) -> None:
+    """Local terms at the prediction: those that depend on temperatures alone are final."""
+    inputs = np.concatenate((x[b.u : b.u + b.k], x[b.T : b.T + b.kt]))
+    rates = np.concatenate((v[b.u : b.u + b.k], v[b.T : b.T + b.kt]))
+    if len(b.still.terms):
+        values, by_time = np.empty(len(b.still.offset)), np.empty(len(b.still.offset))
+        variables(b.still, timed, inputs, rates, values, by_time)
+        w.h[:] += local_rows(b.still, timed, values, by_time, m.c1, w.d)
+    if len(b.local.terms):
+        variables(b.local, timed, inputs, rates, w.values, w.rates)
 
 
 def functionals(m: ModelArrays, b: BodyArrays, w: BodyWork, iteration: int) -> None:
@@ -98,6 +115,8 @@ def evaluate(
         w.forms, w.sigma, w.tau, w.border, w.coefficients)
     if b.k:
         combine(m, b, w)
+    if len(b.local.terms):
+        w.z[:] += local_rows(b.local, timed, w.values, w.rates, m.c1, w.d)
 
 
 def evaluate_frame(

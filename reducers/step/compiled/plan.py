@@ -1,6 +1,5 @@
 """Arrays of a model for compiled steps, made from its step solver."""
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import comb
 
@@ -10,17 +9,14 @@ from sparsemor.core import (
     Amplitude,
     FloatArray,
     FrameArrays,
-    FrameHistory,
     HasArrays,
     IntArray,
     Layout,
-    Table,
     UpdateRules,
-    amplitudes_along,
-    total_load_along,
 )
 from sparsemor.reducers.step.blocks.compressed_elastic import CompressedElastic
 from sparsemor.reducers.step.blocks.compressed_prescribed import CompressedPrescribed
+from sparsemor.reducers.step.blocks.elastic_local import LocalForces, ReducedLocal
 from sparsemor.reducers.step.blocks.thermal_block import CompressedHeat, HeatBlock
 from sparsemor.reducers.step.compiled.arrays import (
     BodyArrays,
@@ -29,84 +25,40 @@ from sparsemor.reducers.step.compiled.arrays import (
     ModelArrays,
     PrescribedArrays,
 )
+from sparsemor.reducers.step.compiled.compile import Called, Functions
+from sparsemor.reducers.step.compiled.local import NO_LOCAL, LocalArrays
+from sparsemor.reducers.step.compiled.local_plan import local_arrays, points_of
+from sparsemor.reducers.step.compiled.timed import NotCompiled, Timed
 from sparsemor.reducers.step.frame_step import BodyStep
 from sparsemor.reducers.step.predictor import block_starts
 from sparsemor.reducers.step.prescribed_frames import PrescribedFrames
 from sparsemor.reducers.step.solver import Stepper
-from sparsemor.reducers.step.time_tables import Moving, TimeTable
 
 LARGEST_BORDER = 60
 """Largest number of border unknowns of compiled steps, which solve a dense system."""
 
 
-class NotCompiled(Exception):
-    """A model whose steps are not compiled, with the reason."""
-
-
-class Timed:
-    """Functions of time in the columns of one table, in the order in which they were added."""
-
-    def __init__(self) -> None:
-        self.sources: list[Callable[[FloatArray], Sequence[FloatArray]]] = []
-        self.width = 0
-
-    def _added(self, source: Callable[[FloatArray], Sequence[FloatArray]], columns: int) -> int:
-        self.sources.append(source)
-        self.width += columns
-        return self.width - columns
-
-    def amplitudes(self, amplitudes: Sequence[Amplitude]) -> int:
-        """Number of the first column of these amplitudes, -1 for none."""
-        if not amplitudes:
-            return -1
-        return self._added(lambda times: [amplitudes_along(amplitudes, times)], len(amplitudes))
-
-    def tables(self, tables: Sequence[Moving]) -> int:
-        """Number of the first column of the sum of these loads, -1 for none."""
-        found = [t for t in tables if isinstance(t, Table)]
-        if len(found) < len(tables):
-            raise NotCompiled("loads that move over sampled rows")
-        if not found:
-            return -1
-        return self._added(
-            lambda times: [total_load_along(found, times)], found[0].values.shape[1])
-
-    def motion(self, guide: FrameHistory | None, rigid: int) -> int:
-        """Number of the first column of a prescribed motion, its rates and second derivatives, -1
-        for none; rigid: number of rigid coordinates."""
-        return -1 if guide is None else self._added(guide.along, 3 * rigid)
-
-    def table(self, table: TimeTable, columns: int) -> int:
-        """Number of the first column of a function of time with this many values."""
-        return self._added(lambda times: [table.along(times)], columns)
-
-    def along(self, times: FloatArray) -> FloatArray:
-        """Values (T, width) at times (T,), s."""
-        parts = [part for source in self.sources for part in source(times)]
-        return np.ascontiguousarray(np.hstack([np.zeros((len(times), 0)), *parts]))
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Plan:
     """Arrays of a model for compiled steps. bodies, prescribed: those with unknown motion, or those
-    with prescribed motion; frame: function of the frames of the former; timed: functions of time;
-    targets: numbers of border unknowns with the functions that prescribe them; border:
-    number of border unknowns."""
+    with prescribed motion; frame: function of the frames of the former; laws: functions of the laws
+    of local terms; timed: functions of time; targets: numbers of border unknowns with the functions
+    that prescribe them; border: number of border unknowns."""
 
     heat: tuple[HeatArrays, ...]
     bodies: tuple[BodyArrays, ...]
     prescribed: tuple[PrescribedArrays, ...]
     frame: FrameArrays | None
+    laws: tuple[Called, ...]
     timed: Timed
     targets: tuple[tuple[int, Amplitude], ...]
     border: int
 
     @property
-    def functions(
-        self,
-    ) -> tuple[Callable[..., object] | None, tuple[Callable[..., object], ...]]:
-        """Function of the frames with unknown motion, None for none, and those that it calls."""
-        return (None, ()) if self.frame is None else (self.frame.function, self.frame.calls)
+    def functions(self) -> Functions:
+        """Functions that belong to the model, with which the steps are compiled."""
+        frame = None if self.frame is None else (self.frame.function, self.frame.calls)
+        return Functions(frame, self.laws)
 
     def targets_along(self, times: FloatArray) -> FloatArray:
         """Prescribed values of the constraints (T, N) at times (T,), s."""
@@ -119,21 +71,22 @@ class Plan:
 def plan(s: Stepper) -> Plan:
     """Arrays for the steps of `s`. Raises NotCompiled, with the reason, where its model contains
     what compiled steps do not."""
-    mechanics, timed = s.mechanics, Timed()
+    mechanics, timed, laws = s.mechanics, Timed(), list[Called]()
     if mechanics is None:
         raise NotCompiled("the model has no step of its own blocks")
-    heat = tuple(_heat(where, s.heat[name], name, timed) for name, where in s.hot)
+    heat = tuple(_heat(where, s.heat[name], name, timed, laws) for name, where in s.hot)
     if isinstance(mechanics, PrescribedFrames):
-        moved = tuple(_prescribed(i, b, timed) for i, b in enumerate(mechanics.bodies)
+        moved = tuple(_prescribed(i, b, timed, laws) for i, b in enumerate(mechanics.bodies)
                       if b.prescribed is not None)
-        return Plan(heat, (), moved, None, timed, (), 0)
+        return Plan(heat, (), moved, None, tuple(laws), timed, (), 0)
     if mechanics.size > LARGEST_BORDER:
         raise NotCompiled(f"{mechanics.size} rigid coordinates and joint forces")
     frames = [_frame(b) for b in mechanics.bodies]
     if len({f.function for f in frames}) > 1:
         raise NotCompiled("frames with different functions")
-    bodies = tuple(_body(b, f, timed) for b, f in zip(mechanics.bodies, frames, strict=True))
-    return Plan(heat, bodies, (), frames[0], timed, mechanics.targets, mechanics.size)
+    bodies = tuple(
+        _body(b, f, timed, laws) for b, f in zip(mechanics.bodies, frames, strict=True))
+    return Plan(heat, bodies, (), frames[0], tuple(laws), timed, mechanics.targets, mechanics.size)
 
 
 def _frame(b: BodyStep) -> FrameArrays:
@@ -154,9 +107,11 @@ def _split(start: int, k: int, active: IntArray | None) -> tuple[IntArray, IntAr
     return start + use.astype(np.int64), start + np.setdiff1d(np.arange(k), use).astype(np.int64)
 
 
-def _heat(where: slice | IntArray, block: HeatBlock, name: str, timed: Timed) -> HeatArrays:
-    if not isinstance(block, CompressedHeat) or block.local:
-        raise NotCompiled(f"{name} is of full order or has terms that depend on temperature")
+def _heat(
+    where: slice | IntArray, block: HeatBlock, name: str, timed: Timed, laws: list[Called]
+) -> HeatArrays:
+    if not isinstance(block, CompressedHeat):
+        raise NotCompiled(f"{name} is of full order")
     at = np.arange(where.start, where.stop) if isinstance(where, slice) else where
     active, idle = _split(0, len(at), block.active)
     loads = block.loads
@@ -164,10 +119,25 @@ def _heat(where: slice | IntArray, block: HeatBlock, name: str, timed: Timed) ->
         at.astype(np.int64), at[active].astype(np.int64), at[idle].astype(np.int64),
         _array(np.atleast_2d(block.by_rate)), _array(np.atleast_2d(block.by_value)),
         _array(loads.base), _array(loads.loads), timed.amplitudes(loads.amplitudes),
-        timed.tables(loads.tables))
+        timed.tables(loads.tables),
+        local_arrays(points_of(block.local, name), active, laws, timed), block.rtol,
+        block.max_iterations)
 
 
-def _body(b: BodyStep, f: FrameArrays, timed: Timed) -> BodyArrays:
+def _forces(
+    local: LocalForces | None, name: str, active: IntArray, laws: list[Called], timed: Timed
+) -> tuple[LocalArrays, LocalArrays]:
+    """Local terms of displacements that depend on temperatures alone, and the others."""
+    if local is None:
+        return NO_LOCAL, NO_LOCAL
+    if not isinstance(local, ReducedLocal):
+        raise NotCompiled(f"{name} is of full order")
+    still, moving = (local_arrays(points_of(terms, name), active, laws, timed)
+                     for terms in (local.still, local.moving))
+    return still, moving
+
+
+def _body(b: BodyStep, f: FrameArrays, timed: Timed, laws: list[Called]) -> BodyArrays:
     rows, columns = (i.astype(np.int64) for i in np.nonzero(b.to_border))
     gains = np.array([-1 if a is None else timed.amplitudes([a]) for a in f.amplitudes],
                      dtype=np.int64)
@@ -179,9 +149,9 @@ def _body(b: BodyStep, f: FrameArrays, timed: Timed) -> BodyArrays:
     if e is None:
         none, matrix, numbers = np.zeros(0), np.zeros((0, 0)), np.zeros(0, dtype=np.int64)
         return BodyArrays(*frame, 0, 0, numbers, numbers, 0, 0, 0, matrix, none, matrix, matrix,
-                          matrix, matrix, matrix, -1, -1)
-    if not isinstance(e, CompressedElastic) or e.local is not None:
-        raise NotCompiled(f"{b.elastic_name} is of full order or has terms that depend on x")
+                          matrix, matrix, matrix, -1, -1, NO_LOCAL, NO_LOCAL)
+    if not isinstance(e, CompressedElastic):
+        raise NotCompiled(f"{b.elastic_name} is of full order")
     k, kt = b.elastic.stop - b.elastic.start, b.thermal.stop - b.thermal.start
     active, idle = _split(b.elastic.start, k, e.active)
     inputs = 3 * k + kt
@@ -189,13 +159,16 @@ def _body(b: BodyStep, f: FrameArrays, timed: Timed) -> BodyArrays:
         *frame, b.elastic.start, k, active, idle, b.thermal.start, kt, e.sizes[2],
         _array(e.H[:, :inputs]), _array(e.base), _array(e.H[:, inputs:]), _array(e.S.T),
         _array(e.S[:, active - b.elastic.start]), _array(e.E), _array(e.G.T),
-        timed.amplitudes(e.amplitudes), timed.tables(e.tables))
+        timed.amplitudes(e.amplitudes), timed.tables(e.tables),
+        *_forces(e.local, b.elastic_name, active - b.elastic.start, laws, timed))
 
 
-def _prescribed(number: int, b: BodyStep, timed: Timed) -> PrescribedArrays:
+def _prescribed(
+    number: int, b: BodyStep, timed: Timed, laws: list[Called]
+) -> PrescribedArrays:
     e, table = b.prescribed, b.table
-    if not isinstance(e, CompressedPrescribed) or e.local is not None or table is None:
-        raise NotCompiled(f"{b.elastic_name} is of full order or has terms that depend on x")
+    if not isinstance(e, CompressedPrescribed) or table is None:
+        raise NotCompiled(f"{b.elastic_name} is of full order")
     k, kt = b.elastic.stop - b.elastic.start, b.thermal.stop - b.thermal.start
     active, idle = _split(b.elastic.start, k, e.active)
     width = 2 * len(e.G) + e.E.shape[1] + 1 + len(e.base)
@@ -203,7 +176,8 @@ def _prescribed(number: int, b: BodyStep, timed: Timed) -> PrescribedArrays:
         number, b.elastic.start, k, active, idle, b.thermal.start, kt,
         _array(np.atleast_2d(e.inertia)), _array(np.atleast_2d(e.stiffness)),
         np.zeros((0, k)) if e.damping is None else _array(np.atleast_2d(e.damping)),
-        _array(e.coupling), _array(e.G), _array(e.leading), timed.table(table, width), width)
+        _array(e.coupling), _array(e.G), _array(e.leading), timed.table(table, width), width,
+        *_forces(e.local, b.elastic_name, active - b.elastic.start, laws, timed))
 
 
 def model_arrays(s: Stepper, rules: UpdateRules) -> ModelArrays:
@@ -237,4 +211,5 @@ def work_of(b: BodyArrays) -> BodyWork:
         np.zeros((n + 1, p)), np.zeros((n, p)), np.zeros((n, n + 1)), np.zeros(2 * b.g + 1),
         np.zeros((3, p)), np.zeros(3 * b.g), np.zeros(len(b.gains)), np.zeros((3, n)),
         np.zeros((3, n)), np.zeros(3 * b.k + b.kt), np.zeros((3, rows)), np.zeros(rows),
-        np.zeros(w), np.zeros(w), np.zeros(s), np.zeros(s))
+        np.zeros(w), np.zeros(w), np.zeros(s), np.zeros(s),
+        np.zeros(len(b.local.offset)), np.zeros(len(b.local.offset)))

@@ -27,7 +27,8 @@ from sparsemor.reducers.step.compiled.arrays import (
     RunArrays,
 )
 from sparsemor.reducers.step.compiled.compile import compiled_advance, folder_of, installed
-from sparsemor.reducers.step.compiled.plan import NotCompiled, Plan, model_arrays, plan, work_of
+from sparsemor.reducers.step.compiled.plan import Plan, model_arrays, plan, work_of
+from sparsemor.reducers.step.compiled.timed import NotCompiled
 from sparsemor.reducers.step.memory import Memory
 from sparsemor.reducers.step.solver import Stepper
 
@@ -138,8 +139,7 @@ class CompiledSteps:
 def _compiled(plan: Plan) -> tuple[Callable[..., int], Callable[[Sequence[Any], Any], Any]]:
     """Compiled `kernel.advance` and the function that makes its lists."""
     numba: Any = import_module("numba")  # optional, and takes half a second to import
-    function, calls = plan.functions
-    folder: Path = folder_of(cache_folder() / "machine_code", function, calls)
+    folder: Path = folder_of(cache_folder() / "machine_code", plan.functions)
     if not folder.exists():
         _log.warning("compiling the time step once, about a minute; machine code: %s", folder)
 
@@ -149,7 +149,7 @@ def _compiled(plan: Plan) -> tuple[Callable[..., int], Callable[[Sequence[Any], 
             made.append(item)
         return made
 
-    return compiled_advance(function, calls, folder), listed
+    return compiled_advance(plan.functions, folder), listed
 
 
 def _run_arrays(state: State, memory: Memory) -> RunArrays:
