@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from sparsemor.core.model.compressed_local import CompressedLocal
 from sparsemor.core.notes import Level, Note
-from sparsemor.core.protocols import BodyShape, Dictionary, ProbePlace, State
+from sparsemor.core.protocols import BodyShape, Dictionary, ProbePlace, State, StressConstants
 from sparsemor.core.protocols.layout import Block, FieldKind, Layout, Quantity
 from sparsemor.core.protocols.load_tables import Table
 from sparsemor.core.protocols.prescribed_motion import FrameHistory, Stage
@@ -17,5 +17,5 @@ from sparsemor.core.simulation.diagnostics.trial_space import TrialSpace
 CLASSES: Sequence[object] = (
     Block, BodyShape, CompressedLocal, Dictionary, FieldKind, FrameHistory, Held, Layout, Level,
     Linear, LoadColumn, MovingBody, Note, Prescribed, Probe, ProbePlace, ProbeReader,
-    Quantity, RunHeader, Separated, Stage, State, Table, TrialSpace,
+    Quantity, RunHeader, Separated, Stage, State, StressConstants, Table, TrialSpace,
 )
