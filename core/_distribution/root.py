@@ -50,7 +50,8 @@ _HOMES = {
 __all__ = [
     "InputError", "ReducedModel", "Registry", "Scene", "SolveFailed", "Status", "__version__",
     "animate", "compare", "export", "load", "load_model", "open_result", "plot", "reduce",
-    "reproduce", "simulate", "study",
+    "reproduce", "simulate",
+    "study",
 ]
 
 

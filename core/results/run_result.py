@@ -75,8 +75,9 @@ class RunResult:
     def _repr_html_(self) -> str:
         """Main facts of the run as a table, for notebooks."""
         times = self.times
-        rows = [["run", self._path.parent.name if self._path else "in memory"],
-                ["status", self.status.value], ["reducer", self.reducer],
+        place = "in memory" if self._path is None else self._path.parent.name
+        rows = [["run", place], ["status", self.status.value],
+                ["reducer", self.reducer],
                 ["stored", f"{len(times)} steps" + (f" to {times[-1]:g} s" if len(times) else "")],
                 ["blocks", ", ".join(f"{b.name} ({b.size})" for b in self.layout)],
                 ["bodies with a mesh", ", ".join(self.bodies) or "none"],

@@ -43,17 +43,17 @@ class ReducedPrescribed(PrescribedBlock):
     def time_table(self, drive: TimeTable) -> TimeTable:
         """kappa, mu, sigma, the bound of the contraction factor, and the part of b that depends on
         time only."""
-        # a support that may change with the next step does not pay for all times
         decided = Decided(self, drive)
+        # a support that may change with the next step does not pay for all times
         if self.active is not None:
             return TimeTable(decided)
         return TimeTable.of(decided, np.array(drive.times))
 
     def decided(self, drive: TimeTable, times: FloatArray) -> FloatArray:
         """Values (T, m) of `time_table` at times (T,), s."""
-        driven = drive.along(times)
+        driven, p = drive.along(times), self.E.shape[1]
         n = driven.shape[1]
-        g = (n - self.E.shape[1]) // 2
+        g = (n - p) // 2
         rows = np.empty((len(times), n + 1 + len(self.base)))
         rows[:, :n] = driven
         rows[:, n] = self.bounds(rows[:, :g] + self.c1 * rows[:, g : 2 * g])

@@ -11,8 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from joint_runs import driven
 from small_scenes import everything, tiny
-from sparsemor import InputError, ReducedModel, load_model, reduce, simulate
+from sparsemor import InputError, ReducedModel, load, load_model, reduce, simulate
 from sparsemor.core.results.model_format import MAGIC
 from sparsemor.core.results.packed import Packed, PackedError
 from sparsemor.core.results.run_result import RunResult
@@ -29,6 +30,11 @@ def scene() -> Scene:
         "training.overrides": {FLUX: 1.0e6, "loads.gravity.factor": 1.0},
         "loads.gravity.factor": 1.0,
         "probes": {"end": {"body": "bar", "at": "end_b"}}})
+
+
+OF_THE_MESH = ("atoms", "offset", "points", "cells", "places", "pose", "stress_constants",
+               "stress_region", "stress_free_temperature", "eliminated_temperature")
+"""Ends of the names of arrays that a file leaves out."""
 
 
 @cache
@@ -58,8 +64,7 @@ def test_a_run_is_that_of_simulate() -> None:
 
 
 def test_a_model_from_a_file_runs_alike(file: Path) -> None:
-    leaving = ("atoms", "offset", "points", "cells", "places", "pose")
-    assert_equal(load_model(file).run(), model().run(), leaving)
+    assert_equal(load_model(file).run(), model().run(), OF_THE_MESH)
     model().save(file, fields=True)
     assert_equal(load_model(file).run(), model().run())
 
@@ -71,8 +76,7 @@ def test_other_loads_give_the_run_of_a_new_model(file: Path) -> None:
         fresh = simulate(scene().using({**changes, "training.end": 0.04}))
         changed = model().run(changes)
         assert_equal(changed, fresh)
-        assert_equal(load_model(file).run(changes), changed, ("atoms", "offset", "points", "cells",
-                                                              "places", "pose"))
+        assert_equal(load_model(file).run(changes), changed, OF_THE_MESH)
         old = model().run().block("bar.elastic", slice(31))
         assert not np.allclose(changed.block("bar.elastic", slice(31)), old, rtol=1e-3)
     assert_equal(model().run(), simulate(scene()))  # the model itself is as it was
@@ -95,6 +99,13 @@ def test_every_function_of_time_that_may_change_is_that_of_a_new_model(tmp_path:
         one, new = changed.block(b.name), fresh.block(b.name)
         assert np.allclose(one, new, rtol=1e-9, atol=1e-12 * np.abs(new).max()), b.name
     assert np.array_equal(again.probe(again.probes[0]), changed.probe(changed.probes[0]))
+
+
+@pytest.mark.full
+def test_torques_and_springs_are_kept(tmp_path: Path) -> None:
+    made = reduce(load(driven({"use": "galerkin", "basis": {"use": "pod", "count": 5}})))
+    made.save(tmp_path / "m")
+    assert_equal(load_model(tmp_path / "m").run(), made.run(), OF_THE_MESH)
 
 
 def test_another_start_gives_the_run_of_a_new_model() -> None:
