@@ -22,7 +22,7 @@ from sparsemor.core.protocols.prescribed_motion import Stage
 from sparsemor.core.results.metadata import Probe, load_layout
 from sparsemor.core.results.output_directory import OutputDirectory
 from sparsemor.core.results.stage_arrays import read_stage
-from sparsemor.core.results.stored_arrays import ALL, StoredArrays
+from sparsemor.core.results.stored_arrays import ALL, ResultArrays, StoredArrays
 from sparsemor.core.results.stress import Derived, Field, StressRecovery, equivalent
 from sparsemor.core.results.zarr_files import GROUP_FILE
 from sparsemor.core.scene.html import html_table
@@ -43,15 +43,31 @@ class RunResult:
     """
 
     def __init__(self, path: str | Path) -> None:
-        self.path = Path(path).absolute()
+        self._path: Path | None = Path(path).absolute()
         if not (self.path / GROUP_FILE).exists():
             kept = OutputDirectory(self.path).kept_note()
             raise InputError(f"there is no result in {path}{kept}")
         self._arrays: dict[str, NDArray[Any]] = {}
         self._recoveries: dict[str, StressRecovery] = {}
 
+    @classmethod
+    def of(cls, arrays: ResultArrays) -> "RunResult":
+        """Result in memory, that of a kept model (simulation/reduced_model.py)."""
+        made = cls.__new__(cls)
+        made._path, made._stored, made._arrays, made._recoveries = None, arrays, {}, {}
+        return made
+
+    @property
+    def path(self) -> Path:
+        """Folder of the store. Raises InputError for a result in memory."""
+        if self._path is None:
+            raise InputError("this result is in memory only: give the run a directory", "out")
+        return self._path
+
     def __reduce__(self) -> tuple[Any, ...]:
-        return RunResult, (self.path,)
+        stored = self._stored
+        return (RunResult, (self.path,)) if isinstance(stored, StoredArrays) else (
+            RunResult.of, (stored,))
 
     def __repr__(self) -> str:
         return f"<RunResult {self.reducer}, {self.status.value}, {len(self.times)} stored steps>"
@@ -59,7 +75,8 @@ class RunResult:
     def _repr_html_(self) -> str:
         """Main facts of the run as a table, for notebooks."""
         times = self.times
-        rows = [["run", self.path.parent.name], ["status", self.status.value],
+        place = "in memory" if self._path is None else self._path.parent.name
+        rows = [["run", place], ["status", self.status.value],
                 ["reducer", self.reducer],
                 ["stored", f"{len(times)} steps" + (f" to {times[-1]:g} s" if len(times) else "")],
                 ["blocks", ", ".join(f"{b.name} ({b.size})" for b in self.layout)],
@@ -68,11 +85,11 @@ class RunResult:
         return html_table(rows)
 
     @cached_property
-    def _stored(self) -> StoredArrays:
+    def _stored(self) -> ResultArrays:
         return StoredArrays(self.path)
 
     @cached_property
-    def _data(self) -> StoredArrays:
+    def _data(self) -> ResultArrays:
         """Stored arrays, after a check that every committed chunk has its file."""
         self._stored.check()
         return self._stored
@@ -162,7 +179,7 @@ class RunResult:
 
     def reduced(self, name: str) -> bool:
         """True if a block is stored as coefficients of trial basis vectors (atoms)."""
-        return f"{name}.atoms" in self._data
+        return f"{name}.coefficients" in self._data
 
     def block(self, name: str, steps: slice | IntArray = ALL) -> FloatArray:
         """(j, n) full-order unknowns of a block at the stored steps `steps`."""
@@ -171,6 +188,9 @@ class RunResult:
             raise InputError(f"no block {name!r} in this result; it has {have}", key="block")
         if not self.reduced(name):
             return self._data.read(name, steps)
+        if f"{name}.atoms" not in self._data:
+            raise InputError(f"the full-order unknowns of {name} are not known: its model was "
+                             "saved without fields; save it with fields=True (--fields)", "fields")
         c, atoms = self.coefficients(name, steps), self._array(f"{name}.atoms")
         return np.asarray(self._array(f"{name}.offset") + c @ atoms.T)
 

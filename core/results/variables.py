@@ -75,6 +75,8 @@ def fixed_arrays(
 ) -> Iterator[tuple[str, tuple[str, ...], dict[str, Any], NDArray[Any]]]:
     """(name, dimensions, attributes, values) of each array that does not depend on time."""
     for name, d in header.dictionaries.items():
+        if d.atoms.shape[1] and not len(d.atoms):  # of a model that was saved without fields
+            continue
         block = header.full_layout[name]
         size = block.stop - block.start
         unknown = f"{name}.unknown"

@@ -393,3 +393,10 @@ def test_a_third_party_reducer_is_timed_beside_galerkin(run: Run) -> None:
     assert len({(row["atoms"], row["solver"]) for row in rows.values()}) == 1
     assert all(0 < row["least"] <= row["ms"] <= row["most"] for row in rows.values())
     assert len(found["targets"]) == 1
+
+
+def test_a_kept_model_is_timed_against_full_order(run: Run) -> None:
+    found = run("kept_model")
+    row, = rows_of(found, "CPU time")
+    assert row["scene"] == "double_pendulum" and len(found["targets"]) == 4
+    assert row["full_s"] > row["kept_s"] > 0.0 and row["file_mb"] < 2.0

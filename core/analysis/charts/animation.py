@@ -158,7 +158,7 @@ class _Stage:
         tidy(axes, *names, title)
         if self.solid:
             self._surface(axes, places, step)
-            axes.set(xticks=[], yticks=[])
+            axes.set_axis_off()
         else:
             self._plane(axes, places, step)
         for body in self.points:

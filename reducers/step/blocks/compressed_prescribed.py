@@ -43,23 +43,23 @@ class ReducedPrescribed(PrescribedBlock):
     def time_table(self, drive: TimeTable) -> TimeTable:
         """kappa, mu, sigma, the bound of the contraction factor, and the part of b that depends on
         time only."""
-        p = self.E.shape[1]
-
-        def decided(times: FloatArray) -> FloatArray:
-            driven = drive.along(times)
-            n = driven.shape[1]
-            g = (n - p) // 2
-            rows = np.empty((len(times), n + 1 + len(self.base)))
-            rows[:, :n] = driven
-            rows[:, n] = self.bounds(rows[:, :g] + self.c1 * rows[:, g : 2 * g])
-            rows[:, n + 1 :] = along(rows[:, 2 * g : n].dot(self.E.T) + self.base, self.loads,
-                                     self.amplitudes, self.tables, times)
-            return rows
-
+        decided = Decided(self, drive)
         # a support that may change with the next step does not pay for all times
         if self.active is not None:
             return TimeTable(decided)
         return TimeTable.of(decided, np.array(drive.times))
+
+    def decided(self, drive: TimeTable, times: FloatArray) -> FloatArray:
+        """Values (T, m) of `time_table` at times (T,), s."""
+        driven, p = drive.along(times), self.E.shape[1]
+        n = driven.shape[1]
+        g = (n - p) // 2
+        rows = np.empty((len(times), n + 1 + len(self.base)))
+        rows[:, :n] = driven
+        rows[:, n] = self.bounds(rows[:, :g] + self.c1 * rows[:, g : 2 * g])
+        rows[:, n + 1 :] = along(rows[:, 2 * g : n].dot(self.E.T) + self.base, self.loads,
+                                 self.amplitudes, self.tables, times)
+        return rows
 
     def contraction(self, past: Past) -> float:
         return past.bound if self.local is None else max(past.bound, LEAST)
@@ -185,6 +185,17 @@ class CompressedPrescribed(ReducedPrescribed):
             turned += np.multiply.outer(np.abs(past.weights), self._wide(np.abs(d)))
             size += turned.ravel() @ np.abs(self.G).reshape(turned.size, -1)
         return EPS * float(np.linalg.norm(size))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Decided:
+    """Functions of time of a block whose frame moves as `drive` says."""
+
+    block: ReducedPrescribed
+    drive: TimeTable
+
+    def __call__(self, times: FloatArray) -> FloatArray:
+        return self.block.decided(self.drive, times)
 
 
 def _beyond(A: FloatArray, r: int) -> float:
