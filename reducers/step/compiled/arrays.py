@@ -12,7 +12,7 @@ class HeatArrays(NamedTuple):
     """Constants of a reduced thermal block without local terms (thermal_block.py).
 
     at (k,), active (s,), idle (k - s,): numbers of its unknowns, of active and of inactive ones;
-    by_rate, by_value: (s, k), or (1, k) for a diagonal; base (s,), loads (s, j): constant terms and
+    by_rate, by_value: (k, s), or (1, k) for a diagonal; base (s,), loads (j, s): constant terms and
     factors of the amplitudes, the first of which is number `amplitude`; table: number of the first
     tabulated value, -1 for none.
     """
@@ -34,47 +34,57 @@ NO_HEAT = HeatArrays(_NONE, _NONE, _NONE, _EMPTY, _EMPTY, np.zeros(0), _EMPTY, -
 
 
 class BodyArrays(NamedTuple):
-    """Constants of a body: frame, map to the border, and its reduced displacements
-    (elastic_block.py; empty for a rigid body).
+    """Constants of bodies: frames, maps to the border, and their reduced displacements
+    (elastic_block.py; k = 0 for a rigid body). The first index of each array, not given here, is
+    the number of the body; all are filled up with zeros to the size of the largest body, b border
+    unknowns and p directions. Machine code counts the references to arrays that it takes out of a
+    list: with a list of bodies that was a third of a step.
 
-    kinds (i,), numbers (i, j), starts (i, 3): contributions to the frame (`FrameArrays`); gains
-    (i,): numbers of their amplitudes, -1 for none. rows, columns, values: entries of the map from
-    the model's border unknowns; origin (b,). guide: number of the first value of its prescribed
-    motion, -1 for none; rigid: number of rigid coordinates, positions: of those of its position.
+    items: number of contributions to the frame; kinds (i,), numbers (i, j), starts (i, 3): these
+    (`FrameArrays`); gains (i,): numbers of their amplitudes, -1 for none. entries: number of rows,
+    columns, values: entries of the map from the model's border unknowns; origin (b,). guide: number
+    of the first value of its prescribed motion, -1 for none; rigid: number of rigid coordinates,
+    positions: of those of its position.
 
-    u: first displacement; active (s,), idle: numbers of active and inactive ones; T: first
-    temperature; H (w, 3 k + kt), base (w,), loads (w, j): factors of h, w = s + p; products_t (k, g
-    w + g s + p): transposed D^-1 M_g, M_g and P^T, and step_products (g w + g s + p, s) those of
-    the active atoms; E (s, p), Gt (p, p): transposed G; amplitude, table: as in HeatArrays.
+    u: first of k displacements; active (s,), idle (k - s,): numbers of active and inactive ones; T:
+    first of kt temperatures; H (3 k + kt, w), base (w,), loads (j, w): factors of h, w = s + p;
+    products (k, q), q = g w + g s + p: D^-1 M_g, M_g and P^T, and step_products (s, q) those of the
+    active atoms, all transposed; E (p, s), G (p, p): transposed; amplitude, table: as in
+    HeatArrays.
     """
 
+    items: IntArray
     kinds: IntArray
     numbers: FloatArray
     starts: IntArray
     gains: IntArray
+    entries: IntArray
     rows: IntArray
     columns: IntArray
     values: FloatArray
     origin: FloatArray
-    guide: int
-    rigid: int
-    positions: int
-    u: int
-    k: int
+    guide: IntArray
+    rigid: IntArray
+    positions: IntArray
+    u: IntArray
+    k: IntArray
+    s: IntArray
     active: IntArray
     idle: IntArray
-    T: int
-    kt: int
-    g: int
+    T: IntArray
+    kt: IntArray
+    g: IntArray
+    p: IntArray
     H: FloatArray
     base: FloatArray
+    j: IntArray
     loads: FloatArray
-    products_t: FloatArray
+    products: FloatArray
     step_products: FloatArray
     E: FloatArray
-    Gt: FloatArray
-    amplitude: int
-    table: int
+    G: FloatArray
+    amplitude: IntArray
+    table: IntArray
 
 
 class PrescribedArrays(NamedTuple):
@@ -104,25 +114,25 @@ class PrescribedArrays(NamedTuple):
     width: int
 
 
-NO_BODY = BodyArrays(
-    _NONE, _EMPTY, np.zeros((0, 3), dtype=np.int64), _NONE, _NONE, _NONE, np.zeros(0), np.zeros(0),
-    -1, 0, 0, 0, 0, _NONE, _NONE, 0, 0, 0, _EMPTY, np.zeros(0), _EMPTY, _EMPTY, _EMPTY, _EMPTY,
-    _EMPTY, -1, -1)
 NO_PRESCRIBED = PrescribedArrays(
     0, 0, 0, _NONE, _NONE, 0, 0, _EMPTY, _EMPTY, _EMPTY, _EMPTY, np.zeros((0, 0, 0)), _EMPTY, -1,
     0)
-"""Empty bodies, of the types of all."""
+"""An empty body, of the type of all."""
 
 
-class BodyWork(NamedTuple):
-    """Working arrays of a body.
+class MechanicsWork(NamedTuple):
+    """Working arrays of all bodies (first index: number of the body) and of the border.
 
     sigma (b + 1, p), tau (b, p), border (b, b + 1), coefficients (2 g + 1,): as in `FrameWork`; s
-    (3, p), forms (3 g,): functionals of u, u', u''; gains (i,): present amplitudes; pose, now
-    (3, b): border unknowns and their rates at the prediction, and in an iteration; inputs (3 k +
-    kt,): prediction with rates and temperatures; past (3, g w + g s + p), change (g w + g s + p,):
-    products with the prediction and its rates, and with the increment; h, z (w,); u (s,): active
-    displacements predicted; d (s,): increments.
+    (3, p), forms (3 g,): functionals of u, u', u''; nothing (3, 0): those of a rigid body; gains
+    (i,): present amplitudes; pose, now (3, b): border unknowns and their rates at the prediction,
+    and in an iteration; past (3, q), change (q,): products with the prediction and its rates, and
+    with the increment; h, z (w,); u (s,): active displacements predicted; d (s,): increments; Gs
+    (p, b + 1): G times transposed sigma; reduced (b, b + 1): border less tau Gs.
+
+    scale, distance (bodies,): reference magnitudes; elastic (bodies,): as in RunArrays;
+    changes, before (bodies + 1,): of an iteration and the one before; A (N, N), dy, delta,
+    predicted (N,): border system, its solution, increments and prediction.
     """
 
     sigma: FloatArray
@@ -131,16 +141,27 @@ class BodyWork(NamedTuple):
     coefficients: FloatArray
     s: FloatArray
     forms: FloatArray
+    nothing: FloatArray
     gains: FloatArray
     pose: FloatArray
     now: FloatArray
-    inputs: FloatArray
     past: FloatArray
     change: FloatArray
     h: FloatArray
     z: FloatArray
     u: FloatArray
     d: FloatArray
+    Gs: FloatArray
+    reduced: FloatArray
+    scale: FloatArray
+    distance: FloatArray
+    elastic: FloatArray
+    changes: FloatArray
+    before: FloatArray
+    A: FloatArray
+    dy: FloatArray
+    delta: FloatArray
+    predicted: FloatArray
 
 
 class ModelArrays(NamedTuple):

@@ -19,11 +19,11 @@ from sparsemor.reducers.step.compiled import kernel, mechanics, prescribed
 
 FUNCTIONS: tuple[Callable[..., object], ...] = (
     acceptance.estimated_error, acceptance.reference, mechanics.begin, mechanics.functionals,
-    mechanics.combine, mechanics.evaluate, mechanics.pose, mechanics.add_reduced,
-    mechanics.solve_in_place, mechanics.magnitude, mechanics.displaced, mechanics.norm,
+    mechanics.combine, mechanics.frames, mechanics.pose, mechanics.add_reduced,
+    mechanics.solve_in_place, mechanics.norm, mechanics.magnitude, mechanics.displaced,
     mechanics.solve_mechanics, prescribed.product, prescribed.corrected, prescribed.solve_body,
-    prescribed.solve_prescribed, kernel.free_motion, kernel.at_departure, kernel.predict,
-    kernel.new_state, kernel.accept, kernel.heated, kernel.advance)
+    prescribed.solve_prescribed, kernel.add_product, kernel.free_motion, kernel.at_departure,
+    kernel.predict, kernel.new_state, kernel.accept, kernel.heated, kernel.advance)
 """Functions of the kernel, each after those that it calls."""
 
 

@@ -10,23 +10,23 @@ from math import sqrt
 
 import numpy as np
 
-from sparsemor.core import FloatArray
+from sparsemor.core import FloatArray, IntArray
 from sparsemor.reducers.step.compiled.arrays import (
     BodyArrays,
-    BodyWork,
     HeatArrays,
+    MechanicsWork,
     ModelArrays,
     PrescribedArrays,
     RunArrays,
 )
 from sparsemor.reducers.step.compiled.mechanics import LEFT, solve_mechanics
-from sparsemor.reducers.step.compiled.prescribed import product, solve_prescribed
+from sparsemor.reducers.step.compiled.prescribed import solve_prescribed
 
 
 def advance(
-    m: ModelArrays, heat: Sequence[HeatArrays], bodies: Sequence[BodyArrays],
-    works: Sequence[BodyWork], prescribed: Sequence[PrescribedArrays], run: RunArrays,
-    timed: FloatArray, targets: FloatArray, states: FloatArray, effort: FloatArray,
+    m: ModelArrays, heat: Sequence[HeatArrays], bodies: BodyArrays, work: MechanicsWork,
+    prescribed: Sequence[PrescribedArrays], run: RunArrays, timed: FloatArray, targets: FloatArray,
+    states: FloatArray, effort: FloatArray,
 ) -> int:
     """Takes up to len(timed) steps and returns how many were solved; `run` is then at the last of
     these.
@@ -47,9 +47,9 @@ def advance(
         at_departure(m, d, free, rate, x, v, a)
         for h in heat:
             heated(h, m.c1_first, timed[i], x, v, d)
-        if len(bodies):
+        if len(bodies.k):
             count = solve_mechanics(
-                m, bodies, works, run, timed[i], targets[i], x, v, a, d, free, rate)
+                m, bodies, work, run, timed[i], targets[i], x, v, a, d, free, rate)
         else:
             count = solve_prescribed(m, prescribed, run, timed[i], x, v, a, d, free, rate)
         if count == LEFT:
@@ -168,13 +168,25 @@ def heated(
         d[i] -= x[i]
         x[i] = 0.0
     r = h.base.copy()
-    for j in range(h.loads.shape[1]):
-        r += h.loads[:, j] * timed[h.amplitude + j]
+    for j in range(len(h.loads)):
+        r += h.loads[j] * timed[h.amplitude + j]
     if h.table >= 0:
         r += timed[h.table : h.table + len(r)]
-    r += product(h.by_rate, v[h.at]) + product(h.by_value, x[h.at])
+    add_product(h.by_rate, v, h.at, r)
+    add_product(h.by_value, x, h.at, r)
     for j in range(len(r)):
         i = h.active[j]
         d[i] += r[j]
         x[i] += r[j]
         v[i] += c1 * r[j]
+
+
+def add_product(A: FloatArray, x: FloatArray, at: IntArray, y: FloatArray) -> None:
+    """Adds A x[at] to y (s,) for the transpose (k, s) of a matrix A, or (1, k) for a diagonal."""
+    if len(A) == 1:
+        for j in range(len(y)):
+            y[j] += A[0, j] * x[at[j]]
+    else:
+        for c in range(len(A)):
+            for j in range(len(y)):
+                y[j] += A[c, j] * x[at[c]]

@@ -24,8 +24,8 @@ from sparsemor.reducers.step.blocks.compressed_prescribed import CompressedPresc
 from sparsemor.reducers.step.blocks.thermal_block import CompressedHeat, HeatBlock
 from sparsemor.reducers.step.compiled.arrays import (
     BodyArrays,
-    BodyWork,
     HeatArrays,
+    MechanicsWork,
     ModelArrays,
     PrescribedArrays,
 )
@@ -88,13 +88,13 @@ class Timed:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Plan:
-    """Arrays of a model for compiled steps. bodies, prescribed: those with unknown motion, or those
-    with prescribed motion; frame: function of the frames of the former; timed: functions of time;
+    """Arrays of a model for compiled steps. bodies: all with unknown motion; prescribed: each with
+    prescribed motion; frame: function of the frames of the former; timed: functions of time;
     targets: numbers of border unknowns with the functions that prescribe them; border:
     number of border unknowns."""
 
     heat: tuple[HeatArrays, ...]
-    bodies: tuple[BodyArrays, ...]
+    bodies: BodyArrays
     prescribed: tuple[PrescribedArrays, ...]
     frame: FrameArrays | None
     timed: Timed
@@ -126,14 +126,15 @@ def plan(s: Stepper) -> Plan:
     if isinstance(mechanics, PrescribedFrames):
         moved = tuple(_prescribed(i, b, timed) for i, b in enumerate(mechanics.bodies)
                       if b.prescribed is not None)
-        return Plan(heat, (), moved, None, timed, (), 0)
+        return Plan(heat, stacked(()), moved, None, timed, (), 0)
     if mechanics.size > LARGEST_BORDER:
         raise NotCompiled(f"{mechanics.size} rigid coordinates and joint forces")
     frames = [_frame(b) for b in mechanics.bodies]
     if len({f.function for f in frames}) > 1:
         raise NotCompiled("frames with different functions")
     bodies = tuple(_body(b, f, timed) for b, f in zip(mechanics.bodies, frames, strict=True))
-    return Plan(heat, bodies, (), frames[0], timed, mechanics.targets, mechanics.size)
+    return Plan(
+        heat, stacked(bodies), (), frames[0], timed, mechanics.targets, mechanics.size)
 
 
 def _frame(b: BodyStep) -> FrameArrays:
@@ -162,34 +163,69 @@ def _heat(where: slice | IntArray, block: HeatBlock, name: str, timed: Timed) ->
     loads = block.loads
     return HeatArrays(
         at.astype(np.int64), at[active].astype(np.int64), at[idle].astype(np.int64),
-        _array(np.atleast_2d(block.by_rate)), _array(np.atleast_2d(block.by_value)),
-        _array(loads.base), _array(loads.loads), timed.amplitudes(loads.amplitudes),
+        _transposed(block.by_rate), _transposed(block.by_value),
+        _array(loads.base), _array(loads.loads.T), timed.amplitudes(loads.amplitudes),
         timed.tables(loads.tables))
 
 
+def _transposed(A: FloatArray) -> FloatArray:
+    """A matrix transposed, or (1, k) for the diagonal of one."""
+    return _array(np.atleast_2d(A.T))
+
+
+def stacked(bodies: Sequence[BodyArrays]) -> BodyArrays:
+    """Arrays of all bodies from those of each."""
+    made = []
+    for values in zip(*(bodies or (_NO_BODY,)), strict=True):
+        sizes = np.array([v.shape for v in values], dtype=np.int64)
+        out = np.zeros((len(values), *sizes.max(axis=0)), dtype=values[0].dtype)
+        for i, v in enumerate(values):
+            out[(i, *map(slice, v.shape))] = v
+        made.append(out[: len(bodies)])
+    return BodyArrays(*made)
+
+
 def _body(b: BodyStep, f: FrameArrays, timed: Timed) -> BodyArrays:
+    """Arrays of one body, without the index of the body."""
     rows, columns = (i.astype(np.int64) for i in np.nonzero(b.to_border))
     gains = np.array([-1 if a is None else timed.amplitudes([a]) for a in f.amplitudes],
                      dtype=np.int64)
     n = b.frame.rigid_size
-    frame = (f.kinds.copy(), _array(f.numbers), f.starts.copy(), gains, rows, columns,
-             _array(b.to_border[rows, columns]), _array(b.origin), timed.motion(b.guide, n), n,
-             min(3, n - 1))
+    made = _NO_BODY._replace(
+        items=_number(len(f.kinds)), kinds=f.kinds.astype(np.int64), numbers=_array(f.numbers),
+        starts=f.starts.astype(np.int64), gains=gains, entries=_number(len(rows)), rows=rows,
+        columns=columns, values=_array(b.to_border[rows, columns]), origin=_array(b.origin),
+        guide=_number(timed.motion(b.guide, n)), rigid=_number(n), positions=_number(min(3, n - 1)))
     e = b.block
     if e is None:
-        none, matrix, numbers = np.zeros(0), np.zeros((0, 0)), np.zeros(0, dtype=np.int64)
-        return BodyArrays(*frame, 0, 0, numbers, numbers, 0, 0, 0, matrix, none, matrix, matrix,
-                          matrix, matrix, matrix, -1, -1)
+        return made
     if not isinstance(e, CompressedElastic) or e.local is not None:
         raise NotCompiled(f"{b.elastic_name} is of full order or has terms that depend on x")
     k, kt = b.elastic.stop - b.elastic.start, b.thermal.stop - b.thermal.start
     active, idle = _split(b.elastic.start, k, e.active)
-    inputs = 3 * k + kt
-    return BodyArrays(
-        *frame, b.elastic.start, k, active, idle, b.thermal.start, kt, e.sizes[2],
-        _array(e.H[:, :inputs]), _array(e.base), _array(e.H[:, inputs:]), _array(e.S.T),
-        _array(e.S[:, active - b.elastic.start]), _array(e.E), _array(e.G.T),
-        timed.amplitudes(e.amplitudes), timed.tables(e.tables))
+    inputs, (s, p, g) = 3 * k + kt, e.sizes
+    return made._replace(
+        u=_number(b.elastic.start), k=_number(k), s=_number(s), active=active, idle=idle,
+        T=_number(b.thermal.start), kt=_number(kt), g=_number(g), p=_number(p),
+        H=_array(e.H[:, :inputs].T), base=_array(e.base), j=_number(e.H.shape[1] - inputs),
+        loads=_array(e.H[:, inputs:].T), products=_array(e.S.T),
+        step_products=_array(e.S[:, active - b.elastic.start].T), E=_array(e.E.T),
+        G=_array(e.G.T), amplitude=_number(timed.amplitudes(e.amplitudes)),
+        table=_number(timed.tables(e.tables)))
+
+
+def _number(i: int) -> IntArray:
+    return np.array(i, dtype=np.int64)
+
+
+_NONE, _EMPTY, _ZERO = np.zeros(0, dtype=np.int64), np.zeros((0, 0)), _number(0)
+_NO_BODY = BodyArrays(
+    items=_ZERO, kinds=_NONE, numbers=_EMPTY, starts=np.zeros((0, 3), dtype=np.int64), gains=_NONE,
+    entries=_ZERO, rows=_NONE, columns=_NONE, values=np.zeros(0), origin=np.zeros(0),
+    guide=_number(-1), rigid=_ZERO, positions=_ZERO, u=_ZERO, k=_ZERO, s=_ZERO, active=_NONE,
+    idle=_NONE, T=_ZERO, kt=_ZERO, g=_ZERO, p=_ZERO, H=_EMPTY, base=np.zeros(0), j=_ZERO,
+    loads=_EMPTY, products=_EMPTY, step_products=_EMPTY, E=_EMPTY, G=_EMPTY,
+    amplitude=_number(-1), table=_number(-1))
 
 
 def _prescribed(number: int, b: BodyStep, timed: Timed) -> PrescribedArrays:
@@ -229,12 +265,14 @@ def model_arrays(s: Stepper, rules: UpdateRules) -> ModelArrays:
         _array(s.sanity), s.tolerances.remaining, s.tolerances.max_iterations)
 
 
-def work_of(b: BodyArrays) -> BodyWork:
-    """Working arrays for one body."""
-    n, p, w, s = len(b.origin), len(b.Gt), len(b.base), len(b.active)
-    rows = len(b.step_products)
-    return BodyWork(
-        np.zeros((n + 1, p)), np.zeros((n, p)), np.zeros((n, n + 1)), np.zeros(2 * b.g + 1),
-        np.zeros((3, p)), np.zeros(3 * b.g), np.zeros(len(b.gains)), np.zeros((3, n)),
-        np.zeros((3, n)), np.zeros(3 * b.k + b.kt), np.zeros((3, rows)), np.zeros(rows),
-        np.zeros(w), np.zeros(w), np.zeros(s), np.zeros(s))
+def work_of(b: BodyArrays, border: int) -> MechanicsWork:
+    """Working arrays for bodies in a model with this many border unknowns."""
+    (count, n), p, (s, w) = b.origin.shape, b.G.shape[1], (b.active.shape[1], b.base.shape[1])
+    q, forms, i = b.products.shape[2], 3 * max([*b.g.tolist(), 0]), b.kinds.shape[1]
+    shapes = ((n + 1, p), (n, p), (n, n + 1), (forms + 1,), (3, p), (forms,))
+    rest = ((i,), (3, n), (3, n), (3, q), (q,), (w,), (w,), (s,), (s,), (p, n + 1), (n, n + 1))
+    return MechanicsWork(
+        *(np.zeros((count, *shape)) for shape in shapes), np.zeros((3, 0)),
+        *(np.zeros((count, *shape)) for shape in rest), np.zeros(count), np.zeros(count),
+        np.zeros(count), np.zeros(count + 1), np.zeros(count + 1), np.zeros((border, border)),
+        np.zeros(border), np.zeros(border), np.zeros(border))

@@ -20,7 +20,6 @@ from sparsemor.core import (
     require,
 )
 from sparsemor.reducers.step.compiled.arrays import (
-    NO_BODY,
     NO_HEAT,
     NO_PRESCRIBED,
     ModelArrays,
@@ -104,16 +103,14 @@ class CompiledSteps:
         if advance_arrays is None:
             advance_arrays, listed = _compiled(plan)
         self._advance = advance_arrays
-        works = [work_of(b) for b in plan.bodies]
+        self._work = work_of(plan.bodies, plan.border)
         self._heat = listed(plan.heat, NO_HEAT)
-        self._bodies = listed(plan.bodies, NO_BODY)
-        self._works = listed(works, work_of(NO_BODY))
         self._prescribed = listed(plan.prescribed, NO_PRESCRIBED)
 
     def advance(self, state: State, memory: Memory, count: int) -> StepBlock:
         """Solves up to `count` steps; none at the start, where reference magnitudes are unknown,
         and while full Newton steps are due."""
-        known = memory.scales.floor or not (self.plan.bodies or self.plan.prescribed)
+        known = memory.scales.floor or not (len(self.plan.bodies.k) or self.plan.prescribed)
         if not known or memory.full_newton_next:
             return StepBlock((), (), ())
         times, t = np.empty(min(count, self._ahead)), state.t
@@ -123,7 +120,7 @@ class CompiledSteps:
         run = _run_arrays(state, memory)
         states, effort = np.empty((len(times), *run.z.shape)), np.zeros((len(times), 2))
         done = self._advance(
-            self.model, self._heat, self._bodies, self._works, self._prescribed, run,
+            self.model, self._heat, self.plan.bodies, self._work, self._prescribed, run,
             self.plan.timed.along(times), self.plan.targets_along(times), states, effort)
         if done:
             _keep(run, memory)
