@@ -12,15 +12,14 @@ class HeatArrays(NamedTuple):
     """Constants of a reduced thermal block without local terms (thermal_block.py).
 
     at (k,), active (s,), idle (k - s,): numbers of its unknowns, of active and of inactive ones;
-    by_rate, by_value: (k, s), or (1, k) for a diagonal; base (s,), loads (j, s): constant terms and
-    factors of the amplitudes, the first of which is number `amplitude`; table: number of the first
-    tabulated value, -1 for none.
+    by_value: (k, s), or (1, k) for a diagonal; base (s,), loads (j, s): constant terms and factors
+    of the amplitudes, the first of which is number `amplitude`; table: number of the first
+    tabulated value, -1 for none. The free motion has no rate, so that `by_rate` is not needed.
     """
 
     at: IntArray
     active: IntArray
     idle: IntArray
-    by_rate: FloatArray
     by_value: FloatArray
     base: FloatArray
     loads: FloatArray
@@ -29,7 +28,7 @@ class HeatArrays(NamedTuple):
 
 
 _NONE, _EMPTY = np.zeros(0, dtype=np.int64), np.zeros((0, 0))
-NO_HEAT = HeatArrays(_NONE, _NONE, _NONE, _EMPTY, _EMPTY, np.zeros(0), _EMPTY, -1, -1)
+NO_HEAT = HeatArrays(_NONE, _NONE, _NONE, _EMPTY, np.zeros(0), _EMPTY, -1, -1)
 """An empty thermal block, of the type of all."""
 
 
@@ -37,8 +36,7 @@ class BodyArrays(NamedTuple):
     """Constants of bodies: frames, maps to the border, and their reduced displacements
     (elastic_block.py; k = 0 for a rigid body). The first index of each array, not given here, is
     the number of the body; all are filled up with zeros to the size of the largest body, b border
-    unknowns and p directions. Machine code counts the references to arrays that it takes out of a
-    list: with a list of bodies that was a third of a step.
+    unknowns and p directions.
 
     items: number of contributions to the frame; kinds (i,), numbers (i, j), starts (i, 3): these
     (`FrameArrays`); gains (i,): numbers of their amplitudes, -1 for none. entries: number of rows,
@@ -92,9 +90,11 @@ class PrescribedArrays(NamedTuple):
     (prescribed_frame_block.py).
 
     number: of the body; u, k, active (s,), idle, T, kt: as in BodyArrays; inertia, stiffness,
-    damping: (s, k), or (1, k) for a diagonal, damping (0, k) for none; coupling (s, kt); G (g, k,
-    s), leading (g r, r). table, width: number of the first value and of all values of its functions
-    of time: kappa, mu (g,), sigma, the bound of the contraction factor, and s loads.
+    damping: (s, k), or (1, k) for a diagonal, damping (0, k) for none; coupling (kt, s):
+    transposed; G (g, k, s), leading (g r, r). Where D is diagonal and all M_g are symmetric or
+    skew: scale (s,) = D^-1, halves (g, s, s): M_g, signs (g,): 1 or -1; otherwise these are empty.
+    table, width: number of the first value and of all values of its functions of time: kappa, mu
+    (g,), sigma, the bound of the contraction factor, and s loads.
     """
 
     number: int
@@ -110,13 +110,16 @@ class PrescribedArrays(NamedTuple):
     coupling: FloatArray
     G: FloatArray
     leading: FloatArray
+    scale: FloatArray
+    halves: FloatArray
+    signs: FloatArray
     table: int
     width: int
 
 
 NO_PRESCRIBED = PrescribedArrays(
-    0, 0, 0, _NONE, _NONE, 0, 0, _EMPTY, _EMPTY, _EMPTY, _EMPTY, np.zeros((0, 0, 0)), _EMPTY, -1,
-    0)
+    0, 0, 0, _NONE, _NONE, 0, 0, _EMPTY, _EMPTY, _EMPTY, _EMPTY, np.zeros((0, 0, 0)), _EMPTY,
+    np.zeros(0), np.zeros((0, 0, 0)), np.zeros(0), -1, 0)
 """An empty body, of the type of all."""
 
 
@@ -132,7 +135,8 @@ class MechanicsWork(NamedTuple):
 
     scale, distance (bodies,): reference magnitudes; elastic (bodies,): as in RunArrays;
     changes, before (bodies + 1,): of an iteration and the one before; A (N, N), dy, delta,
-    predicted (N,): border system, its solution, increments and prediction.
+    predicted (N,): border system, its solution, increments and prediction; sums: as in
+    `FrameFunction`.
     """
 
     sigma: FloatArray
@@ -162,6 +166,7 @@ class MechanicsWork(NamedTuple):
     dy: FloatArray
     delta: FloatArray
     predicted: FloatArray
+    sums: FloatArray
 
 
 class ModelArrays(NamedTuple):

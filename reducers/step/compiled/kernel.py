@@ -10,7 +10,7 @@ from math import sqrt
 
 import numpy as np
 
-from sparsemor.core import FloatArray, IntArray
+from sparsemor.core import FloatArray
 from sparsemor.reducers.step.compiled.arrays import (
     BodyArrays,
     HeatArrays,
@@ -20,7 +20,7 @@ from sparsemor.reducers.step.compiled.arrays import (
     RunArrays,
 )
 from sparsemor.reducers.step.compiled.mechanics import LEFT, solve_mechanics
-from sparsemor.reducers.step.compiled.prescribed import solve_prescribed
+from sparsemor.reducers.step.compiled.prescribed import solve_prescribed, thermal_forces
 
 
 def advance(
@@ -38,20 +38,24 @@ def advance(
     n = run.z.shape[1]
     free, rate, d = np.zeros(n), np.zeros(n), np.zeros(n)
     x, v, a = np.zeros(n), np.zeros(n), np.zeros(n)
-    guess = np.zeros(2 * n)
+    guess, new = np.zeros(2 * n), np.zeros(n + len(run.z))
+    warm, warmed = np.zeros((len(timed), n)), np.zeros((len(timed), n))
+    heat_ahead(m, heat, run.z.copy(), timed, warm, warmed, new)
+    forces = thermal_forces(prescribed, warm)
     for i in range(len(timed)):
         free_motion(m, run.z, free, rate)
         predict(m, run, guess)
         for j in range(n):
             d[j] = guess[n + j] if run.by_departure[j] else guess[j] - free[j]
+        for j in range(m.first[0], m.first[1]):
+            d[j] = warmed[i, j]
         at_departure(m, d, free, rate, x, v, a)
-        for h in heat:
-            heated(h, m.c1_first, timed[i], x, v, d)
         if len(bodies.k):
             count = solve_mechanics(
                 m, bodies, work, run, timed[i], targets[i], x, v, a, d, free, rate)
         else:
-            count = solve_prescribed(m, prescribed, run, timed[i], x, v, a, d, free, rate)
+            count = solve_prescribed(
+                m, prescribed, run, timed[i], forces[i], x, v, a, d, free, rate)
         if count == LEFT:
             return i
         at_departure(m, d, free, rate, x, v, a)
@@ -60,10 +64,23 @@ def advance(
             size += (x[j] * m.sanity[j]) ** 2
         if not size <= 1.0:
             return i
-        accept(m, run, guess, x, v, a, d)
+        accept(m, run, guess, x, v, a, d, new)
         states[i] = run.z
         effort[i, 0], effort[i, 1] = count, run.remaining[0]
     return len(timed)
+
+
+def heat_ahead(
+    m: ModelArrays, heat: Sequence[HeatArrays], z: FloatArray, timed: FloatArray, x: FloatArray,
+    d: FloatArray, new: FloatArray
+) -> None:
+    """Temperatures x and their departures d from the free motion (T, n) in all steps from the state
+    z, which is overwritten: they depend on no other unknowns. new: working array."""
+    for i in range(len(timed)):
+        free_first(m, z, x[i])
+        for h in heat:
+            heated(h, timed[i], x[i], d[i], new)
+        new_first(m, z, x[i], d[i], new)
 
 
 def free_motion(m: ModelArrays, z: FloatArray, free: FloatArray, rate: FloatArray) -> None:
@@ -75,6 +92,14 @@ def free_motion(m: ModelArrays, z: FloatArray, free: FloatArray, rate: FloatArra
         for i in range(m.second[0], m.second[1]):
             free[i] += of_x * z[c, i]
             rate[i] += of_v * z[c, i]
+    free_first(m, z, free)
+
+
+def free_first(m: ModelArrays, z: FloatArray, free: FloatArray) -> None:
+    """Free motion of the unknowns of first order."""
+    for i in range(m.first[0], m.first[1]):
+        free[i] = 0.0
+    for c in range(len(z)):
         of_x = m.first_old[0, c]
         for i in range(m.first[0], m.first[1]):
             free[i] += of_x * z[c, i]
@@ -85,7 +110,8 @@ def at_departure(
     v: FloatArray, a: FloatArray
 ) -> None:
     """Unknowns x and rates v, a at the departure d from the free motion."""
-    x[:] = free + d
+    for i in range(len(x)):
+        x[i] = free[i] + d[i]
     v[:] = 0.0
     a[:] = 0.0
     for i in range(m.second[0], m.second[1]):
@@ -100,14 +126,14 @@ def predict(m: ModelArrays, run: RunArrays, guess: FloatArray) -> None:
     points = len(run.ring)
     guess[:] = 0.0
     for j in range(run.at[1]):
-        weight, past = m.weights[run.at[1], j], run.ring[(run.at[0] - j) % points]
+        weight, row = m.weights[run.at[1], j], (run.at[0] - j) % points
         for i in range(len(guess)):
-            guess[i] += weight * past[i]
+            guess[i] += weight * run.ring[row, i]
 
 
 def accept(
     m: ModelArrays, run: RunArrays, guess: FloatArray, x: FloatArray, v: FloatArray,
-    a: FloatArray, d: FloatArray
+    a: FloatArray, d: FloatArray, new: FloatArray
 ) -> None:
     """Stores a solved step: past states for the predictor, reference magnitudes, and the state."""
     n, points = len(x), len(run.ring)
@@ -116,10 +142,11 @@ def accept(
         for i in range(m.starts[k], m.starts[k + 1]):
             by_value = max(by_value, abs(guess[i] - x[i]))
             by_departure = max(by_departure, abs(guess[n + i] - d[i]))
-        run.by_departure[m.starts[k] : m.starts[k + 1]] = by_departure < by_value
+        for i in range(m.starts[k], m.starts[k + 1]):
+            run.by_departure[i] = by_departure < by_value
     newest = (run.at[0] + 1) % points
-    run.ring[newest, :n] = x
-    run.ring[newest, n:] = d
+    for i in range(n):
+        run.ring[newest, i], run.ring[newest, n + i] = x[i], d[i]
     run.at[0], run.at[1] = newest, min(run.at[1] + 1, points)
     for i in range(len(m.displacements)):
         size = 0.0
@@ -130,15 +157,15 @@ def accept(
     for j in range(m.rigid):
         size += a[j] * a[j]
     run.acceleration[0] = max(run.acceleration[0], sqrt(size))
-    new_state(m, run.z, x, v, a)
+    new_state(m, run.z, x, v, a, d, new)
 
 
 def new_state(
-    m: ModelArrays, z: FloatArray, x: FloatArray, v: FloatArray, a: FloatArray
+    m: ModelArrays, z: FloatArray, x: FloatArray, v: FloatArray, a: FloatArray, d: FloatArray,
+    new: FloatArray
 ) -> None:
-    """State after the step, overwriting the one before."""
+    """State after the step, overwriting the one before; new: working array."""
     rows = len(z)
-    new = np.zeros(rows)
     for i in range(m.second[0], m.second[1]):
         for r in range(3, rows):
             new[r] = m.second_new[r] * a[i]
@@ -146,47 +173,53 @@ def new_state(
                 new[r] += m.second_old[r, c] * z[c, i]
         for r in range(3, rows):
             z[r, i] = new[r]
+        z[0, i], z[1, i], z[2, i] = x[i], v[i], a[i]
+    for i in range(m.algebraic[0], m.algebraic[1]):
+        z[0, i], z[1, i], z[2, i] = x[i], v[i], a[i]
+    new_first(m, z, x, d, new)
+
+
+def new_first(
+    m: ModelArrays, z: FloatArray, x: FloatArray, d: FloatArray, new: FloatArray
+) -> None:
+    """New unknowns of first order in the state z, at x and the departure d; new: working array."""
+    rows = len(z)
     for i in range(m.first[0], m.first[1]):
         for r in range(2, rows):
-            new[r] = m.first_new[r] * v[i]
+            new[r] = m.first_new[r] * (m.c1_first * d[i])
             for c in range(rows):
                 new[r] += m.first_old[r, c] * z[c, i]
-        a[i] = new[2]
-        for r in range(3, rows):
+        z[0, i], z[1, i] = x[i], m.c1_first * d[i]
+        for r in range(2, rows):
             z[r, i] = new[r]
-    z[0] = x
-    z[1] = v
-    z[2] = a
 
 
 def heated(
-    h: HeatArrays, c1: float, timed: FloatArray, x: FloatArray, v: FloatArray, d: FloatArray
+    h: HeatArrays, timed: FloatArray, x: FloatArray, d: FloatArray, new: FloatArray
 ) -> None:
-    """Solves a thermal block (thermal_block.py), in place."""
+    """Solves a thermal block (thermal_block.py) from its free motion x, in place, with the
+    departure d from it; new: working array."""
     for i in h.idle:
-        v[i] -= c1 * x[i]
-        d[i] -= x[i]
+        d[i] = -x[i]
         x[i] = 0.0
-    r = h.base.copy()
-    for j in range(len(h.loads)):
-        r += h.loads[j] * timed[h.amplitude + j]
-    if h.table >= 0:
-        r += timed[h.table : h.table + len(r)]
-    add_product(h.by_rate, v, h.at, r)
-    add_product(h.by_value, x, h.at, r)
+    r = new[: len(h.base)]
     for j in range(len(r)):
-        i = h.active[j]
-        d[i] += r[j]
-        x[i] += r[j]
-        v[i] += c1 * r[j]
-
-
-def add_product(A: FloatArray, x: FloatArray, at: IntArray, y: FloatArray) -> None:
-    """Adds A x[at] to y (s,) for the transpose (k, s) of a matrix A, or (1, k) for a diagonal."""
-    if len(A) == 1:
-        for j in range(len(y)):
-            y[j] += A[0, j] * x[at[j]]
+        r[j] = h.base[j]
+    for c in range(len(h.loads)):
+        g = timed[h.amplitude + c]
+        for j in range(len(r)):
+            r[j] += h.loads[c, j] * g
+    if h.table >= 0:
+        for j in range(len(r)):
+            r[j] += timed[h.table + j]
+    if len(h.by_value) == 1:
+        for j in range(len(r)):
+            r[j] += h.by_value[0, j] * x[h.at[j]]
     else:
-        for c in range(len(A)):
-            for j in range(len(y)):
-                y[j] += A[c, j] * x[at[c]]
+        for c in range(len(h.at)):
+            T = x[h.at[c]]
+            for j in range(len(r)):
+                r[j] += h.by_value[c, j] * T
+    for j in range(len(r)):
+        d[h.active[j]] = r[j]
+        x[h.active[j]] += r[j]

@@ -28,10 +28,11 @@ def begin(
     w.d[:] = 0.0
     w.change[:] = 0.0
     w.past[:] = 0.0
-    w.h[:] = b.base
     for i in range(len(b.k)):
         k, s, first, T = b.k[i], b.s[i], b.u[i], b.T[i]
         size, q = s + b.p[i], b.g[i] * (2 * s + b.p[i]) + b.p[i]
+        for j in range(size):
+            w.h[i, j] = b.base[i, j]
         for j in range(k - s):
             o = b.idle[i, j]
             d[o] = -free[o]
@@ -92,9 +93,10 @@ def functionals(m: ModelArrays, b: BodyArrays, w: MechanicsWork, iteration: int)
 
 def combine(m: ModelArrays, b: BodyArrays, w: MechanicsWork) -> None:
     """z = D^-1 (h + sum_g kappa_g M_g u + mu_g M_g u') and P^T z, after `functionals`."""
-    w.z[:] = w.h
     for i in range(len(b.k)):
         g, size = b.g[i], b.s[i] + b.p[i]
+        for j in range(size):
+            w.z[i, j] = w.h[i, j]
         for f in range(g):
             kappa, mu, at = w.coefficients[i, f], w.coefficients[i, g + f], f * size
             of_change = kappa + mu * m.c1
@@ -107,8 +109,10 @@ def frames(
     m: ModelArrays, b: BodyArrays, w: MechanicsWork, timed: FloatArray, delta: FloatArray
 ) -> None:
     """Equations of the frames at the border increments `delta` (N,)."""
-    w.now[:] = w.pose
     for i in range(len(b.k)):
+        for r in range(3):
+            for j in range(w.now.shape[2]):
+                w.now[i, r, j] = w.pose[i, r, j]
         for j in range(b.entries[i]):
             row, moved = b.rows[i, j], b.values[i, j] * delta[b.columns[i, j]]
             w.now[i, 0, row] += moved
@@ -120,13 +124,14 @@ def frames(
         evaluate_frame(
             b.kinds[i][:n], b.numbers[i], b.starts[i], w.gains[i], w.now[i, 0], w.now[i, 1],
             w.now[i, 2], m.c1, m.c2, w.s[i] if b.k[i] else w.nothing, w.forms[i], w.sigma[i],
-            w.tau[i], w.border[i], w.coefficients[i])
+            w.tau[i], w.border[i], w.coefficients[i], w.sums)
 
 
 def evaluate_frame(
     kinds: IntArray, numbers: FloatArray, starts: IntArray, gains: FloatArray, y: FloatArray,
     v: FloatArray, a: FloatArray, c1: float, c2: float, s: FloatArray, forms: FloatArray,
-    sigma: FloatArray, tau: FloatArray, border: FloatArray, coefficients: FloatArray
+    sigma: FloatArray, tau: FloatArray, border: FloatArray, coefficients: FloatArray,
+    sums: FloatArray
 ) -> None:
     """Function of the frames (`FrameArrays`), with which the steps are compiled."""
 
@@ -138,28 +143,30 @@ def solve_mechanics(
 ) -> int:
     """Solves the mechanical equations (condensed_newton.py) and adds their increments to d; returns
     the number of iterations, or LEFT."""
-    nr, count, last = m.rigid, len(b.k), inf
-    w.elastic[:] = run.elastic
-    w.delta[:] = 0.0
-    w.predicted[:nr] = x[:nr]
-    w.predicted[nr:] = x[m.algebraic[0] : m.algebraic[1]]
-    w.before[:] = inf
+    nr, count, N, last = m.rigid, len(b.k), len(w.dy), inf
+    for i in range(N):
+        w.delta[i] = 0.0
+        w.predicted[i] = x[i] if i < nr else x[m.algebraic[0] + i - nr]
     size = reference(max(1.0, norm(x, nr)), run.acceleration[0], m.c2, m.remaining)
     begin(m, b, w, timed, x, v, a, d, free, rate)
     pose(b, w, nr, v, a, timed)
+    w.before[:] = inf
     for i in range(count):
+        w.elastic[i] = run.elastic[i]
         w.scale[i] = magnitude(m, run, w, i)
     for iteration in range(1, m.max_iterations + 1):
         functionals(m, b, w, iteration)
         frames(m, b, w, timed, w.delta)
         combine(m, b, w)
         w.A[:] = 0.0
-        w.dy[:] = -targets
+        for i in range(N):
+            w.dy[i] = -targets[i]
         add_reduced(b, w)
         solve_in_place(w.A, w.dy)
-        if not norm(w.dy, len(w.dy)) < inf:
+        if not norm(w.dy, N) < inf:
             return LEFT
-        w.delta[:] -= w.dy
+        for i in range(N):
+            w.delta[i] -= w.dy[i]
         w.changes[0] = norm(w.dy, nr) / size
         displaced(m, b, w, run, d)
         change, error = 0.0, 0.0
@@ -168,15 +175,16 @@ def solve_mechanics(
                 return LEFT
             change = max(change, w.changes[i])
             error = max(error, estimated_error(w.changes[i], w.before[i]))
+            w.before[i] = w.changes[i]
         if error <= m.remaining:
-            d[:nr] += w.delta[:nr]
-            d[m.algebraic[0] : m.algebraic[1]] += w.delta[nr:]
-            run.elastic[:] = w.elastic
+            for i in range(N):
+                d[i if i < nr else m.algebraic[0] + i - nr] += w.delta[i]
+            for i in range(count):
+                run.elastic[i] = w.elastic[i]
             run.remaining[0] = error
             return iteration
         if change > SLOW * last:
             return LEFT
-        w.before[:] = w.changes
         last = change
     return LEFT
 
@@ -187,8 +195,9 @@ def pose(
     """Border unknowns of the bodies at the prediction, with their rates, and squared distances from
     the origin."""
     w.pose[:] = 0.0
-    w.pose[:, 0] = b.origin
     for i in range(len(b.k)):
+        for j in range(w.pose.shape[2]):
+            w.pose[i, 0, j] = b.origin[i, j]
         for j in range(b.entries[i]):
             r, c, value = b.rows[i, j], b.columns[i, j], b.values[i, j]
             w.pose[i, 0, r] += value * w.predicted[c]
@@ -209,7 +218,6 @@ def add_reduced(b: BodyArrays, w: MechanicsWork) -> None:
     residual), to the matrix A (N, N) and the residual dy (N,) of the border unknowns."""
     n = w.tau.shape[1]
     w.Gs[:] = 0.0
-    w.reduced[:] = w.border
     for i in range(len(b.k)):
         p, s = b.p[i], b.s[i]
         P = b.g[i] * (2 * s + p)
@@ -222,6 +230,8 @@ def add_reduced(b: BodyArrays, w: MechanicsWork) -> None:
         for j in range(p):
             w.Gs[i, j, n] += w.change[i, P + j] + w.z[i, s + j]
         for r in range(n):
+            for c in range(n + 1):
+                w.reduced[i, r, c] = w.border[i, r, c]
             for j in range(p):
                 tau = w.tau[i, r, j]
                 if tau != 0.0:

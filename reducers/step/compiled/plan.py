@@ -38,6 +38,9 @@ from sparsemor.reducers.step.time_tables import Moving, TimeTable
 LARGEST_BORDER = 60
 """Largest number of border unknowns of compiled steps, which solve a dense system."""
 
+SYMMETRIC = 1e-12
+"""Relative difference of a symmetric matrix from its transpose that is round-off."""
+
 
 class NotCompiled(Exception):
     """A model whose steps are not compiled, with the reason."""
@@ -163,9 +166,8 @@ def _heat(where: slice | IntArray, block: HeatBlock, name: str, timed: Timed) ->
     loads = block.loads
     return HeatArrays(
         at.astype(np.int64), at[active].astype(np.int64), at[idle].astype(np.int64),
-        _transposed(block.by_rate), _transposed(block.by_value),
-        _array(loads.base), _array(loads.loads.T), timed.amplitudes(loads.amplitudes),
-        timed.tables(loads.tables))
+        _transposed(block.by_value), _array(loads.base), _array(loads.loads.T),
+        timed.amplitudes(loads.amplitudes), timed.tables(loads.tables))
 
 
 def _transposed(A: FloatArray) -> FloatArray:
@@ -239,7 +241,24 @@ def _prescribed(number: int, b: BodyStep, timed: Timed) -> PrescribedArrays:
         number, b.elastic.start, k, active, idle, b.thermal.start, kt,
         _array(np.atleast_2d(e.inertia)), _array(np.atleast_2d(e.stiffness)),
         np.zeros((0, k)) if e.damping is None else _array(np.atleast_2d(e.damping)),
-        _array(e.coupling), _array(e.G), _array(e.leading), timed.table(table, width), width)
+        _array(e.coupling.T), _array(e.G), _array(e.leading), *_halves(e),
+        timed.table(table, width), width)
+
+
+def _halves(e: CompressedPrescribed) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """D^-1, the M_g and their signs where D is diagonal and each M_g is sign times its transpose;
+    otherwise empty."""
+    none = np.zeros(0), np.zeros((0, 0, 0)), np.zeros(0)
+    if e.inverse is None:
+        return none
+    M, signs = (e.G / e.inverse).transpose(0, 2, 1), []
+    for A in M:
+        fitting = [sign for sign in (1.0, -1.0)
+                   if np.abs(A - sign * A.T).max() <= SYMMETRIC * np.abs(A).max()]
+        if not fitting:
+            return none
+        signs.append(fitting[0])
+    return _array(e.inverse), _array(M), np.array(signs)
 
 
 def model_arrays(s: Stepper, rules: UpdateRules) -> ModelArrays:
@@ -275,4 +294,4 @@ def work_of(b: BodyArrays, border: int) -> MechanicsWork:
         *(np.zeros((count, *shape)) for shape in shapes), np.zeros((3, 0)),
         *(np.zeros((count, *shape)) for shape in rest), np.zeros(count), np.zeros(count),
         np.zeros(count), np.zeros(count + 1), np.zeros(count + 1), np.zeros((border, border)),
-        np.zeros(border), np.zeros(border), np.zeros(border))
+        np.zeros(border), np.zeros(border), np.zeros(border), np.zeros(16))

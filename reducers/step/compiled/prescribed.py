@@ -12,10 +12,14 @@ from sparsemor.reducers.step.compiled.arrays import ModelArrays, PrescribedArray
 from sparsemor.reducers.step.compiled.mechanics import LEFT
 from sparsemor.reducers.step.condensed_newton import SLOW
 
+TOGETHER = 8
+"""Number of steps whose thermal forces are computed together."""
+
 
 def solve_prescribed(
     m: ModelArrays, bodies: Sequence[PrescribedArrays], run: RunArrays, timed: FloatArray,
-    x: FloatArray, v: FloatArray, a: FloatArray, d: FloatArray, free: FloatArray, rate: FloatArray
+    forces: FloatArray, x: FloatArray, v: FloatArray, a: FloatArray, d: FloatArray,
+    free: FloatArray, rate: FloatArray
 ) -> int:
     """Solves the mechanical equations of all bodies and adds their increments to d; returns the
     largest number of iterations, or LEFT."""
@@ -25,7 +29,9 @@ def solve_prescribed(
         for i in b.idle:
             d[i] = -free[i]
             x[i], v[i], a[i] = 0.0, rate[i] + m.c1 * d[i], m.c2 * d[i]
-        count = solve_body(m, b, run, elastic, timed[b.table : b.table + b.width], x, v, a, d)
+        count = solve_body(
+            m, b, run, elastic, timed[b.table : b.table + b.width],
+            forces[b.u : b.u + len(b.active)], x, v, a, d)
         if count == LEFT:
             return LEFT
         most = max(most, count)
@@ -35,18 +41,17 @@ def solve_prescribed(
 
 def solve_body(
     m: ModelArrays, b: PrescribedArrays, run: RunArrays, elastic: FloatArray, table: FloatArray,
-    x: FloatArray, v: FloatArray, a: FloatArray, d: FloatArray
+    forces: FloatArray, x: FloatArray, v: FloatArray, a: FloatArray, d: FloatArray
 ) -> int:
-    """Solves for the displacements of one body; returns the number of iterations, or LEFT."""
+    """Solves for the displacements of one body with these thermal forces (s,); returns the number
+    of iterations, or LEFT."""
     k, g, s = b.k, len(b.G), len(b.active)
     u, uv, ua = x[b.u : b.u + k], v[b.u : b.u + k], a[b.u : b.u + k]
-    image = table[len(table) - s :] + product(b.inertia, ua) + product(b.stiffness, u)
+    image = table[len(table) - s :] + forces + product(b.inertia, ua) + product(b.stiffness, u)
     if len(b.damping):
         image += product(b.damping, uv)
-    if b.kt:
-        image += np.dot(b.coupling, x[b.T : b.T + b.kt])
     bound = table[len(table) - s - 1]
-    now, wide = np.zeros(s), np.zeros(k)
+    now, wide, turn = np.zeros(s), np.zeros(k), np.zeros(s)
     start = np.zeros(s)
     for j in range(s):
         start[j] = x[b.active[j]]
@@ -56,13 +61,19 @@ def solve_body(
         return 1
     last, before = inf, inf
     for iteration in range(1, m.max_iterations + 1):
+        turn[:] = 0.0
         for i in range(g):
             kappa, mu = table[i], table[g + i]
             if kappa != 0.0 or mu != 0.0:
                 push = (kappa + m.c1 * mu) * wide
                 if iteration == 1:
                     push = kappa * u + mu * uv
-                image -= np.dot(push, b.G[i])
+                if len(b.scale):
+                    add_turned(b.halves[i], b.signs[i], push, turn)
+                else:
+                    image -= np.dot(push, b.G[i])
+        for j in range(len(b.scale)):
+            image[j] -= b.scale[j] * turn[j]
         new = image.copy()
         corrected(m, b, table, image, now, new)
         moved2, size = 0.0, 0.0
@@ -105,6 +116,44 @@ def corrected(
             weight = table[i] + m.c1 * table[g + i]
             if weight != 0.0:
                 new[:r] -= weight * np.dot(b.leading[i * r : (i + 1) * r], change)
+
+
+def add_turned(A: FloatArray, sign: float, x: FloatArray, y: FloatArray) -> None:
+    """Adds A x to y (s,) for a matrix A (s, s) that is sign times its transpose, sign 1 or -1: only
+    what is above its diagonal is read, and used twice."""
+    n = len(y)
+    for i in range(n):
+        own, below, total = x[i], sign * x[i], 0.0
+        for j in range(i + 1, n):
+            total += A[i, j] * x[j]
+            y[j] += A[i, j] * below
+        y[i] += A[i, i] * own + total
+
+
+def thermal_forces(bodies: Sequence[PrescribedArrays], x: FloatArray) -> FloatArray:
+    """Thermal terms (T, n) of all steps at the unknowns x (T, n): those of a body start at its
+    first displacement."""
+    found = np.zeros(x.shape)
+    for b in bodies:
+        add_products(b.coupling, x[:, b.T : b.T + b.kt], found[:, b.u : b.u + len(b.active)])
+    return found
+
+
+def add_products(A: FloatArray, x: FloatArray, y: FloatArray) -> None:
+    """Adds x A to y (T, s) for A (k, s). A matrix that does not fit into the cache is read once for
+    several steps; the sums of a step are the same whichever the others are."""
+    k, s = A.shape
+    for first in range(0, len(x), TOGETHER):
+        last = min(first + TOGETHER, len(x))
+        for c in range(0, k - 3, 4):
+            for t in range(first, last):
+                for j in range(s):
+                    y[t, j] += (x[t, c] * A[c, j] + x[t, c + 1] * A[c + 1, j]
+                                + x[t, c + 2] * A[c + 2, j] + x[t, c + 3] * A[c + 3, j])
+        for c in range(k - k % 4, k):
+            for t in range(first, last):
+                for j in range(s):
+                    y[t, j] += x[t, c] * A[c, j]
 
 
 def product(A: FloatArray, x: FloatArray) -> FloatArray:
