@@ -92,7 +92,8 @@ class PrescribedArrays(NamedTuple):
     number: of the body; u, k, active (s,), idle, T, kt: as in BodyArrays; inertia, stiffness,
     damping: (s, k), or (1, k) for a diagonal, damping (0, k) for none; coupling (kt, s):
     transposed; G (g, k, s), leading (g r, r). Where D is diagonal and all M_g are symmetric or
-    skew: scale (s,) = D^-1, halves (g, s, s): M_g, signs (g,): 1 or -1; otherwise these are empty.
+    skew: scale (s,) = D^-1, halves (g, s, s): M_g, s rounded up to a multiple of 4, signs (g,): 1
+    or -1; otherwise these are empty.
     table, width: number of the first value and of all values of its functions of time: kappa, mu
     (g,), sigma, the bound of the contraction factor, and s loads.
     """

@@ -1,8 +1,8 @@
 """Compilation of the kernel by numba, an optional package (`pip install 'sparsemor[fast]'`).
 
-The functions of kernel.py, mechanics.py and prescribed.py are plain Python; numba compiles copies
-of them, which call each other's compiled forms. Machine code is kept in the user's cache folder,
-under a digest of the sources, so that it is never older than these.
+The functions of kernel.py, mechanics.py, prescribed.py and dense.py are plain Python; numba
+compiles copies of them, which call each other's compiled forms. Machine code is kept in the user's
+cache folder, under a digest of the sources, so that it is never older than these.
 """
 
 import hashlib
@@ -15,13 +15,13 @@ from types import FunctionType
 from typing import Any
 
 from sparsemor.reducers.step import acceptance
-from sparsemor.reducers.step.compiled import kernel, mechanics, prescribed
+from sparsemor.reducers.step.compiled import dense, kernel, mechanics, prescribed
 
 FUNCTIONS: tuple[Callable[..., object], ...] = (
     acceptance.estimated_error, acceptance.reference, mechanics.begin, mechanics.functionals,
     mechanics.combine, mechanics.frames, mechanics.pose, mechanics.add_reduced,
-    mechanics.solve_in_place, mechanics.norm, mechanics.magnitude, mechanics.displaced,
-    mechanics.solve_mechanics, prescribed.product, prescribed.add_turned, prescribed.add_products,
+    dense.solve_in_place, dense.norm, mechanics.magnitude, mechanics.displaced,
+    mechanics.solve_mechanics, dense.product, dense.add_turned, dense.add_products,
     prescribed.thermal_forces, prescribed.corrected, prescribed.solve_body,
     prescribed.solve_prescribed, kernel.free_first, kernel.free_motion, kernel.at_departure,
     kernel.predict, kernel.new_first, kernel.new_state, kernel.accept, kernel.heated,
@@ -31,7 +31,7 @@ CREATE_ARRAYS = ("product", "thermal_forces", "corrected", "solve_body", "solve_
                  "heat_ahead", "advance")
 """Names of the functions that create arrays, or take them out of a list. The others, and those of
 frames, are compiled without the counts of references to arrays, which took a third of a step."""
-SUMS = ("add_turned", "add_products")
+REORDERED = ("add_turned",)
 """Names of the functions whose sums may be reordered, which makes them several times faster."""
 
 
@@ -71,7 +71,7 @@ def compiled_advance(
     try:
         return bound(frame, calls, lambda f: numba.njit(
             cache=True, error_model="numpy", _nrt=f.__name__ in CREATE_ARRAYS,
-            fastmath={"reassoc", "contract"} if f.__name__ in SUMS else False)(f))
+            fastmath={"reassoc", "contract"} if f.__name__ in REORDERED else False)(f))
     finally:
         config.CACHE_DIR = before
 

@@ -4,8 +4,6 @@ bodies."""
 
 from math import inf, sqrt
 
-import numpy as np
-
 from sparsemor.core import FloatArray, IntArray
 from sparsemor.reducers.step.acceptance import estimated_error, reference
 from sparsemor.reducers.step.compiled.arrays import (
@@ -14,6 +12,7 @@ from sparsemor.reducers.step.compiled.arrays import (
     ModelArrays,
     RunArrays,
 )
+from sparsemor.reducers.step.compiled.dense import norm, solve_in_place
 from sparsemor.reducers.step.condensed_newton import SLOW
 
 LEFT = -1
@@ -245,33 +244,6 @@ def add_reduced(b: BodyArrays, w: MechanicsWork) -> None:
                     value * b.values[i, j] * w.reduced[i, row, b.rows[i, j]])
 
 
-def solve_in_place(A: FloatArray, r: FloatArray) -> None:
-    """Solves A x = r by elimination with partial pivoting: r becomes x, nan where A is singular."""
-    n = len(r)
-    for k in range(n):
-        p, most = k, abs(A[k, k])
-        for i in range(k + 1, n):
-            if abs(A[i, k]) > most:
-                p, most = i, abs(A[i, k])
-        if not 0.0 < most < inf:
-            r[:] = np.nan
-            return
-        if p != k:
-            for j in range(k, n):
-                A[k, j], A[p, j] = A[p, j], A[k, j]
-            r[k], r[p] = r[p], r[k]
-        for i in range(k + 1, n):
-            f = A[i, k] / A[k, k]
-            if f != 0.0:
-                for j in range(k + 1, n):
-                    A[i, j] -= f * A[k, j]
-                r[i] -= f * r[k]
-    for k in range(n - 1, -1, -1):
-        for j in range(k + 1, n):
-            r[k] -= A[k, j] * r[j]
-        r[k] /= A[k, k]
-
-
 def displaced(
     m: ModelArrays, b: BodyArrays, w: MechanicsWork, run: RunArrays, d: FloatArray
 ) -> None:
@@ -310,11 +282,3 @@ def displaced(
 def magnitude(m: ModelArrays, run: RunArrays, w: MechanicsWork, i: int) -> float:
     """Reference magnitude of changes of the displacements of body i."""
     return reference(sqrt(w.elastic[i]), sqrt(run.bending[i]), m.c2, m.remaining)
-
-
-def norm(x: FloatArray, n: int) -> float:
-    """Euclidean norm of the first n numbers."""
-    total = 0.0
-    for i in range(n):
-        total += x[i] * x[i]
-    return sqrt(total)

@@ -246,8 +246,8 @@ def _prescribed(number: int, b: BodyStep, timed: Timed) -> PrescribedArrays:
 
 
 def _halves(e: CompressedPrescribed) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """D^-1, the M_g and their signs where D is diagonal and each M_g is sign times its transpose;
-    otherwise empty."""
+    """D^-1, the M_g and their signs where D is diagonal and each M_g is sign times its transpose,
+    filled up with zeros to a size that is a multiple of 4; otherwise empty."""
     none = np.zeros(0), np.zeros((0, 0, 0)), np.zeros(0)
     if e.inverse is None:
         return none
@@ -258,7 +258,8 @@ def _halves(e: CompressedPrescribed) -> tuple[FloatArray, FloatArray, FloatArray
         if not fitting:
             return none
         signs.append(fitting[0])
-    return _array(e.inverse), _array(M), np.array(signs)
+    wide = -(-M.shape[1] // 4) * 4 - M.shape[1]
+    return _array(e.inverse), np.pad(M, ((0, 0), (0, wide), (0, wide))), np.array(signs)
 
 
 def model_arrays(s: Stepper, rules: UpdateRules) -> ModelArrays:

@@ -9,11 +9,9 @@ import numpy as np
 from sparsemor.core import FloatArray
 from sparsemor.reducers.step.acceptance import TRUSTED, estimated_error
 from sparsemor.reducers.step.compiled.arrays import ModelArrays, PrescribedArrays, RunArrays
+from sparsemor.reducers.step.compiled.dense import add_products, add_turned, product
 from sparsemor.reducers.step.compiled.mechanics import LEFT
 from sparsemor.reducers.step.condensed_newton import SLOW
-
-TOGETHER = 8
-"""Number of steps whose thermal forces are computed together."""
 
 
 def solve_prescribed(
@@ -51,7 +49,8 @@ def solve_body(
     if len(b.damping):
         image += product(b.damping, uv)
     bound = table[len(table) - s - 1]
-    now, wide, turn = np.zeros(s), np.zeros(k), np.zeros(s)
+    now, wide = np.zeros(s), np.zeros(k)
+    push, turn = np.zeros(max(k, b.halves.shape[1])), np.zeros(b.halves.shape[1])
     start = np.zeros(s)
     for j in range(s):
         start[j] = x[b.active[j]]
@@ -65,13 +64,13 @@ def solve_body(
         for i in range(g):
             kappa, mu = table[i], table[g + i]
             if kappa != 0.0 or mu != 0.0:
-                push = (kappa + m.c1 * mu) * wide
-                if iteration == 1:
-                    push = kappa * u + mu * uv
+                for j in range(k):
+                    push[j] = (kappa * u[j] + mu * uv[j] if iteration == 1 else
+                               (kappa + m.c1 * mu) * wide[j])
                 if len(b.scale):
                     add_turned(b.halves[i], b.signs[i], push, turn)
                 else:
-                    image -= np.dot(push, b.G[i])
+                    image -= np.dot(push[:k], b.G[i])
         for j in range(len(b.scale)):
             image[j] -= b.scale[j] * turn[j]
         new = image.copy()
@@ -118,45 +117,10 @@ def corrected(
                 new[:r] -= weight * np.dot(b.leading[i * r : (i + 1) * r], change)
 
 
-def add_turned(A: FloatArray, sign: float, x: FloatArray, y: FloatArray) -> None:
-    """Adds A x to y (s,) for a matrix A (s, s) that is sign times its transpose, sign 1 or -1: only
-    what is above its diagonal is read, and used twice."""
-    n = len(y)
-    for i in range(n):
-        own, below, total = x[i], sign * x[i], 0.0
-        for j in range(i + 1, n):
-            total += A[i, j] * x[j]
-            y[j] += A[i, j] * below
-        y[i] += A[i, i] * own + total
-
-
 def thermal_forces(bodies: Sequence[PrescribedArrays], x: FloatArray) -> FloatArray:
     """Thermal terms (T, n) of all steps at the unknowns x (T, n): those of a body start at its
     first displacement."""
     found = np.zeros(x.shape)
     for b in bodies:
-        add_products(b.coupling, x[:, b.T : b.T + b.kt], found[:, b.u : b.u + len(b.active)])
+        add_products(b.coupling, x, b.T, found, b.u)
     return found
-
-
-def add_products(A: FloatArray, x: FloatArray, y: FloatArray) -> None:
-    """Adds x A to y (T, s) for A (k, s). A matrix that does not fit into the cache is read once for
-    several steps; the sums of a step are the same whichever the others are."""
-    k, s = A.shape
-    for first in range(0, len(x), TOGETHER):
-        last = min(first + TOGETHER, len(x))
-        for c in range(0, k - 3, 4):
-            for t in range(first, last):
-                for j in range(s):
-                    y[t, j] += (x[t, c] * A[c, j] + x[t, c + 1] * A[c + 1, j]
-                                + x[t, c + 2] * A[c + 2, j] + x[t, c + 3] * A[c + 3, j])
-        for c in range(k - k % 4, k):
-            for t in range(first, last):
-                for j in range(s):
-                    y[t, j] += x[t, c] * A[c, j]
-
-
-def product(A: FloatArray, x: FloatArray) -> FloatArray:
-    """A x for a matrix A (s, k), or (1, k) for a diagonal."""
-    y: FloatArray = A[0] * x if len(A) == 1 and len(x) > 1 else np.dot(A, x)
-    return y

@@ -126,9 +126,9 @@ class CompiledSteps:
             _keep(run, memory)
         # a step that is left to the uncompiled solver is often followed by others
         self._ahead = min(4 * self._ahead, LONGEST) if done == len(times) else 2
+        x, v, a = (states[:done, i] for i in range(3))
         return StepBlock(
-            [State(t, z[0], z[1], z[2], z[3:].T) for t, z in zip(
-                times[:done].tolist(), states[:done], strict=True)],
+            list(map(State, times[:done].tolist(), x, v, a, states[:done, 3:].transpose(0, 2, 1))),
             effort[:done, 0].astype(int).tolist(), effort[:done, 1].tolist())
 
 
