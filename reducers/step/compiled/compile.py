@@ -18,10 +18,10 @@ from sparsemor.reducers.step import acceptance
 from sparsemor.reducers.step.compiled import dense, kernel, mechanics, prescribed
 
 FUNCTIONS: tuple[Callable[..., object], ...] = (
-    acceptance.estimated_error, acceptance.reference, mechanics.begin, mechanics.functionals,
-    mechanics.combine, mechanics.frames, mechanics.pose, mechanics.add_reduced,
-    dense.solve_in_place, dense.norm, mechanics.magnitude, mechanics.displaced,
-    mechanics.solve_mechanics, dense.product, dense.add_turned, dense.add_products,
+    acceptance.estimated_error, acceptance.reference, dense.add_product, dense.add_products,
+    dense.add_turned, dense.product, dense.solve_in_place, dense.norm, mechanics.begin,
+    mechanics.functionals, mechanics.combine, mechanics.frames, mechanics.pose,
+    mechanics.add_reduced, mechanics.magnitude, mechanics.displaced, mechanics.solve_mechanics,
     prescribed.thermal_forces, prescribed.corrected, prescribed.solve_body,
     prescribed.solve_prescribed, kernel.free_first, kernel.free_motion, kernel.at_departure,
     kernel.predict, kernel.new_first, kernel.new_state, kernel.accept, kernel.heated,
@@ -71,7 +71,7 @@ def compiled_advance(
     try:
         return bound(frame, calls, lambda f: numba.njit(
             cache=True, error_model="numpy", _nrt=f.__name__ in CREATE_ARRAYS,
-            fastmath={"reassoc", "contract"} if f.__name__ in REORDERED else False)(f))
+            fastmath={"contract", "reassoc"} if f.__name__ in REORDERED else {"contract"})(f))
     finally:
         config.CACHE_DIR = before
 

@@ -16,6 +16,16 @@ def product(A: FloatArray, x: FloatArray) -> FloatArray:
     return y
 
 
+def add_product(A: FloatArray, x: FloatArray, y: FloatArray, rows: int, columns: int) -> None:
+    """Adds to y the first `columns` of x A, for A with this many rows, filled up with zeros to a
+    multiple of 4; x has as many numbers."""
+    for i in range(0, rows, 4):
+        A0, A1, A2, A3 = A[i], A[i + 1], A[i + 2], A[i + 3]
+        x0, x1, x2, x3 = x[i], x[i + 1], x[i + 2], x[i + 3]
+        for j in range(columns):
+            y[j] += A0[j] * x0 + A1[j] * x1 + A2[j] * x2 + A3[j] * x3
+
+
 def add_turned(A: FloatArray, sign: float, x: FloatArray, y: FloatArray) -> None:
     """Adds A x to y (s,), s a multiple of 4, for a matrix A (s, s) that is sign times its
     transpose, sign 1 or -1: what is below its diagonal is used twice, what is above is not read."""

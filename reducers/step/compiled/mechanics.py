@@ -12,7 +12,7 @@ from sparsemor.reducers.step.compiled.arrays import (
     ModelArrays,
     RunArrays,
 )
-from sparsemor.reducers.step.compiled.dense import norm, solve_in_place
+from sparsemor.reducers.step.compiled.dense import add_product, norm, solve_in_place
 from sparsemor.reducers.step.condensed_newton import SLOW
 
 LEFT = -1
@@ -28,34 +28,25 @@ def begin(
     w.change[:] = 0.0
     w.past[:] = 0.0
     for i in range(len(b.k)):
-        k, s, first, T = b.k[i], b.s[i], b.u[i], b.T[i]
+        k, s, kt, u, inputs = b.k[i], b.s[i], b.kt[i], b.u[i], w.inputs[i]
         size, q = s + b.p[i], b.g[i] * (2 * s + b.p[i]) + b.p[i]
-        for j in range(size):
-            w.h[i, j] = b.base[i, j]
         for j in range(k - s):
             o = b.idle[i, j]
             d[o] = -free[o]
             x[o], v[o], a[o] = 0.0, rate[o] + m.c1 * d[o], m.c2 * d[o]
-        for c in range(k):
-            u, u1, u2 = x[first + c], v[first + c], a[first + c]
-            for j in range(q):
-                w.past[i, 0, j] += u * b.products[i, c, j]
-                w.past[i, 1, j] += u1 * b.products[i, c, j]
-                w.past[i, 2, j] += u2 * b.products[i, c, j]
-            for j in range(size):
-                w.h[i, j] += (u * b.H[i, c, j] + u1 * b.H[i, k + c, j]
-                              + u2 * b.H[i, 2 * k + c, j])
-        for c in range(b.kt[i]):
-            u = x[T + c]
-            for j in range(size):
-                w.h[i, j] += u * b.H[i, 3 * k + c, j]
-        for c in range(b.j[i]):
-            u = timed[b.amplitude[i] + c]
-            for j in range(size):
-                w.h[i, j] += u * b.loads[i, c, j]
-        if b.table[i] >= 0:
-            for j in range(size):
+        for j in range(k):
+            inputs[j], inputs[k + j], inputs[2 * k + j] = x[u + j], v[u + j], a[u + j]
+        for j in range(kt):
+            inputs[3 * k + j] = x[b.T[i] + j]
+        for j in range(b.j[i]):
+            inputs[3 * k + kt + j] = timed[b.amplitude[i] + j]
+        for j in range(size):
+            w.h[i, j] = b.base[i, j]
+            if b.table[i] >= 0:
                 w.h[i, j] -= timed[b.table[i] + j]
+        add_product(b.H[i], inputs, w.h[i], 3 * k + kt + b.j[i], size)
+        for r in range(3):
+            add_product(b.products[i], inputs[r * k :], w.past[i, r], k, q)
         for j in range(s):
             w.u[i, j] = x[b.active[i, j]]
 
@@ -69,10 +60,7 @@ def functionals(m: ModelArrays, b: BodyArrays, w: MechanicsWork, iteration: int)
         if iteration > 1:
             for j in range(P + p):
                 w.change[i, j] = 0.0
-            for c in range(s):
-                moved = w.d[i, c]
-                for j in range(P + p):
-                    w.change[i, j] += moved * b.step_products[i, c, j]
+            add_product(b.step_products[i], w.d[i], w.change[i], s, P + p)
         for j in range(p):
             w.s[i, 0, j] = w.past[i, 0, P + j] + w.change[i, P + j]
             w.s[i, 1, j] = w.past[i, 1, P + j] + m.c1 * w.change[i, P + j]

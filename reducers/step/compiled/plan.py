@@ -209,11 +209,15 @@ def _body(b: BodyStep, f: FrameArrays, timed: Timed) -> BodyArrays:
     return made._replace(
         u=_number(b.elastic.start), k=_number(k), s=_number(s), active=active, idle=idle,
         T=_number(b.thermal.start), kt=_number(kt), g=_number(g), p=_number(p),
-        H=_array(e.H[:, :inputs].T), base=_array(e.base), j=_number(e.H.shape[1] - inputs),
-        loads=_array(e.H[:, inputs:].T), products=_array(e.S.T),
-        step_products=_array(e.S[:, active - b.elastic.start].T), E=_array(e.E.T),
-        G=_array(e.G.T), amplitude=_number(timed.amplitudes(e.amplitudes)),
+        H=_by_four(e.H.T), base=_array(e.base), j=_number(e.H.shape[1] - inputs),
+        products=_by_four(e.S.T), step_products=_by_four(e.S[:, active - b.elastic.start].T),
+        E=_array(e.E.T), G=_array(e.G.T), amplitude=_number(timed.amplitudes(e.amplitudes)),
         table=_number(timed.tables(e.tables)))
+
+
+def _by_four(A: FloatArray) -> FloatArray:
+    """A with rows of zeros up to a number that is a multiple of 4."""
+    return _array(np.pad(A, ((0, -len(A) % 4), (0, 0))))
 
 
 def _number(i: int) -> IntArray:
@@ -226,7 +230,7 @@ _NO_BODY = BodyArrays(
     entries=_ZERO, rows=_NONE, columns=_NONE, values=np.zeros(0), origin=np.zeros(0),
     guide=_number(-1), rigid=_ZERO, positions=_ZERO, u=_ZERO, k=_ZERO, s=_ZERO, active=_NONE,
     idle=_NONE, T=_ZERO, kt=_ZERO, g=_ZERO, p=_ZERO, H=_EMPTY, base=np.zeros(0), j=_ZERO,
-    loads=_EMPTY, products=_EMPTY, step_products=_EMPTY, E=_EMPTY, G=_EMPTY,
+    products=_EMPTY, step_products=_EMPTY, E=_EMPTY, G=_EMPTY,
     amplitude=_number(-1), table=_number(-1))
 
 
@@ -258,7 +262,7 @@ def _halves(e: CompressedPrescribed) -> tuple[FloatArray, FloatArray, FloatArray
         if not fitting:
             return none
         signs.append(fitting[0])
-    wide = -(-M.shape[1] // 4) * 4 - M.shape[1]
+    wide = -M.shape[1] % 4
     return _array(e.inverse), np.pad(M, ((0, 0), (0, wide), (0, wide))), np.array(signs)
 
 
@@ -290,7 +294,9 @@ def work_of(b: BodyArrays, border: int) -> MechanicsWork:
     (count, n), p, (s, w) = b.origin.shape, b.G.shape[1], (b.active.shape[1], b.base.shape[1])
     q, forms, i = b.products.shape[2], 3 * max([*b.g.tolist(), 0]), b.kinds.shape[1]
     shapes = ((n + 1, p), (n, p), (n, n + 1), (forms + 1,), (3, p), (forms,))
-    rest = ((i,), (3, n), (3, n), (3, q), (q,), (w,), (w,), (s,), (s,), (p, n + 1), (n, n + 1))
+    inputs, wide = b.H.shape[1] + 4, b.step_products.shape[1]
+    rest = ((i,), (3, n), (3, n), (inputs,), (3, q), (q,), (w,), (w,), (s,), (wide,), (p, n + 1),
+            (n, n + 1))
     return MechanicsWork(
         *(np.zeros((count, *shape)) for shape in shapes), np.zeros((3, 0)),
         *(np.zeros((count, *shape)) for shape in rest), np.zeros(count), np.zeros(count),
