@@ -11,24 +11,30 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from sparsemor.reducers.estimation.build import error_model as error_model
+    from sparsemor.reducers.estimation.estimator import ErrorModel as ErrorModel
     from sparsemor.reducers.linalg.left_inverse import left_inverse as left_inverse
     from sparsemor.reducers.linalg.modal_coordinates import (
         modal_coordinates as modal_coordinates,
     )
-    from sparsemor.reducers.projection.base import Approximation as Approximation
-    from sparsemor.reducers.projection.base import Linear as Linear
-    from sparsemor.reducers.projection.base import Maps as Maps
+    from sparsemor.reducers.projection.base import Projection as Projection
     from sparsemor.reducers.projection.base import ProjectionReducer as ProjectionReducer
-    from sparsemor.reducers.projection.base import Reducible as Reducible
     from sparsemor.reducers.projection.force_snapshots import choose_points as choose_points
     from sparsemor.reducers.projection.force_snapshots import force_modes as force_modes
     from sparsemor.reducers.projection.force_snapshots import force_snapshots as force_snapshots
     from sparsemor.reducers.projection.force_snapshots import interpolation as interpolation
     from sparsemor.reducers.projection.interpolation import Interpolating as Interpolating
+    from sparsemor.reducers.projection.maps import Approximation as Approximation
+    from sparsemor.reducers.projection.maps import Linear as Linear
+    from sparsemor.reducers.projection.maps import Maps as Maps
+    from sparsemor.reducers.projection.maps import Reducible as Reducible
     from sparsemor.reducers.step.operators import TestMap as TestMap
 
 _HOMES = {
-    "projection.base": ("Approximation", "Linear", "Maps", "ProjectionReducer", "Reducible"),
+    "estimation.build": ("error_model",),
+    "estimation.estimator": ("ErrorModel",),
+    "projection.base": ("Projection", "ProjectionReducer"),
+    "projection.maps": ("Approximation", "Linear", "Maps", "Reducible"),
     "projection.force_snapshots": (
         "choose_points", "force_modes", "force_snapshots", "interpolation"),
     "projection.interpolation": ("Interpolating",),

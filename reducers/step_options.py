@@ -2,7 +2,9 @@
 
 from pydantic import Field
 
-from sparsemor.core import Plugin
+from sparsemor.core import Plugin, ReducedProblem, StepSolver
+from sparsemor.reducers.estimation.build import error_model
+from sparsemor.reducers.estimation.estimator import ErrorModel
 from sparsemor.reducers.step.acceptance import Tolerances
 from sparsemor.reducers.step.compiled.stepper import Compiled
 
@@ -27,3 +29,15 @@ class StepOptions(Plugin):
     @property
     def tolerances(self) -> Tolerances:
         return Tolerances(self.remaining, self.max_iterations)
+
+
+class ReducedStepOptions(StepOptions):
+    """Options of a step's solution in a reduced model."""
+
+    error_estimate: int = Field(default=0, ge=0)
+    """Number of steps from one estimate of each block's error to the next; 0: none. The estimate
+    solves the equation of the error in a space of its own, without the full-order run."""
+
+    def error_estimator(self, problem: ReducedProblem, solver: StepSolver) -> ErrorModel | None:
+        """Estimator of the errors of runs of `solver`, None without the option."""
+        return error_model(problem, solver, self.error_estimate) if self.error_estimate else None

@@ -62,6 +62,12 @@ class Comparison:
         return {run: e.series for run, e in self.measured.items()}
 
     @property
+    def effectivity(self) -> dict[str, dict[str, float]]:
+        """Run -> block or field -> largest error that the run estimated for itself, divided by its
+        largest error; runs without an estimate are absent."""
+        return {run: found for run, e in self.measured.items() if (found := e.effectivity)}
+
+    @property
     def facts(self) -> dict[str, RunFacts]:
         """Run -> cost (computing times, iterations, basis vectors, sampled rows); the reference
         comes first."""
@@ -123,7 +129,7 @@ class Comparison:
         late = next((e.late_from for e in self.measured.values() if e.late_from > 0.0), 0.0)
         phases = ["", phase_table(self.measured, self._blocks(), self.limit)]
         return "\n".join([text_table(table), *self._late_lines(late, fields), *phases,
-                          *self._limit_lines(), *self.notes.values()])
+                          *self._estimate_lines(), *self._limit_lines(), *self.notes.values()])
 
     def to_json(self) -> str:
         """JSON text with errors, times and counts of every run."""
@@ -133,6 +139,7 @@ class Comparison:
                                      "late_errors": self.late_errors.get(name, {}),
                                      "above_limit": self.above_limit.get(name, {}),
                                      "constant": self._constant(name),
+                                     "effectivity": self.effectivity.get(name, {}),
                                      **self._phases(name),
                                      "note": self.notes.get(name, "")}
                 for name, f in self.facts.items()}
@@ -172,6 +179,16 @@ class Comparison:
         table = [[f"from {late:g} s", *(f.replace("_", " ") for f in fields)]]
         table += [[run, *(self._error(run, e, f) for f in fields)]
                   for run, e in self.late_errors.items()]
+        return ["", text_table(table)]
+
+    def _estimate_lines(self) -> list[str]:
+        """Table of estimated errors, each as a multiple of the error."""
+        found = self.effectivity
+        if not found:
+            return []
+        blocks = [b for b in self._blocks() if any(b in e for e in found.values())]
+        table = [["estimate / error", *blocks]]
+        table += [[run, *(number(e.get(b), ".3g") for b in blocks)] for run, e in found.items()]
         return ["", text_table(table)]
 
     def _error_rows(self) -> list[list[Any]]:

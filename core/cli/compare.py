@@ -187,7 +187,8 @@ def _report(
     if as_json:
         print_json({"status": "failed" if failed else "done", "reference": reference,
                     "runs": [{"run": name, **summary} for name, summary in summaries.items()],
-                    "errors": comparison.errors, "above_limit": comparison.above_limit,
+                    "errors": comparison.errors, "effectivity": comparison.effectivity,
+                    "above_limit": comparison.above_limit,
                     "start_up": {n: e.start_up for n, e in comparison.measured.items()},
                     "steady": {n: e.steady for n, e in comparison.measured.items()},
                     "failures": failed, "out": str(directory)})

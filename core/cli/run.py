@@ -91,6 +91,8 @@ def in_words(summary: Mapping[str, Any]) -> str:
     lines.append(("factorized", summary.get("factorizations")))
     lines += [("linear solver", text) for text in solvers_in_words(
         summary.get("linear_solvers", ()))]
+    lines += [("error estimate", f"{n}: {e:.2g} of its largest change")
+              for n, e in summary.get("error_estimate", {}).items()]
     held = summary.get("memory")
     if held:
         lines.append(("memory", f"{held['peak_gb']:.2g} GB at most"))

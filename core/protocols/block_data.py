@@ -1,7 +1,7 @@
 """Matrices, loads and snapshots of one block of unknowns, and its trial basis."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -84,3 +84,8 @@ class Dictionary:
     offset: FloatArray
     provenance: tuple[str, ...]
     info: Mapping[str, float | int | str] = field(default_factory=dict)
+
+    def leading(self, count: int) -> "Dictionary":
+        """The first `count` atoms."""
+        return replace(self, atoms=np.ascontiguousarray(self.atoms[:, :count]),
+                       provenance=self.provenance[:count])

@@ -37,8 +37,8 @@ CAPABILITIES: Mapping[str, tuple[type, ...]] = {
     "load": (part.DeclaresEffect,),
     "mesh": (mesh.EstimatesMeshSize,),
     "reducer": (reducer.ChecksModel, reducer.UsesBases, reducer.UsesForceBasis,
-                reducer.HoldsSnapshots, reducer.RestartsSteps, reducer.SharesOptions,
-                reducer.SamplesRows, reducer.BudgetsFields),
+                reducer.HoldsSnapshots, reducer.EstimatesErrors, reducer.RestartsSteps,
+                reducer.SharesOptions, reducer.SamplesRows, reducer.BudgetsFields),
     "sampler": (sampler.ChoosesRowsKept, sampler.SamplesNodes, sampler.DrawsRequired),
     "sparse_solver": (sparse_solver.LimitsProblems,),
 }

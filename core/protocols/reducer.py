@@ -9,6 +9,7 @@ import numpy as np
 
 from sparsemor.core.arrays import Arrays, Csr, FloatArray, IntArray
 from sparsemor.core.errors import Fault
+from sparsemor.core.notes import Note
 from sparsemor.core.protocols.basis import Basis
 from sparsemor.core.protocols.block_data import BlockData, Dictionary
 from sparsemor.core.protocols.integrator import Integrator, State
@@ -212,6 +213,47 @@ class HoldsSnapshots(Protocol):
     @property
     def snapshot_copies(self) -> int:
         """Number of arrays of the size of a block's snapshots in memory at once."""
+        ...
+
+
+class ErrorEstimator(Protocol):
+    """Estimator of the error x_full - x_reduced of a reduced run against the full-order run of the
+    same steps.
+
+    every: number of steps from one estimate to the next; blocks: names of the blocks with an
+    estimate; notes: blocks without one, with the reason.
+    """
+
+    @property
+    def every(self) -> int: ...
+    @property
+    def blocks(self) -> tuple[str, ...]: ...
+    @property
+    def notes(self) -> tuple[Note, ...]: ...
+    def start(self, full: State, reduced: State) -> dict[str, FloatArray]:
+        """Memory of the estimate at the start of a run, from its initial state in the unknowns of
+        the full model and in those of the reduced one."""
+        ...
+
+    def present(self, memory: Mapping[str, FloatArray]) -> dict[str, float]:
+        """Norm of each block's estimated error at the last state that `memory` knows."""
+        ...
+
+    def advance(
+        self, states: Sequence[State], memory: dict[str, FloatArray]
+    ) -> Mapping[str, FloatArray]:
+        """Block -> norms (j,) of its estimated error at j successive states of the reduced run, the
+        first of them `every` steps after that of `memory`, which is brought to the last."""
+        ...
+
+
+@runtime_checkable
+class EstimatesErrors(Protocol):
+    """A reducer whose runs can be accompanied by an estimate of their error."""
+
+    def error_estimator(self, problem: ReducedProblem, solver: StepSolver) -> ErrorEstimator | None:
+        """Estimator for runs of `solver`, which this reducer prepared for `problem`; None where
+        none is requested."""
         ...
 
 

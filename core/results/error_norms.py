@@ -39,7 +39,8 @@ class Errors:
     `combined`, blocks and fields relative to the norm of the reference at the same time;
     start_up_end: end of the start-up, s; constant: names of blocks and fields that do not change in
     the reference, whose errors are relative to their norm; unshared: blocks that only one of the
-    runs has, or that differ in size, and that are not compared.
+    runs has, or that differ in size, and that are not compared; estimated: the series of those
+    blocks and fields whose error the run estimated, by the estimate instead of the reference.
     """
 
     times: FloatArray
@@ -50,6 +51,14 @@ class Errors:
     start_up_end: float = 0.0
     unshared: tuple[str, ...] = ()
     constant: frozenset[str] = frozenset()
+    estimated: Mapping[str, FloatArray] = field(default_factory=dict)
+
+    @property
+    def effectivity(self) -> dict[str, float]:
+        """Name -> maximum over time of the estimated error, divided by that of the error; without
+        those that have no error."""
+        return {n: float(e.max()) / error for n, e in self.estimated.items()
+                if (error := self.worst[n]) > 0.0}
 
     @property
     def until(self) -> float:
@@ -146,10 +155,27 @@ def measure_errors(reference: RunResult, run: RunResult, late_from: float = 0.0)
     if any(map(_turns, blocks)):
         series["angle_rad"] = angle
     present = {name: _ratio(e, size[name]) for name, e in error.items()}
+    guessed = {name: run.error_estimate(name)[there] / scale[name]
+               for name in run.error_estimates if name in error}
     return Errors(
         times, series, frozenset(error), late_from,
         {"combined": series["combined"], **_per_field(blocks, present)},
-        _start_up_end(reference.times), unshared, frozenset(constant))
+        _start_up_end(reference.times), unshared, frozenset(constant),
+        _per_field([b for b in blocks if b.name in guessed], guessed))
+
+
+def estimated_errors(run: RunResult) -> dict[str, FloatArray]:
+    """Block -> (j,) error that a run estimated for itself, relative to the block's largest change
+    in the run; where that is round-off relative to its initial state."""
+    found = {}
+    for name in run.error_estimates:
+        c = run.coefficients(name)
+        R = np.asarray(np.linalg.qr(run.atoms(name), mode="r"))
+        change = float(_norms((c - c[:1]) @ R.T).max(initial=0.0))
+        size = float(_norms(run.block(name, slice(0, 1))).max(initial=0.0))
+        scale = change if change > CONSTANT_CHANGE * size else size
+        found[name] = run.error_estimate(name) / (scale or 1.0)
+    return found
 
 
 def _largest(series: Mapping[str, FloatArray], when: BoolArray | slice) -> dict[str, float]:

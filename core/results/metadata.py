@@ -55,7 +55,7 @@ class RunHeader:
     run follows; identity: versions and digests of code, plugins and input files
     (scene/run_identity.py); platform: processor, BLAS library and number of threads; contacts:
     contact -> names of the resultants that are stored; multipliers: block of Lagrange multipliers
-    -> (name, unit) of each.
+    -> (name, unit) of each; estimates: blocks whose error is estimated.
     """
 
     scene: Mapping[str, Any]
@@ -76,6 +76,7 @@ class RunHeader:
     platform: Mapping[str, Any] = field(default_factory=dict)
     contacts: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     multipliers: Mapping[str, tuple[tuple[str, str], ...]] = field(default_factory=dict)
+    estimates: tuple[str, ...] = ()
 
     def attributes(self) -> dict[str, Any]:
         """Attributes of the stored result: the entries of the header that are not arrays, as plain
@@ -97,6 +98,7 @@ class RunHeader:
             "step": self.step,
             "steps_planned": self.steps_planned,
             "contacts": {name: list(kept) for name, kept in self.contacts.items()},
+            "estimates": list(self.estimates),
         }
 
 

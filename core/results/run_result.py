@@ -164,9 +164,26 @@ class RunResult:
         """(j, k) coefficients of a reduced block at the stored steps `steps`."""
         return self._data.read(self._of_reduced(name, "coefficients"), steps)
 
+    def atoms(self, name: str) -> FloatArray:
+        """(n, k) trial basis vectors of a reduced block."""
+        return self._array(self._of_reduced(name, "atoms"))
+
     def support(self, name: str) -> BoolArray:
         """(j, k) boolean: active basis vectors (atoms) of a reduced block at each stored step."""
         return self._array(self._of_reduced(name, "active"))
+
+    @property
+    def error_estimates(self) -> tuple[str, ...]:
+        """Names of the blocks whose error was estimated during the run."""
+        return tuple(self._attributes.get("estimates", ()))
+
+    def error_estimate(self, name: str) -> FloatArray:
+        """(j,) estimated Euclidean norm of a block's error, in the unit of the block, at each
+        stored step."""
+        if name not in self.error_estimates:
+            have = ", ".join(self.error_estimates) or "none"
+            raise InputError(f"the error of {name!r} was not estimated; estimates: {have}", "block")
+        return self._array(f"error_estimate.{name}")
 
     def rows(self, name: str) -> IntArray:
         """Indices of the sampled rows (equations) of a block; empty if the block was not

@@ -45,7 +45,7 @@ class ChunkOfSteps:
     relative errors that these leave; step_seconds (j,): computing times, s; supports: block -> (j,
     k) active basis vectors (an absent reduced block uses all of them); probes: name -> (j,
     components); contacts: `contact.resultant` -> (j,); given: body -> (j, functions) prescribed
-    temperatures, K.
+    temperatures, K; estimates: block -> (j,) norms of its estimated error.
     """
 
     times: FloatArray
@@ -57,6 +57,7 @@ class ChunkOfSteps:
     probes: Mapping[str, FloatArray] = field(default_factory=dict)
     contacts: Mapping[str, FloatArray] = field(default_factory=dict)
     given: Mapping[str, FloatArray] = field(default_factory=dict)
+    estimates: Mapping[str, FloatArray] = field(default_factory=dict)
 
 
 class ResultWriter:
@@ -200,6 +201,7 @@ class ResultWriter:
                 columns[f"{b.name}.active"] = steps.supports.get(b.name, everything)
         columns |= {f"probe.{name}": values for name, values in steps.probes.items()}
         columns |= {f"contact.{name}": values for name, values in steps.contacts.items()}
+        columns |= {f"error_estimate.{n}": values for n, values in steps.estimates.items()}
         columns |= {f"{body}.given": values for body, values in steps.given.items()}
         if columns.keys() != self._arrays.keys():
             odd = ", ".join(sorted(columns.keys() ^ self._arrays.keys()))

@@ -61,6 +61,9 @@ def time_arrays(header: RunHeader) -> dict[str, dict[str, Any]]:
         if shape.given:
             add(f"{body}.given", "float64", ((f"{body}.function", len(shape.given)),), units="K",
                 long_name="prescribed temperatures")
+    for name in header.estimates:
+        add(f"error_estimate.{name}", "float64", (), units=header.full_layout.block(name).kind.unit,
+            long_name="norm of the estimated error")
     for name, kept in header.contacts.items():
         for what in kept:
             add(f"contact.{name}.{what}", "float64", (), units=CONTACT_UNITS.get(what, ""))

@@ -26,11 +26,13 @@ from sparsemor.core.protocols import (
 )
 from sparsemor.core.protocols.step_solver import resultant_sources_of, resultants
 from sparsemor.core.results.checkpoint import Checkpoint
+from sparsemor.core.results.error_norms import estimated_errors
 from sparsemor.core.results.json_data import finite
 from sparsemor.core.results.metadata import RunHeader
 from sparsemor.core.results.output_directory import STORE
 from sparsemor.core.results.output_lock import check_owned
 from sparsemor.core.results.probes import ProbeReader
+from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.results.saved_state import SavedError
 from sparsemor.core.results.solver_report import solvers_summary
 from sparsemor.core.results.store import ChunkOfSteps, ResultWriter
@@ -39,6 +41,7 @@ from sparsemor.core.scene.run_identity import Identity
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.admission import admit
 from sparsemor.core.simulation.diagnostics.trial_space import TrialSpace
+from sparsemor.core.simulation.error_record import ErrorRecord
 from sparsemor.core.simulation.memory.use import MemoryUse
 from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.simulation.step_statistics import Tally
@@ -57,7 +60,9 @@ class Recorder:
     def __init__(
         self, scene: Scene, model: Model, solver: StepSolver, offline: Offline,
         writer: ResultWriter, checkpoint: Checkpoint | None, steps: int,
+        errors: ErrorRecord | None = None,
     ) -> None:
+        self.errors = errors
         self.scene, self.model, self.solver, self.offline = scene, model, solver, offline
         self.writer, self.checkpoint, self.steps = writer, checkpoint, steps
         self.store = writer.path
@@ -79,20 +84,21 @@ class Recorder:
     @classmethod
     def open(
         cls, scene: Scene, model: Model, solver: StepSolver, offline: Offline, out: Path,
-        resume: bool, steps: int,
+        resume: bool, steps: int, errors: ErrorRecord | None = None,
     ) -> "Recorder":
         """Recorder of a new result in `out`, or of a stopped one to be resumed. Raises InputError
         if `out` contains a result already, or with `resume` one that cannot be resumed."""
         store = out / STORE
         if resume:
             writer, checkpoint = ResultWriter.resume(store, scene.digest(), Identity.of(scene))
-            recorder = cls(scene, model, solver, offline, writer, checkpoint, steps)
+            recorder = cls(scene, model, solver, offline, writer, checkpoint, steps, errors)
             recorder.notes = elsewhere(read_group(store)["attributes"].get("platform", {}))
             return recorder
         admit(scene, out, resume)
         check_owned(out)
-        header = _header(scene, model, solver, steps)
-        return cls(scene, model, solver, offline, ResultWriter.create(store, header), None, steps)
+        header = _header(scene, model, solver, steps, errors)
+        return cls(
+            scene, model, solver, offline, ResultWriter.create(store, header), None, steps, errors)
 
     def restored(
         self, state: State, memory: StepMemory, tally: Tally
@@ -111,14 +117,21 @@ class Recorder:
                 if arrays[name].shape != array.shape or arrays[name].dtype != array.dtype:
                     raise SavedError(f"{name} has shape {arrays[name].shape}, and {array.shape} "
                                      "in this program")
-            found = self.checkpoint.memory.into({"memory": memory, "tally": tally}, "state")
+            found = self.checkpoint.memory.into(self._carried(memory, tally), "state")
             t, memory, tally = float(arrays["t"]), found["memory"], found["tally"]
+            if self.errors is not None:
+                self.errors.restart(found["errors"])
         except (KeyError, SavedError) as error:
             raise InputError(
                 f"{self.store} cannot be resumed: its checkpoint does not fit ({error}); start "
                 "again, with --force or into another directory", "resume") from None
         tally.offline += offline
         return State(t, *(arrays[name] for name in own)), memory, tally
+
+    def _carried(self, memory: StepMemory, tally: Tally) -> dict[str, object]:
+        """Data in addition to the state from which a stopped run continues."""
+        estimated = {} if self.errors is None else {"errors": self.errors.memory}
+        return {"memory": memory, "tally": tally, **estimated}
 
     def start(self, state: State, supports: Mapping[str, BoolArray], memory: StepMemory) -> None:
         self._keep(state, Tally(), supports, memory)
@@ -128,6 +141,8 @@ class Recorder:
     ) -> bool:
         """Buffers an accepted step if it is to be stored; True if it is time to commit and save a
         checkpoint."""
+        if self.errors is not None:
+            self.errors.take(state, tally.done)
         if tally.done % self._every and tally.done != self.steps:
             return False
         self._keep(state, tally, supports, memory)
@@ -149,6 +164,8 @@ class Recorder:
         self._rows.append((
             state.t, state.x, tally.last_iterations, tally.last_remaining, tally.last_seconds))
         self._supports.append(dict(supports))
+        if self.errors is not None:
+            self.errors.store()
         sources = resultant_sources_of(self.solver, memory) if self._keeps_contacts else ()
         self._contacts.append(resultants(sources, state))
 
@@ -157,10 +174,11 @@ class Recorder:
         self.flush()
         arrays = {"t": np.array(state.t), "x": state.x, "v": state.v, "a": state.a,
                   "memory": state.memory}
-        self.writer.checkpoint(arrays, {"memory": memory, "tally": tally})
+        self.writer.checkpoint(arrays, self._carried(memory, tally))
         self._saved = time.perf_counter()
 
     def flush(self) -> None:
+        estimates = {} if self.errors is None else self.errors.stored()
         if not self._rows:
             return
         t, x, iterations, remaining, seconds = (
@@ -173,8 +191,15 @@ class Recorder:
             times, X, np.array(iterations), np.array(remaining), np.array(seconds), supports,
             {p.name: p(times, X) for p in self._probes},
             {name: np.array([c[name] for c in self._contacts]) for name in self._contacts[0]},
-            {body: shape.given_at(times) for body, shape in self._given.items()}))
+            {body: shape.given_at(times) for body, shape in self._given.items()}, estimates))
         self._rows, self._supports, self._contacts = [], [], []
+
+    def _estimated(self) -> dict[str, float]:
+        """Block -> largest estimated error at the stored steps, relative to its largest change."""
+        if self.errors is None:
+            return {}
+        return {name: float(e.max(initial=0.0))
+                for name, e in estimated_errors(RunResult(self.store)).items()}
 
     def _integrator_notes(self) -> tuple[Note, ...]:
         integrator: object = self.scene.integrator
@@ -218,6 +243,7 @@ class Recorder:
             "offline_whole_s": self.offline.products.spent.whole(tally.offline),
             **in_summary((*start_notes(self.model), *self._integrator_notes(), *solver.notes,
                     *self.notes, *_full_newton(counters, done))),
+            "error_estimate": self._estimated(),
             "stability": dict(self.stability),
             "linear_solvers": solvers_summary(
                 [*self.model.solvers.log, *self.offline.products.factorizations],
@@ -270,7 +296,9 @@ def multiplier_components(model: Model) -> dict[str, tuple[tuple[str, str], ...]
     return found
 
 
-def _header(scene: Scene, model: Model, solver: StepSolver, steps: int) -> RunHeader:
+def _header(
+    scene: Scene, model: Model, solver: StepSolver, steps: int, errors: ErrorRecord | None
+) -> RunHeader:
     from importlib.metadata import entry_points
 
     found = entry_points()
@@ -295,4 +323,5 @@ def _header(scene: Scene, model: Model, solver: StepSolver, steps: int) -> RunHe
         contacts={a.name: a.term.histories for a in resultant_sources_of(solver, None)}
         if model.stage is None else {},
         multipliers=multiplier_components(model),
+        estimates=() if errors is None else errors.estimator.blocks,
     )

@@ -18,6 +18,8 @@ from sparsemor.core.model.initial_state import consistent_state
 from sparsemor.core.model.model import Model
 from sparsemor.core.notes import Note
 from sparsemor.core.protocols import (
+    ErrorEstimator,
+    EstimatesErrors,
     ManySteps,
     RedrawsRows,
     ReducedProblem,
@@ -39,6 +41,7 @@ from sparsemor.core.simulation.diagnostics.trial_space import (
     space_notes,
     trial_spaces,
 )
+from sparsemor.core.simulation.error_record import ErrorRecord, large_estimates
 from sparsemor.core.simulation.interrupt import Interrupt
 from sparsemor.core.simulation.linearization import check_run
 from sparsemor.core.simulation.memory.disk import room_for_result
@@ -93,12 +96,14 @@ def _simulate(
     if not resume:  # what is left to write is less than the whole
         room_for_result(scene, model, Path(gettempdir() if out is None else out))
     with np.errstate(all="ignore"):  # overflow ends in a status, not in a warning
-        solver: StepSolver = scene.reducer.prepare(ReducedProblem(
-            model, scene.integrator, scene.time.step, offline, np.random.default_rng(scene.seed)))
+        problem = ReducedProblem(
+            model, scene.integrator, scene.time.step, offline, np.random.default_rng(scene.seed))
+        solver: StepSolver = scene.reducer.prepare(problem)
         complete(solver, StepSolver, scene.reducer, "prepare", "reducer")
         full = consistent_state(model)
         notes, stability = check_run(scene, model, solver, full, offline)
         spaces = trial_spaces(model, offline, solver.dictionaries, scene.time.step, scene.time.end)
+        estimator = _estimator(scene.reducer, problem, solver)
         solver = controlled(scene, model, offline, solver)
         state, memory = started(solver, scene.integrator, full)
         complete(memory, StepMemory, scene.reducer, "start", "reducer")
@@ -106,10 +111,11 @@ def _simulate(
         tally = Tally(offline=time.perf_counter() - begun)
         path = Path(out) if out is not None else _temporary()
         recorder = Recorder.open(
-            scene, model, solver, offline, path, resume, step_count(scene))
+            scene, model, solver, offline, path, resume, step_count(scene),
+            None if estimator is None else ErrorRecord(estimator, full, state))
         recorder.notes, recorder.stability = (
             *before_run(scene, model), *of_solver(scene, solver), *notes, *space_notes(spaces),
-            *recorder.notes), stability
+            *(() if estimator is None else estimator.notes), *recorder.notes), stability
         recorder.spaces = spaces
         recorder.memory = MemoryUse(offline.expected, peak())
         if recorder.checkpoint is not None:
@@ -121,6 +127,16 @@ def _simulate(
         with kept(recorder.writer, new=recorder.checkpoint is None):
             return _Run(
                 scene, solver, recorder, manager, state, memory, tally, keeper, many).go()
+
+
+def _estimator(
+    reducer: object, problem: ReducedProblem, solver: StepSolver
+) -> ErrorEstimator | None:
+    """Estimator of the error of the coming run, if the reducer has one and its options request
+    it."""
+    if not isinstance(reducer, EstimatesErrors):
+        return None
+    return reducer.error_estimator(problem, solver)
 
 
 def _keeper(scene: Scene, model: Model, offline: Offline) -> SnapshotKeeper | None:
@@ -210,8 +226,8 @@ class _Run:
         """Notes on the stored results. Raises OSError if a part of them has been lost since."""
         model, kept = self.recorder.model, RunResult(self.recorder.store)
         try:
-            return (*contact_warnings(model, kept), *after_run(model, kept), *beyond_training(
-                self.recorder.spaces, kept, self.scene.training_end))
+            return (*contact_warnings(model, kept), *after_run(model, kept), *large_estimates(kept),
+                    *beyond_training(self.recorder.spaces, kept, self.scene.training_end))
         except Damaged as error:
             raise OSError(errno.EIO, str(error)) from None
 

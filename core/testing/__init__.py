@@ -3,7 +3,7 @@
 A plugin author calls the check of its kind in one test. Each check raises AssertionError that
 describes the first violated law, and returns nothing. Plain numpy: no test framework is needed.
 `scene_of` builds a scene from plain data, as a scene file contains it; `march` runs a scene in
-memory.
+memory; `reduced_problem` is what a reducer prepares its step solver from.
 """
 
 from sparsemor.core.testing.basis import check_basis
@@ -11,7 +11,7 @@ from sparsemor.core.testing.body import check_body
 from sparsemor.core.testing.contact import check_contact
 from sparsemor.core.testing.contact_laws import check_friction_law, check_normal_law
 from sparsemor.core.testing.function import check_function
-from sparsemor.core.testing.in_memory_run import March, march, scene_of
+from sparsemor.core.testing.in_memory_run import March, march, reduced_problem, scene_of
 from sparsemor.core.testing.installed import installed
 from sparsemor.core.testing.integrator import check_integrator
 from sparsemor.core.testing.joint import check_joint
@@ -50,5 +50,6 @@ __all__ = [
     "check_term",
     "installed",
     "march",
+    "reduced_problem",
     "scene_of",
 ]

@@ -45,21 +45,30 @@ def scene_of(tree: Mapping[str, Any]) -> Scene:
     return build(Source.of_tree({"format": 1, **tree}))
 
 
+def reduced_problem(
+    scene: Scene, model: Model, snapshots: Mapping[str, FloatArray]
+) -> ReducedProblem:
+    """Problem from which a reducer prepares a step solver; snapshots: block -> (n, M) of a training
+    run, empty where it needs none."""
+    return ReducedProblem(model, scene.integrator, scene.time.step, Offline.of(model, snapshots),
+                          np.random.default_rng(scene.seed))
+
+
 def march(
     scene: Scene, *, every: int = 1, model: Model | None = None,
-    snapshots: Mapping[str, FloatArray] | None = None,
+    snapshots: Mapping[str, FloatArray] | None = None, solver: StepSolver | None = None,
 ) -> March:
     """Runs a scene and keeps the initial state, every `every`-th state and the last; nothing is
     written.
 
     model: assembled model of the scene, if there is one; snapshots: block -> (n, M), for reducers
-    that need training. Raises SolveFailed when the run stops before its end.
+    that need training; solver: prepared step solver of the scene, if there is one. Raises
+    SolveFailed when the run stops before its end.
     """
     model = assemble(scene) if model is None else model
     h, steps, integrator = scene.time.step, step_count(scene), scene.integrator
-    solver: StepSolver = scene.reducer.prepare(ReducedProblem(
-        model, integrator, h, Offline.of(model, snapshots or {}),
-        np.random.default_rng(scene.seed)))
+    if solver is None:
+        solver = scene.reducer.prepare(reduced_problem(scene, model, snapshots or {}))
     state, memory = started(solver, integrator, consistent_state(model))
     kept, iterations = [state], []
     step = FixedStep.of(integrator, solver, h)

@@ -7,7 +7,8 @@ these and share the reduced operators and the step solver.
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from copy import deepcopy
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Annotated, ClassVar
 
@@ -16,13 +17,10 @@ import numpy as np
 from sparsemor.core import (
     AssembledModel,
     Basis,
-    Csr,
     Dictionary,
     Fault,
-    FloatArray,
     HeatBody,
-    IntArray,
-    Integrator,
+    InputError,
     MovingBody,
     Note,
     OfflineProducts,
@@ -36,6 +34,7 @@ from sparsemor.reducers.checks import pattern_faults
 from sparsemor.reducers.field_options import BASES
 from sparsemor.reducers.linalg.left_inverse import left_inverse
 from sparsemor.reducers.notes import shadowed_basis
+from sparsemor.reducers.projection.maps import Approximation, Linear, Maps, Reducible
 from sparsemor.reducers.step.acceptance import Tolerances
 from sparsemor.reducers.step.blocks.compressed_elastic import CompressedElastic
 from sparsemor.reducers.step.blocks.compressed_prescribed import CompressedPrescribed
@@ -50,97 +49,14 @@ from sparsemor.reducers.step.coupled_reduced import (
 )
 from sparsemor.reducers.step.newton.equations import Equations
 from sparsemor.reducers.step.newton.fallback import FullNewton
-from sparsemor.reducers.step.operators import TestedElastic, TestedHeat, TestMap
+from sparsemor.reducers.step.operators import TestedElastic, TestedHeat
 from sparsemor.reducers.step.prepare import constants, stepper
 from sparsemor.reducers.step.solver import Facts, Stepper
-from sparsemor.reducers.step_options import StepOptions
+from sparsemor.reducers.step_options import ReducedStepOptions
 from sparsemor.reducers.trial_bases import local_terms, trial_bases
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Linear:
-    """Linear operators of one block: stiffness x + damping v + mass a, (n, n) each.
-
-    For heat, `stiffness` is the conductivity, `damping` the capacity, and there is no mass.
-    `operator`: D = stiffness + c1 damping + c2 mass, where v = c1 x + r1 and a = c2 x + r2 in a
-    step.
-    """
-
-    stiffness: Csr
-    damping: Csr
-    mass: Csr | None
-    operator: Csr
-
-    @classmethod
-    def of(cls, source: HeatBody | MovingBody, c1: float, c2: float, c1_first: float) -> "Linear":
-        if isinstance(source, HeatBody):
-            K, C = source.conductivity, source.capacity
-            return cls(K, C, None, K + c1_first * C)
-        assert source.operators is not None
-        o = source.operators
-        return cls(o.stiffness, o.damping, o.mass, o.stiffness + c1 * o.damping + c2 * o.mass)
-
-    def force(self, x: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
-        """Residual of the linear operators, stiffness x + damping v + mass a, for (n,) or (n, M)
-        arrays."""
-        f = self.stiffness @ x + self.damping @ v
-        return np.asarray(f if self.mass is None else f + self.mass @ a)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Reducible:
-    """One block of unknowns with the data its test maps are computed from: dictionary (trial
-    basis), linear operators, model, integrator, step h (s), and a random generator of its own."""
-
-    name: str
-    dictionary: Dictionary
-    linear: Linear
-    model: AssembledModel
-    offline: OfflineProducts
-    integrator: Integrator
-    h: float
-    rng: np.random.Generator
-
-    @property
-    def size(self) -> int:
-        return int(self.dictionary.atoms.shape[0])
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Maps:
-    """Test maps (left projections) of one block.
-
-    test: map of the block's linear operators; force: map of all other terms in its rows (None: the
-    same map). rows: sampled rows, None for all; facts: numbers to report.
-    """
-
-    test: TestMap
-    force: TestMap | None = None
-    rows: IntArray | None = None
-    facts: Mapping[str, float | int | str] = field(default_factory=dict)
-    notes: tuple[Note, ...] = ()
-
-    @property
-    def forces(self) -> TestMap:
-        return self.test if self.force is None else self.force
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Approximation:
-    """Model whose operators are projected, where some of them may be replaced by cheaper ones
-    (hyper-reduction).
-
-    facts: numbers to report, by block; elements: number of elements by block that the replaced
-    operators contain; notes: warnings about the replacement.
-    """
-
-    model: AssembledModel
-    facts: Mapping[str, Mapping[str, float | int | str]] = field(default_factory=dict)
-    elements: Mapping[str, int] = field(default_factory=dict)
-    notes: tuple[Note, ...] = ()
-
-
-class ProjectionReducer(StepOptions, ABC):
+class ProjectionReducer(ReducedStepOptions, ABC):
     """Base class of projection-based reducers: their common options and the assembly of reduced
     blocks.
 
@@ -180,28 +96,71 @@ class ProjectionReducer(StepOptions, ABC):
     def restart_refusal(self) -> str:
         return ""
 
+    def project(self, problem: ReducedProblem) -> "Projection":
+        """The problem on the trial bases of this reducer, from which step solvers are made. Raises
+        InputError where the reducer does not apply to the scene."""
+        model, h, offline = problem.model, problem.step, problem.offline
+        bases, limits = trial_bases(
+            offline, {n: matched_option(n, self.bases, self.basis) for n in model.reducible()},
+            StepFactors(h, *constants(problem.integrator, h)))
+        return Projection(
+            self, problem, bases, limits, self.approximation(model, bases, offline, h),
+            dict(zip(bases, problem.rng.spawn(len(bases)), strict=True)))
+
     def prepare(self, problem: ReducedProblem) -> Stepper | ReducedGeneral:
         """Step solver of the reduced model. Raises InputError where the reducer does not apply to
         the scene, SolveFailed for linearly dependent atoms."""
-        model, integrator, h = problem.model, problem.integrator, problem.step
-        offline, rng = problem.offline, problem.rng
+        return self.project(problem).solver()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Projection:
+    """A problem on trial bases `dictionaries`, with the cheaper operators that replace its own.
+
+    limits: largest permitted |coefficient| by block; generators: random numbers of each block.
+    """
+
+    reducer: ProjectionReducer
+    problem: ReducedProblem
+    dictionaries: Mapping[str, Dictionary]
+    limits: Mapping[str, float]
+    approximation: Approximation
+    generators: Mapping[str, np.random.Generator]
+
+    def leading(self, counts: int | Mapping[str, int]) -> "Projection":
+        """The sub-model of the first `counts` atoms of each block, or of the blocks that are named.
+
+        Nothing is trained again: bases, force modes and the weights of elements (`ecsw`) are those
+        of the whole model. Raises InputError for a number that a block does not have.
+        """
+        wanted = dict.fromkeys(self.dictionaries, counts) if isinstance(counts, int) else counts
+        for name, k in wanted.items():
+            if name not in self.dictionaries:
+                raise InputError(f"no reduced block is called {name!r}: "
+                                 f"blocks: {', '.join(self.dictionaries) or 'none'}", "counts")
+            most = self.dictionaries[name].atoms.shape[1]
+            if not 1 <= k <= most:
+                raise InputError(f"{k} leading atoms of {name}: allowed: 1 to {most}", "counts")
+        return replace(self, dictionaries={
+            n: d.leading(wanted[n]) if n in wanted else d for n, d in self.dictionaries.items()})
+
+    def solver(self) -> Stepper | ReducedGeneral:
+        """Step solver. Raises InputError where test maps do not exist, SolveFailed for linearly
+        dependent atoms."""
+        reducer, problem, model = self.reducer, self.problem, self.approximation.model
+        integrator, h, offline = problem.integrator, problem.step, problem.offline
         c1, c2, c1_first = constants(integrator, h)
-        dictionaries, limits = trial_bases(
-            offline, {n: matched_option(n, self.bases, self.basis) for n in model.reducible()},
-            StepFactors(h, c1, c2, c1_first))
-        modes = self.in_modes(model, dictionaries)
-        dictionaries |= {n: d for n, (d, _) in modes.items()}
-        limits = {n: top * modes[n][1] if n in modes else top for n, top in limits.items()}
-        approximation = self.approximation(model, dictionaries, offline, h)
-        model = approximation.model
-        own = dict(zip(dictionaries, rng.spawn(len(dictionaries)), strict=True))
+        modes = reducer.in_modes(problem.model, self.dictionaries)
+        dictionaries = {**self.dictionaries, **{n: d for n, (d, _) in modes.items()}}
+        limits = {n: top * modes[n][1] if n in modes else top for n, top in self.limits.items()}
         maps: dict[str, Maps] = {}
         heat, elastic = {}, {}
 
         def mapped(name: str, source: HeatBody | MovingBody) -> Maps:
             linear = Linear.of(source, c1, c2, c1_first)
-            maps[name] = self.maps(Reducible(
-                name, dictionaries[name], linear, model, offline, integrator, h, own[name]))
+            maps[name] = reducer.maps(Reducible(
+                name, dictionaries[name], linear, model, offline, integrator, h,
+                deepcopy(self.generators[name])))
             return maps[name]
 
         for b in model.separated.heat:
@@ -220,18 +179,17 @@ class ProjectionReducer(StepOptions, ABC):
             te = te.in_modes() if n in modes else te
             elastic[n] = ProjectedBlock(te, left_inverse(n, te.block(c1, c2)), m.forces)
         rows = {n: m.rows for n, m in maps.items() if m.rows is not None}
-        notes = (*shadowed_basis(self, model, self.bases),
-                 *(note for m in maps.values() for note in m.notes), *approximation.notes)
-        facts = {**approximation.facts, **{n: m.facts for n, m in maps.items() if m.facts}}
+        notes = (*shadowed_basis(reducer, model, reducer.bases),
+                 *(note for m in maps.values() for note in m.notes), *self.approximation.notes)
+        facts = {**self.approximation.facts, **{n: m.facts for n, m in maps.items() if m.facts}}
         projected = ProjectedModel(model, dictionaries, rows, heat, elastic)
         made = reduced_general if model.separated.other else partial(fast, (c1, c2, c1_first))
-        solver = made(projected, self.tolerances, self.predictor,
-                      limits, notes, facts)
+        solver = made(projected, reducer.tolerances, reducer.predictor, limits, notes, facts)
         if isinstance(solver, Stepper):
-            solver = compilable(solver, self.compiled)
+            solver = compilable(solver, reducer.compiled)
         touched = solver.elements_touched
         return replace(solver, elements_touched={
-            **touched, **{n: touched[n] + e for n, e in approximation.elements.items()}})
+            **touched, **{n: touched[n] + e for n, e in self.approximation.elements.items()}})
 
 
 def fast(

@@ -33,7 +33,7 @@ from sparsemor.core import (
     svd,
 )
 from sparsemor.reducers.linalg.left_inverse import deficient
-from sparsemor.reducers.projection.base import Reducible
+from sparsemor.reducers.projection.maps import Reducible
 
 FROM_ZERO = "their modes are counted from zero: take centred: false"
 DETERMINED = 1e-12

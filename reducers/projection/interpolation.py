@@ -21,8 +21,9 @@ from sparsemor.core import (
 )
 from sparsemor.reducers.checks import block_size, bound_of_atoms, pattern_faults
 from sparsemor.reducers.notes import unsampled_loads
-from sparsemor.reducers.projection.base import ProjectionReducer, Reducible
+from sparsemor.reducers.projection.base import ProjectionReducer
 from sparsemor.reducers.projection.force_snapshots import FROM_ZERO
+from sparsemor.reducers.projection.maps import Reducible
 
 HINT = "take required: true, or more points"
 

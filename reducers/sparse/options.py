@@ -14,7 +14,7 @@ from sparsemor.core import (
     matched_option,
     slot_default,
 )
-from sparsemor.reducers.step_options import StepOptions
+from sparsemor.reducers.step_options import ReducedStepOptions
 
 Residual = Literal["plain", "preconditioned"]
 
@@ -30,7 +30,7 @@ class Budget(Plugin):
     """Largest number of active atoms; by default all atoms of the dictionary."""
 
 
-class SparseOptions(StepOptions):
+class SparseOptions(ReducedStepOptions):
     """Options of the sparse reducer."""
 
     budgets: dict[str, Budget] = {}

@@ -133,7 +133,7 @@ def reduced_general(
     equations = Dense(
         layout,
         [DenseHeat(layout[n], b.solved) for n, b in projected.heat.items()],
-        _bodies(projected), coupled, model.separated.border_targets, _border(layout),
+        _bodies(projected), coupled, model.separated.border_targets, border_positions(layout),
         model.separated.step, coupling(model))
     count = sum(c.term.elements for c in coupled)
     names = ", ".join(sorted({n for n, _ in equations.named if n})) or "a term"
@@ -147,7 +147,7 @@ def reduced_general(
 
 def _bodies(projected: ProjectedModel) -> list[DenseBody]:
     layout = projected.layout
-    none, border, found = slice(0, 0), _border(layout), []
+    none, border, found = slice(0, 0), border_positions(layout), []
     for m in projected.model.separated.moving:
         block = projected.elastic.get(m.elastic)
         tested = None if block is None else block.solved
@@ -159,7 +159,7 @@ def _bodies(projected: ProjectedModel) -> list[DenseBody]:
     return found
 
 
-def _border(layout: Layout) -> IntArray:
+def border_positions(layout: Layout) -> IntArray:
     """Positions of all rigid unknowns, then of all multipliers."""
     at = np.arange(layout.size)
     return np.concatenate([at[layout.frames], at[layout.algebraic]])

@@ -237,7 +237,7 @@ def test_compare_runs_each_reducer(runs, monkeypatch):
     def compare(reference, *, error_limit, **others):
         compared.append((reference, others))
         errors = SimpleNamespace(start_up={"a": 0.5}, steady={"a": 0.1})
-        return Comparison(errors={n: {"a": 0.5} for n in others},
+        return Comparison(errors={n: {"a": 0.5} for n in others}, effectivity={},
                           measured=dict.fromkeys(others, errors), above_limit={},
                           write=lambda directory, charts: [directory / "errors.csv"])
 

@@ -9,8 +9,10 @@ from sparsemor.core.analysis.charts.style import (
     LIMIT_COLOUR,
     SMALL,
     draw_line,
+    handles_of,
     label_of,
     legend_above,
+    style_of,
     time_panels,
 )
 from sparsemor.core.protocols.layout import FieldKind
@@ -31,7 +33,8 @@ def error_over_time_figure(
     """Errors over time on a logarithmic axis, one panel per error measure; None if there is no
     error above 0.
 
-    A line marks `limit` where an error exceeds it. Fields that are constant in all runs have no
+    A dotted line of the same colour is the error that a run estimated for itself. A line marks
+    `limit` where an error exceeds it. Fields that are constant in all runs have no
     panel. measured: run -> errors; kinds: kinds of the runs' fields, in the order of the panels.
     """
     titles = {"combined": "all unknowns together",
@@ -52,6 +55,12 @@ def error_over_time_figure(
                 shown = np.where(line > 0.0, line, np.nan)  # a log axis has no place for 0
                 draw_line(axes, clock.factor * errors.times[::every], shown, number,
                           label_of(run, statuses[run]))
+                if measure in errors.estimated:
+                    guess = errors.estimated[measure][::every]
+                    axes.plot(
+                        clock.factor * errors.times[::every], np.where(guess > 0.0, guess, np.nan),
+                        color=style_of(number).colour, linestyle=":", linewidth=1.4,
+                        label=f"{run}, estimated")
                 if (line > 0.0).any():
                     top = max(top, float(line.max()))
                     bottom = min(bottom, float(np.quantile(line[line > 0.0], 0.02)))
@@ -64,7 +73,9 @@ def error_over_time_figure(
         upper = 3.0 * min(top, _HIGHEST)
         axes.set_ylim(min(max(bottom / 3.0, _LOWEST), 0.1 * upper), upper)
         axes.set_xlim(0.0, clock.factor * end)
-    legend_above(figure, panels[0].get_legend_handles_labels()[0], columns=2)
+    labels = dict.fromkeys(text for axes in panels
+                           for text in axes.get_legend_handles_labels()[1])
+    legend_above(figure, handles_of(panels, labels), columns=2)
     return figure
 
 

@@ -64,9 +64,9 @@ BODIES = {
     "need_field", "temperature_gradient",
 }
 REDUCERS = {
-    "Approximation", "Interpolating", "Linear", "Maps", "ProjectionReducer", "Reducible", "TestMap",
-    "choose_points", "force_modes", "force_snapshots", "interpolation", "left_inverse",
-    "modal_coordinates",
+    "Approximation", "ErrorModel", "Interpolating", "Linear", "Maps", "Projection",
+    "ProjectionReducer", "Reducible", "TestMap", "choose_points", "error_model", "force_modes",
+    "force_snapshots", "interpolation", "left_inverse", "modal_coordinates",
 }
 
 

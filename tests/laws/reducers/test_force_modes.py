@@ -19,7 +19,6 @@ from sparsemor.core.simulation.simulate import simulate
 from sparsemor.core.status import SolveFailed
 from sparsemor.core.testing.in_memory_run import March, march, scene_of
 from sparsemor.reducers.linalg.left_inverse import left_inverse
-from sparsemor.reducers.projection.base import Linear, Reducible
 from sparsemor.reducers.projection.deim import Deim
 from sparsemor.reducers.projection.force_snapshots import (
     differences,
@@ -29,6 +28,7 @@ from sparsemor.reducers.projection.force_snapshots import (
     replayed,
     states,
 )
+from sparsemor.reducers.projection.maps import Linear, Reducible
 from sparsemor.reducers.step.operators import TestMap as Map
 from sparsemor.reducers.step.prepare import constants
 

@@ -18,10 +18,11 @@ from sparsemor.core.scene.scene import Scene, load
 from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.status import SolveFailed, Status
 from sparsemor.core.testing.in_memory_run import March, march
-from sparsemor.reducers.projection.base import Linear, ProjectionReducer, Reducible
+from sparsemor.reducers.projection.base import ProjectionReducer
 from sparsemor.reducers.projection.deim import Deim
 from sparsemor.reducers.projection.galerkin import Galerkin
 from sparsemor.reducers.projection.least_squares import Gnat
+from sparsemor.reducers.projection.maps import Linear, Reducible
 from sparsemor.reducers.step.prepare import constants
 
 METHODS: dict[str, dict[str, Any]] = {

@@ -1,0 +1,80 @@
+"""Record of error estimates of a reduced run at its stored steps."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.notes import Note
+from sparsemor.core.protocols import ErrorEstimator, State
+from sparsemor.core.results.error_norms import LIMIT, estimated_errors
+from sparsemor.core.results.run_result import RunResult
+
+TOGETHER = 64
+"""Number of states that are evaluated at once: products of matrices instead of vectors."""
+
+LARGEST = float(np.finfo(np.float64).max)
+
+
+class ErrorRecord:
+    """Error estimates of one run, evaluated for several states at once, and kept for those steps
+    that are stored. Between two estimates the last one counts.
+
+    memory: state of the estimate (`ErrorEstimator.start`) at the last evaluated step; a checkpoint
+    contains it.
+    """
+
+    def __init__(self, estimator: ErrorEstimator, full: State, reduced: State) -> None:
+        self.estimator = estimator
+        self.restart(estimator.start(full, reduced))
+
+    def restart(self, memory: dict[str, FloatArray]) -> None:
+        """Continues from a stored memory."""
+        self.memory = memory
+        self._pending: list[State] = []
+        self._values = {n: [v] for n, v in self.estimator.present(memory).items()}
+        self._stored: list[int] = []  # index of the estimate that belongs to each stored step
+        self._count = 1  # of estimates, with those of pending states
+
+    def take(self, state: State, step: int) -> None:
+        """The state after a step of this number, counted from the start of the run."""
+        if step % self.estimator.every:
+            return
+        self._pending.append(state)
+        self._count += 1
+        if len(self._pending) == TOGETHER:
+            self._evaluate()
+
+    def store(self) -> None:
+        """Marks the last state as one that is stored."""
+        self._stored.append(self._count - 1)
+
+    def stored(self) -> Mapping[str, FloatArray]:
+        """Block -> norms (j,) of its estimated error at the j states that were marked since the
+        last call."""
+        self._evaluate()
+        found = {n: np.array(v)[self._stored] for n, v in self._values.items()}
+        self._values = {n: v[-1:] for n, v in self._values.items()}
+        self._stored, self._count = [], 1
+        return found
+
+    def _evaluate(self) -> None:
+        for name, norms in self.estimator.advance(self._pending, self.memory).items():
+            # of a run that diverges an estimate may overflow; a result has finite numbers
+            self._values[name] += np.nan_to_num(norms, nan=LARGEST, posinf=LARGEST).tolist()
+        self._pending = []
+
+
+def large_estimates(result: RunResult) -> tuple[Note, ...]:
+    """Warnings about blocks whose estimated error exceeds the limit from which errors are marked in
+    a comparison."""
+    notes, times = [], result.times
+    for name, error in estimated_errors(result).items():
+        above = np.flatnonzero(error > LIMIT)
+        if len(above):
+            notes.append(Note(
+                f"the estimated error of {name} reaches {error.max():.2g} of its largest change "
+                f"(limit {LIMIT:g}, first above it at {times[above[0]]:.4g} s): train on a run "
+                "that covers this one, or take more atoms, more rows or another basis",
+                "estimated_error"))
+    return tuple(notes)

@@ -1,0 +1,139 @@
+"""Online estimate of the error of a reduced run: the error equation of each block on a space of its
+own.
+
+The full-order run and the reduced run of the same steps differ by e = x_full - x_reduced. In a
+block with constant operators e satisfies M e'' + C e' + K e = -r(t), where r is the residual of the
+reduced states in the full-order equations, and e satisfies the formulas of the integrator like
+each of the runs. Projected on a space of errors (error_space.py) and written in its eigenmodes, one
+step costs as much as the residual, which is a product of small matrices. Errors of temperatures act
+on displacements as thermal loads; the reaction of rigid coordinates and joint forces to elastic
+errors is neglected. Bounds of the same equation from norms (Ruiner, Fehr, Haasdonk and Eberhard
+2012, doi 10.1007/s10409-012-0114-7) are rigorous, but add up what cancels over the steps.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sparsemor.core import (
+    FloatArray,
+    Integrator,
+    Layout,
+    Note,
+    State,
+)
+from sparsemor.reducers.estimation.error_space import ErrorSpace
+from sparsemor.reducers.estimation.modal_steps import ModalSteps
+from sparsemor.reducers.estimation.residuals import ElasticResidual, HeatResidual, Trajectory
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BlockErrors:
+    """Error equation of one block. atoms (n, k) and offset (n,): its trial basis; at: its unknowns
+    in the full model and in the reduced one; warmth (qT, q): loads of the modes by errors of the
+    body's temperatures, whose block is `heat` ("" without)."""
+
+    name: str
+    space: ErrorSpace
+    residual: HeatResidual | ElasticResidual
+    atoms: FloatArray
+    offset: FloatArray
+    full: slice
+    reduced: slice
+    heat: str = ""
+    warmth: FloatArray | None = None
+
+    def starts(self, full: State, reduced: State) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Modal error (q,) of the initial state, and its first and second rates."""
+        c, v, a = (z[self.reduced] for z in (reduced.x, reduced.v, reduced.a))
+        x = full.x[self.full] - self.offset - self.atoms @ c
+        rate, second = full.v[self.full] - self.atoms @ v, full.a[self.full] - self.atoms @ a
+        on = self.space.coefficients
+        return on(x), on(rate), on(second)
+
+    def force(self, run: Trajectory, errors: Mapping[str, FloatArray]) -> FloatArray:
+        """Loads (j, q) of the error equation at j states: minus the residual, and those of the
+        errors (j, qT) of temperatures."""
+        f = -self.residual(run)
+        return f if self.warmth is None else f + errors[self.heat] @ self.warmth
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ErrorModel:
+    """Estimator of errors (`ErrorEstimator`). heat, elastic: blocks of first and second order;
+    layout: their modes; every: steps between two estimates, over which the error equation takes one
+    step."""
+
+    every: int
+    heat: tuple[BlockErrors, ...]
+    elastic: tuple[BlockErrors, ...]
+    layout: Layout
+    integrator: Integrator
+    first: ModalSteps
+    second: ModalSteps
+    notes: tuple[Note, ...]
+
+    @classmethod
+    def of(
+        cls, every: int, h: float, heat: Sequence[BlockErrors], elastic: Sequence[BlockErrors],
+        full: Layout, integrator: Integrator, notes: Sequence[Note],
+    ) -> "ErrorModel":
+        """Error model for every `every`-th step of size h, s; full: layout of the full model."""
+        layout = Layout([full.block(b.name).resized(b.space.size) for b in (*heat, *elastic)])
+        rules = integrator.rules(every * h)
+        first, second = (
+            ModalSteps.of(rule, *(np.concatenate([np.zeros(0), *column]) for column in (
+                [b.space.stiffness for b in blocks], [b.space.damping for b in blocks],
+                [b.space.mass for b in blocks])))
+            for rule, blocks in ((rules.first, heat), (rules.second, elastic)))
+        return cls(every, tuple(heat), tuple(elastic), layout, integrator, first, second,
+                   tuple(notes))
+
+    @property
+    def blocks(self) -> tuple[str, ...]:
+        return tuple(b.name for b in (*self.elastic, *self.heat))
+
+    def start(self, full: State, reduced: State) -> dict[str, FloatArray]:
+        """Memory of the estimate at the start of a run: modal errors (s, q) of the initial state
+        with their rates and the integrator's history, of first and of second order."""
+        z = np.zeros((3, self.layout.size))
+        for b in (*self.heat, *self.elastic):
+            z[:, self.layout[b.name]] = b.starts(full, reduced)
+        x, v, a = z
+        state = self.integrator.start(
+            self.layout, State(full.t, x, v, a, np.zeros((self.layout.size, 0))))
+        rows = np.vstack([state.x, state.v, state.a, state.memory.T])
+        return {"first": rows[:, self.layout.first], "second": rows[:, self.layout.second]}
+
+    def present(self, memory: Mapping[str, FloatArray]) -> dict[str, float]:
+        """Estimated error norm of each block at present."""
+        return {b.name: float(np.linalg.norm(b.space.norm @ z[0, at]))
+                for blocks, z in ((self.heat, memory["first"]), (self.elastic, memory["second"]))
+                for b, at in parts(blocks)}
+
+    def advance(
+        self, states: Sequence[State], memory: dict[str, FloatArray]
+    ) -> dict[str, FloatArray]:
+        """Estimated error norms (j,) of each block at j successive states, every `every`-th of the
+        run; `memory` is brought to the last."""
+        if not states:
+            return {name: np.zeros(0) for name in self.blocks}
+        run = Trajectory(np.array([s.t for s in states]), *(
+            np.stack([getattr(s, which) for s in states]) for which in "xva"))
+        found: dict[str, FloatArray] = {}
+        modal: dict[str, FloatArray] = {}
+        for blocks, which, steps in ((self.heat, "first", self.first),
+                                     (self.elastic, "second", self.second)):
+            loads = [np.zeros((len(states), 0)), *(b.force(run, modal) for b in blocks)]
+            memory[which], x = steps.advance(memory[which], np.hstack(loads))
+            for b, at in parts(blocks):
+                modal[b.name] = x[:, at]
+                found[b.name] = np.linalg.norm(x[:, at] @ b.space.norm.T, axis=1)
+        return found
+
+
+def parts(blocks: Sequence[BlockErrors]) -> list[tuple[BlockErrors, slice]]:
+    """Blocks of one order with the ranges of their modes."""
+    ends = np.cumsum([0, *(b.space.size for b in blocks)]).tolist()
+    return [(b, slice(i, j)) for b, i, j in zip(blocks, ends[:-1], ends[1:], strict=True)]

@@ -1,0 +1,94 @@
+"""Residuals of reduced states in the full-order equations of one block, on the modes of its errors.
+
+They are the equations of reducers/step/operators.py with the modes as test basis, at many states at
+once. Their cost grows with the numbers of atoms and modes, not with the mesh.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from sparsemor.core import FloatArray, IntArray
+from sparsemor.reducers.step.frame_step import BodyStep, PrescribedFactors, buffers
+from sparsemor.reducers.step.operators import TestedElastic, TestedHeat
+from sparsemor.reducers.step.time_tables import LoadsInTime
+
+
+class Trajectory(NamedTuple):
+    """Reduced states of a run: times (j,), s; unknowns x and rates v, a (j, n)."""
+
+    times: FloatArray
+    x: FloatArray
+    v: FloatArray
+    a: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HeatResidual:
+    """Residual of a thermal block: C T' + K T - loads(t) on q modes. at: its unknowns; operators
+    (2 k, q): transposes of [K | C]."""
+
+    at: slice
+    operators: FloatArray
+    loads: LoadsInTime
+
+    @classmethod
+    def of(cls, at: slice, b: TestedHeat) -> "HeatResidual":
+        return cls(at, np.ascontiguousarray(np.hstack([b.conductivity, b.capacity]).T),
+                   LoadsInTime(b.constant, b.loads, tuple(b.amplitudes), tuple(b.tables)))
+
+    def __call__(self, run: Trajectory) -> FloatArray:
+        """Residuals (j, q)."""
+        at = self.at
+        return np.hstack([run.x[:, at], run.v[:, at]]) @ self.operators - self.loads(run.times)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ElasticResidual:
+    """Residual of an elastic block with the terms of its frame (reducers/step/operators.py) on q
+    modes.
+
+    border (N,): positions of rigid coordinates and multipliers among all unknowns, empty where the
+    motion of frames is prescribed. operators ((3 + g) k + p + kT, q): transposes of stiffness,
+    damping, mass, generators, directions and minus the coupling with kT temperatures.
+    """
+
+    step: BodyStep
+    tested: TestedElastic
+    border: IntArray
+    operators: FloatArray
+    loads: LoadsInTime
+
+    @classmethod
+    def of(cls, step: BodyStep, b: TestedElastic, border: IntArray) -> "ElasticResidual":
+        columns = [b.stiffness, b.damping, b.mass, *b.generators, b.directions, -b.coupling]
+        loads = LoadsInTime(-b.constant, b.loads, tuple(b.amplitudes), tuple(b.tables))
+        return cls(step, b, border, np.ascontiguousarray(np.hstack(columns).T), loads)
+
+    def __call__(self, run: Trajectory) -> FloatArray:
+        """Residuals (j, q)."""
+        e, g, b = self.step.elastic, len(self.tested.generators), self.tested
+        c, v, a = run.x[:, e], run.v[:, e], run.a[:, e]
+        factors = self._factors(run)
+        kappa, mu, sigma = factors[:, :g], factors[:, g : 2 * g], factors[:, 2 * g :]
+        inertia = [kappa[:, i, None] * c + mu[:, i, None] * v for i in range(g)]
+        heat = [run.x[:, self.step.thermal]] if b.coupling.size else []
+        return np.hstack([c, v, a, *inertia, sigma, *heat]) @ self.operators - self.loads(run.times)
+
+    def _factors(self, run: Trajectory) -> FloatArray:
+        """Factors kappa, mu and sigma (j, 2 g + p) of the frame (core/protocols/body_frame.py)."""
+        step = self.step
+        if not len(self.border):
+            return PrescribedFactors(step)(run.times)
+        work, = buffers([step.frame])
+        y, v, a = (z[:, self.border] @ step.to_border.T for z in (run.x, run.v, run.a))
+        moved = [part + z for part, z in zip(
+            step.border_motion_along(run.times), (y, v, a), strict=True)]
+        found, e = np.empty((len(y), len(work.coefficients) - 1 + step.frame.p)), step.elastic
+        for i, t in enumerate(run.times.tolist()):
+            y, v, a = (z[i] for z in moved)
+            step.evaluate(y, v, a, 0.0, 0.0, self.tested, run.x[i, e], run.v[i, e], run.a[i, e],
+                          t, work)
+            found[i] = np.concatenate((work.coefficients[:-1], work.sigma[-1]))
+        return found

@@ -1,0 +1,135 @@
+"""Estimated and true errors of the packaged scenes with galerkin, deim and sparse, in training and
+outside it, and the time that the estimate takes.
+
+    python tests/benchmarks/errors/estimates.py [--scenes NAMES] [--every N]
+
+One line per block: the largest error over the run relative to the block's largest change, the
+estimate, and their quotient (effectivity); then the smallest and the largest quotient at one time,
+over all stored times at which the error is above a hundredth of its maximum. The times are CPU
+times of the same run in one process, with and without the estimate, in turns.
+"""
+
+import argparse
+import statistics
+import time
+from collections.abc import Mapping
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+
+from sparsemor.core.cli.compare import variants
+from sparsemor.core.errors import InputError
+from sparsemor.core.results.error_norms import Errors, measure_errors
+from sparsemor.core.results.run_result import RunResult
+from sparsemor.core.scene.scene import Scene, load
+from sparsemor.core.simulation.simulate import simulate
+from sparsemor.core.status import SolveFailed
+
+HALF, OTHER = "to half the time", "with another load"
+CASES: Mapping[str, Mapping[str, Mapping[str, Any]]] = {
+    "double_pendulum": {
+        "on the same run": {},
+        HALF: {"training.end": 2.0},
+        OTHER: {"training.overrides": {"loads.heating.on": ["link1:bottom", "link2:bottom"]}},
+    },
+    "slider_plate": {
+        "on the same run": {},
+        HALF: {"training.end": 1.875e-3},
+        OTHER: {"training.overrides": {"contacts.sole.friction.coefficient": 0.15}},
+    },
+    "brake_disk": {"on the same run": {}, HALF: {"training.end": 0.6}},
+}
+"""Scene -> how the reduced model was trained -> settings. The bases of brake_disk need no training,
+which only the forces of deim are taken from there."""
+REDUCERS = ("galerkin", "deim", "sparse")
+REPEATS = 3
+
+
+def reduced(scene: Scene, reducer: str) -> Scene:
+    """The scene with this reducer, and its own options where both have them."""
+    other = "full" if reducer == scene.reducer_name else scene.reducer_name
+    return variants(scene, [other, reducer])[reducer]
+
+
+def with_estimate(scene: Scene, every: int) -> Scene:
+    return scene.using({"reducer.error_estimate": every})
+
+
+def lines(training: str, reducer: str, e: Errors) -> list[str]:
+    found = []
+    for name in e.estimated:
+        if name not in e.blocks:
+            continue
+        true, guess = e.series[name], e.estimated[name]
+        shown = true > 0.01 * true.max()
+        ratio = guess[shown] / true[shown]
+        found.append(
+            f"| {training} | {reducer} | {name} | {true.max():.1e} | {guess.max():.1e} | "
+            f"{guess.max() / true.max():.2f} | {ratio.min():.2f} to {ratio.max():.2f} |")
+    return found
+
+
+def seconds(scene: Scene) -> float:
+    """CPU seconds of a run."""
+    with TemporaryDirectory() as folder:
+        begun = time.process_time()
+        simulate(scene, out=f"{folder}/run")
+        return time.process_time() - begun
+
+
+def cost(plain: Scene, every: int) -> str:
+    """Milliseconds per step with and without estimate, medians of runs in turns; the difference of
+    a run and one to half its time is that of their steps alone."""
+    short = plain.using({"time.end": plain.time.end / 2})
+    taken: dict[str, list[float]] = {"without": [], "with": []}
+    steps = (plain.time.end - short.time.end) / plain.time.step
+    for _ in range(REPEATS):
+        for label, n in (("without", 0), ("with", every)):
+            whole, part = (seconds(with_estimate(s, n)) for s in (plain, short))
+            taken[label].append(1e3 * (whole - part) / steps)
+    a, b = (statistics.median(taken[k]) for k in ("without", "with"))
+    return f"{a:.3f} ms per step without the estimate, {b:.3f} with it ({b / a - 1.0:+.0%})"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--scenes", default=",".join(CASES))
+    parser.add_argument("--trained", default="", help="only with such training")
+    parser.add_argument("--every", type=int, default=1)
+    parser.add_argument("--cost", action="store_true", help="measure the time, too")
+    asked = parser.parse_args()
+    with np.errstate(all="ignore"), TemporaryDirectory() as folder:
+        for name in asked.scenes.split(","):
+            reference: RunResult = simulate(
+                load(name, {"reducer": "full"}), out=f"{folder}/{name}", keep_training=True)
+            print(f"\n{name}\n\n| trained | reducer | block | error | estimate | quotient | at one "
+                  "time |\n|---|---|---|---|---|---|---|", flush=True)
+            for training, settings in CASES[name].items():
+                if asked.trained not in training:
+                    continue
+                for reducer in REDUCERS:
+                    try:
+                        scene = with_estimate(
+                            reduced(load(name, dict(settings)), reducer), asked.every)
+                        run = simulate(scene)
+                    except InputError as error:
+                        print(f"| {training} | {reducer} | refused: {error} | | | | |", flush=True)
+                        continue
+                    except SolveFailed as error:
+                        print(f"| {training} | {reducer} | {error.status.value} at {error.time:g} "
+                              "s; up to there: | | | | |", flush=True)
+                        assert isinstance(error.result, RunResult)
+                        run = error.result
+                    print("\n".join(lines(training, reducer, measure_errors(reference, run))),
+                          flush=True)
+                    for note in run.summary["information"]:
+                        if "is not estimated" in note:
+                            print(f"| {training} | {reducer} | {note} | | | | |", flush=True)
+            if asked.cost:
+                scene = reduced(load(name), "galerkin")
+                print(f"\ngalerkin: {cost(scene, asked.every)}", flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,210 @@
+"""Online error estimate: its time steps, its residual, its cost, and its record along a run."""
+
+import json
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+from reduced_runs import learnt, model_of, states
+from small_scenes import everything, tiny
+from sparsemor.core.analysis.charts.error_over_time import error_over_time_figure
+from sparsemor.core.analysis.compare import compare
+from sparsemor.core.model.equations import system_residual
+from sparsemor.core.model.initial_state import consistent_state
+from sparsemor.core.protocols import Integrator, State
+from sparsemor.core.protocols.integrator import new_state, step_formula
+from sparsemor.core.protocols.layout import Block, FieldKind, Layout
+from sparsemor.core.results.saved_state import Saved
+from sparsemor.core.scene.scene import Scene
+from sparsemor.core.simulation.error_record import ErrorRecord
+from sparsemor.core.simulation.simulate import simulate
+from sparsemor.core.testing.in_memory_run import March, march
+from sparsemor.integrators.bdf1 import Bdf1
+from sparsemor.integrators.bdf2 import Bdf2
+from sparsemor.integrators.generalized_alpha import GeneralizedAlpha
+from sparsemor.reducers.estimation import error_space
+from sparsemor.reducers.estimation.modal_steps import ModalSteps
+from sparsemor.reducers.estimation.residuals import Trajectory
+
+INTEGRATORS: list[Integrator] = [Bdf1(), Bdf2(), GeneralizedAlpha()]
+
+
+def reduced_scene(scene: Scene, **reducer: Any) -> Scene:
+    return scene.using({"reducer": {
+        "use": "galerkin", "basis": {"use": "pod", "count": 3}, **reducer}})
+
+
+@cache
+def reduced() -> tuple[Scene, March]:
+    """A hinged, heated bar on three atoms for each field."""
+    full = march(tiny().using({"reducer": "full"}))
+    scene = reduced_scene(tiny())
+    return scene, march(scene, model=full.model, snapshots=learnt(full))
+
+
+@pytest.mark.parametrize("integrator", INTEGRATORS, ids=lambda i: type(i).__name__)
+@pytest.mark.parametrize("field", ["elastic", "thermal"])
+def test_modes_step_as_the_integrator_says(integrator: Integrator, field: str) -> None:
+    kind = FieldKind("elastic", 2, "m") if field == "elastic" else FieldKind("thermal", 1, "K")
+    layout, order = Layout([Block("bar", kind, 4)]), kind.order
+    k, d, m = np.random.default_rng(2).random((3, 4))
+    h, f = 0.1, np.arange(12.0).reshape(3, 4)
+    m = m if order == 2 else 0.0 * m
+    rules = integrator.rules(h)
+    steps = ModalSteps.of(rules.second if order == 2 else rules.first, k, d, m)
+    state = integrator.start(layout, State(
+        0.0, np.ones(4), np.full(4, 2.0), np.full(4, 3.0 * (order - 1)), np.zeros((4, 0))))
+    z, x = steps.advance(np.vstack([state.x, state.v, state.a, state.memory.T]), f)
+    c1, c2, c1_first = rules.factors
+    for force, found in zip(f, x, strict=True):
+        formula = step_formula(rules, layout, state, h)
+        old = formula.at(np.zeros(4))
+        D = k + (c1 * d + c2 * m if order == 2 else c1_first * d)
+        new = formula.at((force - k * old[0] - d * old[1] - m * old[2]) / D)
+        state = new_state(rules, layout, state, formula.t, *new)
+        assert found == pytest.approx(state.x, rel=1e-12)
+    assert z == pytest.approx(
+        np.vstack([state.x, state.v, state.a, state.memory.T]), rel=1e-11, abs=1e-11)
+
+
+@pytest.mark.full
+def test_the_residual_is_that_of_the_full_equations() -> None:
+    """On the modes of the error, at states of the reduced run; the frame of the bar is free."""
+    scene, run = reduced()
+    model, full = model_of(scene, run), run.model
+    along = Trajectory(run.t, run.x, run.v, run.a)
+    assert {b.name for b in (*model.heat, *model.elastic)} == {"bar.elastic", "bar.thermal"}
+    whole = []
+    for s in states(run):
+        z = []
+        for part, values in enumerate((s.x, s.v, s.a)):
+            wide = np.zeros(full.layout.size)
+            for b in full.layout:
+                own, d = values[run.solver.layout[b.name]], run.solver.dictionaries.get(b.name)
+                wide[full.layout[b.name]] = own if d is None else (
+                    d.atoms @ own + (d.offset if part == 0 else 0.0))
+            z.append(wide)
+        whole.append(system_residual(full.layout, full.terms, *z, s.t))
+    for b in (*model.heat, *model.elastic):
+        expected = np.array(whole)[:, full.layout[b.name]] @ b.space.modes
+        terms = np.abs(b.residual.operators).sum(axis=0) * np.abs(run.x).max()
+        assert (np.abs(b.residual(along) - expected) <= 1e-9 * np.abs(expected).max()
+                + 1e-13 * terms).all(), b.name
+
+
+@pytest.mark.full
+def test_its_arrays_do_not_grow_with_the_mesh(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(error_space, "COUNT", 2)
+    sizes = []
+    for elements in (1, 3):
+        scene = tiny().using({"bodies.bar.mesh.divisions": [6 * elements, 2 * elements],
+                              "time.end": 2 * tiny().time.step})
+        full = march(scene.using({"reducer": "full"}))
+        other = reduced_scene(scene, basis={"use": "modal", "count": 3})
+        model = model_of(other, march(other, model=full.model, snapshots=learnt(full)))
+        sizes.append([(b.residual.operators.shape, b.space.norm.shape)
+                      for b in (*model.heat, *model.elastic)]
+                     + [(model.first.load.shape, model.second.load.shape)])
+    assert sizes[0] == sizes[1]
+
+
+@pytest.mark.full
+def test_steps_may_be_evaluated_together_or_one_by_one_or_resumed() -> None:
+    scene, run = reduced()
+    model, known = model_of(scene, run), states(run)
+    start = consistent_state(run.model)
+    whole = ErrorRecord(model, start, known[0])
+    for i, s in enumerate(known[1:], 1):
+        whole.take(s, i)
+        whole.store()
+    together = whole.stored()
+    one = ErrorRecord(model, start, known[0])
+    found: dict[str, list[float]] = {n: [] for n in model.blocks}
+    for i, s in enumerate(known[1:], 1):
+        one.take(s, i)
+        one.store()
+        for n, values in one.stored().items():
+            found[n] += values.tolist()
+        saved = Saved.of({"errors": one.memory})
+        one = ErrorRecord(model, start, known[0])
+        one.restart(saved.into({"errors": one.memory})["errors"])
+    for n in model.blocks:
+        assert found[n] == pytest.approx(together[n], rel=1e-9)
+        assert np.ptp(found[n]) > 0.0
+
+
+@pytest.mark.full
+def test_between_estimates_the_last_one_counts() -> None:
+    scene, run = reduced()
+    model, known = model_of(scene, run, every=2), states(run)
+    record = ErrorRecord(model, consistent_state(run.model), known[0])
+    for i, s in enumerate(known[1:6], 1):
+        record.take(s, i)
+        record.store()
+    for values in record.stored().values():
+        assert values[1] == values[2] != values[3] == values[4]
+
+
+@pytest.mark.full
+def test_a_result_has_the_estimate_at_its_stored_steps() -> None:
+    scene = reduced_scene(tiny(), error_estimate=1).using({"output": {"every": 2}})
+    result = simulate(scene)
+    assert set(result.error_estimates) == {"bar.elastic", "bar.thermal"}
+    for name in result.error_estimates:
+        assert result.error_estimate(name).shape == result.times.shape
+        assert (result.error_estimate(name)[1:] > 0.0).all()
+        assert 0.0 < result.summary["error_estimate"][name] < np.inf
+    assert "estimated_error" not in result.summary["note_kinds"]
+    assert simulate(reduced_scene(tiny())).error_estimates == ()
+
+
+@pytest.mark.full
+def test_a_large_estimate_is_a_warning() -> None:
+    """Two vibration modes do not represent the expansion of a heated bar."""
+    scene = reduced_scene(tiny(), error_estimate=1).using({
+        "reducer.bases": {"*.elastic": {"use": "modal", "count": 2}}})
+    result = simulate(scene)
+    worst = result.summary["error_estimate"]["bar.elastic"]
+    assert worst > 0.1 and "estimated_error" in result.summary["note_kinds"]
+    assert any(f"estimated error of bar.elastic reaches {worst:.2g} of" in note
+               for note in result.summary["notes"])
+
+
+@pytest.mark.full
+def test_a_comparison_puts_estimate_and_error_together() -> None:
+    """In its table, its JSON text, and dotted in the chart of errors over time."""
+    full = simulate(tiny().using({"reducer": "full"}))
+    run = simulate(reduced_scene(tiny(), error_estimate=1))
+    comparison = compare(full, run=run, plain=simulate(reduced_scene(tiny())))
+    e = comparison.measured["run"]
+    assert set(comparison.effectivity) == {"run"}
+    for name in ("bar.thermal", "bar.elastic"):
+        ratio = comparison.effectivity["run"][name]
+        assert 0.5 < ratio < 2.0
+        assert ratio == pytest.approx(e.estimated[name].max() / e.series[name].max())
+    assert "estimate / error" in str(comparison)
+    assert json.loads(comparison.to_json())["runs"]["run"]["effectivity"]
+    figure = error_over_time_figure(
+        comparison.measured, {n: r.status for n, r in comparison.runs.items()},
+        full.layout.kinds)
+    assert figure is not None
+    dotted = [line for axes in figure.axes for line in axes.lines
+              if line.get_label() == "run, estimated"]
+    assert len(dotted) == 2
+
+
+@pytest.mark.full
+def test_blocks_without_an_estimate_are_named() -> None:
+    """Radiation is not linear: the heat of such a body has none, and so has what it deforms."""
+    scene = reduced_scene(everything())
+    full = march(everything())
+    model = model_of(scene, march(scene, model=full.model, snapshots=learnt(full)))
+    local = {b.thermal for b in full.model.separated.heat if b.local}
+    assert local
+    for name in full.model.reducible():
+        noted = [n for n in model.notes if f"the error of {name} is not estimated" in n.text]
+        assert (name in model.blocks) is not bool(noted), name
+        if name in local:
+            assert noted and "nonlinear" in noted[0].text
