@@ -45,8 +45,9 @@ class BodyArrays(NamedTuple):
     positions: of those of its position.
 
     u: first of k displacements; active (s,), idle (k - s,): numbers of active and inactive ones; T:
-    first of kt temperatures; H (3 k + kt + j, w), base (w,): factors of h, w = s + p, for j
-    amplitudes; products (k, q), q = g w + g s + p: D^-1 M_g, M_g and P^T, and step_products (s, q)
+    first of kt temperatures; inputs: number of rows of H, whose columns are the factors of h (w,),
+    w = s + p, for u0, a0, temperatures, j amplitudes and, with damping, v0; base (w,): constant
+    part of h; products (k, q), q = g w + g s + p: D^-1 M_g, M_g and P^T, and step_products (s, q)
     those of the active atoms, all transposed and filled up to a multiple of 4 rows; E (p, s), G (p,
     p): transposed; amplitude, table: as in HeatArrays.
     """
@@ -73,6 +74,7 @@ class BodyArrays(NamedTuple):
     kt: IntArray
     g: IntArray
     p: IntArray
+    inputs: IntArray
     H: FloatArray
     base: FloatArray
     j: IntArray
@@ -129,10 +131,10 @@ class MechanicsWork(NamedTuple):
     sigma (b + 1, p), tau (b, p), border (b, b + 1), coefficients (2 g + 1,): as in `FrameWork`; s
     (3, p), forms (3 g,): functionals of u, u', u''; nothing (3, 0): those of a rigid body; gains
     (i,): present amplitudes; pose, now (3, b): border unknowns and their rates at the prediction,
-    and in an iteration; inputs (3 k + kt + j,): those of H; past (3, q), change (q,): products with
-    the prediction and its rates, and with the increment; h, z (w,); u (s,): active displacements
-    predicted; d (s,): increments; Gs (p, b + 1): G times transposed sigma; reduced (b, b + 1):
-    border less tau Gs.
+    and in an iteration; inputs (3 k + kt + j,): those of H, then v0; past (3, q), change (q,):
+    products with the prediction and its rates, and with the increment; h, z (w,); u (s,): active
+    displacements predicted; d (s,): increments; Gs (p, b + 1): G times transposed sigma; reduced
+    (b, b + 1): border less tau Gs.
 
     scale, distance (bodies,): reference magnitudes; elastic (bodies,): as in RunArrays;
     changes, before (bodies + 1,): of an iteration and the one before; A (N, N), dy, delta,

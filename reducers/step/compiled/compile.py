@@ -18,9 +18,9 @@ from sparsemor.reducers.step import acceptance
 from sparsemor.reducers.step.compiled import dense, kernel, mechanics, prescribed
 
 FUNCTIONS: tuple[Callable[..., object], ...] = (
-    acceptance.estimated_error, acceptance.reference, dense.add_product, dense.add_products,
-    dense.add_turned, dense.product, dense.solve_in_place, dense.norm, mechanics.begin,
-    mechanics.functionals, mechanics.combine, mechanics.frames, mechanics.pose,
+    acceptance.estimated_error, acceptance.reference, dense.add_product, dense.add_rates,
+    dense.add_products, dense.add_turned, dense.product, dense.solve_in_place, dense.norm,
+    mechanics.begin, mechanics.functionals, mechanics.combine, mechanics.frames, mechanics.pose,
     mechanics.add_reduced, mechanics.magnitude, mechanics.displaced, mechanics.solve_mechanics,
     prescribed.thermal_forces, prescribed.corrected, prescribed.solve_body,
     prescribed.solve_prescribed, kernel.free_first, kernel.free_motion, kernel.at_departure,

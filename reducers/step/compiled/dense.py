@@ -26,6 +26,29 @@ def add_product(A: FloatArray, x: FloatArray, y: FloatArray, rows: int, columns:
             y[j] += A0[j] * x0 + A1[j] * x1 + A2[j] * x2 + A3[j] * x3
 
 
+def add_rates(
+    A: FloatArray, x: FloatArray, v: FloatArray, a: FloatArray, y: FloatArray, rows: int,
+    without: int, columns: int
+) -> None:
+    """Adds x A, v A and a A to the rows of y (3, n), as `add_product`; a A without its first
+    columns. A is read once."""
+    for i in range(0, rows, 4):
+        A0, A1, A2, A3 = A[i], A[i + 1], A[i + 2], A[i + 3]
+        x0, x1, x2, x3 = x[i], x[i + 1], x[i + 2], x[i + 3]
+        v0, v1, v2, v3 = v[i], v[i + 1], v[i + 2], v[i + 3]
+        a0, a1, a2, a3 = a[i], a[i + 1], a[i + 2], a[i + 3]
+        X, V = y[0], y[1]
+        for j in range(without):
+            X[j] += A0[j] * x0 + A1[j] * x1 + A2[j] * x2 + A3[j] * x3
+            V[j] += A0[j] * v0 + A1[j] * v1 + A2[j] * v2 + A3[j] * v3
+        A0, A1, A2, A3 = A0[without:], A1[without:], A2[without:], A3[without:]
+        X, V, Y = X[without:], V[without:], y[2][without:]
+        for j in range(columns):
+            X[j] += A0[j] * x0 + A1[j] * x1 + A2[j] * x2 + A3[j] * x3
+            V[j] += A0[j] * v0 + A1[j] * v1 + A2[j] * v2 + A3[j] * v3
+            Y[j] += A0[j] * a0 + A1[j] * a1 + A2[j] * a2 + A3[j] * a3
+
+
 def add_turned(A: FloatArray, sign: float, x: FloatArray, y: FloatArray) -> None:
     """Adds A x to y (s,), s a multiple of 4, for a matrix A (s, s) that is sign times its
     transpose, sign 1 or -1: what is below its diagonal is used twice, what is above is not read."""

@@ -12,7 +12,7 @@ from sparsemor.reducers.step.compiled.arrays import (
     ModelArrays,
     RunArrays,
 )
-from sparsemor.reducers.step.compiled.dense import add_product, norm, solve_in_place
+from sparsemor.reducers.step.compiled.dense import add_product, add_rates, norm, solve_in_place
 from sparsemor.reducers.step.condensed_newton import SLOW
 
 LEFT = -1
@@ -23,30 +23,32 @@ def begin(
     m: ModelArrays, b: BodyArrays, w: MechanicsWork, timed: FloatArray, x: FloatArray,
     v: FloatArray, a: FloatArray, d: FloatArray, free: FloatArray, rate: FloatArray
 ) -> None:
-    """Constants of the displacements in a step, from the prediction (elastic_block.py)."""
+    """Constants of the displacements in a step, from the prediction (elastic_block.py). M_g times
+    accelerations is needed by the forms only, not times D^-1."""
     w.d[:] = 0.0
     w.change[:] = 0.0
     w.past[:] = 0.0
     for i in range(len(b.k)):
         k, s, kt, u, inputs = b.k[i], b.s[i], b.kt[i], b.u[i], w.inputs[i]
-        size, q = s + b.p[i], b.g[i] * (2 * s + b.p[i]) + b.p[i]
+        size, turned = s + b.p[i], b.g[i] * (s + b.p[i])
+        v_at = 2 * k + kt + b.j[i]
         for j in range(k - s):
             o = b.idle[i, j]
             d[o] = -free[o]
             x[o], v[o], a[o] = 0.0, rate[o] + m.c1 * d[o], m.c2 * d[o]
         for j in range(k):
-            inputs[j], inputs[k + j], inputs[2 * k + j] = x[u + j], v[u + j], a[u + j]
+            inputs[j], inputs[k + j], inputs[v_at + j] = x[u + j], a[u + j], v[u + j]
         for j in range(kt):
-            inputs[3 * k + j] = x[b.T[i] + j]
+            inputs[2 * k + j] = x[b.T[i] + j]
         for j in range(b.j[i]):
-            inputs[3 * k + kt + j] = timed[b.amplitude[i] + j]
+            inputs[2 * k + kt + j] = timed[b.amplitude[i] + j]
         for j in range(size):
             w.h[i, j] = b.base[i, j]
             if b.table[i] >= 0:
                 w.h[i, j] -= timed[b.table[i] + j]
-        add_product(b.H[i], inputs, w.h[i], 3 * k + kt + b.j[i], size)
-        for r in range(3):
-            add_product(b.products[i], inputs[r * k :], w.past[i, r], k, q)
+        add_product(b.H[i], inputs, w.h[i], b.inputs[i], size)
+        add_rates(b.products[i], inputs, inputs[v_at:], inputs[k:], w.past[i], k, turned,
+                  b.g[i] * s + b.p[i])
         for j in range(s):
             w.u[i, j] = x[b.active[i, j]]
 

@@ -25,10 +25,10 @@ from sparsemor.reducers.step.blocks.thermal_block import CompressedHeat, HeatBlo
 from sparsemor.reducers.step.compiled.arrays import (
     BodyArrays,
     HeatArrays,
-    MechanicsWork,
     ModelArrays,
     PrescribedArrays,
 )
+from sparsemor.reducers.step.compiled.stacked import NO_BODY, array, by_four, number, stacked
 from sparsemor.reducers.step.frame_step import BodyStep
 from sparsemor.reducers.step.predictor import block_starts
 from sparsemor.reducers.step.prescribed_frames import PrescribedFrames
@@ -52,6 +52,7 @@ class Timed:
     def __init__(self) -> None:
         self.sources: list[Callable[[FloatArray], Sequence[FloatArray]]] = []
         self.width = 0
+        self._known: list[tuple[tuple[Amplitude, ...], int]] = []
 
     def _added(self, source: Callable[[FloatArray], Sequence[FloatArray]], columns: int) -> int:
         self.sources.append(source)
@@ -59,10 +60,17 @@ class Timed:
         return self.width - columns
 
     def amplitudes(self, amplitudes: Sequence[Amplitude]) -> int:
-        """Number of the first column of these amplitudes, -1 for none."""
+        """Number of the first column of these amplitudes, -1 for none; equal ones are evaluated
+        once."""
         if not amplitudes:
             return -1
-        return self._added(lambda times: [amplitudes_along(amplitudes, times)], len(amplitudes))
+        wanted = tuple(amplitudes)
+        for known, column in self._known:
+            if known == wanted:
+                return column
+        self._known.append((wanted, self._added(
+            lambda times: [amplitudes_along(wanted, times)], len(wanted))))
+        return self._known[-1][1]
 
     def tables(self, tables: Sequence[Moving]) -> int:
         """Number of the first column of the sum of these loads, -1 for none."""
@@ -147,11 +155,6 @@ def _frame(b: BodyStep) -> FrameArrays:
     return made
 
 
-def _array(values: FloatArray) -> FloatArray:
-    """A contiguous array that may be written to."""
-    return np.array(values, dtype=np.float64, order="C")
-
-
 def _split(start: int, k: int, active: IntArray | None) -> tuple[IntArray, IntArray]:
     """Numbers of the active and of the other unknowns of a block of k."""
     use = np.arange(k) if active is None else active
@@ -166,25 +169,13 @@ def _heat(where: slice | IntArray, block: HeatBlock, name: str, timed: Timed) ->
     loads = block.loads
     return HeatArrays(
         at.astype(np.int64), at[active].astype(np.int64), at[idle].astype(np.int64),
-        _transposed(block.by_value), _array(loads.base), _array(loads.loads.T),
+        _transposed(block.by_value), array(loads.base), array(loads.loads.T),
         timed.amplitudes(loads.amplitudes), timed.tables(loads.tables))
 
 
 def _transposed(A: FloatArray) -> FloatArray:
     """A matrix transposed, or (1, k) for the diagonal of one."""
-    return _array(np.atleast_2d(A.T))
-
-
-def stacked(bodies: Sequence[BodyArrays]) -> BodyArrays:
-    """Arrays of all bodies from those of each."""
-    made = []
-    for values in zip(*(bodies or (_NO_BODY,)), strict=True):
-        sizes = np.array([v.shape for v in values], dtype=np.int64)
-        out = np.zeros((len(values), *sizes.max(axis=0)), dtype=values[0].dtype)
-        for i, v in enumerate(values):
-            out[(i, *map(slice, v.shape))] = v
-        made.append(out[: len(bodies)])
-    return BodyArrays(*made)
+    return array(np.atleast_2d(A.T))
 
 
 def _body(b: BodyStep, f: FrameArrays, timed: Timed) -> BodyArrays:
@@ -193,11 +184,11 @@ def _body(b: BodyStep, f: FrameArrays, timed: Timed) -> BodyArrays:
     gains = np.array([-1 if a is None else timed.amplitudes([a]) for a in f.amplitudes],
                      dtype=np.int64)
     n = b.frame.rigid_size
-    made = _NO_BODY._replace(
-        items=_number(len(f.kinds)), kinds=f.kinds.astype(np.int64), numbers=_array(f.numbers),
-        starts=f.starts.astype(np.int64), gains=gains, entries=_number(len(rows)), rows=rows,
-        columns=columns, values=_array(b.to_border[rows, columns]), origin=_array(b.origin),
-        guide=_number(timed.motion(b.guide, n)), rigid=_number(n), positions=_number(min(3, n - 1)))
+    made = NO_BODY._replace(
+        items=number(len(f.kinds)), kinds=f.kinds.astype(np.int64), numbers=array(f.numbers),
+        starts=f.starts.astype(np.int64), gains=gains, entries=number(len(rows)), rows=rows,
+        columns=columns, values=array(b.to_border[rows, columns]), origin=array(b.origin),
+        guide=number(timed.motion(b.guide, n)), rigid=number(n), positions=number(min(3, n - 1)))
     e = b.block
     if e is None:
         return made
@@ -205,33 +196,16 @@ def _body(b: BodyStep, f: FrameArrays, timed: Timed) -> BodyArrays:
         raise NotCompiled(f"{b.elastic_name} is of full order or has terms that depend on x")
     k, kt = b.elastic.stop - b.elastic.start, b.thermal.stop - b.thermal.start
     active, idle = _split(b.elastic.start, k, e.active)
-    inputs, (s, p, g) = 3 * k + kt, e.sizes
+    (s, p, g), j = e.sizes, e.H.shape[1] - 3 * k - kt
+    u, v, a, rest = np.split(e.H.T, (k, 2 * k, 3 * k))
+    H = np.concatenate((u, a, rest, v if v.any() else v[:0]))
     return made._replace(
-        u=_number(b.elastic.start), k=_number(k), s=_number(s), active=active, idle=idle,
-        T=_number(b.thermal.start), kt=_number(kt), g=_number(g), p=_number(p),
-        H=_by_four(e.H.T), base=_array(e.base), j=_number(e.H.shape[1] - inputs),
-        products=_by_four(e.S.T), step_products=_by_four(e.S[:, active - b.elastic.start].T),
-        E=_array(e.E.T), G=_array(e.G.T), amplitude=_number(timed.amplitudes(e.amplitudes)),
-        table=_number(timed.tables(e.tables)))
-
-
-def _by_four(A: FloatArray) -> FloatArray:
-    """A with rows of zeros up to a number that is a multiple of 4."""
-    return _array(np.pad(A, ((0, -len(A) % 4), (0, 0))))
-
-
-def _number(i: int) -> IntArray:
-    return np.array(i, dtype=np.int64)
-
-
-_NONE, _EMPTY, _ZERO = np.zeros(0, dtype=np.int64), np.zeros((0, 0)), _number(0)
-_NO_BODY = BodyArrays(
-    items=_ZERO, kinds=_NONE, numbers=_EMPTY, starts=np.zeros((0, 3), dtype=np.int64), gains=_NONE,
-    entries=_ZERO, rows=_NONE, columns=_NONE, values=np.zeros(0), origin=np.zeros(0),
-    guide=_number(-1), rigid=_ZERO, positions=_ZERO, u=_ZERO, k=_ZERO, s=_ZERO, active=_NONE,
-    idle=_NONE, T=_ZERO, kt=_ZERO, g=_ZERO, p=_ZERO, H=_EMPTY, base=np.zeros(0), j=_ZERO,
-    products=_EMPTY, step_products=_EMPTY, E=_EMPTY, G=_EMPTY,
-    amplitude=_number(-1), table=_number(-1))
+        u=number(b.elastic.start), k=number(k), s=number(s), active=active, idle=idle,
+        T=number(b.thermal.start), kt=number(kt), g=number(g), p=number(p),
+        inputs=number(len(H)), H=by_four(H), base=array(e.base), j=number(j),
+        products=by_four(e.S.T), step_products=by_four(e.S[:, active - b.elastic.start].T),
+        E=array(e.E.T), G=array(e.G.T), amplitude=number(timed.amplitudes(e.amplitudes)),
+        table=number(timed.tables(e.tables)))
 
 
 def _prescribed(number: int, b: BodyStep, timed: Timed) -> PrescribedArrays:
@@ -243,9 +217,9 @@ def _prescribed(number: int, b: BodyStep, timed: Timed) -> PrescribedArrays:
     width = 2 * len(e.G) + e.E.shape[1] + 1 + len(e.base)
     return PrescribedArrays(
         number, b.elastic.start, k, active, idle, b.thermal.start, kt,
-        _array(np.atleast_2d(e.inertia)), _array(np.atleast_2d(e.stiffness)),
-        np.zeros((0, k)) if e.damping is None else _array(np.atleast_2d(e.damping)),
-        _array(e.coupling.T), _array(e.G), _array(e.leading), *_halves(e),
+        array(np.atleast_2d(e.inertia)), array(np.atleast_2d(e.stiffness)),
+        np.zeros((0, k)) if e.damping is None else array(np.atleast_2d(e.damping)),
+        array(e.coupling.T), array(e.G), array(e.leading), *_halves(e),
         timed.table(table, width), width)
 
 
@@ -263,7 +237,7 @@ def _halves(e: CompressedPrescribed) -> tuple[FloatArray, FloatArray, FloatArray
             return none
         signs.append(fitting[0])
     wide = -M.shape[1] % 4
-    return _array(e.inverse), np.pad(M, ((0, 0), (0, wide), (0, wide))), np.array(signs)
+    return array(e.inverse), np.pad(M, ((0, 0), (0, wide), (0, wide))), np.array(signs)
 
 
 def model_arrays(s: Stepper, rules: UpdateRules) -> ModelArrays:
@@ -283,22 +257,7 @@ def model_arrays(s: Stepper, rules: UpdateRules) -> ModelArrays:
     return ModelArrays(
         ends(layout.second), ends(layout.first), ends(layout.algebraic),
         np.array([ends(b.elastic) for b in bodies], dtype=np.int64).reshape(-1, 2),
-        _array(rules.second.new), _array(rules.second.old), _array(rules.first.new),
-        _array(rules.first.old), c1, c2, c1_first, layout.frames.stop,
+        array(rules.second.new), array(rules.second.old), array(rules.first.new),
+        array(rules.first.old), c1, c2, c1_first, layout.frames.stop,
         np.array([*block_starts(layout), layout.size], dtype=np.int64), weights,
-        _array(s.sanity), s.tolerances.remaining, s.tolerances.max_iterations)
-
-
-def work_of(b: BodyArrays, border: int) -> MechanicsWork:
-    """Working arrays for bodies in a model with this many border unknowns."""
-    (count, n), p, (s, w) = b.origin.shape, b.G.shape[1], (b.active.shape[1], b.base.shape[1])
-    q, forms, i = b.products.shape[2], 3 * max([*b.g.tolist(), 0]), b.kinds.shape[1]
-    shapes = ((n + 1, p), (n, p), (n, n + 1), (forms + 1,), (3, p), (forms,))
-    inputs, wide = b.H.shape[1] + 4, b.step_products.shape[1]
-    rest = ((i,), (3, n), (3, n), (inputs,), (3, q), (q,), (w,), (w,), (s,), (wide,), (p, n + 1),
-            (n, n + 1))
-    return MechanicsWork(
-        *(np.zeros((count, *shape)) for shape in shapes), np.zeros((3, 0)),
-        *(np.zeros((count, *shape)) for shape in rest), np.zeros(count), np.zeros(count),
-        np.zeros(count), np.zeros(count + 1), np.zeros(count + 1), np.zeros((border, border)),
-        np.zeros(border), np.zeros(border), np.zeros(border), np.zeros(16))
+        array(s.sanity), s.tolerances.remaining, s.tolerances.max_iterations)

@@ -26,7 +26,8 @@ from sparsemor.reducers.step.compiled.arrays import (
     RunArrays,
 )
 from sparsemor.reducers.step.compiled.compile import compiled_advance, folder_of, installed
-from sparsemor.reducers.step.compiled.plan import NotCompiled, Plan, model_arrays, plan, work_of
+from sparsemor.reducers.step.compiled.plan import NotCompiled, Plan, model_arrays, plan
+from sparsemor.reducers.step.compiled.stacked import work_of
 from sparsemor.reducers.step.memory import Memory
 from sparsemor.reducers.step.solver import Stepper
 
