@@ -24,7 +24,7 @@ FUNCTIONS: tuple[Callable[..., object], ...] = (
     mechanics.add_reduced, mechanics.magnitude, mechanics.displaced, mechanics.solve_mechanics,
     prescribed.thermal_forces, prescribed.corrected, prescribed.solve_body,
     prescribed.solve_prescribed, kernel.free_first, kernel.free_motion, kernel.at_departure,
-    kernel.predict, kernel.new_first, kernel.new_state, kernel.accept, kernel.heated,
+    kernel.predict, kernel.update, kernel.new_first, kernel.new_state, kernel.accept, kernel.heated,
     kernel.heat_ahead, kernel.advance)
 """Functions of the kernel, each after those that it calls."""
 CREATE_ARRAYS = ("product", "thermal_forces", "corrected", "solve_body", "solve_prescribed",

@@ -10,7 +10,7 @@ from math import sqrt
 
 import numpy as np
 
-from sparsemor.core import FloatArray
+from sparsemor.core import FloatArray, IntArray
 from sparsemor.reducers.step.compiled.arrays import (
     BodyArrays,
     HeatArrays,
@@ -38,7 +38,7 @@ def advance(
     n = run.z.shape[1]
     free, rate, d = np.zeros(n), np.zeros(n), np.zeros(n)
     x, v, a = np.zeros(n), np.zeros(n), np.zeros(n)
-    guess, new = np.zeros(2 * n), np.zeros(n + len(run.z))
+    guess, new = np.zeros(2 * n), np.zeros((len(run.z), n))
     warm, warmed = np.zeros((len(timed), n)), np.zeros((len(timed), n))
     heat_ahead(m, heat, run.z.copy(), timed, warm, warmed, new)
     forces = thermal_forces(prescribed, warm)
@@ -87,22 +87,25 @@ def free_motion(m: ModelArrays, z: FloatArray, free: FloatArray, rate: FloatArra
     """Motion without the new highest rates (core/protocols/integrator.py)."""
     free[:] = 0.0
     rate[:] = 0.0
+    start, end = m.second[0], m.second[1]
+    x, v = free[start:end], rate[start:end]
     for c in range(len(z)):
-        of_x, of_v = m.second_old[0, c], m.second_old[1, c]
-        for i in range(m.second[0], m.second[1]):
-            free[i] += of_x * z[c, i]
-            rate[i] += of_v * z[c, i]
+        of_x, of_v, past = m.second_old[0, c], m.second_old[1, c], z[c][start:end]
+        for i in range(len(x)):
+            x[i] += of_x * past[i]
+            v[i] += of_v * past[i]
     free_first(m, z, free)
 
 
 def free_first(m: ModelArrays, z: FloatArray, free: FloatArray) -> None:
     """Free motion of the unknowns of first order."""
-    for i in range(m.first[0], m.first[1]):
-        free[i] = 0.0
+    start, end = m.first[0], m.first[1]
+    x = free[start:end]
+    x[:] = 0.0
     for c in range(len(z)):
-        of_x = m.first_old[0, c]
-        for i in range(m.first[0], m.first[1]):
-            free[i] += of_x * z[c, i]
+        of_x, past = m.first_old[0, c], z[c][start:end]
+        for i in range(len(x)):
+            x[i] += of_x * past[i]
 
 
 def at_departure(
@@ -114,11 +117,15 @@ def at_departure(
         x[i] = free[i] + d[i]
     v[:] = 0.0
     a[:] = 0.0
-    for i in range(m.second[0], m.second[1]):
-        v[i] = rate[i] + m.c1 * d[i]
-        a[i] = m.c2 * d[i]
-    for i in range(m.first[0], m.first[1]):
-        v[i] = m.c1_first * d[i]
+    start, end = m.second[0], m.second[1]
+    v2, a2, d2, past = v[start:end], a[start:end], d[start:end], rate[start:end]
+    for i in range(len(d2)):
+        v2[i] = past[i] + m.c1 * d2[i]
+        a2[i] = m.c2 * d2[i]
+    start, end = m.first[0], m.first[1]
+    v1, d1 = v[start:end], d[start:end]
+    for i in range(len(d1)):
+        v1[i] = m.c1_first * d1[i]
 
 
 def predict(m: ModelArrays, run: RunArrays, guess: FloatArray) -> None:
@@ -165,33 +172,48 @@ def new_state(
     new: FloatArray
 ) -> None:
     """State after the step, overwriting the one before; new: working array."""
-    rows = len(z)
-    for i in range(m.second[0], m.second[1]):
-        for r in range(3, rows):
-            new[r] = m.second_new[r] * a[i]
-            for c in range(rows):
-                new[r] += m.second_old[r, c] * z[c, i]
-        for r in range(3, rows):
-            z[r, i] = new[r]
-        z[0, i], z[1, i], z[2, i] = x[i], v[i], a[i]
-    for i in range(m.algebraic[0], m.algebraic[1]):
-        z[0, i], z[1, i], z[2, i] = x[i], v[i], a[i]
+    update(z, m.second, m.second_old, m.second_new, 3, a, new)
     new_first(m, z, x, d, new)
+    n, start, end = len(x), m.first[0], m.first[1]
+    for i in range(n):
+        z[0, i], z[1, i] = x[i], v[i]
+    for i in range(n):
+        if not start <= i < end:
+            z[2, i] = a[i]
 
 
 def new_first(
     m: ModelArrays, z: FloatArray, x: FloatArray, d: FloatArray, new: FloatArray
 ) -> None:
     """New unknowns of first order in the state z, at x and the departure d; new: working array."""
-    rows = len(z)
-    for i in range(m.first[0], m.first[1]):
-        for r in range(2, rows):
-            new[r] = m.first_new[r] * (m.c1_first * d[i])
-            for c in range(rows):
-                new[r] += m.first_old[r, c] * z[c, i]
-        z[0, i], z[1, i] = x[i], m.c1_first * d[i]
-        for r in range(2, rows):
-            z[r, i] = new[r]
+    rates, start, end = new[1], m.first[0], m.first[1]
+    for i in range(len(d)):
+        rates[i] = m.c1_first * d[i]
+    update(z, m.first, m.first_old, m.first_new, 2, rates, new)
+    x1, v1, new_x, new_v = x[start:end], rates[start:end], z[0][start:end], z[1][start:end]
+    for i in range(len(x1)):
+        new_x[i], new_v[i] = x1[i], v1[i]
+
+
+def update(
+    z: FloatArray, ends: IntArray, old: FloatArray, own: FloatArray, first: int, q: FloatArray,
+    new: FloatArray
+) -> None:
+    """Rows from number `first` on of the new state, by a rule (`UpdateRule`) for the unknowns
+    between `ends` with the highest rates q; new: working array."""
+    start, end = ends[0], ends[1]
+    for r in range(first, len(z)):
+        row, of_q = new[r][start:end], q[start:end]
+        for i in range(len(row)):
+            row[i] = own[r] * of_q[i]
+        for c in range(len(z)):
+            factor, past = old[r, c], z[c][start:end]
+            for i in range(len(row)):
+                row[i] += factor * past[i]
+    for r in range(first, len(z)):
+        row, past = new[r][start:end], z[r][start:end]
+        for i in range(len(row)):
+            past[i] = row[i]
 
 
 def heated(
@@ -202,7 +224,7 @@ def heated(
     for i in h.idle:
         d[i] = -x[i]
         x[i] = 0.0
-    r = new[: len(h.base)]
+    r = new[0][: len(h.base)]
     for j in range(len(r)):
         r[j] = h.base[j]
     for c in range(len(h.loads)):
@@ -210,8 +232,9 @@ def heated(
         for j in range(len(r)):
             r[j] += h.loads[c, j] * g
     if h.table >= 0:
+        table = timed[h.table :]
         for j in range(len(r)):
-            r[j] += timed[h.table + j]
+            r[j] += table[j]
     if len(h.by_value) == 1:
         for j in range(len(r)):
             r[j] += h.by_value[0, j] * x[h.at[j]]
