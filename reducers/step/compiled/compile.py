@@ -67,9 +67,10 @@ def compiled_advance(
     import numba  # optional, and takes half a second to import
 
     config: Any = numba.config
+    njit: Any = numba.njit  # its types lack `_nrt`
     before, config.CACHE_DIR = config.CACHE_DIR, str(folder)
     try:
-        return bound(frame, calls, lambda f: numba.njit(
+        return bound(frame, calls, lambda f: njit(
             cache=True, error_model="numpy", _nrt=f.__name__ in CREATE_ARRAYS,
             fastmath={"contract", "reassoc"} if f.__name__ in REORDERED else {"contract"})(f))
     finally:
@@ -82,5 +83,6 @@ def folder_of(
 ) -> Path:
     """Folder in `root` of the machine code of these functions and the kernel, named by a digest of
     their sources."""
-    files = sorted({inspect.getfile(f) for f in (*calls, frame, *FUNCTIONS) if f is not None})
+    files = sorted({__file__, *(
+        inspect.getfile(f) for f in (*calls, frame, *FUNCTIONS) if f is not None)})
     return root / hashlib.sha256(b"".join(Path(f).read_bytes() for f in files)).hexdigest()[:16]

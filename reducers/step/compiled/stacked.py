@@ -1,6 +1,7 @@
 """Arrays of all bodies from those of each, and their working arrays (arrays.py)."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -41,7 +42,8 @@ def stacked(bodies: Sequence[BodyArrays]) -> BodyArrays:
         sizes = np.array([v.shape for v in values], dtype=np.int64)
         out = np.zeros((len(values), *sizes.max(axis=0)), dtype=values[0].dtype)
         for i, v in enumerate(values):
-            out[(i, *map(slice, v.shape))] = v
+            at: tuple[Any, ...] = (i, *map(slice, v.shape))
+            out[at] = v
         made.append(out[: len(bodies)])
     return BodyArrays(*made)
 
