@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from sparsemor.bodies.body import Body as Body
     from sparsemor.bodies.fem.pointwise_law import TEMPERATURE as TEMPERATURE
     from sparsemor.bodies.fem.pointwise_law import TEMPERATURE_RATE as TEMPERATURE_RATE
+    from sparsemor.bodies.fem.pointwise_law import HasLawArrays as HasLawArrays
     from sparsemor.bodies.fem.pointwise_law import PointwiseLaw as PointwiseLaw
     from sparsemor.bodies.fem.pointwise_law import Response as Response
     from sparsemor.bodies.fem.pointwise_law import Variable as Variable
@@ -41,12 +42,14 @@ if TYPE_CHECKING:
     from sparsemor.bodies.terms.field_kinds import MULTIPLIER as MULTIPLIER
     from sparsemor.bodies.terms.field_kinds import RIGID as RIGID
     from sparsemor.bodies.terms.field_kinds import THERMAL as THERMAL
+    from sparsemor.bodies.terms.law_functions import curve_at as curve_at
+    from sparsemor.bodies.terms.law_functions import numbers_of as numbers_of
 
 _HOMES = {
     "body": ("Body",),
     "fem.pointwise_law": (
-        "PointwiseLaw", "Response", "TEMPERATURE", "TEMPERATURE_RATE", "Variable",
-        "displacement_gradient", "temperature_gradient"),
+        "HasLawArrays", "PointwiseLaw", "Response", "TEMPERATURE", "TEMPERATURE_RATE",
+        "Variable", "displacement_gradient", "temperature_gradient"),
     "frames.moments": ("MassProperties",),
     "joints.between": ("Between",),
     "joints.conditions": ("Conditions", "conditions_between", "conditions_on", "constant"),
@@ -58,6 +61,7 @@ _HOMES = {
     "pose": ("Pose",),
     "targets": ("Target", "find_body", "find_surfaces", "find_target", "need_field"),
     "terms.dense": ("DenseTerm",),
+    "terms.law_functions": ("curve_at", "numbers_of"),
     "terms.field_kinds": ("BODY_KINDS", "ELASTIC", "MULTIPLIER", "RIGID", "THERMAL"),
 }
 """Module -> its public names, imported on first access."""

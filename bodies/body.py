@@ -268,7 +268,10 @@ class Body:
         e, h = self.elasticity, self.heat
         return BodyShape(self.mesh.points, self.mesh.nodes, None if e is None else e.free,
                          None if h is None else h.free, pose=self.pose,
-                         given=() if h is None else h.prescribed)
+                         given=() if h is None else h.prescribed,
+                         eliminated_temperature=self.T0 if h is None and e is not None else None,
+                         stress=None if e is None or e.laws or self.T_ref is None else (
+                             e.stress_constants(len(self.mesh.cells), self.T_ref)))
 
     # ------------------------------------------------------------------ positions, sets and probes
 

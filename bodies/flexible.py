@@ -121,6 +121,13 @@ class Flexible(Plugin):
     """Initial temperature, K, a number or a formula in x, y (and z); the reference temperature when
     not given."""
 
+    @property
+    def stored_classes(self) -> Sequence[object]:
+        """Classes of the frames and terms of a kept model."""
+        from sparsemor.bodies.stored_classes import CLASSES
+
+        return CLASSES
+
     def expected(self) -> BodySize | None:
         """Estimated size of the body before it is meshed; None where the mesh plugin cannot
         estimate it."""

@@ -1,5 +1,6 @@
 """Rigid body given by mass and inertia: three coordinates in the plane, seven or four in space."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import ClassVar, Literal
 
@@ -37,6 +38,13 @@ class Rigid(Plugin):
     an angle."""
     pose: Pose = Pose()
     """Initial position and rotation of the frame, and their rates."""
+
+    @property
+    def stored_classes(self) -> Sequence[object]:
+        """Classes of the frames and terms of a kept model."""
+        from sparsemor.bodies.stored_classes import CLASSES
+
+        return CLASSES
 
     def build(self, name: str, base: Path) -> Body:
         J = np.array(self.inertia, dtype=np.float64)

@@ -7,6 +7,7 @@ import numpy as np
 
 from sparsemor.bodies.body import Body
 from sparsemor.bodies.fem.surface import boundary_facets
+from sparsemor.bodies.frames import nodal
 from sparsemor.core import FloatArray, Gather, InputError, IntArray, Mesh, Part, suggestions
 
 GROUND = "ground"
@@ -25,6 +26,29 @@ class Target:
         weights = np.zeros(len(self.body.X))
         weights[self.nodes] = 1.0 / len(self.nodes)
         return weights
+
+    @property
+    def flexible(self) -> bool:
+        """True if displacements can move its nodes: False where reference conditions fix all of
+        them."""
+        e = self.body.elasticity
+        return e is not None and bool(np.isin(self.nodes, e.free // self.body.d).any())
+
+    def turning(self, key: str) -> FloatArray | None:
+        """(d N, d) functionals of the displacements for the mean rotation of the set; None on a
+        rigid body, or where all its nodes are fixed. InputError where it is undefined."""
+        body = self.body
+        if not self.flexible or body.elasticity is None:
+            return None
+        try:
+            vectors = nodal.mean_turn(self.mean(), body.X)
+        except np.linalg.LinAlgError:
+            where, what = ("are at one place", "two or more places") if body.d == 2 else (
+                "lie on one line (or are one point)", "a set that spans a plane")
+            raise InputError(
+                f"the points of {self.text!r} {where}, so their mean rotation is undefined: "
+                f"attach to {what}", key) from None
+        return vectors if np.any(vectors[body.elasticity.free]) else None
 
     def facets(self, key: str) -> IntArray:
         """(F, d) boundary facets of the set; InputError for a body without a mesh."""

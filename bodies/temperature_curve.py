@@ -77,6 +77,14 @@ class TemperatureCurve(Plugin):
         assert self.range is not None
         return self.range
 
+    @cached_property
+    def numbers(self) -> FloatArray:
+        """The curve by numbers (`HasNumbers`)."""
+        if self.polynomial is None:
+            found = self._segments
+            return np.concatenate([[0.0, len(found.nodes)], *found])
+        return np.array([1.0, len(self.polynomial), self.origin, *self.limits, *self.polynomial])
+
     @property
     def least(self) -> float:
         """Smallest value."""

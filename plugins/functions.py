@@ -7,11 +7,11 @@ scales or prescribes; times are in s.
 
 import math
 from bisect import bisect_right
-from typing import Literal, Self
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
-from sparsemor.core import Plugin, TimeFunction
+from sparsemor.core import HasCurvature, Plugin, Slot, TimeFunction
 
 
 def parse(amplitude: float | TimeFunction) -> TimeFunction:
@@ -146,3 +146,108 @@ class Sine(Plugin):
 
     def _angle(self, t: float) -> float:
         return 2.0 * math.pi * self.frequency * t + self.phase
+
+
+class SmoothStep(Plugin):
+    """Smooth step between two constant values, with continuous first and second derivative: initial
+    + (final - initial) (10 s^3 - 15 s^4 + 6 s^5), s from 0 at `start` to 1 at `end`."""
+
+    start: float = 0.0
+    """Start of the change, s."""
+    end: float
+    """End of the change, s."""
+    initial: float = 0.0
+    """Value up to `start`."""
+    final: float
+    """Value from `end` on."""
+
+    @model_validator(mode="after")
+    def _forward(self) -> Self:
+        if self.end <= self.start:
+            raise ValueError(f"end = {self.end:g} s must come after start = {self.start:g} s")
+        return self
+
+    def value(self, t: float) -> float:
+        s = self._share(t)
+        return self.initial + (self.final - self.initial) * s**3 * (10.0 + s * (6.0 * s - 15.0))
+
+    def rate(self, t: float) -> float:
+        s, T = self._share(t), self.end - self.start
+        return (self.final - self.initial) * 30.0 * (s * (1.0 - s)) ** 2 / T
+
+    def curvature(self, t: float) -> float:
+        s, T = self._share(t), self.end - self.start
+        return (self.final - self.initial) * 60.0 * s * (1.0 - s) * (1.0 - 2.0 * s) / T**2
+
+    def _share(self, t: float) -> float:
+        return min(1.0, max(0.0, (t - self.start) / (self.end - self.start)))
+
+
+def _smooth(function: TimeFunction) -> HasCurvature:
+    if not isinstance(function, HasCurvature):
+        raise ValueError(f"{type(function).__name__} has no method `curvature`, the second "
+                         "derivative")
+    return function
+
+
+def _function(value: Any) -> Any:
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    return Constant(level=value) if number else value
+
+
+Part = Annotated[
+    TimeFunction, Slot("function"),
+    BeforeValidator(_function, json_schema_input_type=float | Annotated[Any, Slot("function")])]
+"""A number or a function of time."""
+
+
+class Sum(Plugin):
+    """Sum of functions of time."""
+
+    terms: tuple[Part, ...] = Field(min_length=1)
+    """The summands: numbers and functions."""
+
+    @model_validator(mode="after")
+    def _differentiable(self) -> Self:
+        for term in self.terms:
+            _smooth(term)
+        return self
+
+    def value(self, t: float) -> float:
+        return sum(f.value(t) for f in self.terms)
+
+    def rate(self, t: float) -> float:
+        return sum(f.rate(t) for f in self.terms)
+
+    def curvature(self, t: float) -> float:
+        return sum(_smooth(f).curvature(t) for f in self.terms)
+
+
+class Product(Plugin):
+    """Product of functions of time, such as a sine that a smooth step switches on."""
+
+    factors: tuple[Part, ...] = Field(min_length=1)
+    """The factors: numbers and functions."""
+
+    @model_validator(mode="after")
+    def _differentiable(self) -> Self:
+        for factor in self.factors:
+            _smooth(factor)
+        return self
+
+    def value(self, t: float) -> float:
+        return self._jet(t)[0]
+
+    def rate(self, t: float) -> float:
+        return self._jet(t)[1]
+
+    def curvature(self, t: float) -> float:
+        return self._jet(t)[2]
+
+    def _jet(self, t: float) -> tuple[float, float, float]:
+        """Value and first and second derivative."""
+        p, p1, p2 = 1.0, 0.0, 0.0
+        for f in self.factors:
+            q, q1, q2 = f.value(t), f.rate(t), _smooth(f).curvature(t)
+            p, p1, p2 = p * q, p1 * q + p * q1, p2 * q + 2.0 * p1 * q1 + p * q2
+        return p, p1, p2

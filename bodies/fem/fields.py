@@ -3,9 +3,11 @@
 from dataclasses import dataclass
 from typing import Protocol, TypeAlias
 
+import numpy as np
+
 from sparsemor.bodies.fem.elasticity import Law
 from sparsemor.bodies.fem.pointwise_law import PointwiseLaw
-from sparsemor.core import Csr, FloatArray, IntArray, Mesh, TimeFunction
+from sparsemor.core import Csr, FloatArray, IntArray, Mesh, StressConstants, TimeFunction
 
 Cells: TypeAlias = IntArray | None
 """Numbers of cells, None for all cells of a body."""
@@ -27,6 +29,15 @@ class Elasticity:
     coupling: Csr
     regions: tuple[tuple[Cells, Law], ...] = ()
     laws: tuple[tuple[PointwiseLaw, Cells], ...] = ()
+
+    def stress_constants(self, cells: int, free: FloatArray) -> StressConstants:
+        """Constants of the stress in all cells; free (N,): stress-free temperature, K."""
+        region = np.zeros(cells, np.int64)
+        for number, (here, _) in enumerate(self.regions):
+            region[slice(None) if here is None else here] = number
+        constants = np.array([[m.lam, m.mu, m.beta, m.lam_out, m.beta_out]
+                              for _, m in self.regions])
+        return StressConstants(constants, region, free)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

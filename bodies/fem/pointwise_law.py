@@ -14,9 +14,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, runtime_checkable
 
-from sparsemor.core import FloatArray, Quantity
+from sparsemor.core import FloatArray, LawArrays, Quantity
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,4 +80,13 @@ class PointwiseLaw(Protocol):
         z: one array (E, Q) for each variable, (E, 1) where it is constant in an element; x (d, E,
         Q): coordinates in the body frame, m; t: s.
         """
+        ...
+
+
+@runtime_checkable
+class HasLawArrays(PointwiseLaw, Protocol):
+    """A law that is also a function on arrays; steps of models with other laws are not compiled."""
+
+    def arrays(self) -> LawArrays | None:
+        """The function with its numbers, None where a property of the law has none."""
         ...

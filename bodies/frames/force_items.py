@@ -1,5 +1,5 @@
-"""Loads on a body as parts of its frame's equations: forces in space axes and in body axes
-(notation: items.py)."""
+"""Loads on a body as parts of its frame's equations: forces and moments in space axes and in body
+axes (notation: items.py)."""
 
 from dataclasses import dataclass, replace
 
@@ -91,3 +91,49 @@ class BodyForce:
 
     def push(self, m: Moved, j: int, out: Pushed) -> None:
         out.sigma[..., j : j + 1] = -m.factor(self.amplitude)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Moment:
+    """Moment (r,), N m, on the body or, with `turns`, on the mean rotation of a set of its points,
+    in axes of the body or of space; functionals: that mean rotation, in the plane followed by 0."""
+
+    moment: FloatArray
+    amplitude: Amplitude
+    turns: bool
+    space: bool
+    others = 0
+    forces = 0
+
+    @property
+    def directions(self) -> int:
+        return 0 if not self.turns else 3 if len(self.moment) == 3 else 2
+
+    def names(self, source: str) -> tuple[str, ...]:
+        if not self.turns:
+            return ()
+        return (source, "") if len(self.moment) == 1 else tuple(f"{source} {a}" for a in AXES)
+
+    def shifted(self, s: FloatArray, quadratic: FloatArray) -> "Moment":
+        return self
+
+    def in_plane(self) -> plane.PlaneItem:
+        return plane.PlanePart(
+            plane.moment, (float(self.moment[0]), float(self.turns)), self.amplitude)
+
+    def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
+        M, acts = self.amplitude(m.t) * self.moment, self.turns and m.elastic
+        out.torque -= m.in_body(M) if self.space else M
+        if acts:
+            self.push(m, j, out)
+            out.sigma_y[:, j : j + 3] = out.tau[:, j : j + 3] = 0.0
+        if self.space:
+            by_attitude = m.turn.of_space(M)
+            out.torque_y[:, m.at] -= by_attitude
+            if acts:
+                out.sigma_y[m.at, j : j + 3] = -by_attitude.T
+
+    def push(self, m: Moved, j: int, out: Pushed) -> None:
+        if self.turns:
+            M = m.in_body(self.moment) if self.space else self.moment
+            out.sigma[..., j : j + 3] = -m.factor(self.amplitude) * M

@@ -76,6 +76,14 @@ class Moments:
         """(g,) components N_g = B_g : T of a second moment T (d, d) = sum m z y^T."""
         return np.asarray(np.tensordot(self.B, T, 2))
 
+    def parts(self) -> tuple[int]:
+        """Number of rigid coordinates, which determines the rest."""
+        return next((size,) for size, known in _MOMENTS.items() if known is self)
+
+    @classmethod
+    def of_parts(cls, size: int) -> "Moments":
+        return moments_of(size)
+
 
 def _free_matrices() -> FloatArray:
     e = np.eye(3)

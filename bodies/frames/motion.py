@@ -11,14 +11,14 @@ from sparsemor.core import Amplitude, FloatArray, FrameWork, Table
 
 
 class Motion:
-    """State of one body frame in space. y: rigid coordinates and multipliers; R (m): position;
-    turn: attitude (attitude.py), whose coordinates are at `at` in y; A: its rotation matrix; w, al:
-    angular velocity and acceleration in body axes with derivatives dw, dal (3, n) by q; acc: R''
-    and acc_b = A^T R'' with dacc_b (3, n); s, s1, s2, forms: functionals of u (see
+    """State of one body frame in space. y: rigid coordinates and multipliers, v: their rates; R
+    (m): position; turn: attitude (attitude.py), whose coordinates are at `at` in y; A: its rotation
+    matrix; w, al: angular velocity and acceleration in body axes with derivatives dw, dal (3, n) by
+    q; acc: R'' and acc_b = A^T R'' with dacc_b (3, n); s, s1, s2, forms: functionals of u (see
     `BodyFrame.evaluate`)."""
 
     __slots__ = ("A", "R", "acc", "acc_b", "al", "at", "c1", "c2", "dacc_b", "dal", "dw",
-                 "elastic", "forms", "s", "s1", "s2", "t", "turn", "w", "y")
+                 "elastic", "forms", "s", "s1", "s2", "t", "turn", "v", "w", "y")
 
     forms: FloatArray
     s: FloatArray
@@ -32,7 +32,7 @@ class Motion:
         t: float, derivatives: bool = True,
     ) -> None:
         """derivatives: compute those by q; not needed for prescribed motion."""
-        self.y, self.c1, self.c2, self.t, self.elastic = y, c1, c2, t, False
+        self.y, self.v, self.c1, self.c2, self.t, self.elastic = y, v, c1, c2, t, False
         self.at = at = slice(3, size)
         self.R, self.acc, self.turn = y[:3], a[:3], attitude(y[at])
         self.A = self.turn.A

@@ -19,7 +19,7 @@ from sparsemor.bodies.frames.plane_items import (
     PlanePart,
     evaluate_parts,
 )
-from sparsemor.bodies.frames.plane_motion import Motion, Views, views, write
+from sparsemor.bodies.frames.plane_motion import SUMS, Motion, Views, views, write
 from sparsemor.core import FloatArray, FrameArrays, FrameWork
 
 
@@ -41,13 +41,13 @@ class PlanarFrame(ItemFrame[PlanarItem]):
         out = work.views
         if not isinstance(out, Views):
             out = work.views = views(work)
-        yl, al = y.tolist(), a.tolist()
+        yl, vl, al = y.tolist(), v.tolist(), a.tolist()
         e = exp(1j * yl[2])
         s0, s1, s2 = s.view("c16").tolist() if self.elastic else ((), (), ())
-        m = Motion(yl, complex(yl[0], yl[1]), e, e.conjugate(), float(v[2]), al[2],
+        m = Motion(yl, vl, complex(yl[0], yl[1]), e, e.conjugate(), vl[2], al[2],
                    complex(al[0], al[1]), c1, c2, t, self.elastic, s0, s1, s2,
                    forms.tolist())
-        total = [0.0] * 9
+        total = [0.0] * SUMS
         for item, j, o, k in self.evaluated:
             item.evaluate(m, j, o, k, total, out)
         write(total, out)

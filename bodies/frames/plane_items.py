@@ -2,25 +2,25 @@
 constraints.
 
 Each is a function of its constant `numbers`, the present value g of its amplitude, and the motion.
-It adds its force and torque to `total` (rows 0-2, then H02, H12, H20, H21, H22, H00 = H11) and
-writes its own columns: pairs of functionals from number j on, coordinates of another body from o
-on, multipliers from k on. The data are those of the classes of the same names in items.py,
-inertia.py and constraints.py, whose `in_plane` creates them; notation: plane_motion.py. The
-functions are also compiled (core/protocols/body_frame.py): they use numbers and arrays only.
+It adds its force and torque to `total` (rows 0-2, then H02, H12, H20, H21, H22, H00, H11, H01,
+H10) and writes its own columns: pairs of functionals from number j on, coordinates of another body
+from o on, multipliers from k on. The data are those of the classes of the same names in items.py,
+inertia.py, springs.py and constraints.py, whose `in_plane` creates them; notation:
+plane_motion.py. The functions are also compiled (core/protocols/body_frame.py): they use numbers
+and arrays only.
 """
 
 from cmath import exp
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol, TypeAlias
 
 import numpy as np
 
-from sparsemor.bodies.frames.plane_motion import Motion, Views, write
+from sparsemor.bodies.frames.plane_motion import SUMS, Motion, Numbers, Total, Views, write
+from sparsemor.bodies.frames.plane_springs import rotational_spring, spring
 from sparsemor.core import Amplitude, FloatArray, IntArray, Table
 
-Numbers: TypeAlias = Sequence[float] | FloatArray
-Total: TypeAlias = list[float] | FloatArray
 PlaneFunction: TypeAlias = Callable[
     [Numbers, float, Motion, int, int, int, Total, Views], None]
 
@@ -81,6 +81,7 @@ def inertia(
     total[6] += c2 * lever.real
     total[7] += -arm.real + c2 * zz + 2 * c1 * zv
     total[8] += mass * c2
+    total[9] += mass * c2
     if m.elastic:
         beta = ec * m.acc
         out.sigma[j], out.sigma[j + 1] = beta, spin
@@ -128,6 +129,16 @@ def space_force(
     if m.elastic:
         out.sigma[j] = -fb
         out.sigma_y[2, j] = out.tau[2, j] = 1j * fb
+
+
+def moment(
+    numbers: Numbers, g: float, m: Motion, j: int, o: int, k: int, total: Total, out: Views
+) -> None:
+    """Moment on a body or on the mean rotation of a set. numbers: moment, N m; 1 where the set
+    turns, 0 for the body itself."""
+    total[2] -= g * numbers[0]
+    if m.elastic and numbers[1] > 0.0:
+        out.sigma[j] = -g * numbers[0]
 
 
 def attachment(
@@ -233,9 +244,10 @@ class Reaction:
 
 
 FUNCTIONS: tuple[PlaneFunction, ...] = (
-    inertia, body_force, space_force, attachment, rotation, slide)
+    inertia, body_force, space_force, attachment, rotation, slide, moment, spring,
+    rotational_spring)
 """Functions of parts; the position is the kind of part in `evaluate_parts`."""
-NUMBERS = 9
+NUMBERS = 11
 """Largest number of constants of a part."""
 
 
@@ -248,11 +260,11 @@ def evaluate_parts(
     """Equations of a frame in the plane from arrays (core/protocols/body_frame.py)."""
     b, elastic = len(y), s.shape[1] > 0
     e, c, columns = exp(1j * y[2]), s.view(np.complex128), sigma.view(np.complex128)
-    m = Motion(y, complex(y[0], y[1]), e, e.conjugate(), v[2], a[2], complex(a[0], a[1]), c1, c2,
+    m = Motion(y, v, complex(y[0], y[1]), e, e.conjugate(), v[2], a[2], complex(a[0], a[1]), c1, c2,
                0.0, elastic, c[0], c[1], c[2], forms)
     out = Views(columns[b], columns[:b], tau.view(np.complex128), border[:, :b], border[:, b],
                 coefficients)
-    sums[:9] = 0.0
+    sums[:SUMS] = 0.0
     for i in range(len(kinds)):
         kind, own, g = kinds[i], numbers[i], gains[i]
         j, o, k = starts[i, 0] // 2, starts[i, 1], starts[i, 2]
@@ -266,6 +278,12 @@ def evaluate_parts(
             attachment(own, g, m, j, o, k, sums, out)
         elif kind == 4:
             rotation(own, g, m, j, o, k, sums, out)
-        else:
+        elif kind == 5:
             slide(own, g, m, j, o, k, sums, out)
+        elif kind == 6:
+            moment(own, g, m, j, o, k, sums, out)
+        elif kind == 7:
+            spring(own, g, m, j, o, k, sums, out)
+        else:
+            rotational_spring(own, g, m, j, o, k, sums, out)
     write(sums, out)

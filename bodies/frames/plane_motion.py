@@ -8,7 +8,7 @@ of them.
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,18 +16,23 @@ from numpy.typing import NDArray
 from sparsemor.core import FloatArray, FrameWork
 
 ComplexArray = NDArray[np.complex128]
+Numbers: TypeAlias = Sequence[float] | FloatArray
+Total: TypeAlias = list[float] | FloatArray
+SUMS = 12
+"""Number of sums over all items (`write`)."""
 
 
 class Motion(NamedTuple):
     """State of one body in the plane.
 
-    y: rigid coordinates and multipliers; r (m), e = exp(i theta), ec its conjugate; w, al: angular
-    velocity and acceleration (1/s, 1/s^2); acc: R'' (m/s^2); elastic: True if the body deforms, and
-    then s, s1, s2: functionals of u, u' and u'', one complex number per pair, and forms: quadratic
-    forms of u (see `BodyFrame.evaluate`).
+    y: rigid coordinates and multipliers, v: their rates; r (m), e = exp(i theta), ec its conjugate;
+    w, al: angular velocity and acceleration (1/s, 1/s^2); acc: R'' (m/s^2); elastic: True if the
+    body deforms, and then s, s1, s2: functionals of u, u' and u'', one complex number per pair, and
+    forms: quadratic forms of u (see `BodyFrame.evaluate`).
     """
 
     y: Sequence[float] | FloatArray
+    v: Sequence[float] | FloatArray
     r: complex
     e: complex
     ec: complex
@@ -68,9 +73,10 @@ def views(work: FrameWork) -> Views:
 
 
 def write(total: Sequence[float] | FloatArray, out: Views) -> None:
-    """Writes the sums over all items: rows 0-2, then H02, H12, H20, H21, H22, H00 = H11."""
+    """Writes the sums over all items: rows 0-2, then H02, H12, H20, H21, H22, H00, H11, H01,
+    H10."""
     rows, H = out.rows, out.H
     rows[0], rows[1], rows[2] = total[0], total[1], total[2]
     H[0, 2], H[1, 2], H[2, 0], H[2, 1] = total[3], total[4], total[5], total[6]
     H[2, 2] = total[7]
-    H[0, 0] = H[1, 1] = total[8]
+    H[0, 0], H[1, 1], H[0, 1], H[1, 0] = total[8], total[9], total[10], total[11]

@@ -220,13 +220,17 @@ class Conditions:
 
     # ------------------------------------------------------------------ the joint
 
+    def add(self, others: "Conditions") -> None:
+        """Adds the constraints of another joint after its own."""
+        self.made += [(first + self.count, c) for first, c in others.made]
+        self._close(others.count, others.targets)
+
     def joint(self) -> JointPart:
         """The joint with all constraints collected so far."""
         frame: dict[str, Body] = {}
         if self.weld is not None and self.first.body is not None:
             frame[self.first.body.name] = self.first.body
-            self.made += [(first + self.count, c) for first, c in self.weld.made]
-            self._close(self.weld.count, self.weld.targets)
+            self.add(self.weld)
         conditions = []
         for first, c in self.made:
             wide = np.zeros((self.count, c.C.shape[1]))
@@ -266,7 +270,7 @@ def conditions_between(
     first, second = sides_of(parts, between, dimensions)
     if first.d not in relative or not (first.flexible and second.flexible):
         return Conditions(name, first, second)
-    middle = _frame_at(f"{name}.frame", first)
+    middle = massless_frame(f"{name}.frame", first)
     weld = Conditions(name, first, middle)
     weld.meet()
     weld.no_turn()
@@ -282,12 +286,14 @@ def conditions_on(
     return Conditions(name, side, Side(None, side.d))
 
 
-def _frame_at(name: str, side: Side) -> Side:
-    """Massless frame at the mean point of a side, with the initial axes and motion of that side's
-    body."""
+def massless_frame(name: str, side: Side, turns: bool = True) -> Side:
+    """Massless frame at the mean point of a side, with the initial motion of that side's body and,
+    with `turns`, its axes; else with an angle that is zero at the start."""
     body, d = side.body, side.d
     assert body is not None
     pose, velocity = body.pose.copy(), body.velocity.copy()
+    if not turns:
+        pose, velocity = np.zeros(d + 1), np.zeros(d + 1)
     pose[:d] = side.place()
     velocity[:d] = velocity_at(body.pose, body.velocity, side.mean() @ body.X)
     frame = Body(name=name, X=np.zeros((1, d)), inertia=None, pose=pose, velocity=velocity,

@@ -7,7 +7,6 @@ from functools import cached_property
 import numpy as np
 
 from sparsemor.bodies.body import Body
-from sparsemor.bodies.frames import nodal
 from sparsemor.bodies.frames.constraints import GROUND as AT_ORIGIN
 from sparsemor.bodies.targets import GROUND, Target, find_target
 from sparsemor.core import FloatArray, FrameItem, Gather, InputError, Part
@@ -48,29 +47,13 @@ class Side:
 
     @property
     def flexible(self) -> bool:
-        """True if displacements can move its nodes: False where reference conditions fix all of
-        them."""
-        body = self.body
-        if body is None or body.elasticity is None or self.target is None:
-            return False
-        return bool(np.isin(self.target.nodes, body.elasticity.free // self.d).any())
+        """True if displacements can move its nodes."""
+        return self.target is not None and self.target.flexible
 
     @cached_property
     def turning(self) -> FloatArray | None:
-        """(d N, d) functionals of the displacements for the mean rotation of the set; None on a
-        rigid body, or where all its nodes are fixed. InputError where it is undefined."""
-        body = self.body
-        if not self.flexible or body is None or body.elasticity is None or self.target is None:
-            return None
-        try:
-            vectors = nodal.mean_turn(self.mean(), body.X)
-        except np.linalg.LinAlgError:
-            where, what = ("are at one place", "two or more places") if self.d == 2 else (
-                "lie on one line (or are one point)", "a set that spans a plane")
-            raise InputError(
-                f"the points of {self.target.text!r} {where}, so their mean rotation is undefined: "
-                f"attach to {what}", self.key) from None
-        return vectors if np.any(vectors[body.elasticity.free]) else None
+        """Functionals of the mean rotation of the set (`Target.turning`)."""
+        return None if self.target is None else self.target.turning(self.key)
 
     @property
     def about_z(self) -> bool:

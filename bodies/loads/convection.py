@@ -15,7 +15,8 @@ from sparsemor.bodies.loads.part import LoadPart
 from sparsemor.bodies.material import Positive
 from sparsemor.bodies.targets import find_surfaces
 from sparsemor.bodies.temperature_curve import TemperatureCurve
-from sparsemor.core import Amplitude, Effect, Equations, FloatArray, Part, Plugin
+from sparsemor.bodies.terms.law_functions import curve_at
+from sparsemor.core import Amplitude, Effect, Equations, FloatArray, LawArrays, Part, Plugin
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,6 +38,23 @@ class Film:
         (h, slope), rise = self.h.at(z[0]), z[0] - self.fluid(t)
         change = h - self.h_0
         return Response([change * rise], {(0, 0): slope * rise + change})
+
+    def arrays(self) -> LawArrays:
+        return LawArrays(np.concatenate([[self.h_0], self.h.numbers]), (self.fluid,),
+                         np.zeros((1, 2), dtype=np.int64), film, (curve_at,))
+
+
+def film(
+    numbers: FloatArray, gains: FloatArray, z: FloatArray, x: FloatArray, y: FloatArray,
+    slopes: FloatArray
+) -> None:
+    """`Film` at N points (`LawFunction`); numbers: h_0, h."""
+    for n in range(z.shape[1]):
+        h, slope = curve_at(numbers, 1, z[0, n])
+        rise = z[0, n] - gains[0]
+        y[0, n] = (h - numbers[0]) * rise
+        if len(slopes):
+            slopes[0, n] = slope * rise + h - numbers[0]
 
 
 class Convection(Plugin):

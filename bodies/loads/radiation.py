@@ -12,7 +12,7 @@ from sparsemor.bodies.loads.amplitude import NumberOrFunction
 from sparsemor.bodies.loads.part import LoadPart
 from sparsemor.bodies.mesh.plausibility import celsius_notes
 from sparsemor.bodies.targets import find_surfaces, joined_surfaces
-from sparsemor.core import Amplitude, Effect, Equations, FloatArray, Part, Plugin
+from sparsemor.core import Amplitude, Effect, Equations, FloatArray, LawArrays, Part, Plugin
 
 STEFAN_BOLTZMANN = 5.670374419e-8
 """Stefan-Boltzmann constant, W/(m^2 K^4), CODATA 2018 (exact since the SI of 2019)."""
@@ -36,6 +36,24 @@ class GreyBody:
         square = z[0] * z[0]
         return Response([factor * (square * square - fourth)],
                         {(0, 0): (4.0 * factor) * square * z[0]})
+
+    def arrays(self) -> LawArrays:
+        return LawArrays(np.array([STEFAN_BOLTZMANN * self.emissivity, LARGEST]),
+                         (self.surroundings,), np.zeros((1, 2), dtype=np.int64), grey_body)
+
+
+def grey_body(
+    numbers: FloatArray, gains: FloatArray, z: FloatArray, x: FloatArray, y: FloatArray,
+    slopes: FloatArray
+) -> None:
+    """`GreyBody` at N points (`LawFunction`); numbers: eps sigma, largest temperature."""
+    factor, T_inf = numbers[0], gains[0]
+    fourth = T_inf**4 if abs(T_inf) < numbers[1] else np.inf
+    for n in range(z.shape[1]):
+        square = z[0, n] * z[0, n]
+        y[0, n] = factor * (square * square - fourth)
+        if len(slopes):
+            slopes[0, n] = 4.0 * factor * square * z[0, n]
 
 
 class Radiation(Plugin):

@@ -11,9 +11,11 @@ where beta = E alpha / (1 - nu) in plane stress and E alpha / (1 - 2 nu) otherwi
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
+
+import numpy as np
 
 from sparsemor.bodies.fem.elasticity import Law, Model, expansion_factor, law
 from sparsemor.bodies.fem.pointwise_law import (
@@ -26,7 +28,16 @@ from sparsemor.bodies.fem.pointwise_law import (
     temperature_gradient,
 )
 from sparsemor.bodies.material import Region, curves
-from sparsemor.core import FloatArray, TemperatureProperty
+from sparsemor.bodies.terms.law_functions import (
+    conduction,
+    curve_at,
+    expansion,
+    numbers_of,
+    softening,
+    softening_pairs,
+    stored_heat,
+)
+from sparsemor.core import FloatArray, LawArrays, TemperatureProperty
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,6 +51,18 @@ class Departure:
         """Values and derivatives at temperatures T, K."""
         values, slopes = self.of.at(T)
         return values - self.reference, slopes
+
+
+def _arrays(
+    function: Callable[..., None], pairs: Sequence[tuple[int, int]], first: Sequence[float],
+    *of: TemperatureProperty | float
+) -> LawArrays | None:
+    """A law with its first numbers and those of its properties; None where one has none."""
+    found = [n for n in map(numbers_of, of) if n is not None]
+    if len(found) < len(of):
+        return None
+    return LawArrays(np.concatenate([first, *found]), (), np.array(pairs, dtype=np.int64),
+                     function, (curve_at,))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,6 +91,10 @@ class Conduction:
         return Response([k * g for g in gradient],
                         {**by_T, **{(i, i + 1): k for i in range(self.d)}})
 
+    def arrays(self) -> LawArrays | None:
+        pairs = [pair for i in range(self.d) for pair in ((i, 0), (i, i + 1))]
+        return _arrays(conduction, pairs, [self.k.reference], self.k.of)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StoredHeat:
@@ -87,6 +114,9 @@ class StoredHeat:
         c, slope = self.c.at(T)
         stored = self.rho * c
         return Response([stored * rate], {(0, 0): self.rho * slope * rate, (0, 1): stored})
+
+    def arrays(self) -> LawArrays | None:
+        return _arrays(stored_heat, [(0, 0), (0, 1)], [self.rho, self.c.reference], self.c.of)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -133,6 +163,10 @@ class Softening:
                 found[n, 0] = by_T * stress
         return Response(y, found)
 
+    def arrays(self) -> LawArrays | None:
+        return _arrays(softening, softening_pairs(self.d), [
+            self.d, self.E.reference, self.law.lam, self.law.mu], self.E.of)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Expansion:
@@ -166,6 +200,12 @@ class Expansion:
         stress = -change * rise
         slope = -self.factor * (E_T * alpha + E * alpha_T) * rise - change
         return Response([stress] * self.d, {(i, 0): slope for i in range(self.d)})
+
+    def arrays(self) -> LawArrays | None:
+        E = numbers_of(self.E)
+        return None if E is None else _arrays(
+            expansion, [(i, 0) for i in range(self.d)],
+            [self.factor, self.beta_0, self.reference, 4.0 + len(E)], self.E, self.alpha)
 
 
 def _evaluated(

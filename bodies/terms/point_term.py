@@ -17,8 +17,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sparsemor.bodies.fem.pointwise_law import PointwiseLaw, Response, Variable
-from sparsemor.core import FloatArray, TimeFunction
+from sparsemor.bodies.fem.pointwise_law import HasLawArrays, PointwiseLaw, Response, Variable
+from sparsemor.core import FloatArray, PointArrays, TimeFunction
 
 
 class Projected(NamedTuple):
@@ -91,6 +91,19 @@ class PointTerm:
     def elements(self) -> int:
         return len(self.weights)
 
+    def arrays(self) -> PointArrays | None:
+        """The term as arrays, None where its law has none."""
+        law = self.law.arrays() if isinstance(self.law, HasLawArrays) else None
+        if law is None:
+            return None
+        effects = [column for column, _ in self.parts]
+        return PointArrays(
+            law, self.weights, self.coordinates.reshape(len(self.coordinates), -1), self.P,
+            self.offset, np.array(effects).reshape(len(effects), len(self.P)).T,
+            tuple(f.value for _, f in self.parts), tuple(f.rate for _, f in self.parts),
+            np.array([(self.spans[i][0].start, self.spans[i][1], rate) for i, rate in self.reads],
+                     dtype=np.int64), self.tests)
+
     def residual(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> FloatArray:
         return self._rows(self._response(x, v, t))
 
@@ -160,8 +173,12 @@ class PointTerm:
             else:
                 left[:, at] = part
                 begun.add((variable, rate))
-        J = np.zeros((rows, self.P.shape[1])) if sums[0] is None else sums[0].dot(self.P)
-        return J if sums[1] is None else np.asarray(J + sums[1].dot(self.P) * c1)
+        by_value, by_rate = sums
+        if by_value is not None and by_rate is not None and (c1 == c1[0]).all():
+            by_value += c1[0] * by_rate  # one product
+            by_rate = None
+        J = np.zeros((rows, self.P.shape[1])) if by_value is None else by_value.dot(self.P)
+        return J if by_rate is None else np.asarray(J + by_rate.dot(self.P) * c1)
 
 
 def _full(y: FloatArray, E: int, Q: int) -> FloatArray:

@@ -7,6 +7,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from sparsemor.core.analysis.charts.animation import animate as animate
+    from sparsemor.core.analysis.charts.plot import plot as plot
     from sparsemor.core.analysis.compare import compare as compare
     from sparsemor.core.analysis.reproduction import reproduce as reproduce
     from sparsemor.core.analysis.study import study as study
@@ -16,6 +18,9 @@ if TYPE_CHECKING:
     from sparsemor.core.results.run_result import open_result as open_result
     from sparsemor.core.scene.scene import Scene as Scene
     from sparsemor.core.scene.scene import load as load
+    from sparsemor.core.simulation.reduced_model import ReducedModel as ReducedModel
+    from sparsemor.core.simulation.reduced_model import load_model as load_model
+    from sparsemor.core.simulation.reduced_model import reduce as reduce
     from sparsemor.core.simulation.simulate import simulate as simulate
     from sparsemor.core.status import SolveFailed as SolveFailed
     from sparsemor.core.status import Status as Status
@@ -24,22 +29,28 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "InputError": "errors",
+    "ReducedModel": "simulation.reduced_model",
     "Registry": "registry.registry",
     "Scene": "scene.scene",
     "SolveFailed": "status",
     "Status": "status",
+    "animate": "analysis.charts.animation",
     "compare": "analysis.compare",
     "export": "results.export",
     "load": "scene.scene",
+    "load_model": "simulation.reduced_model",
     "open_result": "results.run_result",
+    "plot": "analysis.charts.plot",
+    "reduce": "simulation.reduced_model",
     "reproduce": "analysis.reproduction",
     "simulate": "simulation.simulate",
     "study": "analysis.study",
 }
 
 __all__ = [
-    "InputError", "Registry", "Scene", "SolveFailed", "Status", "__version__", "compare",
-    "export", "load", "open_result", "reproduce", "simulate",
+    "InputError", "ReducedModel", "Registry", "Scene", "SolveFailed", "Status", "__version__",
+    "animate", "compare", "export", "load", "load_model", "open_result", "plot", "reduce",
+    "reproduce", "simulate",
     "study",
 ]
 

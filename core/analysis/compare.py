@@ -1,7 +1,8 @@
 """Comparison of runs with a reference run: errors, computing times and charts."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,14 +19,17 @@ from sparsemor.core.results.error_norms import (
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.results.tables import CONSTANT, MARK, csv_table, marked, number, text_table
 from sparsemor.core.results.zarr_files import to_json
+from sparsemor.core.scene.html import html_table
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from sparsemor.core.analysis.charts.work_precision import WorkPoint
 
 REFERENCE = "reference"
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Comparison:
     """Errors and cost of runs relative to a reference run; `str()` returns the table.
 
@@ -108,11 +112,40 @@ class Comparison:
                 found[run] = f"{run}: {'; '.join(parts)}"
         return found
 
+    def __repr__(self) -> str:
+        errors = ", ".join(f"{run} {e.worst.get('combined', float('nan')):.1e}"
+                           for run, e in self.measured.items())
+        return f"<Comparison with {self.name}: combined errors {errors}>"
+
+    def _repr_html_(self) -> str:
+        """Table of errors and cost, for notebooks."""
+        fields = measure_names(self.reference.layout.kinds)
+        notes = "".join(f"<p>{escape(text)}</p>" for text in (
+            *self._limit_lines(), *self.notes.values()))
+        return html_table(self._table(self._fields(fields)), "errors and cost") + notes
+
+    def plot(self, chart: str = "work_precision") -> "Figure":
+        """Chart of the comparison: work_precision, error_over_time, angles, or a field of all runs
+        (deformation, temperature, stress, strain). InputError for another name and where there are
+        no data."""
+        from sparsemor.core.analysis.charts.plot import plot_comparison
+
+        return plot_comparison(self, chart)
+
     def __str__(self) -> str:
+        fields = self._fields(measure_names(self.reference.layout.kinds))
+        late = next((e.late_from for e in self.measured.values() if e.late_from > 0.0), 0.0)
+        phases = ["", phase_table(self.measured, self._blocks(), self.limit)]
+        return "\n".join([text_table(self._table(fields)), *self._late_lines(late, fields), *phases,
+                          *self._estimate_lines(), *self._limit_lines(), *self.notes.values()])
+
+    def _fields(self, measures: Sequence[str]) -> list[str]:
+        return [f for f in measures if any(f in e.worst for e in self.measured.values())]
+
+    def _table(self, fields: Sequence[str]) -> list[list[str]]:
+        """Header, and errors and cost of each run."""
         facts, pays = self.facts, self.pays_after
         base = facts[self.name].ms_per_step
-        measures = measure_names(self.reference.layout.kinds)
-        fields = [f for f in measures if any(f in e.worst for e in self.measured.values())]
         head = ["run", "reducer", "status", "ms/step", "speed-up", "iterations", "atoms", "rows",
                 "offline s", "pays after"]
         table = [[*head, *(f.replace("_", " ") for f in fields)]]
@@ -125,11 +158,8 @@ class Comparison:
                 number(f.offline_whole_seconds, ".3g"), number(pays.get(name), "d"),
                 *(self._error(name, errors, field) for field in fields)])
         if all(name == f.reducer for name, f in facts.items()):
-            table = [[row[0], *row[2:]] for row in table]  # the second column repeats the first
-        late = next((e.late_from for e in self.measured.values() if e.late_from > 0.0), 0.0)
-        phases = ["", phase_table(self.measured, self._blocks(), self.limit)]
-        return "\n".join([text_table(table), *self._late_lines(late, fields), *phases,
-                          *self._estimate_lines(), *self._limit_lines(), *self.notes.values()])
+            return [[row[0], *row[2:]] for row in table]  # the second column repeats the first
+        return table
 
     def to_json(self) -> str:
         """JSON text with errors, times and counts of every run."""
@@ -145,9 +175,12 @@ class Comparison:
                 for name, f in self.facts.items()}
         return to_json({"reference": self.name, "runs": runs}).decode()
 
-    def write(self, directory: str | Path, charts: bool = True) -> list[Path]:
+    def write(
+        self, directory: str | Path, charts: bool = True,
+        report: Callable[[Path], None] | None = None,
+    ) -> list[Path]:
         """Writes errors.csv, start_up.csv, error_over_time.csv and, with `charts`, the charts (PNG
-        and SVG); returns their paths."""
+        and SVG); returns their paths. report: called with the path of each chart's file."""
         folder = Path(directory)
         folder.mkdir(parents=True, exist_ok=True)
         tables = {"errors.csv": self._error_rows(), "start_up.csv": phase_rows(self.measured),
@@ -157,9 +190,9 @@ class Comparison:
         written = [folder / name for name in tables]
         if not charts:
             return written
-        from sparsemor.core.analysis.charts import write_charts
+        from sparsemor.core.analysis.charts import FORMATS, silent, write_charts
 
-        return [*written, *write_charts(self, folder)]
+        return [*written, *write_charts(self, folder, None, FORMATS, report or silent)]
 
     def _all(self) -> dict[str, RunResult]:
         return {self.name: self.reference, **self.runs}

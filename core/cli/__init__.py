@@ -10,11 +10,13 @@ from typing import Annotated
 try:
     import typer
 
+    from sparsemor.core.cli.cache import cache
     from sparsemor.core.cli.compare import compare
-    from sparsemor.core.cli.export import export, pictures
+    from sparsemor.core.cli.export import animate, export, pictures
     from sparsemor.core.cli.new_plugin import new_plugin
     from sparsemor.core.cli.options import FAILED, INTERRUPTED
     from sparsemor.core.cli.plugins import plugins, schema, validate
+    from sparsemor.core.cli.reduce import reduce
     from sparsemor.core.cli.reproduce import reproduce
     from sparsemor.core.cli.run import run
     from sparsemor.core.cli.stability import stability
@@ -24,8 +26,8 @@ except KeyboardInterrupt:  # Ctrl-C in the first half second, while all this is 
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]})
-for command in (run, compare, study, reproduce, stability, export, pictures, validate, schema,
-                plugins):
+for command in (run, reduce, compare, study, reproduce, stability, export, pictures, animate,
+                validate, schema, plugins, cache):
     app.command()(command)
 app.command("new-plugin")(new_plugin)
 

@@ -1,5 +1,6 @@
 """Command `sparsemor compare`: runs one scene with several reducers; the first is the reference."""
 
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -167,6 +168,11 @@ def _run_one(
     return simulate(scene, out=here, observers=observers, body_cache=body_cache, keep_training=keep)
 
 
+def _drawn(file: Path) -> None:
+    """Shows on a terminal which picture was drawn last."""
+    typer.echo(f"\r\x1b[Kdrawn: {file.name}", err=True, nl=False)
+
+
 def _report(
     results: "dict[str, RunResult]", failures: dict[str, SolveFailed], directory: Path,
     as_json: bool, quiet: bool, charts: bool, error_limit: float,
@@ -182,7 +188,10 @@ def _report(
     runs: dict[str, Any] = {name: results[name] for name in others}
     comparison = compared(results[reference], error_limit=error_limit, **runs)
     with writing(directory):
-        comparison.write(directory, charts)
+        drawing = sys.stderr.isatty() and not (quiet or as_json)
+        comparison.write(directory, charts, _drawn if drawing else None)
+        if drawing and charts:
+            typer.echo("\r\x1b[K", err=True, nl=False)
     summaries = {name: dict(result.summary) for name, result in results.items()}
     if as_json:
         print_json({"status": "failed" if failed else "done", "reference": reference,

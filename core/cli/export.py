@@ -1,6 +1,7 @@
-"""Commands `sparsemor export` and `sparsemor pictures`: ParaView files and charts of a stored
-run."""
+"""Commands `sparsemor export`, `pictures` and `animate`: ParaView files, charts and an animation of
+a stored run."""
 
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,6 +12,7 @@ from sparsemor.core.cli.options import (
     Json,
     Quiet,
     exit_codes,
+    items,
     located_in,
     print_json,
     times_at,
@@ -22,6 +24,7 @@ from sparsemor.core.results.output_lock import owned
 
 if TYPE_CHECKING:
     from sparsemor.core.results.run_result import RunResult
+    from sparsemor.core.results.stress import Field
 
 Run = Annotated[str, typer.Argument(
     metavar="RUN", help="Directory of a run, finished or not.")]
@@ -38,7 +41,8 @@ def export(
     every: Annotated[int, typer.Option(
         "--every", help="Export every N-th stored step (not with --at).")] = 1,
     fields: Annotated[str | None, typer.Option(
-        "--fields", help="Some of displacement,temperature (default: all).")] = None,
+        "--fields", help="Some of displacement,temperature,stress,strain (default: the first "
+        "two).")] = None,
     bodies: Annotated[str | None, typer.Option(
         "--body", help="Bodies, such as disk,pad (default: all that have a mesh).")] = None,
     force: Force = False, as_json: Json = False, quiet: Quiet = False,
@@ -66,14 +70,18 @@ def export(
 
 def pictures(
     run: Run, at: At = None,
+    fields: Annotated[str | None, typer.Option(
+        "--fields", help="Colour the bodies by some of displacement,temperature,stress,strain "
+        "(default: the first two).")] = None,
     out: Annotated[Path | None, typer.Option(
         "--out", help="Directory for the files (default: `pictures` in the run's).")] = None,
     as_json: Json = False, quiet: Quiet = False,
 ) -> None:
     """Draw a stored run: motion, fields at some times, probes, active atoms. PNG and SVG."""
     with exit_codes(as_json), located_in():
-        from sparsemor.core.analysis.charts import write_run_charts
+        from sparsemor.core.analysis.charts import DEFAULT_FIELDS, silent, write_run_charts
         from sparsemor.core.results.run_result import open_result
+        from sparsemor.core.results.stress import FIELDS
 
         result = open_result(run)
         times = times_at(at)
@@ -81,14 +89,57 @@ def pictures(
             result.steps_at(times)
         except InputError as error:
             raise error.under("at") if times else error from None
+        chosen = DEFAULT_FIELDS if fields is None else items(
+            "fields", fields, _field, f"give some of {', '.join(FIELDS)}") or DEFAULT_FIELDS
         folder = out or result.path.parent / "pictures"
         with owned(folder):
-            files = write_run_charts(result, folder, times)
+            files = write_run_charts(
+                result, folder, times, fields=chosen,
+                report=silent if as_json or quiet else lambda file: typer.echo(str(file)))
         if as_json:
             print_json({"status": "done", "out": folder, "files": [str(f) for f in files]})
+
+
+def animate(
+    run: Run,
+    out: Annotated[Path | None, typer.Option(
+        "--out", help="File to write, .gif or .mp4 (default: animation.gif in the run's directory)."
+    )] = None,
+    field: Annotated[str, typer.Option(
+        "--field", help="displacement, temperature, stress or strain.")] = "displacement",
+    frames: Annotated[int, typer.Option("--frames", help="Number of frames, 25 a second.")] = 100,
+    at: Annotated[str | None, typer.Option(
+        "--at", help="First and last time in s, such as 0.1,0.3 (default: the whole run).")] = None,
+    magnify: Annotated[float | None, typer.Option(
+        "--magnify", help="Factor of the displacements (default: one that makes them visible)."
+    )] = None,
+    as_json: Json = False, quiet: Quiet = False,
+) -> None:
+    """Write an animation of a stored run: the moving bodies, coloured by a field."""
+    with exit_codes(as_json), located_in():
+        from sparsemor.core.analysis.charts.animation import animate as write
+        from sparsemor.core.results.run_result import open_result
+
+        result = open_result(run)
+        shown = sys.stderr.isatty() and not quiet and not as_json
+
+        def report(frame: int, count: int) -> None:
+            typer.echo(f"\rframe {frame} of {count}", err=True, nl=frame == count)
+
+        file = write(result, out or result.path.parent / "animation.gif", field, frames=frames,
+                     at=times_at(at), magnify=magnify, report=report if shown else None)
+        if as_json:
+            print_json({"status": "done", "file": str(file)})
         elif not quiet:
-            for file in files:
-                typer.echo(str(file))
+            typer.echo(str(file))
+
+
+def _field(name: str) -> "Field":
+    from sparsemor.core.results.stress import FIELDS
+
+    if name not in FIELDS:
+        raise ValueError(name)
+    return FIELDS[name]
 
 
 def _line(run: "RunResult", body: str, file: Path, fields: tuple[str, ...], times: int) -> str:

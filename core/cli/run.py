@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -23,11 +23,17 @@ from sparsemor.core.cli.options import (
     progress,
     warn,
 )
+from sparsemor.core.errors import InputError
 from sparsemor.core.protocols.reducer import shared_options
 from sparsemor.core.registry.registry import Registry
+from sparsemor.core.results.model_format import is_model_file
 from sparsemor.core.results.solver_report import solvers_in_words
 from sparsemor.core.scene.overrides import parse_settings
 from sparsemor.core.scene.source import Source
+from sparsemor.core.scene.yaml_reader import LocatedError
+
+if TYPE_CHECKING:
+    from sparsemor.core.simulation.reduced_model import ReducedModel
 
 Out = Annotated[Path | None, out_option("runs/SCENE-REDUCER")]
 
@@ -36,15 +42,20 @@ def run(
     scene: SceneName, settings: Settings = None, out: Out = None, resume: Resume = False,
     force: Force = False, as_json: Json = False, quiet: Quiet = False,
 ) -> None:
-    """Simulate a scene and store the result."""
+    """Simulate a scene, or a model that `sparsemor reduce` wrote, and store the result."""
     with exit_codes(as_json):
-        loaded = load_with(scene, settings)
+        model = _kept(scene, settings, resume)
+        loaded = load_with(scene, settings) if model is None else model.scene
         directory = out or Path("runs", f"{loaded.name}-{loaded.reducer_name}")
         with (place_for_result(directory, resume, force), located_in(loaded),
               progress(quiet or as_json) as observers):
-            from sparsemor.core.simulation.simulate import simulate
+            if model is None:
+                from sparsemor.core.simulation.simulate import simulate
 
-            result = simulate(loaded, out=directory, resume=resume, observers=observers)
+                result = simulate(loaded, out=directory, resume=resume, observers=observers)
+            else:
+                result = model.run(parse_settings(settings or ()), out=directory,
+                                   observers=observers)
         summary = dict(result.summary)
         if as_json:
             print_json(summary)
@@ -54,7 +65,29 @@ def run(
         if not quiet:
             warn(summary.get("notes", ()))
         if not (quiet or as_json):  # programs find it in the summary
-            inform([*summary.get("information", ()), *replaced_reducer(scene, settings)])
+            inform([*summary.get("information", ()),
+                    *(replaced_reducer(scene, settings) if model is None else ())])
+
+
+def _kept(scene: str, settings: Sequence[str] | None, resume: bool) -> "ReducedModel | None":
+    """The reduced model in a file; None for a scene. Raises LocatedError for changes that it does
+    not allow."""
+    if not is_model_file(Path(scene)):
+        return None
+    from sparsemor.core.simulation.reduced_model import load_model
+
+    with located_in():
+        model = load_model(scene)
+        if resume:
+            raise InputError("a run of a kept model is not resumed: run it again", "resume")
+    try:
+        model.check(parse_settings(settings or ()))
+    except LocatedError:
+        raise
+    except InputError as error:
+        raise LocatedError(
+            error.faults, [f"--set {f.key}: {f.message}" for f in error.faults]) from None
+    return model
 
 
 def replaced_reducer(scene: str, settings: Sequence[str] | None) -> list[str]:

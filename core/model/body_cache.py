@@ -45,6 +45,10 @@ class BodyCache:
         self._bodies.append(_Built(name, plugin, base, body))
         return body
 
+    def of_bodies(self) -> "BodyCache":
+        """Cache with the same bodies, and without the models."""
+        return BodyCache(self._bodies)
+
     def model(self, key: str, make: Callable[[], "Model"]) -> "Model":
         """The model cached under `key`; `make` builds it at the first call."""
         if key not in self._models:

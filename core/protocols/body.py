@@ -34,6 +34,20 @@ class TemperatureProperty(Protocol):
         ...
 
 
+@runtime_checkable
+class HasNumbers(TemperatureProperty, Protocol):
+    """A property that is also given by numbers; steps with laws of other properties are not
+    compiled.
+
+    numbers: a table (0, n, its n temperatures, then the first temperature, value and slope of each
+    of its n + 1 segments), or a polynomial (1, n, T_0, least and greatest temperature, n
+    coefficients in powers of T - T_0).
+    """
+
+    @property
+    def numbers(self) -> FloatArray: ...
+
+
 class Material(Protocol):
     """Isotropic linear thermoelastic material; properties are constants or functions of
     temperature.
@@ -80,6 +94,19 @@ class ProbePlace:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class StressConstants:
+    """Constants of the stress sigma = lam tr(eps) I + 2 mu eps - beta (T - T_free) I of a body.
+
+    constants (R, 5): lam, mu, Pa, beta, Pa/K, and lam and beta of the stress across the plane, of
+    each material; region (E,): material of each cell; free (N,): stress-free temperature T_free, K.
+    """
+
+    constants: FloatArray
+    region: IntArray
+    free: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class BodyShape:
     """Mesh of one body, and the nodes of its unknowns.
 
@@ -89,7 +116,8 @@ class BodyShape:
     unknowns have the displacement `eliminated_displacement` (N, d), m, or 0, and the temperature
     `eliminated_temperature` (N,), K, or 0, or one that is prescribed in `given`: nodes and their
     function of time. pose: initial rigid coordinates of the frame, constant unless the frame has
-    unknowns or a prescribed motion.
+    unknowns or a prescribed motion. stress: constants of the stress, None where it is not a linear
+    function of strain and temperature with constant coefficients.
     """
 
     points: FloatArray
@@ -100,6 +128,7 @@ class BodyShape:
     eliminated_temperature: FloatArray | None = None
     pose: FloatArray | None = None
     given: tuple[tuple[IntArray, TimeFunction], ...] = ()
+    stress: StressConstants | None = None
 
     def given_at(self, times: FloatArray) -> FloatArray:
         """Prescribed temperatures (j, functions), K, at times (j,), s."""

@@ -43,7 +43,7 @@ CAPABILITIES: Mapping[str, tuple[type, ...]] = {
     "sparse_solver": (sparse_solver.LimitsProblems,),
 }
 """Kind of plugin -> optional protocols of the plugin class."""
-EVERY = (part.ReadsFiles,)
+EVERY = (part.ReadsFiles, part.StoresObjects)
 """Optional protocols of plugins of every kind."""
 
 _ANY_PART = (part.HasNotes,)
@@ -65,12 +65,13 @@ OTHERS: Mapping[str, tuple[type, ...]] = {
              term.TimeDependent, part.HasSurroundings, term.HasPoints,
              element_integrals.WeighsElements),
     "reduced term": (term.WrapsTerm, term.Linearizes, term.RelocatesNear, term.ChecksStep,
-                     term.ReportsResultants),
+                     term.ReportsResultants, term.HasPointArrays),
     "step solver": (step_solver.RedrawsRows, step_solver.FreezesSupport,
                     step_solver.RespondsByBlock, step_solver.RespondsExactly,
                     step_solver.CountsLinearIterations, step_solver.ReportsTerms,
-                    step_solver.SolvesManySteps),
+                    step_solver.SolvesManySteps, step_solver.LeavesMesh),
     "memory of a step solver": (step_solver.Restarts,),
     "frame": (body_frame.EvaluatesManyTimes, body_frame.HasArrays),
+    "material property": (body.HasNumbers,),
 }
 """Other objects (terms, step solvers, frames, ...) -> their optional protocols."""

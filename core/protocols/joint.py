@@ -17,7 +17,7 @@ class JointPlugin(Protocol):
 
 class Joint(Part, Protocol):
     """A built joint: constraint equations with one Lagrange multiplier each, in a block of unknowns
-    `name.multiplier`."""
+    `name.multiplier`; or a force element, such as a spring, without constraints."""
 
 
 @runtime_checkable

@@ -148,6 +148,14 @@ class Layout:
         self.frames = slice(0, sum(
             b.size for b in self.blocks if b.kind.order == 2 and not b.kind.reducible))
 
+    def parts(self) -> tuple[list[Block]]:
+        """Blocks from which `of_parts` makes an equal layout."""
+        return ([*(Block("", kind, 0) for kind in self.kinds), *self.blocks],)
+
+    @classmethod
+    def of_parts(cls, blocks: Iterable[Block]) -> "Layout":
+        return cls(blocks)
+
     def __getitem__(self, name: str) -> slice:
         return self._slices[name]
 
@@ -199,5 +207,4 @@ class Layout:
     def resized(self, sizes: Mapping[str, int]) -> "Layout":
         """Layout of a reduced model: the same blocks with new numbers of unknowns, `sizes` by block
         name."""
-        return Layout([*(Block("", kind, 0) for kind in self.kinds),
-                       *(b.resized(sizes.get(b.name, b.size)) for b in self.blocks)])
+        return Layout(b.resized(sizes.get(b.name, b.size)) for b in self.parts()[0])

@@ -97,6 +97,15 @@ class HasSurroundings(Protocol):
 
 
 @runtime_checkable
+class StoresObjects(Protocol):
+    """A plugin that names the classes and functions of which the step solver of a kept model may be
+    made. The file of a model refers to them by name; no others are used when it is read."""
+
+    @property
+    def stored_classes(self) -> Sequence[object]: ...
+
+
+@runtime_checkable
 class ReadsFiles(Protocol):
     """A plugin that reads files named in its options."""
 

@@ -175,6 +175,21 @@ class ReportsTerms(Protocol[M_contra]):
         ...
 
 
+@runtime_checkable
+class LeavesMesh(Protocol):
+    """A step solver that can do without the arrays of the mesh's size that served to prepare it, so
+    that its model can be kept and run with other loads."""
+
+    def projection(self, state: State) -> State:
+        """State of the full model in the solver's unknowns; its rates need not be consistent."""
+        ...
+
+    def without_mesh(self) -> StepSolver:
+        """The same step solver without such arrays; its `start` takes a state in its own unknowns
+        and makes the rates consistent."""
+        ...
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class StepBlock:
     """Solved steps: the states at the end of each, the numbers of iterations, and the estimated

@@ -1,8 +1,10 @@
 """Residual terms of the equations, and their projections on reduced bases."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Protocol, TypeAlias, runtime_checkable
+
+import numpy as np
 
 from sparsemor.core.arrays import Csr, FloatArray, IntArray
 
@@ -173,6 +175,78 @@ class Linearizes(Protocol):
     def linearized(
         self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: FloatArray, c2: FloatArray
     ) -> tuple[FloatArray, FloatArray]: ...
+
+
+LawFunction: TypeAlias = Callable[
+    [FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray], None]
+"""A pointwise law on arrays:
+
+    function(numbers, gains, z, x, y, slopes)
+
+with the numbers of the law (j,), the present values `gains` of its amplitudes, the variables z (c,
+N) and coordinates x (d, N) at N points. It fills y (m, N) and slopes (derivatives, N), which has no
+rows where no derivatives are wanted.
+"""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LawArrays:
+    """A pointwise law as a function of numbers.
+
+    numbers (j,): constants; amplitudes: functions of time that it depends on; pairs (q, 2): numbers
+    (i, j) of the derivatives dy_i/dz_j in the order of `slopes`; function: uses numbers and arrays
+    only, so that numba can compile it; calls: the functions that it calls, each after those that it
+    calls itself.
+    """
+
+    numbers: FloatArray
+    amplitudes: tuple[Callable[[float], float], ...]
+    pairs: IntArray
+    function: LawFunction
+    calls: tuple[Callable[..., object], ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PointArrays:
+    """Projected term L y(P xi + o(t)) of a law at E elements of Q points.
+
+    weights (E, Q); coordinates (d, E Q), m; P (p, k), offset (p,): variables one after the other;
+    effects (p, f): columns times functions of time `values`, with derivatives `rates`, that add to
+    o. reads (c, 3): of each variable of the law its first row in P, its number of values per
+    element, Q, or 1 if constant there, and 1 for its rate. tests: L (l, E Q) for each y, with the
+    weights, or (l, E) without.
+    """
+
+    law: LawArrays
+    weights: FloatArray
+    coordinates: FloatArray
+    P: FloatArray
+    offset: FloatArray
+    effects: FloatArray
+    values: tuple[Callable[[float], float], ...]
+    rates: tuple[Callable[[float], float], ...]
+    reads: IntArray
+    tests: tuple[FloatArray, ...]
+
+    def through(self, left: FloatArray) -> "PointArrays":
+        """The term with its rows multiplied by left (s, l)."""
+        return replace(self, tests=tuple(left @ L for L in self.tests))
+
+    def placed(self, at: slice, size: int) -> "PointArrays":
+        """The term as one of `size` unknowns, of which it reads those numbered `at`."""
+        P = np.zeros((len(self.P), size))
+        P[:, at] = self.P
+        return replace(self, P=P)
+
+
+@runtime_checkable
+class HasPointArrays(Protocol):
+    """A projected term that is also given as arrays; steps of models with other terms that depend
+    on the unknowns are not compiled."""
+
+    def arrays(self) -> PointArrays | None:
+        """The arrays, None where its law has none."""
+        ...
 
 
 class LocalCopy(ReducedTerm, ChecksStep, Protocol):

@@ -22,8 +22,10 @@ from sparsemor.core.protocols.prescribed_motion import Stage
 from sparsemor.core.results.metadata import Probe, load_layout
 from sparsemor.core.results.output_directory import OutputDirectory
 from sparsemor.core.results.stage_arrays import read_stage
-from sparsemor.core.results.stored_arrays import ALL, StoredArrays
+from sparsemor.core.results.stored_arrays import ALL, ResultArrays, StoredArrays
+from sparsemor.core.results.stress import Derived, Field, StressRecovery, equivalent
 from sparsemor.core.results.zarr_files import GROUP_FILE
+from sparsemor.core.scene.html import html_table
 from sparsemor.core.status import Status
 
 if TYPE_CHECKING:
@@ -41,24 +43,53 @@ class RunResult:
     """
 
     def __init__(self, path: str | Path) -> None:
-        self.path = Path(path).absolute()
+        self._path: Path | None = Path(path).absolute()
         if not (self.path / GROUP_FILE).exists():
             kept = OutputDirectory(self.path).kept_note()
             raise InputError(f"there is no result in {path}{kept}")
         self._arrays: dict[str, NDArray[Any]] = {}
+        self._recoveries: dict[str, StressRecovery] = {}
+
+    @classmethod
+    def of(cls, arrays: ResultArrays) -> "RunResult":
+        """Result in memory, that of a kept model (simulation/reduced_model.py)."""
+        made = cls.__new__(cls)
+        made._path, made._stored, made._arrays, made._recoveries = None, arrays, {}, {}
+        return made
+
+    @property
+    def path(self) -> Path:
+        """Folder of the store. Raises InputError for a result in memory."""
+        if self._path is None:
+            raise InputError("this result is in memory only: give the run a directory", "out")
+        return self._path
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return RunResult, (self.path,)
+        stored = self._stored
+        return (RunResult, (self.path,)) if isinstance(stored, StoredArrays) else (
+            RunResult.of, (stored,))
 
     def __repr__(self) -> str:
         return f"<RunResult {self.reducer}, {self.status.value}, {len(self.times)} stored steps>"
 
+    def _repr_html_(self) -> str:
+        """Main facts of the run as a table, for notebooks."""
+        times = self.times
+        place = "in memory" if self._path is None else self._path.parent.name
+        rows = [["run", place], ["status", self.status.value],
+                ["reducer", self.reducer],
+                ["stored", f"{len(times)} steps" + (f" to {times[-1]:g} s" if len(times) else "")],
+                ["blocks", ", ".join(f"{b.name} ({b.size})" for b in self.layout)],
+                ["bodies with a mesh", ", ".join(self.bodies) or "none"],
+                ["probes", ", ".join(self.probes) or "none"]]
+        return html_table(rows)
+
     @cached_property
-    def _stored(self) -> StoredArrays:
+    def _stored(self) -> ResultArrays:
         return StoredArrays(self.path)
 
     @cached_property
-    def _data(self) -> StoredArrays:
+    def _data(self) -> ResultArrays:
         """Stored arrays, after a check that every committed chunk has its file."""
         self._stored.check()
         return self._stored
@@ -148,7 +179,7 @@ class RunResult:
 
     def reduced(self, name: str) -> bool:
         """True if a block is stored as coefficients of trial basis vectors (atoms)."""
-        return f"{name}.atoms" in self._data
+        return f"{name}.coefficients" in self._data
 
     def block(self, name: str, steps: slice | IntArray = ALL) -> FloatArray:
         """(j, n) full-order unknowns of a block at the stored steps `steps`."""
@@ -157,6 +188,9 @@ class RunResult:
             raise InputError(f"no block {name!r} in this result; it has {have}", key="block")
         if not self.reduced(name):
             return self._data.read(name, steps)
+        if f"{name}.atoms" not in self._data:
+            raise InputError(f"the full-order unknowns of {name} are not known: its model was "
+                             "saved without fields; save it with fields=True (--fields)", "fields")
         c, atoms = self.coefficients(name, steps), self._array(f"{name}.atoms")
         return np.asarray(self._array(f"{name}.offset") + c @ atoms.T)
 
@@ -235,6 +269,50 @@ class RunResult:
         self._fill(temperature, body, Quantity.TEMPERATURE, step)
         return temperature
 
+    def has(self, body: str, field: Field) -> bool:
+        """True if a body has the field at its nodes: displacement, temperature, or the stress and
+        strain of an elastic body with properties that do not depend on temperature."""
+        if isinstance(field, Derived):
+            return f"{body}.stress_constants" in self._data
+        return self.layout.of(body, field) is not None
+
+    def strain(self, body: str, step: int) -> FloatArray:
+        """(N, 3, 3) nodal strain in body axes at stored step `step`, with the thermal strain;
+        averaged over the cells at a node."""
+        return self._recovery(body).strain(
+            self.nodal_displacement(body, step), self._heating(body, step))
+
+    def stress(self, body: str, step: int) -> FloatArray:
+        """(N, 3, 3) nodal Cauchy stress in body axes, Pa, at stored step `step`, with the thermal
+        stress; averaged over the cells at a node."""
+        return self._recovery(body).stress(
+            self.nodal_displacement(body, step), self._heating(body, step))
+
+    def von_mises(self, body: str, step: int) -> FloatArray:
+        """(N,) von Mises stress of the nodal stress, Pa, at stored step `step`."""
+        return equivalent(self.stress(body, step), 1.5)
+
+    def equivalent_strain(self, body: str, step: int) -> FloatArray:
+        """(N,) equivalent strain sqrt(2/3 e : e), e the deviator of the nodal strain."""
+        return equivalent(self.strain(body, step), 2.0 / 3.0)
+
+    def _heating(self, body: str, step: int) -> FloatArray:
+        """(N,) temperatures above the stress-free ones, K."""
+        self._recovery(body)  # says where there is no stress
+        free: FloatArray = self._array(f"{body}.stress_free_temperature")
+        return self.nodal_temperature(body, step) - free
+
+    def _recovery(self, body: str) -> StressRecovery:
+        if not self.has(body, Derived.STRESS):
+            raise InputError(
+                f"{body} has no stress in this result: its displacements were not solved for, its "
+                "material depends on temperature, or an older version stored it", key="body")
+        if body not in self._recoveries:
+            self._recoveries[body] = StressRecovery(
+                self.points(body), self.cells(body), self._array(f"{body}.stress_constants"),
+                self._array(f"{body}.stress_region"))
+        return self._recoveries[body]
+
     def positions(self, body: str, step: int, magnify: float = 1.0) -> FloatArray:
         """(N, d) global node positions R + A (X + magnify u) of a body, m, at stored step
         `step`."""
@@ -302,6 +380,17 @@ class RunResult:
         return {name: {"time": self.times}
                 | {what: self._array(f"contact.{name}.{what}") for what in kept}
                 for name, kept in self._attributes.get("contacts", {}).items()}
+
+    def joint_forces(self) -> Mapping[str, Mapping[tuple[str, str], FloatArray]]:
+        """Joint -> (name, unit) of each multiplier -> (j,) its values, N or N m, at the stored
+        steps, with the sign of the left-hand side of the equations of motion."""
+        found = {}
+        for b in self.layout:
+            given = self._data.attributes_of(b.name) if b.kind.order == 0 else {}
+            if "components" in given:
+                of_unit = zip(given["components"], given["units"].split(", "), strict=True)
+                found[b.owner] = dict(zip(of_unit, self.block(b.name).T, strict=True))
+        return found
 
     def to_xarray(self) -> "xr.Dataset":
         """All stored arrays as a lazily loaded xarray dataset with dimension names and units."""

@@ -9,7 +9,7 @@ import numpy as np
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.protocols.prescribed_motion import FrameHistory, Stage
 from sparsemor.core.results.metadata import CONTACT_UNITS, POSE_UNITS, REACTION_UNITS
-from sparsemor.core.results.stored_arrays import StoredArrays
+from sparsemor.core.results.stored_arrays import ResultArrays
 
 TIME = "stage.time"
 
@@ -38,7 +38,7 @@ def stage_arrays(stage: Stage) -> Iterator[tuple[str, tuple[str, ...], dict[str,
             yield (f"stage.{name}.{what}", (TIME,), {"units": CONTACT_UNITS.get(what, "")}, values)
 
 
-def read_stage(names: Mapping[str, Any], data: StoredArrays) -> Stage:
+def read_stage(names: Mapping[str, Any], data: ResultArrays) -> Stage:
     """Rigid pre-simulation of a result. names: the attribute that `stage_attributes` made; data:
     the arrays."""
 

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
 from sparsemor.core.errors import Damaged, InputError
+from sparsemor.core.protocols.layout import Layout
 from sparsemor.core.results import zarr_files as zf
 from sparsemor.core.results.atomic_files import replace_file, writing
 from sparsemor.core.results.checkpoint import (
@@ -30,6 +31,7 @@ from sparsemor.core.results.checkpoint import (
 )
 from sparsemor.core.results.metadata import RunHeader, load_layout
 from sparsemor.core.results.output_lock import FixedFolder
+from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.results.saved_state import Saved, SavedError
 from sparsemor.core.results.stage_arrays import stage_attributes
 from sparsemor.core.results.variables import TIME, fixed_arrays, steps_per_chunk, time_arrays
@@ -133,9 +135,9 @@ class ResultWriter:
     def append(self, steps: ChunkOfSteps) -> None:
         """Stores and commits steps. Raises ValueError, storing nothing, for values that are not
         finite."""
-        columns = self._columns(steps)
+        columns = columns_of(steps, self._layout, self._arrays)
         for name, values in columns.items():
-            self._check(name, values, len(steps.times))
+            check_column(name, self._arrays[name], values, len(steps.times))
         self._check_times(steps.times)
         if len(steps.times) == 0:
             return
@@ -178,44 +180,15 @@ class ResultWriter:
             if status.ok:
                 checkpoint_file(self.path).unlink(missing_ok=True)
 
+    def result(self) -> RunResult:
+        """Reader of what is committed."""
+        return RunResult(self.path)
+
     def discard(self) -> None:
         """Removes the store and its checkpoint, unless the store was moved or replaced."""
         if self._folder.in_place():
             checkpoint_file(self.path).unlink(missing_ok=True)
             shutil.rmtree(self.path, ignore_errors=True)
-
-    def _columns(self, steps: ChunkOfSteps) -> dict[str, NDArray[Any]]:
-        j = len(steps.times)
-        if steps.x.shape != (j, self._layout.size):
-            raise ValueError(f"x: shape {steps.x.shape}, expected {(j, self._layout.size)}")
-        columns: dict[str, NDArray[Any]] = {
-            TIME: steps.times, "iterations": steps.iterations,
-            "remaining_error": steps.remaining, "step_seconds": steps.step_seconds}
-        for b in self._layout:
-            values = steps.x[:, self._layout[b.name]]
-            if b.name in self._arrays:
-                columns[b.name] = values
-            else:
-                columns[f"{b.name}.coefficients"] = values
-                everything = np.ones(values.shape, dtype=np.bool_)
-                columns[f"{b.name}.active"] = steps.supports.get(b.name, everything)
-        columns |= {f"probe.{name}": values for name, values in steps.probes.items()}
-        columns |= {f"contact.{name}": values for name, values in steps.contacts.items()}
-        columns |= {f"error_estimate.{n}": values for n, values in steps.estimates.items()}
-        columns |= {f"{body}.given": values for body, values in steps.given.items()}
-        if columns.keys() != self._arrays.keys():
-            odd = ", ".join(sorted(columns.keys() ^ self._arrays.keys()))
-            raise ValueError(f"the steps and the header disagree on: {odd}")
-        return columns
-
-    def _check(self, name: str, values: NDArray[Any], count: int) -> None:
-        metadata = self._arrays[name]
-        expected = (count, *metadata["shape"][1:])
-        if values.shape != expected:
-            raise ValueError(f"{name}: shape {values.shape}, expected {expected}")
-        if metadata["data_type"] == "float64" and not np.isfinite(values).all():
-            row = int(np.flatnonzero(~np.isfinite(values.reshape(count, -1)).all(axis=1))[0])
-            raise ValueError(f"{name}: not finite in row {row} of the {count} steps to store")
 
     def _check_times(self, times: FloatArray) -> None:
         before = np.concatenate([[self._last_time], times])
@@ -241,6 +214,48 @@ class ResultWriter:
             return -np.inf
         number, rest = divmod(self.stored - 1, self._chunk)
         return float(zf.read_chunk(self.path, TIME, self._arrays[TIME], number, rest + 1)[-1])
+
+
+def columns_of(
+    steps: ChunkOfSteps, layout: Layout, arrays: Mapping[str, object]
+) -> dict[str, NDArray[Any]]:
+    """Name -> values of each array over time. layout: that of the step solver; arrays: those that
+    the header declares. Raises ValueError where steps and header disagree."""
+    j = len(steps.times)
+    if steps.x.shape != (j, layout.size):
+        raise ValueError(f"x: shape {steps.x.shape}, expected {(j, layout.size)}")
+    columns: dict[str, NDArray[Any]] = {
+        TIME: steps.times, "iterations": steps.iterations,
+        "remaining_error": steps.remaining, "step_seconds": steps.step_seconds}
+    for b in layout:
+        values = steps.x[:, layout[b.name]]
+        if b.name in arrays:
+            columns[b.name] = values
+        else:
+            columns[f"{b.name}.coefficients"] = values
+            everything = np.ones(values.shape, dtype=np.bool_)
+            columns[f"{b.name}.active"] = steps.supports.get(b.name, everything)
+    columns |= {f"probe.{name}": values for name, values in steps.probes.items()}
+    columns |= {f"contact.{name}": values for name, values in steps.contacts.items()}
+    columns |= {f"error_estimate.{n}": values for n, values in steps.estimates.items()}
+    columns |= {f"{body}.given": values for body, values in steps.given.items()}
+    if columns.keys() != arrays.keys():
+        odd = ", ".join(sorted(columns.keys() ^ arrays.keys()))
+        raise ValueError(f"the steps and the header disagree on: {odd}")
+    return columns
+
+
+def check_column(
+    name: str, metadata: Mapping[str, Any], values: NDArray[Any], count: int
+) -> None:
+    """Raises ValueError for values of an array over `count` steps that are of another shape or not
+    finite."""
+    expected = (count, *metadata["shape"][1:])
+    if values.shape != expected:
+        raise ValueError(f"{name}: shape {values.shape}, expected {expected}")
+    if metadata["data_type"] == "float64" and not np.isfinite(values).all():
+        row = int(np.flatnonzero(~np.isfinite(values.reshape(count, -1)).all(axis=1))[0])
+        raise ValueError(f"{name}: not finite in row {row} of the {count} steps to store")
 
 
 def _write_empty(path: Path, header: RunHeader) -> None:

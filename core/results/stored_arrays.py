@@ -2,7 +2,7 @@
 read."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,26 @@ if TYPE_CHECKING:
     import xarray as xr
 
 ALL = slice(None)
+
+
+class ResultArrays(Protocol):
+    """Arrays of one result by name, on disk or in memory, and its attributes."""
+
+    @property
+    def attributes(self) -> dict[str, Any]: ...
+    @property
+    def metadata(self) -> dict[str, dict[str, Any]]:
+        """Array name -> shape, names of dimensions, and attributes."""
+        ...
+
+    @property
+    def names(self) -> tuple[str, ...]: ...
+    def __contains__(self, name: str) -> bool: ...
+    def shape(self, name: str) -> tuple[int, ...]: ...
+    def attributes_of(self, name: str) -> dict[str, Any]: ...
+    def check(self) -> None: ...
+    def read(self, name: str, rows: slice | IntArray = ALL) -> NDArray[Any]: ...
+    def dataset(self) -> "xr.Dataset": ...
 
 
 class StoredArrays:

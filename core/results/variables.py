@@ -75,6 +75,8 @@ def fixed_arrays(
 ) -> Iterator[tuple[str, tuple[str, ...], dict[str, Any], NDArray[Any]]]:
     """(name, dimensions, attributes, values) of each array that does not depend on time."""
     for name, d in header.dictionaries.items():
+        if d.atoms.shape[1] and not len(d.atoms):  # of a model that was saved without fields
+            continue
         block = header.full_layout[name]
         size = block.stop - block.start
         unknown = f"{name}.unknown"
@@ -119,6 +121,15 @@ def _body_arrays(
     if shape.given:
         yield (f"{body}.given_of", (node,),
                {"long_name": "prescribed temperature of the node, or -1"}, shape.given_of)
+    if shape.stress is not None:
+        s, cells = shape.stress, shape.cells.shape[:1]
+        _expect(f"{body}: material of each cell", s.region.shape, cells)
+        yield (f"{body}.stress_constants", (f"{body}.material", f"{body}.constant"),
+               {"units": "Pa, Pa, Pa/K, Pa, Pa/K",
+                "long_name": "lam, mu, beta; lam, beta across the plane"}, s.constants)
+        yield (f"{body}.stress_region", (f"{body}.cell",),
+               {"long_name": "material of the cell"}, s.region)
+        yield (f"{body}.stress_free_temperature", (node,), {"units": "K"}, s.free)
     if shape.pose is not None:
         yield (f"{body}.pose", (f"{body}.coordinate",),
                {"units": POSE_UNITS, "long_name": "frame at the start"}, shape.pose)

@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
 PACKAGE = "sparsemor"
 FOLDERS = ("core", "bodies", "reducers", "integrators", "plugins")
+OUTSIDE = ("core/analysis", "core/cli")
+"""Folders in these whose code starts runs and evaluates results, so that no run depends on it."""
 LIBRARIES = ("numpy", "scipy", "scikit-fem", "meshio", "pypardiso", "scikit-sparse", "pyamg",
              "cvxpy", "scikit-learn")
 """Distributions that compute parts of a product, whether installed or not, because the linear
@@ -99,9 +101,18 @@ def environment() -> list[object]:
 
 @cache
 def code_digest() -> str:
-    """SHA-256 digest of sparsemor's own sources, read once per process."""
+    """SHA-256 digest of sparsemor's own sources on which runs depend, read once per process."""
     root = Path(__file__).absolute().parents[2]
-    return _digest_of([p for folder in FOLDERS for p in sources(root / folder)], root)
+    outside = [root / folder for folder in OUTSIDE]
+    return _digest_of([p for folder in FOLDERS for p in sources(root / folder)
+                       if not any(map(p.is_relative_to, outside))], root)
+
+
+@cache
+def study_digest() -> str:
+    """SHA-256 digest of the sources that start and measure the runs of a study."""
+    root = Path(__file__).absolute().parents[2]
+    return _digest_of(sources(root / "core/analysis/study"), root)
 
 
 @cache

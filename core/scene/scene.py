@@ -33,6 +33,7 @@ from sparsemor.core.registry.registry import Registry
 from sparsemor.core.registry.slot import Slot, name_default_slots, slot_default
 from sparsemor.core.registry.validation_errors import custom, shown, with_advice
 from sparsemor.core.scene.defaults import FULL_ORDER
+from sparsemor.core.scene.html import html_table
 from sparsemor.core.scene.names import name_faults
 from sparsemor.core.scene.options import Output, Probe, RigidStage, Time, Training
 from sparsemor.core.scene.overrides import find
@@ -131,6 +132,17 @@ class Scene(Plugin):
         """Name of the scene's file without its ending; "scene" when there is no file."""
         return self.source.name
 
+    def _repr_html_(self) -> str:
+        """Bodies, joints, contacts and loads as a table, for notebooks."""
+        dump = self.dump()
+        rows = [["", "name", "kind"]]
+        for group in ("bodies", "joints", "contacts", "loads"):
+            rows += [[group if i == 0 else "", name, str(entry["use"])]
+                     for i, (name, entry) in enumerate(dump.get(group, {}).items())]
+        rows.append(["time", "", f"{self.time.end:g} s in steps of {self.time.step:g} s"])
+        rows += [[key, "", str(dump[key]["use"])] for key in ("integrator", "reducer")]
+        return html_table(rows, f"{self.name}: {self.title}" if self.title else self.name)
+
     @property
     def file_folder(self) -> Path | None:
         """Folder of the scene's file, None without a file."""
@@ -207,15 +219,17 @@ class Scene(Plugin):
 
 
 def load(
-    scene: str | Path, overrides: Mapping[str, Any] | None = None, *,
+    scene: str | Path | Mapping[str, Any], overrides: Mapping[str, Any] | None = None, *,
     registry: Registry | None = None,
 ) -> Scene:
-    """Scene from the name of a packaged scene or the path of a file, with changes as in
-    `Scene.using`.
+    """Scene from the name of a packaged scene, the path of a file or the contents of one as plain
+    data (its paths start from the working directory), with changes as in `Scene.using`.
 
     Raises `LocatedError`, an `InputError` that holds all faults, each with its line and column.
     """
-    source = Source.read(scene, registry or Registry())
+    plugins = registry or Registry()
+    source = Source.of_tree({"format": 1, **scene}, plugins) if isinstance(scene, Mapping) else (
+        Source.read(scene, plugins))
     return build(source.changed(overrides, "--set") if overrides else source)
 
 

@@ -61,9 +61,11 @@ class Source:
         return cls(document, document.tree, registry, folder)
 
     @classmethod
-    def of_tree(cls, tree: dict[str, Any]) -> "Source":
-        """Source of a scene that has no file."""
-        return cls(Document("", tree), tree, Registry())
+    def of_tree(
+        cls, tree: dict[str, Any], registry: Registry | None = None, name: str = ""
+    ) -> "Source":
+        """Source of a scene that has no file. name: of the scene."""
+        return cls(Document(name, tree), tree, registry or Registry())
 
     @property
     def name(self) -> str:

@@ -8,6 +8,7 @@ import shutil
 import tempfile
 import uuid
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -62,7 +63,10 @@ class Cache:
         place = self.place(kind, key)
         if place.exists():
             try:
-                return _load(place), True
+                found = _load(place)
+                with suppress(OSError):  # a cache that may only be read
+                    os.utime(place / _MANIFEST)  # the time of its last use
+                return found, True
             except (OSError, ValueError, KeyError, TypeError) as fault:
                 _log.warning("cache entry %s/%s is unreadable (%s): made again", kind, key, fault)
                 shutil.rmtree(place, ignore_errors=True)
@@ -85,6 +89,24 @@ class Cache:
         """Entries of the cache, by kind and key."""
         return [CacheEntry(p.parent.name, p.name, sum(f.stat().st_size for f in p.iterdir()))
                 for p in sorted(self.root.glob("*/*")) if (p / _MANIFEST).exists()]
+
+    def shrink(self, most: int) -> int:
+        """Removes the entries that were not used for the longest time until the others have at
+        most this size, bytes; returns the bytes that were freed."""
+        def used(entry: CacheEntry) -> float:
+            try:
+                return (self.place(entry.kind, entry.key) / _MANIFEST).stat().st_mtime
+            except OSError:  # somebody else removes it at this moment
+                return 0.0
+
+        entries = self.entries()
+        size = before = sum(e.size for e in entries)
+        for entry in sorted(entries, key=used):
+            if size <= most:
+                break
+            shutil.rmtree(self.place(entry.kind, entry.key), ignore_errors=True)
+            size -= entry.size
+        return before - size
 
     def clear(self, kind: str | None = None) -> int:
         """Remove all entries, or those of one kind; returns the bytes that were freed."""

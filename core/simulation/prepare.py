@@ -1,17 +1,118 @@
-"""Preparation of a run: input checks, model, rigid-body pre-simulation and offline data."""
+"""Preparation of a run: input checks, model, rigid-body pre-simulation, offline data, step solver
+and the checks before the first step."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from sparsemor.core.model.body_cache import BodyCache
+from sparsemor.core.model.factorizations import Factored
+from sparsemor.core.model.initial_state import consistent_state, start_notes
 from sparsemor.core.model.model import Model
+from sparsemor.core.notes import Note
+from sparsemor.core.protocols import (
+    BodyShape,
+    ChecksLayout,
+    ErrorEstimator,
+    EstimatesErrors,
+    ReducedProblem,
+    State,
+    StepSolver,
+)
 from sparsemor.core.registry.hooks import Manager
+from sparsemor.core.registry.returned_values import complete
+from sparsemor.core.results.metadata import RunHeader
+from sparsemor.core.results.probes import ProbeReader
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.cache import Cache
-from sparsemor.core.simulation.memory.disk import room_for_snapshots
+from sparsemor.core.simulation.diagnostics.contact_warnings import stage_warnings
+from sparsemor.core.simulation.diagnostics.plausibility import before_run, of_solver
+from sparsemor.core.simulation.diagnostics.trial_space import (
+    TrialSpace,
+    space_notes,
+    trial_spaces,
+)
+from sparsemor.core.simulation.linearization import check_run
+from sparsemor.core.simulation.memory.disk import room_for_result, room_for_snapshots
 from sparsemor.core.simulation.memory.estimate import fitting
-from sparsemor.core.simulation.offline import Offline
+from sparsemor.core.simulation.offline import Offline, step_count
 from sparsemor.core.simulation.offline_cache import Products
 from sparsemor.core.simulation.rigid_stage import staged
+from sparsemor.core.simulation.run_header import header_of, shapes
+from sparsemor.core.simulation.step_control import controlled
 from sparsemor.core.simulation.training import offline_of
 from sparsemor.core.simulation.validation import checked_model
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PreparedRun:
+    """A run up to its first step: everything that further runs of the same model share.
+
+    solver: step solver; start: state from which it starts, of the full-order model, or in the
+    unknowns of a solver without mesh; header: of the result; probes, given: what is recorded next
+    to the unknowns; notes, stability, spaces: findings before the first step; trained_to: end of
+    the training run, s; contacts: warnings about contacts along a rigid-body pre-simulation, None
+    without one. model: assembled model, and estimator: of the error, None where they are not
+    at hand.
+    """
+
+    scene: Scene
+    solver: StepSolver
+    start: State
+    header: RunHeader
+    probes: tuple[ProbeReader, ...]
+    given: Mapping[str, BodyShape]
+    notes: tuple[Note, ...]
+    stability: Mapping[str, Any]
+    spaces: tuple[TrialSpace, ...]
+    trained_to: float
+    contacts: tuple[Note, ...] | None
+    model: Model | None = None
+    estimator: ErrorEstimator | None = None
+
+    def factored(self) -> Sequence[Factored]:
+        """Reports of the linear systems of the assembled model."""
+        return [] if self.model is None else self.model.solvers.log
+
+
+def prepared_run(
+    scene: Scene, cache: Cache, manager: Manager, body_cache: BodyCache | None = None,
+    out: Path | None = None,
+) -> tuple[PreparedRun, Offline]:
+    """A run prepared for its first step, and its offline data. out: directory for the result, None
+    if nothing will be written.
+
+    Raises InputError and SolveFailed as `prepared` does, and InputError if `out` has no room for
+    the result, or the model is unstable and the scene asks to refuse that.
+    """
+    model, offline = prepared(scene, cache, manager, body_cache)
+    if out is not None:
+        room_for_result(scene, model, out)
+    with np.errstate(all="ignore"):  # overflow ends in a status, not in a warning
+        problem = ReducedProblem(
+            model, scene.integrator, scene.time.step, offline, np.random.default_rng(scene.seed))
+        solver: StepSolver = scene.reducer.prepare(problem)
+        complete(solver, StepSolver, scene.reducer, "prepare", "reducer")
+        start = consistent_state(model)
+        unstable, stability = check_run(scene, model, solver, start, offline)
+        spaces = trial_spaces(model, offline, solver.dictionaries, scene.time.step, scene.time.end)
+        estimator = _estimator(scene.reducer, problem, solver)
+        solver = controlled(scene, model, offline, solver)
+    integrator: object = scene.integrator
+    of_integrator = integrator.notes(model.layout) if isinstance(integrator, ChecksLayout) else ()
+    return PreparedRun(
+        scene, solver, start, header_of(
+            scene, model, solver, step_count(scene), () if estimator is None else estimator.blocks),
+        tuple(ProbeReader.of(p, solver.layout, solver.dictionaries) for p in model.probes),
+        {n: shape for n, shape in shapes(model).items() if shape.given},
+        (*start_notes(model), *of_integrator, *solver.notes, *before_run(scene, model),
+         *of_solver(scene, solver), *unstable, *space_notes(spaces),
+         *(() if estimator is None else estimator.notes)),
+        stability, spaces, scene.training_end, stage_warnings(model),
+        model, estimator), offline
 
 
 def prepared(
@@ -33,3 +134,13 @@ def prepared(
     offline.expected = fitting(scene, model, offline).total
     room_for_snapshots(scene, model, offline)
     return model, offline
+
+
+def _estimator(
+    reducer: object, problem: ReducedProblem, solver: StepSolver
+) -> ErrorEstimator | None:
+    """Estimator of the error of the coming run, if the reducer has one and its options request
+    it."""
+    if not isinstance(reducer, EstimatesErrors):
+        return None
+    return reducer.error_estimator(problem, solver)

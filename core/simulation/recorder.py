@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Mapping, Sequence
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -11,39 +10,31 @@ import numpy as np
 from sparsemor.core.arrays import BoolArray, FloatArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.linalg.threads import described, elsewhere
-from sparsemor.core.model.initial_state import start_notes
-from sparsemor.core.model.model import Model, distinct_names
 from sparsemor.core.notes import Level, Note, information, kinds, sentences
 from sparsemor.core.protocols import (
-    BodyShape,
-    ChecksLayout,
     CountsLinearIterations,
-    HasShape,
-    NamesMultipliers,
+    ReportsTerms,
     State,
     StepMemory,
     StepSolver,
 )
-from sparsemor.core.protocols.step_solver import resultant_sources_of, resultants
+from sparsemor.core.protocols.step_solver import resultants
+from sparsemor.core.results.arrays_in_memory import MemoryWriter
 from sparsemor.core.results.checkpoint import Checkpoint
 from sparsemor.core.results.error_norms import estimated_errors
 from sparsemor.core.results.json_data import finite
-from sparsemor.core.results.metadata import RunHeader
 from sparsemor.core.results.output_directory import STORE
 from sparsemor.core.results.output_lock import check_owned
-from sparsemor.core.results.probes import ProbeReader
-from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.results.saved_state import SavedError
 from sparsemor.core.results.solver_report import solvers_summary
 from sparsemor.core.results.store import ChunkOfSteps, ResultWriter
 from sparsemor.core.results.zarr_files import read_group
 from sparsemor.core.scene.run_identity import Identity
-from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.admission import admit
-from sparsemor.core.simulation.diagnostics.trial_space import TrialSpace
 from sparsemor.core.simulation.error_record import ErrorRecord
 from sparsemor.core.simulation.memory.use import MemoryUse
-from sparsemor.core.simulation.offline import Offline
+from sparsemor.core.simulation.offline_cache import Products
+from sparsemor.core.simulation.prepare import PreparedRun
 from sparsemor.core.simulation.step_statistics import Tally
 from sparsemor.core.status import Status
 
@@ -58,47 +49,40 @@ class Recorder:
     """Recorder of one run's results: states, probes, contact forces, checkpoints and summary."""
 
     def __init__(
-        self, scene: Scene, model: Model, solver: StepSolver, offline: Offline,
-        writer: ResultWriter, checkpoint: Checkpoint | None, steps: int,
-        errors: ErrorRecord | None = None,
+        self, run: PreparedRun, writer: ResultWriter | MemoryWriter,
+        checkpoint: Checkpoint | None, steps: int, products: Products | None = None,
     ) -> None:
-        self.errors = errors
-        self.scene, self.model, self.solver, self.offline = scene, model, solver, offline
+        self.run, self.scene, self.solver = run, run.scene, run.solver
         self.writer, self.checkpoint, self.steps = writer, checkpoint, steps
-        self.store = writer.path
-        self.reducer = scene.reducer_name
-        self._probes = [ProbeReader.of(p, solver.layout, solver.dictionaries)
-                        for p in model.probes]
-        self._given = {n: shape for n, shape in shapes(model).items() if shape.given}
-        self.notes: tuple[Note, ...] = ()  # of what was found before the first step
-        self.spaces: tuple[TrialSpace, ...] = ()
-        self.stability: Mapping[str, Any] = {}
+        self.reducer = run.header.reducer
+        self.products = Products(None) if products is None else products
+        self.notes: tuple[Note, ...] = ()  # of a result that is resumed
         self.memory: MemoryUse | None = None
-        self._every, self._saved = scene.output.every, time.perf_counter()
+        self.errors: ErrorRecord | None = None
+        self._every, self._saved = run.scene.output.every, time.perf_counter()
         # along a rigid stage histories are kept already; only conduction acts in addition
-        self._keeps_contacts = model.stage is None
+        solver: object = run.solver
+        self._reports = solver if run.header.stage is None and isinstance(
+            solver, ReportsTerms) else None
         self._rows: list[tuple[float, FloatArray, int, float, float]] = []
         self._contacts: list[Mapping[str, float]] = []
         self._supports: list[Mapping[str, BoolArray]] = []
 
     @classmethod
     def open(
-        cls, scene: Scene, model: Model, solver: StepSolver, offline: Offline, out: Path,
-        resume: bool, steps: int, errors: ErrorRecord | None = None,
+        cls, run: PreparedRun, out: Path, resume: bool, steps: int, products: Products | None,
     ) -> "Recorder":
         """Recorder of a new result in `out`, or of a stopped one to be resumed. Raises InputError
         if `out` contains a result already, or with `resume` one that cannot be resumed."""
-        store = out / STORE
+        store, scene = out / STORE, run.scene
         if resume:
             writer, checkpoint = ResultWriter.resume(store, scene.digest(), Identity.of(scene))
-            recorder = cls(scene, model, solver, offline, writer, checkpoint, steps, errors)
+            recorder = cls(run, writer, checkpoint, steps, products)
             recorder.notes = elsewhere(read_group(store)["attributes"].get("platform", {}))
             return recorder
         admit(scene, out, resume)
         check_owned(out)
-        header = _header(scene, model, solver, steps, errors)
-        return cls(
-            scene, model, solver, offline, ResultWriter.create(store, header), None, steps, errors)
+        return cls(run, ResultWriter.create(store, run.header), None, steps, products)
 
     def restored(
         self, state: State, memory: StepMemory, tally: Tally
@@ -123,7 +107,7 @@ class Recorder:
                 self.errors.restart(found["errors"])
         except (KeyError, SavedError) as error:
             raise InputError(
-                f"{self.store} cannot be resumed: its checkpoint does not fit ({error}); start "
+                f"{self._out} cannot be resumed: its checkpoint does not fit ({error}); start "
                 "again, with --force or into another directory", "resume") from None
         tally.offline += offline
         return State(t, *(arrays[name] for name in own)), memory, tally
@@ -166,7 +150,7 @@ class Recorder:
         self._supports.append(dict(supports))
         if self.errors is not None:
             self.errors.store()
-        sources = resultant_sources_of(self.solver, memory) if self._keeps_contacts else ()
+        sources = () if self._reports is None else self._reports.resultant_sources(memory)
         self._contacts.append(resultants(sources, state))
 
     def save(self, state: State, memory: StepMemory, tally: Tally) -> None:
@@ -189,23 +173,21 @@ class Recorder:
                     for name in self._supports[0]}
         self.writer.append(ChunkOfSteps(
             times, X, np.array(iterations), np.array(remaining), np.array(seconds), supports,
-            {p.name: p(times, X) for p in self._probes},
+            {p.name: p(times, X) for p in self.run.probes},
             {name: np.array([c[name] for c in self._contacts]) for name in self._contacts[0]},
-            {body: shape.given_at(times) for body, shape in self._given.items()}, estimates))
+            {body: shape.given_at(times) for body, shape in self.run.given.items()}, estimates))
         self._rows, self._supports, self._contacts = [], [], []
 
     def _estimated(self) -> dict[str, float]:
         """Block -> largest estimated error at the stored steps, relative to its largest change."""
-        if self.errors is None:
-            return {}
-        return {name: float(e.max(initial=0.0))
-                for name, e in estimated_errors(RunResult(self.store)).items()}
+        return {} if self.errors is None else {
+            name: float(e.max(initial=0.0))
+            for name, e in estimated_errors(self.writer.result()).items()}
 
-    def _integrator_notes(self) -> tuple[Note, ...]:
-        integrator: object = self.scene.integrator
-        if isinstance(integrator, ChecksLayout):
-            return integrator.notes(self.model.layout)
-        return ()
+    @property
+    def _out(self) -> str:
+        """Directory of the result, "" in memory."""
+        return str(self.writer.path.parent) if isinstance(self.writer, ResultWriter) else ""
 
     def finish(self, status: Status, summary: Mapping[str, Any]) -> None:
         self.writer.finish(status, summary)
@@ -237,21 +219,20 @@ class Recorder:
             "atoms_active": {n: tally.active[n] / done if n in tally.active else float(k)
                              for n, k in atoms.items()},
             "elements_touched": dict(solver.elements_touched),
-            "probes": {p.name: p.described(p(end, x)[0]) for p in self._probes},
-            "cache": dict(self.offline.products.used),
-            "offline_s": dict(self.offline.products.seconds),
-            "offline_whole_s": self.offline.products.spent.whole(tally.offline),
-            **in_summary((*start_notes(self.model), *self._integrator_notes(), *solver.notes,
-                    *self.notes, *_full_newton(counters, done))),
+            "probes": {p.name: p.described(p(end, x)[0]) for p in self.run.probes},
+            "cache": dict(self.products.used),
+            "offline_s": dict(self.products.seconds),
+            "offline_whole_s": self.products.spent.whole(tally.offline),
+            **in_summary((*self.run.notes, *self.notes, *_full_newton(counters, done))),
             "error_estimate": self._estimated(),
-            "stability": dict(self.stability),
+            "stability": dict(self.run.stability),
             "linear_solvers": solvers_summary(
-                [*self.model.solvers.log, *self.offline.products.factorizations],
+                [*self.run.factored(), *self.products.factorizations],
                 _iterations(solver, memory), done),
             "memory": {} if self.memory is None else self.memory.summary(),
             "facts": finite(dict(solver.facts)),  # dependent columns: no finite condition
             "platform": described(),
-            "out": str(self.store.parent),
+            "out": self._out,
         }
 
 
@@ -276,52 +257,3 @@ def _iterations(solver: StepSolver, memory: StepMemory) -> Mapping[str, int]:
     """Linear solver iterations during the run, by block; empty for a step solver that does not
     count them."""
     return solver.linear_iterations(memory) if isinstance(solver, CountsLinearIterations) else {}
-
-
-def shapes(model: Model) -> dict[str, BodyShape]:
-    """Mesh and field data (`BodyShape`) of each body that has a mesh."""
-    return {n: shape for n, p in model.parts.items()
-            if isinstance(p, HasShape) and (shape := p.shape()) is not None}
-
-
-def multiplier_components(model: Model) -> dict[str, tuple[tuple[str, str], ...]]:
-    """Multiplier block of a joint -> name and unit of each Lagrange multiplier, for joints that
-    name them (`NamesMultipliers`)."""
-    found = {}
-    for name, part in model.parts.items():
-        block = model.layout.multipliers(name)
-        if block is not None and isinstance(part, NamesMultipliers):
-            names, units = zip(*part.components, strict=True)
-            found[block.name] = tuple(zip(distinct_names(list(names)), units, strict=True))
-    return found
-
-
-def _header(
-    scene: Scene, model: Model, solver: StepSolver, steps: int, errors: ErrorRecord | None
-) -> RunHeader:
-    from importlib.metadata import entry_points
-
-    found = entry_points()
-    groups = [g for g in found.groups if g.startswith("sparsemor.")]
-    # one reading of metadata for each distribution, not for each of its plugins
-    offering = {e.dist for g in groups for e in found.select(group=g) if e.dist is not None}
-    names = {"sparsemor", "numpy", "scipy", "scikit-fem", "pydantic", *(d.name for d in offering)}
-    import platform
-
-    dump = scene.dump()
-    return RunHeader(
-        scene=dump, scene_digest=scene.digest(), seed=scene.seed,
-        identity=Identity.of(scene).plain(), platform=described(),
-        versions={"python": platform.python_version()} | {n: version(n) for n in sorted(names)},
-        reducer=scene.reducer_name, layout=solver.layout, full_layout=model.layout,
-        step=scene.time.step, steps_planned=steps, dictionaries=solver.dictionaries,
-        rows=solver.rows,
-        bodies=shapes(model),
-        probes=tuple(ProbeReader.of(p, solver.layout, solver.dictionaries).header()
-                     for p in model.probes),
-        stage=model.stage,
-        contacts={a.name: a.term.histories for a in resultant_sources_of(solver, None)}
-        if model.stage is None else {},
-        multipliers=multiplier_components(model),
-        estimates=() if errors is None else errors.estimator.blocks,
-    )

@@ -14,46 +14,39 @@ import numpy as np
 from sparsemor.core.errors import Damaged, InputError
 from sparsemor.core.linalg.threads import fixed_threads
 from sparsemor.core.model.body_cache import BodyCache
-from sparsemor.core.model.initial_state import consistent_state
 from sparsemor.core.model.model import Model
 from sparsemor.core.notes import Note
 from sparsemor.core.protocols import (
-    ErrorEstimator,
-    EstimatesErrors,
     ManySteps,
     RedrawsRows,
-    ReducedProblem,
     State,
     StepMemory,
-    StepSolver,
 )
 from sparsemor.core.registry.hooks import Manager, RunStart, new_manager
 from sparsemor.core.registry.returned_values import complete
 from sparsemor.core.results.output_lock import owned
 from sparsemor.core.results.run_result import RunResult
+from sparsemor.core.results.store import ResultWriter
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.admission import admit, kept
 from sparsemor.core.simulation.cache import Cache
+from sparsemor.core.simulation.diagnostics.alternating_joint_forces import alternating_forces
 from sparsemor.core.simulation.diagnostics.contact_warnings import contact_warnings
-from sparsemor.core.simulation.diagnostics.plausibility import after_run, before_run, of_solver
+from sparsemor.core.simulation.diagnostics.plausibility import after_run
 from sparsemor.core.simulation.diagnostics.trial_space import (
     beyond_training,
-    space_notes,
-    trial_spaces,
 )
+from sparsemor.core.simulation.diagnostics.undershoot import undershoot
 from sparsemor.core.simulation.error_record import ErrorRecord, large_estimates
 from sparsemor.core.simulation.interrupt import Interrupt
-from sparsemor.core.simulation.linearization import check_run
-from sparsemor.core.simulation.memory.disk import room_for_result
 from sparsemor.core.simulation.memory.limits import peak
 from sparsemor.core.simulation.memory.use import MemoryUse
 from sparsemor.core.simulation.offline import Offline, step_count
-from sparsemor.core.simulation.prepare import prepared
+from sparsemor.core.simulation.prepare import PreparedRun, prepared_run
 from sparsemor.core.simulation.recorder import Recorder, in_summary
 from sparsemor.core.simulation.step_control import (
     ControlledSteps,
     ControlMemory,
-    controlled,
     step_of,
 )
 from sparsemor.core.simulation.step_statistics import Tally
@@ -92,51 +85,42 @@ def _simulate(
         admit(scene, Path(out), resume)
     elif resume:
         raise InputError("resume needs the directory of the result to continue", "out")
-    model, offline = prepared(scene, cache or Cache(), manager, body_cache)
-    if not resume:  # what is left to write is less than the whole
-        room_for_result(scene, model, Path(gettempdir() if out is None else out))
+    place = Path(gettempdir() if out is None else out)
+    run, offline = prepared_run(  # what is left to write is less than the whole
+        scene, cache or Cache(), manager, body_cache, None if resume else place)
+    tally = Tally(offline=time.perf_counter() - begun)
+    path = Path(out) if out is not None else _temporary()
+    recorder = Recorder.open(run, path, resume, step_count(scene), offline.products)
+    recorder.memory = MemoryUse(offline.expected, peak())
+    assert run.model is not None and isinstance(recorder.writer, ResultWriter)
+    # snapshots are those of a whole run: not of the rest of an interrupted one
+    keeper = _keeper(scene, run.model, offline) if keep_training and not resume else None
+    with kept(recorder.writer, new=recorder.checkpoint is None):
+        result = stepped(run, recorder, manager, tally, keeper)
+    if keeper is not None:
+        offline.keep_training(keeper.finished(), tally.online)
+    return result
+
+
+def stepped(
+    run: PreparedRun, recorder: Recorder, manager: Manager, tally: Tally,
+    keeper: SnapshotKeeper | None = None,
+) -> RunResult:
+    """All steps of a prepared run, or those after its checkpoint. Raises SolveFailed with the
+    results up to there in `.result`."""
+    scene, solver = run.scene, run.solver
     with np.errstate(all="ignore"):  # overflow ends in a status, not in a warning
-        problem = ReducedProblem(
-            model, scene.integrator, scene.time.step, offline, np.random.default_rng(scene.seed))
-        solver: StepSolver = scene.reducer.prepare(problem)
-        complete(solver, StepSolver, scene.reducer, "prepare", "reducer")
-        full = consistent_state(model)
-        notes, stability = check_run(scene, model, solver, full, offline)
-        spaces = trial_spaces(model, offline, solver.dictionaries, scene.time.step, scene.time.end)
-        estimator = _estimator(scene.reducer, problem, solver)
-        solver = controlled(scene, model, offline, solver)
-        state, memory = started(solver, scene.integrator, full)
+        state, memory = started(solver, scene.integrator, run.start)
         complete(memory, StepMemory, scene.reducer, "start", "reducer")
         many = many_steps(solver, scene.integrator, scene.time.step, step_count(scene))
-        tally = Tally(offline=time.perf_counter() - begun)
-        path = Path(out) if out is not None else _temporary()
-        recorder = Recorder.open(
-            scene, model, solver, offline, path, resume, step_count(scene),
-            None if estimator is None else ErrorRecord(estimator, full, state))
-        recorder.notes, recorder.stability = (
-            *before_run(scene, model), *of_solver(scene, solver), *notes, *space_notes(spaces),
-            *(() if estimator is None else estimator.notes), *recorder.notes), stability
-        recorder.spaces = spaces
-        recorder.memory = MemoryUse(offline.expected, peak())
+        if run.estimator is not None:
+            recorder.errors = ErrorRecord(run.estimator, run.start, state)
         if recorder.checkpoint is not None:
             state, memory, tally = recorder.restored(state, memory, tally)
         sampled = solver.rows_at(memory) if isinstance(solver, RedrawsRows) else solver.rows
         for block, rows in sampled.items():
             manager.hook.on_resample(block=block, rows=rows)
-        keeper = _keeper(scene, model, offline) if keep_training else None
-        with kept(recorder.writer, new=recorder.checkpoint is None):
-            return _Run(
-                scene, solver, recorder, manager, state, memory, tally, keeper, many).go()
-
-
-def _estimator(
-    reducer: object, problem: ReducedProblem, solver: StepSolver
-) -> ErrorEstimator | None:
-    """Estimator of the error of the coming run, if the reducer has one and its options request
-    it."""
-    if not isinstance(reducer, EstimatesErrors):
-        return None
-    return reducer.error_estimator(problem, solver)
+        return _Run(run, recorder, manager, state, memory, tally, keeper, many).go()
 
 
 def _keeper(scene: Scene, model: Model, offline: Offline) -> SnapshotKeeper | None:
@@ -159,15 +143,15 @@ class _Run:
     """Time loop of one run: constant data, current state, step memory and statistics."""
 
     def __init__(
-        self, scene: Scene, solver: StepSolver, recorder: Recorder, manager: Manager,
+        self, run: PreparedRun, recorder: Recorder, manager: Manager,
         state: State, memory: StepMemory, tally: Tally, keeper: SnapshotKeeper | None = None,
         many: ManySteps | None = None,
     ) -> None:
-        self.scene, self.solver, self.recorder, self.manager = scene, solver, recorder, manager
+        self.run, self.scene, self.solver = run, run.scene, run.solver
+        self.recorder, self.manager = recorder, manager
         self.state, self.memory, self.tally, self.many = state, memory, tally, many
-        self.steps = step_count(scene)
-        # snapshots are those of a whole run: not of the rest of an interrupted one
-        self.keeper = keeper if tally.done == 0 else None
+        self.steps = step_count(run.scene)
+        self.keeper = keeper
 
     def go(self) -> RunResult:
         tally, recorder, hook = self.tally, self.recorder, self.manager.hook
@@ -214,9 +198,7 @@ class _Run:
             summary |= {key: [*summary[key], *texts] for key, texts in found.items()}
         self.recorder.finish(status, summary)
         self.manager.hook.on_finish(summary=summary)
-        if failure is None and self.keeper is not None:
-            self.recorder.offline.keep_training(self.keeper.finished(), self.tally.online)
-        result = RunResult(self.recorder.store)
+        result = self.recorder.writer.result()
         if failure is not None:
             failure.result = result
             raise failure
@@ -224,10 +206,16 @@ class _Run:
 
     def _found_after(self) -> tuple[Note, ...]:
         """Notes on the stored results. Raises OSError if a part of them has been lost since."""
-        model, kept = self.recorder.model, RunResult(self.recorder.store)
+        run, result = self.run, self.recorder.writer.result()
+        model, notes = run.model, list(run.contacts or ())
         try:
-            return (*contact_warnings(model, kept), *after_run(model, kept), *large_estimates(kept),
-                    *beyond_training(self.recorder.spaces, kept, self.scene.training_end))
+            if model is not None and run.contacts is None:
+                notes += contact_warnings(model, result)
+            notes += alternating_forces(result)
+            if model is not None:
+                notes += (*undershoot(model, result), *after_run(model, result))
+            return (*notes, *large_estimates(result),
+                    *beyond_training(run.spaces, result, run.trained_to))
         except Damaged as error:
             raise OSError(errno.EIO, str(error)) from None
 

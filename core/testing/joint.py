@@ -18,7 +18,7 @@ from sparsemor.core.testing.assembled import (
     small_scene,
     start_residual,
 )
-from sparsemor.core.testing.parts import check_parts
+from sparsemor.core.testing.parts import check_parts, terms_of
 from sparsemor.core.testing.random_inputs import law
 
 NAME = "joint"
@@ -28,7 +28,7 @@ def check_joint(plugin: JointPlugin, bodies: Entries, seed: int = 0) -> None:
     """Laws of a joint: terms that satisfy the laws of a term (`check_term`); constraint rows that
     are independent and satisfied at the start; reaction forces that do no work along the constraint
     (their matrix is the transpose of the constraint rows); one name per Lagrange multiplier, if the
-    joint names them; a short run.
+    joint names them; a short run. A force element, such as a spring, has no constraint rows.
 
     bodies: those that the joint connects, as entries of a scene.
     """
@@ -39,8 +39,9 @@ def check_joint(plugin: JointPlugin, bodies: Entries, seed: int = 0) -> None:
     part = model.parts[NAME]
     block = model.layout.multipliers(NAME)
     if block is None:
-        law(isinstance(part, ChangesBodies) and part.adjusted,
-            "it has no multipliers and changes no body")
+        forces = any(len(term.rows) for term in terms_of(model, NAME))
+        law(forces or (isinstance(part, ChangesBodies) and part.adjusted),
+            "it has no multipliers, adds no forces and changes no body")
     else:
         if isinstance(part, NamesMultipliers):
             law(len(part.components) == block.size,

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sparsemor.core.arrays import FloatArray, IntArray
-from sparsemor.core.protocols import Term, Trial
+from sparsemor.core.protocols import HasPointArrays, PointArrays, Term, Trial
 from sparsemor.core.testing.random_inputs import law
 
 
@@ -42,8 +42,9 @@ def check_term(
     term: Term, rng: np.random.Generator, base: FloatArray | None = None, scale: float = 1.0,
     trials: int = 5, rtol: float = 1e-6, same_rates: bool = False,
 ) -> None:
-    """Laws of a term of the equations: `restrict` (to some rows) and `compress` (projection) agree
-    with the residual and the Jacobian, and the Jacobian agrees with central differences.
+    """Laws of a term of the equations: `restrict` (to some rows) and `compress` (projection, with
+    its arrays if it has any) agree with the residual and the Jacobian, and the Jacobian agrees with
+    central differences.
 
     Unknowns are drawn around `base` (n,) at the term's columns (zeros when left out), they and
     their rates with standard deviation `scale`: give both where random numbers are not admissible,
@@ -148,6 +149,32 @@ def _compressed(
     terms = np.abs(left) @ (np.abs(of_x) + np.abs(of_v) + np.abs(of_a)) @ np.abs(Z)
     same = _close(slope, left @ J, terms)
     law(same, "compress: the Jacobian differs from left @ jacobian @ atoms")
+    made = reduced.arrays() if isinstance(reduced, HasPointArrays) else None
+    if made is not None:
+        r_too, J_too = _by_arrays(made, xi, xi1, t, c1)
+        law(_close(r_too, got, size), "the law on arrays differs from its residual")
+        law(_close(J_too, slope, terms), "the law on arrays differs from its Jacobian")
+
+
+def _by_arrays(
+    a: PointArrays, x: FloatArray, v: FloatArray, t: float, c1: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Residual and Jacobian of a projected term from its arrays."""
+    (E, Q), weights = a.weights.shape, a.weights.ravel()
+    z = a.P @ x + a.offset + a.effects @ np.array([f(t) for f in a.values])
+    w = a.P @ v + a.effects @ np.array([f(t) for f in a.rates])
+    at = [start + (np.arange(E * Q) if width == Q else np.repeat(np.arange(E), Q))
+          for start, width, _ in a.reads.tolist()]
+    values = np.array([(w if rate else z)[i] for i, rate in zip(at, a.reads[:, 2], strict=True)])
+    y, slopes = np.zeros((len(a.tests), E * Q)), np.zeros((len(a.law.pairs), E * Q))
+    gains = np.array([f(t) for f in a.law.amplitudes])
+    a.law.function(a.law.numbers, gains, values, a.coordinates, y, slopes)
+    tests = [L if L.shape[1] == E * Q else np.repeat(L, Q, axis=1) * weights for L in a.tests]
+    r = sum(L @ flux for L, flux in zip(tests, y, strict=True))
+    J = np.zeros((len(tests[0]), len(x)))
+    for (i, j), slope in zip(a.law.pairs.tolist(), slopes, strict=True):
+        J += (tests[i] * slope) @ a.P[at[j]] * (c1 if a.reads[j, 2] else 1.0)
+    return np.asarray(r), J
 
 
 def _close(a: FloatArray, b: FloatArray, scale: FloatArray) -> bool:

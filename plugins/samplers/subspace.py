@@ -21,6 +21,10 @@ class SpanSampler(RowSampler):
     of: Of = "operator"
     """Vectors whose rows are compared: `operator`: D times the atoms, with the operator D of a time
     step; `atoms`: the atoms themselves."""
+    leading: int | None = Field(default=None, ge=1)
+    """Number of leading atoms whose rows are compared; left out: all. All rows of a complete
+    orthonormal basis have the same norm, so that none is better than another: there the atoms that
+    carry the snapshots decide."""
     step: float | None = Field(default=None, gt=0.0)
     """Step size h in the operator D, s: stiffness + mass / h^2 for displacements, conductivity +
     capacity / h for temperatures. Left out: the operator of the scene's own step and integrator. A
@@ -42,7 +46,7 @@ class SpanSampler(RowSampler):
     def _vectors(self, block: BlockData, dictionary: Dictionary) -> FloatArray:
         """Vectors (n, k) whose rows are compared; columns that are only round-off are set to
         zero."""
-        T = dictionary.atoms
+        T = dictionary.atoms[:, : self.leading]
         if self.of == "atoms":
             return T
         D = block.operator

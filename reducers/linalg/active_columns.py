@@ -5,7 +5,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from sparsemor.core import FloatArray, IntArray
+from sparsemor.core import BoolArray, FloatArray, IntArray
 
 KEPT = 16
 """Number of sets of nonzero entries whose columns are kept."""
@@ -23,25 +23,42 @@ def few(active: IntArray | None, columns: int) -> bool:
 
 
 class ActiveColumns:
-    """Matrix A (r, k) whose columns are read only where the vector is nonzero.
+    """Matrix A (m, k), or left A (r, k), whose columns are read, and multiplied by `left` (r, m),
+    only where the vector is nonzero.
 
     The columns of recent sets of nonzero entries are kept, because supports change seldom: a
     product then costs r times the number of nonzero entries. Results do not depend on the order of
-    the products, so that several threads may share one object.
+    the products, so that several threads may share one object. A is not copied where its columns
+    are contiguous.
     """
 
-    def __init__(self, A: FloatArray) -> None:
-        self.transposed = np.ascontiguousarray(A.T)
+    def __init__(self, A: FloatArray, left: FloatArray | None = None) -> None:
+        self.transposed, self.left = np.ascontiguousarray(A.T), left
         self._columns = lru_cache(maxsize=KEPT)(self._gathered)
 
     def times(self, u: FloatArray) -> FloatArray:
         """A u (r,), or U A^T (j, r) for several vectors U (j, k)."""
-        size = np.abs(u)
-        some = size > NEGLIGIBLE * size.max(initial=0.0)
-        if u.ndim > 1:
-            some = some.any(axis=0)
+        some = _nonzero(u)
         return np.asarray(u[..., some].dot(self._columns(some.tobytes())))
+
+    def magnitude(self, u: FloatArray) -> FloatArray:
+        """|A| |u| (r,), the size of the terms of A u."""
+        some = _nonzero(u)
+        return np.asarray(np.abs(u[some]).dot(np.abs(self._columns(some.tobytes()))))
+
+    @property
+    def whole(self) -> FloatArray:
+        """All columns (r, k)."""
+        return self._gathered(np.ones(len(self.transposed), dtype=np.bool_).tobytes()).T
 
     def _gathered(self, nonzero: bytes) -> FloatArray:
         """Columns (j, r), transposed, in a mask (k,)."""
-        return self.transposed[np.frombuffer(nonzero, dtype=np.bool_)]
+        some = self.transposed[np.frombuffer(nonzero, dtype=np.bool_)]
+        return some if self.left is None else some @ self.left.T
+
+
+def _nonzero(u: FloatArray) -> BoolArray:
+    """Mask (k,) of the entries of u (k,), or the columns of u (j, k), that count."""
+    size = np.abs(u)
+    some = size > NEGLIGIBLE * size.max(initial=0.0)
+    return np.asarray(some.any(axis=0) if u.ndim > 1 else some)

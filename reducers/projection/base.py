@@ -48,7 +48,7 @@ from sparsemor.reducers.step.coupled_reduced import (
     reduced_general,
 )
 from sparsemor.reducers.step.newton.equations import Equations
-from sparsemor.reducers.step.newton.fallback import FullNewton
+from sparsemor.reducers.step.newton.fallback import Assembled, FullNewton
 from sparsemor.reducers.step.operators import TestedElastic, TestedHeat
 from sparsemor.reducers.step.prepare import constants, stepper
 from sparsemor.reducers.step.solver import Facts, Stepper
@@ -68,6 +68,13 @@ class ProjectionReducer(ReducedStepOptions, ABC):
     bases: dict[str, Annotated[Basis, Slot("basis")]] = {}
     """Other bases by block pattern, such as `*.thermal`."""
     shared_options: ClassVar[tuple[str, ...]] = BASES
+
+    @property
+    def stored_classes(self) -> Sequence[object]:
+        """Classes of the step solvers of a kept model."""
+        from sparsemor.reducers.stored_classes import CLASSES
+
+        return CLASSES
 
     @abstractmethod
     def maps(self, block: Reducible) -> Maps:
@@ -217,4 +224,4 @@ def fast(
         {n: block.elements for n, block in heat.items()})
     # made here, so that what steps does not hold the model
     whole: Equations = reduced_general(projected, tolerances, points).equations
-    return replace(made, newton=FullNewton(lambda: whole, tolerances))
+    return replace(made, newton=FullNewton(Assembled(whole), tolerances))

@@ -4,8 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Self, TypeAlias, TypeVar
 
-from sparsemor.reducers.step.blocks.compressed_elastic import CompressedElastic
-from sparsemor.reducers.step.blocks.compressed_prescribed import CompressedPrescribed
+from sparsemor.reducers.sparse.sampled_block import ReducedElastic
 from sparsemor.reducers.step.blocks.thermal_block import CompressedHeat
 from sparsemor.reducers.step.memory import Memory
 from sparsemor.reducers.step.solver import Stepper
@@ -13,7 +12,6 @@ from sparsemor.reducers.step.solver import Stepper
 KEPT = 64
 """Number of supports (sets of active atoms) whose reduced operators are kept: supports often
 recur."""
-ElasticPart: TypeAlias = CompressedElastic | CompressedPrescribed
 Supports: TypeAlias = tuple[int, str, bytes]
 """Key of reduced operators: number of the set of rows, block ("" for all together), and its
 support."""
@@ -28,7 +26,7 @@ class SparseMemory(Memory):
 
     step: int = 0
     heat: dict[Supports, CompressedHeat] = field(default_factory=dict)
-    elastic: dict[Supports, ElasticPart] = field(default_factory=dict)
+    elastic: dict[Supports, ReducedElastic] = field(default_factory=dict)
     steppers: dict[Supports, Stepper] = field(default_factory=dict)
     current: Stepper | None = None
 

@@ -54,6 +54,13 @@ class Sparse(SparseOptions):
 
     shared_options: ClassVar[tuple[str, ...]] = (*BASES, "budgets")
 
+    @property
+    def stored_classes(self) -> Sequence[object]:
+        """Classes of the step solvers of a kept model."""
+        from sparsemor.reducers.stored_classes import CLASSES
+
+        return CLASSES
+
     def field_budget(self, field: str) -> BlockBudget | None:
         found = of_field(field, self.budgets)
         return None if found is None else BlockBudget(found.rows, found.atoms)

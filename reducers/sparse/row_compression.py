@@ -4,6 +4,8 @@ All operators of a block have few columns, so that their m rows span a space of 
 an orthonormal basis of it, ordered as [range of B | frame directions P | rest], every residual has
 the same norm and every least-squares problem the same solution. B and P vanish in the rest. Where
 columns of B are linearly dependent, QR adds arbitrary orthonormal vectors, which does no harm.
+Where B has at least as many columns as rows, as with a complete basis, nothing is compressed: a
+rotation of m rows of several matrices with k columns would take m^2 k operations each.
 """
 
 from typing import NamedTuple
@@ -30,16 +32,20 @@ class CompactElastic(NamedTuple):
 
 class CompactHeat(NamedTuple):
     """Thermal operators and B (l, k) in the compressed rows; turn (m, l): their orthonormal basis
-    in the sampled rows; reach: number of its first columns that span the range of B."""
+    in the sampled rows, None where they are the same; reach: number of its first columns that span
+    the range of B."""
 
     tested: TestedHeat
     B: FloatArray
-    turn: FloatArray
+    turn: FloatArray | None
     reach: int
 
 
 def compact_elastic(t: TestedElastic, B: FloatArray) -> CompactElastic:
     """Compressed rows of B (m, k) and of the elastic operators in the same m sampled rows."""
+    m, k = B.shape
+    if k >= m:
+        return CompactElastic(t, B, m, m)
     Z = np.linalg.qr(_unit(B))[0]
     reach, Z = Z.shape[1], _joined(Z, t.directions)
     first = Z.shape[1]
@@ -52,6 +58,9 @@ def compact_elastic(t: TestedElastic, B: FloatArray) -> CompactElastic:
 def compact_heat(t: TestedHeat, B: FloatArray, whole: bool = False) -> CompactHeat:
     """Compressed rows of B (m, k) and of the thermal operators in the same m sampled rows; whole:
     as many as there are sampled rows, for blocks with local terms, whose span is not known."""
+    m, k = B.shape
+    if k >= m:
+        return CompactHeat(t, B, None, m)
     Z = np.linalg.qr(_unit(B))[0]
     reach = Z.shape[1]
     Z = _joined(Z, np.eye(len(B)) if whole else np.hstack([
@@ -63,10 +72,10 @@ def _joined(Z: FloatArray, A: FloatArray) -> FloatArray:
     """Orthonormal Z (m, j) extended by columns that complete it to the span of [Z A]; at most m
     columns."""
     A, room = _unit(A), len(A) - Z.shape[1]
-    for _ in range(2):  # the second pass removes what rounding left of the first
-        A = A - Z @ (Z.T @ A)
     if room == 0 or A.shape[1] == 0:
         return Z
+    for _ in range(2):  # the second pass removes what rounding left of the first
+        A = A - Z @ (Z.T @ A)
     R, order = linalg.qr(A, mode="r", pivoting=True)
     kept = order[: len(R)][np.abs(np.diag(R)) > DEPENDENT][:room]
     # one factorization of both: a short column alone would not stay orthogonal to Z

@@ -3,6 +3,7 @@ operators for a support (set of active atoms)."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 import numpy as np
 from scipy.sparse import eye_array
@@ -29,14 +30,17 @@ from sparsemor.core import (
     solve_or_fail,
     unit_columns,
 )
+from sparsemor.reducers.linalg.active_columns import few
 from sparsemor.reducers.linalg.left_inverse import SAMPLED_RTOL, left_inverse, squares
 from sparsemor.reducers.sparse.row_compression import compact_elastic, compact_heat
 from sparsemor.reducers.step.blocks.compressed_elastic import CompressedElastic
 from sparsemor.reducers.step.blocks.compressed_prescribed import CompressedPrescribed
+from sparsemor.reducers.step.blocks.selected_prescribed import SelectedPrescribed
 from sparsemor.reducers.step.blocks.thermal_block import CompressedHeat
 from sparsemor.reducers.step.operators import TestedElastic, TestedHeat, TestMap
 from sparsemor.reducers.trial_bases import local_terms
 
+ReducedElastic: TypeAlias = CompressedElastic | CompressedPrescribed | SelectedPrescribed
 _CHUNK = 256
 """Number of right-hand sides that are solved at once."""
 
@@ -131,14 +135,20 @@ class SampledElastic:
             return cls(block, tested, (tested, block.B), len(block.B), tested,
                        ReachedColumns.of(block.name, block.B), prescribed, step)
         t, B, reach, first = compact_elastic(tested, block.B)
+        if reach == len(B):
+            t = t.by_columns()
+            return cls(block, tested, (t, B), first, t, ReachedColumns.of(block.name, B),
+                       prescribed, step)
         near = np.arange(reach)
         return cls(block, tested, (t, B), first, t.under(TestMap(near)),
                    ReachedColumns.of(block.name, B[near]), prescribed, step)
 
-    def prepared(self, support: IntArray | None) -> CompressedElastic | CompressedPrescribed:
+    def prepared(self, support: IntArray | None) -> ReducedElastic:
+        left, c1, c2 = self.columns.left(support), self.step.c1, self.step.c2
+        if self.prescribed and support is not None and few(support, self.block.atoms):
+            return SelectedPrescribed.of(self.reached, left, support, c1, c2)
         kind = CompressedPrescribed if self.prescribed else CompressedElastic
-        return kind.of(
-            self.reached, self.columns.left(support), support, self.step.c1, self.step.c2)
+        return kind.of(self.reached, left, support, c1, c2)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import replace
 from math import inf, sqrt
+from typing import Any
 
 import numpy as np
 
@@ -58,6 +59,13 @@ class Mechanics:
             self.turning |= own.any(axis=0)
         self.with_motion = [(slice(at.start, at.start + b.frame.rigid_size), b.guide)
                        for b, at in zip(bodies, self.at, strict=True) if b.guide is not None]
+
+    def parts(self) -> tuple[Any, ...]:
+        return self.bodies, self.n_rigid, self.algebraic, self.targets, self.tol
+
+    @classmethod
+    def of_parts(cls, *parts: Any) -> "Mechanics":
+        return cls(*parts)
 
     def workspace(self) -> Workspace:
         """Working arrays for one run, or one thread."""

@@ -20,8 +20,10 @@ from sparsemor.core import (
     ElasticOperators,
     FloatArray,
     Frame,
+    HasPointArrays,
     HeatBody,
     IntArray,
+    PointArrays,
     ReducedTerm,
     Table,
     Trial,
@@ -68,10 +70,11 @@ class TestMap:
 @dataclass(frozen=True, slots=True, eq=False)
 class TestedLocal:
     """A local term of an elastic block on the trial basis and under the test map, as a function of
-    the coefficients [c | cT] of displacements and temperatures; left: a further test map of its
-    rows, None for the identity."""
+    the coefficients [c | cT] of displacements and temperatures; still: True if it depends on
+    temperatures alone; left: a further test map of its rows, None for the identity."""
 
     term: ReducedTerm
+    still: bool
     left: FloatArray | None = None
 
     @classmethod
@@ -91,17 +94,22 @@ class TestedLocal:
         m = len(local.rows)
         seen = test(csr_array((np.ones(m), (local.rows, np.arange(m))), shape=(n, m)))
         left = np.ascontiguousarray(seen.toarray() if issparse(seen) else seen)
-        return cls(local.term.compress(Trial(wide, offset), left))
+        return cls(local.term.compress(Trial(wide, offset), left), bool(hot.all()))
 
     def under(self, test: TestMap, m: int) -> "TestedLocal":
         """The term with a further test map of its m rows."""
         left = test(np.eye(m) if self.left is None else self.left)
-        return TestedLocal(self.term, np.ascontiguousarray(left))
+        return TestedLocal(self.term, self.still, np.ascontiguousarray(left))
 
     def rows(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> FloatArray:
         """Forces (m,) at coefficients [c | cT] and their rates."""
         r = self.term.residual(x, v, a, t)
         return r if self.left is None else np.asarray(self.left @ r)
+
+    def arrays(self) -> PointArrays | None:
+        """The term as arrays, None where the projected one has none."""
+        made = self.term.arrays() if isinstance(self.term, HasPointArrays) else None
+        return made if made is None or self.left is None else made.through(self.left)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -160,16 +168,18 @@ class TestedElastic:
             Kt = push(ops.coupling)
             constant = constant - Kt @ heat.offset
             coupling = np.asarray(Kt @ heat.atoms)
-        MT, k = [np.asarray(M @ T) for M in ops.generators], T.shape[1]
+        k, turns, damped = T.shape[1], ops.generators, bool(ops.damping.nnz)
         none = np.zeros((0, len(constant), k))
+        mass = np.asarray(test(ops.mass @ T))
         return cls(
-            frame=frame, mass=np.asarray(test(ops.mass @ T)),
-            damping=np.asarray(test(ops.damping) @ T),
+            frame=frame, mass=mass,
+            damping=np.asarray(test(ops.damping) @ T) if damped else np.zeros(mass.shape),
             stiffness=np.asarray(test(ops.stiffness) @ T),
-            generators=np.stack([np.asarray(push(A)) for A in MT]) if MT else none,
+            generators=np.stack([np.asarray(push(M @ T)) for M in turns]) if turns else none,
             directions=np.asarray(push(P)), coupling=coupling, loads=np.asarray(push(ops.loads)),
             constant=np.asarray(constant),
-            quadratic=np.stack([T.T @ A for A in MT]) if MT and rigid else np.zeros((0, k, k)),
+            quadratic=np.stack([T.T @ (M @ T) for M in turns]) if turns and rigid else np.zeros(
+                (0, k, k)),
             functional=P.T @ T, amplitudes=ops.amplitudes,
             tables=projected_tables(ops.tables, push),
             local=tuple(TestedLocal.of(part, atoms, heat, push) for part in ops.local),
@@ -197,6 +207,15 @@ class TestedElastic:
             directions=test(self.directions), coupling=test(self.coupling), loads=test(self.loads),
             constant=constant, tables=test.of_tables(self.tables),
             local=tuple(part.under(test, m) for part in self.local))
+
+    def by_columns(self) -> "TestedElastic":
+        """These operators with contiguous columns."""
+        return replace(
+            self, mass=np.asfortranarray(self.mass), damping=np.asfortranarray(self.damping),
+            stiffness=np.asfortranarray(self.stiffness),
+            coupling=np.asfortranarray(self.coupling),
+            generators=np.ascontiguousarray(
+                self.generators.transpose(0, 2, 1)).transpose(0, 2, 1))
 
     def block(self, c1: float, c2: float) -> FloatArray:
         """Operator D = stiffness + c1 damping + c2 mass of a step, (m, k)."""

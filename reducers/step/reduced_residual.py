@@ -50,6 +50,13 @@ class DenseBody:
         used = np.any(step.to_border != 0.0, axis=0)  # of all rigid unknowns and multipliers
         self.at, self.map = border[used], np.ascontiguousarray(step.to_border[:, used])
 
+    def parts(self) -> tuple[Any, ...]:
+        return self.step, self.tested, self.border
+
+    @classmethod
+    def of_parts(cls, *parts: Any) -> "DenseBody":
+        return cls(*parts)
+
     def prescribed(self, t: float) -> FloatArray:
         assert self.tested is not None
         return plus_loads(self.tested.constant, self.tested, t, -1.0)

@@ -1,7 +1,7 @@
 """Block-wise solution of a step: heat first, then mechanics. Shared by all reducers."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from sparsemor.core import (
     Status,
     StepFormula,
     StepOutcome,
+    Table,
     least_squares_coefficients,
     motion_step,
 )
@@ -73,6 +74,8 @@ class Stepper:
     """True if any elastic block has an iterative linear solver."""
     hot: tuple[tuple[str, slice | IntArray], ...] = ()
     """Name and unknowns of each thermal block, or of several that are solved together."""
+    meshless: bool = False
+    """True if `start` takes a state in the reduced unknowns."""
     newton: FullNewton | None = None
     """Newton's method with the exact Jacobian, for steps whose mechanics do not converge."""
 
@@ -103,9 +106,26 @@ class Stepper:
             past=Past(self.points, reduced.x, block_starts(self.layout)), work=self.workspace(),
             factorizations=self.factorizations)
 
+    def projection(self, state: State) -> State:
+        """A full-order state in the unknowns of this model."""
+        return state if self.meshless else reduce_state(state, self.layout, self.dictionaries)
+
+    def without_mesh(self) -> "Stepper":
+        """This step solver without operators and bases of the mesh's size, and with the loads of
+        the consistent start at that time only."""
+        moving = tuple(replace(m, operators=None) for m in self.separated.moving)
+        bases = {n: replace(d, atoms=d.atoms[:0], offset=d.offset[:0], provenance=())
+                 for n, d in self.dictionaries.items()}
+        own = {f.name: getattr(self, f.name) for f in fields(Stepper)}
+        tested = {n: replace(t, tables=tuple(Table(p.times[:1], p.at(0.0)[None]) for p in t.tables))
+                  for n, t in self.tested.items()}
+        separated = replace(self.separated, moving=moving, heat=(), couplings=(), other=())
+        return Stepper(**{**own, "meshless": True, "tested": tested, "dictionaries": bases,
+                          "separated": separated})
+
     def reduced(self, state: State) -> State:
         """A full-order state in the unknowns of this model, with consistent rates."""
-        reduced = reduce_state(state, self.layout, self.dictionaries)
+        reduced = self.projection(state)
         for name, at in self.hot:
             if self.dictionaries and name in self.heat:  # not where atoms are selected
                 reduced.v[at] = self.heat[name].start_rates(
@@ -143,7 +163,8 @@ class Stepper:
                 return now.outcome(status, n, name, detail)
             iterations = max(iterations, n)
         if self.mechanics is not None and self.mechanics.bodies:
-            scales = memory.scales.copy() if self.separated.elastic_local else None
+            local = any(b.local is not None for b in self.elastic.values())
+            scales = memory.scales.copy() if local else None
             status, iterations, block, detail = self.mechanics.solve(
                 step, now, memory.scales, memory.work)
             if self.iterating:

@@ -3,7 +3,7 @@
 from bisect import bisect_left
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -47,6 +47,13 @@ class TimeTable:
             return cls(source, single=single)
         near = NEAR * float(np.diff(times).min()) if len(times) > 1 else 0.0
         return cls(source, tuple(times.tolist()), source(times), near, single)
+
+    def parts(self) -> tuple[Any, ...]:
+        return self.source, np.array(self.times), self.single
+
+    @classmethod
+    def of_parts(cls, *parts: Any) -> "TimeTable":
+        return cls.of(*parts)
 
     def at(self, t: float) -> FloatArray:
         """Values (m,) at time t, s."""

@@ -105,6 +105,14 @@ class Stepping:
         self.state, self.memory = taken.state, taken.memory
         return taken.seconds, taken.outcome.iterations
 
+    def take(self, steps: int) -> None:
+        """Takes the next steps."""
+        if self.many:
+            self._together(steps)
+        else:
+            for _ in range(steps):
+                self.step()
+
     def advance(self, steps: int) -> tuple[float, float]:
         """Median ms and mean iterations of the next steps."""
         with no_collector():

@@ -29,6 +29,8 @@ from sparsemor.core.model.model import Model
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.testing.in_memory_run import March, march
+from sparsemor.reducers.step.compiled.compile import installed
+from sparsemor.reducers.step.compiled.stepper import compilable
 
 FLUX = "loads.heating.flux"
 HISTORIES: dict[str, Any] = {
@@ -37,7 +39,7 @@ HISTORIES: dict[str, Any] = {
     "ramp": {"use": "table", "times": [0.0, 1.0], "values": [0.0, 1.4e7]}}
 """Histories of the flux in runs, W/m2; none of them is that of the training run."""
 REDUCERS = ("galerkin", "ecsw")
-ERROR, FULL_TO_BEST = 1e-4, 25.0
+ERROR, FULL_TO_BEST, FULL_TO_COMPILED = 1e-4, 25.0, 100.0
 
 
 @dataclass(frozen=True)
@@ -122,6 +124,9 @@ def measured(out: report.Report, elements: int, given: argparse.Namespace) -> No
             report.progress(f"{title}, {name}, {history}: {found}")
         solver, seconds = prepared(case, name)
         solvers[name] = solver
+        if installed() and not given.quick:
+            solvers[f"{name}, compiled"] = compilable(solver, "on")
+            rows[f"{name}, compiled"] = {"method": f"{name}, compiled"}
         rows[name] = {
             "method": name, "elements": sum(solver.elements_touched[b] for b in case.snapshots),
             "offline_s": seconds,
@@ -137,6 +142,9 @@ def measured(out: report.Report, elements: int, given: argparse.Namespace) -> No
     best = min(REDUCERS, key=lambda name: rows[name]["ms"])
     out.at_most(f"{title}: {best}, largest error of a field", largest[best], ERROR)
     out.at_least(f"{title}: full order over {best}", full / rows[best]["ms"], FULL_TO_BEST)
+    if f"{best}, compiled" in rows:
+        out.at_least(f"{title}: full order over {best}, compiled",
+                     full / rows[f"{best}, compiled"]["ms"], FULL_TO_COMPILED)
 
 
 def prepared(case: Case, name: str) -> tuple[Any, float]:
@@ -156,10 +164,11 @@ def timed(case: Case, solvers: Mapping[str, Any], given: argparse.Namespace) -> 
     for _ in range(given.windows):
         for name, way in ways.items():
             steps = given.steps if name == "full" else 5 * given.steps
+            if not times[name]:
+                way.take(10)  # the first of all compiles
             with common.no_collector():
                 start = time.process_time()
-                for _ in range(steps):
-                    way.step()
+                way.take(steps)
                 times[name].append(1e3 * (time.process_time() - start) / steps)
     return {name: float(np.median(t)) for name, t in times.items()}
 

@@ -24,6 +24,8 @@ from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.model import Model
 from sparsemor.core.scene.scene import Scene, load
 from sparsemor.core.testing.in_memory_run import March, march, scene_of
+from sparsemor.reducers.step.compiled.compile import installed
+from sparsemor.reducers.step.compiled.stepper import compilable
 
 EXAMPLE = Path(__file__).parents[2] / "docs" / "examples" / "radiating_plate.yaml"
 STEEL_K = {"temperatures": [293.15, 1073.15, 1473.15], "values": [53.3, 27.3, 27.3]}
@@ -32,7 +34,7 @@ STEEL_C = {"temperatures": [293.15, 473.15, 673.15, 873.15], "values": [440, 530
 TRAINED = {"use": "sine", "amplitude": 3e5, "frequency": 0.02, "offset": 3e5}
 UNSEEN = {"use": "table", "times": [0.0, 20.0, 20.5, 45.0, 60.0],
           "values": [1e5, 5e5, 2e5, 4.5e5, 1e5]}
-BY_ELEMENTS = "galerkin, by elements"
+BY_ELEMENTS, COMPILED = "galerkin, by elements", ", compiled"
 REDUCERS = ("galerkin", "lspg", "deim", "gnat", "ecsw", "sparse")
 FULL_TO_ECSW, GALERKIN_TO_ECSW, FULL_TO_REDUCED = 60.0, 30.0, 3.0
 TRAINING_ERROR, UNSEEN_ERROR = 1e-6, 1e-3
@@ -123,20 +125,23 @@ def measured(
         if name == "ecsw":  # constant matrices are projected: only these are visited in a step
             rows[name]["elements"] = run.solver.facts["plate.thermal"]["local_elements_kept"]
         ways[name] = run.solver
+        if name in REDUCERS[:-1] and installed() and not given.quick:
+            ways[f"{name}{COMPILED}"] = compilable(run.solver, "on")
         report.progress(f"{title}, {name}: {rows[name]}")
     times: dict[str, list[float]] = {name: [] for name in ways}
     for _ in range(given.windows):
         for name, solver in ways.items():
             way = common.Stepping.begin(trained, model, solver)
+            way.take(2)  # the first of all compiles
             steps = max(1, min(given.steps, round(trained.time.end / trained.time.step)))
             with common.no_collector():
                 start = time.process_time()
-                for _ in range(steps):
-                    way.step()
+                way.take(steps)
                 times[name].append(1e3 * (time.process_time() - start) / steps)
     ms = {name: float(np.median(t)) for name, t in times.items()}
     table = out.table(title, error=".1e", unseen_error=".1e", ms=".3f", full_to_this=".1f")
-    for name, row in rows.items():
+    for name in ms:
+        row = rows.setdefault(name, {"reducer": name})
         row |= {"ms": ms[name], "full_to_this": ms["full"] / ms[name]}
         table.add(**row)
     return rows
@@ -158,6 +163,9 @@ def fill(out: report.Report, given: argparse.Namespace) -> None:
         for name in ("galerkin", BY_ELEMENTS):
             out.at_least(f"{title}: {name}, over ecsw", found[name]["ms"] / ecsw["ms"],
                          GALERKIN_TO_ECSW)
+        if f"ecsw{COMPILED}" in found:
+            out.at_least(f"{title}: galerkin over ecsw, both compiled", found[
+                f"galerkin{COMPILED}"]["ms"] / found[f"ecsw{COMPILED}"]["ms"], GALERKIN_TO_ECSW)
         out.at_most(f"{title}: ecsw, error in training", ecsw["error"], TRAINING_ERROR)
         out.at_most(f"{title}: ecsw, error on the unseen load", ecsw["unseen_error"], UNSEEN_ERROR)
     for divisions in given.radiating:

@@ -1,13 +1,14 @@
 """How often each sparse solver finds the true support, and what each makes of a pendulum.
 
-    python tests/benchmarks/recovery.py [--quick] [--packaged | --constants] [--out recovery.json]
+    python tests/benchmarks/recovery.py [--quick] [--packaged | --constants | --screening]
+                                        [--out recovery.json]
 
 Each column is a unit vector at a given cosine to the one before it (0: independent Gaussian
 columns). The right-hand side is an exact combination of a few of them, with coefficients of size
 1 to 2 of either sign; the start is empty. What a solver is told is how many there are.
 --packaged: the recovered scenes over their whole runs; --constants: of sampled rows on complete
-bases; both instead of the rest. The pendulum has two links of 320 triangles; each solver chooses
-some atoms of the whole POD basis.
+bases; --screening: columns that a safe rule excludes; each instead of the rest. The pendulum has
+two links of 320 triangles; each solver chooses some atoms of the whole POD basis.
 """
 
 import argparse
@@ -20,7 +21,7 @@ from typing import Any
 import common
 import numpy as np
 import report
-from modules import recovered_scenes, row_constants
+from modules import recovered_scenes, row_constants, screening
 
 from sparsemor.core.errors import InputError
 from sparsemor.core.protocols import SparseSolver
@@ -93,8 +94,9 @@ def solvers() -> dict[str, SparseSolver]:
 
 
 def fill(out: report.Report, given: argparse.Namespace) -> None:
-    if given.packaged or given.constants:
-        (recovered_scenes if given.packaged else row_constants).fill(out, given)
+    if given.packaged or given.constants or given.screening:
+        (recovered_scenes if given.packaged else
+         row_constants if given.constants else screening).fill(out, given)
         return
     m, k = given.size
     out.settings |= {
@@ -176,8 +178,9 @@ def arguments(given: Sequence[str] | None = None) -> argparse.Namespace:
     kind = parser.add_mutually_exclusive_group()
     kind.add_argument("--packaged", action="store_true")
     kind.add_argument("--constants", action="store_true")
+    kind.add_argument("--screening", action="store_true")
     parser.add_argument("--scene", nargs="+", choices=[*recovered_scenes.LIMITS],
-                        default=[*recovered_scenes.LIMITS], help="of --packaged")
+                        default=[*recovered_scenes.LIMITS], help="of --packaged and --screening")
     parser.add_argument("--atoms", type=int, nargs=2, default=[8, 5], metavar="N",
                         help="elastic and thermal atoms active in the pendulum")
     parser.add_argument("--end", type=float, default=0.1, help="of the pendulum's run, s")

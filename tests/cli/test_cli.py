@@ -239,7 +239,7 @@ def test_compare_runs_each_reducer(runs, monkeypatch):
         errors = SimpleNamespace(start_up={"a": 0.5}, steady={"a": 0.1})
         return Comparison(errors={n: {"a": 0.5} for n in others}, effectivity={},
                           measured=dict.fromkeys(others, errors), above_limit={},
-                          write=lambda directory, charts: [directory / "errors.csv"])
+                          write=lambda directory, *_: [directory / "errors.csv"])
 
     module = ModuleType("sparsemor.core.analysis.compare")
     module.compare = compare

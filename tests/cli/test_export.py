@@ -135,7 +135,7 @@ def test_a_plane_run_by_the_command(tmp_path: Path) -> None:
       "at: give times within the run, 0 to 0.005 s (got 1)"]),
     ({"at": [float("nan")]}, ["at: give times within the run, 0 to 0.005 s (got nan)"]),
     ({"fields": ["heat"]},
-     ["fields: no field is called 'heat': fields: displacement, temperature"]),
+     ["fields: no field is called 'heat': fields: displacement, temperature, stress, strain"]),
     ({"bodies": ["solid"], "fields": ["temperature"]},
      ["fields: solid has no temperature: the run did not solve for it"]),
     ({"every": 0}, ["every: `every` must be at least 1 (got 0)"]),

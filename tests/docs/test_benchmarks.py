@@ -166,6 +166,25 @@ def test_rows_of_the_preconditioned_residual_have_the_smaller_constants(run: Run
         assert errors["D^-1 r", solver] < 1e-3 * errors["r", solver]
 
 
+def test_safe_rules_exclude_columns_at_large_penalties_alone(run: Run) -> None:
+    found = run("recovery", "--screening")
+    (table,) = found["tables"]
+    for block in ("link1.elastic", "link1.thermal"):
+        mine = {row["penalty"]: row for row in table["rows"] if row["block"] == block}
+        assert list(mine) == ["0.1", "0.01", "0.001", "0.0001", "1e-05"]
+        assert 0.0 <= mine["1e-05"]["excluded"] <= mine["0.1"]["excluded"] <= 100.0
+        assert mine["1e-05"]["error"] < mine["0.1"]["error"]
+
+
+def test_untf_is_judged_by_pairs(run: Run) -> None:
+    found = run("untf")
+    for measure in ("thermal", "combined"):
+        (row,) = rows_of(found, f"{measure} error")
+        assert row["better_with"] + row["worse_with"] == 2
+        assert row["p"] >= 0.5 and row["verdict"] == "no difference shown"
+        assert row["none"] != row["untf"]
+
+
 @pytest.mark.slow
 def test_samplers_that_see_the_atoms_need_no_luck(run: Run) -> None:
     found = run("samplers")
@@ -374,3 +393,10 @@ def test_a_third_party_reducer_is_timed_beside_galerkin(run: Run) -> None:
     assert len({(row["atoms"], row["solver"]) for row in rows.values()}) == 1
     assert all(0 < row["least"] <= row["ms"] <= row["most"] for row in rows.values())
     assert len(found["targets"]) == 1
+
+
+def test_a_kept_model_is_timed_against_full_order(run: Run) -> None:
+    found = run("kept_model")
+    row, = rows_of(found, "CPU time")
+    assert row["scene"] == "double_pendulum" and len(found["targets"]) == 4
+    assert row["full_s"] > row["kept_s"] > 0.0 and row["file_mb"] < 2.0

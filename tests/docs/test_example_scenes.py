@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sparsemor import compare, load, simulate
+from sparsemor import compare, load, open_result, simulate
+from sparsemor.core.cli import app
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.cache import Cache
@@ -32,7 +33,7 @@ def solve(tmp_path: Path) -> Solve:
 
 def test_every_scene_is_tested_here() -> None:
     scenes = {p.stem for p in FOLDER.glob("*.yaml")}
-    assert scenes == {"rigid_pendulum", "cantilever", "radiating_plate"}
+    assert scenes == {"rigid_pendulum", "cantilever", "radiating_plate", "slider_crank"}
 
 
 def test_rigid_pendulum_has_the_published_angles(solve: Solve) -> None:
@@ -107,3 +108,36 @@ def _mean(values: np.ndarray, run: RunResult) -> float:
     a, b, c = (p[cells[:, i]] for i in range(3))
     area = 0.5 * np.abs((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])
     return float(area @ values[cells].mean(axis=1) / area.sum())
+
+
+def test_slider_crank_by_commands(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What docs/examples.md says, on the first 40 ms: the motor turns, and reduced as full."""
+    assert len((FOLDER / "slider_crank.yaml").read_text().splitlines()) <= 60
+    monkeypatch.setenv("SPARSEMOR_CACHE", str(tmp_path / "cache"))
+
+    def command(text: str) -> None:
+        with pytest.raises(SystemExit) as ended:
+            app(text.split())
+        assert ended.value.code == 0, capsys.readouterr().err
+
+    out = tmp_path / "out"
+    command(f"compare {FOLDER / 'slider_crank.yaml'} --reducers full,galerkin --out {out} "
+            "--no-charts --quiet --set time.end=0.04 --set training.end=0.04")
+    full, reduced = (open_result(out / name) for name in ("full", "galerkin"))
+    assert compare(reference=full, reduced=reduced).errors["reduced"]["elastic"] < 1e-6
+    command(f"animate {out / 'galerkin'} --field stress --frames 3 --quiet")
+    assert (out / "galerkin" / "animation.gif").read_bytes()[:4] == b"GIF8"
+    command(f"pictures {out / 'full'} --fields stress --quiet")
+    assert {"stress.png", "joint_forces.png"} <= {
+        p.name for p in (out / "full" / "pictures").iterdir()}
+    command(f"export {out / 'full'} --fields stress --at 0.04 --quiet")
+    # the crank's moments about the hub: torque - r x (force on the pin) = I theta''
+    a = full.block("crank.rigid")[:, 2]
+    forces = full.joint_forces()["crank_pin"]
+    x, y = (forces[f"force {axis}", "N"] for axis in "xy")
+    late = full.times > 0.021
+    moment = 25.0 - 0.1 * (np.cos(a) * y - np.sin(a) * x)
+    rate = np.gradient(np.gradient(a, full.times), full.times)
+    np.testing.assert_allclose(4e-3 * rate[late][:-3], moment[late][:-3], atol=0.05)

@@ -1,16 +1,17 @@
 """Charts of runs, drawn with matplotlib objects only: no window, no global state."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, TypeAlias
 
 from sparsemor.core.analysis.charts.active_atoms import active_atoms_figure
 from sparsemor.core.analysis.charts.error_over_time import error_over_time_figure
 from sparsemor.core.analysis.charts.fields import NO_RUNS
+from sparsemor.core.analysis.charts.joint_forces import joint_forces_figure
 from sparsemor.core.analysis.charts.planar_fields import deformation_figure
 from sparsemor.core.analysis.charts.style import save
-from sparsemor.core.analysis.charts.surface_fields import surface_figures
+from sparsemor.core.analysis.charts.surface_fields import DEFAULT_FIELDS, NAMES, surface_figures
 from sparsemor.core.analysis.charts.time_histories import (
     angles_figure,
     contact_forces_figure,
@@ -20,7 +21,8 @@ from sparsemor.core.analysis.charts.time_histories import (
     probe_temperature_figure,
 )
 from sparsemor.core.analysis.charts.work_precision import WorkPoint, work_precision_figure
-from sparsemor.core.protocols.layout import Quantity
+from sparsemor.core.errors import InputError
+from sparsemor.core.results.stress import Field
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -29,6 +31,13 @@ if TYPE_CHECKING:
     from sparsemor.core.results.run_result import RunResult
 
 FORMATS = ("png", "svg")
+Report = Callable[[Path], None]
+Figures: TypeAlias = "Iterator[tuple[str, Figure | None]]"
+"""Names of files with figures, drawn one by one."""
+
+
+def silent(path: Path) -> None:
+    """Reports nothing."""
 
 
 class Compared(Protocol):
@@ -49,53 +58,63 @@ class Compared(Protocol):
 
 def write_charts(
     comparison: Compared, folder: Path, times: Sequence[float] | None = None,
-    formats: Sequence[str] = FORMATS,
+    formats: Sequence[str] = FORMATS, report: Report = silent,
 ) -> list[Path]:
     """Writes all charts that apply to a comparison of runs; returns their paths.
 
-    times: times at which the deformed bodies are drawn, s; formats: file formats.
+    times: times at which the deformed bodies are drawn, s; formats: file formats; report: called
+    with the path of each file when it is written.
     """
-    figures = _of_reference(
-        comparison.reference, times, _alike(comparison.reference, comparison.runs),
-        comparison.name)
-    figures["angles"] = angles_figure(comparison.reference, comparison.runs, comparison.name)
-    figures["error_over_time"] = error_over_time_figure(
-        comparison.measured, {name: run.status for name, run in comparison.runs.items()},
-        comparison.reference.layout.kinds, comparison.limit)
-    figures["work_precision"] = work_precision_figure(
-        *comparison.work_points(), comparison.reference.layout.kinds, comparison.limit)
-    for name, run in comparison.runs.items():
-        file = re.sub(r"[^\w.-]+", "_", f"active_atoms_{name}")
-        figures[file] = active_atoms_figure(run, name)
-    return _save_all(figures, folder, formats)
+    def figures() -> Figures:
+        reference, runs, name = comparison.reference, comparison.runs, comparison.name
+        kinds, limit = reference.layout.kinds, comparison.limit
+        yield from _of_reference(reference, times, alike(reference, runs), name)
+        yield "angles", angles_figure(reference, runs, name)
+        yield "error_over_time", error_over_time_figure(
+            comparison.measured, {n: run.status for n, run in runs.items()}, kinds, limit)
+        yield "work_precision", work_precision_figure(*comparison.work_points(), kinds, limit)
+        for label, run in runs.items():
+            file = re.sub(r"[^\w.-]+", "_", f"active_atoms_{label}")
+            yield file, active_atoms_figure(run, label)
+
+    return _save_all(figures(), folder, formats, report)
 
 
 def write_run_charts(
     run: "RunResult", folder: Path, times: Sequence[float] | None = None,
-    formats: Sequence[str] = FORMATS,
+    formats: Sequence[str] = FORMATS, fields: Sequence[Field] = DEFAULT_FIELDS,
+    report: Report = silent,
 ) -> list[Path]:
-    """Writes all charts that apply to a single run (no errors, no costs); arguments as in
-    `write_charts`."""
-    figures = _of_reference(run, times)
-    figures["angles"] = angles_figure(run, {}, run.reducer)
-    figures["active_atoms"] = active_atoms_figure(run, run.reducer)
-    return _save_all(figures, folder, formats)
+    """Writes all charts that apply to a single run (no errors, no costs); fields: those that colour
+    the bodies; other arguments as in `write_charts`. InputError for a field that no body has."""
+    absent = [f.value for f in fields if f not in DEFAULT_FIELDS and not any(
+        run.has(body, f) for body in run.bodies)]
+    if absent:
+        raise InputError(f"no body of this run has {absent[0]}", "fields")
+
+    def figures() -> Figures:
+        yield from _of_reference(run, times, fields=fields)
+        yield "angles", angles_figure(run, {}, run.reducer)
+        yield "active_atoms", active_atoms_figure(run, run.reducer)
+
+    return _save_all(figures(), folder, formats, report)
 
 
 def _of_reference(
     run: "RunResult", times: Sequence[float] | None, others: "Mapping[str, RunResult]" = NO_RUNS,
-    name: str = "reference",
-) -> "dict[str, Figure | None]":
-    return {"deformation": deformation_figure(run, Quantity.DISPLACEMENT, times, others, name),
-            "temperature": deformation_figure(run, Quantity.TEMPERATURE, times, others, name),
-            "probe_displacement": probe_displacement_figure(run, others, name),
-            "probe_temperature": probe_temperature_figure(run, others, name),
-            **surface_figures(run, times, others=others, name=name),
-            "contact_forces": contact_forces_figure(run.contacts()),
-            "positions": positions_figure(moving_bodies(run))}
+    name: str = "reference", fields: Sequence[Field] = DEFAULT_FIELDS,
+) -> Figures:
+    for f in fields:
+        yield NAMES[f], deformation_figure(run, f, times, others, name)
+    yield "probe_displacement", probe_displacement_figure(run, others, name)
+    yield "probe_temperature", probe_temperature_figure(run, others, name)
+    yield from surface_figures(run, times, others=others, name=name, fields=fields).items()
+    yield "contact_forces", contact_forces_figure(run.contacts())
+    yield "joint_forces", joint_forces_figure(run)
+    yield "positions", positions_figure(moving_bodies(run))
 
 
-def _alike(reference: "RunResult", runs: "Mapping[str, RunResult]") -> "dict[str, RunResult]":
+def alike(reference: "RunResult", runs: "Mapping[str, RunResult]") -> "dict[str, RunResult]":
     """Runs whose fields can be drawn next to those of the reference: with the same bodies and
     meshes."""
     return {name: run for name, run in runs.items() if len(run.times) and all(
@@ -104,16 +123,21 @@ def _alike(reference: "RunResult", runs: "Mapping[str, RunResult]") -> "dict[str
 
 
 def _save_all(
-    figures: "dict[str, Figure | None]", folder: Path, formats: Sequence[str]
+    figures: Figures, folder: Path, formats: Sequence[str], report: Report
 ) -> list[Path]:
     folder.mkdir(parents=True, exist_ok=True)
-    return [path for name, figure in figures.items() if figure is not None
-            for path in save(figure, folder, name, formats)]
+    files = []
+    for name, figure in figures:
+        for path in () if figure is None else save(figure, folder, name, formats):
+            report(path)
+            files.append(path)
+    return files
 
 
 __all__ = [
-    "FORMATS", "WorkPoint", "active_atoms_figure", "angles_figure", "contact_forces_figure",
-    "deformation_figure", "error_over_time_figure", "positions_figure",
+    "DEFAULT_FIELDS", "FORMATS", "NAMES", "WorkPoint", "active_atoms_figure", "alike",
+    "angles_figure", "contact_forces_figure",
+    "deformation_figure", "error_over_time_figure", "joint_forces_figure", "positions_figure",
     "probe_displacement_figure", "probe_temperature_figure", "surface_figures",
     "work_precision_figure", "write_charts", "write_run_charts",
 ]

@@ -1,5 +1,5 @@
-"""Fields that colour the bodies in charts (displacement, temperature): values, units, colours, and
-magnification of the deformation."""
+"""Fields that colour the bodies in charts (displacement, temperature, stress, strain): values,
+units, colours, and magnification of the deformation."""
 
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
@@ -10,8 +10,11 @@ from sparsemor.core.analysis.charts.units import unit
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.protocols.layout import Quantity
 from sparsemor.core.results.run_result import RunResult
+from sparsemor.core.results.stress import Derived, Field
 
-MAPS = {Quantity.DISPLACEMENT: "viridis", Quantity.TEMPERATURE: "YlOrRd"}
+MAPS: Mapping[Field, str] = {
+    Quantity.DISPLACEMENT: "viridis", Quantity.TEMPERATURE: "YlOrRd", Derived.STRESS: "plasma",
+    Derived.STRAIN: "cividis"}
 """Colour map of each field. Low temperatures are light, so that a thin hot layer is visible."""
 NO_RUNS: Mapping[str, RunResult] = MappingProxyType({})
 """No runs in addition to the first."""
@@ -30,30 +33,40 @@ def step_near(run: RunResult, time: float) -> int | None:
     return None if time > end * (1.0 + 1e-9) else int(np.argmin(np.abs(run.times - time)))
 
 
-def values_of(run: RunResult, body: str, step: int, quantity: Quantity) -> FloatArray | None:
-    """(N,) nodal values: displacement magnitude |u|, m, or temperature, K; None for a body without
-    the field."""
-    if run.layout.of(body, quantity) is None:
+def values_of(run: RunResult, body: str, step: int, quantity: Field) -> FloatArray | None:
+    """(N,) nodal values: displacement magnitude |u|, m, temperature, K, von Mises stress, Pa, or
+    equivalent strain; None for a body without the field."""
+    if not run.has(body, quantity):
         return None
+    if isinstance(quantity, Derived):
+        stress = quantity is Derived.STRESS
+        return run.von_mises(body, step) if stress else run.equivalent_strain(body, step)
     if quantity is Quantity.TEMPERATURE:
         return run.nodal_temperature(body, step)
     return np.asarray(np.linalg.norm(run.nodal_displacement(body, step), axis=1))
 
 
 def scale_of(
-    run: RunResult, bodies: Sequence[str], steps: Sequence[int], quantity: Quantity
+    run: RunResult, bodies: Sequence[str], steps: Sequence[int], quantity: Field
 ) -> tuple[float, str]:
     """Factor from SI units to the unit of the colour bar, and its label."""
     if quantity is Quantity.TEMPERATURE:
         return 1.0, "temperature (K)"
+    if quantity is Derived.STRAIN:
+        return 1.0, "equivalent strain (1)"
+    if quantity is Derived.STRESS:
+        found = [values_of(run, b, s, quantity) for b in bodies for s in steps]
+        shown = unit(max(float(v.max()) for v in found if v is not None), "Pa")
+        return shown.factor, f"von Mises stress ({shown.name})"
     largest = max(float(np.abs(run.nodal_displacement(b, s)).max()) for b in bodies for s in steps)
     shown = unit(largest, "m")
     return shown.factor, f"displacement |u| ({shown.name})"
 
 
-def shades(values: FloatArray, quantity: Quantity) -> tuple[float, float]:
-    """Limits of the colour scale for these values; for displacements the lower limit is 0."""
-    low = 0.0 if quantity is Quantity.DISPLACEMENT else float(values.min())
+def shades(values: FloatArray, quantity: Field) -> tuple[float, float]:
+    """Limits of the colour scale for these values; for displacements, stress and strain the lower
+    limit is 0."""
+    low = 0.0 if quantity is not Quantity.TEMPERATURE else float(values.min())
     high = float(values.max())
     # one colour throughout still needs a scale
     return (low, high) if low < high else (low - 0.5, high + 0.5)

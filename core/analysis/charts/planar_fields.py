@@ -34,6 +34,7 @@ from sparsemor.core.protocols.layout import Quantity
 from sparsemor.core.protocols.mesh import Mesh
 from sparsemor.core.protocols.poses import PLANAR_POSE
 from sparsemor.core.results.run_result import RunResult
+from sparsemor.core.results.stress import Field
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -48,10 +49,11 @@ def drawable_bodies(run: RunResult) -> list[str]:
 
 
 def deformation_figure(
-    run: RunResult, quantity: Quantity, times: Sequence[float] | None = None,
+    run: RunResult, quantity: Field, times: Sequence[float] | None = None,
     others: Mapping[str, RunResult] = NO_RUNS, name: str = "reference",
 ) -> "Figure | None":
-    """Displacement magnitude |u| or temperature on the deformed bodies at `times`, s.
+    """Displacement magnitude |u|, temperature, von Mises stress or equivalent strain on the
+    deformed bodies at `times`, s.
 
     Default times: one third, two thirds and the end of the run. Displacements are magnified by a
     round factor, which the chart states. others: label -> run whose fields are drawn in a row
@@ -60,7 +62,7 @@ def deformation_figure(
     """
     bodies = drawable_bodies(run)
     if len(run.times) == 0 or not any(
-            run.layout.of(b, quantity) is not None for b in bodies):
+            run.has(b, quantity) for b in bodies):
         return None
     steps = drawn_steps(run, times).tolist()
     factor = magnification(run, bodies, steps)
@@ -102,7 +104,7 @@ class _Look:
     """Field, magnification, unit factor and label of the colours, their limits, and axes of all
     panels."""
 
-    quantity: Quantity
+    quantity: Field
     factor: float
     scale: float
     label: str

@@ -29,13 +29,17 @@ from sparsemor.core.model.facets import outer_facets, subdivided
 from sparsemor.core.protocols.layout import Quantity
 from sparsemor.core.protocols.mesh import Mesh
 from sparsemor.core.results.run_result import RunResult
+from sparsemor.core.results.stress import Derived, Field
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-NAMES: Mapping[Quantity, str] = {
-    Quantity.DISPLACEMENT: "deformation", Quantity.TEMPERATURE: "temperature"}
+NAMES: Mapping[Field, str] = {
+    Quantity.DISPLACEMENT: "deformation", Quantity.TEMPERATURE: "temperature",
+    Derived.STRESS: "stress", Derived.STRAIN: "strain"}
+"""First part of the name of a chart."""
+DEFAULT_FIELDS: tuple[Field, ...] = (Quantity.DISPLACEMENT, Quantity.TEMPERATURE)
 _ACROSS = 3
 Render = Callable[[Sequence[Surface]], list[NDArray[np.uint8]] | None]
 
@@ -62,22 +66,22 @@ def solid_bodies(run: RunResult) -> list[str]:
 def surface_figures(
     run: RunResult, times: Sequence[float] | None = None, render: Render = rendered,
     others: Mapping[str, RunResult] = NO_RUNS, name: str = "reference",
-    only: Sequence[tuple[str, Quantity]] | None = None,
+    only: Sequence[tuple[str, Field]] | None = None, fields: Sequence[Field] = DEFAULT_FIELDS,
 ) -> "dict[str, Figure]":
-    """Charts `temperature_BODY` and `deformation_BODY` (|u|) of each body in space, from above and
-    below.
+    """Charts `temperature_BODY`, `deformation_BODY` (|u|), `stress_BODY` and `strain_BODY` of each
+    body in space, from above and below.
 
     times: s (default: one third, two thirds and the end). Displacements are magnified by a round
     factor, which the chart states. render: preferred renderer; if it returns None, matplotlib
     draws. others: label -> run, drawn from above below the first run, which is labelled `name`,
-    with its colours; only: bodies and fields that are drawn (default: all).
+    with its colours; fields: those that are drawn; only: bodies and fields (default: all).
     """
     if len(run.times) == 0:
         return {}
     steps = drawn_steps(run, times).tolist()
     skins = {f"{NAMES[q]}_{body}": _skin_of(run, body, q, steps, others, name)
-             for body in solid_bodies(run) for q in NAMES
-             if run.layout.of(body, q) is not None and (only is None or (body, q) in only)}
+             for body in solid_bodies(run) for q in fields
+             if run.has(body, q) and (only is None or (body, q) in only)}
     every = [s for skin in skins.values() for _, _, row in skin.rows for s in row if s is not None]
     images = render(every) if every else []
     drawn = repeat(None) if images is None else iter(images)
@@ -85,7 +89,7 @@ def surface_figures(
 
 
 def _skin_of(
-    run: RunResult, body: str, quantity: Quantity, steps: list[int],
+    run: RunResult, body: str, quantity: Field, steps: list[int],
     others: Mapping[str, RunResult], name: str,
 ) -> _Skin:
     factor = magnification(run, [body], steps)

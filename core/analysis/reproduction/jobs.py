@@ -12,10 +12,12 @@ from typing import Any
 
 from sparsemor.core.analysis.reproduction.paper import Item, PaperFile, RunEntry, StudyEntry
 from sparsemor.core.analysis.reproduction.split import profiled
+from sparsemor.core.analysis.study.jobs import keep_reference
 from sparsemor.core.analysis.study.plan import Plan
 from sparsemor.core.analysis.study.run import run_plan
 from sparsemor.core.errors import InputError
 from sparsemor.core.linalg.threads import fixed_threads
+from sparsemor.core.protocols.reducer import is_full_order
 from sparsemor.core.registry.registry import Registry
 from sparsemor.core.results.atomic_files import replace_file
 from sparsemor.core.results.output_directory import OutputDirectory
@@ -42,17 +44,21 @@ class Job:
     """True if the split of its computing time is needed."""
     matrix: tuple[str, ...] = ()
     """Functions that count as matrix operations, `file.py:Class.name`."""
+    rows: tuple[Mapping[str, Any], ...] = ()
+    """Rows of a study that items read."""
 
 
 def jobs_of(file: PaperFile, items: Sequence[Item], out: Path, quick: bool) -> list[Job]:
-    """Jobs of the runs and studies that these items need, and of the runs that those wait for, in
-    the order of the file."""
+    """Jobs of the runs and studies that these items need, and of the runs that those wait for:
+    runs that others wait for first, then studies, which take longest, then the other runs."""
     entries: Mapping[str, RunEntry | StudyEntry] = {**file.runs, **file.studies}
     names = {n for i in items for n in (*i.runs, *i.studies)}
-    wanted = {*names, *(entries[n].after for n in names if entries[n].after)}
+    first = {entries[n].after for n in names if entries[n].after}
     split = {n for i in items for v in i.values.values() for n in v.of.profiled()}
-    return [Job(n, str(folder_of(out, n, n in file.runs)), e, quick, n in split,
-                tuple(file.matrix_operations)) for n, e in entries.items() if n in wanted]
+    ordered = [*(n for n in file.runs if n in first), *(n for n in file.studies if n in names),
+               *(n for n in file.runs if n in names - first)]
+    return [Job(n, str(folder_of(out, n, n in file.runs)), entries[n], quick, n in split,
+                tuple(file.matrix_operations), tuple(file.rows_read(n))) for n in ordered]
 
 
 def folder_of(out: Path, name: str, run: bool) -> Path:
@@ -63,7 +69,7 @@ def folder_of(out: Path, name: str, run: bool) -> Path:
 def command_of(name: str, entry: RunEntry | StudyEntry, quick: bool) -> str:
     """Command that repeats a run or study alone."""
     if isinstance(entry, StudyEntry):
-        return f"sparsemor study {entry.study}" + " (fewer runs)" * bool(quick and entry.quick)
+        return f"sparsemor study {entry.study}" + " (of it, the runs that items read)" * quick
     changes = {**entry.changes, **(entry.quick if quick else {})}
     settings = "".join(f" --set {shlex.quote(f'{key}={_written(value)}')}"
                        for key, value in changes.items())
@@ -109,6 +115,8 @@ def _execute_run(job: Job, entry: RunEntry) -> None:
     if kept is None:
         (folder / SPLIT).unlink(missing_ok=True)
         kept = _simulated(scene, folder)
+    if kept.status.ok and is_full_order(scene.reducer):
+        keep_reference(scene, folder)
     if job.profiled and kept.status.ok and not (folder / SPLIT).is_file():
         split = profiled(scene, entry.profile, job.matrix)
         replace_file(folder / SPLIT, (json.dumps(split) + "\n").encode())
@@ -148,7 +156,7 @@ def _stopped(error: SolveFailed) -> RunResult:
 
 def _execute_study(job: Job, entry: StudyEntry) -> None:
     folder = Path(job.folder)
-    plan = plan_of(entry, job.quick, folder.with_name(f"{folder.name}.yaml"))
+    plan = plan_of(entry, job.rows, job.quick, folder.with_name(f"{folder.name}.yaml"))
     try:
         run_plan(plan, out=folder)
     except InputError as error:
@@ -157,14 +165,18 @@ def _execute_study(job: Job, entry: StudyEntry) -> None:
         run_plan(plan, out=folder, force=True)  # of another version of the study or program
 
 
-def plan_of(entry: StudyEntry, quick: bool, changed: Path) -> Plan:
-    """Plan of a study; with `quick`, of the study with the keys that the entry replaces, written to
-    the file `changed`."""
-    if not (quick and entry.quick):
+def plan_of(
+    entry: StudyEntry, rows: Sequence[Mapping[str, Any]], quick: bool, changed: Path
+) -> Plan:
+    """Plan of a study; with `quick`, of the runs of it that items read, `rows`, and with the keys
+    that the entry replaces, written to the file `changed`."""
+    if not quick:
         return Plan.of(entry.study)
+    if not entry.quick:
+        return Plan.of(entry.study).only(rows)
     tree = dict(Source.read(entry.study, Registry(), "study").tree)
     for key, value in entry.quick.items():
         tree[key] = {**tree.get(key, {}), **value} if key in ("set", "grid") else value
     changed.parent.mkdir(parents=True, exist_ok=True)
     changed.write_text(json.dumps(tree, indent=1) + "\n", encoding="utf-8")  # JSON is YAML
-    return Plan.of(str(changed))
+    return Plan.of(str(changed)).only(rows)

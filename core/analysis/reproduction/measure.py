@@ -2,13 +2,19 @@
 
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
-from typing import Any, Protocol
+from typing import Any, Literal, Protocol
+
+import numpy as np
 
 from sparsemor.core.analysis.reproduction.rules import Operand
-from sparsemor.core.analysis.study.plan import Plan
 from sparsemor.core.registry.plugin import Plugin
 from sparsemor.core.results.error_norms import Errors
 from sparsemor.core.results.run_result import RunResult
+
+Statistic = Literal["max", "min", "mean", "median", "last", "first"]
+_STATISTICS: Mapping[str, Any] = {
+    "max": np.max, "min": np.min, "mean": np.mean, "median": np.median,
+    "last": lambda v: v[-1], "first": lambda v: v[0]}
 
 
 class Results(Protocol):
@@ -17,7 +23,6 @@ class Results(Protocol):
     def run(self, name: str) -> RunResult: ...
     def rows(self, study: str) -> Sequence[Mapping[str, Any]]: ...
     def errors(self, reference: str, run: str) -> Errors: ...
-    def plan(self, study: str) -> Plan: ...
     def split(self, run: str) -> Mapping[str, float]: ...
 
 
@@ -30,6 +35,10 @@ class Measure(Plugin):
 
     def studies(self) -> tuple[str, ...]:
         """Names of the studies that it reads."""
+        return ()
+
+    def rows(self) -> tuple[Mapping[str, Any], ...]:
+        """Column -> value of the rows that it reads, of each study."""
         return ()
 
     def profiled(self) -> tuple[str, ...]:
@@ -50,3 +59,8 @@ class OfRun(Measure):
 
     def runs(self) -> tuple[str, ...]:
         return (self.run,)
+
+
+def statistic(name: Statistic, values: Any) -> float:
+    """Statistic of some numbers, such as `median`."""
+    return float(_STATISTICS[name](values))

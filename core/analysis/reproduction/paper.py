@@ -132,6 +132,11 @@ class PaperFile(Plugin):
     items: list[Item] = Field(min_length=1)
     """Figures and tables."""
 
+    def rows_read(self, study: str) -> list[Mapping[str, Any]]:
+        """Column -> value of the rows of a study that items read."""
+        return [where for i in self.items for v in i.values.values()
+                if study in v.of.studies() for where in v.of.rows()]
+
     @model_validator(mode="after")
     def _names_exist(self) -> "PaperFile":
         faults = [f"{i.id}: no scene {i.scene!r}" for i in self.items if i.scene not in self.scenes]

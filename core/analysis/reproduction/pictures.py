@@ -19,11 +19,8 @@ from sparsemor.core.analysis.charts import (
 )
 from sparsemor.core.analysis.charts.time_histories import moving_bodies
 from sparsemor.core.analysis.reproduction.measure import Results
-from sparsemor.core.analysis.reproduction.quantities import FIELDS
 from sparsemor.core.analysis.reproduction.sketches import flow_figure, geometry_figure
-from sparsemor.core.analysis.study.columns import SERIES
-from sparsemor.core.analysis.study.report import over_time
-from sparsemor.core.protocols.layout import FieldKind
+from sparsemor.core.analysis.reproduction.state_quantities import FIELDS
 from sparsemor.core.registry.plugin import Plugin
 from sparsemor.core.results.error_norms import LIMIT
 from sparsemor.core.results.run_result import RunResult
@@ -173,28 +170,6 @@ class Positions(Drawing):
         return {"positions": positions_figure(moving_bodies(results.run(self.of)))}
 
 
-class StudyErrors(Drawing):
-    """Errors over time of the runs of a study."""
-
-    draws: Literal["study"]
-    study: str
-    """Study with `over_time`."""
-    kinds_of: str
-    """Run whose fields order the panels."""
-
-    def runs(self) -> tuple[str, ...]:
-        return (self.kinds_of,)
-
-    def studies(self) -> tuple[str, ...]:
-        return (self.study,)
-
-    def draw(self, results: Results) -> Figures:
-        kinds: tuple[FieldKind, ...] = tuple(results.run(self.kinds_of).layout.kinds)
-        plan = results.plan(self.study)
-        rows = [row for row in results.rows(self.study) if row.get(SERIES)]
-        return {"study": error_over_time_figure(*over_time(plan, rows), kinds, LIMIT)}
-
-
 class Geometry(Drawing):
     """Meshes of the bodies at the start of a run, with joints' and loads' names."""
 
@@ -225,6 +200,6 @@ class Flow(Drawing):
 
 
 Picture = Annotated[
-    Angles | ErrorsOverTime | Fields | Probes | Atoms | Forces | Positions | StudyErrors | Geometry
-    | Flow, Field(discriminator="draws")]
+    Angles | ErrorsOverTime | Fields | Probes | Atoms | Forces | Positions | Geometry | Flow,
+    Field(discriminator="draws")]
 """A picture of a paper file: `{draws: angles, reference: a, others: {label: b}}`."""

@@ -1,9 +1,11 @@
 """Execution of independent calls in worker processes, some of them after others."""
 
+import os
+import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from multiprocessing import get_context
+from multiprocessing import get_context, parent_process
 from typing import TypeVar
 
 T = TypeVar("T")
@@ -49,7 +51,8 @@ def _round(
     """Results of the calls as one pool of processes returns them."""
     waiting, running = dict(calls), dict[Future[R], str]()
     left = set(calls)
-    pool = ProcessPoolExecutor(workers, mp_context=get_context("spawn"))
+    pool = ProcessPoolExecutor(
+        workers, mp_context=get_context("spawn"), initializer=_end_with_parent)
     try:
         while waiting or running:
             for name in [n for n in waiting if after.get(n) not in left]:
@@ -64,6 +67,19 @@ def _round(
                 yield name, result
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _end_with_parent() -> None:
+    """Ends this worker process when the process that started it is killed, so that the same
+    command can be given again at once."""
+    parent = parent_process()
+    assert parent is not None
+
+    def wait_for_end() -> None:
+        parent.join()
+        os._exit(1)
+
+    threading.Thread(target=wait_for_end, daemon=True).start()
 
 
 def _ordered(names: Sequence[str], after: Mapping[str, str]) -> list[str]:

@@ -44,11 +44,11 @@ class StoredResults:
 
     def plan(self, study: str) -> Plan:
         """Plan of a study."""
-        self._refuse(study)
         if study not in self._plans:
             folder = folder_of(self.folder, study, False)
             self._plans[study] = plan_of(
-                self.file.studies[study], self.quick, folder.with_name(f"{study}.yaml"))
+                self.file.studies[study], self.file.rows_read(study), self.quick,
+                folder.with_name(f"{study}.yaml"))
         return self._plans[study]
 
     def rows(self, study: str) -> Sequence[Mapping[str, Any]]:

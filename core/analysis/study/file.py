@@ -1,6 +1,6 @@
 """Study file: scene, changes to it that define the runs, and the reference of the errors."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -113,13 +113,14 @@ class Study:
 
     @property
     def name(self) -> str:
-        return Path(self.source.document.name).stem
+        return Path(self.source.document.name).stem or "study"
 
     @classmethod
-    def read(cls, study: str | Path, registry: Registry) -> "Study":
-        """Reads a packaged study or a study file. Raises `LocatedError` with every fault of its
-        form."""
-        source = Source.read(study, registry, "study")
+    def read(cls, study: str | Path | Mapping[str, Any], registry: Registry) -> "Study":
+        """Reads a packaged study, a study file or the contents of one as plain data. Raises
+        `LocatedError` with every fault of its form."""
+        source = (Source.of_tree({"format": 1, **study}, registry)
+                  if isinstance(study, Mapping) else Source.read(study, registry, "study"))
         try:
             read = cls(StudyFile.model_validate(source.tree), source)
         except ValidationError as error:
@@ -140,7 +141,8 @@ class Study:
         name = self.source.document.name
         return LocatedError(
             [Fault(dotted(f.path), f.message) for f in ordered],
-            [located(name, place(f.path), dotted(f.path), f.message) for f in ordered])
+            [located(name, place(f.path), dotted(f.path), f.message) if name else
+             f"{dotted(f.path)}: {f.message}" for f in ordered])
 
 
 def _of_fixed(reference: dict[str, Any]) -> list[Finding]:

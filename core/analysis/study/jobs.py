@@ -29,6 +29,7 @@ from sparsemor.core.results.json_data import finite
 from sparsemor.core.results.run_result import RunResult, open_result
 from sparsemor.core.results.stored_arrays import StoredArrays
 from sparsemor.core.scene.digest import digest
+from sparsemor.core.scene.independent_of_physics import physics_of
 from sparsemor.core.scene.run_identity import Identity
 from sparsemor.core.scene.scene import Scene, build
 from sparsemor.core.scene.source import Source
@@ -126,10 +127,33 @@ def _run(job: Mapping[str, Any], scene: Scene, registry: Registry | None) -> dic
 _KINDS = {"reference": _reference, "products": _products, "run": _run}
 
 
+def keep_reference(scene: Scene, folder: Path) -> None:
+    """Offers a full-order run as the reference of studies with the same physics and output: its
+    files are linked, or copied, to the cache."""
+    kept = Cache().root / "reference" / _reference_key(scene, checked_model(scene))
+    fresh = kept.with_name(f".{kept.name}.{uuid.uuid4().hex}")
+    if kept.is_dir():
+        return
+    try:
+        shutil.copytree(folder / "result.zarr", fresh / "result.zarr", copy_function=_linked)
+        os.rename(fresh, kept)
+    except OSError as fault:  # a full disk: the study makes its own
+        _log.warning("the reference run %s was not kept: %s", folder, fault)
+        shutil.rmtree(fresh, ignore_errors=True)
+
+
+def _linked(source: str, target: str) -> None:
+    try:
+        os.link(source, target)
+    except OSError:  # another file system
+        shutil.copy2(source, target)
+
+
 def _reference_key(scene: Scene, model: Model) -> str:
-    """Cache key of a reference run: digest of scene, versions of code and input files, and
-    meshes."""
-    return digest(scene.digest(), Identity.of(scene).plain(), mesh_content(model))
+    """Cache key of a reference run: digest of physics and output, versions of code and input files,
+    and meshes."""
+    return digest(physics_of(scene, "reference").digest(), scene.digest("output"),
+                  Identity.of(scene).plain(), mesh_content(model))
 
 
 def _remove_damaged(key: str) -> None:

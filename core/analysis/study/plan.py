@@ -2,8 +2,8 @@
 and faults."""
 
 import json
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +25,7 @@ from sparsemor.core.registry.registry import Registry, suggestions
 from sparsemor.core.scene.digest import digest
 from sparsemor.core.scene.independent_of_physics import NOT_PHYSICS, training_physics
 from sparsemor.core.scene.overrides import split
-from sparsemor.core.scene.run_identity import Identity, environment
+from sparsemor.core.scene.run_identity import Identity, environment, study_digest
 from sparsemor.core.scene.scene import Scene, build
 from sparsemor.core.scene.source import Source, packaged
 from sparsemor.core.scene.yaml_reader import KeyPath, LocatedError
@@ -87,9 +87,11 @@ class Plan:
     fields: tuple[FieldKind, ...] = ()
 
     @classmethod
-    def of(cls, study: str | Path, registry: Registry | None = None) -> "Plan":
-        """Plan of a study file or packaged study. Raises `LocatedError` with every fault; nothing
-        is written or run.
+    def of(
+        cls, study: str | Path | Mapping[str, Any], registry: Registry | None = None
+    ) -> "Plan":
+        """Plan of a study file or packaged study, or of its contents. Raises `LocatedError` with
+        every fault; nothing is written or run.
 
         A value that is invalid in every run is a fault of the file; a value that is invalid only in
         some combinations makes these runs refused.
@@ -106,12 +108,18 @@ class Plan:
         columns = columns_of(settings, fields, read.file.errors_from > 0.0, read.file.over_time)
         read.check(taken_names(read.file, error_columns(fields)))
         about = digest(
-            read.source.tree, environment(), maker.identities,
+            read.source.tree, environment(), study_digest(), maker.identities,
             [[r.refused, dict(r.scene.tree) if r.scene else None] for r in runs],
             {key: dict(s.tree) for key, s in maker.references.items()})
         return cls(read, tuple(runs), maker.references, tuple(columns), tuple(settings),
                    tuple(axis_columns(points)), tuple(chart_columns(read.file, points)), about,
                    fields)
+
+    def only(self, rows: Sequence[Mapping[str, Any]]) -> "Plan":
+        """Plan of the runs whose settings contain one of these: column -> value."""
+        kept = tuple(run for run in self.runs if any(
+            all(run.settings.get(k) == v for k, v in row.items()) for row in rows))
+        return replace(self, runs=kept, digest=digest(self.digest, [r.number for r in kept]))
 
 
 @dataclass(slots=True)

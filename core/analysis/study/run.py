@@ -1,7 +1,7 @@
 """Execution of a study, from its plan to its table."""
 
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -37,15 +37,16 @@ class StudyOutcome:
 
 
 def study(
-    file: str | Path, *, out: str | Path | None = None, workers: int = 0, scheduler: str = "",
-    times: bool = True, registry: Registry | None = None,
+    file: str | Path | Mapping[str, Any], *, out: str | Path | None = None, workers: int = 0,
+    scheduler: str = "", times: bool = True, registry: Registry | None = None,
 ) -> list[Row]:
     """Executes a study and returns its table: one mapping per run, in order.
 
-    file: name of a packaged study, or path; out: output folder, by default `runs/NAME`, where a
-    repeated call continues an incomplete study; workers: number of processes on this machine, 0 for
-    none but this process; scheduler: address of a dask.distributed cluster; times: include the
-    columns that depend on the machine. Raises InputError before anything is written.
+    file: name of a packaged study, path, or the contents of a study file as plain data; out: output
+    folder, by default `runs/NAME`, where a repeated call continues an incomplete study; workers:
+    number of processes on this machine, 0 for none but this process; scheduler: address of a
+    dask.distributed cluster; times: include the columns that depend on the machine. Raises
+    InputError before anything is written.
     """
     plan = Plan.of(file, registry)
     done = run_plan(plan, out=out, workers=workers, scheduler=scheduler, times=times,

@@ -8,12 +8,13 @@ from typing import Protocol
 
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.results.atomic_files import writing
-from sparsemor.core.results.export.request import FIELDS, FORMATS, ExportPlan, plan_export
+from sparsemor.core.results.export.request import FORMATS, ExportPlan, plan_export
 from sparsemor.core.results.export.snapshot import Frame, frame_at
 from sparsemor.core.results.export.vtu import VtuSeries
 from sparsemor.core.results.export.xdmf import XdmfSeries
 from sparsemor.core.results.output_directory import OutputDirectory
 from sparsemor.core.results.run_result import RunResult
+from sparsemor.core.results.stress import FIELDS
 
 
 class Series(Protocol):
@@ -47,7 +48,8 @@ def export(
     force: bool = False,
 ) -> Exported:
     """Writes the deformed bodies in space, with displacement (m, space axes) and temperature (K) at
-    the nodes.
+    the nodes; with the fields `stress` and `strain` their tensors in space axes and equivalent
+    values (von Mises, Pa).
 
     One file to open per body: `body.pvd` with one .vtu file per time, or `body.xdmf` with binary
     data next to it. Every `every`-th stored step is written, or with `at` (s) the stored steps

@@ -5,13 +5,13 @@ from dataclasses import dataclass
 
 from sparsemor.core.arrays import IntArray
 from sparsemor.core.errors import Gather, InputError
-from sparsemor.core.protocols.layout import Quantity
 from sparsemor.core.registry.registry import suggestions
 from sparsemor.core.results.run_result import RunResult
+from sparsemor.core.results.stress import FIELDS
 
 FORMATS = ("vtu", "xdmf")
-FIELDS = {q.value: q for q in (Quantity.DISPLACEMENT, Quantity.TEMPERATURE)}
-"""Field name in the files -> physical quantity of the unknowns."""
+DEFAULT = ("displacement", "temperature")
+"""Fields that are exported unless others are asked for."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,7 +71,7 @@ def _bodies(run: RunResult, bodies: Sequence[str] | None) -> list[str]:
 
 def _fields(fields: Sequence[str] | None) -> tuple[str, ...]:
     if fields is None:
-        return tuple(FIELDS)
+        return DEFAULT
     _each(fields, tuple(FIELDS), "field", "fields")
     return tuple(dict.fromkeys(fields))
 
@@ -83,9 +83,9 @@ def _by_body(
 
     required: raise InputError if no body has a requested field.
     """
-    found = {body: tuple(f for f in wanted if run.layout.of(body, FIELDS[f]) is not None)
+    found = {body: tuple(f for f in wanted if run.has(body, FIELDS[f]))
              for body in bodies}
-    missing = tuple(f"{body} has no {field}: the run did not solve for it"
+    missing = tuple(f"{body} has no {field}: the run did not {_verb(field)} it"
                     for body in bodies for field in wanted if field not in found[body])
     if required and not any(found.values()):
         raise InputError("; ".join(missing))
@@ -99,3 +99,5 @@ def _thinning(every: int, at: Sequence[float] | None) -> None:
         raise InputError("give times or `every`, not both")
 
 
+def _verb(field: str) -> str:
+    return "solve for" if field in DEFAULT else "store what is needed for"

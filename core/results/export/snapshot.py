@@ -12,8 +12,8 @@ from sparsemor.core.results.run_result import RunResult
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Frame:
-    """Snapshot of one body. points (N, 3): current node positions, m; fields: name -> (N,) or (N,
-    3) nodal values."""
+    """Snapshot of one body. points (N, 3): current node positions, m; fields: name -> (N,), (N,
+    3) or (N, 9) nodal values."""
 
     points: FloatArray
     fields: Mapping[str, FloatArray]
@@ -31,7 +31,21 @@ def frame_at(run: RunResult, body: str, step: int, fields: Sequence[str]) -> Fra
         values["displacement"] = _in_three(run.turned(body, step, u))
     if "temperature" in fields:
         values["temperature"] = run.nodal_temperature(body, step)
+    if "stress" in fields:
+        values["stress"] = run.von_mises(body, step)
+        values["stress_tensor"] = _turned(run, body, step, run.stress(body, step))
+    if "strain" in fields:
+        values["strain"] = run.equivalent_strain(body, step)
+        values["strain_tensor"] = _turned(run, body, step, run.strain(body, step))
     return Frame(_in_three(run.in_space(body, step, run.points(body) + u)), values)
+
+
+def _turned(run: RunResult, body: str, step: int, tensors: FloatArray) -> FloatArray:
+    """(N, 9) tensors (N, 3, 3) given in body axes, in space axes, by rows."""
+    d = run.points(body).shape[1]
+    A = np.eye(3)
+    A[:d, :d] = run.turned(body, step, np.eye(d)).T
+    return np.ascontiguousarray((A @ tensors @ A.T).reshape(-1, 9))
 
 
 def _in_three(vectors: FloatArray) -> FloatArray:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from sparsemor.core.arrays import IntArray
 from sparsemor.core.results.export.snapshot import Frame
 
+_KINDS = {1: "Scalar", 3: "Vector", 9: "Tensor"}
 _TOPOLOGY = {3: "Triangle", 4: "Tetrahedron", 6: "Triangle_6", 10: "Tetrahedron_10"}
 
 
@@ -31,7 +32,7 @@ class XdmfSeries:
     def write(self, step: int, time: float, frame: Frame) -> None:
         points = self._item(f"points_{step:06d}", frame.points)
         attributes = [
-            f'<Attribute Name="{name}" AttributeType="{"Scalar" if v.ndim == 1 else "Vector"}" '
+            f'<Attribute Name="{name}" AttributeType="{_KINDS[v[0].size]}" '
             f'Center="Node">{self._item(f"{name}_{step:06d}", v)}</Attribute>'
             for name, v in frame.fields.items()]
         self._grids.append("\n".join([

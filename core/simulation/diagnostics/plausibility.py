@@ -23,10 +23,11 @@ from sparsemor.core.protocols import (
 )
 from sparsemor.core.protocols.layout import Quantity
 from sparsemor.core.results.run_result import RunResult
+from sparsemor.core.scene.nested import functions_of_time as time_functions
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.memory.estimate import trains
 from sparsemor.core.simulation.offline import step_count
-from sparsemor.core.simulation.recorder import shapes
+from sparsemor.core.simulation.run_header import shapes
 
 OUTSIDE = 1e-2
 """Distance of a point from a body's bounding box, relative to the box's diagonal, above which there
@@ -188,26 +189,11 @@ def functions_of_time(scene: Scene) -> Iterator[Note]:
     resolve."""
     count, h = step_count(scene), scene.time.step
     for group in ({"joints": scene.joints}, {"contacts": scene.contacts}, {"loads": scene.loads}):
-        for key, function in _functions("", group):
+        for key, function in time_functions(group):
             note = _never_acts(key, function, count, h) or (
                 None if scene.time.control else _too_fast(key, function, count, h))
             if note is not None:
                 yield note
-
-
-def _functions(key: str, value: object) -> Iterator[tuple[str, TimeFunction]]:
-    """Dotted key and function of every option in `value` that is a function of time."""
-    inside: list[tuple[str, object]] = []
-    if isinstance(value, TimeFunction):
-        yield key, value
-    elif isinstance(value, BaseModel):
-        inside = list(value)
-    elif isinstance(value, Mapping):
-        inside = [(str(k), v) for k, v in value.items()]
-    elif isinstance(value, list | tuple):
-        inside = [(str(i), v) for i, v in enumerate(value)]
-    for name, inner in inside:
-        yield from _functions(f"{key}.{name}" if key else name, inner)
 
 
 def _never_acts(key: str, function: TimeFunction, count: int, h: float) -> Note | None:

@@ -1,14 +1,14 @@
 """Elastic block of a reduced model with prescribed frame motion inside a step (notation:
 prescribed_frame_block.py)."""
 
-from dataclasses import dataclass, field
+from abc import abstractmethod
+from dataclasses import dataclass
 from math import sqrt
 from typing import ClassVar
 
 import numpy as np
 
 from sparsemor.core import Amplitude, FloatArray, IntArray
-from sparsemor.reducers.linalg.active_columns import ActiveColumns, few
 from sparsemor.reducers.linalg.modal_coordinates import carried, dense, times
 from sparsemor.reducers.step.acceptance import EPS, LEAST
 from sparsemor.reducers.step.blocks.elastic_local import LocalForces, ReducedLocal
@@ -21,33 +21,52 @@ LEADING = 64
 """Number of leading (soft) modes in which a second product per iteration is worthwhile."""
 
 
-class FewInputs:
-    """Factors of b and G of a block whose inactive atoms have coefficients 0."""
+class ReducedPrescribed(PrescribedBlock):
+    """Block with s active atoms, whose rows are those of D^-1 in their coefficients. Factors of b:
+    base (s,); E (s, p) times the frame's sigma; loads (s, j) times amplitudes, and tabulated
+    loads."""
 
-    def __init__(self, block: "CompressedPrescribed") -> None:
-        self.inertia = ActiveColumns(dense(block.inertia))
-        self.stiffness = ActiveColumns(dense(block.stiffness))
-        self.coupling = ActiveColumns(block.coupling)
-        self.turning = [ActiveColumns(A.T) for A in block.G]
+    proved: ClassVar[bool] = True
+    base: FloatArray
+    E: FloatArray
+    loads: FloatArray
+    amplitudes: tuple[Amplitude, ...]
+    tables: tuple[Moving, ...]
+    local: LocalForces | None
+    active: IntArray | None
+    c1: float
 
-    def image(self, at: Prediction) -> FloatArray:
-        """Inertia, stiffness and coupling times the prediction."""
-        b = self.inertia.times(at.a)
-        b += self.stiffness.times(at.x)
-        if len(at.T):
-            b += self.coupling.times(at.T)
-        return b
+    @abstractmethod
+    def bounds(self, kappa: FloatArray) -> FloatArray:
+        """Bounds (T,) of the contraction factor for the frame's rotation kappa (T, g)."""
 
-    def turned(self, push: FloatArray, first: int) -> FloatArray:
-        """Sum of the products of G from number `first` on with the rows of push (j, k)."""
-        found = self.turning[first].times(push[0])
-        for i, row in enumerate(push[1:], first + 1):
-            found += self.turning[i].times(row)
-        return found
+    def time_table(self, drive: TimeTable) -> TimeTable:
+        """kappa, mu, sigma, the bound of the contraction factor, and the part of b that depends on
+        time only."""
+        decided = Decided(self, drive)
+        # a support that may change with the next step does not pay for all times
+        if self.active is not None:
+            return TimeTable(decided)
+        return TimeTable.of(decided, np.array(drive.times))
+
+    def decided(self, drive: TimeTable, times: FloatArray) -> FloatArray:
+        """Values (T, m) of `time_table` at times (T,), s."""
+        driven, p = drive.along(times), self.E.shape[1]
+        n = driven.shape[1]
+        g = (n - p) // 2
+        rows = np.empty((len(times), n + 1 + len(self.base)))
+        rows[:, :n] = driven
+        rows[:, n] = self.bounds(rows[:, :g] + self.c1 * rows[:, g : 2 * g])
+        rows[:, n + 1 :] = along(rows[:, 2 * g : n].dot(self.E.T) + self.base, self.loads,
+                                 self.amplitudes, self.tables, times)
+        return rows
+
+    def contraction(self, past: Past) -> float:
+        return past.bound if self.local is None else max(past.bound, LEAST)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class CompressedPrescribed(PrescribedBlock):
+class CompressedPrescribed(ReducedPrescribed):
     """Reduced block with s active atoms: all operators are dense and small, independent of the
     mesh.
 
@@ -56,11 +75,9 @@ class CompressedPrescribed(PrescribedBlock):
     (s, j) times amplitudes, and tabulated loads. G (g, k, s): transposed D^-1 M_g, so that
     consecutive ones form one matrix; leading (g r, r): their first rows and columns, of soft modes,
     r = 0 where some atoms are not active; sizes (g, 3): Frobenius norms of each whole matrix, of
-    its leading part, and of the rest; inverse (s,): D^-1 where D is diagonal. few: the same factors
-    where few atoms are active.
+    its leading part, and of the rest; inverse (s,): D^-1 where D is diagonal.
     """
 
-    proved: ClassVar[bool] = True
     inertia: FloatArray
     stiffness: FloatArray
     damping: FloatArray | None
@@ -77,11 +94,6 @@ class CompressedPrescribed(PrescribedBlock):
     tables: tuple[Moving, ...] = ()
     local: LocalForces | None = None
     inverse: FloatArray | None = None
-    few: FewInputs | None = field(init=False)
-
-    def __post_init__(self) -> None:
-        some = FewInputs(self) if few(self.active, self.G.shape[1]) else None
-        object.__setattr__(self, "few", some)
 
     @classmethod
     def of(
@@ -110,36 +122,14 @@ class CompressedPrescribed(PrescribedBlock):
         none = np.zeros((len(self.base), k))
         return none if self.damping is None else -dense(self.damping), -dense(self.inertia)
 
-    def time_table(self, drive: TimeTable) -> TimeTable:
-        """kappa, mu, sigma, the bound of the contraction factor, and the part of b that depends on
-        time only."""
-        g = len(self.G)
-        n = 2 * g + self.E.shape[1]
-
-        def decided(times: FloatArray) -> FloatArray:
-            rows = np.empty((len(times), n + 1 + len(self.base)))
-            rows[:, :n] = drive.along(times)
-            rows[:, n] = self._bounds(rows[:, :g] + self.c1 * rows[:, g : 2 * g])
-            rows[:, n + 1 :] = along(rows[:, 2 * g : n].dot(self.E.T) + self.base, self.loads,
-                                     self.amplitudes, self.tables, times)
-            return rows
-
-        # a support that may change with the next step does not pay for all times
-        if self.active is not None:
-            return TimeTable(decided)
-        return TimeTable.of(decided, np.array(drive.times))
-
     def begin(self, at: Prediction, c1: float, c2: float, table: FloatArray) -> Past:
         g = len(self.G)
         past, n = Past(at, c1, c2, table, g), 2 * g + self.E.shape[1]
         past.bound, past.rest = float(table[n]), table[n + 1 :]
-        if self.few is not None:
-            image = self.few.image(at)
-        else:
-            image = times(self.inertia, at.a)
-            image += times(self.stiffness, at.x)
-            if len(at.T):
-                image += self.coupling.dot(at.T)
+        image = times(self.inertia, at.a)
+        image += times(self.stiffness, at.x)
+        if len(at.T):
+            image += self.coupling.dot(at.T)
         image += past.rest
         if self.damping is not None:
             image += times(self.damping, at.v)
@@ -156,10 +146,8 @@ class CompressedPrescribed(PrescribedBlock):
         if past.d is None:
             push += np.multiply.outer(past.kappa[lo:hi], at.x)
             push += np.multiply.outer(past.mu[lo:hi], at.v)
-        turned: FloatArray = (
-            push.ravel().dot(self.G[lo:hi].reshape(push.size, -1)) if self.few is None else
-            self.few.turned(push, lo))
-        past.d, past.image = d, past.image - turned
+        past.d, past.image = d, past.image - push.ravel().dot(
+            self.G[lo:hi].reshape(push.size, -1))
         image: FloatArray = past.image - force
         r = self.leading.shape[1]
         if not r:
@@ -169,9 +157,8 @@ class CompressedPrescribed(PrescribedBlock):
                                       .reshape(len(self.G), r))
         return found
 
-    def _bounds(self, kappa: FloatArray) -> FloatArray:
-        """Bounds (T,) of the contraction factor for kappa (T, g): |E - L| + |L| |E| with E = sum_g
-        kappa_g D^-1 M_g and its leading part L."""
+    def bounds(self, kappa: FloatArray) -> FloatArray:
+        """|E - L| + |L| |E| with E = sum_g kappa_g D^-1 M_g and its leading part L."""
         whole, lead, rest = np.abs(kappa).dot(self.sizes).T
         return np.asarray(rest + lead * whole)
 
@@ -182,9 +169,6 @@ class CompressedPrescribed(PrescribedBlock):
         wide = np.zeros(self.G.shape[1])
         wide[self.active] = d
         return wide
-
-    def contraction(self, past: Past) -> float:
-        return past.bound if self.local is None else max(past.bound, LEAST)
 
     def noise(self, d: FloatArray, past: Past) -> float:
         at = past.at
@@ -202,6 +186,17 @@ class CompressedPrescribed(PrescribedBlock):
             turned += np.multiply.outer(np.abs(past.weights), self._wide(np.abs(d)))
             size += turned.ravel() @ np.abs(self.G).reshape(turned.size, -1)
         return EPS * float(np.linalg.norm(size))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Decided:
+    """Functions of time of a block whose frame moves as `drive` says."""
+
+    block: ReducedPrescribed
+    drive: TimeTable
+
+    def __call__(self, times: FloatArray) -> FloatArray:
+        return self.block.decided(self.drive, times)
 
 
 def _beyond(A: FloatArray, r: int) -> float:

@@ -24,9 +24,10 @@ class LocalForces(Protocol):
     def elements(self) -> int: ...
     def rows(
         self, u: FloatArray, v: FloatArray, a: FloatArray, T: FloatArray, rate: FloatArray,
-        t: float,
+        t: float, still: bool,
     ) -> FloatArray:
-        """Forces at displacements u with v and a, and temperatures T with their rate, at t, s."""
+        """Forces at displacements u with v and a, and temperatures T with their rate, at t, s; of
+        the terms that depend on temperatures alone if `still`, else of the others."""
         ...
 
 
@@ -42,10 +43,12 @@ class FullLocal:
 
     def rows(
         self, u: FloatArray, v: FloatArray, a: FloatArray, T: FloatArray, rate: FloatArray,
-        t: float,
+        t: float, still: bool,
     ) -> FloatArray:
         r = np.zeros(len(u))
         for part in self.parts:
+            if bool(part.hot.all()) != still:
+                continue
             x, xv, xa = (np.zeros(len(part.columns)) for _ in range(3))
             cold, hot = part.columns[~part.hot], part.columns[part.hot]
             x[~part.hot], xv[~part.hot], xa[~part.hot] = u[cold], v[cold], a[cold]
@@ -57,39 +60,48 @@ class FullLocal:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ReducedLocal:
-    """Local terms on the trial basis, in the rows left (l, m) times the m tested rows."""
+    """Local terms on the trial basis, in the `count` rows left (count, m) times the m tested rows:
+    those that depend on temperatures alone, and the others."""
 
-    parts: Sequence[TestedLocal]
+    still: Sequence[TestedLocal]
+    moving: Sequence[TestedLocal]
+    count: int
 
     @classmethod
     def of(cls, parts: Sequence[TestedLocal], left: FloatArray) -> "ReducedLocal | None":
-        return cls(tuple(
-            part.under(TestMap(left=left), left.shape[1]) for part in parts)) if parts else None
+        made = [part.under(TestMap(left=left), left.shape[1]) for part in parts]
+        return cls(tuple(part for part in made if part.still),
+                   tuple(part for part in made if not part.still), len(left)) if made else None
 
     @property
     def elements(self) -> int:
-        return sum(part.term.elements for part in self.parts)
+        return sum(part.term.elements for part in (*self.still, *self.moving))
 
     def rows(
         self, u: FloatArray, v: FloatArray, a: FloatArray, T: FloatArray, rate: FloatArray,
-        t: float,
+        t: float, still: bool,
     ) -> FloatArray:
-        x, xv = np.concatenate((u, T)), np.concatenate((v, rate))
-        xa = np.concatenate((a, np.zeros(len(T))))
-        return np.asarray(sum(part.rows(x, xv, xa, t) for part in self.parts))
+        r = np.zeros(self.count)
+        for part in self.still if still else self.moving:
+            x, xv = np.concatenate((u, T)), np.concatenate((v, rate))
+            r += part.rows(x, xv, np.concatenate((a, np.zeros(len(T)))), t)
+        return r
 
 
-@dataclass(frozen=True, slots=True, eq=False)
 class StepForces:
     """Local terms of a block in one step, as a function of the increment of its displacements
-    alone. active: numbers of the unknowns that are solved for, None for all."""
+    alone: temperatures are final. active: numbers of the unknowns that are solved for, None for
+    all."""
 
-    forces: LocalForces
-    at: Prediction
-    rate: FloatArray
-    c1: float
-    c2: float
-    active: IntArray | None
+    __slots__ = ("active", "at", "c1", "c2", "forces", "rate", "still")
+
+    def __init__(
+        self, forces: LocalForces, at: Prediction, rate: FloatArray, c1: float, c2: float,
+        active: IntArray | None,
+    ) -> None:
+        self.forces, self.at, self.rate, self.active = forces, at, rate, active
+        self.c1, self.c2 = c1, c2
+        self.still = forces.rows(at.x, at.v, at.a, at.T, rate, at.t, True)
 
     def rows(self, d: FloatArray) -> FloatArray:
         """Forces at the increment d of the active unknowns."""
@@ -98,5 +110,5 @@ class StepForces:
             wide = np.zeros(len(at.x))
             wide[self.active] = d
             d = wide
-        return self.forces.rows(
-            at.x + d, at.v + self.c1 * d, at.a + self.c2 * d, at.T, self.rate, at.t)
+        return self.still + self.forces.rows(
+            at.x + d, at.v + self.c1 * d, at.a + self.c2 * d, at.T, self.rate, at.t, False)

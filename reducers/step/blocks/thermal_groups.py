@@ -25,9 +25,11 @@ from sparsemor.core import (
     DofLocations,
     Factorized,
     FloatArray,
+    HasPointArrays,
     HeatBody,
     HeatCoupling,
     LoadTable,
+    PointArrays,
     ReducedTerm,
     SolveFailed,
     Status,
@@ -170,6 +172,11 @@ class GroupLocal:
         r, slope = linearization(self.term)(x[at], v[at], a[at], t, c1[at], c2[at])
         J[:, at] = self.left @ slope
         return np.asarray(self.left @ r), J
+
+    def arrays(self) -> PointArrays | None:
+        """The term as arrays, None where the projected one has none."""
+        made = self.term.arrays() if isinstance(self.term, HasPointArrays) else None
+        return None if made is None else made.through(self.left).placed(self.at, len(self.left))
 
 
 def compressed_group(

@@ -6,29 +6,36 @@ from typing import NamedTuple
 import numpy as np
 
 from sparsemor.core import BoolArray, FloatArray, IntArray
+from sparsemor.reducers.step.compiled.local import NO_LOCAL, LocalArrays
 
 
 class HeatArrays(NamedTuple):
-    """Constants of a reduced thermal block without local terms (thermal_block.py).
+    """Constants of a reduced thermal block (thermal_block.py).
 
     at (k,), active (s,), idle (k - s,): numbers of its unknowns, of active and of inactive ones;
-    by_value: (k, s), or (1, k) for a diagonal; base (s,), loads (j, s): constant terms and factors
-    of the amplitudes, the first of which is number `amplitude`; table: number of the first
-    tabulated value, -1 for none. The free motion has no rate, so that `by_rate` is not needed.
+    by_rate, by_value: (s, k), or (1, k) for a diagonal; base (s,), loads (s, j): constant terms and
+    factors of the amplitudes, the first of which is number `amplitude`; table: number of the first
+    tabulated value, -1 for none. local: terms that depend on temperature, iterated at most
+    `iterations` times until the relative change is `rtol`.
     """
 
     at: IntArray
     active: IntArray
     idle: IntArray
+    by_rate: FloatArray
     by_value: FloatArray
     base: FloatArray
     loads: FloatArray
     amplitude: int
     table: int
+    local: LocalArrays
+    rtol: float
+    iterations: int
 
 
 _NONE, _EMPTY = np.zeros(0, dtype=np.int64), np.zeros((0, 0))
-NO_HEAT = HeatArrays(_NONE, _NONE, _NONE, _EMPTY, np.zeros(0), _EMPTY, -1, -1)
+NO_HEAT = HeatArrays(_NONE, _NONE, _NONE, _EMPTY, _EMPTY, np.zeros(0), _EMPTY, -1, -1, NO_LOCAL,
+                     0.0, 0)
 """An empty thermal block, of the type of all."""
 
 
@@ -86,6 +93,21 @@ class BodyArrays(NamedTuple):
     table: IntArray
 
 
+class BodyTerms(NamedTuple):
+    """Local terms of a body with this number: still, local: those that depend on temperatures
+    alone, and on displacements; values, rates (p,): variables of the latter at the prediction."""
+
+    number: int
+    still: LocalArrays
+    local: LocalArrays
+    values: FloatArray
+    rates: FloatArray
+
+
+NO_TERMS = BodyTerms(0, NO_LOCAL, NO_LOCAL, np.zeros(0), np.zeros(0))
+"""No terms, of the type of all."""
+
+
 class PrescribedArrays(NamedTuple):
     """Constants of the reduced displacements of a body with prescribed motion
     (prescribed_frame_block.py).
@@ -96,7 +118,7 @@ class PrescribedArrays(NamedTuple):
     skew: scale (s,) = D^-1, halves (g, s, s): M_g, s rounded up to a multiple of 4, signs (g,): 1
     or -1; otherwise these are empty.
     table, width: number of the first value and of all values of its functions of time: kappa, mu
-    (g,), sigma, the bound of the contraction factor, and s loads.
+    (g,), sigma, the bound of the contraction factor, and s loads. still, local: as in BodyTerms.
     """
 
     number: int
@@ -117,11 +139,13 @@ class PrescribedArrays(NamedTuple):
     signs: FloatArray
     table: int
     width: int
+    still: LocalArrays
+    local: LocalArrays
 
 
 NO_PRESCRIBED = PrescribedArrays(
     0, 0, 0, _NONE, _NONE, 0, 0, _EMPTY, _EMPTY, _EMPTY, _EMPTY, np.zeros((0, 0, 0)), _EMPTY,
-    np.zeros(0), np.zeros((0, 0, 0)), np.zeros(0), -1, 0)
+    np.zeros(0), np.zeros((0, 0, 0)), np.zeros(0), -1, 0, NO_LOCAL, NO_LOCAL)
 """An empty body, of the type of all."""
 
 

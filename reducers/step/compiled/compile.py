@@ -1,38 +1,43 @@
 """Compilation of the kernel by numba, an optional package (`pip install 'sparsemor[fast]'`).
 
-The functions of kernel.py, mechanics.py, prescribed.py and dense.py are plain Python; numba
-compiles copies of them, which call each other's compiled forms. Machine code is kept in the user's
-cache folder, under a digest of the sources, so that it is never older than these.
+The functions of dense.py, kernel.py, local.py, mechanics.py and prescribed.py are plain Python;
+numba compiles copies of them, which call each other's compiled forms. Machine code is kept in the
+user's cache folder, under a digest of the sources, so that it is never older than these.
 """
 
 import hashlib
 import inspect
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 from types import FunctionType
-from typing import Any
+from typing import Any, NamedTuple, TypeAlias
 
 from sparsemor.reducers.step import acceptance
-from sparsemor.reducers.step.compiled import dense, kernel, mechanics, prescribed
+from sparsemor.reducers.step.compiled import dense, kernel, local, mechanics, prescribed
 
 FUNCTIONS: tuple[Callable[..., object], ...] = (
     acceptance.estimated_error, acceptance.reference, dense.add_product, dense.add_rates,
     dense.add_products, dense.add_turned, dense.product, dense.solve_in_place, dense.norm,
-    mechanics.begin, mechanics.functionals, mechanics.combine, mechanics.frames, mechanics.pose,
-    mechanics.add_reduced, mechanics.magnitude, mechanics.displaced, mechanics.solve_mechanics,
-    prescribed.thermal_forces, prescribed.corrected, prescribed.solve_body,
-    prescribed.solve_prescribed, kernel.free_first, kernel.free_motion, kernel.at_departure,
-    kernel.predict, kernel.update, kernel.new_first, kernel.new_state, kernel.accept, kernel.heated,
-    kernel.heat_ahead, kernel.advance)
+    local.evaluate_law, local.variables, local.evaluate_points, local.local_rows,
+    local.factor_in_place, local.solve_factored, mechanics.begin, mechanics.begin_local,
+    mechanics.add_local, mechanics.functionals, mechanics.combine, mechanics.frames,
+    mechanics.pose, mechanics.add_reduced, mechanics.magnitude, mechanics.displaced,
+    mechanics.solve_mechanics, prescribed.thermal_forces, prescribed.corrected,
+    prescribed.solve_body, prescribed.solve_prescribed, kernel.free_first, kernel.free_motion,
+    kernel.at_departure, kernel.predict, kernel.update, kernel.new_first, kernel.new_state,
+    kernel.accept, kernel.iterate_heat, kernel.heated, kernel.heat_ahead, kernel.advance)
 """Functions of the kernel, each after those that it calls."""
-CREATE_ARRAYS = ("product", "thermal_forces", "corrected", "solve_body", "solve_prescribed",
-                 "heat_ahead", "advance")
-"""Names of the functions that create arrays, or take them out of a list. The others, and those of
-frames, are compiled without the counts of references to arrays, which took a third of a step."""
-REORDERED = ("add_turned",)
-"""Names of the functions whose sums may be reordered, which makes them several times faster."""
+BARE: tuple[Callable[..., object], ...] = (
+    acceptance.estimated_error, acceptance.reference, dense.add_product, dense.add_rates,
+    dense.add_products, dense.add_turned, dense.solve_in_place, dense.norm, mechanics.begin,
+    mechanics.functionals, mechanics.combine, mechanics.frames, mechanics.pose,
+    mechanics.add_reduced, mechanics.magnitude, mechanics.displaced, kernel.free_first,
+    kernel.free_motion, kernel.at_departure, kernel.predict, kernel.update, kernel.new_first,
+    kernel.new_state, kernel.accept)
+"""Functions that create no array and take none out of a list. They, and those of frames, are
+compiled without the counts of references to arrays, which took a third of a step."""
 
 
 def installed() -> bool:
@@ -40,49 +45,76 @@ def installed() -> bool:
     return find_spec("numba") is not None
 
 
-def bound(
-    frame: Callable[..., object] | None, calls: Sequence[Callable[..., object]],
-    compiled: Callable[[FunctionType], Any]
-) -> Any:
-    """`kernel.advance` with the function of the frames (None: all are prescribed) and `compiled`
-    applied to all functions."""
+Called: TypeAlias = tuple[Callable[..., object], tuple[Callable[..., object], ...]]
+"""A function on arrays, and those that it calls, each after those that it calls itself."""
+
+
+class Functions(NamedTuple):
+    """Functions that belong to a model: that of its frames, None where the motion of all is
+    prescribed, and those of the laws of its local terms."""
+
+    frame: Called | None
+    laws: tuple[Called, ...]
+
+    @property
+    def all(self) -> list[Callable[..., object]]:
+        own = [self.frame] if self.frame is not None else []
+        return [f for function, calls in (*own, *self.laws) for f in (*calls, function)]
+
+
+def bound(functions: Functions, compiled: Callable[[FunctionType], Any]) -> Any:
+    """`kernel.advance` with these functions and `compiled` applied to all."""
     made: dict[str, Any] = {}
-    own = (*calls, mechanics.evaluate_frame if frame is None else frame)
-    for function in (*own, *FUNCTIONS):
+
+    def with_calls(of: Called) -> Any:
+        names: dict[str, Any] = {}
+        for function in (*of[1], of[0]):
+            names[function.__name__] = copied(function, names)
+        return names[of[0].__name__]
+
+    def copied(function: Callable[..., object], names: dict[str, Any]) -> Any:
         assert isinstance(function, FunctionType)
-        names = {**function.__globals__, **made}
-        copy = FunctionType(function.__code__, names, function.__name__, function.__defaults__)
-        made[function.__name__] = compiled(copy)
-        if function is frame:
-            made["evaluate_frame"] = made[function.__name__]
+        return compiled(FunctionType(function.__code__, {**function.__globals__, **names},
+                                     function.__name__, function.__defaults__))
+
+    made["evaluate_frame"] = with_calls(functions.frame or (mechanics.evaluate_frame, ()))
+    none = with_calls((local.no_law, ()))
+    for i in range(local.LAWS):
+        made[f"law_{i}"] = with_calls(functions.laws[i]) if i < len(functions.laws) else none
+    for function in FUNCTIONS:
+        made[function.__name__] = copied(function, made)
     return made["advance"]
 
 
 @cache
-def compiled_advance(
-    frame: Callable[..., object] | None, calls: tuple[Callable[..., object], ...], folder: Path
-) -> Any:
-    """Compiled `kernel.advance` for frames with this function; machine code is kept in
+def compiled_advance(functions: Functions, folder: Path) -> Any:
+    """Compiled `kernel.advance` for models with these functions; machine code is kept in
     `folder`."""
     import numba  # optional, and takes half a second to import
 
     config: Any = numba.config
     njit: Any = numba.njit  # its types lack `_nrt`
+    frame = () if functions.frame is None else (functions.frame[0], *functions.frame[1])
+    bare = {f.__code__ for f in (*BARE, mechanics.evaluate_frame, *frame)
+            if isinstance(f, FunctionType)}
+    # sums may be reordered where that makes them several times faster
+    fast, reordered = {"contract"}, {"contract", "reassoc"}
     before, config.CACHE_DIR = config.CACHE_DIR, str(folder)
     try:
-        return bound(frame, calls, lambda f: njit(
-            cache=True, error_model="numpy", _nrt=f.__name__ in CREATE_ARRAYS,
-            fastmath={"contract", "reassoc"} if f.__name__ in REORDERED else {"contract"})(f))
+        return bound(functions, lambda f: njit(
+            cache=True, error_model="numpy", _nrt=f.__code__ not in bare,
+            fastmath=reordered if f.__name__ == "add_turned" else fast)(f))
     finally:
         config.CACHE_DIR = before
 
 
 @cache
-def folder_of(
-    root: Path, frame: Callable[..., object] | None, calls: tuple[Callable[..., object], ...]
-) -> Path:
-    """Folder in `root` of the machine code of these functions and the kernel, named by a digest of
-    their sources."""
-    files = sorted({__file__, *(
-        inspect.getfile(f) for f in (*calls, frame, *FUNCTIONS) if f is not None)})
-    return root / hashlib.sha256(b"".join(Path(f).read_bytes() for f in files)).hexdigest()[:16]
+def folder_of(root: Path, functions: Functions) -> Path:
+    """Folder in `root` of the machine code of the kernel with these functions, named by a digest of
+    their sources and their order."""
+    own = functions.all
+    files = sorted({__file__, *(inspect.getfile(f) for f in (*own, *FUNCTIONS))})
+    names = repr([[f"{f.__module__}.{f.__qualname__}" for f in (law, *calls)]
+                  for law, calls in functions.laws])
+    sources = b"".join(Path(f).read_bytes() for f in files)
+    return root / hashlib.sha256(sources + names.encode()).hexdigest()[:16]

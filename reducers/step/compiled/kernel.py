@@ -11,22 +11,31 @@ from math import sqrt
 import numpy as np
 
 from sparsemor.core import FloatArray, IntArray
+from sparsemor.reducers.step.blocks.thermal_block import TINY
 from sparsemor.reducers.step.compiled.arrays import (
     BodyArrays,
+    BodyTerms,
     HeatArrays,
     MechanicsWork,
     ModelArrays,
     PrescribedArrays,
     RunArrays,
 )
+from sparsemor.reducers.step.compiled.dense import product
+from sparsemor.reducers.step.compiled.local import (
+    evaluate_points,
+    factor_in_place,
+    solve_factored,
+    variables,
+)
 from sparsemor.reducers.step.compiled.mechanics import LEFT, solve_mechanics
 from sparsemor.reducers.step.compiled.prescribed import solve_prescribed, thermal_forces
 
 
 def advance(
-    m: ModelArrays, heat: Sequence[HeatArrays], bodies: BodyArrays, work: MechanicsWork,
-    prescribed: Sequence[PrescribedArrays], run: RunArrays, timed: FloatArray, targets: FloatArray,
-    states: FloatArray, effort: FloatArray,
+    m: ModelArrays, heat: Sequence[HeatArrays], bodies: BodyArrays, terms: Sequence[BodyTerms],
+    work: MechanicsWork, prescribed: Sequence[PrescribedArrays], run: RunArrays, timed: FloatArray,
+    targets: FloatArray, states: FloatArray, effort: FloatArray,
 ) -> int:
     """Takes up to len(timed) steps and returns how many were solved; `run` is then at the last of
     these.
@@ -40,24 +49,40 @@ def advance(
     x, v, a = np.zeros(n), np.zeros(n), np.zeros(n)
     guess, new = np.zeros(2 * n), np.zeros((len(run.z), n))
     warm, warmed = np.zeros((len(timed), n)), np.zeros((len(timed), n))
-    heat_ahead(m, heat, run.z.copy(), timed, warm, warmed, new)
+    linear = True
+    for h in heat:
+        linear = linear and not len(h.local.terms)
+    if linear:
+        heat_ahead(m, heat, run.z.copy(), timed, warm, warmed, new)
     forces = thermal_forces(prescribed, warm)
     for i in range(len(timed)):
         free_motion(m, run.z, free, rate)
         predict(m, run, guess)
         for j in range(n):
             d[j] = guess[n + j] if run.by_departure[j] else guess[j] - free[j]
-        for j in range(m.first[0], m.first[1]):
-            d[j] = warmed[i, j]
+        if linear:
+            for j in range(m.first[0], m.first[1]):
+                d[j] = warmed[i, j]
         at_departure(m, d, free, rate, x, v, a)
+        most, hot = 1, 0.0
+        if not linear:
+            for h in heat:
+                taken, left = heated(h, m.c1_first, timed[i], run.ring[run.at[0], :n], x, v, d)
+                if taken == LEFT:
+                    return i
+                most, hot = max(most, taken), max(hot, left)
+            forces[i] = thermal_forces(prescribed, x.reshape(1, n))[0]
         if len(bodies.k):
             count = solve_mechanics(
-                m, bodies, work, run, timed[i], targets[i], x, v, a, d, free, rate)
+                m, bodies, terms, work, run, timed[i], targets[i], x, v, a, d, free, rate)
         else:
             count = solve_prescribed(
                 m, prescribed, run, timed[i], forces[i], x, v, a, d, free, rate)
         if count == LEFT:
             return i
+        run.remaining[0] = max(run.remaining[0], hot)
+        if not len(bodies.k) and not len(prescribed):
+            count = most
         at_departure(m, d, free, rate, x, v, a)
         size = 0.0
         for j in range(n):
@@ -75,11 +100,14 @@ def heat_ahead(
     d: FloatArray, new: FloatArray
 ) -> None:
     """Temperatures x and their departures d from the free motion (T, n) in all steps from the state
-    z, which is overwritten: they depend on no other unknowns. new: working array."""
+    z, which is overwritten, without local terms: they depend on no other unknowns. new: working
+    array."""
+    v = np.zeros(len(new[0]))
     for i in range(len(timed)):
         free_first(m, z, x[i])
+        v[:] = 0.0
         for h in heat:
-            heated(h, timed[i], x[i], d[i], new)
+            heated(h, m.c1_first, timed[i], x[i], x[i], v, d[i])
         new_first(m, z, x[i], d[i], new)
 
 
@@ -217,32 +245,71 @@ def update(
 
 
 def heated(
-    h: HeatArrays, timed: FloatArray, x: FloatArray, d: FloatArray, new: FloatArray
-) -> None:
-    """Solves a thermal block (thermal_block.py) from its free motion x, in place, with the
-    departure d from it; new: working array."""
+    h: HeatArrays, c1: float, timed: FloatArray, last: FloatArray, x: FloatArray, v: FloatArray,
+    d: FloatArray
+) -> tuple[int, float]:
+    """Solves a thermal block (thermal_block.py), in place; returns the number of iterations, or
+    LEFT, and the last relative change. last (n,): unknowns of the last step."""
     for i in h.idle:
-        d[i] = -x[i]
+        v[i] -= c1 * x[i]
+        d[i] -= x[i]
         x[i] = 0.0
-    r = new[0][: len(h.base)]
-    for j in range(len(r)):
-        r[j] = h.base[j]
-    for c in range(len(h.loads)):
-        g = timed[h.amplitude + c]
-        for j in range(len(r)):
-            r[j] += h.loads[c, j] * g
+    r = h.base.copy()
+    for j in range(h.loads.shape[1]):
+        r += h.loads[:, j] * timed[h.amplitude + j]
     if h.table >= 0:
-        table = timed[h.table :]
-        for j in range(len(r)):
-            r[j] += table[j]
-    if len(h.by_value) == 1:
-        for j in range(len(r)):
-            r[j] += h.by_value[0, j] * x[h.at[j]]
-    else:
-        for c in range(len(h.at)):
-            T = x[h.at[c]]
-            for j in range(len(r)):
-                r[j] += h.by_value[c, j] * T
+        r += timed[h.table : h.table + len(r)]
+    r += product(h.by_rate, v[h.at]) + product(h.by_value, x[h.at])
+    count, change = 1, 0.0
+    if len(h.local.terms):
+        count, change = iterate_heat(h, c1, timed, last, x, v, r)
+        if count == LEFT:
+            return LEFT, 0.0
     for j in range(len(r)):
-        d[h.active[j]] = r[j]
-        x[h.active[j]] += r[j]
+        i = h.active[j]
+        d[i] += r[j]
+        x[i] += r[j]
+        v[i] += c1 * r[j]
+    return count, change
+
+
+def iterate_heat(
+    h: HeatArrays, c1: float, timed: FloatArray, last: FloatArray, x: FloatArray, v: FloatArray,
+    r: FloatArray
+) -> tuple[int, float]:
+    """Increments of a thermal block with local terms by Newton's method, in r, which has those
+    without local terms; returns the number of iterations, or LEFT, and the last relative change."""
+    a, T, s = h.local, x[h.at], len(r)
+    far, top = 0.0, 0.0
+    for i in h.at:
+        far, top = max(far, abs(x[i] - last[i])), max(top, abs(last[i]))
+    if far > 0.1 * top:
+        return LEFT, 0.0
+    z, w = np.empty(len(a.offset)), np.empty(len(a.offset))
+    variables(a, timed, T, v[h.at], z, w)
+    d, J, pivots = np.zeros(s), np.empty((s, s)), np.zeros(s, dtype=np.int64)
+    flux, slope, none = np.empty(a.L.shape[1]), np.empty((a.L.shape[1], s)), np.empty((0, 0))
+    new = True
+    for iteration in range(1, h.iterations + 1):
+        moved = np.dot(a.moving, d)
+        evaluate_points(a, timed, z + moved, w + c1 * moved, c1, flux, slope if new else none)
+        step = d - r + np.dot(a.L, flux)
+        if new:
+            np.dot(a.L, slope, J)
+            for i in range(s):
+                J[i, i] += 1.0
+            if not factor_in_place(J, pivots):
+                return LEFT, 0.0
+        solve_factored(J, pivots, step)
+        change, size = 0.0, 0.0
+        for j in range(s):  # others are zero
+            change = max(change, abs(step[j]))
+            size = max(size, abs(x[h.active[j]] + d[j]))
+        if not np.all(np.isfinite(step)):
+            return LEFT, 0.0
+        d -= step
+        if change <= h.rtol * size:
+            r[:] = d
+            return iteration, change / max(size, TINY)
+        new = not change * change <= h.rtol * size * size
+    return LEFT, 0.0

@@ -2,17 +2,22 @@
 condensed_newton.py and elastic_block.py, with the same acceptance. Each function goes through all
 bodies."""
 
+from collections.abc import Sequence
 from math import inf, sqrt
+
+import numpy as np
 
 from sparsemor.core import FloatArray, IntArray
 from sparsemor.reducers.step.acceptance import estimated_error, reference
 from sparsemor.reducers.step.compiled.arrays import (
     BodyArrays,
+    BodyTerms,
     MechanicsWork,
     ModelArrays,
     RunArrays,
 )
 from sparsemor.reducers.step.compiled.dense import add_product, add_rates, norm, solve_in_place
+from sparsemor.reducers.step.compiled.local import local_rows, variables
 from sparsemor.reducers.step.condensed_newton import SLOW
 
 LEFT = -1
@@ -51,6 +56,34 @@ def begin(
                   b.g[i] * s + b.p[i])
         for j in range(s):
             w.u[i, j] = x[b.active[i, j]]
+
+
+def begin_local(
+    m: ModelArrays, b: BodyArrays, w: MechanicsWork, t: BodyTerms, timed: FloatArray,
+    x: FloatArray, v: FloatArray
+) -> None:
+    """Local terms at the prediction: those that depend on temperatures alone are final."""
+    i = t.number
+    u, k, T, kt, s = b.u[i], b.k[i], b.T[i], b.kt[i], b.s[i]
+    inputs = np.concatenate((x[u : u + k], x[T : T + kt]))
+    rates = np.concatenate((v[u : u + k], v[T : T + kt]))
+    if len(t.still.terms):
+        values, by_time = np.empty(len(t.still.offset)), np.empty(len(t.still.offset))
+        variables(t.still, timed, inputs, rates, values, by_time)
+        w.h[i, : s + b.p[i]] += local_rows(t.still, timed, values, by_time, m.c1, w.d[i, :s])
+    if len(t.local.terms):
+        variables(t.local, timed, inputs, rates, t.values, t.rates)
+
+
+def add_local(
+    m: ModelArrays, b: BodyArrays, w: MechanicsWork, t: BodyTerms, timed: FloatArray
+) -> None:
+    """Adds the local terms that depend on displacements to z."""
+    i = t.number
+    if len(t.local.terms):
+        s = b.s[i]
+        w.z[i, : s + b.p[i]] += local_rows(
+            t.local, timed, t.values, t.rates, m.c1, w.d[i, :s])
 
 
 def functionals(m: ModelArrays, b: BodyArrays, w: MechanicsWork, iteration: int) -> None:
@@ -126,9 +159,9 @@ def evaluate_frame(
 
 
 def solve_mechanics(
-    m: ModelArrays, b: BodyArrays, w: MechanicsWork, run: RunArrays, timed: FloatArray,
-    targets: FloatArray, x: FloatArray, v: FloatArray, a: FloatArray, d: FloatArray,
-    free: FloatArray, rate: FloatArray
+    m: ModelArrays, b: BodyArrays, terms: Sequence[BodyTerms], w: MechanicsWork, run: RunArrays,
+    timed: FloatArray, targets: FloatArray, x: FloatArray, v: FloatArray, a: FloatArray,
+    d: FloatArray, free: FloatArray, rate: FloatArray
 ) -> int:
     """Solves the mechanical equations (condensed_newton.py) and adds their increments to d; returns
     the number of iterations, or LEFT."""
@@ -138,6 +171,8 @@ def solve_mechanics(
         w.predicted[i] = x[i] if i < nr else x[m.algebraic[0] + i - nr]
     size = reference(max(1.0, norm(x, nr)), run.acceleration[0], m.c2, m.remaining)
     begin(m, b, w, timed, x, v, a, d, free, rate)
+    for t in terms:
+        begin_local(m, b, w, t, timed, x, v)
     pose(b, w, nr, v, a, timed)
     w.before[:] = inf
     for i in range(count):
@@ -147,6 +182,8 @@ def solve_mechanics(
         functionals(m, b, w, iteration)
         frames(m, b, w, timed, w.delta)
         combine(m, b, w)
+        for t in terms:
+            add_local(m, b, w, t, timed)
         w.A[:] = 0.0
         for i in range(N):
             w.dy[i] = -targets[i]

@@ -1,6 +1,5 @@
 """Arrays of a model for compiled steps, made from its step solver."""
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import comb
 
@@ -10,114 +9,61 @@ from sparsemor.core import (
     Amplitude,
     FloatArray,
     FrameArrays,
-    FrameHistory,
     HasArrays,
     IntArray,
     Layout,
-    Table,
     UpdateRules,
-    amplitudes_along,
-    total_load_along,
 )
 from sparsemor.reducers.step.blocks.compressed_elastic import CompressedElastic
 from sparsemor.reducers.step.blocks.compressed_prescribed import CompressedPrescribed
+from sparsemor.reducers.step.blocks.elastic_local import LocalForces, ReducedLocal
 from sparsemor.reducers.step.blocks.thermal_block import CompressedHeat, HeatBlock
 from sparsemor.reducers.step.compiled.arrays import (
     BodyArrays,
+    BodyTerms,
     HeatArrays,
     ModelArrays,
     PrescribedArrays,
 )
+from sparsemor.reducers.step.compiled.compile import Called, Functions
+from sparsemor.reducers.step.compiled.local import NO_LOCAL, LocalArrays
+from sparsemor.reducers.step.compiled.local_plan import local_arrays, points_of
 from sparsemor.reducers.step.compiled.stacked import NO_BODY, array, by_four, number, stacked
+from sparsemor.reducers.step.compiled.timed import NotCompiled, Timed
 from sparsemor.reducers.step.frame_step import BodyStep
 from sparsemor.reducers.step.predictor import block_starts
 from sparsemor.reducers.step.prescribed_frames import PrescribedFrames
 from sparsemor.reducers.step.solver import Stepper
-from sparsemor.reducers.step.time_tables import Moving, TimeTable
 
 LARGEST_BORDER = 60
 """Largest number of border unknowns of compiled steps, which solve a dense system."""
-
 SYMMETRIC = 1e-12
 """Relative difference of a symmetric matrix from its transpose that is round-off."""
 
 
-class NotCompiled(Exception):
-    """A model whose steps are not compiled, with the reason."""
-
-
-class Timed:
-    """Functions of time in the columns of one table, in the order in which they were added."""
-
-    def __init__(self) -> None:
-        self.sources: list[Callable[[FloatArray], Sequence[FloatArray]]] = []
-        self.width = 0
-        self._known: list[tuple[tuple[Amplitude, ...], int]] = []
-
-    def _added(self, source: Callable[[FloatArray], Sequence[FloatArray]], columns: int) -> int:
-        self.sources.append(source)
-        self.width += columns
-        return self.width - columns
-
-    def amplitudes(self, amplitudes: Sequence[Amplitude]) -> int:
-        """Number of the first column of these amplitudes, -1 for none; equal ones are evaluated
-        once."""
-        if not amplitudes:
-            return -1
-        wanted = tuple(amplitudes)
-        for known, column in self._known:
-            if known == wanted:
-                return column
-        self._known.append((wanted, self._added(
-            lambda times: [amplitudes_along(wanted, times)], len(wanted))))
-        return self._known[-1][1]
-
-    def tables(self, tables: Sequence[Moving]) -> int:
-        """Number of the first column of the sum of these loads, -1 for none."""
-        found = [t for t in tables if isinstance(t, Table)]
-        if len(found) < len(tables):
-            raise NotCompiled("loads that move over sampled rows")
-        if not found:
-            return -1
-        return self._added(
-            lambda times: [total_load_along(found, times)], found[0].values.shape[1])
-
-    def motion(self, guide: FrameHistory | None, rigid: int) -> int:
-        """Number of the first column of a prescribed motion, its rates and second derivatives, -1
-        for none; rigid: number of rigid coordinates."""
-        return -1 if guide is None else self._added(guide.along, 3 * rigid)
-
-    def table(self, table: TimeTable, columns: int) -> int:
-        """Number of the first column of a function of time with this many values."""
-        return self._added(lambda times: [table.along(times)], columns)
-
-    def along(self, times: FloatArray) -> FloatArray:
-        """Values (T, width) at times (T,), s."""
-        parts = [part for source in self.sources for part in source(times)]
-        return np.ascontiguousarray(np.hstack([np.zeros((len(times), 0)), *parts]))
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Plan:
-    """Arrays of a model for compiled steps. bodies: all with unknown motion; prescribed: each with
-    prescribed motion; frame: function of the frames of the former; timed: functions of time;
-    targets: numbers of border unknowns with the functions that prescribe them; border:
-    number of border unknowns."""
+    """Arrays of a model for compiled steps. bodies, terms: all bodies with unknown motion, and
+    their local terms; prescribed: each with prescribed motion; frame: function of the frames of the
+    former; laws: functions of the laws of local terms; timed: functions of time; targets: numbers
+    of border unknowns with the functions that prescribe them; border: number of border
+    unknowns."""
 
     heat: tuple[HeatArrays, ...]
     bodies: BodyArrays
+    terms: tuple[BodyTerms, ...]
     prescribed: tuple[PrescribedArrays, ...]
     frame: FrameArrays | None
+    laws: tuple[Called, ...]
     timed: Timed
     targets: tuple[tuple[int, Amplitude], ...]
     border: int
 
     @property
-    def functions(
-        self,
-    ) -> tuple[Callable[..., object] | None, tuple[Callable[..., object], ...]]:
-        """Function of the frames with unknown motion, None for none, and those that it calls."""
-        return (None, ()) if self.frame is None else (self.frame.function, self.frame.calls)
+    def functions(self) -> Functions:
+        """Functions that belong to the model, with which the steps are compiled."""
+        frame = None if self.frame is None else (self.frame.function, self.frame.calls)
+        return Functions(frame, self.laws)
 
     def targets_along(self, times: FloatArray) -> FloatArray:
         """Prescribed values of the constraints (T, N) at times (T,), s."""
@@ -130,22 +76,24 @@ class Plan:
 def plan(s: Stepper) -> Plan:
     """Arrays for the steps of `s`. Raises NotCompiled, with the reason, where its model contains
     what compiled steps do not."""
-    mechanics, timed = s.mechanics, Timed()
+    mechanics, timed, laws = s.mechanics, Timed(), list[Called]()
     if mechanics is None:
         raise NotCompiled("the model has no step of its own blocks")
-    heat = tuple(_heat(where, s.heat[name], name, timed) for name, where in s.hot)
+    heat = tuple(_heat(where, s.heat[name], name, timed, laws) for name, where in s.hot)
     if isinstance(mechanics, PrescribedFrames):
-        moved = tuple(_prescribed(i, b, timed) for i, b in enumerate(mechanics.bodies)
+        moved = tuple(_prescribed(i, b, timed, laws) for i, b in enumerate(mechanics.bodies)
                       if b.prescribed is not None)
-        return Plan(heat, stacked(()), moved, None, timed, (), 0)
+        return Plan(heat, stacked(()), (), moved, None, tuple(laws), timed, (), 0)
     if mechanics.size > LARGEST_BORDER:
         raise NotCompiled(f"{mechanics.size} rigid coordinates and joint forces")
     frames = [_frame(b) for b in mechanics.bodies]
     if len({f.function for f in frames}) > 1:
         raise NotCompiled("frames with different functions")
-    bodies = tuple(_body(b, f, timed) for b, f in zip(mechanics.bodies, frames, strict=True))
-    return Plan(
-        heat, stacked(bodies), (), frames[0], timed, mechanics.targets, mechanics.size)
+    terms: list[BodyTerms] = []
+    bodies = [_body(i, b, f, timed, laws, terms)
+              for i, (b, f) in enumerate(zip(mechanics.bodies, frames, strict=True))]
+    return Plan(heat, stacked(bodies), tuple(terms), (), frames[0], tuple(laws), timed,
+                mechanics.targets, mechanics.size)
 
 
 def _frame(b: BodyStep) -> FrameArrays:
@@ -161,25 +109,41 @@ def _split(start: int, k: int, active: IntArray | None) -> tuple[IntArray, IntAr
     return start + use.astype(np.int64), start + np.setdiff1d(np.arange(k), use).astype(np.int64)
 
 
-def _heat(where: slice | IntArray, block: HeatBlock, name: str, timed: Timed) -> HeatArrays:
-    if not isinstance(block, CompressedHeat) or block.local:
-        raise NotCompiled(f"{name} is of full order or has terms that depend on temperature")
+def _heat(
+    where: slice | IntArray, block: HeatBlock, name: str, timed: Timed, laws: list[Called]
+) -> HeatArrays:
+    if not isinstance(block, CompressedHeat):
+        raise NotCompiled(f"{name} is of full order")
     at = np.arange(where.start, where.stop) if isinstance(where, slice) else where
     active, idle = _split(0, len(at), block.active)
     loads = block.loads
     return HeatArrays(
         at.astype(np.int64), at[active].astype(np.int64), at[idle].astype(np.int64),
-        _transposed(block.by_value), array(loads.base), array(loads.loads.T),
-        timed.amplitudes(loads.amplitudes), timed.tables(loads.tables))
+        array(np.atleast_2d(block.by_rate)), array(np.atleast_2d(block.by_value)),
+        array(loads.base), array(loads.loads), timed.amplitudes(loads.amplitudes),
+        timed.tables(loads.tables),
+        local_arrays(points_of(block.local, name), active, laws, timed), block.rtol,
+        block.max_iterations)
 
 
-def _transposed(A: FloatArray) -> FloatArray:
-    """A matrix transposed, or (1, k) for the diagonal of one."""
-    return array(np.atleast_2d(A.T))
+def _forces(
+    local: LocalForces | None, name: str, active: IntArray, laws: list[Called], timed: Timed
+) -> tuple[LocalArrays, LocalArrays]:
+    """Local terms of displacements that depend on temperatures alone, and the others."""
+    if local is None:
+        return NO_LOCAL, NO_LOCAL
+    if not isinstance(local, ReducedLocal):
+        raise NotCompiled(f"{name} is of full order")
+    still, moving = (local_arrays(points_of(terms, name), active, laws, timed)
+                     for terms in (local.still, local.moving))
+    return still, moving
 
 
-def _body(b: BodyStep, f: FrameArrays, timed: Timed) -> BodyArrays:
-    """Arrays of one body, without the index of the body."""
+def _body(
+    i: int, b: BodyStep, f: FrameArrays, timed: Timed, laws: list[Called], terms: list[BodyTerms]
+) -> BodyArrays:
+    """Arrays of body number i, without the index of the body; its local terms are added to
+    `terms`."""
     rows, columns = (i.astype(np.int64) for i in np.nonzero(b.to_border))
     gains = np.array([-1 if a is None else timed.amplitudes([a]) for a in f.amplitudes],
                      dtype=np.int64)
@@ -192,13 +156,17 @@ def _body(b: BodyStep, f: FrameArrays, timed: Timed) -> BodyArrays:
     e = b.block
     if e is None:
         return made
-    if not isinstance(e, CompressedElastic) or e.local is not None:
-        raise NotCompiled(f"{b.elastic_name} is of full order or has terms that depend on x")
+    if not isinstance(e, CompressedElastic):
+        raise NotCompiled(f"{b.elastic_name} is of full order")
     k, kt = b.elastic.stop - b.elastic.start, b.thermal.stop - b.thermal.start
     active, idle = _split(b.elastic.start, k, e.active)
     (s, p, g), j = e.sizes, e.H.shape[1] - 3 * k - kt
     u, v, a, rest = np.split(e.H.T, (k, 2 * k, 3 * k))
     H = np.concatenate((u, a, rest, v if v.any() else v[:0]))
+    still, local = _forces(e.local, b.elastic_name, active - b.elastic.start, laws, timed)
+    if len(still.terms) or len(local.terms):
+        points = np.zeros((2, len(local.offset)))
+        terms.append(BodyTerms(i, still, local, *points))
     return made._replace(
         u=number(b.elastic.start), k=number(k), s=number(s), active=active, idle=idle,
         T=number(b.thermal.start), kt=number(kt), g=number(g), p=number(p),
@@ -208,10 +176,12 @@ def _body(b: BodyStep, f: FrameArrays, timed: Timed) -> BodyArrays:
         table=number(timed.tables(e.tables)))
 
 
-def _prescribed(number: int, b: BodyStep, timed: Timed) -> PrescribedArrays:
+def _prescribed(
+    number: int, b: BodyStep, timed: Timed, laws: list[Called]
+) -> PrescribedArrays:
     e, table = b.prescribed, b.table
-    if not isinstance(e, CompressedPrescribed) or e.local is not None or table is None:
-        raise NotCompiled(f"{b.elastic_name} is of full order or has terms that depend on x")
+    if not isinstance(e, CompressedPrescribed) or table is None:
+        raise NotCompiled(f"{b.elastic_name} is of full order")
     k, kt = b.elastic.stop - b.elastic.start, b.thermal.stop - b.thermal.start
     active, idle = _split(b.elastic.start, k, e.active)
     width = 2 * len(e.G) + e.E.shape[1] + 1 + len(e.base)
@@ -220,7 +190,8 @@ def _prescribed(number: int, b: BodyStep, timed: Timed) -> PrescribedArrays:
         array(np.atleast_2d(e.inertia)), array(np.atleast_2d(e.stiffness)),
         np.zeros((0, k)) if e.damping is None else array(np.atleast_2d(e.damping)),
         array(e.coupling.T), array(e.G), array(e.leading), *_halves(e),
-        timed.table(table, width), width)
+        timed.table(table, width), width,
+        *_forces(e.local, b.elastic_name, active - b.elastic.start, laws, timed))
 
 
 def _halves(e: CompressedPrescribed) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -7,9 +7,10 @@ from math import inf, sqrt
 import numpy as np
 
 from sparsemor.core import FloatArray
-from sparsemor.reducers.step.acceptance import TRUSTED, estimated_error
+from sparsemor.reducers.step.acceptance import LEAST, TRUSTED, estimated_error
 from sparsemor.reducers.step.compiled.arrays import ModelArrays, PrescribedArrays, RunArrays
 from sparsemor.reducers.step.compiled.dense import add_products, add_turned, product
+from sparsemor.reducers.step.compiled.local import local_rows, variables
 from sparsemor.reducers.step.compiled.mechanics import LEFT
 from sparsemor.reducers.step.condensed_newton import SLOW
 
@@ -28,8 +29,7 @@ def solve_prescribed(
             d[i] = -free[i]
             x[i], v[i], a[i] = 0.0, rate[i] + m.c1 * d[i], m.c2 * d[i]
         count = solve_body(
-            m, b, run, elastic, timed[b.table : b.table + b.width],
-            forces[b.u : b.u + len(b.active)], x, v, a, d)
+            m, b, run, elastic, timed, forces[b.u : b.u + len(b.active)], x, v, a, d)
         if count == LEFT:
             return LEFT
         most = max(most, count)
@@ -38,23 +38,33 @@ def solve_prescribed(
 
 
 def solve_body(
-    m: ModelArrays, b: PrescribedArrays, run: RunArrays, elastic: FloatArray, table: FloatArray,
+    m: ModelArrays, b: PrescribedArrays, run: RunArrays, elastic: FloatArray, timed: FloatArray,
     forces: FloatArray, x: FloatArray, v: FloatArray, a: FloatArray, d: FloatArray
 ) -> int:
     """Solves for the displacements of one body with these thermal forces (s,); returns the number
     of iterations, or LEFT."""
-    k, g, s = b.k, len(b.G), len(b.active)
+    k, g, s, table = b.k, len(b.G), len(b.active), timed[b.table : b.table + b.width]
     u, uv, ua = x[b.u : b.u + k], v[b.u : b.u + k], a[b.u : b.u + k]
     image = table[len(table) - s :] + forces + product(b.inertia, ua) + product(b.stiffness, u)
     if len(b.damping):
         image += product(b.damping, uv)
+    inputs = np.concatenate((u, x[b.T : b.T + b.kt]))
+    rates = np.concatenate((uv, v[b.T : b.T + b.kt]))
+    local = len(b.local.terms) > 0
+    if len(b.still.terms):
+        values, by_time = np.empty(len(b.still.offset)), np.empty(len(b.still.offset))
+        variables(b.still, timed, inputs, rates, values, by_time)
+        image -= local_rows(b.still, timed, values, by_time, m.c1, np.zeros(s))
+    values, by_time = np.empty(len(b.local.offset)), np.empty(len(b.local.offset))
+    if local:
+        variables(b.local, timed, inputs, rates, values, by_time)
     bound = table[len(table) - s - 1]
     now, wide = np.zeros(s), np.zeros(k)
     push, turn = np.zeros(max(k, b.halves.shape[1])), np.zeros(b.halves.shape[1])
     start = np.zeros(s)
     for j in range(s):
         start[j] = x[b.active[j]]
-    if bound == 0.0:  # nothing turns: that is all
+    if bound == 0.0 and not local:  # nothing turns: that is all
         for j in range(s):
             d[b.active[j]] += image[j]
         return 1
@@ -73,8 +83,11 @@ def solve_body(
                     image -= np.dot(push[:k], b.G[i])
         for j in range(len(b.scale)):
             image[j] -= b.scale[j] * turn[j]
-        new = image.copy()
-        corrected(m, b, table, image, now, new)
+        rest = image.copy()
+        if local:
+            rest -= local_rows(b.local, timed, values, by_time, m.c1, now)
+        new = rest.copy()
+        corrected(m, b, table, rest, now, new)
         moved2, size = 0.0, 0.0
         for j in range(s):
             moved2 += (new[j] - now[j]) ** 2
@@ -88,8 +101,8 @@ def solve_body(
             change = sqrt(moved2 / elastic[b.number])
         elif moved2 > 0.0:
             return LEFT
-        error = estimated_error(change, before)
-        if bound < TRUSTED:
+        error = estimated_error(change, before, max(bound, LEAST) if local else LEAST)
+        if bound < TRUSTED and not local:
             error = change * bound / (1.0 - bound)
         if error <= m.remaining:
             for j in range(s):

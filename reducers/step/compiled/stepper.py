@@ -22,12 +22,14 @@ from sparsemor.core import (
 from sparsemor.reducers.step.compiled.arrays import (
     NO_HEAT,
     NO_PRESCRIBED,
+    NO_TERMS,
     ModelArrays,
     RunArrays,
 )
 from sparsemor.reducers.step.compiled.compile import compiled_advance, folder_of, installed
-from sparsemor.reducers.step.compiled.plan import NotCompiled, Plan, model_arrays, plan
+from sparsemor.reducers.step.compiled.plan import Plan, model_arrays, plan
 from sparsemor.reducers.step.compiled.stacked import work_of
+from sparsemor.reducers.step.compiled.timed import NotCompiled
 from sparsemor.reducers.step.memory import Memory
 from sparsemor.reducers.step.solver import Stepper
 
@@ -106,6 +108,7 @@ class CompiledSteps:
         self._advance = advance_arrays
         self._work = work_of(plan.bodies, plan.border)
         self._heat = listed(plan.heat, NO_HEAT)
+        self._terms = listed(plan.terms, NO_TERMS)
         self._prescribed = listed(plan.prescribed, NO_PRESCRIBED)
 
     def advance(self, state: State, memory: Memory, count: int) -> StepBlock:
@@ -121,8 +124,8 @@ class CompiledSteps:
         run = _run_arrays(state, memory)
         states, effort = np.empty((len(times), *run.z.shape)), np.zeros((len(times), 2))
         done = self._advance(
-            self.model, self._heat, self.plan.bodies, self._work, self._prescribed, run,
-            self.plan.timed.along(times), self.plan.targets_along(times), states, effort)
+            self.model, self._heat, self.plan.bodies, self._terms, self._work, self._prescribed,
+            run, self.plan.timed.along(times), self.plan.targets_along(times), states, effort)
         if done:
             _keep(run, memory)
         # a step that is left to the uncompiled solver is often followed by others
@@ -136,8 +139,7 @@ class CompiledSteps:
 def _compiled(plan: Plan) -> tuple[Callable[..., int], Callable[[Sequence[Any], Any], Any]]:
     """Compiled `kernel.advance` and the function that makes its lists."""
     numba: Any = import_module("numba")  # optional, and takes half a second to import
-    function, calls = plan.functions
-    folder: Path = folder_of(cache_folder() / "machine_code", function, calls)
+    folder: Path = folder_of(cache_folder() / "machine_code", plan.functions)
     if not folder.exists():
         _log.warning("compiling the time step once, about a minute; machine code: %s", folder)
 
@@ -147,7 +149,7 @@ def _compiled(plan: Plan) -> tuple[Callable[..., int], Callable[[Sequence[Any], 
             made.append(item)
         return made
 
-    return compiled_advance(function, calls, folder), listed
+    return compiled_advance(plan.functions, folder), listed
 
 
 def _run_arrays(state: State, memory: Memory) -> RunArrays:

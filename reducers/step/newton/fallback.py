@@ -6,7 +6,7 @@ together by the iteration of iteration.py. Its equations are assembled when they
 """
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -23,11 +23,22 @@ STEPS = 10
 again."""
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Assembled:
+    """Equations that are assembled already."""
+
+    equations: Equations
+
+    def __call__(self) -> Equations:
+        return self.equations
+
+
+@dataclass(frozen=True, eq=False)
 class FullNewton:
     """Newton's method for the whole step. make: function that assembles the equations."""
 
-    def __init__(self, make: Callable[[], Equations], tolerances: Tolerances) -> None:
-        self.make, self.tolerances = make, tolerances
+    make: Callable[[], Equations]
+    tolerances: Tolerances
 
     @cached_property
     def equations(self) -> Equations:

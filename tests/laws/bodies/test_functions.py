@@ -10,7 +10,17 @@ from pydantic import ValidationError
 
 from sparsemor.core.protocols import HasCurvature, TimeFunction
 from sparsemor.core.protocols.prescribed_quantities import Held, Prescribed, time_derivatives
-from sparsemor.plugins.functions import Constant, Pulse, Ramp, Sine, Table, parse
+from sparsemor.plugins.functions import (
+    Constant,
+    Product,
+    Pulse,
+    Ramp,
+    Sine,
+    SmoothStep,
+    Sum,
+    Table,
+    parse,
+)
 
 ALL: list[HasCurvature] = [
     Constant(level=3.0),
@@ -19,6 +29,10 @@ ALL: list[HasCurvature] = [
     Ramp(start=0.5, end=2.5, initial=1.0, final=-3.0),
     Pulse(start=0.5, duration=1.0, level=7.0),
     Sine(amplitude=2.0, frequency=0.7, phase=0.3, offset=1.0),
+    SmoothStep(start=0.5, end=2.5, initial=1.0, final=-3.0),
+    Sum(terms=(2.0, {"use": "sine", "amplitude": 1.0, "frequency": 0.5},
+               SmoothStep(end=1.5, final=2.0))),
+    Product(factors=(Sine(amplitude=2.0, frequency=0.7), SmoothStep(end=1.5, final=2.0), 3.0)),
 ]
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.scene.scene import load
-from sparsemor.core.simulation.recorder import multiplier_components
+from sparsemor.core.simulation.run_header import multiplier_components
 from sparsemor.core.simulation.simulate import simulate
 from sparsemor.core.simulation.validation import checked_model
 

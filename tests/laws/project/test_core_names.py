@@ -29,7 +29,7 @@ TEXTS = {
     ("results/tables.py", "text.endswith(MARK)"), ("results/tables.py", "t.endswith(MARK)"),
     ("simulation/cache.py", "Path(name).parent.name.startswith(_SCRATCH)"),
     ("simulation/offline.py", "phase.removesuffix(' run')"),
-    ("simulation/recorder.py", "g.startswith('sparsemor.')"),  # groups of entry points
+    ("simulation/run_header.py", "g.startswith('sparsemor.')"),  # groups of entry points
 }
 """File and test of the begin or end of a text, none of which is the name of a part."""
 OPTIONS = {Path("simulation/rigid_stage.py"): {"rigid"}, Path("protocols/contact.py"): {"rigid"}}

@@ -56,12 +56,13 @@ def test_each_name_is_there(name: str) -> None:
 
 
 BODIES = {
-    "BODY_KINDS", "Between", "Body", "Conditions", "DenseTerm", "ELASTIC", "Isotropic",
+    "BODY_KINDS", "Between", "Body", "Conditions", "DenseTerm", "ELASTIC", "HasLawArrays",
+    "Isotropic",
     "JointPart", "LoadPart", "MULTIPLIER", "MassProperties", "NumberOrFunction",
     "PointwiseLaw", "Pose", "RIGID", "Response", "TEMPERATURE", "TEMPERATURE_RATE", "THERMAL",
     "Target", "Variable", "amplitude", "components", "conditions_between", "conditions_on",
-    "constant", "displacement_gradient", "find_body", "find_surfaces", "find_target",
-    "need_field", "temperature_gradient",
+    "constant", "curve_at", "displacement_gradient", "find_body", "find_surfaces", "find_target",
+    "need_field", "numbers_of", "temperature_gradient",
 }
 REDUCERS = {
     "Approximation", "ErrorModel", "Interpolating", "Linear", "Maps", "Projection",

@@ -12,6 +12,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from joint_runs import driven
 from sparsemor.core.errors import InputError
 from sparsemor.core.registry.registry import Registry
 from sparsemor.core.scene.scene import load
@@ -32,6 +33,7 @@ from sparsemor.core.testing import (
     check_sparse_solver,
     installed,
 )
+from sparsemor.core.testing.in_memory_run import scene_of
 from tiers import quick
 
 SCENES = Path(__file__).parents[2] / "scenes"
@@ -42,6 +44,9 @@ OPTIONS: dict[tuple[str, str], dict[str, Any]] = {
     ("function", "ramp"): {"start": 0.5, "end": 2.5, "final": -3.0},
     ("function", "pulse"): {"start": 0.5, "duration": 1.0, "level": 7.0},
     ("function", "sine"): {"amplitude": 2.0, "frequency": 0.7},
+    ("function", "smooth_step"): {"start": 0.5, "end": 2.5, "final": -3.0},
+    ("function", "sum"): {"terms": (1.0, {"use": "sine", "amplitude": 2.0, "frequency": 0.7})},
+    ("function", "product"): {"factors": (3.0, {"use": "smooth_step", "end": 2.0, "final": 1.0})},
     ("normal_law", "elastic_foundation"): {
         "stiffness": 1e9, "damping": 1e5, "damping_depth": 1e-6},
     ("material", "isotropic"): {"rho": 2700.0, "E": 7e10, "nu": 0.33, "k": 150.0, "c": 900.0},
@@ -127,7 +132,8 @@ def test_laws_of_a_reducer(name: str, integrator: str) -> None:
 
 @pytest.mark.full
 def test_laws_of_bodies_joints_and_loads() -> None:
-    scenes = [load(SCENES / name) for name in ("everything.yaml", "everything_in_space.yaml")]
+    scenes = [*(load(SCENES / name) for name in ("everything.yaml", "everything_in_space.yaml")),
+              scene_of(driven())]
     for scene in scenes:
         check_parts(scene)
     for kind, key in (("body", "bodies"), ("joint", "joints"), ("load", "loads")):

@@ -8,8 +8,8 @@ import pytest
 
 pytestmark = pytest.mark.full
 TESTS = Path(__file__).parents[2]
-LIBRARIES = {"_replace", "_exit", "_fields", "_asdict"}
-"""Public though they begin so: of named tuples, of `os`."""
+LIBRARIES = {"_replace", "_exit", "_fields", "_asdict", "_repr_html_"}
+"""Public though they begin so: of named tuples, of `os`, of notebooks."""
 
 
 def private(name: str) -> bool:

@@ -16,13 +16,17 @@ OBJECT = re.compile(r"NDArray\[Any\]|\b(?:dict|Mapping)\[str, Any\]")
 modules of `STATED`."""
 STATED = ("results.", "simulation.recorder.", "simulation.step_control.ControlledSteps.summary",
           "simulation.linearization.check.", "linalg.threads.", "registry.hooks.Events.on_finish",
-          "protocols.layout.FieldKind.of_plain")
+          "protocols.layout.FieldKind.of_plain", "simulation.reduced_model.",
+          "simulation.prepare.PreparedRun.stability")
 ALLOWED = {
     "registry.option_types.type_in_words": "a JSON schema",
     "registry.registry.Registry.load": "a class of any kind of plugin, which the caller names",
     "registry.slot.slot_default": "the default of an option: pydantic makes a plugin of the name",
     "registry.slot.name_default_slots": "the options of a plugin as they are written",
     "results.json_data.finite": "any JSON value",
+    "results.packed.HasParts.of_parts": "arguments of the constructor of any class",
+    "results.packed.Packed.made": "an object of any class of the table",
+    "results.packed.Packed.tree": "plain data of an unknown object",
     "results.saved_state.Saved.tree": "plain data of an unknown memory",
     "results.saved_state.Saved.into": "plain data becomes a memory of the class of another one",
 }

@@ -236,7 +236,7 @@ def test_pictures_of_a_run_in_space(
     files = write_run_charts(run, tmp_path, formats=["png"])
     assert {f.stem for f in files} == {
         "angles", "positions", "deformation_bar", "temperature_bar", "probe_displacement",
-        "probe_temperature"}
+        "probe_temperature", "joint_forces"}
 
 
 # --------------------------------------------------------------------------- motion

@@ -72,6 +72,17 @@ def test_every_option_keeps_the_laws(
 
 
 @pytest.mark.parametrize(("kind", "options"), EVERY)
+def test_rows_of_a_complete_basis_are_those_of_its_leading_atoms(
+    kind: type[SpanSampler], options: dict[str, Any]
+) -> None:
+    U = np.linalg.qr(np.hstack([smooth(40, 8, 1), np.random.default_rng(2).standard_normal(
+        (40, 32))]))[0]
+    leading = rows_of(kind(required=False, leading=8, **options), U, 12)
+    assert list(leading) == list(rows_of(kind(required=False, **options), U[:, :8], 12))
+    assert list(leading) != list(rows_of(kind(required=False, **options), U, 12))
+
+
+@pytest.mark.parametrize(("kind", "options"), EVERY)
 @pytest.mark.parametrize("k", [1, 7, 90])
 def test_any_number_of_atoms_dependent_ones_too(
     kind: type[SpanSampler], options: dict[str, Any], k: int

@@ -112,13 +112,20 @@ def test_a_changed_program_finds_nothing(monkeypatch: pytest.MonkeyPatch) -> Non
     assert training_of(base) == "miss"
 
 
-def test_the_digest_of_the_program_reads_every_source() -> None:
+def test_the_digest_of_the_program_reads_every_source(monkeypatch: pytest.MonkeyPatch) -> None:
     root = Path(identity.__file__).parents[2]
     known = {p for folder in FOLDERS for p in identity.sources(root / folder)}
     assert {p for p in root.rglob("*.py") if p.parent != root} <= known
     assert len(known) > 200
-
-
+    read: list[set[Path]] = []
+    monkeypatch.setattr(identity, "_digest_of", lambda files, root: read.append(set(files)) or "")
+    identity.code_digest.__wrapped__()
+    identity.study_digest.__wrapped__()
+    of_runs, of_studies = read
+    above = {p for p in known if p.is_relative_to(root / "core" / "analysis")
+             or p.is_relative_to(root / "core" / "cli")}  # nothing below imports these
+    assert of_runs == known - above and of_studies < above
+    assert root / "core" / "analysis" / "study" / "metrics.py" in of_studies
 
 
 def test_a_study_is_another_one_after_its_plugin_changed(

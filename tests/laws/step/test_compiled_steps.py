@@ -3,12 +3,14 @@ each part is compared without numba; tests/laws/step/test_machine_code.py runs i
 code."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 
+from joint_runs import driven
 from random_chains import chain, scene
 from reduced_runs import learnt
 from small_scenes import everything, tiny
@@ -23,8 +25,9 @@ from sparsemor.core.simulation.time_stepping import FixedStep, iterate, started
 from sparsemor.core.testing.in_memory_run import march
 from sparsemor.reducers.sparse.stepper import StepsBetween
 from sparsemor.reducers.step.compiled.compile import bound
-from sparsemor.reducers.step.compiled.plan import NotCompiled, model_arrays, plan
-from sparsemor.reducers.step.compiled.stepper import CompiledSteps, wanted
+from sparsemor.reducers.step.compiled.plan import model_arrays, plan
+from sparsemor.reducers.step.compiled.stepper import CompiledSteps, compilable, wanted
+from sparsemor.reducers.step.compiled.timed import NotCompiled
 from sparsemor.reducers.step.solver import Stepper
 from turning_bars import bar, turning
 
@@ -62,7 +65,7 @@ def in_python(case: Case, solver: Stepper) -> CompiledSteps:
     made = plan(solver)
     rules = case.scene.integrator.rules(case.scene.time.step)
     return CompiledSteps(made, model_arrays(solver, rules), case.scene.time.step, bound(
-        *made.functions, lambda function: function))
+        made.functions, lambda function: function))
 
 
 def states(case: Case, solver: Any, count: int, many: Any = None) -> list[Any]:
@@ -169,21 +172,79 @@ def test_the_partition_into_blocks_changes_no_bit() -> None:
 @pytest.mark.full
 def test_every_plane_joint_and_load() -> None:
     s = everything().using({
-        "time.end": 20 * everything().time.step, "loads.glow": {
-            "use": "convection", "on": ["wall:top", "hot:top"], "film": 9, "temperature": 280}})
+        "time.end": 20 * everything().time.step, "loads.air": {
+            "use": "convection", "on": ["wall:top", "hot:top"], "film": 9, "temperature": 280},
+        "loads.glow": {"use": "radiation", "on": ["wall:top", "hot:top"], "emissivity": 0.9,
+                       "surroundings": 280}})
     case = trained(s, GALERKIN)
     law(case, 15, blocks=3)
+
+
+@pytest.mark.full
+def test_springs_motors_and_torques() -> None:
+    law(trained(scene({"format": 1, **driven()}), GALERKIN), 20)
 
 
 def test_models_that_are_not_covered_say_why() -> None:
     with pytest.raises(NotCompiled, match="full order"):
         plan(trained(tiny(), "full").solver())
-    hot = tiny().using({"loads.glow": {
-        "use": "radiation", "on": ["bar:right"], "emissivity": 0.8, "surroundings": 293.0}})
-    with pytest.raises(NotCompiled, match="depend on temperature"):
-        plan(trained(hot, GALERKIN).solver())
-    notes = [n.text for n in trained(hot, GALERKIN).solver(compiled="on").notes]
+    case = hot("galerkin", False)
+    solver = case.solver()
+    (name,) = solver.heat
+    whole = replace(solver.heat[name], local=(Unknown(),))
+    made = solver.with_blocks({name: whole}, {})
+    with pytest.raises(NotCompiled, match="not given as arrays"):
+        plan(made)
+    notes = [n.text for n in compilable(made, "on").notes]
     assert any("compiled: on has no effect" in text for text in notes), notes
+
+
+class Unknown:
+    """A term without arrays."""
+
+    elements = 1
+
+    def residual(self, *at: Any) -> FloatArray:
+        return np.zeros(4)
+
+    jacobian = residual
+
+
+STEEL = {"rho": 7850, "nu": 0.3, "E": {"temperatures": [250, 400, 1000],
+                                       "values": [2.1e8, 1.9e8, 0.4e8]},
+         "alpha": {"polynomial": [1.2e-5, 4e-9], "origin": 293.15, "range": [200, 1200]},
+         "k": {"temperatures": [250, 1000], "values": [54, 27]},
+         "c": {"polynomial": [440, 0.4], "origin": 293.15, "range": [200, 1200]}}
+
+
+@cache
+def hot(reducer: str, clamped: bool) -> Case:
+    """A bar whose properties depend on temperature, with radiation and a film that does; clamped:
+    at rest instead of swinging."""
+    rest = {"joints.pin": None, "bodies.bar.frame": "fixed", "bodies.bar.reference": {
+        "clamp": "left"}} if clamped else {}
+    return trained(tiny().using({
+        "bodies.bar.material": STEEL, "bodies.bar.initial_temperature": "400 + 100*x",
+        "loads.glow": {"use": "radiation", "on": ["bar:right"], "emissivity": 0.8,
+                       "surroundings": {"use": "sine", "amplitude": 20, "frequency": 9,
+                                        "offset": 300}},
+        "loads.air": {"use": "convection", "on": ["bar:top"], "temperature": 300.0,
+                      "film": {"temperatures": [290, 900], "values": [500, 2500]}},
+        "joints.bath": {"use": "prescribed_temperature", "on": ["bar:left"], "temperature": {
+            "use": "sine", "amplitude": 30, "frequency": 10, "offset": 400}},
+        "time.end": 0.05, **rest}), {**GALERKIN, "use": reducer})
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("reducer", ["galerkin", "ecsw", "deim"])
+@pytest.mark.parametrize("clamped", [False, True])
+def test_terms_that_depend_on_the_unknowns(reducer: str, clamped: bool) -> None:
+    case = hot(reducer, clamped)
+    made = plan(case.solver())
+    assert len(made.laws) == 6 and len(made.heat[0].local.terms) == 4
+    (body,) = made.prescribed if clamped else made.terms
+    assert len(body.still.terms) == len(body.local.terms) == 1
+    law(case, 30)
 
 
 def test_frames_at_rest() -> None:

@@ -20,8 +20,18 @@ pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("one_cache")]
 BLOCKS = ("bar.rigid", "bar.elastic", "bar.thermal")
 
 
+STEEL = {"rho": 7850, "nu": 0.3, "E": {"temperatures": [250, 400, 1000],
+                                       "values": [2.1e8, 1.9e8, 0.4e8]},
+         "alpha": {"polynomial": [1.2e-5, 4e-9], "origin": 293.15, "range": [200, 1200]},
+         "k": {"temperatures": [250, 1000], "values": [54, 27]},
+         "c": {"polynomial": [440, 0.4], "origin": 293.15, "range": [200, 1200]}}
+
+
 def heated(compiled: str, **more: Any) -> Scene:
+    """A bar that swings and radiates, of a material that depends on temperature."""
     return tiny().using({
+        "bodies.bar.material": STEEL, "loads.glow": {
+            "use": "radiation", "on": ["bar:right"], "emissivity": 0.8, "surroundings": 700.0},
         "reducer": {"use": "galerkin", "basis": {"use": "pod", "count": 4}, "compiled": compiled},
         "time.end": 0.3, "training.end": 0.04, **more})
 

@@ -5,6 +5,9 @@ import ast
 import json
 import os
 import shlex
+import subprocess
+import sys
+import time
 from inspect import currentframe
 from pathlib import Path
 
@@ -12,11 +15,11 @@ import numpy as np
 import pytest
 
 from source_trees import tree_of
+from sparsemor.core.analysis.reproduction.error_quantities import StudyValue
 from sparsemor.core.analysis.reproduction.jobs import command_of, plan_of, scene_of
 from sparsemor.core.analysis.reproduction.page import text_of
 from sparsemor.core.analysis.reproduction.paper import BROKEN, GRADES, MISSED, Item, Paper, RunEntry
 from sparsemor.core.analysis.reproduction.processes import executed
-from sparsemor.core.analysis.reproduction.quantities import StudyValue
 from sparsemor.core.analysis.reproduction.reproduce import (
     chosen_items,
     commands_of,
@@ -24,10 +27,15 @@ from sparsemor.core.analysis.reproduction.reproduce import (
 )
 from sparsemor.core.analysis.reproduction.rules import evaluate, names_in
 from sparsemor.core.analysis.reproduction.split import Counted
+from sparsemor.core.analysis.study.jobs import execute, keep_reference
+from sparsemor.core.analysis.study.plan import SceneData
 from sparsemor.core.cli.options import load_with
 from sparsemor.core.errors import InputError
 from sparsemor.core.registry.registry import Registry
+from sparsemor.core.scene.scene import load
 from sparsemor.core.scene.yaml_reader import LocatedError
+from sparsemor.core.simulation.cache import Cache
+from sparsemor.core.simulation.simulate import simulate
 
 ROOT = Path(__file__).parents[3]
 PAPER = Paper.read("liang_2026", Registry()).file
@@ -115,13 +123,28 @@ def test_every_run_is_a_valid_scene_and_its_command_repeats_it(name: str, quick:
 @pytest.mark.parametrize("quick", [False, True])
 @pytest.mark.parametrize("name", PAPER.studies)
 def test_every_study_has_the_rows_that_items_read(name: str, quick: bool, here: Path) -> None:
-    plan = plan_of(PAPER.studies[name], quick, here / "plans" / f"{name}.yaml")
+    plan = plan_of(
+        PAPER.studies[name], PAPER.rows_read(name), quick, here / "plans" / f"{name}.yaml")
     assert not any(run.refused for run in plan.runs)
-    read = [v.of for i in PAPER.items for v in i.values.values() if v.of.studies() == (name,)]
-    for value in read:
-        where = value.model_dump()["where"]
-        assert any(all(run.settings.get(k) == v for k, v in where.items()) for run in plan.runs)
-    assert read
+    read = PAPER.rows_read(name)
+    of_rows = [[run.number for run in plan.runs if row.items() <= dict(run.settings).items()]
+               for row in read]
+    assert read and all(of_rows)
+    if quick:
+        assert {n for numbers in of_rows for n in numbers} == {r.number for r in plan.runs}
+
+
+@pytest.mark.full
+def test_a_run_is_the_reference_of_studies_with_its_physics(here: Path) -> None:
+    tiny = ROOT / "tests" / "scenes" / "tiny.yaml"
+    scene = load(tiny, {"reducer": "full", "time.end": 0.003})
+    simulate(scene, out="out")
+    keep_reference(scene, Path("out"))
+    for change, same in (({"title": "another", "seed": 7}, True), ({"output.every": 3}, False),
+                         ({"time.end": 0.002}, False)):
+        job = {"kind": "reference", "scene": SceneData.of(scene.using(change)).plain()}
+        kept = Cache().root / "reference" / execute(job)["key"] / "result.zarr" / "zarr.json"
+        assert kept.samefile(Path("out", "result.zarr", "zarr.json")) is same
 
 
 def test_the_functions_that_count_as_matrix_operations_exist() -> None:
@@ -243,6 +266,42 @@ def test_a_row_of_a_study_that_was_refused_is_no_result() -> None:
 def test_processes_that_die_are_replaced_and_lose_their_own_call_alone() -> None:
     found = dict(executed(ended, {"dies": 1, "lives": 0}, 2, {"lives": "dies"}, lambda n: -1))
     assert found == {"dies": -1, "lives": 0}
+
+
+@pytest.mark.full
+def test_workers_end_with_the_process_that_started_them(here: Path) -> None:
+    Path("starts.py").write_text(STARTS)
+    parent = subprocess.Popen([sys.executable, "starts.py"])
+    until = time.monotonic() + 60.0
+    while len(begun := list(here.glob("worker-*"))) < 2 and time.monotonic() < until:
+        time.sleep(0.05)
+    workers = [int(path.name.removeprefix("worker-")) for path in begun]
+    parent.kill()
+    parent.wait()
+    while (left := [w for w in workers if running(w)]) and time.monotonic() < until:
+        time.sleep(0.05)
+    assert len(workers) == 2 and not left
+
+
+STARTS = """\
+import os, pathlib, time
+from sparsemor.core.analysis.reproduction.processes import executed
+
+def waits(seconds):
+    pathlib.Path(f"worker-{os.getpid()}").touch()
+    time.sleep(seconds)
+
+if __name__ == "__main__":
+    list(executed(waits, {"a": 60.0, "b": 60.0}, 2))
+"""
+
+
+def running(process: int) -> bool:
+    """False for a process that ended, also if nobody has asked for its exit code."""
+    try:
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
 
 
 def ended(code: int) -> int:

@@ -1,0 +1,176 @@
+"""Springs with dampers and drives between the frames of two bodies, or of a body and the ground
+(notation: items.py).
+
+They act on rigid coordinates alone: a flexible body is attached by a massless frame
+(bodies/joints/force_element.py), since its elastic equations have constant matrices.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sparsemor.bodies.frames import plane_items as plane
+from sparsemor.bodies.frames import plane_springs
+from sparsemor.bodies.frames import rotation as rot
+from sparsemor.bodies.frames.attitude import Attitude, Free, attitude
+from sparsemor.bodies.frames.items import EYE
+from sparsemor.bodies.frames.motion import Motion, Sums
+from sparsemor.core import Amplitude, FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Spring:
+    """Force stiffness l + damping l' + drive(t), N, along the line between two points at the
+    distance l; positive pulls them together.
+
+    point, base (d,): own point and that of the other body, m, in their axes; stiffness, N/m;
+    damping, N s/m; others: number of the other body's rigid coordinates that are unknowns, 0 if it
+    is at rest at `place`.
+    """
+
+    point: FloatArray
+    base: FloatArray
+    stiffness: float
+    damping: float
+    drive: Amplitude
+    others: int
+    place: FloatArray
+    directions = 0
+    forces = 0
+
+    def names(self, source: str) -> tuple[str, ...]:
+        return ()
+
+    def shifted(self, s: FloatArray, quadratic: FloatArray) -> "Spring":
+        return self
+
+    def in_plane(self) -> plane.PlaneItem:
+        place = self.place.tolist() if not self.others else [0.0] * 3
+        return plane.PlanePart(plane_springs.spring, (
+            *self.point.tolist(), *self.base.tolist(), self.stiffness, self.damping,
+            float(self.others > 0), *place), self.drive)
+
+    def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
+        size, there = m.at.stop, slice(o, o + self.others)
+        y_o = m.y[there] if self.others else self.place
+        far, q1 = attitude(y_o[3:]), m.v[m.at]
+        gap = m.R + m.A.dot(self.point) - y_o[:3] - far.A.dot(self.base)
+        # derivatives of gap and, at fixed rates, of its rate by own and the other's coordinates
+        by = np.hstack([EYE, m.turn.of_body(self.point)])
+        speed = m.v[:3] + by[:, 3:].dot(q1)
+        by_rate = np.hstack([np.zeros((3, 3)), _turned(m.turn, q1, self.point)])
+        at = np.arange(size)
+        if self.others:
+            q2, D = m.v[there][3:], far.of_body(self.base)
+            speed = speed - m.v[there][:3] - D.dot(q2)
+            by = np.hstack([by, -EYE, -D])
+            by_rate = np.hstack([by_rate, np.zeros((3, 3)), -_turned(far, q2, self.base)])
+            at = np.concatenate([at, np.arange(there.start, there.stop)])
+        length = float(np.sqrt(gap.dot(gap)))
+        n = gap / length
+        rate = float(n.dot(speed))
+        f = self.stiffness * length + self.damping * rate + self.drive(m.t)
+        along = n.dot(by)
+        of_f = self.stiffness * along + self.damping * (
+            (speed - rate * n).dot(by) / length + n.dot(m.c1 * by + by_rate))
+        d = np.outer(n, of_f) + f / length * (by - np.outer(n, along))
+        F = f * n
+        out.rows[at] += F.dot(by)
+        out.H[np.ix_(at, at)] += by.T.dot(d)
+        out.H[m.at, m.at] += m.turn.bend(F, self.point)
+        if self.others:
+            turn = slice(there.start + 3, there.stop)
+            out.H[turn, turn] -= far.bend(F, self.base)
+
+
+def _turned(turn: Attitude, rates: FloatArray, b: FloatArray) -> FloatArray:
+    """(3, n) derivative of (d (A b) / dq) rates by the n attitude coordinates q."""
+    if isinstance(turn, Free):  # A b is quadratic in the quaternion
+        return rot.of_body_vector(rot.to_space(rates), b)
+    return np.asarray(-rates[0] * turn.A.dot([[b[0]], [b[1]], [0.0]]))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RotationalSpring:
+    """In the plane: moment stiffness phi + damping phi' + drive(t), N m, against the relative angle
+    phi, rad, of the own and the other frame.
+
+    stiffness, N m/rad; damping, N m s/rad; others: 3, or 0 where the other body is at rest at
+    `angle`, rad.
+    """
+
+    stiffness: float
+    damping: float
+    drive: Amplitude
+    others: int
+    angle: float
+    directions = 0
+    forces = 0
+
+    def names(self, source: str) -> tuple[str, ...]:
+        return ()
+
+    def shifted(self, s: FloatArray, quadratic: FloatArray) -> "RotationalSpring":
+        return self
+
+    def in_plane(self) -> plane.PlaneItem:
+        return plane.PlanePart(plane_springs.rotational_spring, (
+            self.stiffness, self.damping, float(self.others > 0), self.angle), self.drive)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SpatialRotationalSpring:
+    """In space: moment stiffness phi + damping phi' + drive(t), N m, against the relative angle
+    phi, rad, of the own and the other frame about an axis: phi = atan2(A d . A_o e_2, A d . A_o
+    e_1), between -pi and pi.
+
+    own (3,) = d in own axes; first, second (3,) = e_1, e_2 in the other body's axes; others: number
+    of its rigid coordinates that are unknowns, 0 if it is at rest at `place`.
+    """
+
+    own: FloatArray
+    first: FloatArray
+    second: FloatArray
+    stiffness: float
+    damping: float
+    drive: Amplitude
+    others: int
+    place: FloatArray
+    directions = 0
+    forces = 0
+
+    def names(self, source: str) -> tuple[str, ...]:
+        return ()
+
+    def shifted(self, s: FloatArray, quadratic: FloatArray) -> "SpatialRotationalSpring":
+        return self
+
+    def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
+        far = attitude((m.y[o : o + self.others] if self.others else self.place)[3:])
+        at = np.arange(m.at.start, m.at.stop)
+        if self.others:
+            at = np.concatenate([at, np.arange(o + 3, o + self.others)])
+        c, c1, c2 = self._cosine(m, far, self.first)
+        s, s1, s2 = self._cosine(m, far, self.second)
+        size = c * c + s * s
+        along = (c * s1 - s * c1) / size  # derivative of phi
+        bend = (np.outer(s1, c1) - np.outer(c1, s1) + c * s2 - s * c2) / size - np.outer(
+            along, 2.0 * (c * c1 + s * s1) / size)
+        rates = m.v[at]
+        moment = (self.stiffness * float(np.arctan2(s, c)) + self.damping * float(along.dot(rates))
+                  + self.drive(m.t))
+        slope = (self.stiffness + self.damping * m.c1) * along + self.damping * bend.dot(rates)
+        out.rows[at] += moment * along
+        out.H[np.ix_(at, at)] += np.outer(along, slope) + moment * bend
+
+    def _cosine(
+        self, m: Motion, far: Attitude, e: FloatArray
+    ) -> tuple[float, FloatArray, FloatArray]:
+        """A d . A_o e with first and second derivatives by the attitude coordinates of both."""
+        d, f, D = m.A.dot(self.own), far.A.dot(e), m.turn.of_body(self.own)
+        first, second = f.dot(D), m.turn.bend(f, self.own)
+        if self.others:
+            E = far.of_body(e)
+            first = np.concatenate([first, d.dot(E)])
+            second = np.block([[second, D.T.dot(E)], [E.T.dot(D), far.bend(d, e)]])
+        return float(d.dot(f)), first, second

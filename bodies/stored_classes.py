@@ -1,0 +1,35 @@
+"""Classes and functions of which the frames and terms of kept reduced models are made
+(`StoresObjects`)."""
+
+from collections.abc import Sequence
+
+from sparsemor.bodies.fem.elasticity import Law
+from sparsemor.bodies.fem.pointwise_law import Variable
+from sparsemor.bodies.frames import (
+    constraints,
+    force_items,
+    frame,
+    items,
+    joint_items,
+    moments,
+    springs,
+)
+from sparsemor.bodies.frames.inertia import Inertia
+from sparsemor.bodies.frames.plane import PlanarFrame
+from sparsemor.bodies.joints.force_element import Drive
+from sparsemor.bodies.loads.amplitude import unit
+from sparsemor.bodies.loads.convection import Film
+from sparsemor.bodies.loads.radiation import GreyBody
+from sparsemor.bodies.temperature_curve import TemperatureCurve
+from sparsemor.bodies.terms import dense, material_laws
+from sparsemor.bodies.terms.point_term import PointTerm
+
+CLASSES: Sequence[object] = (
+    Drive, Film, GreyBody, Inertia, Law, PlanarFrame, PointTerm, TemperatureCurve, Variable, unit,
+    constraints.Facing, constraints.Slide, dense.DenseTerm, dense.ReducedDense,
+    force_items.BodyForce, force_items.Moment, force_items.SpaceForce, frame.SpatialFrame,
+    items.Nothing, items.UnitLength, joint_items.Attachment, joint_items.Reaction,
+    joint_items.Rotation, joint_items.Wrench, material_laws.Conduction, material_laws.Departure,
+    material_laws.Expansion, material_laws.Softening, material_laws.StoredHeat, moments.Moments,
+    springs.RotationalSpring, springs.SpatialRotationalSpring, springs.Spring,
+)

@@ -1,0 +1,137 @@
+"""Laws of materials as functions on arrays (`LawFunction`), which numba compiles: the equations of
+material_laws.py at N points.
+
+A property is a run of numbers (`HasNumbers`): a table (0, n, its n temperatures, then the first
+temperature, value and slope of each of its n + 1 segments), or a polynomial (1, n, T_0, least and
+greatest temperature, n coefficients in powers of T - T_0).
+"""
+
+import numpy as np
+
+from sparsemor.core import FloatArray, HasNumbers, TemperatureProperty
+
+TABLE, POLYNOMIAL = 0.0, 1.0
+
+
+def numbers_of(of: TemperatureProperty | float) -> FloatArray | None:
+    """Numbers of a property or of a constant; None where a property has none."""
+    if isinstance(of, int | float):
+        return np.array([POLYNOMIAL, 1.0, 0.0, 0.0, 0.0, of])
+    return of.numbers if isinstance(of, HasNumbers) else None
+
+
+def curve_at(numbers: FloatArray, first: int, T: float) -> tuple[float, float]:
+    """Value and slope at T, K, of the property whose numbers begin at `first`."""
+    n, at = int(numbers[first + 1]), first + 2
+    if numbers[first] == TABLE:
+        low, high = 0, n
+        while low < high:
+            middle = (low + high) // 2
+            if numbers[at + middle] < T:
+                low = middle + 1
+            else:
+                high = middle
+        start = at + n + low
+        slope = numbers[start + 2 * (n + 1)]
+        return numbers[start + n + 1] + slope * (T - numbers[start]), slope
+    inside = min(max(T, numbers[at + 1]), numbers[at + 2])
+    if not T == T:
+        inside = T
+    z, value, slope = inside - numbers[at], numbers[at + 2 + n], 0.0
+    for i in range(n - 1, 0, -1):
+        slope = value + slope * z
+        value = numbers[at + 2 + i] + value * z
+    return value, slope if inside == T else 0.0
+
+
+def conduction(
+    numbers: FloatArray, gains: FloatArray, z: FloatArray, x: FloatArray, y: FloatArray,
+    slopes: FloatArray
+) -> None:
+    """Heat flux (k(T) - k_0) grad T; numbers: k_0, k."""
+    d = len(z) - 1
+    for n in range(z.shape[1]):
+        k, slope = curve_at(numbers, 1, z[0, n])
+        k -= numbers[0]
+        for i in range(d):
+            y[i, n] = k * z[i + 1, n]
+            if len(slopes):
+                slopes[2 * i, n] = slope * z[i + 1, n]
+                slopes[2 * i + 1, n] = k
+
+
+def stored_heat(
+    numbers: FloatArray, gains: FloatArray, z: FloatArray, x: FloatArray, y: FloatArray,
+    slopes: FloatArray
+) -> None:
+    """Stored heat rho (c(T) - c_0) T'; numbers: rho, c_0, c."""
+    rho = numbers[0]
+    for n in range(z.shape[1]):
+        c, slope = curve_at(numbers, 2, z[0, n])
+        stored = rho * (c - numbers[1])
+        y[0, n] = stored * z[1, n]
+        if len(slopes):
+            slopes[0, n] = rho * slope * z[1, n]
+            slopes[1, n] = stored
+
+
+def softening(
+    numbers: FloatArray, gains: FloatArray, z: FloatArray, x: FloatArray, y: FloatArray,
+    slopes: FloatArray
+) -> None:
+    """Stress (E(T)/E_0 - 1) C_0 : eps; numbers: d, E_0, lambda, mu, E."""
+    d, E_0, lam, mu = int(numbers[0]), numbers[1], numbers[2], numbers[3]
+    for n in range(z.shape[1]):
+        value, slope = curve_at(numbers, 4, z[0, n])
+        e, spread, at = (value - E_0) / E_0, 0.0, 0
+        for i in range(d):
+            spread += z[1 + i * d + i, n]
+        spread *= lam
+        for i in range(d):
+            for j in range(d):
+                r = i * d + j
+                stress = mu * (z[1 + r, n] + z[1 + j * d + i, n])
+                if i == j:
+                    stress += spread
+                y[r, n] = e * stress
+                if not len(slopes):
+                    continue
+                slopes[at, n] = slope / E_0 * stress
+                at += 1
+                if i == j:
+                    for k in range(d):
+                        slopes[at, n] = e * (lam + 2.0 * mu if k == i else lam)
+                        at += 1
+                else:
+                    slopes[at, n] = slopes[at + 1, n] = e * mu
+                    at += 2
+
+
+def softening_pairs(d: int) -> list[tuple[int, int]]:
+    """Derivatives in the order of `softening`."""
+    found = []
+    for i in range(d):
+        for j in range(d):
+            r = i * d + j
+            found.append((r, 0))
+            found += ([(r, 1 + k * d + k) for k in range(d)] if i == j
+                      else [(r, 1 + r), (r, 1 + j * d + i)])
+    return found
+
+
+def expansion(
+    numbers: FloatArray, gains: FloatArray, z: FloatArray, x: FloatArray, y: FloatArray,
+    slopes: FloatArray
+) -> None:
+    """Thermal stress -(beta(T) - beta_0) (T - T_ref); numbers: factor of E alpha in beta, beta_0,
+    T_ref, first number of alpha, E, alpha."""
+    factor, beta_0, reference, first = numbers[0], numbers[1], numbers[2], int(numbers[3])
+    for n in range(z.shape[1]):
+        rise = z[0, n] - reference
+        E, E_T = curve_at(numbers, 4, z[0, n])
+        alpha, alpha_T = curve_at(numbers, first, z[0, n])
+        change = factor * E * alpha - beta_0
+        for i in range(len(y)):
+            y[i, n] = -change * rise
+            if len(slopes):
+                slopes[i, n] = -factor * (E_T * alpha + E * alpha_T) * rise - change

@@ -1,0 +1,56 @@
+"""Command `sparsemor reduce`: prepares the reduced model of a scene and writes it to a file."""
+
+import time
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from sparsemor.core.cli.options import (
+    Json,
+    Quiet,
+    SceneName,
+    Settings,
+    exit_codes,
+    load_with,
+    located_in,
+    print_json,
+    progress,
+)
+from sparsemor.core.errors import InputError
+
+Out = Annotated[Path | None, typer.Option("--out", help="File (default: SCENE-REDUCER.model).")]
+Fields = Annotated[bool, typer.Option(
+    "--fields", help="Keep meshes and bases too, for pictures and export of the model's results.")]
+Replace = Annotated[bool, typer.Option("--force", help="Replace an existing file.")]
+
+
+def reduce(
+    scene: SceneName, settings: Settings = None, out: Out = None, fields: Fields = False,
+    force: Replace = False, as_json: Json = False, quiet: Quiet = False,
+) -> None:
+    """Prepare the reduced model of a scene and write it to a file, which `sparsemor run` runs
+    without mesh and training."""
+    with exit_codes(as_json):
+        loaded = load_with(scene, settings)
+        file = out or Path(f"{loaded.name}-{loaded.reducer_name}.model")
+        with located_in(loaded), progress(quiet or as_json) as observers:
+            if file.exists() and not force:
+                raise InputError(f"{file} exists: choose another file, or replace it with --force",
+                                 "out")
+            if not file.parent.is_dir():
+                raise InputError(f"there is no folder {file.parent}", "out")
+            from sparsemor.core.simulation.reduced_model import reduce as prepare
+
+            begun = time.perf_counter()
+            model = prepare(loaded, observers=observers)
+            model.save(file, fields=fields)
+        said = {"status": "done", "scene": loaded.name, "reducer": loaded.reducer_name,
+                "unknowns": model.size, "seconds": time.perf_counter() - begun,
+                "bytes": file.stat().st_size, "may_change": list(model.free), "out": str(file)}
+        if as_json:
+            print_json(said)
+        elif not quiet:
+            typer.echo(f"{model.size} unknowns, {file.stat().st_size / 1e6:.2g} MB, prepared in "
+                       f"{said['seconds']:.3g} s\na run may change {', '.join(model.free)}\n"
+                       f"model: {file}")

@@ -1,0 +1,298 @@
+"""Objects as plain data and arrays, and back: the form in which a reduced model is kept and copied.
+
+A file determines values, never code: a class or function is named by a word, which must be in the
+table of those that the program and the plugins of the scene declare (`StoresObjects`). An object is
+made by its own constructor. Plugins of the scene, such as functions of time, are named by their key
+there, so that a copy with other functions is the same data read with another scene.
+"""
+
+import hashlib
+import json
+import zlib
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, fields, is_dataclass
+from enum import Enum
+from types import FunctionType, MethodType
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel
+from scipy.sparse import csr_array
+
+from sparsemor.core.protocols import TimeFunction
+from sparsemor.core.results.model_format import MAGIC
+
+LARGEST = 2**32
+"""Largest size of the data of a file, bytes."""
+Table = Mapping[str, object]
+"""Name -> class or function that data may name."""
+
+
+class PackedError(ValueError):
+    """Error: an object cannot be stored, or a file is damaged or foreign."""
+
+
+@runtime_checkable
+class HasParts(Protocol):
+    """An object that is stored as the arguments of `of_parts`."""
+
+    def parts(self) -> tuple[object, ...]: ...
+    @classmethod
+    def of_parts(cls, *parts: Any) -> Any: ...
+
+
+def table_of(items: Iterable[object]) -> dict[str, object]:
+    """Table of classes and functions by module and name."""
+    return {_label(item): item for item in items}
+
+
+def _label(item: Any) -> str:
+    return f"{item.__module__}:{item.__qualname__}"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Packed:
+    """Tree of JSON values that refers to arrays by number, and to plugins by their key; used: keys
+    that it refers to; about: plain data next to it."""
+
+    tree: Any
+    arrays: tuple[NDArray[Any], ...]
+    used: frozenset[str]
+    about: Mapping[str, Any] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, value: object, table: Table, plugins: Mapping[str, object]) -> "Packed":
+        """Data of an object. plugins: key -> plugin of the scene. Raises PackedError, with its
+        path, for an object of a class that is not in the table."""
+        packer = _Packer(table, plugins)
+        return cls(packer.node(value, "model"), tuple(packer.arrays), frozenset(packer.used))
+
+    def made(self, table: Table, plugins: Mapping[str, object]) -> Any:
+        """The object, with the given plugins. Raises PackedError for data that no object fits."""
+        try:
+            return _Maker(table, plugins, self.arrays).value(self.tree)
+        except PackedError:
+            raise
+        except (AttributeError, TypeError, ValueError, IndexError, KeyError, RecursionError,
+                AssertionError) as error:
+            raise PackedError(f"no model fits the data ({type(error).__name__}: {error})") from None
+
+    def dump(self) -> bytes:
+        """Bytes of the file: magic line, SHA-256 digest of the rest, then the compressed data."""
+        heads = [[a.dtype.str, list(a.shape), _order(a)] for a in self.arrays]
+        head = json.dumps([self.about, self.tree, sorted(self.used), heads], separators=(",", ":"),
+                          allow_nan=False).encode()
+        parts = [len(head).to_bytes(8, "little"), head, *map(_shuffled, self.arrays)]
+        payload = zlib.compress(b"".join(parts), 6)
+        return MAGIC + hashlib.sha256(payload).hexdigest().encode() + b"\n" + payload
+
+    @classmethod
+    def load(cls, data: bytes) -> "Packed":
+        """Inverse of `dump`; executes nothing in the data. Raises PackedError for other formats and
+        damaged data."""
+        form, _, rest = data.partition(b"\n")
+        if form + b"\n" != MAGIC:
+            version = form[: len(MAGIC) - 2] == MAGIC[:-2]
+            raise PackedError("it is of another version of the format" if version else
+                              "it is no reduced model")
+        digest, _, payload = rest.partition(b"\n")
+        if digest != hashlib.sha256(payload).hexdigest().encode():
+            raise PackedError("its digest does not match: the file is damaged")
+        try:
+            stream = zlib.decompressobj()
+            body = memoryview(stream.decompress(payload, LARGEST))
+            size = int.from_bytes(body[:8], "little")
+            about, tree, used, heads = json.loads(bytes(body[8 : 8 + size]))
+            arrays, at = [], 8 + size
+            for kind, shape, order in heads:
+                array = _restored(body[at:], np.dtype(kind), shape, order)
+                arrays.append(array)
+                at += array.nbytes
+            return cls(tree, tuple(arrays), frozenset(used), dict(about))
+        except (ValueError, TypeError, IndexError, zlib.error, RecursionError,
+                MemoryError) as error:
+            raise PackedError(f"it cannot be read ({error})") from None
+
+
+def _order(a: NDArray[Any]) -> str:
+    return "F" if a.flags.f_contiguous and not a.flags.c_contiguous else "C"
+
+
+def _shuffled(a: NDArray[Any]) -> bytes:
+    """Bytes of an array, first bytes of all entries first, which compress better."""
+    flat = np.ascontiguousarray(a.ravel(order=_order(a)))  # type: ignore[arg-type]
+    return flat.view(np.uint8).reshape(-1, a.itemsize).T.tobytes() if a.size else b""
+
+
+def _restored(
+    data: memoryview, kind: np.dtype[Any], shape: list[int], order: str
+) -> NDArray[Any]:
+    if kind.hasobject or kind.kind not in "biuf":
+        raise ValueError(f"an array of {kind}")
+    count = int(np.prod(shape, dtype=np.int64))
+    raw = np.frombuffer(data, np.uint8, count * kind.itemsize)
+    flat = np.ascontiguousarray(raw.reshape(kind.itemsize, count).T).reshape(-1).view(kind)
+    return flat.reshape(shape, order="F" if order == "F" else "C")
+
+
+@dataclass(slots=True)
+class _Packer:
+    table: Table
+    plugins: Mapping[str, object]
+    arrays: list[NDArray[Any]] = field(default_factory=list)
+    used: set[str] = field(default_factory=set)
+    _numbers: dict[Any, int] = field(default_factory=dict)
+    _known: dict[int, tuple[int, object]] = field(default_factory=dict)
+    _open: set[int] = field(default_factory=set)
+
+    def node(self, value: Any, name: str) -> Any:
+        """JSON of a value; a compound one is a mapping with one key, its type. name: its path."""
+        if value is None or isinstance(value, bool | int) or type(value) is str:
+            return value
+        if isinstance(value, Enum):
+            return {"enum": [self._named(type(value), name), value.name]}
+        if isinstance(value, float):
+            return {"float": value.hex()}
+        if isinstance(value, np.ndarray | np.generic):
+            return {"array" if isinstance(value, np.ndarray) else "scalar": self._array(value)}
+        if isinstance(value, slice):
+            return {"slice": [value.start, value.stop, value.step]}
+        if isinstance(value, BaseModel):
+            return self._plugin(value, name)
+        if isinstance(value, FunctionType | type):
+            return {"name": self._named(value, name)}
+        if isinstance(value, MethodType):
+            return {"method": [self.node(value.__self__, name), value.__name__]}
+        if type(value) in (list, tuple):
+            return {type(value).__name__: [
+                self.node(v, f"{name}[{i}]") for i, v in enumerate(value)]}
+        if isinstance(value, set | frozenset):
+            return {"set": [self.node(v, name) for v in sorted(value)]}
+        return self._object(value, name)
+
+    def _array(self, value: Any) -> int:
+        array = np.asarray(value)
+        key = (array.dtype.str, array.shape, _order(array), hashlib.sha256(
+            _shuffled(array)).digest())
+        if key not in self._numbers:
+            self._numbers[key] = len(self.arrays)
+            self.arrays.append(array)
+        return self._numbers[key]
+
+    def _plugin(self, value: BaseModel, name: str) -> Any:
+        """Key of a plugin of the scene, or the options of another one."""
+        key = next((k for k, p in self.plugins.items() if p is value), None)
+        if key is None:
+            return {"options": [self._named(type(value), name), value.model_dump(mode="json")]}
+        self.used.add(key)
+        return {"plugin": key}
+
+    def _named(self, item: Any, name: str) -> str:
+        label = _label(item)
+        if self.table.get(label) is not item:
+            raise PackedError(f"{name} is a {item.__qualname__}, which cannot be stored")
+        return label
+
+    def _object(self, value: Any, name: str) -> Any:
+        """JSON of an object of which there may be one alone in several places."""
+        if id(value) in self._known:
+            return {"again": self._known[id(value)][0]}
+        if id(value) in self._open:
+            raise PackedError(f"{name} refers to an object that it is part of")
+        self._open.add(id(value))
+        made: dict[str, Any]
+        if isinstance(value, Mapping):
+            made = {"map": [[self.node(k, name), self.node(v, f"{name}[{k!r}]")]
+                            for k, v in value.items()]}
+        elif isinstance(value, csr_array):
+            made = {"csr": [self._array(value.data), self._array(value.indices),
+                            self._array(value.indptr), list(value.shape)]}
+        elif isinstance(value, HasParts) or isinstance(value, tuple):
+            parts = value.parts() if isinstance(value, HasParts) else tuple(value)
+            made = {"parts": [self._named(type(value), name), [
+                self.node(v, f"{name}[{i}]") for i, v in enumerate(parts)]]}
+        elif is_dataclass(value) and not isinstance(value, BaseModel):
+            made = {"fields": [self._named(type(value), name), {
+                f.name: self.node(getattr(value, f.name), f"{name}.{f.name}")
+                for f in fields(value) if f.init}]}
+        else:
+            raise PackedError(f"{name} is a {type(value).__qualname__}, which cannot be stored")
+        self._open.discard(id(value))
+        self._known[id(value)] = len(self._known), value  # held, so that its id stays its own
+        return made
+
+
+@dataclass(slots=True)
+class _Maker:
+    table: Table
+    plugins: Mapping[str, object]
+    arrays: tuple[NDArray[Any], ...]
+    _known: list[Any] = field(default_factory=list)
+
+    def value(self, node: Any) -> Any:
+        if node is None or isinstance(node, bool | int | str):
+            return node
+        (kind, content), = node.items()
+        return self._kept(kind, content) if kind in _KEPT else _LEAVES[kind](self, content)
+
+    def _kept(self, kind: str, content: Any) -> Any:
+        self._known.append(made := _KEPT[kind](self, content))
+        return made
+
+    def named(self, name: str) -> Any:
+        if name not in self.table:
+            raise PackedError(f"it names {name!r}, which no plugin of its scene provides")
+        return self.table[name]
+
+    def plugin(self, key: str) -> object:
+        if key not in self.plugins:
+            raise PackedError(f"it names {key!r}, which is no plugin of its scene")
+        return self.plugins[key]
+
+    def options(self, content: Any) -> Any:
+        return self.named(content[0]).model_validate(content[1])
+
+    def method(self, content: Any) -> Callable[..., Any]:
+        of, name = self.value(content[0]), content[1]
+        allowed = isinstance(of, TimeFunction) or type(of) in self.table.values()
+        if not allowed or name[:1] == "_" or not isinstance(
+                getattr(type(of), name, None), FunctionType):
+            raise PackedError(f"it names {name!r}, which is no method")
+        found: Callable[..., Any] = getattr(of, name)
+        return found
+
+    def csr(self, content: Any) -> Any:
+        data, indices, indptr, shape = content
+        made = csr_array((self.arrays[data], self.arrays[indices], self.arrays[indptr]),
+                         shape=tuple(shape))
+        made.check_format(full_check=True)
+        return made
+
+    def parts(self, content: Any) -> Any:
+        cls, values = self.named(content[0]), [self.value(v) for v in content[1]]
+        return cls.of_parts(*values) if issubclass(cls, HasParts) else cls(*values)
+
+    def fields(self, content: Any) -> Any:
+        return self.named(content[0])(**{n: self.value(v) for n, v in content[1].items()})
+
+
+_LEAVES: Mapping[str, Callable[[_Maker, Any], Any]] = {
+    "float": lambda m, c: float.fromhex(c),
+    "array": lambda m, c: m.arrays[c],
+    "scalar": lambda m, c: m.arrays[c][()],
+    "slice": lambda m, c: slice(*c),
+    "enum": lambda m, c: m.named(c[0])[c[1]],
+    "plugin": lambda m, c: m.plugin(c),
+    "options": lambda m, c: m.options(c),
+    "name": lambda m, c: m.named(c),
+    "method": lambda m, c: m.method(c),
+    "list": lambda m, c: [m.value(v) for v in c],
+    "tuple": lambda m, c: tuple(m.value(v) for v in c),
+    "set": lambda m, c: frozenset(m.value(v) for v in c),
+    "again": lambda m, c: m._known[c],
+}
+_KEPT: Mapping[str, Callable[[_Maker, Any], Any]] = {
+    "map": lambda m, c: {m.value(k): m.value(v) for k, v in c},
+    "csr": _Maker.csr, "parts": _Maker.parts, "fields": _Maker.fields,
+}

@@ -1,0 +1,114 @@
+"""Strain and stress of a body from its stored displacements and temperatures.
+
+    eps = sym grad u,    sigma = lam tr(eps) I + 2 mu eps - beta (T - T_free) I
+
+in body axes. They are evaluated at the nodes of each cell and averaged there over the cells, with
+their volumes as weights; on the boundary between two materials this is the mean of both.
+"""
+
+from enum import Enum
+from functools import cached_property
+from itertools import combinations
+from typing import TypeAlias
+
+import numpy as np
+
+from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core.protocols.layout import Quantity
+
+
+class Derived(Enum):
+    """Field that is computed from unknowns: von Mises `stress`, Pa, and equivalent `strain`."""
+
+    STRESS = "stress"
+    STRAIN = "strain"
+
+
+Field: TypeAlias = Quantity | Derived
+FIELDS: dict[str, Field] = {
+    f.value: f for f in (Quantity.DISPLACEMENT, Quantity.TEMPERATURE, *Derived)}
+"""Name of a field in files, options and charts -> field."""
+
+
+class StressRecovery:
+    """Strain and stress of one body at its nodes.
+
+    points (N, d); cells (E, 3, 4, 6 or 10); constants (R, 5): lam, mu, beta, and lam, beta of the
+    stress across the plane, of each material; region (E,): material of each cell.
+    """
+
+    def __init__(
+        self, points: FloatArray, cells: IntArray, constants: FloatArray, region: IntArray
+    ) -> None:
+        self.points, self.cells = points, cells
+        self.constants = constants[region]  # (E, 5)
+
+    @cached_property
+    def _slopes(self) -> tuple[FloatArray, FloatArray]:
+        """(E, q, q, d) derivatives of the q shape functions of each cell at each of its q nodes
+        (second axis), 1/m; (E,) volumes, as multiples of that of a unit simplex."""
+        d, q = self.points.shape[1], self.cells.shape[1]
+        corners = self.points[self.cells[:, : d + 1]]
+        edges = corners[:, 1:] - corners[:, :1]
+        of_corners = np.linalg.inv(edges).transpose(0, 2, 1)  # (E, d, d)
+        grad = np.concatenate([-of_corners.sum(axis=1, keepdims=True), of_corners], axis=1)
+        volumes = np.abs(np.linalg.det(edges))
+        if q == d + 1:
+            return np.repeat(grad[:, None], q, axis=1), volumes
+        pairs = [(0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3)][: q - d - 1]
+        assert set(map(frozenset, pairs)) == set(map(frozenset, combinations(range(d + 1), 2)))
+        at = np.eye(d + 1)
+        places = np.concatenate([at, [0.5 * (at[i] + at[j]) for i, j in pairs]])  # (q, d + 1)
+        ends = [(4.0 * places[:, i] - 1.0)[None, :, None] * grad[:, None, i]
+                for i in range(d + 1)]
+        middles = [4.0 * (places[:, i][None, :, None] * grad[:, None, j]
+                          + places[:, j][None, :, None] * grad[:, None, i]) for i, j in pairs]
+        return np.stack([*ends, *middles], axis=2), volumes
+
+    def strain(self, u: FloatArray, heating: FloatArray) -> FloatArray:
+        """(N, 3, 3) strain for displacements u (N, d), m, and temperatures above the stress-free
+        ones (N,), K; across the plane that of no stress in plane stress, else zero."""
+        eps = self._strain(u)
+        lam, mu, beta, lam_out, beta_out = self.constants.T[:, :, None]
+        if self.points.shape[1] == 2:
+            trace = eps[..., 0, 0] + eps[..., 1, 1]
+            thin = (lam_out == 0.0) & (beta_out == 0.0)
+            across = (beta * heating[self.cells] - lam * trace) / (2.0 * mu)
+            eps[..., 2, 2] = np.where(thin, across, 0.0)
+        return self._averaged(eps)
+
+    def stress(self, u: FloatArray, heating: FloatArray) -> FloatArray:
+        """(N, 3, 3) Cauchy stress, Pa, for displacements u (N, d), m, and temperatures above the
+        stress-free ones (N,), K."""
+        eps, d = self._strain(u), self.points.shape[1]
+        lam, mu, beta, lam_out, beta_out = self.constants.T[:, :, None]
+        trace, dT = np.trace(eps, axis1=2, axis2=3), heating[self.cells]
+        found = 2.0 * mu[..., None, None] * eps
+        for i in range(3):
+            inside = i < d
+            found[..., i, i] += (lam if inside else lam_out) * trace
+            found[..., i, i] -= (beta if inside else beta_out) * dT
+        return self._averaged(found)
+
+    def _strain(self, u: FloatArray) -> FloatArray:
+        """(E, q, 3, 3) strain at the nodes of each cell."""
+        gradient = np.einsum("eai,epaj->epij", u[self.cells], self._slopes[0])
+        d = u.shape[1]
+        eps = np.zeros((*self.cells.shape, 3, 3))
+        eps[..., :d, :d] = 0.5 * (gradient + gradient.swapaxes(2, 3))
+        return eps
+
+    def _averaged(self, values: FloatArray) -> FloatArray:
+        """(N, 3, 3) mean of values (E, q, 3, 3) at nodes over the cells."""
+        n, at = len(self.points), self.cells.ravel()
+        weights = np.repeat(self._slopes[1], self.cells.shape[1])
+        total = np.bincount(at, weights, n)
+        flat = values.reshape(-1, 9)
+        sums = np.stack([np.bincount(at, weights * column, n) for column in flat.T], axis=1)
+        return np.asarray((sums / np.where(total > 0.0, total, 1.0)[:, None]).reshape(n, 3, 3))
+
+
+def equivalent(tensors: FloatArray, factor: float) -> FloatArray:
+    """(N,) sqrt(factor s : s) of the deviators s of tensors (N, 3, 3)."""
+    s = tensors - np.trace(tensors, axis1=1, axis2=2)[:, None, None] * np.eye(3) / 3.0
+    return np.asarray(np.sqrt(factor * np.einsum("nij,nij->n", s, s)))

@@ -1,0 +1,302 @@
+"""Reduced model that is prepared once, run many times, and kept in a file."""
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import fields as fields_of
+from dataclasses import replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import BaseModel
+
+from sparsemor.core.errors import Fault, InputError
+from sparsemor.core.linalg.threads import fixed_threads
+from sparsemor.core.model.body_cache import BodyCache
+from sparsemor.core.protocols import (
+    DeclaresEffect,
+    LeavesMesh,
+    State,
+    StoresObjects,
+    TimeFunction,
+    UsesBases,
+)
+from sparsemor.core.registry.hooks import new_manager
+from sparsemor.core.registry.registry import Registry
+from sparsemor.core.results.arrays_in_memory import MemoryWriter, fixed_in_memory
+from sparsemor.core.results.atomic_files import replace_file
+from sparsemor.core.results.metadata import RunHeader
+from sparsemor.core.results.output_lock import owned
+from sparsemor.core.results.packed import Packed, PackedError, Table, table_of
+from sparsemor.core.results.run_result import RunResult
+from sparsemor.core.results.store import ResultWriter
+from sparsemor.core.scene.nested import changes, functions_of_time, nested
+from sparsemor.core.scene.overrides import split
+from sparsemor.core.scene.scene import Scene, build
+from sparsemor.core.scene.source import Source
+from sparsemor.core.simulation.admission import kept
+from sparsemor.core.simulation.cache import Cache
+from sparsemor.core.simulation.offline import step_count
+from sparsemor.core.simulation.prepare import PreparedRun, prepared_run
+from sparsemor.core.simulation.recorder import Recorder
+from sparsemor.core.simulation.simulate import stepped
+from sparsemor.core.simulation.step_statistics import Tally
+from sparsemor.core.simulation.stored_classes import CLASSES
+from sparsemor.core.simulation.validation import endless, time_faults
+
+FREE = ("title", "output", "time.end")
+"""Keys of a scene on which no prepared model depends."""
+Initial = Mapping[str, tuple[Sequence[float], Sequence[float]]]
+"""Block of rigid coordinates -> their values and rates at the start."""
+
+
+@fixed_threads()
+def reduce(
+    scene: Scene, *, observers: Sequence[object] = (), cache: Cache | None = None,
+    body_cache: BodyCache | None = None,
+) -> "ReducedModel":
+    """Reduced model of a scene, prepared up to its first step: meshed, trained, projected, checked.
+
+    observers, cache, body_cache: as for `simulate`. Raises InputError for bad input and for a
+    reducer that reduces nothing, SolveFailed if the training run fails.
+    """
+    if not isinstance(scene.reducer, UsesBases):
+        raise InputError(f"{scene.reducer_name} reduces nothing: name a reducer that has a "
+                         "trial basis", "reducer")
+    bodies = BodyCache() if body_cache is None else body_cache.of_bodies()
+    return ReducedModel(prepared_run(scene, cache or Cache(), new_manager(observers), bodies)[0])
+
+
+def load_model(path: str | Path, *, registry: Registry | None = None) -> "ReducedModel":
+    """Reduced model from a file that `ReducedModel.save` wrote. Neither mesh nor training nor the
+    folder of the scene is needed.
+
+    The file is data: it names classes that the plugins of its scene declare, and no others are
+    used. Raises InputError for a file that is no such model, is damaged, or needs a plugin that is
+    not installed.
+    """
+    try:
+        packed = Packed.load(Path(path).read_bytes())
+        scene = build(Source.of_tree(packed.about["scene"], registry, packed.about["name"]))
+        parts = packed.made(_table(scene), _functions(scene))
+        header, solver = parts.pop("header"), parts["solver"]
+        if not (isinstance(header, RunHeader) and isinstance(solver, LeavesMesh)):
+            raise PackedError("it holds something else")
+        return ReducedModel(PreparedRun(
+            scene=scene, header=replace(header, scene=scene.dump()), **parts))
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
+    except (PackedError, KeyError, TypeError, AttributeError) as error:
+        raise InputError(f"{path} is no reduced model that this program can use: {error}; save it "
+                         "again from its scene") from None
+
+
+class ReducedModel:
+    """A reduced model that is prepared once and run many times.
+
+    A run may change the keys in `free`: title, output, end of the run, and functions of time of
+    loads; and the rigid coordinates at the start. Any other change needs a new model and is refused
+    by its key.
+    """
+
+    def __init__(self, run: PreparedRun) -> None:
+        self._run, self._fixed = run, fixed_in_memory(run.header)
+
+    def __repr__(self) -> str:
+        return f"<ReducedModel {self.scene.name}, {self._run.header.reducer}, {self.size} unknowns>"
+
+    @property
+    def scene(self) -> Scene:
+        """Scene from which the model was made."""
+        return self._run.scene
+
+    @property
+    def size(self) -> int:
+        """Number of unknowns."""
+        return self._run.solver.layout.size
+
+    @cached_property
+    def free(self) -> tuple[str, ...]:
+        """Keys of the scene that a run may change."""
+        return (*FREE, *(key for key in self._functions if not self._why_fixed(key)))
+
+    @fixed_threads()
+    def run(
+        self, overrides: Mapping[str, Any] | None = None, *, out: str | Path | None = None,
+        initial: Initial | None = None, observers: Sequence[object] = (),
+    ) -> RunResult:
+        """Result of a run, equal to that of `simulate`: in memory, or stored under `out`.
+
+        overrides: dotted key -> value, as for `Scene.using`; initial: block of rigid coordinates
+        (`link.rigid`) -> values and rates at the start, which must fit the joints. Raises
+        InputError, with the key, for a change that needs a new model; SolveFailed as `simulate`.
+        """
+        begun = time.perf_counter()
+        run = self._changed(overrides or {}, initial or {})
+        manager, steps = new_manager(observers), step_count(run.scene)
+        tally = Tally(offline=time.perf_counter() - begun)
+        if out is None:
+            writer = MemoryWriter(run.header, self._fixed)
+            return stepped(run, Recorder(run, writer, None, steps), manager, tally)
+        with owned(Path(out)):
+            recorder = Recorder.open(run, Path(out), False, steps, None)
+            assert isinstance(recorder.writer, ResultWriter)
+            with kept(recorder.writer, new=True):
+                return stepped(run, recorder, manager, tally)
+
+    def check(self, overrides: Mapping[str, Any]) -> None:
+        """Raises the InputError that a run with these overrides would raise."""
+        self._changed(overrides, {})
+
+    def save(self, path: str | Path, *, fields: bool = False) -> None:
+        """Writes the model to a file. fields: with meshes and bases, so that its results have
+        displacements and temperatures of all nodes; without them they have coefficients, rigid
+        motion, joint forces and probes.
+
+        Raises InputError for a model that cannot be stored, and, with `fields`, for one that was
+        read from a file without them.
+        """
+        run, dictionaries = self._run, self._run.header.dictionaries
+        if fields and not all(len(d.offset) for d in dictionaries.values()):
+            raise InputError("this model was read from a file without fields", "fields")
+        header = run.header if fields else replace(
+            run.header, bodies={}, dictionaries=self._meshless[0].dictionaries)
+        solver, start = self._meshless
+        parts = {f.name: getattr(run, f.name) for f in fields_of(run)} | {
+            "solver": solver, "start": start, "header": replace(header, scene={}, estimates=()),
+            "model": None, "estimator": None,
+            "given": run.given if fields else {}, "probes": tuple(
+                replace(p, place=replace(p.place, displacement=None, temperature=None))
+                for p in run.probes)}
+        del parts["scene"]
+        scene = run.scene
+        data = replace(self._pack(parts), about={"scene": scene.dump(), "name": scene.name})
+        replace_file(Path(path), data.dump())
+
+    # ------------------------------------------------------------------ changes
+
+    @cached_property
+    def _functions(self) -> Mapping[str, TimeFunction]:
+        """Key -> function of time of the loads."""
+        return dict(functions_of_time({"loads": self.scene.loads}))
+
+    def _pack(self, value: object) -> Packed:
+        try:
+            return Packed.of(value, _table(self.scene), _functions(self.scene))
+        except PackedError as error:
+            raise InputError(f"a model of reducer {self._run.header.reducer} cannot be kept apart "
+                             f"from its mesh here: {error}", "reducer") from None
+
+    @cached_property
+    def _meshless(self) -> tuple[Any, State]:
+        """The step solver without arrays of the mesh's size, and the state from which it starts.
+        Raises InputError for a step solver that cannot do without them."""
+        solver = self._run.solver
+        if not isinstance(solver, LeavesMesh):
+            raise InputError(f"in this scene the steps of reducer {self._run.header.reducer} need "
+                             "the mesh: its model cannot be kept in a file, nor run with other "
+                             "loads or from another start", "reducer")
+        return solver.without_mesh(), solver.projection(self._run.start)
+
+    @cached_property
+    def _packed(self) -> Packed:
+        return self._pack(self._meshless[0])
+
+    def _why_fixed(self, key: str) -> str:
+        """Reason why the function of time at `key` cannot change, "" if it can."""
+        function, name = self._functions[key], str(split(key)[1])
+        load: object = self.scene.loads[name]
+        effect = load.acts_on if isinstance(load, DeclaresEffect) else "motion"
+        if self.scene.rigid_stage is not None and effect == "motion":
+            return "it acts on the rigid-body pre-simulation, which the model follows"
+        if any(f is function for s in self._run.given.values() for _, f in s.given) or any(
+                f is function for p in self._run.probes for _, f in p.place.given):
+            return "it prescribes temperatures, which are no unknowns of the model"
+        try:
+            return "" if key in self._packed.used else "the model has no such function of time"
+        except InputError as error:
+            return error.faults[0].message
+
+    def _changed(self, overrides: Mapping[str, Any], initial: Initial) -> PreparedRun:
+        """The prepared run with other settings. Raises InputError for those that need a new
+        model."""
+        if not (overrides or initial):
+            return self._run
+        run, scene = self._run, self.scene.using(overrides, label="run")
+        keys = list(changes(self.scene.dump(), scene.dump()))
+        faults = [f for key in keys if (f := self._fault(key, scene)) is not None]
+        faults += [Fault(f"initial.{n}", f"is no block of rigid coordinates: "
+                         f"{', '.join(self._rigid) or 'this model has none'}")
+                   for n in initial if n not in self._rigid]
+        if faults:
+            raise InputError(faults)
+        run = replace(run, scene=scene, header=replace(
+            run.header, scene=scene.dump(), scene_digest=scene.digest(),
+            steps_planned=step_count(scene)))
+        if initial or any(_inside(key, k) for key in keys for k in self._functions):
+            solver = self._packed.made(_table(scene), _functions(scene))
+            start = self._started(initial)
+            run = replace(run, solver=solver, start=start, model=None, estimator=None,
+                          header=replace(run.header, estimates=()))
+        return run
+
+    @property
+    def _rigid(self) -> tuple[str, ...]:
+        layout = self._run.solver.layout
+        return tuple(b.name for b in layout if layout[b.name].stop <= layout.frames.stop)
+
+    def _started(self, initial: Initial) -> State:
+        """Start with other rigid coordinates and rates. Raises InputError for a wrong number."""
+        start, layout = self._meshless[1], self._run.solver.layout
+        x, v = start.x.copy(), start.v.copy()
+        for name, (values, rates) in initial.items():
+            at = layout[name]
+            for series, given in ((x, values), (v, rates)):
+                array = np.asarray(given, dtype=np.float64)
+                if array.shape != (at.stop - at.start,) or not np.isfinite(array).all():
+                    raise InputError(f"give {at.stop - at.start} finite values and as many rates",
+                                     f"initial.{name}")
+                series[at] = array
+        return replace(start, x=x, v=v)
+
+    def _fault(self, key: str, scene: Scene) -> Fault | None:
+        """Fault of a changed key that the model depends on, None for one that may change."""
+        if key == "time.end":
+            return self._end_fault(scene)
+        if any(_inside(key, k) for k in FREE):
+            return None
+        function = next((k for k in self._functions if _inside(key, k)), None)
+        why = "the model was prepared with it" if function is None else self._why_fixed(function)
+        return Fault(key, f"cannot change: {why}; make a new model. A run may change "
+                     f"{', '.join(self.free)}") if why else None
+
+    def _end_fault(self, scene: Scene) -> Fault | None:
+        if scene.time.control is not None:
+            return Fault("time.end", "cannot change: the error control of the steps depends on it")
+        prepared = self.scene.time.end
+        if scene.rigid_stage is not None and scene.time.end > prepared:
+            return Fault("time.end", f"cannot be after {prepared:g} s, where the rigid-body "
+                         "pre-simulation ends that the model follows")
+        faults = (*endless(scene), *time_faults(scene))
+        return next((f for f in faults if f.key == "time.end"), None)
+
+
+def _inside(key: str, of: str) -> bool:
+    """True for the key `of` or one of its entries."""
+    parts = split(of)
+    return split(key)[: len(parts)] == parts
+
+
+def _functions(scene: Scene) -> Mapping[str, BaseModel]:
+    """Dotted key -> function of time, of all in the options of a scene."""
+    return dict(functions_of_time(dict(scene)))
+
+
+def _table(scene: Scene) -> Table:
+    """Classes and functions of which a model of this scene may be made."""
+    found = list(CLASSES)
+    for _, plugin in nested(dict(scene), BaseModel):
+        if isinstance(plugin, StoresObjects):
+            found += plugin.stored_classes
+    return table_of(found)

@@ -1,0 +1,63 @@
+"""Header of a result: layout of the unknowns, bases, bodies, probes, and what the run was made
+with."""
+
+from importlib.metadata import version
+
+from sparsemor.core.linalg.threads import described
+from sparsemor.core.model.model import Model, distinct_names
+from sparsemor.core.protocols import BodyShape, HasShape, NamesMultipliers, StepSolver
+from sparsemor.core.protocols.step_solver import resultant_sources_of
+from sparsemor.core.results.metadata import RunHeader
+from sparsemor.core.results.probes import ProbeReader
+from sparsemor.core.scene.run_identity import Identity
+from sparsemor.core.scene.scene import Scene
+
+
+def shapes(model: Model) -> dict[str, BodyShape]:
+    """Mesh and field data (`BodyShape`) of each body that has a mesh."""
+    return {n: shape for n, p in model.parts.items()
+            if isinstance(p, HasShape) and (shape := p.shape()) is not None}
+
+
+def multiplier_components(model: Model) -> dict[str, tuple[tuple[str, str], ...]]:
+    """Multiplier block of a joint -> name and unit of each Lagrange multiplier, for joints that
+    name them (`NamesMultipliers`)."""
+    found = {}
+    for name, part in model.parts.items():
+        block = model.layout.multipliers(name)
+        if block is not None and isinstance(part, NamesMultipliers):
+            names, units = zip(*part.components, strict=True)
+            found[block.name] = tuple(zip(distinct_names(list(names)), units, strict=True))
+    return found
+
+
+def header_of(
+    scene: Scene, model: Model, solver: StepSolver, steps: int, estimates: tuple[str, ...] = ()
+) -> RunHeader:
+    """Header of the result of a run of `steps` steps. estimates: blocks whose error is
+    estimated."""
+    from importlib.metadata import entry_points
+
+    found = entry_points()
+    groups = [g for g in found.groups if g.startswith("sparsemor.")]
+    # one reading of metadata for each distribution, not for each of its plugins
+    offering = {e.dist for g in groups for e in found.select(group=g) if e.dist is not None}
+    names = {"sparsemor", "numpy", "scipy", "scikit-fem", "pydantic", *(d.name for d in offering)}
+    import platform
+
+    dump = scene.dump()
+    return RunHeader(
+        scene=dump, scene_digest=scene.digest(), seed=scene.seed,
+        identity=Identity.of(scene).plain(), platform=described(),
+        versions={"python": platform.python_version()} | {n: version(n) for n in sorted(names)},
+        reducer=scene.reducer_name, layout=solver.layout, full_layout=model.layout,
+        step=scene.time.step, steps_planned=steps, dictionaries=solver.dictionaries,
+        rows=solver.rows,
+        bodies=shapes(model),
+        probes=tuple(ProbeReader.of(p, solver.layout, solver.dictionaries).header()
+                     for p in model.probes),
+        stage=model.stage,
+        contacts={a.name: a.term.histories for a in resultant_sources_of(solver, None)}
+        if model.stage is None else {},
+        multipliers=multiplier_components(model), estimates=estimates,
+    )

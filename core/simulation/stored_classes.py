@@ -1,0 +1,21 @@
+"""Classes of core of which kept reduced models are made (`StoresObjects`)."""
+
+from collections.abc import Sequence
+
+from sparsemor.core.model.compressed_local import CompressedLocal
+from sparsemor.core.notes import Level, Note
+from sparsemor.core.protocols import BodyShape, Dictionary, ProbePlace, State, StressConstants
+from sparsemor.core.protocols.layout import Block, FieldKind, Layout, Quantity
+from sparsemor.core.protocols.load_tables import Table
+from sparsemor.core.protocols.prescribed_motion import FrameHistory, Stage
+from sparsemor.core.protocols.prescribed_quantities import Held, Prescribed
+from sparsemor.core.protocols.separable import LoadColumn, MovingBody, Separated
+from sparsemor.core.results.metadata import Probe, RunHeader
+from sparsemor.core.results.probes import Linear, ProbeReader
+from sparsemor.core.simulation.diagnostics.trial_space import TrialSpace
+
+CLASSES: Sequence[object] = (
+    Block, BodyShape, CompressedLocal, Dictionary, FieldKind, FrameHistory, Held, Layout, Level,
+    Linear, LoadColumn, MovingBody, Note, Prescribed, Probe, ProbePlace, ProbeReader,
+    Quantity, RunHeader, Separated, Stage, State, StressConstants, Table, TrialSpace,
+)

@@ -1,0 +1,112 @@
+"""Writes the table of docs/reproduce.md from the verdicts of `sparsemor reproduce`.
+
+    python docs/make_reproduction.py runs/reproduce-quick     # copies its tables to docs/measured
+    python docs/make_reproduction.py                          # writes the table again
+
+The table stands between `<!-- verdicts -->` and `<!-- end -->`.
+"""
+
+import csv
+import json
+import re
+import shutil
+import sys
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from textwrap import wrap
+
+from sparsemor.core.analysis.reproduction.page import text_of
+from sparsemor.core.analysis.reproduction.paper import GRADES, MISSED, Item, Paper, PaperFile
+from sparsemor.core.analysis.reproduction.rules import Operand, evaluate
+from sparsemor.core.registry.registry import Registry
+
+HERE = Path(__file__).parent
+PAGE = HERE / "reproduce.md"
+TABLES = HERE / "measured" / "reproduction"
+QUICK, WHOLE = "quick", "whole"
+MARK = re.compile(r"(<!-- verdicts -->\n).*?(<!-- end -->)", re.DOTALL)
+Values = Mapping[str, Operand]
+
+
+def stored(kind: str) -> dict[str, tuple[str, Values]]:
+    """Item -> verdict and values of a stored reproduction; empty if it was not run."""
+    if not (TABLES / f"{kind}-verdicts.csv").is_file():
+        return {}
+    values: dict[str, dict[str, Operand]] = {}
+    for row in read(TABLES / f"{kind}-numbers.csv"):
+        known = values.setdefault(row["item"], {})
+        known |= {row["name"]: value(row["here"]), f"paper_{row['name']}": value(row["published"])}
+    return {row["item"]: (row["verdict"], values[row["item"]])
+            for row in read(TABLES / f"{kind}-verdicts.csv")}
+
+
+def read(file: Path) -> list[dict[str, str]]:
+    with file.open(encoding="utf-8", newline="") as lines:
+        return list(csv.DictReader(lines))
+
+
+def value(cell: str) -> Operand:
+    try:
+        return float(cell) if cell else None
+    except ValueError:
+        return cell
+
+
+def grade(item: Item, values: Values) -> str:
+    """Verdict that the rules of the paper file give on these values."""
+    return next((g for g in GRADES if g in item.verdict and evaluate(item.verdict[g], values)),
+                MISSED)
+
+
+def table(file: PaperFile) -> str:
+    """Markdown: how many verdicts of each kind, a line for each item, and why items that are
+    neither `better` nor `reproduced` are not."""
+    quick, whole = stored(QUICK), stored(WHOLE)
+    out = [f"* `sparsemor reproduce{option}`: "
+           f"{counted([g for g, _ in found.values()]) or 'not run for this table'}."
+           for option, found in ((" --quick", quick), ("", whole))]
+    out += ["", "| item | content | published → computed | quick | whole |",
+            "|---|---|---|---|---|"]
+    reasons = []
+    for item in file.items:
+        verdict, latest = (whole if item.id in whole else quick)[item.id]
+        grades = [found[item.id][0] if item.id in found else "not run" for found in (quick, whole)]
+        out.append(f"| {item.name} | {item.title} | {compared(item, latest)} | "
+                   f"{' | '.join(grades)} |")
+        if verdict not in GRADES[:2]:
+            reasons += wrap(f"* {item.name}, {verdict}: {' '.join(item.shortfall.split())}", 100,
+                            subsequent_indent="  ")
+    return "\n".join([*out, "", *reasons]) + "\n"
+
+
+def counted(grades: Sequence[str]) -> str:
+    counts = Counter(grades)
+    return ", ".join(f"{counts[g]} `{g}`" for g in sorted(counts, key=[*GRADES, MISSED].index))
+
+
+def compared(item: Item, values: Values) -> str:
+    """The first two published numbers that are no data of the scene, with ours."""
+    shown = [n for n, v in item.values.items() if v.paper is not None][:2]
+    return ", ".join(f"{text_of(values[f'paper_{n}'])} → {text_of(values[n])}"
+                     f"{item.values[n].unit and ' ' + item.values[n].unit}" for n in shown) or "–"
+
+
+def keep(folder: Path) -> None:
+    about = json.loads((folder / "reproduction.json").read_text(encoding="utf-8"))
+    TABLES.mkdir(exist_ok=True)
+    for name in ("verdicts", "numbers"):
+        shutil.copy(folder / f"{name}.csv",
+                    TABLES / f"{QUICK if about['quick'] else WHOLE}-{name}.csv")
+
+
+def main(folders: Sequence[str]) -> None:
+    for folder in folders:
+        keep(Path(folder))
+    text = PAGE.read_text(encoding="utf-8")
+    file = Paper.read("liang_2026", Registry()).file
+    PAGE.write_text(MARK.sub(lambda m: m[1] + table(file) + m[2], text), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

@@ -1,0 +1,79 @@
+"""Arrays of the local terms of a block for compiled steps (local.py)."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from sparsemor.core import (
+    Amplitude,
+    FloatArray,
+    HasPointArrays,
+    IntArray,
+    PointArrays,
+)
+from sparsemor.reducers.step.compiled.compile import Called
+from sparsemor.reducers.step.compiled.local import LAWS, NO_LOCAL, LocalArrays
+from sparsemor.reducers.step.compiled.timed import NotCompiled, Timed
+
+
+def points_of(terms: Sequence[object], name: str) -> list[PointArrays]:
+    """The terms of a block as arrays. Raises NotCompiled where one has none."""
+    found = []
+    for term in terms:
+        made = term.arrays() if isinstance(term, HasPointArrays) else None
+        if made is None:
+            raise NotCompiled(
+                f"{name} has terms that depend on the unknowns and are not given as arrays")
+        found.append(made)
+    return found
+
+
+def local_arrays(
+    found: Sequence[PointArrays], active: IntArray, laws: list[Called], timed: Timed
+) -> LocalArrays:
+    """Terms of one block, stacked; active (s,): inputs that are solved for. Functions of new laws
+    are added to `laws`."""
+    if not found:
+        return NO_LOCAL
+    terms, reads, tests, pairs = (list[list[int]]() for _ in range(4))
+    numbers, L, amplitudes = list[FloatArray](), list[FloatArray](), list[Amplitude]()
+    point = row = column = constants = 0
+    for one in found:
+        law, (E, Q) = (one.law.function, one.law.calls), one.weights.shape
+        if law not in laws:
+            laws.append(law)
+        terms.append([
+            laws.index(law), E, Q, constants, constants + len(one.law.numbers), len(amplitudes),
+            point, len(reads), len(reads) + len(one.reads), len(tests),
+            len(tests) + len(one.tests), len(pairs)])
+        numbers.append(one.law.numbers)
+        amplitudes += one.law.amplitudes
+        for start, width, rate in one.reads.tolist():
+            reads.append([row + start, int(width == Q), rate])
+        for test in one.tests:
+            tests.append([column, int(test.shape[1] == E * Q)])
+            L.append(test)
+            column += test.shape[1]
+        pairs += one.law.pairs.tolist()
+        constants, point, row = constants + len(one.law.numbers), point + E * Q, row + len(one.P)
+    if len(laws) > LAWS:
+        raise NotCompiled(f"more than {LAWS} different laws")
+    P = np.concatenate([one.P for one in found])
+    effects = np.zeros((len(P), sum(len(one.values) for one in found)))
+    row = column = 0
+    for one in found:
+        here = slice(column, column + len(one.values))
+        effects[row : row + len(one.P), here] = one.effects
+        row, column = row + len(one.P), here.stop
+    axes = max(len(one.coordinates) for one in found)
+    coordinates = [np.concatenate([x, np.zeros((axes - len(x), x.shape[1]))])
+                   for x in (one.coordinates for one in found)]
+    prescribed = [f for one in found for f in one.values] + [f for one in found for f in one.rates]
+    return LocalArrays(
+        np.array(terms, dtype=np.int64), np.concatenate(numbers), timed.amplitudes(amplitudes),
+        timed.amplitudes(prescribed), np.concatenate([one.weights.ravel() for one in found]),
+        np.concatenate(coordinates, axis=1), P.copy(),
+        np.concatenate([one.offset for one in found]), effects,
+        np.ascontiguousarray(P[:, active]), np.array(reads, dtype=np.int64).reshape(-1, 3),
+        np.array(tests, dtype=np.int64).reshape(-1, 2),
+        np.array(pairs, dtype=np.int64).reshape(-1, 2), np.concatenate(L, axis=1))

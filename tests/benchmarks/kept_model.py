@@ -1,0 +1,92 @@
+"""Further runs of a kept reduced model against further full-order runs, in one process.
+
+    python tests/benchmarks/kept_model.py [--quick] [--out kept_model.json]
+
+CPU time of whole runs, the least of interleaved ones, with everything that a run includes. `beside
+ms`: of a run less its time loop alone; `other ms`: the same with other loads; `open ms`: reading
+the model's file.
+"""
+
+import argparse
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import report
+
+from sparsemor import ReducedModel, Scene, load, load_model, simulate
+from sparsemor.core.model.body_cache import BodyCache
+from sparsemor.core.registry.hooks import new_manager
+from sparsemor.core.simulation.cache import Cache
+from sparsemor.core.simulation.offline import step_count
+from sparsemor.core.simulation.prepare import PreparedRun, prepared_run
+from sparsemor.core.simulation.step_control import step_of
+from sparsemor.core.simulation.time_stepping import iterate, started
+
+RATIO = {"slider_plate": 10.0, "double_pendulum": 10.0, "brake_disk": 50.0}
+"""Targets: full-order run over a run of the kept model."""
+BESIDE, OPEN, SIZE = 30.0, 200.0, 5.0
+"""Targets: ms next to the steps, ms to open a file, MB of a file."""
+
+
+def fill(into: report.Report, given: argparse.Namespace) -> None:
+    scenes = {"double_pendulum": load("double_pendulum", {
+        "bodies.link1.mesh.elements": 320, "bodies.link2.mesh.elements": 320, "time.end": 0.05,
+        "training.end": 0.05})} if given.quick else {name: load(name) for name in RATIO}
+    table = into.table("CPU time", full_s=".3g", kept_s=".3g", ratio=".3g", from_file=".3g",
+                       beside_ms=".2g", other_ms=".2g", open_ms=".2g", file_mb=".3g")
+    with tempfile.TemporaryDirectory() as place:
+        for name, scene in scenes.items():
+            report.progress(name)
+            row = measured(scene, Path(place, f"{name}.model"), 2 if given.quick else 5)
+            table.add(scene=name, **row)
+            into.at_least(f"{name}, full order over kept", row["ratio"], RATIO[name])
+            into.at_most(f"{name}, ms next to the steps", row["beside_ms"], BESIDE)
+            into.at_most(f"{name}, ms to open", row["open_ms"], OPEN)
+            into.at_most(f"{name}, MB", row["file_mb"], SIZE)
+
+
+def measured(scene: Scene, file: Path, repeats: int) -> dict[str, float]:
+    bodies, full = BodyCache(), scene.using({"reducer": "full"})
+    simulate(full.using({"time.end": 2 * scene.time.step}), body_cache=bodies)
+    run, _ = prepared_run(scene, Cache(), new_manager(()), bodies.of_bodies())
+    model = ReducedModel(run)
+    model.save(file)
+    loaded, tree = load_model(file), scene.dump()["loads"]
+    functions = {k: tree[k.split(".")[1]][k.split(".")[2]] for k in model.free if "loads" in k}
+    other = {k: {**f, "level": 1.1 * f["level"]} for k, f in functions.items()}
+    ways: dict[str, Callable[[], object]] = {
+        "kept": model.run, "loaded": loaded.run, "other": lambda: model.run(other),
+        "steps": lambda: steps_alone(run), "open": lambda: load_model(file)}
+    seconds: dict[str, float] = {}
+    for _ in range(repeats):
+        for way, do in ways.items():
+            seconds[way] = min(seconds.get(way, np.inf), timed(do))
+    whole = timed(lambda: simulate(full, body_cache=bodies))
+    return {"full_s": whole, "kept_s": seconds["kept"], "ratio": whole / seconds["kept"],
+            "from_file": whole / seconds["loaded"],
+            "beside_ms": 1e3 * (seconds["kept"] - seconds["steps"]),
+            "other_ms": 1e3 * (seconds["other"] - seconds["steps"]),
+            "open_ms": 1e3 * seconds["open"], "file_mb": file.stat().st_size / 1e6}
+
+
+def timed(do: Callable[[], object]) -> float:
+    begun = time.process_time()
+    do()
+    return time.process_time() - begun
+
+
+@np.errstate(all="ignore")
+def steps_alone(run: PreparedRun) -> None:
+    integrator = run.scene.integrator
+    step = step_of(run.solver, integrator, run.scene.time.step)
+    for _ in iterate(step, *started(run.solver, integrator, run.start), step_count(run.scene)):
+        pass
+
+
+if __name__ == "__main__":
+    sys.exit(report.run_plan("kept_model", fill, report.options(
+        "kept_model", __doc__).parse_args()))

@@ -1,0 +1,223 @@
+"""Kept reduced models: equal results in memory, from a file and for other loads; refusals; files
+that are damaged or name what no plugin declares."""
+
+import json
+import os
+import subprocess
+import sys
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from joint_runs import driven
+from small_scenes import everything, tiny
+from sparsemor import InputError, ReducedModel, load, load_model, reduce, simulate
+from sparsemor.core.results.model_format import MAGIC
+from sparsemor.core.results.packed import Packed, PackedError
+from sparsemor.core.results.run_result import RunResult
+from sparsemor.core.scene.scene import Scene
+
+FLUX, LOW = "loads.heating.flux", 2.0e5
+
+
+@cache
+def scene() -> Scene:
+    """The tiny scene with few atoms, trained with its own flux whatever the run has."""
+    return tiny().using({
+        "reducer": {"use": "galerkin", "basis": {"use": "pod", "count": 4}},
+        "training.overrides": {FLUX: 1.0e6, "loads.gravity.factor": 1.0},
+        "loads.gravity.factor": 1.0,
+        "probes": {"end": {"body": "bar", "at": "end_b"}}})
+
+
+OF_THE_MESH = ("atoms", "offset", "points", "cells", "places", "pose", "stress_constants",
+               "stress_region", "stress_free_temperature", "eliminated_temperature")
+"""Ends of the names of arrays that a file leaves out."""
+
+
+@cache
+def model() -> ReducedModel:
+    return reduce(scene())
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    model().save(tmp_path / "bar.model")
+    return tmp_path / "bar.model"
+
+
+def assert_equal(one: RunResult, other: RunResult, leaving: tuple[str, ...] = ()) -> None:
+    """Every array of `one`, computing times aside, has the same digits in `other`."""
+    a, b = one.to_xarray(), other.to_xarray()
+    assert len(a) > 5
+    for name in a:
+        if name != "step_seconds":
+            assert np.array_equal(a[name].values, b[name].values), name
+    assert all(name in a or str(name).endswith(leaving) for name in b)
+
+
+def test_a_run_is_that_of_simulate() -> None:
+    assert_equal(model().run(), simulate(scene()))
+    assert_equal(model().run(), model().run())
+
+
+def test_a_model_from_a_file_runs_alike(file: Path) -> None:
+    assert_equal(load_model(file).run(), model().run(), OF_THE_MESH)
+    model().save(file, fields=True)
+    assert_equal(load_model(file).run(), model().run())
+
+
+@pytest.mark.full
+def test_other_loads_give_the_run_of_a_new_model(file: Path) -> None:
+    for changes in ({FLUX: LOW}, {FLUX: {"use": "ramp", "end": 0.02, "final": 2e6}},
+                    {"loads.gravity.factor": 0.25, "time.end": 0.03}):
+        fresh = simulate(scene().using({**changes, "training.end": 0.04}))
+        changed = model().run(changes)
+        assert_equal(changed, fresh)
+        assert_equal(load_model(file).run(changes), changed, OF_THE_MESH)
+        old = model().run().block("bar.elastic", slice(31))
+        assert not np.allclose(changed.block("bar.elastic", slice(31)), old, rtol=1e-3)
+    assert_equal(model().run(), simulate(scene()))  # the model itself is as it was
+
+
+@pytest.mark.full
+def test_every_function_of_time_that_may_change_is_that_of_a_new_model(tmp_path: Path) -> None:
+    """Every kind of load, with convection and radiation: all functions at once."""
+    base = everything().using({"reducer": {"use": "galerkin", "basis": {"use": "pod", "count": 5}}})
+    made, loads = reduce(base), base.dump()["loads"]
+    keys = [k for k in made.free if k.startswith("loads.")]
+    assert len(keys) >= 5
+    old = {k: loads[k.split(".")[1]][k.split(".")[2]] for k in keys}
+    ramps = {k: {"use": "ramp", "end": base.time.end, "initial": 0.5, "final": 300.0} for k in keys}
+    fresh = simulate(base.using({**ramps, "training.overrides": old}))
+    changed = made.run(ramps)
+    made.save(tmp_path / "m")
+    again = load_model(tmp_path / "m").run(ramps)
+    for b in changed.layout:
+        one, new = changed.block(b.name), fresh.block(b.name)
+        assert np.allclose(one, new, rtol=1e-9, atol=1e-12 * np.abs(new).max()), b.name
+    assert np.array_equal(again.probe(again.probes[0]), changed.probe(changed.probes[0]))
+
+
+@pytest.mark.full
+def test_torques_and_springs_are_kept(tmp_path: Path) -> None:
+    made = reduce(load(driven({"use": "galerkin", "basis": {"use": "pod", "count": 5}})))
+    made.save(tmp_path / "m")
+    assert_equal(load_model(tmp_path / "m").run(), made.run(), OF_THE_MESH)
+
+
+def test_another_start_gives_the_run_of_a_new_model() -> None:
+    turned = {"bodies.bar.pose": {"angle": 0.2, "spin": 1.5}}
+    fresh = simulate(scene().using(turned).using({
+        "training.overrides": {FLUX: 1.0e6, "loads.gravity.factor": 1.0, "bodies.bar.pose": {}}}))
+    run = model().run(initial={"bar.rigid": ([0.0, 0.0, 0.2], [0.0, 0.0, 1.5])})
+    for name in ("bar.rigid", "bar.elastic", "bar.thermal"):
+        assert np.allclose(run.block(name), fresh.block(name), rtol=1e-12, atol=1e-15)
+    with pytest.raises(InputError, match=r"initial\.bar\.elastic: is no block .*bar\.rigid"):
+        model().run(initial={"bar.elastic": ([0.0], [0.0])})
+    with pytest.raises(InputError, match=r"initial\.bar\.rigid: give 3 finite values"):
+        model().run(initial={"bar.rigid": ([0.0], [0.0])})
+
+
+def test_what_may_change() -> None:
+    assert model().free == ("title", "output", "time.end", "loads.gravity.factor", FLUX)
+    assert len(model().run({"output.every": 4, "time.end": 0.08}).times) == 21
+
+
+@pytest.mark.parametrize(("change", "said"), [
+    ({"bodies.bar.material.E": 1e9}, "bodies.bar.material.E: cannot change: the model was"),
+    ({"loads.gravity.g": [0.0, -1.0]}, r"loads.gravity.g: cannot change: .*loads.gravity.factor"),
+    ({"time.step": 5e-4}, "time.step: cannot change"),
+    ({"seed": 4}, "seed: cannot change"),
+    ({"reducer.basis.count": 5}, "reducer.basis.count: cannot change"),
+    ({"time.end": 0.0405}, "time.end: .*is not a whole number of steps"),
+    ({"loads.heating.on": ["bar:left"]}, "loads.heating.on"),
+])
+def test_any_other_change_is_refused_by_its_key(change: dict[str, object], said: str) -> None:
+    with pytest.raises(InputError, match=said) as caught:
+        model().run(change)
+    assert len(caught.value.faults) == 1
+
+
+@pytest.mark.full
+def test_loads_that_a_rigid_stage_has_taken_do_not_change() -> None:
+    staged = tiny().using({"rigid_stage": {}, "loads.gravity.factor": 1.0, "reducer": {
+        "use": "galerkin", "basis": {"use": "pod", "count": 3}}})
+    made = reduce(staged)
+    assert_equal(made.run(), simulate(staged))
+    assert FLUX in made.free
+    with pytest.raises(InputError, match=r"loads\.gravity\.factor\.level: .*pre-simulation"):
+        made.run({"loads.gravity.factor": 2.0})
+    with pytest.raises(InputError, match=r"time\.end: cannot be after 0\.04 s"):
+        made.run({"time.end": 0.08})
+
+
+def test_full_order_is_no_reduced_model() -> None:
+    with pytest.raises(InputError, match="reducer: full reduces nothing"):
+        reduce(everything().using({"reducer": "full"}))
+
+
+@pytest.mark.full
+def test_a_model_that_needs_the_mesh_runs_but_is_not_kept(tmp_path: Path) -> None:
+    budgets = {"*.elastic": {"rows": 14, "atoms": 3}, "*.thermal": {"rows": 10, "atoms": 2}}
+    selecting = reduce(tiny().using({"reducer": {"use": "sparse", "budgets": budgets}}))
+    assert_equal(selecting.run(), simulate(selecting.scene))
+    with pytest.raises(InputError, match=r"reducer: in this scene the steps of reducer sparse"):
+        selecting.save(tmp_path / "no.model")
+    with pytest.raises(InputError, match=r"loads\.heating\.flux\.level: .*need the mesh"):
+        selecting.run({FLUX: LOW})
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_damaged_or_foreign_file_is_one_error(file: Path, tmp_path: Path) -> None:
+    data, other = file.read_bytes(), tmp_path / "other.model"
+    for at in (len(MAGIC) + 3, len(MAGIC) + 70, len(data) // 2, len(data) - 1):
+        other.write_bytes(data[:at] + bytes([data[at] ^ 1]) + data[at + 1:])
+        with pytest.raises(InputError, match="digest does not match: the file is damaged"):
+            load_model(other)
+    for content, said in ((data[:-9], "damaged"), (b"", "no reduced model"),
+                          (b"format: 1\n", "no reduced model"),
+                          (data.replace(MAGIC, MAGIC.replace(b"1", b"9")), "another version")):
+        other.write_bytes(content)
+        with pytest.raises(InputError, match=said):
+            load_model(other)
+    with pytest.raises(InputError, match="cannot be read"):
+        load_model(tmp_path / "none.model")
+
+
+@pytest.mark.parametrize("node", [
+    {"name": "os:system"}, {"parts": ["builtins:eval", ["1"]]}, {"fields": ["os:abc", {}]},
+    {"method": [{"plugin": "loads.heating"}, "model_copy"]}, {"plugin": "loads.none"},
+    {"method": [{"plugin": FLUX}, "__init__"]}, {"unknown": 1}, {"array": 10**6}, {"again": 0},
+])
+def test_a_file_with_a_true_digest_runs_no_code(
+    file: Path, node: object, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    packed = Packed.load(file.read_bytes())
+    tree = json.loads(json.dumps(packed.tree))
+    tree["map"] = [[k, node if k == "solver" else v] for k, v in tree["map"]]
+    forged = Packed(tree, packed.arrays, packed.used, packed.about)
+    file.write_bytes(forged.dump())
+    with pytest.raises(InputError, match="is no reduced model that this program can use"):
+        load_model(file)
+
+
+def test_only_declared_classes_are_stored() -> None:
+    for value in (object(), lambda t: t, np.array([object()]), {"a": Path()}):
+        with pytest.raises((PackedError, ValueError, TypeError)):
+            Packed.of(value, {}, {}).dump()
+
+
+@pytest.mark.full
+def test_a_file_needs_neither_folder_nor_cache(file: Path, tmp_path: Path) -> None:
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    code = ("import sys; from sparsemor import load_model; r = load_model(sys.argv[1]).run(); "
+            "print(r.probe('end')[-1].tolist())")
+    said = subprocess.run(
+        [sys.executable, "-c", code, str(file)], cwd=elsewhere, check=True, capture_output=True,
+        text=True, env={**os.environ, "SPARSEMOR_CACHE": str(tmp_path / "cache")}).stdout
+    assert json.loads(said) == model().run().probe("end")[-1].tolist()
+    assert not list(elsewhere.iterdir())
