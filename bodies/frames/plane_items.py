@@ -254,7 +254,8 @@ NUMBERS = 11
 def evaluate_parts(
     kinds: IntArray, numbers: FloatArray, starts: IntArray, gains: FloatArray, y: FloatArray,
     v: FloatArray, a: FloatArray, c1: float, c2: float, s: FloatArray, forms: FloatArray,
-    sigma: FloatArray, tau: FloatArray, border: FloatArray, coefficients: FloatArray
+    sigma: FloatArray, tau: FloatArray, border: FloatArray, coefficients: FloatArray,
+    sums: FloatArray
 ) -> None:
     """Equations of a frame in the plane from arrays (core/protocols/body_frame.py)."""
     b, elastic = len(y), s.shape[1] > 0
@@ -263,26 +264,26 @@ def evaluate_parts(
                0.0, elastic, c[0], c[1], c[2], forms)
     out = Views(columns[b], columns[:b], tau.view(np.complex128), border[:, :b], border[:, b],
                 coefficients)
-    total = np.zeros(SUMS)
+    sums[:SUMS] = 0.0
     for i in range(len(kinds)):
         kind, own, g = kinds[i], numbers[i], gains[i]
         j, o, k = starts[i, 0] // 2, starts[i, 1], starts[i, 2]
         if kind == 0:
-            inertia(own, g, m, j, o, k, total, out)
+            inertia(own, g, m, j, o, k, sums, out)
         elif kind == 1:
-            body_force(own, g, m, j, o, k, total, out)
+            body_force(own, g, m, j, o, k, sums, out)
         elif kind == 2:
-            space_force(own, g, m, j, o, k, total, out)
+            space_force(own, g, m, j, o, k, sums, out)
         elif kind == 3:
-            attachment(own, g, m, j, o, k, total, out)
+            attachment(own, g, m, j, o, k, sums, out)
         elif kind == 4:
-            rotation(own, g, m, j, o, k, total, out)
+            rotation(own, g, m, j, o, k, sums, out)
         elif kind == 5:
-            slide(own, g, m, j, o, k, total, out)
+            slide(own, g, m, j, o, k, sums, out)
         elif kind == 6:
-            moment(own, g, m, j, o, k, total, out)
+            moment(own, g, m, j, o, k, sums, out)
         elif kind == 7:
-            spring(own, g, m, j, o, k, total, out)
+            spring(own, g, m, j, o, k, sums, out)
         else:
-            rotational_spring(own, g, m, j, o, k, total, out)
-    write(total, out)
+            rotational_spring(own, g, m, j, o, k, sums, out)
+    write(sums, out)

@@ -142,14 +142,16 @@ class EvaluatesManyTimes(Frame, Protocol):
 
 FrameFunction: TypeAlias = Callable[
     [IntArray, FloatArray, IntArray, FloatArray, FloatArray, FloatArray, FloatArray, float, float,
-     FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray], None]
+     FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray], None]
 """`Frame.evaluate` on arrays:
 
     function(kinds, numbers, starts, gains, y, v, a, c1, c2, s, forms, sigma, tau, border,
-             coefficients)
+             coefficients, sums)
 
 with the arrays of `FrameArrays`, the present values `gains` (i,) of its amplitudes, the inputs of
-`Frame.evaluate` and the arrays of `FrameWork`, which it fills.
+`Frame.evaluate` and the arrays of `FrameWork`, which it fills; `sums` (16,) is for its own use. All
+arrays are those of the model's largest body, with zeros where this body has fewer border unknowns b
+or directions p.
 """
 
 
@@ -159,8 +161,8 @@ class FrameArrays:
 
     kinds (i,), numbers (i, j), starts (i, 3): of each contribution its kind, constants, and first
     functional, coordinate of another body, and multiplier; amplitudes (i,): None for those without.
-    function: uses numbers and arrays only, so that numba can compile it; calls: the functions that
-    it calls, each after those that it calls itself.
+    function: uses numbers and arrays only, and creates no array, so that numba can compile it;
+    calls: the functions that it calls, each after those that it calls itself.
     """
 
     kinds: IntArray

@@ -47,9 +47,18 @@ class Table:
     def along(self, times: FloatArray) -> FloatArray:
         """Interpolated values (T, j) at times (T,), s; at the table's own times its array itself,
         not a copy."""
-        if np.array_equal(times, self.times):
-            return self.values
-        return np.array([self.at(t) for t in times.tolist()])
+        known, values = self.times, self.values
+        if np.array_equal(times, known):
+            return values
+        i = np.minimum(np.searchsorted(known, times), len(known) - 1)
+        before = np.maximum(i - 1, 0)
+        w = np.ones(len(times))  # as in `place`
+        np.divide(times - known[before], known[i] - known[before], out=w, where=i > before)
+        w[w > 1.0 - 1e-9], w[w < 1e-9] = 1.0, 0.0
+        if ((w == 0.0) | (w == 1.0)).all():
+            return np.asarray(values[np.where(w == 0.0, before, i)])
+        w = w[:, None]
+        return np.asarray((1.0 - w) * values[before] + w * values[i])
 
     def columns(self, chosen: IntArray) -> "Table":
         """Table of the columns with numbers `chosen`, copied."""

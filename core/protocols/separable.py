@@ -186,8 +186,10 @@ def evaluate_amplitudes(amplitudes: Sequence[Amplitude], t: float) -> FloatArray
 
 def amplitudes_along(amplitudes: Sequence[Amplitude], times: FloatArray) -> FloatArray:
     """Amplitudes (T, j) of loads at times (T,), s."""
-    values = [[f(t) for f in amplitudes] for t in times.tolist()]
-    return np.array(values, dtype=np.float64).reshape(len(times), len(amplitudes))
+    found, all_times = np.empty((len(times), len(amplitudes))), times.tolist()
+    for column, f in zip(found.T, amplitudes, strict=True):
+        column[:] = [f(t) for t in all_times]
+    return found
 
 
 def positions(local: IntArray, chosen: IntArray) -> IntArray:

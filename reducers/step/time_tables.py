@@ -67,8 +67,13 @@ class TimeTable:
     def along(self, times: FloatArray) -> FloatArray:
         """Values (T, m) at times (T,), s; at the tabulated times the rows themselves, not a
         copy."""
-        if self.rows is not None and np.array_equal(times, self.times):
-            return self.rows
+        if self.rows is not None:
+            known = np.array(self.times)
+            if np.array_equal(times, known):
+                return self.rows
+            i = np.minimum(np.searchsorted(known, times - self.near), len(known) - 1)
+            if (np.abs(known[i] - times) <= self.near).all():
+                return np.asarray(self.rows[i])
         return np.array([self.at(t) for t in times.tolist()])
 
 

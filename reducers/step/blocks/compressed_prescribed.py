@@ -75,7 +75,7 @@ class CompressedPrescribed(ReducedPrescribed):
     (s, j) times amplitudes, and tabulated loads. G (g, k, s): transposed D^-1 M_g, so that
     consecutive ones form one matrix; leading (g r, r): their first rows and columns, of soft modes,
     r = 0 where some atoms are not active; sizes (g, 3): Frobenius norms of each whole matrix, of
-    its leading part, and of the rest.
+    its leading part, and of the rest; inverse (s,): D^-1 where D is diagonal.
     """
 
     inertia: FloatArray
@@ -93,6 +93,7 @@ class CompressedPrescribed(ReducedPrescribed):
     amplitudes: tuple[Amplitude, ...]
     tables: tuple[Moving, ...] = ()
     local: LocalForces | None = None
+    inverse: FloatArray | None = None
 
     @classmethod
     def of(
@@ -103,7 +104,7 @@ class CompressedPrescribed(ReducedPrescribed):
         G = np.stack([left @ A for A in b.generators]) if len(b.generators) else np.zeros(
             (0, len(left), b.mass.shape[1]))
         below = np.ascontiguousarray(G.transpose(0, 2, 1))
-        r = min(LEADING, len(left)) if support is None else 0
+        r, inverse = min(LEADING, len(left)) if support is None else 0, carried(left)
         sizes = []
         for A in G if support is None else G[:, :, support]:
             all_of_it, lead = float(np.sum(A**2)), float(np.sum(A[:r, :r] ** 2))
@@ -115,7 +116,7 @@ class CompressedPrescribed(ReducedPrescribed):
             left @ b.loads, below, G[:, :r, :r].reshape(len(G) * r, r),
             np.array(sizes).reshape(len(G), 3), c1, support,
             b.amplitudes, tabulated(b.tables, left, support is None),
-            ReducedLocal.of(b.local, left))
+            ReducedLocal.of(b.local, left), inverse if inverse.ndim == 1 else None)
 
     def rates(self, k: int) -> tuple[FloatArray, FloatArray]:
         none = np.zeros((len(self.base), k))

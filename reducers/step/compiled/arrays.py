@@ -40,50 +40,72 @@ NO_HEAT = HeatArrays(_NONE, _NONE, _NONE, _EMPTY, _EMPTY, np.zeros(0), _EMPTY, -
 
 
 class BodyArrays(NamedTuple):
-    """Constants of a body: frame, map to the border, and its reduced displacements
-    (elastic_block.py; empty for a rigid body).
+    """Constants of bodies: frames, maps to the border, and their reduced displacements
+    (elastic_block.py; k = 0 for a rigid body). The first index of each array, not given here, is
+    the number of the body; all are filled up with zeros to the size of the largest body, b border
+    unknowns and p directions.
 
-    kinds (i,), numbers (i, j), starts (i, 3): contributions to the frame (`FrameArrays`); gains
-    (i,): numbers of their amplitudes, -1 for none. rows, columns, values: entries of the map from
-    the model's border unknowns; origin (b,). guide: number of the first value of its prescribed
-    motion, -1 for none; rigid: number of rigid coordinates, positions: of those of its position.
+    items: number of contributions to the frame; kinds (i,), numbers (i, j), starts (i, 3): these
+    (`FrameArrays`); gains (i,): numbers of their amplitudes, -1 for none. entries: number of rows,
+    columns, values: entries of the map from the model's border unknowns; origin (b,). guide: number
+    of the first value of its prescribed motion, -1 for none; rigid: number of rigid coordinates,
+    positions: of those of its position.
 
-    u: first displacement; active (s,), idle: numbers of active and inactive ones; T: first
-    temperature; H (w, 3 k + kt), base (w,), loads (w, j): factors of h, w = s + p; products_t (k, g
-    w + g s + p): transposed D^-1 M_g, M_g and P^T, and step_products (g w + g s + p, s) those of
-    the active atoms; E (s, p), Gt (p, p): transposed G; amplitude, table: as in HeatArrays. still,
-    local: terms that depend on temperatures alone, and on displacements.
+    u: first of k displacements; active (s,), idle (k - s,): numbers of active and inactive ones; T:
+    first of kt temperatures; inputs: number of rows of H, whose columns are the factors of h (w,),
+    w = s + p, for u0, a0, temperatures, j amplitudes and, with damping, v0; base (w,): constant
+    part of h; products (k, q), q = g w + g s + p: D^-1 M_g, M_g and P^T, and step_products (s, q)
+    those of the active atoms, all transposed and filled up to a multiple of 4 rows; E (p, s), G (p,
+    p): transposed; amplitude, table: as in HeatArrays.
     """
 
+    items: IntArray
     kinds: IntArray
     numbers: FloatArray
     starts: IntArray
     gains: IntArray
+    entries: IntArray
     rows: IntArray
     columns: IntArray
     values: FloatArray
     origin: FloatArray
-    guide: int
-    rigid: int
-    positions: int
-    u: int
-    k: int
+    guide: IntArray
+    rigid: IntArray
+    positions: IntArray
+    u: IntArray
+    k: IntArray
+    s: IntArray
     active: IntArray
     idle: IntArray
-    T: int
-    kt: int
-    g: int
+    T: IntArray
+    kt: IntArray
+    g: IntArray
+    p: IntArray
+    inputs: IntArray
     H: FloatArray
     base: FloatArray
-    loads: FloatArray
-    products_t: FloatArray
+    j: IntArray
+    products: FloatArray
     step_products: FloatArray
     E: FloatArray
-    Gt: FloatArray
-    amplitude: int
-    table: int
+    G: FloatArray
+    amplitude: IntArray
+    table: IntArray
+
+
+class BodyTerms(NamedTuple):
+    """Local terms of a body with this number: still, local: those that depend on temperatures
+    alone, and on displacements; values, rates (p,): variables of the latter at the prediction."""
+
+    number: int
     still: LocalArrays
     local: LocalArrays
+    values: FloatArray
+    rates: FloatArray
+
+
+NO_TERMS = BodyTerms(0, NO_LOCAL, NO_LOCAL, np.zeros(0), np.zeros(0))
+"""No terms, of the type of all."""
 
 
 class PrescribedArrays(NamedTuple):
@@ -91,10 +113,12 @@ class PrescribedArrays(NamedTuple):
     (prescribed_frame_block.py).
 
     number: of the body; u, k, active (s,), idle, T, kt: as in BodyArrays; inertia, stiffness,
-    damping: (s, k), or (1, k) for a diagonal, damping (0, k) for none; coupling (s, kt); G (g, k,
-    s), leading (g r, r). table, width: number of the first value and of all values of its functions
-    of time: kappa, mu (g,), sigma, the bound of the contraction factor, and s loads. still, local:
-    as in BodyArrays.
+    damping: (s, k), or (1, k) for a diagonal, damping (0, k) for none; coupling (kt, s):
+    transposed; G (g, k, s), leading (g r, r). Where D is diagonal and all M_g are symmetric or
+    skew: scale (s,) = D^-1, halves (g, s, s): M_g, s rounded up to a multiple of 4, signs (g,): 1
+    or -1; otherwise these are empty.
+    table, width: number of the first value and of all values of its functions of time: kappa, mu
+    (g,), sigma, the bound of the contraction factor, and s loads. still, local: as in BodyTerms.
     """
 
     number: int
@@ -110,32 +134,36 @@ class PrescribedArrays(NamedTuple):
     coupling: FloatArray
     G: FloatArray
     leading: FloatArray
+    scale: FloatArray
+    halves: FloatArray
+    signs: FloatArray
     table: int
     width: int
     still: LocalArrays
     local: LocalArrays
 
 
-NO_BODY = BodyArrays(
-    _NONE, _EMPTY, np.zeros((0, 3), dtype=np.int64), _NONE, _NONE, _NONE, np.zeros(0), np.zeros(0),
-    -1, 0, 0, 0, 0, _NONE, _NONE, 0, 0, 0, _EMPTY, np.zeros(0), _EMPTY, _EMPTY, _EMPTY, _EMPTY,
-    _EMPTY, -1, -1, NO_LOCAL, NO_LOCAL)
 NO_PRESCRIBED = PrescribedArrays(
-    0, 0, 0, _NONE, _NONE, 0, 0, _EMPTY, _EMPTY, _EMPTY, _EMPTY, np.zeros((0, 0, 0)), _EMPTY, -1,
-    0, NO_LOCAL, NO_LOCAL)
-"""Empty bodies, of the types of all."""
+    0, 0, 0, _NONE, _NONE, 0, 0, _EMPTY, _EMPTY, _EMPTY, _EMPTY, np.zeros((0, 0, 0)), _EMPTY,
+    np.zeros(0), np.zeros((0, 0, 0)), np.zeros(0), -1, 0, NO_LOCAL, NO_LOCAL)
+"""An empty body, of the type of all."""
 
 
-class BodyWork(NamedTuple):
-    """Working arrays of a body.
+class MechanicsWork(NamedTuple):
+    """Working arrays of all bodies (first index: number of the body) and of the border.
 
     sigma (b + 1, p), tau (b, p), border (b, b + 1), coefficients (2 g + 1,): as in `FrameWork`; s
-    (3, p), forms (3 g,): functionals of u, u', u''; gains (i,): present amplitudes; pose, now
-    (3, b): border unknowns and their rates at the prediction, and in an iteration; inputs (3 k +
-    kt,): prediction with rates and temperatures; past (3, g w + g s + p), change (g w + g s + p,):
+    (3, p), forms (3 g,): functionals of u, u', u''; nothing (3, 0): those of a rigid body; gains
+    (i,): present amplitudes; pose, now (3, b): border unknowns and their rates at the prediction,
+    and in an iteration; inputs (3 k + kt + j,): those of H, then v0; past (3, q), change (q,):
     products with the prediction and its rates, and with the increment; h, z (w,); u (s,): active
-    displacements predicted; d (s,): increments; values, rates (p,): variables of the local terms
-    predicted, and their rates.
+    displacements predicted; d (s,): increments; Gs (p, b + 1): G times transposed sigma; reduced
+    (b, b + 1): border less tau Gs.
+
+    scale, distance (bodies,): reference magnitudes; elastic (bodies,): as in RunArrays;
+    changes, before (bodies + 1,): of an iteration and the one before; A (N, N), dy, delta,
+    predicted (N,): border system, its solution, increments and prediction; sums: as in
+    `FrameFunction`.
     """
 
     sigma: FloatArray
@@ -144,6 +172,7 @@ class BodyWork(NamedTuple):
     coefficients: FloatArray
     s: FloatArray
     forms: FloatArray
+    nothing: FloatArray
     gains: FloatArray
     pose: FloatArray
     now: FloatArray
@@ -154,8 +183,18 @@ class BodyWork(NamedTuple):
     z: FloatArray
     u: FloatArray
     d: FloatArray
-    values: FloatArray
-    rates: FloatArray
+    Gs: FloatArray
+    reduced: FloatArray
+    scale: FloatArray
+    distance: FloatArray
+    elastic: FloatArray
+    changes: FloatArray
+    before: FloatArray
+    A: FloatArray
+    dy: FloatArray
+    delta: FloatArray
+    predicted: FloatArray
+    sums: FloatArray
 
 
 class ModelArrays(NamedTuple):

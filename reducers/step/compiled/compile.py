@@ -1,8 +1,8 @@
 """Compilation of the kernel by numba, an optional package (`pip install 'sparsemor[fast]'`).
 
-The functions of kernel.py, local.py, mechanics.py and prescribed.py are plain Python; numba
-compiles copies of them, which call each other's compiled forms. Machine code is kept in the user's
-cache folder, under a digest of the sources, so that it is never older than these.
+The functions of dense.py, kernel.py, local.py, mechanics.py and prescribed.py are plain Python;
+numba compiles copies of them, which call each other's compiled forms. Machine code is kept in the
+user's cache folder, under a digest of the sources, so that it is never older than these.
 """
 
 import hashlib
@@ -15,19 +15,29 @@ from types import FunctionType
 from typing import Any, NamedTuple, TypeAlias
 
 from sparsemor.reducers.step import acceptance
-from sparsemor.reducers.step.compiled import kernel, local, mechanics, prescribed
+from sparsemor.reducers.step.compiled import dense, kernel, local, mechanics, prescribed
 
 FUNCTIONS: tuple[Callable[..., object], ...] = (
-    acceptance.estimated_error, acceptance.reference, local.evaluate_law, local.variables,
-    local.evaluate_points, local.local_rows, local.factor_in_place, local.solve_factored,
-    mechanics.begin_local, mechanics.begin, mechanics.functionals,
-    mechanics.combine, mechanics.evaluate, mechanics.pose, mechanics.add_reduced,
-    mechanics.solve_in_place, mechanics.magnitude, mechanics.displaced, mechanics.norm,
-    mechanics.solve_mechanics, prescribed.product, prescribed.corrected, prescribed.solve_body,
-    prescribed.solve_prescribed, kernel.free_motion, kernel.at_departure, kernel.predict,
-    kernel.new_state, kernel.accept, kernel.iterate_heat,
-    kernel.heated, kernel.advance)
+    acceptance.estimated_error, acceptance.reference, dense.add_product, dense.add_rates,
+    dense.add_products, dense.add_turned, dense.product, dense.solve_in_place, dense.norm,
+    local.evaluate_law, local.variables, local.evaluate_points, local.local_rows,
+    local.factor_in_place, local.solve_factored, mechanics.begin, mechanics.begin_local,
+    mechanics.add_local, mechanics.functionals, mechanics.combine, mechanics.frames,
+    mechanics.pose, mechanics.add_reduced, mechanics.magnitude, mechanics.displaced,
+    mechanics.solve_mechanics, prescribed.thermal_forces, prescribed.corrected,
+    prescribed.solve_body, prescribed.solve_prescribed, kernel.free_first, kernel.free_motion,
+    kernel.at_departure, kernel.predict, kernel.update, kernel.new_first, kernel.new_state,
+    kernel.accept, kernel.iterate_heat, kernel.heated, kernel.heat_ahead, kernel.advance)
 """Functions of the kernel, each after those that it calls."""
+BARE: tuple[Callable[..., object], ...] = (
+    acceptance.estimated_error, acceptance.reference, dense.add_product, dense.add_rates,
+    dense.add_products, dense.add_turned, dense.solve_in_place, dense.norm, mechanics.begin,
+    mechanics.functionals, mechanics.combine, mechanics.frames, mechanics.pose,
+    mechanics.add_reduced, mechanics.magnitude, mechanics.displaced, kernel.free_first,
+    kernel.free_motion, kernel.at_departure, kernel.predict, kernel.update, kernel.new_first,
+    kernel.new_state, kernel.accept)
+"""Functions that create no array and take none out of a list. They, and those of frames, are
+compiled without the counts of references to arrays, which took a third of a step."""
 
 
 def installed() -> bool:
@@ -83,9 +93,17 @@ def compiled_advance(functions: Functions, folder: Path) -> Any:
     import numba  # optional, and takes half a second to import
 
     config: Any = numba.config
+    njit: Any = numba.njit  # its types lack `_nrt`
+    frame = () if functions.frame is None else (functions.frame[0], *functions.frame[1])
+    bare = {f.__code__ for f in (*BARE, mechanics.evaluate_frame, *frame)
+            if isinstance(f, FunctionType)}
+    # sums may be reordered where that makes them several times faster
+    fast, reordered = {"contract"}, {"contract", "reassoc"}
     before, config.CACHE_DIR = config.CACHE_DIR, str(folder)
     try:
-        return bound(functions, numba.njit(cache=True, error_model="numpy"))
+        return bound(functions, lambda f: njit(
+            cache=True, error_model="numpy", _nrt=f.__code__ not in bare,
+            fastmath=reordered if f.__name__ == "add_turned" else fast)(f))
     finally:
         config.CACHE_DIR = before
 
@@ -95,7 +113,7 @@ def folder_of(root: Path, functions: Functions) -> Path:
     """Folder in `root` of the machine code of the kernel with these functions, named by a digest of
     their sources and their order."""
     own = functions.all
-    files = sorted({inspect.getfile(f) for f in (*own, *FUNCTIONS)})
+    files = sorted({__file__, *(inspect.getfile(f) for f in (*own, *FUNCTIONS))})
     names = repr([[f"{f.__module__}.{f.__qualname__}" for f in (law, *calls)]
                   for law, calls in functions.laws])
     sources = b"".join(Path(f).read_bytes() for f in files)

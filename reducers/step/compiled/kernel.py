@@ -10,16 +10,18 @@ from math import sqrt
 
 import numpy as np
 
-from sparsemor.core import FloatArray
+from sparsemor.core import FloatArray, IntArray
 from sparsemor.reducers.step.blocks.thermal_block import TINY
 from sparsemor.reducers.step.compiled.arrays import (
     BodyArrays,
-    BodyWork,
+    BodyTerms,
     HeatArrays,
+    MechanicsWork,
     ModelArrays,
     PrescribedArrays,
     RunArrays,
 )
+from sparsemor.reducers.step.compiled.dense import product
 from sparsemor.reducers.step.compiled.local import (
     evaluate_points,
     factor_in_place,
@@ -27,13 +29,13 @@ from sparsemor.reducers.step.compiled.local import (
     variables,
 )
 from sparsemor.reducers.step.compiled.mechanics import LEFT, solve_mechanics
-from sparsemor.reducers.step.compiled.prescribed import product, solve_prescribed
+from sparsemor.reducers.step.compiled.prescribed import solve_prescribed, thermal_forces
 
 
 def advance(
-    m: ModelArrays, heat: Sequence[HeatArrays], bodies: Sequence[BodyArrays],
-    works: Sequence[BodyWork], prescribed: Sequence[PrescribedArrays], run: RunArrays,
-    timed: FloatArray, targets: FloatArray, states: FloatArray, effort: FloatArray,
+    m: ModelArrays, heat: Sequence[HeatArrays], bodies: BodyArrays, terms: Sequence[BodyTerms],
+    work: MechanicsWork, prescribed: Sequence[PrescribedArrays], run: RunArrays, timed: FloatArray,
+    targets: FloatArray, states: FloatArray, effort: FloatArray,
 ) -> int:
     """Takes up to len(timed) steps and returns how many were solved; `run` is then at the last of
     these.
@@ -45,28 +47,41 @@ def advance(
     n = run.z.shape[1]
     free, rate, d = np.zeros(n), np.zeros(n), np.zeros(n)
     x, v, a = np.zeros(n), np.zeros(n), np.zeros(n)
-    guess = np.zeros(2 * n)
+    guess, new = np.zeros(2 * n), np.zeros((len(run.z), n))
+    warm, warmed = np.zeros((len(timed), n)), np.zeros((len(timed), n))
+    linear = True
+    for h in heat:
+        linear = linear and not len(h.local.terms)
+    if linear:
+        heat_ahead(m, heat, run.z.copy(), timed, warm, warmed, new)
+    forces = thermal_forces(prescribed, warm)
     for i in range(len(timed)):
         free_motion(m, run.z, free, rate)
         predict(m, run, guess)
         for j in range(n):
             d[j] = guess[n + j] if run.by_departure[j] else guess[j] - free[j]
+        if linear:
+            for j in range(m.first[0], m.first[1]):
+                d[j] = warmed[i, j]
         at_departure(m, d, free, rate, x, v, a)
         most, hot = 1, 0.0
-        for h in heat:
-            taken, left = heated(h, m.c1_first, timed[i], run.ring[run.at[0], :n], x, v, d)
-            if taken == LEFT:
-                return i
-            most, hot = max(most, taken), max(hot, left)
-        if len(bodies):
+        if not linear:
+            for h in heat:
+                taken, left = heated(h, m.c1_first, timed[i], run.ring[run.at[0], :n], x, v, d)
+                if taken == LEFT:
+                    return i
+                most, hot = max(most, taken), max(hot, left)
+            forces[i] = thermal_forces(prescribed, x.reshape(1, n))[0]
+        if len(bodies.k):
             count = solve_mechanics(
-                m, bodies, works, run, timed[i], targets[i], x, v, a, d, free, rate)
+                m, bodies, terms, work, run, timed[i], targets[i], x, v, a, d, free, rate)
         else:
-            count = solve_prescribed(m, prescribed, run, timed[i], x, v, a, d, free, rate)
+            count = solve_prescribed(
+                m, prescribed, run, timed[i], forces[i], x, v, a, d, free, rate)
         if count == LEFT:
             return i
         run.remaining[0] = max(run.remaining[0], hot)
-        if not len(bodies) and not len(prescribed):
+        if not len(bodies.k) and not len(prescribed):
             count = most
         at_departure(m, d, free, rate, x, v, a)
         size = 0.0
@@ -74,24 +89,51 @@ def advance(
             size += (x[j] * m.sanity[j]) ** 2
         if not size <= 1.0:
             return i
-        accept(m, run, guess, x, v, a, d)
+        accept(m, run, guess, x, v, a, d, new)
         states[i] = run.z
         effort[i, 0], effort[i, 1] = count, run.remaining[0]
     return len(timed)
+
+
+def heat_ahead(
+    m: ModelArrays, heat: Sequence[HeatArrays], z: FloatArray, timed: FloatArray, x: FloatArray,
+    d: FloatArray, new: FloatArray
+) -> None:
+    """Temperatures x and their departures d from the free motion (T, n) in all steps from the state
+    z, which is overwritten, without local terms: they depend on no other unknowns. new: working
+    array."""
+    v = np.zeros(len(new[0]))
+    for i in range(len(timed)):
+        free_first(m, z, x[i])
+        v[:] = 0.0
+        for h in heat:
+            heated(h, m.c1_first, timed[i], x[i], x[i], v, d[i])
+        new_first(m, z, x[i], d[i], new)
 
 
 def free_motion(m: ModelArrays, z: FloatArray, free: FloatArray, rate: FloatArray) -> None:
     """Motion without the new highest rates (core/protocols/integrator.py)."""
     free[:] = 0.0
     rate[:] = 0.0
+    start, end = m.second[0], m.second[1]
+    x, v = free[start:end], rate[start:end]
     for c in range(len(z)):
-        of_x, of_v = m.second_old[0, c], m.second_old[1, c]
-        for i in range(m.second[0], m.second[1]):
-            free[i] += of_x * z[c, i]
-            rate[i] += of_v * z[c, i]
-        of_x = m.first_old[0, c]
-        for i in range(m.first[0], m.first[1]):
-            free[i] += of_x * z[c, i]
+        of_x, of_v, past = m.second_old[0, c], m.second_old[1, c], z[c][start:end]
+        for i in range(len(x)):
+            x[i] += of_x * past[i]
+            v[i] += of_v * past[i]
+    free_first(m, z, free)
+
+
+def free_first(m: ModelArrays, z: FloatArray, free: FloatArray) -> None:
+    """Free motion of the unknowns of first order."""
+    start, end = m.first[0], m.first[1]
+    x = free[start:end]
+    x[:] = 0.0
+    for c in range(len(z)):
+        of_x, past = m.first_old[0, c], z[c][start:end]
+        for i in range(len(x)):
+            x[i] += of_x * past[i]
 
 
 def at_departure(
@@ -99,14 +141,19 @@ def at_departure(
     v: FloatArray, a: FloatArray
 ) -> None:
     """Unknowns x and rates v, a at the departure d from the free motion."""
-    x[:] = free + d
+    for i in range(len(x)):
+        x[i] = free[i] + d[i]
     v[:] = 0.0
     a[:] = 0.0
-    for i in range(m.second[0], m.second[1]):
-        v[i] = rate[i] + m.c1 * d[i]
-        a[i] = m.c2 * d[i]
-    for i in range(m.first[0], m.first[1]):
-        v[i] = m.c1_first * d[i]
+    start, end = m.second[0], m.second[1]
+    v2, a2, d2, past = v[start:end], a[start:end], d[start:end], rate[start:end]
+    for i in range(len(d2)):
+        v2[i] = past[i] + m.c1 * d2[i]
+        a2[i] = m.c2 * d2[i]
+    start, end = m.first[0], m.first[1]
+    v1, d1 = v[start:end], d[start:end]
+    for i in range(len(d1)):
+        v1[i] = m.c1_first * d1[i]
 
 
 def predict(m: ModelArrays, run: RunArrays, guess: FloatArray) -> None:
@@ -114,14 +161,14 @@ def predict(m: ModelArrays, run: RunArrays, guess: FloatArray) -> None:
     points = len(run.ring)
     guess[:] = 0.0
     for j in range(run.at[1]):
-        weight, past = m.weights[run.at[1], j], run.ring[(run.at[0] - j) % points]
+        weight, row = m.weights[run.at[1], j], (run.at[0] - j) % points
         for i in range(len(guess)):
-            guess[i] += weight * past[i]
+            guess[i] += weight * run.ring[row, i]
 
 
 def accept(
     m: ModelArrays, run: RunArrays, guess: FloatArray, x: FloatArray, v: FloatArray,
-    a: FloatArray, d: FloatArray
+    a: FloatArray, d: FloatArray, new: FloatArray
 ) -> None:
     """Stores a solved step: past states for the predictor, reference magnitudes, and the state."""
     n, points = len(x), len(run.ring)
@@ -130,10 +177,11 @@ def accept(
         for i in range(m.starts[k], m.starts[k + 1]):
             by_value = max(by_value, abs(guess[i] - x[i]))
             by_departure = max(by_departure, abs(guess[n + i] - d[i]))
-        run.by_departure[m.starts[k] : m.starts[k + 1]] = by_departure < by_value
+        for i in range(m.starts[k], m.starts[k + 1]):
+            run.by_departure[i] = by_departure < by_value
     newest = (run.at[0] + 1) % points
-    run.ring[newest, :n] = x
-    run.ring[newest, n:] = d
+    for i in range(n):
+        run.ring[newest, i], run.ring[newest, n + i] = x[i], d[i]
     run.at[0], run.at[1] = newest, min(run.at[1] + 1, points)
     for i in range(len(m.displacements)):
         size = 0.0
@@ -144,33 +192,56 @@ def accept(
     for j in range(m.rigid):
         size += a[j] * a[j]
     run.acceleration[0] = max(run.acceleration[0], sqrt(size))
-    new_state(m, run.z, x, v, a)
+    new_state(m, run.z, x, v, a, d, new)
 
 
 def new_state(
-    m: ModelArrays, z: FloatArray, x: FloatArray, v: FloatArray, a: FloatArray
+    m: ModelArrays, z: FloatArray, x: FloatArray, v: FloatArray, a: FloatArray, d: FloatArray,
+    new: FloatArray
 ) -> None:
-    """State after the step, overwriting the one before."""
-    rows = len(z)
-    new = np.zeros(rows)
-    for i in range(m.second[0], m.second[1]):
-        for r in range(3, rows):
-            new[r] = m.second_new[r] * a[i]
-            for c in range(rows):
-                new[r] += m.second_old[r, c] * z[c, i]
-        for r in range(3, rows):
-            z[r, i] = new[r]
-    for i in range(m.first[0], m.first[1]):
-        for r in range(2, rows):
-            new[r] = m.first_new[r] * v[i]
-            for c in range(rows):
-                new[r] += m.first_old[r, c] * z[c, i]
-        a[i] = new[2]
-        for r in range(3, rows):
-            z[r, i] = new[r]
-    z[0] = x
-    z[1] = v
-    z[2] = a
+    """State after the step, overwriting the one before; new: working array."""
+    update(z, m.second, m.second_old, m.second_new, 3, a, new)
+    new_first(m, z, x, d, new)
+    n, start, end = len(x), m.first[0], m.first[1]
+    for i in range(n):
+        z[0, i], z[1, i] = x[i], v[i]
+    for i in range(n):
+        if not start <= i < end:
+            z[2, i] = a[i]
+
+
+def new_first(
+    m: ModelArrays, z: FloatArray, x: FloatArray, d: FloatArray, new: FloatArray
+) -> None:
+    """New unknowns of first order in the state z, at x and the departure d; new: working array."""
+    rates, start, end = new[1], m.first[0], m.first[1]
+    for i in range(len(d)):
+        rates[i] = m.c1_first * d[i]
+    update(z, m.first, m.first_old, m.first_new, 2, rates, new)
+    x1, v1, new_x, new_v = x[start:end], rates[start:end], z[0][start:end], z[1][start:end]
+    for i in range(len(x1)):
+        new_x[i], new_v[i] = x1[i], v1[i]
+
+
+def update(
+    z: FloatArray, ends: IntArray, old: FloatArray, own: FloatArray, first: int, q: FloatArray,
+    new: FloatArray
+) -> None:
+    """Rows from number `first` on of the new state, by a rule (`UpdateRule`) for the unknowns
+    between `ends` with the highest rates q; new: working array."""
+    start, end = ends[0], ends[1]
+    for r in range(first, len(z)):
+        row, of_q = new[r][start:end], q[start:end]
+        for i in range(len(row)):
+            row[i] = own[r] * of_q[i]
+        for c in range(len(z)):
+            factor, past = old[r, c], z[c][start:end]
+            for i in range(len(row)):
+                row[i] += factor * past[i]
+    for r in range(first, len(z)):
+        row, past = new[r][start:end], z[r][start:end]
+        for i in range(len(row)):
+            past[i] = row[i]
 
 
 def heated(

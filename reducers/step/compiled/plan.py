@@ -20,7 +20,7 @@ from sparsemor.reducers.step.blocks.elastic_local import LocalForces, ReducedLoc
 from sparsemor.reducers.step.blocks.thermal_block import CompressedHeat, HeatBlock
 from sparsemor.reducers.step.compiled.arrays import (
     BodyArrays,
-    BodyWork,
+    BodyTerms,
     HeatArrays,
     ModelArrays,
     PrescribedArrays,
@@ -28,6 +28,7 @@ from sparsemor.reducers.step.compiled.arrays import (
 from sparsemor.reducers.step.compiled.compile import Called, Functions
 from sparsemor.reducers.step.compiled.local import NO_LOCAL, LocalArrays
 from sparsemor.reducers.step.compiled.local_plan import local_arrays, points_of
+from sparsemor.reducers.step.compiled.stacked import NO_BODY, array, by_four, number, stacked
 from sparsemor.reducers.step.compiled.timed import NotCompiled, Timed
 from sparsemor.reducers.step.frame_step import BodyStep
 from sparsemor.reducers.step.predictor import block_starts
@@ -36,17 +37,21 @@ from sparsemor.reducers.step.solver import Stepper
 
 LARGEST_BORDER = 60
 """Largest number of border unknowns of compiled steps, which solve a dense system."""
+SYMMETRIC = 1e-12
+"""Relative difference of a symmetric matrix from its transpose that is round-off."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Plan:
-    """Arrays of a model for compiled steps. bodies, prescribed: those with unknown motion, or those
-    with prescribed motion; frame: function of the frames of the former; laws: functions of the laws
-    of local terms; timed: functions of time; targets: numbers of border unknowns with the functions
-    that prescribe them; border: number of border unknowns."""
+    """Arrays of a model for compiled steps. bodies, terms: all bodies with unknown motion, and
+    their local terms; prescribed: each with prescribed motion; frame: function of the frames of the
+    former; laws: functions of the laws of local terms; timed: functions of time; targets: numbers
+    of border unknowns with the functions that prescribe them; border: number of border
+    unknowns."""
 
     heat: tuple[HeatArrays, ...]
-    bodies: tuple[BodyArrays, ...]
+    bodies: BodyArrays
+    terms: tuple[BodyTerms, ...]
     prescribed: tuple[PrescribedArrays, ...]
     frame: FrameArrays | None
     laws: tuple[Called, ...]
@@ -78,15 +83,17 @@ def plan(s: Stepper) -> Plan:
     if isinstance(mechanics, PrescribedFrames):
         moved = tuple(_prescribed(i, b, timed, laws) for i, b in enumerate(mechanics.bodies)
                       if b.prescribed is not None)
-        return Plan(heat, (), moved, None, tuple(laws), timed, (), 0)
+        return Plan(heat, stacked(()), (), moved, None, tuple(laws), timed, (), 0)
     if mechanics.size > LARGEST_BORDER:
         raise NotCompiled(f"{mechanics.size} rigid coordinates and joint forces")
     frames = [_frame(b) for b in mechanics.bodies]
     if len({f.function for f in frames}) > 1:
         raise NotCompiled("frames with different functions")
-    bodies = tuple(
-        _body(b, f, timed, laws) for b, f in zip(mechanics.bodies, frames, strict=True))
-    return Plan(heat, bodies, (), frames[0], tuple(laws), timed, mechanics.targets, mechanics.size)
+    terms: list[BodyTerms] = []
+    bodies = [_body(i, b, f, timed, laws, terms)
+              for i, (b, f) in enumerate(zip(mechanics.bodies, frames, strict=True))]
+    return Plan(heat, stacked(bodies), tuple(terms), (), frames[0], tuple(laws), timed,
+                mechanics.targets, mechanics.size)
 
 
 def _frame(b: BodyStep) -> FrameArrays:
@@ -94,11 +101,6 @@ def _frame(b: BodyStep) -> FrameArrays:
     if made is None:
         raise NotCompiled(f"the frame of body {b.name} is not given as arrays")
     return made
-
-
-def _array(values: FloatArray) -> FloatArray:
-    """A contiguous array that may be written to."""
-    return np.array(values, dtype=np.float64, order="C")
 
 
 def _split(start: int, k: int, active: IntArray | None) -> tuple[IntArray, IntArray]:
@@ -117,8 +119,8 @@ def _heat(
     loads = block.loads
     return HeatArrays(
         at.astype(np.int64), at[active].astype(np.int64), at[idle].astype(np.int64),
-        _array(np.atleast_2d(block.by_rate)), _array(np.atleast_2d(block.by_value)),
-        _array(loads.base), _array(loads.loads), timed.amplitudes(loads.amplitudes),
+        array(np.atleast_2d(block.by_rate)), array(np.atleast_2d(block.by_value)),
+        array(loads.base), array(loads.loads), timed.amplitudes(loads.amplitudes),
         timed.tables(loads.tables),
         local_arrays(points_of(block.local, name), active, laws, timed), block.rtol,
         block.max_iterations)
@@ -137,30 +139,41 @@ def _forces(
     return still, moving
 
 
-def _body(b: BodyStep, f: FrameArrays, timed: Timed, laws: list[Called]) -> BodyArrays:
+def _body(
+    i: int, b: BodyStep, f: FrameArrays, timed: Timed, laws: list[Called], terms: list[BodyTerms]
+) -> BodyArrays:
+    """Arrays of body number i, without the index of the body; its local terms are added to
+    `terms`."""
     rows, columns = (i.astype(np.int64) for i in np.nonzero(b.to_border))
     gains = np.array([-1 if a is None else timed.amplitudes([a]) for a in f.amplitudes],
                      dtype=np.int64)
     n = b.frame.rigid_size
-    frame = (f.kinds.copy(), _array(f.numbers), f.starts.copy(), gains, rows, columns,
-             _array(b.to_border[rows, columns]), _array(b.origin), timed.motion(b.guide, n), n,
-             min(3, n - 1))
+    made = NO_BODY._replace(
+        items=number(len(f.kinds)), kinds=f.kinds.astype(np.int64), numbers=array(f.numbers),
+        starts=f.starts.astype(np.int64), gains=gains, entries=number(len(rows)), rows=rows,
+        columns=columns, values=array(b.to_border[rows, columns]), origin=array(b.origin),
+        guide=number(timed.motion(b.guide, n)), rigid=number(n), positions=number(min(3, n - 1)))
     e = b.block
     if e is None:
-        none, matrix, numbers = np.zeros(0), np.zeros((0, 0)), np.zeros(0, dtype=np.int64)
-        return BodyArrays(*frame, 0, 0, numbers, numbers, 0, 0, 0, matrix, none, matrix, matrix,
-                          matrix, matrix, matrix, -1, -1, NO_LOCAL, NO_LOCAL)
+        return made
     if not isinstance(e, CompressedElastic):
         raise NotCompiled(f"{b.elastic_name} is of full order")
     k, kt = b.elastic.stop - b.elastic.start, b.thermal.stop - b.thermal.start
     active, idle = _split(b.elastic.start, k, e.active)
-    inputs = 3 * k + kt
-    return BodyArrays(
-        *frame, b.elastic.start, k, active, idle, b.thermal.start, kt, e.sizes[2],
-        _array(e.H[:, :inputs]), _array(e.base), _array(e.H[:, inputs:]), _array(e.S.T),
-        _array(e.S[:, active - b.elastic.start]), _array(e.E), _array(e.G.T),
-        timed.amplitudes(e.amplitudes), timed.tables(e.tables),
-        *_forces(e.local, b.elastic_name, active - b.elastic.start, laws, timed))
+    (s, p, g), j = e.sizes, e.H.shape[1] - 3 * k - kt
+    u, v, a, rest = np.split(e.H.T, (k, 2 * k, 3 * k))
+    H = np.concatenate((u, a, rest, v if v.any() else v[:0]))
+    still, local = _forces(e.local, b.elastic_name, active - b.elastic.start, laws, timed)
+    if len(still.terms) or len(local.terms):
+        points = np.zeros((2, len(local.offset)))
+        terms.append(BodyTerms(i, still, local, *points))
+    return made._replace(
+        u=number(b.elastic.start), k=number(k), s=number(s), active=active, idle=idle,
+        T=number(b.thermal.start), kt=number(kt), g=number(g), p=number(p),
+        inputs=number(len(H)), H=by_four(H), base=array(e.base), j=number(j),
+        products=by_four(e.S.T), step_products=by_four(e.S[:, active - b.elastic.start].T),
+        E=array(e.E.T), G=array(e.G.T), amplitude=number(timed.amplitudes(e.amplitudes)),
+        table=number(timed.tables(e.tables)))
 
 
 def _prescribed(
@@ -174,10 +187,28 @@ def _prescribed(
     width = 2 * len(e.G) + e.E.shape[1] + 1 + len(e.base)
     return PrescribedArrays(
         number, b.elastic.start, k, active, idle, b.thermal.start, kt,
-        _array(np.atleast_2d(e.inertia)), _array(np.atleast_2d(e.stiffness)),
-        np.zeros((0, k)) if e.damping is None else _array(np.atleast_2d(e.damping)),
-        _array(e.coupling), _array(e.G), _array(e.leading), timed.table(table, width), width,
+        array(np.atleast_2d(e.inertia)), array(np.atleast_2d(e.stiffness)),
+        np.zeros((0, k)) if e.damping is None else array(np.atleast_2d(e.damping)),
+        array(e.coupling.T), array(e.G), array(e.leading), *_halves(e),
+        timed.table(table, width), width,
         *_forces(e.local, b.elastic_name, active - b.elastic.start, laws, timed))
+
+
+def _halves(e: CompressedPrescribed) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """D^-1, the M_g and their signs where D is diagonal and each M_g is sign times its transpose,
+    filled up with zeros to a size that is a multiple of 4; otherwise empty."""
+    none = np.zeros(0), np.zeros((0, 0, 0)), np.zeros(0)
+    if e.inverse is None:
+        return none
+    M, signs = (e.G / e.inverse).transpose(0, 2, 1), []
+    for A in M:
+        fitting = [sign for sign in (1.0, -1.0)
+                   if np.abs(A - sign * A.T).max() <= SYMMETRIC * np.abs(A).max()]
+        if not fitting:
+            return none
+        signs.append(fitting[0])
+    wide = -M.shape[1] % 4
+    return array(e.inverse), np.pad(M, ((0, 0), (0, wide), (0, wide))), np.array(signs)
 
 
 def model_arrays(s: Stepper, rules: UpdateRules) -> ModelArrays:
@@ -197,19 +228,7 @@ def model_arrays(s: Stepper, rules: UpdateRules) -> ModelArrays:
     return ModelArrays(
         ends(layout.second), ends(layout.first), ends(layout.algebraic),
         np.array([ends(b.elastic) for b in bodies], dtype=np.int64).reshape(-1, 2),
-        _array(rules.second.new), _array(rules.second.old), _array(rules.first.new),
-        _array(rules.first.old), c1, c2, c1_first, layout.frames.stop,
+        array(rules.second.new), array(rules.second.old), array(rules.first.new),
+        array(rules.first.old), c1, c2, c1_first, layout.frames.stop,
         np.array([*block_starts(layout), layout.size], dtype=np.int64), weights,
-        _array(s.sanity), s.tolerances.remaining, s.tolerances.max_iterations)
-
-
-def work_of(b: BodyArrays) -> BodyWork:
-    """Working arrays for one body."""
-    n, p, w, s = len(b.origin), len(b.Gt), len(b.base), len(b.active)
-    rows = len(b.step_products)
-    return BodyWork(
-        np.zeros((n + 1, p)), np.zeros((n, p)), np.zeros((n, n + 1)), np.zeros(2 * b.g + 1),
-        np.zeros((3, p)), np.zeros(3 * b.g), np.zeros(len(b.gains)), np.zeros((3, n)),
-        np.zeros((3, n)), np.zeros(3 * b.k + b.kt), np.zeros((3, rows)), np.zeros(rows),
-        np.zeros(w), np.zeros(w), np.zeros(s), np.zeros(s),
-        np.zeros(len(b.local.offset)), np.zeros(len(b.local.offset)))
+        array(s.sanity), s.tolerances.remaining, s.tolerances.max_iterations)

@@ -9,6 +9,7 @@ import numpy as np
 from sparsemor.core import FloatArray
 from sparsemor.reducers.step.acceptance import LEAST, TRUSTED, estimated_error
 from sparsemor.reducers.step.compiled.arrays import ModelArrays, PrescribedArrays, RunArrays
+from sparsemor.reducers.step.compiled.dense import add_products, add_turned, product
 from sparsemor.reducers.step.compiled.local import local_rows, variables
 from sparsemor.reducers.step.compiled.mechanics import LEFT
 from sparsemor.reducers.step.condensed_newton import SLOW
@@ -16,7 +17,8 @@ from sparsemor.reducers.step.condensed_newton import SLOW
 
 def solve_prescribed(
     m: ModelArrays, bodies: Sequence[PrescribedArrays], run: RunArrays, timed: FloatArray,
-    x: FloatArray, v: FloatArray, a: FloatArray, d: FloatArray, free: FloatArray, rate: FloatArray
+    forces: FloatArray, x: FloatArray, v: FloatArray, a: FloatArray, d: FloatArray,
+    free: FloatArray, rate: FloatArray
 ) -> int:
     """Solves the mechanical equations of all bodies and adds their increments to d; returns the
     largest number of iterations, or LEFT."""
@@ -26,7 +28,8 @@ def solve_prescribed(
         for i in b.idle:
             d[i] = -free[i]
             x[i], v[i], a[i] = 0.0, rate[i] + m.c1 * d[i], m.c2 * d[i]
-        count = solve_body(m, b, run, elastic, timed, x, v, a, d)
+        count = solve_body(
+            m, b, run, elastic, timed, forces[b.u : b.u + len(b.active)], x, v, a, d)
         if count == LEFT:
             return LEFT
         most = max(most, count)
@@ -36,16 +39,15 @@ def solve_prescribed(
 
 def solve_body(
     m: ModelArrays, b: PrescribedArrays, run: RunArrays, elastic: FloatArray, timed: FloatArray,
-    x: FloatArray, v: FloatArray, a: FloatArray, d: FloatArray
+    forces: FloatArray, x: FloatArray, v: FloatArray, a: FloatArray, d: FloatArray
 ) -> int:
-    """Solves for the displacements of one body; returns the number of iterations, or LEFT."""
+    """Solves for the displacements of one body with these thermal forces (s,); returns the number
+    of iterations, or LEFT."""
     k, g, s, table = b.k, len(b.G), len(b.active), timed[b.table : b.table + b.width]
     u, uv, ua = x[b.u : b.u + k], v[b.u : b.u + k], a[b.u : b.u + k]
-    image = table[len(table) - s :] + product(b.inertia, ua) + product(b.stiffness, u)
+    image = table[len(table) - s :] + forces + product(b.inertia, ua) + product(b.stiffness, u)
     if len(b.damping):
         image += product(b.damping, uv)
-    if b.kt:
-        image += np.dot(b.coupling, x[b.T : b.T + b.kt])
     inputs = np.concatenate((u, x[b.T : b.T + b.kt]))
     rates = np.concatenate((uv, v[b.T : b.T + b.kt]))
     local = len(b.local.terms) > 0
@@ -58,6 +60,7 @@ def solve_body(
         variables(b.local, timed, inputs, rates, values, by_time)
     bound = table[len(table) - s - 1]
     now, wide = np.zeros(s), np.zeros(k)
+    push, turn = np.zeros(max(k, b.halves.shape[1])), np.zeros(b.halves.shape[1])
     start = np.zeros(s)
     for j in range(s):
         start[j] = x[b.active[j]]
@@ -67,13 +70,19 @@ def solve_body(
         return 1
     last, before = inf, inf
     for iteration in range(1, m.max_iterations + 1):
+        turn[:] = 0.0
         for i in range(g):
             kappa, mu = table[i], table[g + i]
             if kappa != 0.0 or mu != 0.0:
-                push = (kappa + m.c1 * mu) * wide
-                if iteration == 1:
-                    push = kappa * u + mu * uv
-                image -= np.dot(push, b.G[i])
+                for j in range(k):
+                    push[j] = (kappa * u[j] + mu * uv[j] if iteration == 1 else
+                               (kappa + m.c1 * mu) * wide[j])
+                if len(b.scale):
+                    add_turned(b.halves[i], b.signs[i], push, turn)
+                else:
+                    image -= np.dot(push[:k], b.G[i])
+        for j in range(len(b.scale)):
+            image[j] -= b.scale[j] * turn[j]
         rest = image.copy()
         if local:
             rest -= local_rows(b.local, timed, values, by_time, m.c1, now)
@@ -121,7 +130,10 @@ def corrected(
                 new[:r] -= weight * np.dot(b.leading[i * r : (i + 1) * r], change)
 
 
-def product(A: FloatArray, x: FloatArray) -> FloatArray:
-    """A x for a matrix A (s, k), or (1, k) for a diagonal."""
-    y: FloatArray = A[0] * x if len(A) == 1 and len(x) > 1 else np.dot(A, x)
-    return y
+def thermal_forces(bodies: Sequence[PrescribedArrays], x: FloatArray) -> FloatArray:
+    """Thermal terms (T, n) of all steps at the unknowns x (T, n): those of a body start at its
+    first displacement."""
+    found = np.zeros(x.shape)
+    for b in bodies:
+        add_products(b.coupling, x, b.T, found, b.u)
+    return found

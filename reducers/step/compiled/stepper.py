@@ -20,14 +20,15 @@ from sparsemor.core import (
     require,
 )
 from sparsemor.reducers.step.compiled.arrays import (
-    NO_BODY,
     NO_HEAT,
     NO_PRESCRIBED,
+    NO_TERMS,
     ModelArrays,
     RunArrays,
 )
 from sparsemor.reducers.step.compiled.compile import compiled_advance, folder_of, installed
-from sparsemor.reducers.step.compiled.plan import Plan, model_arrays, plan, work_of
+from sparsemor.reducers.step.compiled.plan import Plan, model_arrays, plan
+from sparsemor.reducers.step.compiled.stacked import work_of
 from sparsemor.reducers.step.compiled.timed import NotCompiled
 from sparsemor.reducers.step.memory import Memory
 from sparsemor.reducers.step.solver import Stepper
@@ -105,16 +106,15 @@ class CompiledSteps:
         if advance_arrays is None:
             advance_arrays, listed = _compiled(plan)
         self._advance = advance_arrays
-        works = [work_of(b) for b in plan.bodies]
+        self._work = work_of(plan.bodies, plan.border)
         self._heat = listed(plan.heat, NO_HEAT)
-        self._bodies = listed(plan.bodies, NO_BODY)
-        self._works = listed(works, work_of(NO_BODY))
+        self._terms = listed(plan.terms, NO_TERMS)
         self._prescribed = listed(plan.prescribed, NO_PRESCRIBED)
 
     def advance(self, state: State, memory: Memory, count: int) -> StepBlock:
         """Solves up to `count` steps; none at the start, where reference magnitudes are unknown,
         and while full Newton steps are due."""
-        known = memory.scales.floor or not (self.plan.bodies or self.plan.prescribed)
+        known = memory.scales.floor or not (len(self.plan.bodies.k) or self.plan.prescribed)
         if not known or memory.full_newton_next:
             return StepBlock((), (), ())
         times, t = np.empty(min(count, self._ahead)), state.t
@@ -124,15 +124,15 @@ class CompiledSteps:
         run = _run_arrays(state, memory)
         states, effort = np.empty((len(times), *run.z.shape)), np.zeros((len(times), 2))
         done = self._advance(
-            self.model, self._heat, self._bodies, self._works, self._prescribed, run,
-            self.plan.timed.along(times), self.plan.targets_along(times), states, effort)
+            self.model, self._heat, self.plan.bodies, self._terms, self._work, self._prescribed,
+            run, self.plan.timed.along(times), self.plan.targets_along(times), states, effort)
         if done:
             _keep(run, memory)
         # a step that is left to the uncompiled solver is often followed by others
         self._ahead = min(4 * self._ahead, LONGEST) if done == len(times) else 2
+        x, v, a = (states[:done, i] for i in range(3))
         return StepBlock(
-            [State(t, z[0], z[1], z[2], z[3:].T) for t, z in zip(
-                times[:done].tolist(), states[:done], strict=True)],
+            list(map(State, times[:done].tolist(), x, v, a, states[:done, 3:].transpose(0, 2, 1))),
             effort[:done, 0].astype(int).tolist(), effort[:done, 1].tolist())
 
 

@@ -25,6 +25,7 @@ class Timed:
     def __init__(self) -> None:
         self.sources: list[Callable[[FloatArray], Sequence[FloatArray]]] = []
         self.width = 0
+        self._known: list[tuple[tuple[Amplitude, ...], int]] = []
 
     def _added(self, source: Callable[[FloatArray], Sequence[FloatArray]], columns: int) -> int:
         self.sources.append(source)
@@ -32,10 +33,17 @@ class Timed:
         return self.width - columns
 
     def amplitudes(self, amplitudes: Sequence[Amplitude]) -> int:
-        """Number of the first column of these amplitudes, -1 for none."""
+        """Number of the first column of these amplitudes, -1 for none; equal ones are evaluated
+        once."""
         if not amplitudes:
             return -1
-        return self._added(lambda times: [amplitudes_along(amplitudes, times)], len(amplitudes))
+        wanted = tuple(amplitudes)
+        for known, column in self._known:
+            if known == wanted:
+                return column
+        self._known.append((wanted, self._added(
+            lambda times: [amplitudes_along(wanted, times)], len(wanted))))
+        return self._known[-1][1]
 
     def tables(self, tables: Sequence[Moving]) -> int:
         """Number of the first column of the sum of these loads, -1 for none."""
