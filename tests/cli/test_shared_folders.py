@@ -21,7 +21,7 @@ from sparsemor.core.cli.options import place_for_result
 from sparsemor.core.registry.hooks import hookimpl
 from sparsemor.core.results import zarr_files
 from sparsemor.core.results.run_result import RunResult
-from sparsemor.core.simulation import simulate as loop
+from sparsemor.core.simulation import prepare
 
 TESTS = Path(__file__).parents[1]
 TINY = TESTS / "scenes" / "tiny.yaml"
@@ -97,7 +97,7 @@ def test_force_onto_a_run_at_work_is_refused() -> None:
 def test_two_runs_into_one_new_directory(monkeypatch: pytest.MonkeyPatch) -> None:
     """The second one comes while the first is still assembling: nothing is stored yet."""
     found: list[tuple[int, str]] = []
-    consistent = loop.consistent_state
+    consistent = prepare.consistent_state
 
     def second(*arguments: Any) -> Any:
         if not found:
@@ -105,7 +105,7 @@ def test_two_runs_into_one_new_directory(monkeypatch: pytest.MonkeyPatch) -> Non
             found[0] = other("run", TINY, *SETTINGS, "--out", "out")
         return consistent(*arguments)
 
-    monkeypatch.setattr(loop, "consistent_state", second)
+    monkeypatch.setattr(prepare, "consistent_state", second)
     code, errors = other("run", TINY, *SETTINGS, "--out", "out")
     assert code == 0 and all(line.startswith("note: ") for line in errors.splitlines()), errors
     assert found[0][0] == 2 and "another run is writing to out" in found[0][1]

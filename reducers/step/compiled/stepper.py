@@ -37,7 +37,7 @@ Compiled: TypeAlias = Literal["auto", "on", "off"]
 AUTO = 200_000
 """Smallest number of steps of a run that `auto` compiles: the first compilation takes as long as
 about as many uncompiled steps."""
-LONGEST = 100
+LONGEST = 400
 """Largest number of steps of a block: functions of time are tabulated for it."""
 _log = logging.getLogger(__name__)
 
