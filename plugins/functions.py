@@ -81,8 +81,8 @@ class Table(PiecewiseLinear):
         return (self.values[i + 1] - self.values[i]) / (self.times[i + 1] - self.times[i])
 
 
-class Ramp(PiecewiseLinear):
-    """Linear ramp: from one value to another along a straight line, constant before and after."""
+class Change(Plugin):
+    """Change from one value to another in an interval, constant before and after."""
 
     start: float = 0.0
     """Start of the change, s."""
@@ -99,8 +99,15 @@ class Ramp(PiecewiseLinear):
             raise ValueError(f"end = {self.end:g} s must come after start = {self.start:g} s")
         return self
 
+    def _share(self, t: float) -> float:
+        return min(1.0, max(0.0, (t - self.start) / (self.end - self.start)))
+
+
+class Ramp(Change, PiecewiseLinear):
+    """Linear ramp: from one value to another along a straight line, constant before and after."""
+
     def value(self, t: float) -> float:
-        share = min(1.0, max(0.0, (t - self.start) / (self.end - self.start)))
+        share = self._share(t)
         return (1.0 - share) * self.initial + share * self.final
 
     def rate(self, t: float) -> float:
@@ -148,24 +155,9 @@ class Sine(Plugin):
         return 2.0 * math.pi * self.frequency * t + self.phase
 
 
-class SmoothStep(Plugin):
+class SmoothStep(Change):
     """Smooth step between two constant values, with continuous first and second derivative: initial
     + (final - initial) (10 s^3 - 15 s^4 + 6 s^5), s from 0 at `start` to 1 at `end`."""
-
-    start: float = 0.0
-    """Start of the change, s."""
-    end: float
-    """End of the change, s."""
-    initial: float = 0.0
-    """Value up to `start`."""
-    final: float
-    """Value from `end` on."""
-
-    @model_validator(mode="after")
-    def _forward(self) -> Self:
-        if self.end <= self.start:
-            raise ValueError(f"end = {self.end:g} s must come after start = {self.start:g} s")
-        return self
 
     def value(self, t: float) -> float:
         s = self._share(t)
@@ -178,9 +170,6 @@ class SmoothStep(Plugin):
     def curvature(self, t: float) -> float:
         s, T = self._share(t), self.end - self.start
         return (self.final - self.initial) * 60.0 * s * (1.0 - s) * (1.0 - 2.0 * s) / T**2
-
-    def _share(self, t: float) -> float:
-        return min(1.0, max(0.0, (t - self.start) / (self.end - self.start)))
 
 
 def _smooth(function: TimeFunction) -> HasCurvature:

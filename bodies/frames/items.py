@@ -73,19 +73,26 @@ class Pushing(Protocol):
     def push(self, m: Moved, j: int, out: Pushed) -> None: ...
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class UnitLength:
-    """Constraint (p.p - 1)/2 = 0 of a unit quaternion p, with a multiplier, N m."""
+class RigidItem:
+    """Item that depends on rigid coordinates alone, not on displacements."""
 
+    __slots__ = ()
     directions = 0
-    others = 0
-    forces = 1
+    forces = 0
 
     def names(self, source: str) -> tuple[str, ...]:
         return ()
 
-    def shifted(self, s: FloatArray, quadratic: FloatArray) -> "UnitLength":
+    def shifted(self, s: FloatArray, quadratic: FloatArray) -> Self:
         return self
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class UnitLength(RigidItem):
+    """Constraint (p.p - 1)/2 = 0 of a unit quaternion p, with a multiplier, N m."""
+
+    others = 0
+    forces = 1
 
     def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
         mu, p = m.y[k], m.y[m.at]

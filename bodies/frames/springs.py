@@ -13,13 +13,13 @@ from sparsemor.bodies.frames import plane_items as plane
 from sparsemor.bodies.frames import plane_springs
 from sparsemor.bodies.frames import rotation as rot
 from sparsemor.bodies.frames.attitude import Attitude, Free, attitude
-from sparsemor.bodies.frames.items import EYE
+from sparsemor.bodies.frames.items import EYE, RigidItem
 from sparsemor.bodies.frames.motion import Motion, Sums
 from sparsemor.core import Amplitude, FloatArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Spring:
+class Spring(RigidItem):
     """Force stiffness l + damping l' + drive(t), N, along the line between two points at the
     distance l; positive pulls them together.
 
@@ -35,14 +35,6 @@ class Spring:
     drive: Amplitude
     others: int
     place: FloatArray
-    directions = 0
-    forces = 0
-
-    def names(self, source: str) -> tuple[str, ...]:
-        return ()
-
-    def shifted(self, s: FloatArray, quadratic: FloatArray) -> "Spring":
-        return self
 
     def in_plane(self) -> plane.PlaneItem:
         place = self.place.tolist() if not self.others else [0.0] * 3
@@ -91,7 +83,7 @@ def _turned(turn: Attitude, rates: FloatArray, b: FloatArray) -> FloatArray:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class RotationalSpring:
+class RotationalSpring(RigidItem):
     """In the plane: moment stiffness phi + damping phi' + drive(t), N m, against the relative angle
     phi, rad, of the own and the other frame.
 
@@ -104,14 +96,6 @@ class RotationalSpring:
     drive: Amplitude
     others: int
     angle: float
-    directions = 0
-    forces = 0
-
-    def names(self, source: str) -> tuple[str, ...]:
-        return ()
-
-    def shifted(self, s: FloatArray, quadratic: FloatArray) -> "RotationalSpring":
-        return self
 
     def in_plane(self) -> plane.PlaneItem:
         return plane.PlanePart(plane_springs.rotational_spring, (
@@ -119,7 +103,7 @@ class RotationalSpring:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SpatialRotationalSpring:
+class SpatialRotationalSpring(RigidItem):
     """In space: moment stiffness phi + damping phi' + drive(t), N m, against the relative angle
     phi, rad, of the own and the other frame about an axis: phi = atan2(A d . A_o e_2, A d . A_o
     e_1), between -pi and pi.
@@ -136,14 +120,6 @@ class SpatialRotationalSpring:
     drive: Amplitude
     others: int
     place: FloatArray
-    directions = 0
-    forces = 0
-
-    def names(self, source: str) -> tuple[str, ...]:
-        return ()
-
-    def shifted(self, s: FloatArray, quadratic: FloatArray) -> "SpatialRotationalSpring":
-        return self
 
     def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
         far = attitude((m.y[o : o + self.others] if self.others else self.place)[3:])
