@@ -3,9 +3,10 @@ state."""
 
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Generic, NamedTuple, TypeAlias
 
+import numpy as np
 from typing_extensions import TypeVar
 
 from sparsemor.core.protocols import (
@@ -67,8 +68,11 @@ class FixedStep(Generic[M]):
 
 def started(solver: StepSolver[M], integrator: Integrator, full: State) -> tuple[State, M]:
     """Initial state in the solver's (reduced) unknowns with the integrator's history, and the
-    solver's initial memory; full: full-order initial state."""
+    solver's initial memory; full: full-order initial state. Where that has no accelerations
+    (`resolved_start`), the reduced one has none."""
     state, memory = solver.start(full)
+    if not full.a.any():
+        state = replace(state, a=np.zeros_like(state.a))
     return integrator.start(solver.layout, state), memory
 
 
