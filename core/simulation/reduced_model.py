@@ -12,12 +12,14 @@ import numpy as np
 from pydantic import BaseModel
 
 from sparsemor.core.errors import Fault, InputError
-from sparsemor.core.linalg.threads import fixed_threads
+from sparsemor.core.linalg.threads import described, fixed_threads
 from sparsemor.core.model.body_cache import BodyCache
+from sparsemor.core.model.initial_state import START
 from sparsemor.core.protocols import (
     DeclaresEffect,
     LeavesMesh,
     State,
+    StepMemory,
     StoresObjects,
     TimeFunction,
     UsesBases,
@@ -38,17 +40,22 @@ from sparsemor.core.scene.source import Source
 from sparsemor.core.simulation.admission import kept
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.offline import step_count
+from sparsemor.core.simulation.other_start import (
+    Initial,
+    block_faults,
+    start_notes,
+    started_from,
+)
 from sparsemor.core.simulation.prepare import PreparedRun, prepared_run
 from sparsemor.core.simulation.recorder import Recorder
 from sparsemor.core.simulation.simulate import stepped
 from sparsemor.core.simulation.step_statistics import Tally
 from sparsemor.core.simulation.stored_classes import CLASSES
+from sparsemor.core.simulation.time_stepping import started
 from sparsemor.core.simulation.validation import endless, time_faults
 
 FREE = ("title", "output", "time.end")
 """Keys of a scene on which no prepared model depends."""
-Initial = Mapping[str, tuple[Sequence[float], Sequence[float]]]
-"""Block of rigid coordinates -> their values and rates at the start."""
 
 
 @fixed_threads()
@@ -84,7 +91,8 @@ def load_model(path: str | Path, *, registry: Registry | None = None) -> "Reduce
         if not (isinstance(header, RunHeader) and isinstance(solver, LeavesMesh)):
             raise PackedError("it holds something else")
         return ReducedModel(PreparedRun(
-            scene=scene, header=replace(header, scene=scene.dump()), **parts))
+            scene=scene, header=replace(header, scene=scene.dump(), platform=described()),
+            **parts))
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from None
     except (PackedError, KeyError, TypeError, AttributeError) as error:
@@ -135,15 +143,18 @@ class ReducedModel:
         begun = time.perf_counter()
         run = self._changed(overrides or {}, initial or {})
         manager, steps = new_manager(observers), step_count(run.scene)
-        tally = Tally(offline=time.perf_counter() - begun)
+        tally, begin = Tally(offline=time.perf_counter() - begun), None
+        if run.solver is self._run.solver:
+            state, memory = self._begin
+            begin = state, memory.copy()
         if out is None:
             writer = MemoryWriter(run.header, self._fixed)
-            return stepped(run, Recorder(run, writer, None, steps), manager, tally)
+            return stepped(run, Recorder(run, writer, None, steps), manager, tally, begin=begin)
         with owned(Path(out)):
             recorder = Recorder.open(run, Path(out), False, steps, None)
             assert isinstance(recorder.writer, ResultWriter)
             with kept(recorder.writer, new=True):
-                return stepped(run, recorder, manager, tally)
+                return stepped(run, recorder, manager, tally, begin=begin)
 
     def check(self, overrides: Mapping[str, Any]) -> None:
         """Raises the InputError that a run with these overrides would raise."""
@@ -200,6 +211,12 @@ class ReducedModel:
         return solver.without_mesh(), solver.projection(self._run.start)
 
     @cached_property
+    def _begin(self) -> tuple[State, StepMemory]:
+        """State and memory of the step solver at the start, with the model's own loads."""
+        with np.errstate(all="ignore"):  # overflow ends in a status, not in a warning
+            return started(self._run.solver, self.scene.integrator, self._run.start)
+
+    @cached_property
     def _packed(self) -> Packed:
         return self._pack(self._meshless[0])
 
@@ -226,9 +243,7 @@ class ReducedModel:
         run, scene = self._run, self.scene.using(overrides, label="run")
         keys = list(changes(self.scene.dump(), scene.dump()))
         faults = [f for key in keys if (f := self._fault(key, scene)) is not None]
-        faults += [Fault(f"initial.{n}", f"is no block of rigid coordinates: "
-                         f"{', '.join(self._rigid) or 'this model has none'}")
-                   for n in initial if n not in self._rigid]
+        faults += block_faults(initial, run.solver.layout)
         if faults:
             raise InputError(faults)
         run = replace(run, scene=scene, header=replace(
@@ -236,29 +251,13 @@ class ReducedModel:
             steps_planned=step_count(scene)))
         if initial or any(_inside(key, k) for key in keys for k in self._functions):
             solver = self._packed.made(_table(scene), _functions(scene))
-            start = self._started(initial)
+            start = started_from(self._meshless[1], initial, run.solver.layout)
             run = replace(run, solver=solver, start=start, model=None, estimator=None,
                           header=replace(run.header, estimates=()))
+            if initial:
+                notes = start_notes(solver, start, initial, run.solver.layout)
+                run = replace(run, notes=(*(n for n in run.notes if n.kind != START), *notes))
         return run
-
-    @property
-    def _rigid(self) -> tuple[str, ...]:
-        layout = self._run.solver.layout
-        return tuple(b.name for b in layout if layout[b.name].stop <= layout.frames.stop)
-
-    def _started(self, initial: Initial) -> State:
-        """Start with other rigid coordinates and rates. Raises InputError for a wrong number."""
-        start, layout = self._meshless[1], self._run.solver.layout
-        x, v = start.x.copy(), start.v.copy()
-        for name, (values, rates) in initial.items():
-            at = layout[name]
-            for series, given in ((x, values), (v, rates)):
-                array = np.asarray(given, dtype=np.float64)
-                if array.shape != (at.stop - at.start,) or not np.isfinite(array).all():
-                    raise InputError(f"give {at.stop - at.start} finite values and as many rates",
-                                     f"initial.{name}")
-                series[at] = array
-        return replace(start, x=x, v=v)
 
     def _fault(self, key: str, scene: Scene) -> Fault | None:
         """Fault of a changed key that the model depends on, None for one that may change."""

@@ -104,13 +104,14 @@ def _simulate(
 
 def stepped(
     run: PreparedRun, recorder: Recorder, manager: Manager, tally: Tally,
-    keeper: SnapshotKeeper | None = None,
+    keeper: SnapshotKeeper | None = None, begin: tuple[State, StepMemory] | None = None,
 ) -> RunResult:
-    """All steps of a prepared run, or those after its checkpoint. Raises SolveFailed with the
-    results up to there in `.result`."""
+    """All steps of a prepared run, or those after its checkpoint. begin: the state and memory with
+    which they begin (`started`), if they are known. Raises SolveFailed with the results up to there
+    in `.result`."""
     scene, solver = run.scene, run.solver
     with np.errstate(all="ignore"):  # overflow ends in a status, not in a warning
-        state, memory = started(solver, scene.integrator, run.start)
+        state, memory = begin or started(solver, scene.integrator, run.start)
         complete(memory, StepMemory, scene.reducer, "start", "reducer")
         many = many_steps(solver, scene.integrator, scene.time.step, step_count(scene))
         if run.estimator is not None:
@@ -164,7 +165,8 @@ class _Run:
                     recorder.start(self.state, self.solver.supports(self.memory), self.memory)
                     recorder.save(self.state, self.memory, tally)
                 self._begun = time.perf_counter() - tally.online
-                self._snapshot()
+                if self.keeper is not None:
+                    self.keeper.take(tally.done, self.state)
                 failure = self._steps(interrupt)
         finally:
             if self.keeper is not None:
@@ -181,10 +183,6 @@ class _Run:
                             detail=failure.detail)
         tally.online = time.perf_counter() - self._begun  # with what was written last
         return self._finish(failure)
-
-    def _snapshot(self) -> None:
-        if self.keeper is not None:
-            self.keeper.take(self.tally.done, self.state)
 
     def _finish(self, failure: SolveFailed | None) -> RunResult:
         status = Status.DONE if failure is None else failure.status
@@ -235,9 +233,11 @@ class _Run:
                     outcome.status, self.state.t + h, outcome.block, outcome.detail,
                     sampled=bool(solver.rows))
             tally.add(seconds, outcome)
-            self._snapshot()
+            if self.keeper is not None:
+                self.keeper.take(tally.done, self.state)
             supports = solver.supports(self.memory)
-            tally.count_atoms(supports)
+            if supports:
+                tally.count_atoms(supports)
             due = self.recorder.take(self.state, tally, supports, self.memory) or due
             if due and whole:  # in a block of steps the memory is that of its last one
                 tally.online, due = time.perf_counter() - self._begun, False
