@@ -39,6 +39,8 @@ from sparsemor.core.scene.scene import Scene, build
 from sparsemor.core.scene.source import Source
 from sparsemor.core.simulation.admission import kept
 from sparsemor.core.simulation.cache import Cache
+from sparsemor.core.simulation.diagnostics.plausibility import SETTINGS, of_settings
+from sparsemor.core.simulation.free_options import FREE, inside, load_functions
 from sparsemor.core.simulation.offline import step_count
 from sparsemor.core.simulation.other_start import (
     Initial,
@@ -53,9 +55,6 @@ from sparsemor.core.simulation.step_statistics import Tally
 from sparsemor.core.simulation.stored_classes import CLASSES
 from sparsemor.core.simulation.time_stepping import started
 from sparsemor.core.simulation.validation import endless, time_faults
-
-FREE = ("title", "output", "time.end")
-"""Keys of a scene on which no prepared model depends."""
 
 
 @fixed_threads()
@@ -72,7 +71,9 @@ def reduce(
         raise InputError(f"{scene.reducer_name} reduces nothing: name a reducer that has a "
                          "trial basis", "reducer")
     bodies = BodyCache() if body_cache is None else body_cache.of_bodies()
-    return ReducedModel(prepared_run(scene, cache or Cache(), new_manager(observers), bodies)[0])
+    begun = time.perf_counter()
+    run, offline = prepared_run(scene, cache or Cache(), new_manager(observers), bodies)
+    return ReducedModel(run, offline.products.spent.whole(time.perf_counter() - begun))
 
 
 def load_model(path: str | Path, *, registry: Registry | None = None) -> "ReducedModel":
@@ -108,8 +109,10 @@ class ReducedModel:
     by its key.
     """
 
-    def __init__(self, run: PreparedRun) -> None:
+    def __init__(self, run: PreparedRun, offline_seconds: float = 0.0) -> None:
         self._run, self._fixed = run, fixed_in_memory(run.header)
+        self.offline_seconds = offline_seconds
+        """Time of its preparation with an empty cache, s; 0 for a model from a file."""
 
     def __repr__(self) -> str:
         return f"<ReducedModel {self.scene.name}, {self._run.header.reducer}, {self.size} unknowns>"
@@ -131,14 +134,15 @@ class ReducedModel:
 
     @fixed_threads()
     def run(
-        self, overrides: Mapping[str, Any] | None = None, *, out: str | Path | None = None,
+        self, overrides: Mapping[str, Any] | Scene | None = None, *, out: str | Path | None = None,
         initial: Initial | None = None, observers: Sequence[object] = (),
     ) -> RunResult:
         """Result of a run, equal to that of `simulate`: in memory, or stored under `out`.
 
-        overrides: dotted key -> value, as for `Scene.using`; initial: block of rigid coordinates
-        (`link.rigid`) -> values and rates at the start, which must fit the joints. Raises
-        InputError, with the key, for a change that needs a new model; SolveFailed as `simulate`.
+        overrides: dotted key -> value, as for `Scene.using`, or the changed scene; initial: block
+        of rigid coordinates (`link.rigid`) -> values and rates at the start, which must fit the
+        joints. Raises InputError, with the key, for a change that needs a new model; SolveFailed
+        as `simulate`.
         """
         begun = time.perf_counter()
         run = self._changed(overrides or {}, initial or {})
@@ -156,7 +160,7 @@ class ReducedModel:
             with kept(recorder.writer, new=True):
                 return stepped(run, recorder, manager, tally, begin=begin)
 
-    def check(self, overrides: Mapping[str, Any]) -> None:
+    def check(self, overrides: Mapping[str, Any] | Scene) -> None:
         """Raises the InputError that a run with these overrides would raise."""
         self._changed(overrides, {})
 
@@ -176,7 +180,7 @@ class ReducedModel:
         solver, start = self._meshless
         parts = {f.name: getattr(run, f.name) for f in fields_of(run)} | {
             "solver": solver, "start": start, "header": replace(header, scene={}, estimates=()),
-            "model": None, "estimator": None,
+            "model": None, "estimator": None, "own_loads": True,
             "given": run.given if fields else {}, "probes": tuple(
                 replace(p, place=replace(p.place, displacement=None, temperature=None))
                 for p in run.probes)}
@@ -190,7 +194,7 @@ class ReducedModel:
     @cached_property
     def _functions(self) -> Mapping[str, TimeFunction]:
         """Key -> function of time of the loads."""
-        return dict(functions_of_time({"loads": self.scene.loads}))
+        return load_functions(self.scene)
 
     def _pack(self, value: object) -> Packed:
         try:
@@ -235,12 +239,14 @@ class ReducedModel:
         except InputError as error:
             return error.faults[0].message
 
-    def _changed(self, overrides: Mapping[str, Any], initial: Initial) -> PreparedRun:
+    def _changed(self, overrides: Mapping[str, Any] | Scene, initial: Initial) -> PreparedRun:
         """The prepared run with other settings. Raises InputError for those that need a new
         model."""
         if not (overrides or initial):
             return self._run
-        run, scene = self._run, self.scene.using(overrides, label="run")
+        run = self._run
+        scene = overrides if isinstance(overrides, Scene) else self.scene.using(
+            overrides, label="run")
         keys = list(changes(self.scene.dump(), scene.dump()))
         faults = [f for key in keys if (f := self._fault(key, scene)) is not None]
         faults += block_faults(initial, run.solver.layout)
@@ -248,14 +254,17 @@ class ReducedModel:
             raise InputError(faults)
         run = replace(run, scene=scene, header=replace(
             run.header, scene=scene.dump(), scene_digest=scene.digest(),
-            steps_planned=step_count(scene)))
-        if initial or any(_inside(key, k) for key in keys for k in self._functions):
-            solver = self._packed.made(_table(scene), _functions(scene))
+            steps_planned=step_count(scene)), notes=(
+            *(n for n in run.notes if n.kind not in SETTINGS), *of_settings(scene, run.model)))
+        if initial or any(inside(key, k) for key in keys for k in self._functions):
+            assert isinstance(run.solver, LeavesMesh)
+            made = self._packed.made(_table(scene), _functions(scene))
+            solver = run.solver.stepping_alike(made)
             start = started_from(self._meshless[1], initial, run.solver.layout)
-            run = replace(run, solver=solver, start=start, model=None, estimator=None,
+            run = replace(run, solver=solver, start=start, own_loads=False, estimator=None,
                           header=replace(run.header, estimates=()))
             if initial:
-                notes = start_notes(solver, start, initial, run.solver.layout)
+                notes = start_notes(made, start, initial, run.solver.layout)
                 run = replace(run, notes=(*(n for n in run.notes if n.kind != START), *notes))
         return run
 
@@ -263,9 +272,9 @@ class ReducedModel:
         """Fault of a changed key that the model depends on, None for one that may change."""
         if key == "time.end":
             return self._end_fault(scene)
-        if any(_inside(key, k) for k in FREE):
+        if any(inside(key, k) for k in FREE):
             return None
-        function = next((k for k in self._functions if _inside(key, k)), None)
+        function = next((k for k in self._functions if inside(key, k)), None)
         why = "the model was prepared with it" if function is None else self._why_fixed(function)
         return Fault(key, f"cannot change: {why}; make a new model. A run may change "
                      f"{', '.join(self.free)}") if why else None
@@ -279,12 +288,6 @@ class ReducedModel:
                          "pre-simulation ends that the model follows")
         faults = (*endless(scene), *time_faults(scene))
         return next((f for f in faults if f.key == "time.end"), None)
-
-
-def _inside(key: str, of: str) -> bool:
-    """True for the key `of` or one of its entries."""
-    parts = split(of)
-    return split(key)[: len(parts)] == parts
 
 
 def _functions(scene: Scene) -> Mapping[str, BaseModel]:

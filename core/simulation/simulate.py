@@ -51,7 +51,7 @@ from sparsemor.core.simulation.step_control import (
 )
 from sparsemor.core.simulation.step_statistics import Tally
 from sparsemor.core.simulation.time_stepping import iterate, many_steps, started
-from sparsemor.core.simulation.training import SnapshotKeeper, is_training_run
+from sparsemor.core.simulation.training import SnapshotKeeper, training_steps
 from sparsemor.core.status import SolveFailed, Status
 
 
@@ -68,8 +68,8 @@ def simulate(
     SolveFailed (with the results up to there in `.result`) when the run stops before its end;
     OSError when the result cannot be written, or `out` was moved or removed. resume: continue from
     the last checkpoint. body_cache: bodies that other runs have built, for reuse. keep_training: a
-    full-order run that is the training run of its scene leaves its snapshots in the cache, for
-    reduced runs that follow.
+    full-order run that begins with the training run of its scene leaves the snapshots in the cache,
+    for reduced runs that follow.
     """
     with nullcontext() if out is None else owned(Path(out)):
         return _simulate(scene, out, resume, observers, cache, body_cache, keep_training)
@@ -98,7 +98,7 @@ def _simulate(
     with kept(recorder.writer, new=recorder.checkpoint is None):
         result = stepped(run, recorder, manager, tally, keeper)
     if keeper is not None:
-        offline.keep_training(keeper.finished(), tally.online)
+        offline.keep_training(keeper.finished(), keeper.share * tally.online)
     return result
 
 
@@ -125,12 +125,12 @@ def stepped(
 
 
 def _keeper(scene: Scene, model: Model, offline: Offline) -> SnapshotKeeper | None:
-    """Recorder of training snapshots, if this run is a training run whose snapshots are not in the
-    cache; else None."""
-    if offline.has("training") or not model.reducible() or not is_training_run(scene):
+    """Recorder of training snapshots, if this run begins with a training run whose snapshots are
+    not in the cache; else None."""
+    if offline.has("training") or not model.reducible() or not (count := training_steps(scene)):
         return None
-    return SnapshotKeeper(scene, step_count(scene), model.layout, model.reducible(),
-                          offline.products.scratch)
+    return SnapshotKeeper(scene, count, model.layout, model.reducible(),
+                          offline.products.scratch, step_count(scene))
 
 
 def _temporary() -> Path:
@@ -211,7 +211,8 @@ class _Run:
                 notes += contact_warnings(model, result)
             notes += alternating_forces(result)
             if model is not None:
-                notes += (*undershoot(model, result), *after_run(model, result))
+                notes += undershoot(model, result) if run.own_loads else ()
+                notes += after_run(model, result)
             return (*notes, *large_estimates(result),
                     *beyond_training(run.spaces, result, run.trained_to))
         except Damaged as error:

@@ -137,6 +137,9 @@ class Stepper:
             reduced = consistent_start(self.mechanics, tested, reduced, scales)
         return reduced
 
+    def stepping_alike(self, copy: "Stepper") -> "Stepper":
+        return copy
+
     def constraint_errors(self, state: State) -> tuple[FloatArray, FloatArray]:
         if self.mechanics is None or not self.mechanics.size:
             return np.zeros((0, 2)), np.zeros((0, 2))
