@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from sparsemor.core.analysis.study.kept_models import KeptModels
 from sparsemor.core.analysis.study.metrics import measured
 from sparsemor.core.errors import InputError
 from sparsemor.core.linalg.threads import fixed_threads
@@ -48,14 +49,18 @@ REFUSED, BROKEN, DIED = "refused", "error", "worker_died"
 lost worker."""
 
 
-def execute(job: Mapping[str, Any], registry: Registry | None = None) -> dict[str, Any]:
-    """Executes a job and returns its result; failures are returned in it, not raised.
+def execute(
+    job: Mapping[str, Any], registry: Registry | None = None, models: KeptModels | None = None
+) -> dict[str, Any]:
+    """Executes a job and returns its result; failures are returned in it, not raised. models: those
+    that earlier jobs in this process have prepared.
 
     Raises KeyboardInterrupt if the user interrupts the run.
     """
     try:
         with fixed_threads():
-            answer = _KINDS[job["kind"]](job, scene_of(job["scene"], registry), registry)
+            answer = _KINDS[job["kind"]](
+                job, scene_of(job["scene"], registry), registry, models or KeptModels())
     except InputError as error:
         answer = {"status": REFUSED, "message": _one_line(str(error))}
     except SolveFailed as error:
@@ -77,16 +82,16 @@ def scene_of(data: Mapping[str, Any], registry: Registry | None = None) -> Scene
 
 
 def _reference(
-    job: Mapping[str, Any], scene: Scene, registry: Registry | None
+    job: Mapping[str, Any], scene: Scene, registry: Registry | None, models: KeptModels
 ) -> dict[str, Any]:
     key = _reference_key(scene, checked_model(scene))
     _remove_damaged(key)
-    result = _stored_reference(scene, key)
+    result = _stored_reference(scene, key, job.get("keep_training", False))
     return {"status": result.status.value, "key": key}
 
 
 def _products(
-    job: Mapping[str, Any], scene: Scene, registry: Registry | None
+    job: Mapping[str, Any], scene: Scene, registry: Registry | None, models: KeptModels
 ) -> dict[str, Any]:
     """Computes the training run and bases shared by several runs, by preparing one of these runs;
     they are stored in the cache.
@@ -108,20 +113,26 @@ def _products(
     return {"status": Status.DONE.value}
 
 
-def _run(job: Mapping[str, Any], scene: Scene, registry: Registry | None) -> dict[str, Any]:
+def _run(
+    job: Mapping[str, Any], scene: Scene, registry: Registry | None, models: KeptModels
+) -> dict[str, Any]:
     reference = _stored_reference(scene_of(job["reference"], registry), job["reference_key"])
     if job["is_reference"]:
         failure = reference.summary.get("message", "")
         return measured(reference, reference, job["errors_from"], failure)
     with _scratch(job["scratch"]) as place:
-        failure = ""
+        failure, model = "", None
+        if job.get("model"):
+            model = models.of(job["model"]["key"], lambda: scene_of(
+                job["model"]["scene"], registry), scene)
         try:
-            result = simulate(scene, out=place)
+            result = simulate(scene, out=place) if model is None else model.run(scene, out=place)
         except SolveFailed as error:
             if error.status is Status.INTERRUPTED or not isinstance(error.result, RunResult):
                 raise
             result, failure = error.result, str(error)
-        return measured(result, reference, job["errors_from"], failure)
+        return measured(result, reference, job["errors_from"], failure,
+                        None if model is None else model.offline_seconds)
 
 
 _KINDS = {"reference": _reference, "products": _products, "run": _run}
@@ -167,15 +178,16 @@ def _remove_damaged(key: str) -> None:
         shutil.rmtree(kept, ignore_errors=True)
 
 
-def _stored_reference(scene: Scene, key: str) -> RunResult:
-    """Reference run from the cache; computed and cached if absent, also if it fails."""
+def _stored_reference(scene: Scene, key: str, keep_training: bool = False) -> RunResult:
+    """Reference run from the cache; computed and cached if absent, also if it fails. keep_training:
+    as for `simulate`."""
     kept = Cache().root / "reference" / key
     if (kept / "result.zarr").is_dir():
         return open_result(kept)
     fresh = kept.with_name(f".{key}.{uuid.uuid4().hex}")
     try:
         try:
-            simulate(scene, out=fresh)
+            simulate(scene, out=fresh, keep_training=keep_training)
         except SolveFailed as error:
             if error.status is Status.INTERRUPTED or not isinstance(error.result, RunResult):
                 raise

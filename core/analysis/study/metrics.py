@@ -1,6 +1,7 @@
 """Errors, cost and counts of one run, as columns of a study's table."""
 
 from collections.abc import Iterable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,14 +16,18 @@ SPANS = 120
 
 
 def measured(
-    run: RunResult, reference: RunResult, errors_from: float, failure: str
+    run: RunResult, reference: RunResult, errors_from: float, failure: str,
+    prepared: float | None = None,
 ) -> dict[str, Any]:
     """Columns of the table for `run`, compared with `reference`.
 
     errors_from: time from which late errors are evaluated, s; failure: reason why the run stopped
-    early, "" if it did not.
+    early, "" if it did not; prepared: time of the preparation of a model that it shares, s, None if
+    it has its own.
     """
     facts, base, summary = run_facts(run), run_facts(reference), run.summary
+    if prepared is not None:
+        facts = replace(facts, offline_whole_seconds=prepared)
     errors, note, series = _errors(reference, run, errors_from)
     measures = measure_names(reference.layout.kinds)
     constant = [] if series is None else [m for m in measures if m in series.constant]
@@ -46,6 +51,7 @@ def measured(
         "facts": summary.get("facts", {}),
         "constant": " ".join(constant),
         **_cost(run, facts, base),
+        **({} if prepared is None else {"offline_cache": "shared model"}),
     }
 
 

@@ -6,6 +6,7 @@ computed twice.
 
 import heapq
 import time
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from graphlib import TopologicalSorter
@@ -63,6 +64,7 @@ class Schedule:
     ) -> None:
         self._plan, self._pool, self._scratch = plan, pool, scratch
         self._jobs = {job.name: job for job in _jobs_of(left)}
+        self._models = _shared_models(plan.runs)
         self._order = {name: i for i, name in enumerate(self._jobs)}
         self._graph = TopologicalSorter({name: job.after for name, job in self._jobs.items()})
         self._graph.prepare()
@@ -114,7 +116,8 @@ class Schedule:
         run = job.run
         reference = self._plan.references[run.reference].plain()
         if job.kind == "reference":
-            return {"kind": job.kind, "scene": reference}
+            learns = any(r.learns for r in self._plan.runs if r.reference == run.reference)
+            return {"kind": job.kind, "scene": reference, "keep_training": learns}
         assert run.scene is not None
         if job.kind == "products":
             return {"kind": job.kind, "scene": run.scene.plain()}
@@ -124,6 +127,7 @@ class Schedule:
             "is_reference": run.is_reference,
             "errors_from": self._plan.study.file.errors_from,
             "scratch": f"{self._scratch}/run-{run.number}" if self._scratch else None,
+            "model": self._models.get(run.model),
         }
 
     def _end(self, ended: Ended) -> None:
@@ -172,6 +176,14 @@ class Schedule:
         return None
 
 
+def _shared_models(runs: Sequence[Run]) -> dict[str, dict[str, Any]]:
+    """Key of each model that several runs may share -> the same key, and the scene of the first of
+    them, from which it is prepared."""
+    count = Counter(run.model for run in runs if run.model)
+    first = {run.model: run.scene for run in reversed(runs) if count[run.model] > 1}
+    return {key: {"key": key, "scene": scene.plain()} for key, scene in first.items() if scene}
+
+
 def _jobs_of(runs: Sequence[Run]) -> list[_Job]:
     """Jobs in order: reference runs, offline products shared by several runs, runs."""
     possible = [run for run in runs if not run.refused]
@@ -192,7 +204,9 @@ def _jobs_of(runs: Sequence[Run]) -> list[_Job]:
             if name != first and len(sharing) == 1:
                 waits_for[token] = first  # it makes its own basis from the shared training run
                 continue
-            products.append(_Job("products", token, () if name == first else (first,), sharing[0]))
+            # the reference may be the training run, too
+            before = f"reference:{sharing[0].reference}" if name == first else first
+            products.append(_Job("products", token, (before,), sharing[0]))
             waits_for[token] = name
     jobs = [_Job("reference", key, (), run) for key, run in reversed(references.items())] + products
     for run in runs:
