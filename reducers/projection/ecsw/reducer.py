@@ -37,6 +37,7 @@ from sparsemor.reducers import (
     left_inverse,
 )
 from sparsemor.reducers.projection.ecsw.training import (
+    CANDIDATES,
     Trained,
     elastic_equations,
     heat_equations,
@@ -67,6 +68,10 @@ class Ecsw(ProjectionReducer):
     states: int = Field(default=200, ge=2)
     """Largest number of training states, evenly spread, for the weights of local terms such as
     radiation or temperature-dependent conductivity."""
+    candidates: int = Field(default=CANDIDATES, ge=100)
+    """Largest number of elements of a block among which weights are searched. Of more as many are
+    drawn at random, which bounds the memory and time of training; the reproduced forces are those
+    of all elements."""
 
     def check(self, model: AssembledModel) -> Sequence[Fault]:
         faults = [*super().check(model)]
@@ -92,7 +97,8 @@ class Ecsw(ProjectionReducer):
     ) -> Approximation:
         """The model with element integrals replaced by ECSW-weighted sums, and facts of each
         block's weights."""
-        training = Training(model, offline, h, self.tau, self.states, dictionaries)
+        training = Training(
+            model, offline, h, self.tau, self.states, self.candidates, dictionaries)
         moving = tuple(training.elastic(m) for m in model.separated.moving)
         heat = tuple(training.heat(b) for b in model.separated.heat)
         weighed = replace(model.separated, moving=moving, heat=heat)
@@ -116,6 +122,7 @@ class Training:
     h: float
     tau: float
     states: int
+    candidates: int
     dictionaries: Mapping[str, Dictionary]
     facts: dict[str, Fact] = field(default_factory=dict)
     trained: dict[str, Trained] = field(default_factory=dict)
@@ -176,13 +183,13 @@ class Training:
         return np.unique(np.linspace(0, M - 1, min(self.states, M)).round().astype(np.int64))
 
     def _weights(self, name: str, kind: str, G: Equations) -> FloatArray:
-        """Weights (E,) of the elements or facets of a block for the equations G w = G 1, cached;
-        adds their number and residual to the block's facts."""
+        """Weights (E,) of the elements or facets of a block for the equations G w = G 1, cached for
+        all blocks with equal equations; adds their number and residual to the block's facts."""
         def make() -> dict[str, Any]:
-            found = train(G, self.tau)
+            found = train(G, self.tau, self.candidates)
             return {"weights": found.values, "residual": np.array(found.residual)}
 
-        made = self.offline.remember("weights", (name, self.tau, *G.content), make)
+        made = self.offline.remember("weights", (self.tau, self.candidates, *G.content), make)
         w, fact = np.asarray(made["weights"]), self.facts.setdefault(name, {"tau": self.tau})
         fact[kind] = int(fact.get(kind, 0)) + len(w)
         fact[f"{kind}_kept"] = int(fact.get(f"{kind}_kept", 0)) + int(np.count_nonzero(w))

@@ -41,9 +41,7 @@ ATTEMPTS = 6
 """Largest number of times that the tolerance of the combinations is lowered, since they are met
 better than the equations themselves."""
 CANDIDATES = 20_000
-"""Largest number of candidate elements for nonzero weights; of larger meshes as many are drawn at
-random, which bounds the memory and time of training. The reproduced forces are those of all
-elements."""
+"""Largest number of elements among which weights are searched."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -197,8 +195,10 @@ def _made(
     return np.ascontiguousarray((tensor @ few).reshape(len(tensor), -1).T)
 
 
-def train(equations: Equations, tau: float) -> Weights:
+def train(equations: Equations, tau: float, most_candidates: int = CANDIDATES) -> Weights:
     """Sparse weights w (E,) >= 0 with |G w - G 1| <= tau; all 1 where G has no rows.
+
+    Of more than `most_candidates` elements as many, drawn at random, may get a nonzero weight.
 
     Where G has many rows, weights are computed from random combinations of these and verified with
     all of them. While the residual of all equations exceeds tau, the active set is continued to a
@@ -208,7 +208,7 @@ def train(equations: Equations, tau: float) -> Weights:
     G = equations.scaled() if equations.parts else equations
     if not G.parts:
         return Weights(np.ones(G.count), 0.0)
-    total, among, combinations = G.total(), candidates(G.count), COMBINATIONS
+    total, among, combinations = G.total(), candidates(G.count, most_candidates), COMBINATIONS
     best, w = Weights(np.ones(G.count), np.inf), np.zeros(len(among))
     while True:
         few = G.combined(among, combinations)
@@ -232,8 +232,8 @@ def train(equations: Equations, tau: float) -> Weights:
         combinations *= 2
 
 
-def candidates(count: int) -> IntArray:
+def candidates(count: int, most: int) -> IntArray:
     """Sorted numbers of the elements that may get a nonzero weight; the same in every call."""
-    if count <= CANDIDATES:
+    if count <= most:
         return np.arange(count)
-    return np.sort(np.random.default_rng(0).choice(count, CANDIDATES, replace=False))
+    return np.sort(np.random.default_rng(0).choice(count, most, replace=False))
