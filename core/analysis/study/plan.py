@@ -15,7 +15,7 @@ from sparsemor.core.analysis.study.axes import (
     setting_columns,
     taken_names,
 )
-from sparsemor.core.analysis.study.columns import columns_of, error_columns
+from sparsemor.core.analysis.study.columns import OUTCOME, RESERVED, columns_of, error_columns
 from sparsemor.core.analysis.study.file import Finding, Study
 from sparsemor.core.errors import Fault, InputError
 from sparsemor.core.protocols import FieldKind, UsesBases
@@ -110,8 +110,12 @@ class Plan:
         maker.check_scene(len(points))
         settings = setting_columns(points)
         fields = ordered(maker.fields)
-        columns = columns_of(settings, fields, read.file.errors_from > 0.0, read.file.over_time)
-        read.check(taken_names(read.file, error_columns(fields)))
+        file = read.file
+        columns = columns_of(settings, fields, file.errors_from > 0.0, file.over_time,
+                             file.quantities, file.compared, file.keep)
+        read.check(taken_names(file, (*error_columns(fields), *file.quantities)))
+        read.check(file.quantity_faults(maker.base.tree, {
+            *settings, *RESERVED, *OUTCOME, "seed", *error_columns(fields)}))
         about = digest(
             read.source.tree, environment(), study_digest(), maker.identities,
             [[r.refused, dict(r.scene.tree) if r.scene else None] for r in runs],
@@ -153,8 +157,8 @@ class _Maker:
             self.identities |= {"files": {**self.identities.get("files", {}), **identity.files},
                                 "plugins": {**self.identities.get("plugins", {}),
                                             **identity.plugins}}
-            reference = self._once("reference", self._followed(changes),
-                                   lambda: self._reference(number, point))
+            reference = self._once("reference", self._followed(changes), lambda: self._reference(
+                number, point)) if self.study.file.compared else ("", {})
         except InputError as error:
             return Run(number, settings, refused=self._blame(number, error, source, point.owners))
         if isinstance(reference, str):
@@ -171,7 +175,8 @@ class _Maker:
             model = digest(kept_options(scene), training if learns else "")
         else:
             training = ""
-        own = is_full_order(reducer) and _compared(dump) == _compared(reference_dump)
+        own = bool(key) and is_full_order(reducer) and (
+            _compared(dump) == _compared(reference_dump))
         return Run(number, settings, scene.reducer_name, scene.seed, SceneData.of(scene), key,
                    own, training, digest(training, bases) if training else "", model, learns)
 

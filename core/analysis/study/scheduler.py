@@ -55,14 +55,15 @@ class Schedule:
     """Execution of the remaining runs of a study, in the order of their dependencies.
 
     left: runs without a row; earlier: rows of earlier executions; scratch: temporary folder for
-    results that all workers can access, or None.
+    results that all workers can access, or None; kept: folder of the results that are kept, "" for
+    none.
     """
 
     def __init__(
         self, plan: Plan, left: Sequence[Run], pool: Pool, earlier: Sequence[Mapping[str, Any]],
-        scratch: str | None,
+        scratch: str | None, kept: str = "",
     ) -> None:
-        self._plan, self._pool, self._scratch = plan, pool, scratch
+        self._plan, self._pool, self._scratch, self._kept = plan, pool, scratch, kept
         self._jobs = {job.name: job for job in _jobs_of(left)}
         self._models = _shared_models(plan.runs)
         self._order = {name: i for i, name in enumerate(self._jobs)}
@@ -114,7 +115,7 @@ class Schedule:
 
     def _payload(self, job: _Job) -> dict[str, Any]:
         run = job.run
-        reference = self._plan.references[run.reference].plain()
+        reference = self._plan.references[run.reference].plain() if run.reference else None
         if job.kind == "reference":
             learns = any(r.learns for r in self._plan.runs if r.reference == run.reference)
             return {"kind": job.kind, "scene": reference, "keep_training": learns}
@@ -123,10 +124,14 @@ class Schedule:
             return {"kind": job.kind, "scene": run.scene.plain()}
         return {
             "kind": job.kind, "scene": run.scene.plain(), "reference": reference,
-            "reference_key": self._answers[f"reference:{run.reference}"]["key"],
+            "reference_key": self._answers[f"reference:{run.reference}"]["key"]
+            if reference else "",
             "is_reference": run.is_reference,
             "errors_from": self._plan.study.file.errors_from,
             "scratch": f"{self._scratch}/run-{run.number}" if self._scratch else None,
+            "keep": f"{self._kept}/{run.number}" if self._kept else None,
+            "quantities": {n: q.model_dump()
+                           for n, q in self._plan.study.file.quantities.items()},
             "model": self._models.get(run.model),
         }
 
@@ -187,7 +192,7 @@ def _shared_models(runs: Sequence[Run]) -> dict[str, dict[str, Any]]:
 def _jobs_of(runs: Sequence[Run]) -> list[_Job]:
     """Jobs in order: reference runs, offline products shared by several runs, runs."""
     possible = [run for run in runs if not run.refused]
-    references = {run.reference: run for run in reversed(possible)}
+    references = {run.reference: run for run in reversed(possible) if run.reference}
     trained: dict[str, list[Run]] = {}
     for run in possible:
         if run.training:
@@ -205,14 +210,19 @@ def _jobs_of(runs: Sequence[Run]) -> list[_Job]:
                 waits_for[token] = first  # it makes its own basis from the shared training run
                 continue
             # the reference may be the training run, too
-            before = f"reference:{sharing[0].reference}" if name == first else first
-            products.append(_Job("products", token, (before,), sharing[0]))
+            before = first if name != first else _reference_of(sharing[0])
+            products.append(_Job("products", token, (before,) if before else (), sharing[0]))
             waits_for[token] = name
     jobs = [_Job("reference", key, (), run) for key, run in reversed(references.items())] + products
     for run in runs:
         after: tuple[str, ...] = ()
         if not run.refused:
             shared = waits_for.get(run.products)
-            after = (f"reference:{run.reference}", *((shared,) if shared else ()))
+            after = tuple(name for name in (_reference_of(run), shared) if name)
         jobs.append(_Job("run", str(run.number), after, run))
     return jobs
+
+
+def _reference_of(run: Run) -> str:
+    """Name of the job that computes a run's reference, "" for none."""
+    return f"reference:{run.reference}" if run.reference else ""
