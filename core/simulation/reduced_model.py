@@ -165,7 +165,7 @@ class ReducedModel:
         solver, start = self._meshless
         parts = {f.name: getattr(run, f.name) for f in fields_of(run)} | {
             "solver": solver, "start": start, "header": replace(header, scene={}, estimates=()),
-            "model": None, "estimator": None,
+            "model": None, "estimator": None, "offline": None,
             "given": run.given if fields else {}, "probes": tuple(
                 replace(p, place=replace(p.place, displacement=None, temperature=None))
                 for p in run.probes)}
@@ -237,7 +237,7 @@ class ReducedModel:
         if initial or any(_inside(key, k) for key in keys for k in self._functions):
             solver = self._packed.made(_table(scene), _functions(scene))
             start = self._started(initial)
-            run = replace(run, solver=solver, start=start, model=None, estimator=None,
+            run = replace(run, solver=solver, start=start, model=None, estimator=None, offline=None,
                           header=replace(run.header, estimates=()))
         return run
 
