@@ -248,6 +248,10 @@ class ErrorEstimator(Protocol):
         the full model and in those of the reduced one."""
         ...
 
+    def corrected(self, full: State, memory: Mapping[str, FloatArray]) -> State:
+        """A state of the full model plus the estimated errors and their rates."""
+        ...
+
     def present(self, memory: Mapping[str, FloatArray]) -> dict[str, float]:
         """Norm of each block's estimated error at the last state that `memory` knows."""
         ...

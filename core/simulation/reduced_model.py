@@ -185,7 +185,7 @@ class ReducedModel:
         solver, start = self._meshless
         parts = {f.name: getattr(run, f.name) for f in fields_of(run)} | {
             "solver": solver, "start": start, "header": replace(header, scene={}, estimates=()),
-            "model": None, "estimator": None, "own_loads": True,
+            "model": None, "estimator": None, "own_loads": True, "offline": None,
             "given": run.given if fields else {}, "probes": tuple(
                 replace(p, place=replace(p.place, displacement=None, temperature=None))
                 for p in run.probes)}
@@ -267,6 +267,7 @@ class ReducedModel:
             solver = run.solver.stepping_alike(made)
             start = started_from(self._meshless[1], initial, run.solver.layout)
             run = replace(run, solver=solver, start=start, own_loads=False, estimator=None,
+                          offline=None,
                           header=replace(run.header, estimates=()))
             if initial:
                 notes = start_notes(made, start, initial, run.solver.layout)
