@@ -10,8 +10,9 @@ import numpy as np
 
 from sparsemor.core.model.body_cache import BodyCache
 from sparsemor.core.model.factorizations import Factored
-from sparsemor.core.model.initial_state import consistent_state, start_notes
+from sparsemor.core.model.initial_state import start_notes
 from sparsemor.core.model.model import Model
+from sparsemor.core.model.resolved_start import resolved_start
 from sparsemor.core.notes import Note
 from sparsemor.core.protocols import (
     BodyShape,
@@ -55,7 +56,7 @@ class PreparedRun:
     to the unknowns; notes, stability, spaces: findings before the first step; trained_to: end of
     the training run, s; contacts: warnings about contacts along a rigid-body pre-simulation, None
     without one. model: assembled model, estimator: of the error, and offline data, None where they
-    are not at hand.
+    are not at hand; own_loads: False if the run has other loads than that model.
     """
 
     scene: Scene
@@ -71,6 +72,7 @@ class PreparedRun:
     contacts: tuple[Note, ...] | None
     model: Model | None = None
     estimator: ErrorEstimator | None = None
+    own_loads: bool = True
     offline: Offline | None = None
 
     def factored(self) -> Sequence[Factored]:
@@ -96,7 +98,8 @@ def prepared_run(
             model, scene.integrator, scene.time.step, offline, np.random.default_rng(scene.seed))
         solver: StepSolver = scene.reducer.prepare(problem)
         complete(solver, StepSolver, scene.reducer, "prepare", "reducer")
-        start = consistent_state(model)
+        resolved = resolved_start(model, scene.integrator, scene.time.step)
+        start = resolved.state
         unstable, stability = check_run(scene, model, solver, start, offline)
         spaces, missed = check_trial_spaces(scene, model, offline, solver.dictionaries)
         estimator = _estimator(scene.reducer, problem, solver)
@@ -108,11 +111,11 @@ def prepared_run(
             scene, model, solver, step_count(scene), () if estimator is None else estimator.blocks),
         tuple(ProbeReader.of(p, solver.layout, solver.dictionaries) for p in model.probes),
         {n: shape for n, shape in shapes(model).items() if shape.given},
-        (*start_notes(model), *of_integrator, *solver.notes, *before_run(scene, model),
-         *of_solver(scene, solver), *unstable, *missed,
+        (*start_notes(model), *resolved.notes(scene.time.step), *of_integrator, *solver.notes,
+         *before_run(scene, model), *of_solver(scene, solver), *unstable, *missed,
          *(() if estimator is None else estimator.notes)),
         stability, spaces, scene.training_end, stage_warnings(model),
-        model, estimator, offline), offline
+        model, estimator, offline=offline), offline
 
 
 def prepared(

@@ -85,7 +85,8 @@ class RunSteps:
                     recorder.start(self.state, self.solver.supports(self.memory), self.memory)
                     recorder.save(self.state, self.memory, tally)
                 self._begun = time.perf_counter() - tally.online
-                self._snapshot()
+                if self.keeper is not None:
+                    self.keeper.take(tally.done, self.state)
                 failure = self._steps(interrupt)
         finally:
             if self.keeper is not None:
@@ -103,10 +104,6 @@ class RunSteps:
                             detail=failure.detail)
         tally.online = time.perf_counter() - self._begun  # with what was written last
         return self._finish(failure)
-
-    def _snapshot(self) -> None:
-        if self.keeper is not None:
-            self.keeper.take(self.tally.done, self.state)
 
     def _finish(self, failure: SolveFailed | None) -> RunResult:
         status = Status.DONE if failure is None else failure.status
@@ -135,7 +132,8 @@ class RunSteps:
                 notes += contact_warnings(model, result)
             notes += alternating_forces(result)
             if model is not None:
-                notes += (*undershoot(model, result), *after_run(model, result))
+                notes += undershoot(model, result) if run.own_loads else ()
+                notes += after_run(model, result)
             return (*notes, *large_estimates(result, error_limit(self.scene.reducer).tolerance),
                     *beyond_training(run.spaces, result, run.trained_to))
         except Damaged as error:
@@ -264,9 +262,11 @@ class RunSteps:
             if self.run.header.fall_back:
                 tally.full_steps, tally.full_seconds = (
                     tally.full_steps + 1, tally.full_seconds + seconds)
-            self._snapshot()
+            if self.keeper is not None:
+                self.keeper.take(tally.done, self.state)
             supports = solver.supports(self.memory)
-            tally.count_atoms(supports)
+            if supports:
+                tally.count_atoms(supports)
             self.due = self.recorder.take(self.state, tally, supports, self.memory) or self.due
             # in a block of steps the memory is that of its last one
             if self.due and whole and self.watch is None:

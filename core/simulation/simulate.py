@@ -42,7 +42,7 @@ from sparsemor.core.simulation.recorder import Recorder
 from sparsemor.core.simulation.run_steps import RunSteps
 from sparsemor.core.simulation.step_statistics import Tally
 from sparsemor.core.simulation.time_stepping import many_steps, started
-from sparsemor.core.simulation.training import SnapshotKeeper, is_training_run
+from sparsemor.core.simulation.training import SnapshotKeeper, training_steps
 
 
 @fixed_threads()
@@ -58,8 +58,8 @@ def simulate(
     SolveFailed (with the results up to there in `.result`) when the run stops before its end;
     OSError when the result cannot be written, or `out` was moved or removed. resume: continue from
     the last checkpoint. body_cache: bodies that other runs have built, for reuse. keep_training: a
-    full-order run that is the training run of its scene leaves its snapshots in the cache, for
-    reduced runs that follow.
+    full-order run that begins with the training run of its scene leaves the snapshots in the cache,
+    for reduced runs that follow.
     """
     with nullcontext() if out is None else owned(Path(out)):
         return _simulate(scene, out, resume, observers, cache, body_cache, keep_training)
@@ -88,19 +88,20 @@ def _simulate(
     with kept(recorder.writer, new=recorder.checkpoint is None):
         result = stepped(run, recorder, manager, tally, keeper)
     if keeper is not None:
-        offline.keep_training(keeper.finished(), tally.online)
+        offline.keep_training(keeper.finished(), keeper.share * tally.online)
     return result
 
 
 def stepped(
     run: PreparedRun, recorder: Recorder, manager: Manager, tally: Tally,
-    keeper: SnapshotKeeper | None = None,
+    keeper: SnapshotKeeper | None = None, begin: tuple[State, StepMemory] | None = None,
 ) -> RunResult:
-    """All steps of a prepared run, or those after its checkpoint. Raises SolveFailed with the
-    results up to there in `.result`."""
+    """All steps of a prepared run, or those after its checkpoint. begin: the state and memory with
+    which they begin (`started`), if they are known. Raises SolveFailed with the results up to there
+    in `.result`."""
     scene, solver = run.scene, run.solver
     with np.errstate(all="ignore"):  # overflow ends in a status, not in a warning
-        state, memory = started(solver, scene.integrator, run.start)
+        state, memory = begin or started(solver, scene.integrator, run.start)
         complete(memory, StepMemory, scene.reducer, "start", "reducer")
         many = many_steps(solver, scene.integrator, scene.time.step, step_count(scene))
         if run.estimator is not None:
@@ -139,12 +140,12 @@ def _watch(
 
 
 def _keeper(scene: Scene, model: Model, offline: Offline) -> SnapshotKeeper | None:
-    """Recorder of training snapshots, if this run is a training run whose snapshots are not in the
-    cache; else None."""
-    if offline.has("training") or not model.reducible() or not is_training_run(scene):
+    """Recorder of training snapshots, if this run begins with a training run whose snapshots are
+    not in the cache; else None."""
+    if offline.has("training") or not model.reducible() or not (count := training_steps(scene)):
         return None
-    return SnapshotKeeper(scene, step_count(scene), model.layout, model.reducible(),
-                          offline.products.scratch)
+    return SnapshotKeeper(scene, count, model.layout, model.reducible(),
+                          offline.products.scratch, step_count(scene))
 
 
 def _temporary() -> Path:
