@@ -72,8 +72,8 @@ class PreparedRun:
     contacts: tuple[Note, ...] | None
     model: Model | None = None
     estimator: ErrorEstimator | None = None
-    own_loads: bool = True
     offline: Offline | None = None
+    own_loads: bool = True
 
     def factored(self) -> Sequence[Factored]:
         """Reports of the linear systems of the assembled model."""
@@ -115,7 +115,7 @@ def prepared_run(
          *before_run(scene, model), *of_solver(scene, solver), *unstable, *missed,
          *(() if estimator is None else estimator.notes)),
         stability, spaces, scene.training_end, stage_warnings(model),
-        model, estimator, offline=offline), offline
+        model, estimator, offline), offline
 
 
 def prepared(
