@@ -216,8 +216,10 @@ def test_steps_in_blocks_end_at_the_estimates(monkeypatch: pytest.MonkeyPatch) -
         def advance(self, state: Any, memory: Any, count: int) -> StepBlock:
             counts.append(count)
             taken = list(iterate(self.step, state, memory, count))
-            return StepBlock([s.state for s in taken], [s.outcome.iterations for s in taken],
-                             [s.outcome.remaining for s in taken])
+            return StepBlock(
+                [s.state.t for s in taken],
+                np.array([[s.state.x, s.state.v, s.state.a] for s in taken]),
+                [s.outcome.iterations for s in taken], [s.outcome.remaining for s in taken])
 
     scene = passing("fall_back", every=6)
     plain = simulate(scene)
