@@ -36,6 +36,7 @@ from sparsemor.core.scene.overrides import split
 from sparsemor.core.scene.scene import Scene, build
 from sparsemor.core.scene.source import Source
 from sparsemor.core.simulation.admission import kept
+from sparsemor.core.simulation.advice import explicit
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.offline import step_count
 from sparsemor.core.simulation.prepare import PreparedRun, prepared_run
@@ -61,11 +62,13 @@ def reduce(
     observers, cache, body_cache: as for `simulate`. Raises InputError for bad input and for a
     reducer that reduces nothing, SolveFailed if the training run fails.
     """
+    manager, cache = new_manager(observers), cache or Cache()
+    bodies = BodyCache() if body_cache is None else body_cache.of_bodies()
+    scene = explicit(scene, cache, manager, bodies)
     if not isinstance(scene.reducer, UsesBases):
         raise InputError(f"{scene.reducer_name} reduces nothing: name a reducer that has a "
                          "trial basis", "reducer")
-    bodies = BodyCache() if body_cache is None else body_cache.of_bodies()
-    return ReducedModel(prepared_run(scene, cache or Cache(), new_manager(observers), bodies)[0])
+    return ReducedModel(prepared_run(scene, cache, manager, bodies)[0])
 
 
 def load_model(path: str | Path, *, registry: Registry | None = None) -> "ReducedModel":
