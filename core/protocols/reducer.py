@@ -154,6 +154,10 @@ class OfflineProducts(Protocol):
         which they depend except the training run."""
         ...
 
+    def learning(self, count: int) -> "OfflineProducts":
+        """Offline data of the first `count` snapshots alone, without a cache."""
+        ...
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ReducedProblem:
@@ -213,6 +217,55 @@ class HoldsSnapshots(Protocol):
     @property
     def snapshot_copies(self) -> int:
         """Number of arrays of the size of a block's snapshots in memory at once."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class TrialRun:
+    """Reduced run over the training run, whose snapshots are its reference.
+
+    method: reducer and what its bases were learned from, in words; atoms: block -> number of atoms;
+    errors: block -> largest error relative to the largest change of the block, `inf` for a run that
+    failed; holdout: the same in the part of the training run that the bases have not learned, empty
+    without such a part; ms: CPU time per step, ms, None for a projection of the snapshots, which is
+    no run; elements: number of elements visited per step.
+    """
+
+    method: str
+    atoms: Mapping[str, int]
+    errors: Mapping[str, float]
+    holdout: Mapping[str, float]
+    ms: float | None
+    elements: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """Reducer that was chosen by trial runs.
+
+    reducer: its options, as in a scene; trials: all trial runs, the chosen reducer last; reasons:
+    what speaks for and against the choice, one sentence each; doubts: the same where the tolerance
+    is not met.
+    """
+
+    reducer: Mapping[str, object]
+    trials: tuple[TrialRun, ...]
+    reasons: tuple[str, ...]
+    doubts: tuple[str, ...] = ()
+
+
+@runtime_checkable
+class ChoosesReducer(Protocol):
+    """A reducer that is replaced by another one before a run. It chooses that on the training run:
+    the model of its problem is that of the training run, and so are the snapshots."""
+
+    def left_out(self, problem: ReducedProblem) -> tuple[str, ...]:
+        """Names of the blocks that the scene does not need: fields that are constant in the
+        training run."""
+        ...
+
+    def choose(self, problem: ReducedProblem) -> Choice:
+        """Reducer for this problem. Raises InputError where none can be chosen."""
         ...
 
 

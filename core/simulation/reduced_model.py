@@ -38,6 +38,7 @@ from sparsemor.core.scene.overrides import split
 from sparsemor.core.scene.scene import Scene, build
 from sparsemor.core.scene.source import Source
 from sparsemor.core.simulation.admission import kept
+from sparsemor.core.simulation.advice import explicit
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.diagnostics.plausibility import SETTINGS, of_settings
 from sparsemor.core.simulation.free_options import FREE, inside, load_functions
@@ -67,12 +68,14 @@ def reduce(
     observers, cache, body_cache: as for `simulate`. Raises InputError for bad input and for a
     reducer that reduces nothing, SolveFailed if the training run fails.
     """
+    begun = time.perf_counter()
+    manager, cache = new_manager(observers), cache or Cache()
+    bodies = BodyCache() if body_cache is None else body_cache.of_bodies()
+    scene = explicit(scene, cache, manager, bodies)
     if not isinstance(scene.reducer, UsesBases):
         raise InputError(f"{scene.reducer_name} reduces nothing: name a reducer that has a "
                          "trial basis", "reducer")
-    bodies = BodyCache() if body_cache is None else body_cache.of_bodies()
-    begun = time.perf_counter()
-    run, offline = prepared_run(scene, cache or Cache(), new_manager(observers), bodies)
+    run, offline = prepared_run(scene, cache, manager, bodies)
     return ReducedModel(run, offline.products.spent.whole(time.perf_counter() - begun))
 
 

@@ -26,6 +26,7 @@ from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.results.store import ResultWriter
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.admission import admit, kept
+from sparsemor.core.simulation.advice import explicit
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.error_control.actions import (
     ErrorWatch,
@@ -70,14 +71,16 @@ def _simulate(
     cache: Cache | None, body_cache: BodyCache | None, keep_training: bool,
 ) -> RunResult:
     begun = time.perf_counter()
-    manager = new_manager(observers)
+    manager, cache = new_manager(observers), cache or Cache()
+    body_cache = body_cache or BodyCache()
+    scene = explicit(scene, cache, manager, body_cache)
     if out is not None:
         admit(scene, Path(out), resume)
     elif resume:
         raise InputError("resume needs the directory of the result to continue", "out")
     place = Path(gettempdir() if out is None else out)
     run, offline = prepared_run(  # what is left to write is less than the whole
-        scene, cache or Cache(), manager, body_cache, None if resume else place)
+        scene, cache, manager, body_cache, None if resume else place)
     tally = Tally(offline=time.perf_counter() - begun)
     path = Path(out) if out is not None else _temporary()
     recorder = Recorder.open(run, path, resume, step_count(scene), offline.products)
