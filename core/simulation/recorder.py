@@ -10,7 +10,7 @@ import numpy as np
 
 from sparsemor.core.arrays import BoolArray, FloatArray
 from sparsemor.core.errors import InputError
-from sparsemor.core.linalg.threads import described, elsewhere
+from sparsemor.core.linalg.threads import elsewhere
 from sparsemor.core.notes import Level, Note, information, kinds, sentences
 from sparsemor.core.protocols import (
     CountsLinearIterations,
@@ -32,6 +32,7 @@ from sparsemor.core.results.store import ChunkOfSteps, ResultWriter
 from sparsemor.core.results.zarr_files import read_group
 from sparsemor.core.scene.run_identity import Identity
 from sparsemor.core.simulation.admission import admit, digest_to_resume
+from sparsemor.core.simulation.error_control.notes import enrichment_notes, error_limit
 from sparsemor.core.simulation.error_control.record import ErrorMark, ErrorRecord
 from sparsemor.core.simulation.memory.use import MemoryUse
 from sparsemor.core.simulation.offline_cache import Products
@@ -69,6 +70,7 @@ class Recorder:
         self.memory: MemoryUse | None = None
         self.errors: ErrorRecord | None = None
         self._every, self._saved = run.scene.output.every, time.perf_counter()
+        self._on_disk = isinstance(writer, ResultWriter)
         self.take_up(run)
         self._rows: list[tuple[float, FloatArray, int, float, float]] = []
         self._contacts: list[Mapping[str, float]] = []
@@ -84,11 +86,11 @@ class Recorder:
         self._contact_names = frozenset(
             f"{name}.{what}" for name, kept in run.header.contacts.items() for what in kept)
 
-    def go_on(self, run: PreparedRun) -> None:
+    def go_on(self, run: PreparedRun, maps: Mapping[str, FloatArray]) -> None:
         """Records the rest of a run in the unknowns of another step solver; the stored steps are
-        converted."""
+        converted (`ResultWriter.continued`)."""
         self.flush()
-        self.writer = self.writer.continued(run.header)
+        self.writer = self.writer.continued(run.header, maps)
         self.take_up(run)
 
     @property
@@ -117,6 +119,9 @@ class Recorder:
         if resume:
             writer, checkpoint = ResultWriter.resume(
                 store, digest_to_resume(scene, store), Identity.of(scene))
+            if writer.attributes.get("enriched"):
+                raise InputError(f"{out} cannot be resumed: atoms were added during the run, which "
+                                 "are those of its steps so far; start again", "resume")
             recorder = cls(run, writer, checkpoint, steps, products)
             recorder.notes = elsewhere(read_group(store)["attributes"].get("platform", {}))
             return recorder
@@ -172,8 +177,10 @@ class Recorder:
         if tally.done % self._every and tally.done != self.steps:
             return False
         self._keep(state, tally, supports, memory)
-        return (len(self._rows) >= CHUNK or len(self._rows) * state.x.nbytes >= BUFFER
-                or time.perf_counter() - self._saved > SECONDS)
+        if len(self._rows) * state.x.nbytes >= BUFFER:
+            return True
+        return self._on_disk and (
+            len(self._rows) >= CHUNK or time.perf_counter() - self._saved > SECONDS)
 
     def keep_last(
         self, state: State, tally: Tally, supports: Mapping[str, BoolArray], memory: StepMemory
@@ -192,9 +199,9 @@ class Recorder:
         self._supports.append(dict(supports))
         if self.errors is not None:
             self.errors.store()
-        sources = () if self._reports is None else self._reports.resultant_sources(memory)
-        self._contacts.append({n: value for n, value in resultants(sources, state).items()
-                               if n in self._contact_names})
+        if self._reports is not None:
+            found = resultants(self._reports.resultant_sources(memory), state)
+            self._contacts.append({n: v for n, v in found.items() if n in self._contact_names})
 
     def save(self, state: State, memory: StepMemory, tally: Tally) -> None:
         """Commit the buffered steps and a checkpoint."""
@@ -210,14 +217,14 @@ class Recorder:
             return
         t, x, iterations, remaining, seconds = (
             list(c) for c in zip(*self._rows, strict=True))
-        X = np.stack(x)
-        times = np.array(t)
-        supports = {name: np.stack([s[name] for s in self._supports])
+        X, times = np.array(x), np.array(t)
+        supports = {name: np.array([s[name] for s in self._supports])
                     for name in self._supports[0]}
         self.writer.append(ChunkOfSteps(
             times, X, np.array(iterations), np.array(remaining), np.array(seconds), supports,
             {p.name: p(times, X) for p in self.run.probes},
-            {name: np.array([c[name] for c in self._contacts]) for name in self._contacts[0]},
+            {name: np.array([c[name] for c in self._contacts])
+             for name in (self._contacts or [{}])[0]},
             {body: shape.given_at(times) for body, shape in self.run.given.items()}, estimates))
         self._rows, self._supports, self._contacts = [], [], []
 
@@ -266,17 +273,23 @@ class Recorder:
             "cache": dict(self.products.used),
             "offline_s": dict(self.products.seconds),
             "offline_whole_s": self.products.spent.whole(tally.offline),
-            **in_summary((*self.run.notes, *self.notes, *_full_newton(counters, done))),
+            **in_summary((*self.run.notes, *self.notes, *_full_newton(counters, done),
+                          *enrichment_notes(self.run.header.enriched, tally.full_steps))),
             "error_estimate": self._estimated(),
+            "error_tolerance": error_limit(self.scene.reducer).tolerance,
             "fall_back": {**self.fall_back, "steps": tally.full_steps,
                           "seconds": tally.full_seconds} if self.fall_back else {},
+            "enriched": {"times": times, "steps": tally.full_steps, "seconds": tally.full_seconds}
+            if (times := list(self.run.header.enriched)) else {},
             "stability": dict(self.run.stability),
+            "trained_to": self.run.trained_to if any(
+                s.trained for s in self.run.spaces) else None,
             "linear_solvers": solvers_summary(
                 [*self.run.factored(), *self.products.factorizations],
                 _iterations(solver, memory), done),
             "memory": {} if self.memory is None else self.memory.summary(),
             "facts": finite(dict(solver.facts)),  # dependent columns: no finite condition
-            "platform": described(),
+            "platform": dict(self.run.header.platform),
             "out": self._out,
         }
 
