@@ -7,7 +7,13 @@ a frozen set of options; the objects that its methods return hold the numbers. P
 keep no state between calls: a time step writes only to the memory passed to it.
 """
 
-from sparsemor.core.protocols.basis import Basis, BoundsAtoms, CentresSnapshots, ChecksBlock
+from sparsemor.core.protocols.basis import (
+    Basis,
+    BoundsAtoms,
+    CentresSnapshots,
+    ChecksBlock,
+    CombinesBases,
+)
 from sparsemor.core.protocols.block_data import BlockData, Dictionary
 from sparsemor.core.protocols.body import (
     Body,
@@ -208,6 +214,7 @@ __all__ = [
     "BlockLinearSolvers", "Body", "BodyDefaults", "BodyFrame", "BodyPlugin", "BodyRecord",
     "BodyShape", "BodySize", "BoundsAtoms", "BudgetsFields", "CAPABILITIES", "CarriesSurfaceLoads",
     "CentresSnapshots", "ChangesBodies", "ChecksBlock", "ChecksLayout", "ChecksModel", "ChecksStep",
+    "CombinesBases",
     "ChoosesRowsKept", "Columns", "ConductsHeat", "ConstraintRecord", "Contact", "ContactPlugin",
     "CopiesRigidly", "CountsLinearIterations", "DeclaresEffect", "DeclaresFields",
     "DeclaresSurfaces", "Dictionary", "Differentiable", "DofLocations", "DrawsRequired", "Effect",
