@@ -51,6 +51,10 @@ def compare(
                            "than the runs.")
     ] = True,
     as_json: Json = False, quiet: Quiet = False,
+    training_end: Annotated[
+        float | None, typer.Option(min=0.0, max=1.0, help="Fraction of the run on which bases are "
+                                   "trained; errors after it are tabulated and drawn.")
+    ] = None,
     error_limit: Annotated[
         float, typer.Option(min=0.0, help="Errors above this are marked in tables and charts.")
     ] = 0.1,
@@ -59,6 +63,8 @@ def compare(
     with exit_codes(as_json):
         loaded = load_with(scene, settings)
         with located_in(loaded):
+            if training_end is not None:
+                loaded = trained_on(loaded, training_end)
             scenes = variants(loaded, words(reducers) or [])
         directory = out or Path("runs", f"{loaded.name}-compare")
         body_cache = BodyCache()
@@ -66,6 +72,12 @@ def compare(
         with place_for_result(directory, resume, force):
             results, failures = _run_all(scenes, directory, resume, quiet or as_json, body_cache)
         _report(results, failures, directory, as_json, quiet, charts, error_limit)
+
+
+def trained_on(scene: Scene, share: float) -> Scene:
+    """The scene with a training run of the first steps, a share of all."""
+    steps = max(1, round(share * scene.time.end / scene.time.step))
+    return scene.using({"training.end": steps * scene.time.step}, label="--training-end")
 
 
 def variants(scene: Scene, reducers: list[str]) -> dict[str, Scene]:
@@ -77,6 +89,11 @@ def variants(scene: Scene, reducers: list[str]) -> dict[str, Scene]:
     if len(reducers) < 2 or len(set(reducers)) < len(reducers):
         raise InputError(
             f"give two or more different names (got {', '.join(reducers) or 'none'})", "reducers")
+    for name in reducers:
+        try:
+            scene.source.registry.get("reducer", name)
+        except InputError as error:
+            raise error.under("reducers") from None
     return {name: scene if name == scene.reducer_name else
             scene.using({"reducer": name}, label="--reducers") for name in reducers}
 
@@ -96,15 +113,16 @@ def _run_all(
     """Runs all scenes: results by reducer name, also of runs that stopped early, and the errors
     that stopped them.
 
-    A full-order run that is the training run of the reduced ones leaves its snapshots in the cache.
+    A full-order run that begins with the training run of the reduced ones leaves the snapshots in
+    the cache.
     If a later run finds bad input, the results that this call wrote are removed.
     """
     from sparsemor.core.results.run_result import RunResult
-    from sparsemor.core.simulation.training import is_training_run
+    from sparsemor.core.simulation.training import training_steps
 
     results: dict[str, RunResult] = {}
     failures: dict[str, SolveFailed] = {}
-    teacher = next((n for n, s in scenes.items() if is_training_run(s)), "")
+    teacher = next((n for n, s in scenes.items() if training_steps(s)), "")
     old = {name for name in scenes if OutputDirectory(directory / name).is_result()}
     for name, scene in scenes.items():
         with located_in(scene), progress(quiet) as observers:
@@ -162,7 +180,8 @@ def _report(
             print_json({"status": "failed", "failures": failed})
         leave(failed, FAILED)
     runs: dict[str, Any] = {name: results[name] for name in others}
-    comparison = compared(results[reference], error_limit=error_limit, **runs)
+    comparison = compared(results[reference], error_limit=error_limit, failed={
+        name: str(error) for name, error in failures.items() if name not in results}, **runs)
     with writing(directory):
         drawing = sys.stderr.isatty() and not (quiet or as_json)
         comparison.write(directory, charts, _drawn if drawing else None)
@@ -174,6 +193,8 @@ def _report(
                     "runs": [{"run": name, **summary} for name, summary in summaries.items()],
                     "errors": comparison.errors, "effectivity": comparison.effectivity,
                     "above_limit": comparison.above_limit,
+                    "late_errors": comparison.late_errors, "trained_to": comparison.trained_to,
+                    "wall_clock_gain": {n: g._asdict() for n, g in comparison.gains.items()},
                     "start_up": {n: e.start_up for n, e in comparison.measured.items()},
                     "steady": {n: e.steady for n, e in comparison.measured.items()},
                     "failures": failed, "out": str(directory)})

@@ -33,8 +33,7 @@ from sparsemor.core.simulation.diagnostics.contact_warnings import stage_warning
 from sparsemor.core.simulation.diagnostics.plausibility import before_run, of_solver
 from sparsemor.core.simulation.diagnostics.trial_space import (
     TrialSpace,
-    space_notes,
-    trial_spaces,
+    check_trial_spaces,
 )
 from sparsemor.core.simulation.linearization import check_run
 from sparsemor.core.simulation.memory.disk import room_for_result, room_for_snapshots
@@ -57,7 +56,7 @@ class PreparedRun:
     to the unknowns; notes, stability, spaces: findings before the first step; trained_to: end of
     the training run, s; contacts: warnings about contacts along a rigid-body pre-simulation, None
     without one. model: assembled model, and estimator: of the error, None where they are not
-    at hand.
+    at hand; own_loads: False if the run has other loads than that model.
     """
 
     scene: Scene
@@ -73,6 +72,7 @@ class PreparedRun:
     contacts: tuple[Note, ...] | None
     model: Model | None = None
     estimator: ErrorEstimator | None = None
+    own_loads: bool = True
 
     def factored(self) -> Sequence[Factored]:
         """Reports of the linear systems of the assembled model."""
@@ -100,7 +100,7 @@ def prepared_run(
         resolved = resolved_start(model, scene.integrator, scene.time.step)
         start = resolved.state
         unstable, stability = check_run(scene, model, solver, start, offline)
-        spaces = trial_spaces(model, offline, solver.dictionaries, scene.time.step, scene.time.end)
+        spaces, missed = check_trial_spaces(scene, model, offline, solver.dictionaries)
         estimator = _estimator(scene.reducer, problem, solver)
         solver = controlled(scene, model, offline, solver)
     integrator: object = scene.integrator
@@ -111,7 +111,7 @@ def prepared_run(
         tuple(ProbeReader.of(p, solver.layout, solver.dictionaries) for p in model.probes),
         {n: shape for n, shape in shapes(model).items() if shape.given},
         (*start_notes(model), *resolved.notes(scene.time.step), *of_integrator, *solver.notes,
-         *before_run(scene, model), *of_solver(scene, solver), *unstable, *space_notes(spaces),
+         *before_run(scene, model), *of_solver(scene, solver), *unstable, *missed,
          *(() if estimator is None else estimator.notes)),
         stability, spaces, scene.training_end, stage_warnings(model),
         model, estimator), offline

@@ -87,14 +87,13 @@ def iterate(
             return
         begun = time.perf_counter()
         block = _NONE if many is None else many.advance(state, memory, count)
-        if block.states:
-            done = len(block.states)
+        if done := len(block):
             each = (time.perf_counter() - begun) / done
-            steps = zip(block.states, block.iterations, block.remaining, strict=True)
-            for i, (after, n, error) in enumerate(steps, 1):
-                outcome = StepOutcome(after.x, Status.DONE, n, remaining=error)
-                yield TimeStep(outcome, after, memory, each, i == done)
-            state, count = block.states[-1], count - done
+            for i, (n, error) in enumerate(zip(block.iterations, block.remaining, strict=True), 1):
+                state = block.state(i - 1)
+                outcome = StepOutcome(state.x, Status.DONE, n, remaining=error)
+                yield TimeStep(outcome, state, memory, each, i == done)
+            count -= done
             continue
         outcome, state, memory = step(state, memory)
         yield TimeStep(outcome, state, memory, time.perf_counter() - begun)
@@ -103,7 +102,7 @@ def iterate(
         count -= 1
 
 
-_NONE = StepBlock((), (), ())
+_NONE = StepBlock()
 
 
 def many_steps(
