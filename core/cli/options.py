@@ -31,7 +31,8 @@ Settings = Annotated[
              "repeated.")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
-Resume = Annotated[bool, typer.Option("--resume", help="Continue an interrupted run.")]
+Resume = Annotated[bool, typer.Option(
+    "--resume", help="Continue an interrupted run, or one that has ended to a later time.end.")]
 Force = Annotated[bool, typer.Option("--force", help="Replace an earlier result.")]
 
 FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130

@@ -93,7 +93,9 @@ class MemoryWriter:
             check_column(name, self._arrays[name], values, len(steps.times))
         self._parts.append(columns)
 
-    def checkpoint(self, arrays: Mapping[str, NDArray[Any]], memory: object = None) -> None:
+    def checkpoint(
+        self, arrays: Mapping[str, NDArray[Any]], memory: object = None, extra: int = 0
+    ) -> None:
         """Nothing: a run in memory is not resumed."""
 
     def finish(self, status: Status, summary: Mapping[str, Any]) -> None:

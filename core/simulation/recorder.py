@@ -29,7 +29,6 @@ from sparsemor.core.results.saved_state import SavedError
 from sparsemor.core.results.solver_report import solvers_summary
 from sparsemor.core.results.store import ChunkOfSteps, ResultWriter
 from sparsemor.core.results.zarr_files import read_group
-from sparsemor.core.scene.run_identity import Identity
 from sparsemor.core.simulation.admission import admit
 from sparsemor.core.simulation.error_record import ErrorRecord
 from sparsemor.core.simulation.memory.use import MemoryUse
@@ -72,11 +71,11 @@ class Recorder:
     def open(
         cls, run: PreparedRun, out: Path, resume: bool, steps: int, products: Products | None,
     ) -> "Recorder":
-        """Recorder of a new result in `out`, or of a stopped one to be resumed. Raises InputError
+        """Recorder of a new result in `out`, or of a stored one to be resumed. Raises InputError
         if `out` contains a result already, or with `resume` one that cannot be resumed."""
         store, scene = out / STORE, run.scene
         if resume:
-            writer, checkpoint = ResultWriter.resume(store, scene.digest(), Identity.of(scene))
+            writer, checkpoint = ResultWriter.resume(store, scene, run.header)
             recorder = cls(run, writer, checkpoint, steps, products)
             recorder.notes = elsewhere(read_group(store)["attributes"].get("platform", {}))
             return recorder
@@ -154,11 +153,13 @@ class Recorder:
         self._contacts.append(resultants(sources, state))
 
     def save(self, state: State, memory: StepMemory, tally: Tally) -> None:
-        """Commit the buffered steps and a checkpoint."""
+        """Commit the buffered steps and a checkpoint. A last step between two output steps is not
+        stored by a run that continues this one."""
         self.flush()
         arrays = {"t": np.array(state.t), "x": state.x, "v": state.v, "a": state.a,
                   "memory": state.memory}
-        self.writer.checkpoint(arrays, self._carried(memory, tally))
+        last = tally.done == self.steps and tally.done % self._every != 0
+        self.writer.checkpoint(arrays, self._carried(memory, tally), int(last))
         self._saved = time.perf_counter()
 
     def flush(self) -> None:

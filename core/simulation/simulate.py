@@ -67,9 +67,9 @@ def simulate(
     Raises InputError before anything is written, also when another run is writing to `out`;
     SolveFailed (with the results up to there in `.result`) when the run stops before its end;
     OSError when the result cannot be written, or `out` was moved or removed. resume: continue from
-    the last checkpoint. body_cache: bodies that other runs have built, for reuse. keep_training: a
-    full-order run that is the training run of its scene leaves its snapshots in the cache, for
-    reduced runs that follow.
+    the last checkpoint, also a run that has ended if `time.end` is later now. body_cache: bodies
+    that other runs have built, for reuse. keep_training: a full-order run that is the training run
+    of its scene leaves its snapshots in the cache, for reduced runs that follow.
     """
     with nullcontext() if out is None else owned(Path(out)):
         return _simulate(scene, out, resume, observers, cache, body_cache, keep_training)
@@ -170,9 +170,7 @@ class _Run:
             if self.keeper is not None:
                 self.keeper.close()
         tally.online = time.perf_counter() - self._begun
-        if failure is None:
-            recorder.flush()
-        elif failure.status is Status.INTERRUPTED:
+        if failure is None or failure.status is Status.INTERRUPTED:  # can be continued
             recorder.save(self.state, self.memory, tally)
         else:
             recorder.keep_last(
