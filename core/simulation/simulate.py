@@ -43,6 +43,7 @@ from sparsemor.core.simulation.memory.limits import peak
 from sparsemor.core.simulation.memory.use import MemoryUse
 from sparsemor.core.simulation.offline import Offline, step_count
 from sparsemor.core.simulation.prepare import PreparedRun, prepared_run
+from sparsemor.core.simulation.progress import progress_bar
 from sparsemor.core.simulation.recorder import Recorder, in_summary
 from sparsemor.core.simulation.step_control import (
     ControlledSteps,
@@ -59,7 +60,7 @@ from sparsemor.core.status import SolveFailed, Status
 def simulate(
     scene: Scene, *, out: str | Path | None = None, resume: bool = False,
     observers: Sequence[object] = (), cache: Cache | None = None,
-    body_cache: BodyCache | None = None, keep_training: bool = False,
+    body_cache: BodyCache | None = None, keep_training: bool = False, progress: bool = False,
 ) -> RunResult:
     """Run a scene and store its result under `out`; when not given, in a temporary directory that
     is removed when this process ends.
@@ -69,10 +70,12 @@ def simulate(
     OSError when the result cannot be written, or `out` was moved or removed. resume: continue from
     the last checkpoint, also a run that has ended if `time.end` is later now. body_cache: bodies
     that other runs have built, for reuse. keep_training: a full-order run that is the training run
-    of its scene leaves its snapshots in the cache, for reduced runs that follow.
+    of its scene leaves its snapshots in the cache, for reduced runs that follow. progress: show a
+    progress bar on standard error.
     """
-    with nullcontext() if out is None else owned(Path(out)):
-        return _simulate(scene, out, resume, observers, cache, body_cache, keep_training)
+    with nullcontext() if out is None else owned(Path(out)), progress_bar(progress) as bar:
+        return _simulate(
+            scene, out, resume, (*observers, *bar), cache, body_cache, keep_training)
 
 
 def _simulate(
