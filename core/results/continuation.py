@@ -12,20 +12,24 @@ from sparsemor.core.results.metadata import RunHeader
 from sparsemor.core.results.stage_arrays import TIME as STAGE_TIME
 from sparsemor.core.results.stored_arrays import StoredArrays
 from sparsemor.core.results.variables import fixed_arrays
+from sparsemor.core.scene.nested import changes
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.status import Status
 
+FREE = {"reducer.error_estimate.tolerance", "reducer.error_estimate.action"}
+"""Keys of a scene that may change before a stopped run goes on: the steps so far are the same."""
+END = {"time.end", "training.end"}
 ELSEWHERE = "run into a new directory"
 
 
 def refusal(attributes: Mapping[str, Any], scene: Scene) -> str:
     """Reason why a run of this scene cannot continue a stored one, "" if it can. attributes: those
     of the stored result."""
-    if attributes["scene_digest"] == scene.digest():
-        ended = attributes["status"] == Status.DONE.value
+    kept, ended = attributes["scene"], attributes["status"] == Status.DONE.value
+    changed = set(changes(kept, scene.dump())) - FREE
+    if not changed:
         return "the run has ended; nothing is left to do until a later time.end" if ended else ""
-    kept = attributes["scene"]
-    if _without_end(kept) != _without_end(scene.dump()):
+    if not changed <= END:
         return f"it was made from another scene; {ELSEWHERE}"
     before = float(kept["time"]["end"])
     if scene.time.end <= before:
@@ -34,6 +38,8 @@ def refusal(attributes: Mapping[str, Any], scene: Scene) -> str:
     if scene.time.control is not None:
         return ("the error that time.control allows in a step depends on time.end, so its steps "
                 f"are not those of a longer run; {ELSEWHERE}")
+    if attributes.get("fall_back"):
+        return f"it left its reduced model before its end; {ELSEWHERE}"
     trained = kept["training"]["end"]
     trained = before if trained is None else float(trained)
     if scene.training_end != trained and not is_full_order(scene.reducer):
@@ -72,7 +78,3 @@ def _begins_with(values: Any, kept: Any, metadata: Mapping[str, Any]) -> bool:
     longer = metadata["dimension_names"][0] == STAGE_TIME and len(values) > len(kept)
     return np.array_equal(values[:len(kept)] if longer else values, kept)
 
-
-def _without_end(tree: Mapping[str, Any]) -> dict[str, Any]:
-    return {**tree, "time": {**tree["time"], "end": None},
-            "training": {**tree["training"], "end": None}}
