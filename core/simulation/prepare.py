@@ -57,7 +57,7 @@ class PreparedRun:
     to the unknowns; notes, stability, spaces: findings before the first step; trained_to: end of
     the training run, s; contacts: warnings about contacts along a rigid-body pre-simulation, None
     without one. model: assembled model, and estimator: of the error, None where they are not
-    at hand.
+    at hand; own_loads: False if the run has other loads than that model.
     """
 
     scene: Scene
@@ -73,6 +73,7 @@ class PreparedRun:
     contacts: tuple[Note, ...] | None
     model: Model | None = None
     estimator: ErrorEstimator | None = None
+    own_loads: bool = True
 
     def factored(self) -> Sequence[Factored]:
         """Reports of the linear systems of the assembled model."""

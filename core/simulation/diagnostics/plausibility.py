@@ -61,8 +61,17 @@ def before_run(scene: Scene, model: Model) -> tuple[Note, ...]:
     run."""
     parts = [n for part in model.parts.values() if isinstance(part, HasNotes) for n in part.notes]
     return (*scene.notes, *parts, *distant_probes(scene, model), *start_temperatures(model),
-            *prescribed_temperatures(scene, model), *functions_of_time(scene),
-            *short_training(scene, model))
+            *prescribed_temperatures(scene, model), *of_settings(scene, model))
+
+
+SETTINGS = frozenset({"never_acts", "too_fast", "short_training"})
+"""Identifiers of warnings about options that a run of a kept model may change."""
+
+
+def of_settings(scene: Scene, model: Model | None) -> tuple[Note, ...]:
+    """Warnings about functions of time and, where the model is at hand, the training run."""
+    return (*functions_of_time(scene),
+            *(() if model is None else short_training(scene, model)))
 
 
 def of_solver(scene: Scene, solver: StepSolver) -> tuple[Note, ...]:
