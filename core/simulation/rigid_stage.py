@@ -93,6 +93,9 @@ def stage_faults(scene: Scene) -> list[Fault]:
                 "would not deform this body: add `rigid_stage: {}` to the scene, or "
                 "take `deformed`"))
     if scene.rigid_stage is not None:
+        if scene.initial is not None:
+            faults.append(Fault("initial", "with a rigid stage the motion starts from the poses of "
+                                "the bodies: drop it, or continue the run with --resume"))
         end = rigid_scene(scene).time.end
         if end < scene.time.end * (1 - 1e-9):
             faults.append(Fault(
