@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -35,7 +35,7 @@ from sparsemor.core.registry.validation_errors import custom, shown, with_advice
 from sparsemor.core.scene.defaults import FULL_ORDER
 from sparsemor.core.scene.html import html_table
 from sparsemor.core.scene.names import name_faults
-from sparsemor.core.scene.options import Output, Probe, RigidStage, Time, Training
+from sparsemor.core.scene.options import Initial, Output, Probe, RigidStage, Time, Training
 from sparsemor.core.scene.overrides import find
 from sparsemor.core.scene.source import Source
 
@@ -72,6 +72,9 @@ class Scene(Plugin):
     rigid_stage: RigidStage | None = None
     """Rigid-body pre-simulation: a first run with rigid bodies, whose motion, joint forces and
     contact loads are prescribed in the flexible run."""
+    initial: Initial | None = None
+    """State of a stored result from which the run starts; left out: the state that the bodies'
+    options describe."""
     time: Time
     """Time span and step of the run."""
     integrator: Annotated[Integrator, Slot("integrator")] = slot_default("bdf1")
@@ -192,6 +195,12 @@ class Scene(Plugin):
         options = reducer.model_dump(mode="json", context={"registry": registry})
         name = registry.name_of("reducer", type(reducer))
         return self.using({"reducer": {"use": name, **options}}, label=label)
+
+    def with_notes(self, notes: Iterable[Note]) -> "Scene":
+        """The same scene with more notes, which its runs report."""
+        scene = build(self.source)
+        scene._notes = (*scene._notes, *notes)
+        return scene
 
     def for_training(self) -> "Scene":
         """Full-order scene of the training run of a reduced model.
