@@ -30,8 +30,8 @@ from sparsemor.core.results.saved_state import SavedError
 from sparsemor.core.results.solver_report import solvers_summary
 from sparsemor.core.results.store import ChunkOfSteps, ResultWriter
 from sparsemor.core.results.zarr_files import read_group
-from sparsemor.core.scene.run_identity import Identity
-from sparsemor.core.simulation.admission import admit, digest_to_resume
+from sparsemor.core.simulation.admission import admit
+from sparsemor.core.simulation.error_control.notes import enrichment_notes, error_limit
 from sparsemor.core.simulation.error_control.record import ErrorMark, ErrorRecord
 from sparsemor.core.simulation.memory.use import MemoryUse
 from sparsemor.core.simulation.offline_cache import Products
@@ -85,11 +85,11 @@ class Recorder:
         self._contact_names = frozenset(
             f"{name}.{what}" for name, kept in run.header.contacts.items() for what in kept)
 
-    def go_on(self, run: PreparedRun) -> None:
+    def go_on(self, run: PreparedRun, maps: Mapping[str, FloatArray]) -> None:
         """Records the rest of a run in the unknowns of another step solver; the stored steps are
-        converted."""
+        converted (`ResultWriter.continued`)."""
         self.flush()
-        self.writer = self.writer.continued(run.header)
+        self.writer = self.writer.continued(run.header, maps)
         self.take_up(run)
 
     @property
@@ -112,12 +112,14 @@ class Recorder:
     def open(
         cls, run: PreparedRun, out: Path, resume: bool, steps: int, products: Products | None,
     ) -> "Recorder":
-        """Recorder of a new result in `out`, or of a stopped one to be resumed. Raises InputError
+        """Recorder of a new result in `out`, or of a stored one to be resumed. Raises InputError
         if `out` contains a result already, or with `resume` one that cannot be resumed."""
         store, scene = out / STORE, run.scene
         if resume:
-            writer, checkpoint = ResultWriter.resume(
-                store, digest_to_resume(scene, store), Identity.of(scene))
+            writer, checkpoint = ResultWriter.resume(store, scene, run.header)
+            if writer.attributes.get("enriched"):
+                raise InputError(f"{out} cannot be resumed: atoms were added during the run, which "
+                                 "are those of its steps so far; start again", "resume")
             recorder = cls(run, writer, checkpoint, steps, products)
             recorder.notes = elsewhere(read_group(store)["attributes"].get("platform", {}))
             return recorder
@@ -200,11 +202,13 @@ class Recorder:
             self._contacts.append({n: v for n, v in found.items() if n in self._contact_names})
 
     def save(self, state: State, memory: StepMemory, tally: Tally) -> None:
-        """Commit the buffered steps and a checkpoint."""
+        """Commit the buffered steps and a checkpoint. A last step between two output steps is not
+        stored by a run that continues this one."""
         self.flush()
         arrays = {"t": np.array(state.t), "x": state.x, "v": state.v, "a": state.a,
                   "memory": state.memory}
-        self.writer.checkpoint(arrays, self._carried(memory, tally))
+        last = tally.done == self.steps and tally.done % self._every != 0
+        self.writer.checkpoint(arrays, self._carried(memory, tally), int(last))
         self._saved = time.perf_counter()
 
     def flush(self) -> None:
@@ -269,10 +273,14 @@ class Recorder:
             "cache": dict(self.products.used),
             "offline_s": dict(self.products.seconds),
             "offline_whole_s": self.products.spent.whole(tally.offline),
-            **in_summary((*self.run.notes, *self.notes, *_full_newton(counters, done))),
+            **in_summary((*self.run.notes, *self.notes, *_full_newton(counters, done),
+                          *enrichment_notes(self.run.header.enriched, tally.full_steps))),
             "error_estimate": self._estimated(),
+            "error_tolerance": error_limit(self.scene.reducer).tolerance,
             "fall_back": {**self.fall_back, "steps": tally.full_steps,
                           "seconds": tally.full_seconds} if self.fall_back else {},
+            "enriched": {"times": times, "steps": tally.full_steps, "seconds": tally.full_seconds}
+            if (times := list(self.run.header.enriched)) else {},
             "stability": dict(self.run.stability),
             "trained_to": self.run.trained_to if any(
                 s.trained for s in self.run.spaces) else None,

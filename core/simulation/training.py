@@ -19,6 +19,7 @@ from sparsemor.core.scene.digest import digest
 from sparsemor.core.scene.independent_of_physics import physics_of, training_physics
 from sparsemor.core.scene.run_identity import Identity, origin
 from sparsemor.core.scene.scene import Scene
+from sparsemor.core.simulation.initial_from_result import started_from_result
 from sparsemor.core.simulation.offline import Offline, full_run, step_count
 from sparsemor.core.simulation.offline_cache import Products, mesh_content
 from sparsemor.core.simulation.rigid_stage import staged
@@ -111,7 +112,7 @@ def train(
     Raises SolveFailed if it or its rigid-body pre-simulation stops early.
     """
     if scene.rigid_stage is None:
-        model = assemble(scene, body_cache=body_cache)
+        model = started_from_result(scene, assemble(scene, body_cache=body_cache))
     else:
         model = staged(scene, products or Products(None), manager, body_cache or BodyCache())
     products = products or Products(None)
